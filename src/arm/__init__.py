@@ -1,0 +1,1 @@
+"""What every room may know: robots, frames, value types, errors and data files. No devices, no clocks."""

@@ -1,0 +1,86 @@
+"""Data files: where the project's own are found, and how files are written so that none is ever half there."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from arm.errors import FileInputError, InputError
+
+_SOURCE = Path(__file__).resolve().parents[1]
+# The checkout comes first: the wheel's copy also exists in an editable install and would hide edits.
+DATA_ROOTS = (_SOURCE.parent, _SOURCE / "cell" / "_data")
+
+
+def data_file(relative: str) -> Path:
+    """The project's own file `relative`, such as ``urdf/a465/a465.urdf``.
+
+    Raises:
+        InputError: no data root holds it.
+    """
+    for root in DATA_ROOTS:
+        if (root / relative).exists():
+            return root / relative
+    raise InputError(
+        f"data file {relative!r} is neither in the checkout nor in the installed package; reinstall a465",
+        file=relative,
+    )
+
+
+def read_text(path: Path) -> str:
+    """The text of a file in UTF-8.
+
+    Raises:
+        FileInputError: it is not there, not readable, or not text.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise FileInputError(path, "", None, f"is not UTF-8 text: byte {error.start} cannot be read") from error
+    except OSError as error:
+        raise FileInputError(path, "", None, f"cannot be read: {error.strerror}") from error
+
+
+def write_atomic(path: Path, data: bytes | str) -> None:
+    """Write a file whole or not at all (a temporary file in the same folder, synced, then renamed).
+
+    Raises:
+        InputError: the folder is missing, read-only or full; an older file at `path` is then untouched.
+    """
+    content = data.encode() if isinstance(data, str) else data
+    temporary: str | None = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(temporary, 0o666 & ~umask)
+        os.replace(temporary, path)
+        temporary = None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}", file=str(path)) from error
+    finally:
+        if temporary is not None:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(temporary)
+
+
+def canonical_json(value: Any) -> str:
+    """One text for one value: keys sorted, no spaces, shortest exact floats, no NaN. The base of all hashes."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def sha256(value: bytes | str | dict[str, Any] | list[Any]) -> str:
+    """Hex SHA-256 of bytes, of text in UTF-8, or of a value's canonical JSON."""
+    if isinstance(value, dict | list):
+        value = canonical_json(value)
+    return hashlib.sha256(value.encode() if isinstance(value, str) else value).hexdigest()

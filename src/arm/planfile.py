@@ -1,0 +1,292 @@
+"""The plan: what flows from the planner to preview and execution, and its file.
+
+A plan is a chain of steps. Motion is stored as it will be sent: integer segments (`arm.motion`). The file is
+canonical JSON, so the same plan is the same bytes, and its SHA-256 names it everywhere.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from arm.errors import FileInputError
+from arm.files import canonical_json, read_text, sha256, write_atomic
+from arm.motion import CountPath, Segment
+
+FORMAT = "a465-plan/1"
+
+
+@dataclass(frozen=True)
+class Move:
+    """A motion from rest to rest.
+
+    Attributes:
+        name: for people, such as "cube 1: approach 01-02/2".
+        role: home, transit, approach or retract.
+        cube: index of the task's cube that the move serves, or None.
+        path: what is sent.
+        held: name of the body in the jaws, or None.
+        jaw_opening: of the fingers during the move, m.
+        clearance: smallest distance between any two bodies that may not touch, over the whole motion, m;
+            a lower bound where `certified`.
+        closest: names of the two bodies at that distance.
+        certified: whether `clearance` is proved between the samples too.
+    """
+
+    name: str
+    role: str
+    cube: int | None
+    path: CountPath
+    held: str | None
+    jaw_opening: float
+    clearance: float
+    closest: tuple[str, str]
+    certified: bool = False
+
+
+@dataclass(frozen=True)
+class GripperStep:
+    """Open or close the jaws at rest. `fraction_closed` is the target, `settle_s` the least wait after it."""
+
+    name: str
+    action: str
+    cube: int | None
+    fraction_closed: float
+    settle_s: float
+
+
+@dataclass(frozen=True)
+class LookStep:
+    """Look again from rest; execution compares what it sees with what the plan rests on."""
+
+    name: str
+
+
+Step = Move | GripperStep | LookStep
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A whole task, ready to be shown and sent.
+
+    Attributes:
+        task: name and kind of the task, and per cube what moves from where to where (JSON types).
+        unit: name of the unit.
+        speed: the factor that the motion was timed with, 0 < speed <= 1.
+        speed_registers, acceleration_registers: that the controller must have while the plan runs.
+        steps: in order.
+        provenance: hashes of robot, scene, limits and calibration, versions, seed.
+        scene: bodies and allowed contacts that the motion was checked against (JSON types), for preview and
+            for independent checks.
+    """
+
+    task: dict[str, Any]
+    unit: str
+    speed: float
+    speed_registers: tuple[int, ...]
+    acceleration_registers: tuple[int, ...]
+    steps: tuple[Step, ...]
+    provenance: dict[str, Any]
+    scene: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def moves(self) -> Iterator[Move]:
+        """The moves, in order."""
+        return (step for step in self.steps if isinstance(step, Move))
+
+    @property
+    def start(self) -> tuple[int, ...]:
+        """Counts where the first move begins."""
+        return next(self.moves).path.start
+
+    @property
+    def duration_s(self) -> float:
+        """Sum of all motion, s."""
+        return sum(move.path.duration_s for move in self.moves)
+
+    def to_json(self) -> str:
+        """The file's text."""
+        return canonical_json(_plan_to_json(self)) + "\n"
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the file's text."""
+        return sha256(self.to_json())
+
+
+def write_plan(path: Path, plan: Plan) -> None:
+    """Write a plan whole or not at all."""
+    write_atomic(path, plan.to_json())
+
+
+def read_plan(path: Path) -> Plan:
+    """Read a plan file.
+
+    Raises:
+        FileInputError: not a plan, of another format version, or a value breaks a rule (named by its key).
+    """
+    try:
+        value = json.loads(read_text(path))
+    except json.JSONDecodeError as error:
+        raise FileInputError(path, "", None, f"is not JSON: {error}") from error
+    if not isinstance(value, dict) or value.get("format") != FORMAT:
+        found = value.get("format") if isinstance(value, dict) else None
+        raise FileInputError(path, "format", found, f"must be {FORMAT!r}; make the plan again with this version")
+    return _PlanReader(path).plan(value)
+
+
+def _plan_to_json(plan: Plan) -> dict[str, Any]:
+    return {
+        "format": FORMAT,
+        "task": plan.task,
+        "unit": plan.unit,
+        "speed": plan.speed,
+        "speed_registers": list(plan.speed_registers),
+        "acceleration_registers": list(plan.acceleration_registers),
+        "steps": [_step_to_json(step) for step in plan.steps],
+        "provenance": plan.provenance,
+        "scene": plan.scene,
+    }
+
+
+def _step_to_json(step: Step) -> dict[str, Any]:
+    match step:
+        case Move():
+            return {
+                "step": "move",
+                "name": step.name,
+                "role": step.role,
+                "cube": step.cube,
+                "start_counts": list(step.path.start),
+                "segments": [[s.duration_ms, *(list(row) for row in s.coefficients)] for s in step.path.segments],
+                "held": step.held,
+                "jaw_opening": step.jaw_opening,
+                "clearance": step.clearance,
+                "closest": list(step.closest),
+                "certified": step.certified,
+            }
+        case GripperStep():
+            return {
+                "step": "gripper",
+                "name": step.name,
+                "action": step.action,
+                "cube": step.cube,
+                "fraction_closed": step.fraction_closed,
+                "settle_s": step.settle_s,
+            }
+        case LookStep():
+            return {"step": "look", "name": step.name}
+
+
+class _PlanReader:
+    """Checks and builds; every message names the key."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def fail(self, key: str, value: object, rule: str) -> FileInputError:
+        return FileInputError(self.path, key, value, rule, "make the plan again")
+
+    def get(self, table: object, key: str, where: str, types: type | tuple[type, ...], what: str) -> Any:
+        if not isinstance(table, dict):
+            raise self.fail(where.rstrip("."), table, "must be a table")
+        if key not in table:
+            raise self.fail(where + key, None, f"is missing; must be {what}")
+        value = table[key]
+        accepted = types if isinstance(types, tuple) else (types,)
+        if not isinstance(value, accepted) or (isinstance(value, bool) and bool not in accepted):
+            raise self.fail(where + key, value, f"must be {what}")
+        return value
+
+    def integers(self, value: object, where: str, count: int | None = 6) -> tuple[int, ...]:
+        if (
+            not isinstance(value, list)
+            or (count is not None and len(value) != count)
+            or not all(isinstance(v, int) and not isinstance(v, bool) for v in value)
+        ):
+            raise self.fail(where, value, f"must be {count or 'some'} whole numbers")
+        if any(abs(v) >= 2**31 for v in value):
+            raise self.fail(where, value, "must fit the controller's 32-bit integers")
+        return tuple(value)
+
+    def number(self, table: object, key: str, where: str, low: float = -1e9, high: float = 1e9) -> float:
+        value = float(self.get(table, key, where, (int, float), f"a number from {low:g} to {high:g}"))
+        if not low <= value <= high:
+            raise self.fail(where + key, value, f"must be a number from {low:g} to {high:g}")
+        return value
+
+    def plan(self, value: dict[str, Any]) -> Plan:
+        steps = self.get(value, "steps", "", list, "a list of steps")
+        plan = Plan(
+            task=self.get(value, "task", "", dict, "a table"),
+            unit=self.get(value, "unit", "", str, "a unit's name"),
+            speed=self.number(value, "speed", "", 1e-6, 1.0),
+            speed_registers=self.integers(value.get("speed_registers"), "speed_registers"),
+            acceleration_registers=self.integers(value.get("acceleration_registers"), "acceleration_registers"),
+            steps=tuple(self.step(step, f"steps[{i}].") for i, step in enumerate(steps)),
+            provenance=self.get(value, "provenance", "", dict, "a table"),
+            scene=self.get(value, "scene", "", dict, "a table"),
+        )
+        moves = list(plan.moves)
+        if not moves:
+            raise self.fail("steps", None, "hold no move")
+        for before, after in zip(moves, moves[1:], strict=False):
+            if before.path.end != after.path.start:
+                raise self.fail(
+                    "steps", after.name, f"starts at {after.path.start}, but {before.name!r} ends at {before.path.end}"
+                )
+        return plan
+
+    def step(self, value: object, where: str) -> Step:
+        kind = self.get(value, "step", where, str, "move, gripper or look")
+        name = self.get(value, "name", where, str, "a text")
+        match kind:
+            case "look":
+                return LookStep(name)
+            case "gripper":
+                return GripperStep(
+                    name=name,
+                    action=self.choice(value, "action", where, ("open", "close")),
+                    cube=self.get(value, "cube", where, (int, type(None)), "a cube's index or null"),
+                    fraction_closed=self.number(value, "fraction_closed", where, 0.0, 1.0),
+                    settle_s=self.number(value, "settle_s", where, 0.0, 60.0),
+                )
+            case "move":
+                return self.move(value, name, where)
+        raise self.fail(where + "step", kind, "must be move, gripper or look")
+
+    def choice(self, table: object, key: str, where: str, choices: tuple[str, ...]) -> str:
+        value = self.get(table, key, where, str, "one of " + ", ".join(choices))
+        if value not in choices:
+            raise self.fail(where + key, value, "must be one of " + ", ".join(choices))
+        return str(value)
+
+    def move(self, value: object, name: str, where: str) -> Move:
+        segments = []
+        for i, row in enumerate(self.get(value, "segments", where, list, "a list of segments")):
+            key = f"{where}segments[{i}]"
+            if not isinstance(row, list) or not 2 <= len(row) <= 4:
+                raise self.fail(key, row, "must be a duration in ms and 1 to 3 rows of coefficients")
+            if not isinstance(row[0], int) or isinstance(row[0], bool) or not 0 <= row[0] <= 60_000:
+                raise self.fail(key, row[0], "duration must be a whole number of ms from 0 to 60000")
+            segments.append(Segment(row[0], tuple(self.integers(r, key) for r in row[1:])))
+        closest = self.get(value, "closest", where, list, "two body names")
+        if len(closest) != 2 or not all(isinstance(n, str) for n in closest):
+            raise self.fail(where + "closest", closest, "must be two body names")
+        return Move(
+            name=name,
+            role=self.choice(value, "role", where, ("home", "transit", "approach", "retract")),
+            cube=self.get(value, "cube", where, (int, type(None)), "a cube's index or null"),
+            path=CountPath(
+                self.integers(self.get(value, "start_counts", where, list, "six counts"), where + "start_counts"),
+                tuple(segments),
+            ),
+            held=self.get(value, "held", where, (str, type(None)), "a body's name or null"),
+            jaw_opening=self.number(value, "jaw_opening", where, 0.0, 1.0),
+            clearance=self.number(value, "clearance", where),
+            closest=(closest[0], closest[1]),
+            certified=self.get(value, "certified", where, bool, "true or false"),
+        )

@@ -1,0 +1,226 @@
+"""Any serial URDF arm with a rigid tool: kinematics by Pinocchio, bodies as plain values.
+
+The tool is given, never implied: a frame at the end of the chain and T_end_tool. Joints that are not part of the
+arm (jaws) are locked at stated positions.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from arm.bodies import Body, Box, Cylinder, Shape, Sphere
+from arm.errors import FileInputError, InputError
+from arm.files import read_text, sha256
+from arm.se3 import Array, frozen, transform
+
+
+@dataclass(frozen=True)
+class LinkBody:
+    """A collision body that moves with the arm.
+
+    Attributes:
+        name: of its link.
+        joint: index of the moving joint before it, 1 to n; 0 for the fixed base.
+        shape: its shape.
+        T_joint_body: pose in that joint's frame.
+    """
+
+    name: str
+    joint: int
+    shape: Shape
+    T_joint_body: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """An arm with a tool. Not for use from two threads at once (Pinocchio's workspace is inside).
+
+    Attributes:
+        model: Pinocchio model of the moving joints, in the URDF's order.
+        end_frame: name of the frame that carries the tool.
+        T_end_tool: the tool frame in it.
+        bodies: collision bodies.
+        touching: pairs of body names that are not checked against each other.
+        digest: SHA-256 over URDF, SRDF, tool and locked joints.
+    """
+
+    model: Any
+    end_frame: str
+    T_end_tool: Array
+    bodies: tuple[LinkBody, ...]
+    touching: frozenset[frozenset[str]]
+    digest: str
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the moving joints."""
+        return tuple(self.model.names)[1:]
+
+    @cached_property
+    def _data(self) -> Any:
+        return self.model.createData()
+
+    @cached_property
+    def _end(self) -> int:
+        return int(self.model.getFrameId(self.end_frame))
+
+    def T_base_tool(self, q: npt.ArrayLike) -> Array:
+        """Pose of the tool at configuration q (n,) in rad; 4x4."""
+        pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
+        return frozen(pin.updateFramePlacement(self.model, self._data, self._end).homogeneous @ self.T_end_tool)
+
+    def jacobian(self, q: npt.ArrayLike) -> Array:
+        """Twist of the tool in its own axes per joint speed, (6, n): three rows m/s, three rows rad/s.
+
+        With T(q + dq) = T(q) exp(J dq) to first order (Pinocchio's LOCAL frame, moved to the tool).
+        """
+        J_end = pin.computeFrameJacobian(
+            self.model, self._data, np.asarray(q, dtype=float), self._end, pin.ReferenceFrame.LOCAL
+        )
+        return np.asarray(pin.SE3(self.T_end_tool).actionInverse @ J_end)
+
+    def joint_poses(self, q: npt.ArrayLike) -> Array:
+        """Poses of the base (index 0) and of every joint frame, (n + 1, 4, 4)."""
+        pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
+        return np.stack([M.homogeneous for M in self._data.oMi])
+
+    def bodies_at(self, q: npt.ArrayLike) -> list[Body]:
+        """The arm's bodies where they are at configuration q."""
+        poses = self.joint_poses(q)
+        return [
+            Body(b.name, b.shape, frozen(poses[b.joint] @ b.T_joint_body), "robot") for b in self.bodies
+        ]
+
+
+def load_robot(
+    urdf: Path,
+    end_frame: str,
+    T_end_tool: npt.ArrayLike,
+    locked: Mapping[str, float] | None = None,
+    srdf: Path | None = None,
+) -> Robot:
+    """Read an arm from URDF (and pairs not to check from SRDF, by default the file of the same stem).
+
+    Args:
+        urdf: the file.
+        end_frame: the frame that carries the tool, such as ``flange``.
+        T_end_tool: the tool frame in it, 4x4, m.
+        locked: position of each joint that is not to move, m or rad.
+        srdf: the file; default: `urdf` with suffix ``.srdf`` if it exists.
+
+    Raises:
+        FileInputError: not a URDF that Pinocchio reads whole, or with a body of another shape than box,
+            cylinder, sphere (Pinocchio drops capsules in silence, so the number of bodies is compared).
+        InputError: an unknown frame or joint.
+    """
+    text = read_text(urdf)
+    locked = dict(locked or {})
+    try:
+        full = pin.buildModelFromXML(text)
+        geometry = pin.buildGeomFromUrdfString(full, text, pin.GeometryType.COLLISION)
+    except (ValueError, RuntimeError) as error:
+        raise FileInputError(urdf, "", None, f"is not a URDF: {error}") from error
+    wanted = len(ElementTree.fromstring(text).findall("./link/collision"))
+    if wanted != geometry.ngeoms:
+        raise FileInputError(
+            urdf,
+            "collision",
+            f"{wanted} bodies",
+            f"only {geometry.ngeoms} were read; use cylinders, spheres and boxes",
+        )
+    unknown = [name for name in locked if not full.existJointName(name)]
+    if unknown or not full.existFrame(end_frame):
+        raise InputError(
+            f"{urdf}: no joint or frame named {', '.join(unknown) or end_frame!r}; "
+            f"it has joints {', '.join(list(full.names)[1:])}",
+            names=unknown or [end_frame],
+        )
+    reference = pin.neutral(full)
+    for name, value in locked.items():
+        reference[full.joints[full.getJointId(name)].idx_q] = value
+    model, geometry = pin.buildReducedModel(full, geometry, [full.getJointId(n) for n in locked], reference)
+    if model.nq != model.njoints - 1:
+        raise FileInputError(urdf, "joint", None, "every moving joint must have one degree of freedom")
+
+    srdf = srdf or urdf.with_suffix(".srdf")
+    srdf_text = read_text(srdf) if srdf.is_file() else ""
+    tool = frozen(T_end_tool)
+    return Robot(
+        model=model,
+        end_frame=end_frame,
+        T_end_tool=tool,
+        bodies=tuple(_link_body(urdf, g) for g in geometry.geometryObjects),
+        touching=_touching(srdf, srdf_text),
+        digest=sha256({"urdf": text, "srdf": srdf_text, "tool": tool.tolist(), "locked": locked}),
+    )
+
+
+def _link_body(urdf: Path, geometry: Any) -> LinkBody:
+    name = str(geometry.name)
+    name = name[:-2] if name.endswith("_0") else name
+    shape = geometry.geometry
+    match type(shape).__name__:
+        case "Box":
+            x, y, z = (2.0 * float(h) for h in shape.halfSide)
+            ours: Shape = Box((x, y, z))
+        case "Cylinder":
+            ours = Cylinder(float(shape.radius), 2.0 * float(shape.halfLength))
+        case "Sphere":
+            ours = Sphere(float(shape.radius))
+        case other:
+            raise FileInputError(urdf, f"link {name}", other, "must be a box, cylinder or sphere")
+    return LinkBody(name, int(geometry.parentJoint), ours, frozen(geometry.placement.homogeneous))
+
+
+def _touching(srdf: Path, text: str) -> frozenset[frozenset[str]]:
+    if not text:
+        return frozenset()
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise FileInputError(srdf, "", None, f"is not XML: {error}") from error
+    return frozenset(
+        frozenset((e.attrib["link1"], e.attrib["link2"])) for e in root.findall("disable_collisions")
+    )
+
+
+def load_a465(tool_length: float, jaw_opening: float, urdf: Path | None = None) -> Robot:
+    """The A465 with its two-finger gripper.
+
+    Args:
+        tool_length: from the flange to the tool frame at the finger tips, m; never implied, because
+            programs for this arm differ by the 134.112 mm of gripper and fingers.
+        jaw_opening: distance of the fingers' inner faces, m.
+        urdf: another description with the same flange and jaws.
+
+    Raises:
+        InputError: the fingers of the description do not end at `tool_length`, or cannot open that far.
+    """
+    from arm.files import data_file
+
+    path = urdf or data_file("urdf/a465/a465.urdf")
+    half = jaw_opening / 2.0
+    robot = load_robot(path, "flange", transform(t=(0.0, 0.0, tool_length)), {"jaw_l": half, "jaw_r": half})
+    tips = [_tip_height(robot, b) for b in robot.bodies if b.name in ("finger_l", "finger_r")]
+    if not tips or abs(max(tips) - tool_length) > 1e-6:
+        raise InputError(
+            f"tool length = {tool_length * 1e3:g} mm: the fingers in {path.name} end "
+            f"{max(tips, default=0.0) * 1e3:g} mm beyond the flange; give that length, or the URDF of your gripper",
+            tool_length=tool_length,
+        )
+    return robot
+
+
+def _tip_height(robot: Robot, body: LinkBody) -> float:
+    flange = robot.model.frames[robot._end].placement.translation[2]
+    length = body.shape.size[2] if isinstance(body.shape, Box) else 0.0
+    return float(body.T_joint_body[2, 3] + length / 2.0 - flange)

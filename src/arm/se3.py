@@ -1,0 +1,114 @@
+"""Rigid transforms as read-only 4x4 arrays. `T_a_b` maps coordinates in frame b to frame a.
+
+Rotation vectors and twists follow J. Solà et al., "A micro Lie theory for state estimation in robotics"
+(2018), eqs. 69-76 for SO(3); translations in metres, angles in radians.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.errors import A465Error
+
+Array = npt.NDArray[np.float64]
+
+
+def frozen(array: npt.ArrayLike) -> Array:
+    """A read-only float copy of `array`, any shape."""
+    copy = np.array(array, dtype=float)
+    copy.flags.writeable = False
+    return copy
+
+
+def transform(R: npt.ArrayLike | None = None, t: npt.ArrayLike = (0.0, 0.0, 0.0)) -> Array:
+    """The 4x4 transform with rotation `R` (3x3, identity by default) and translation `t` (3, metres)."""
+    T = np.eye(4)
+    if R is not None:
+        T[:3, :3] = R
+    T[:3, 3] = t
+    return frozen(T)
+
+
+def inverse(T: Array) -> Array:
+    """T_b_a for T_a_b (4x4)."""
+    R = T[:3, :3]
+    return transform(R.T, -R.T @ T[:3, 3])
+
+
+def apply(T_a_b: Array, points_b: npt.ArrayLike) -> Array:
+    """Points (..., 3) given in frame b, expressed in frame a."""
+    return np.asarray(points_b, dtype=float) @ T_a_b[:3, :3].T + T_a_b[:3, 3]
+
+
+def skew(v: npt.ArrayLike) -> Array:
+    """The 3x3 matrix with skew(v) @ w == cross(v, w)."""
+    x, y, z = np.asarray(v, dtype=float)
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def rotation(rotation_vector: npt.ArrayLike) -> Array:
+    """SO(3) exponential (Rodrigues): rotation vector (3, rad) to 3x3 matrix."""
+    w = np.asarray(rotation_vector, dtype=float)
+    angle = float(np.linalg.norm(w))
+    W = skew(w)
+    if angle < 1e-8:
+        return np.eye(3) + W + 0.5 * W @ W
+    a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle**2
+    return np.eye(3) + a * W + b * W @ W
+
+
+def rotation_vector(R: Array) -> Array:
+    """SO(3) logarithm: 3x3 matrix to rotation vector (3, rad) with angle in [0, pi]."""
+    vee = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    sine, cosine = 0.5 * float(np.linalg.norm(vee)), 0.5 * (float(np.trace(R)) - 1.0)
+    angle = float(np.arctan2(sine, cosine))
+    if angle < 1e-8:
+        return 0.5 * vee
+    if sine > 1e-6:
+        return angle * vee / (2.0 * sine)
+    # near half a turn the axis comes from R + R^T, its sign from what is left of the skew part
+    symmetric = 0.5 * (R + R.T) - cosine * np.eye(3)
+    column = int(np.argmax(np.diag(symmetric)))
+    axis = symmetric[:, column] / np.linalg.norm(symmetric[:, column])
+    return angle * axis * (-1.0 if vee @ axis < 0.0 else 1.0)
+
+
+def rot_x(angle: float) -> Array:
+    """Rotation about x by `angle` rad, 3x3."""
+    return rotation((angle, 0.0, 0.0))
+
+
+def rot_y(angle: float) -> Array:
+    """Rotation about y by `angle` rad, 3x3."""
+    return rotation((0.0, angle, 0.0))
+
+
+def rot_z(angle: float) -> Array:
+    """Rotation about z by `angle` rad, 3x3."""
+    return rotation((0.0, 0.0, angle))
+
+
+def angle_between(R_a: Array, R_b: Array) -> float:
+    """Geodesic distance of two rotations (3x3), rad."""
+    return float(np.linalg.norm(rotation_vector(R_a.T @ R_b)))
+
+
+def orthonormalised(T: npt.ArrayLike, tolerance: float = 1e-3) -> Array:
+    """The rigid transform nearest to `T` (4x4), for matrices that were printed or typed with few digits.
+
+    Raises:
+        A465Error: `T` is further than `tolerance` from any rotation, is mirrored, or its last row is not 0 0 0 1.
+    """
+    M = np.array(T, dtype=float)
+    if M.shape != (4, 4) or not np.isfinite(M).all() or not np.allclose(M[3], (0.0, 0.0, 0.0, 1.0)):
+        raise A465Error("a transform is a finite 4x4 matrix with last row 0 0 0 1", matrix=M.tolist())
+    U, singular_values, Vt = np.linalg.svd(M[:3, :3])
+    R = U @ Vt
+    if np.abs(singular_values - 1.0).max() > tolerance or np.linalg.det(R) < 0.0:
+        raise A465Error(
+            "the upper left 3x3 part is not a rotation: singular values "
+            f"{np.round(singular_values, 6).tolist()} should be 1 to {tolerance:g}, determinant positive",
+            matrix=M.tolist(),
+        )
+    return transform(R, M[:3, 3])

@@ -1,0 +1,1 @@
+"""Observations in, calibrations out: intrinsics, eye-to-hand, kinematics of any URDF robot."""

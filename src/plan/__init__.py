@@ -1,0 +1,1 @@
+"""Poses in, checked plan out. Never sees a camera or a port."""

@@ -1,0 +1,1 @@
+"""Images in, poses out: cameras, markers, boards."""
