@@ -1,0 +1,231 @@
+"""The cell file: what a user knows about the cell, in TOML; every value checked, every message with its place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from arm.bodies import Body, Box
+from arm.board import Board, read_board_csv
+from arm.errors import InputError
+from arm.files import sha256
+from arm.robot import Robot, load_a465
+from arm.se3 import Array, frozen, transform
+from arm.toml_table import TomlTable
+from arm.unit import Limits, UNITS, Unit, load_unit
+from vision.camera import Camera, read_camera
+
+DICTIONARIES = ("DICT_4X4_50", "DICT_4X4_100", "DICT_5X5_100", "DICT_6X6_250")
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A work cell.
+
+    Attributes:
+        file: where it was read.
+        unit, camera: of the cell.
+        camera_file: where the camera's calibration was read.
+        tool_length, jaw_opening, grip_height, settle_s, cube_size: of the gripper and cubes, m and s.
+        boards: that may stand in the cell.
+        dictionary: of the boards' markers.
+        stand_size: footprint (2,) m.
+        zone: where boards may stand, as a body.
+        fixed: table, walls and posts.
+        table_z: height of the table's top, m.
+        q_start: from which looks are taken, (6,) rad.
+        photographs: frames a look.
+        moved, turned: how far a board may shift (m) or turn (rad) before the rest is planned anew.
+        offset, clearance, approach_speed: m, m, m/s at speed 1.
+        speed: default factor of velocities.
+        speed_registers, acceleration_registers: of the controller while it works.
+        digest: SHA-256 of the file.
+    """
+
+    file: Path
+    unit: Unit
+    camera: Camera
+    camera_file: Path
+    tool_length: float
+    jaw_opening: float
+    grip_height: float
+    settle_s: float
+    cube_size: float
+    boards: tuple[Board, ...]
+    dictionary: str
+    stand_size: tuple[float, float]
+    zone: Body
+    fixed: tuple[Body, ...]
+    table_z: float
+    q_start: Array
+    photographs: int
+    moved: float
+    turned: float
+    offset: float
+    clearance: float
+    approach_speed: float
+    speed: float
+    speed_registers: tuple[int, ...]
+    acceleration_registers: tuple[int, ...]
+    digest: str
+
+    def robot(self, jaw_opening: float | None = None) -> Robot:
+        """The arm with its gripper, jaws open unless said otherwise."""
+        return load_a465(self.tool_length, self.jaw_opening if jaw_opening is None else jaw_opening)
+
+    @property
+    def limits(self) -> Limits:
+        """Under the registers of this cell, at speed 1."""
+        return self.unit.limits(self.speed_registers, self.acceleration_registers)
+
+    def board(self, marker_ids: tuple[int, int]) -> Board:
+        """The board with these markers.
+
+        Raises:
+            InputError: no board file has them.
+        """
+        for board in self.boards:
+            if set(board.marker_ids) == set(marker_ids):
+                return board
+        known = ", ".join(f"{b.marker_ids[0]},{b.marker_ids[1]}" for b in self.boards)
+        raise InputError(
+            f"no board file of {self.file} has the markers {marker_ids[0]},{marker_ids[1]}; it lists boards {known}",
+            marker_ids=list(marker_ids),
+        )
+
+    def fraction_closed(self, jaw_opening: float) -> float:
+        """How far the jaws are closed at an opening in m: 0 open, 1 shut. Linear in the stroke."""
+        return 1.0 - jaw_opening / self.jaw_opening
+
+
+def read_cell(path: Path) -> Cell:
+    """Read a cell file.
+
+    Raises:
+        InputError: with file, key, value, unit and rule.
+    """
+    root = TomlTable.read(path)
+    unit_name = root.text("unit", choices=UNITS)
+    camera_file = root.path("camera")
+    tool = root.table("tool")
+    boards_table = root.table("boards")
+    look = root.table("look")
+    motion = root.table("motion")
+    cube = root.table("cube")
+
+    unit = load_unit(unit_name)
+    q_start = frozen(np.radians(root.numbers("q_start_deg", 6, "deg", -360, 360)))
+    for joint, (q, low, high) in enumerate(zip(q_start, unit.lower, unit.upper, strict=True), start=1):
+        if not low <= q <= high:
+            raise root.error(
+                "q_start_deg",
+                f"J{joint} must be from {np.degrees(low):.1f} to {np.degrees(high):.1f} deg on {unit.name}",
+            )
+    speed_registers = _registers(motion, "speed_registers", unit.speed_registers, unit.speed_register_cap())
+    acceleration_registers = _registers(
+        motion, "acceleration_registers", unit.acceleration_registers, unit.acceleration_register_cap()
+    )
+    table_z = root.table("table").number("top_z_mm", "mm", -2000, 2000) / 1e3
+    cell = Cell(
+        file=path,
+        unit=unit,
+        camera=read_camera(camera_file),
+        camera_file=camera_file,
+        tool_length=tool.number("length_mm", "mm", 1, 1000) / 1e3,
+        jaw_opening=tool.number("jaw_opening_mm", "mm", 1, 100) / 1e3,
+        grip_height=tool.number("grip_height_mm", "mm", 0, 32) / 1e3,
+        settle_s=tool.number("settle_s", "s", 0, 30),
+        cube_size=cube.number("size_mm", "mm", 5, 80) / 1e3,
+        boards=_boards(boards_table),
+        dictionary=boards_table.text("dictionary", choices=DICTIONARIES),
+        stand_size=_pair_m(boards_table, "stand_size_mm", 10, 240),
+        zone=_box_body(boards_table, "zone", "zone_centre_mm", "zone_size_mm", "zone"),
+        fixed=_fixed_bodies(root),
+        table_z=table_z,
+        q_start=q_start,
+        photographs=look.integer("photographs", 1, 100),
+        moved=look.number("moved_mm", "mm", 0.01, 100) / 1e3,
+        turned=float(np.radians(look.number("moved_deg", "deg", 0.01, 90))),
+        offset=motion.number("offset_mm", "mm", 45, 300) / 1e3,
+        clearance=motion.number("clearance_mm", "mm", 5, 100) / 1e3,
+        approach_speed=motion.number("approach_mm_s", "mm/s", 1, 250) / 1e3,
+        speed=motion.number("speed", "", 0.01, 1.0),
+        speed_registers=speed_registers,
+        acceleration_registers=acceleration_registers,
+        digest=sha256(path.read_bytes()),
+    )
+    if cell.cube_size >= cell.jaw_opening:
+        raise tool.error("jaw_opening_mm", f"must be more than the cube's {cell.cube_size * 1e3:g} mm")
+    cell.robot()  # the tool's length must be that of the fingers
+    for table in (tool, boards_table, look, motion, cube, root):
+        table.finish()
+    return cell
+
+
+def _registers(
+    motion: TomlTable, key: str, default: tuple[int, ...], caps: tuple[int, ...]
+) -> tuple[int, ...]:
+    if key not in motion:
+        return default
+    values = motion.integers(key, 6, 1, 32767)
+    for axis, value, cap in zip("ABCDEF", values, caps, strict=True):
+        if value > cap:
+            raise motion.error(
+                key, f"axis {axis} may be at most {cap}: twice the unit's default, never past the data sheet"
+            )
+    return values
+
+
+def _boards(table: TomlTable) -> tuple[Board, ...]:
+    marker_size = table.number("marker_size_mm", "mm", 5, 200) / 1e3
+    names = table.value("files", "a list of board CSV files")
+    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
+        raise table.error("files", "must be a list of board CSV files")
+    boards: list[Board] = []
+    for name in names:
+        path = table.file.parent / name
+        if not path.is_file():
+            raise table.error("files", f"names a file that is not there: {path}")
+        board = read_board_csv(path, marker_size)
+        taken = {i for b in boards for i in b.marker_ids} & set(board.marker_ids)
+        if taken:
+            raise table.error("files", f"two boards have the marker {min(taken)}; ids must differ", str(path))
+        boards.append(board)
+    return tuple(boards)
+
+
+def _fixed_bodies(root: TomlTable) -> tuple[Body, ...]:
+    table = root.table("table")
+    x, y = table.numbers("centre_mm", 2, "mm", -5000, 5000) / 1e3
+    width, depth = table.numbers("size_mm", 2, "mm", 10, 10000) / 1e3
+    thickness = table.number("thickness_mm", "mm", 1, 1000) / 1e3
+    top = table.number("top_z_mm", "mm", -2000, 2000) / 1e3
+    table.finish()
+    bodies = [
+        Body(
+            "table",
+            Box((float(width), float(depth), thickness)),
+            transform(t=(x, y, top - thickness / 2.0)),
+            "table",
+        )
+    ]
+    for wall in root.tables("walls"):
+        name = wall.text("name")
+        if any(name == b.name for b in bodies):
+            raise wall.error("name", "is used twice; names of bodies must differ")
+        bodies.append(_box_body(wall, name, "centre_mm", "size_mm", "wall"))
+        wall.finish()
+    return tuple(bodies)
+
+
+def _box_body(table: TomlTable, name: str, centre_key: str, size_key: str, kind: str) -> Body:
+    centre = table.numbers(centre_key, 3, "mm", -5000, 5000) / 1e3
+    x, y, z = (float(v) for v in table.numbers(size_key, 3, "mm", 1, 10000) / 1e3)
+    return Body(name, Box((x, y, z)), transform(t=centre), kind)
+
+
+def _pair_m(table: TomlTable, key: str, low: float, high: float) -> tuple[float, float]:
+    x, y = table.numbers(key, 2, "mm", low, high) / 1e3
+    return float(x), float(y)

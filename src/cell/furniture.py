@@ -1,0 +1,53 @@
+"""Bodies that follow from where a board is: its plate, the stand under it, and cubes in its holes.
+
+The stack builds them from what it saw, the simulated cell from what is true.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from arm.bodies import Body, Box
+from arm.board import CUBE_SEAT_DEPTH, PLATE_CENTRE, PLATE_SIZE
+from arm.se3 import Array, apply, frozen, transform
+
+
+def plate_name(board_name: str) -> str:
+    """Name of a board's plate as a body."""
+    return f"plate {board_name}"
+
+
+def plate_body(board_name: str, T_base_board: Array) -> Body:
+    """The plate as a solid box: pockets are not cut out, so contact in one has to be allowed by name."""
+    centre = transform(t=(*PLATE_CENTRE, -PLATE_SIZE[2] / 2.0))
+    return Body(plate_name(board_name), Box(PLATE_SIZE), frozen(T_base_board @ centre), "board")
+
+
+def stand_body(
+    board_name: str, T_base_board: Array, footprint: tuple[float, float], table_z: float
+) -> Body | None:
+    """The stand under a plate as an upright box from the table to the plate's underside, or None if there is no room.
+
+    Real stands are wedges; the box ends where the underside is lowest above its footprint, so it stays under the plate.
+    """
+    half_x, half_y = footprint[0] / 2.0, footprint[1] / 2.0
+    cx, cy = PLATE_CENTRE
+    corners = [(cx + i * half_x, cy + j * half_y, -PLATE_SIZE[2]) for i in (-1, 1) for j in (-1, 1)]
+    top = float(apply(T_base_board, corners)[:, 2].min()) - 1e-3
+    if top - table_z < 2e-3:
+        return None
+    x, y, _ = apply(T_base_board, (cx, cy, -PLATE_SIZE[2]))
+    yaw = float(np.arctan2(T_base_board[1, 0], T_base_board[0, 0]))
+    c, s = np.cos(yaw), np.sin(yaw)
+    pose = transform([[c, -s, 0], [s, c, 0], [0, 0, 1]], (x, y, (top + table_z) / 2.0))
+    return Body(f"stand {board_name}", Box((footprint[0], footprint[1], top - table_z)), pose, "stand")
+
+
+def T_hole_cube(cube_size: float) -> Array:
+    """Pose of a cube that sits in a hole: wedged to its seat depth, centred."""
+    return transform(t=(0.0, 0.0, cube_size / 2.0 - CUBE_SEAT_DEPTH))
+
+
+def cube_body(name: str, size: float, T_base_cube: Array) -> Body:
+    """A cube at a pose of its centre."""
+    return Body(name, Box((size, size, size)), frozen(T_base_cube), "cube")

@@ -1,0 +1,250 @@
+"""The simulated cell: cubes, boards and jaws as they truly are, seen by a synthetic camera.
+
+It is the emulated controller's plant and the look's frame source. The stack never reads it; the report asks it, at
+the end, how far each cube was from where it should have been.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.bodies import Body
+from arm.board import POCKET_FLOOR, POCKET_MOUTH
+from arm.robot import Robot
+from arm.se3 import Array, apply, frozen, inverse, rot_z, transform
+from cell.cellfile import Cell
+from cell.furniture import T_hole_cube, cube_body, plate_body, stand_body
+from cell.render.renderer import PlacedBoard, render, with_noise
+from cell.worldfile import World
+from vision.camera import Camera
+
+GRIP_OFFSET = 3e-3  # a cube is gripped if it stands between the jaws within this, m,
+GRIP_ANGLE = np.radians(3.0)  # and this
+LEAST_GRIP = 5e-3  # depth of the finger tips below the cube's top, m
+CAPTURE = (POCKET_MOUTH - 0.040) / 2.0  # lateral capture of a pocket's mouth for a 40 mm cube, m
+CAPTURE_TILT = np.radians(4.0)
+DROP = 0.010  # a released cube falls at most this far and stays upright, m
+
+
+@dataclass(frozen=True)
+class SimulatedCube:
+    """A cube of the simulated cell.
+
+    Attributes:
+        name: ``cube 1`` ...
+        T_base_cube: of its centre; while held, where it was gripped.
+        where: pocket, jaws, table or fallen.
+        T_tool_cube: in the jaws, while held.
+    """
+
+    name: str
+    T_base_cube: Array
+    where: str
+    T_tool_cube: Array | None = None
+
+
+@dataclass(frozen=True)
+class CellEvent:
+    """Something that happened to a cube.
+
+    Attributes:
+        what: gripped, pushed, missed, released into a pocket, set down, fallen.
+        cube: its name, or "" if the jaws found none.
+        T_base_cube: pose of its centre when it happened.
+        message: one line for a person.
+    """
+
+    what: str
+    cube: str
+    T_base_cube: Array | None
+    message: str
+
+
+class SimulatedCell:
+    """Truth, with the jaws acting on it. Thread-safe: the controller's thread and the camera's both use it.
+
+    Args:
+        cell: what the user knows (sizes, fixed bodies, nominal arm).
+        world: what is true.
+    """
+
+    def __init__(self, cell: Cell, world: World) -> None:
+        self.cell = cell
+        self.world = world
+        self.events: list[CellEvent] = []
+        self._lock = threading.RLock()
+        self._robot = cell.robot()
+        self._opening = cell.jaw_opening
+        seated = T_hole_cube(cell.cube_size)
+        places = [(b, hole) for b in world.boards for hole in b.cubes]
+        self._cubes = [
+            SimulatedCube(f"cube {n}", frozen(b.T_base_board @ b.board.T_board_hole(hole) @ seated), "pocket")
+            for n, (b, hole) in enumerate(places, start=1)
+        ]
+
+    def cubes(self, counts: npt.ArrayLike) -> list[SimulatedCube]:
+        """The cubes now, a held one where the arm at `counts` holds it."""
+        with self._lock:
+            T_base_tool = self.T_base_tool(counts)
+            return [
+                c if c.T_tool_cube is None else replace(c, T_base_cube=frozen(T_base_tool @ c.T_tool_cube))
+                for c in self._cubes
+            ]
+
+    def T_base_tool(self, counts: npt.ArrayLike) -> Array:
+        """True pose of the tool at encoder counts."""
+        return self._robot.T_base_tool(self.cell.unit.positions(counts) + self.world.joint_offsets)
+
+    def bodies(self, counts: npt.ArrayLike, robot: Robot) -> list[Body]:
+        """Everything that can be seen with the arm at `counts`."""
+        size = self.cell.cube_size
+        found = list(self.cell.fixed)
+        for b in self.world.boards:
+            found.append(plate_body(b.board.name, b.T_base_board))
+            stand = stand_body(b.board.name, b.T_base_board, self.cell.stand_size, self.cell.table_z)
+            found += [stand] if stand else []
+        found += [cube_body(c.name, size, c.T_base_cube) for c in self.cubes(counts)]
+        q = self.cell.unit.positions(counts) + self.world.joint_offsets
+        return found + robot.bodies_at(q)
+
+    def jaws(self, counts: tuple[int, ...], from_adc: int, to_adc: int) -> int:
+        """The jaws go from one ADC position towards another; returns where they stop (`driver.emulator.Plant`)."""
+        gripper = self.cell.unit.gripper
+        with self._lock:
+            T_base_tool = self.T_base_tool(counts)
+            before, target = (
+                min(max(gripper.fraction_closed(a), 0.0), 1.0) for a in (from_adc, to_adc)
+            )
+            stop = self._close(T_base_tool, target) if target > before else self._open(T_base_tool, target)
+            self._opening = self.cell.jaw_opening * (1.0 - stop)
+            return gripper.adc(stop)
+
+    @property
+    def jaw_opening(self) -> float:
+        """Distance of the fingers now, m."""
+        return self._opening
+
+    def _close(self, T_base_tool: Array, target: float) -> float:
+        on_cube = self.cell.fraction_closed(self.cell.cube_size)
+        if any(c.T_tool_cube is not None for c in self._cubes):
+            return min(target, on_cube)
+        if target < on_cube:
+            return target
+        for index, cube in enumerate(self._cubes):
+            T_tool_cube = inverse(T_base_tool) @ cube.T_base_cube
+            x, y, z = T_tool_cube[:3, 3]
+            if max(abs(x), abs(y)) > self.cell.jaw_opening / 2.0 or abs(z) > self.cell.cube_size:
+                continue
+            depth = self.cell.cube_size / 2.0 - z  # of the tips below the cube's top
+            offset, angle = float(np.hypot(x, y)), _angle_to_jaws(T_tool_cube)
+            if offset <= GRIP_OFFSET and angle <= GRIP_ANGLE and depth >= LEAST_GRIP:
+                self._cubes[index] = replace(cube, where="jaws", T_tool_cube=frozen(T_tool_cube))
+                self._tell("gripped", cube.name, cube.T_base_cube, f"{1e3 * offset:.2f} mm off the jaws' axis")
+                return on_cube
+            if depth >= 0.0:
+                pushed = frozen(cube.T_base_cube @ transform(t=(0.0, 0.0, 0.0)))
+                self._cubes[index] = replace(cube, T_base_cube=pushed, where="pushed")
+                self._tell(
+                    "pushed",
+                    cube.name,
+                    cube.T_base_cube,
+                    f"stands {1e3 * offset:.1f} mm and {np.degrees(angle):.1f} deg off the jaws, "
+                    f"tips {1e3 * depth:.1f} mm below its top",
+                )
+                return target
+        self._tell("missed", "", None, "the jaws closed on nothing")
+        return target
+
+    def _open(self, T_base_tool: Array, target: float) -> float:
+        for index, cube in enumerate(self._cubes):
+            if cube.T_tool_cube is not None and target < self.cell.fraction_closed(self.cell.cube_size):
+                self._cubes[index] = self._released(cube.name, frozen(T_base_tool @ cube.T_tool_cube))
+        return target
+
+    def _released(self, name: str, T_base_cube: Array) -> SimulatedCube:
+        half = self.cell.cube_size / 2.0
+        for b in self.world.boards:
+            for hole in range(len(b.board.holes)):
+                T_base_hole = b.T_base_board @ b.board.T_board_hole(hole)
+                T_hole_cube_now = inverse(T_base_hole) @ T_base_cube
+                x, y, z = T_hole_cube_now[:3, 3]
+                tilt = float(np.arccos(np.clip(T_hole_cube_now[2, 2], -1.0, 1.0)))
+                sides = max(abs(x), abs(y))
+                if sides <= CAPTURE and tilt <= CAPTURE_TILT and abs(z - half) <= 2 * DROP:
+                    quarter = np.round(np.arctan2(T_hole_cube_now[1, 0], T_hole_cube_now[0, 0]) / (np.pi / 2))
+                    turned = transform(rot_z(quarter * np.pi / 2))
+                    seat = frozen(T_base_hole @ T_hole_cube(self.cell.cube_size) @ turned)
+                    self._tell(
+                        "placed", name, T_base_cube, f"into {b.board.name}/{hole + 1}, {1e3 * sides:.2f} mm off its axis"
+                    )
+                    return SimulatedCube(name, seat, "pocket")
+        bottom = float(apply(T_base_cube, (0.0, 0.0, -half))[2]) - self.cell.table_z
+        upright = T_base_cube[2, 2] > np.cos(CAPTURE_TILT)
+        if upright and -1e-3 <= bottom <= DROP and not self._over_plate(T_base_cube):
+            yaw = float(np.arctan2(T_base_cube[1, 0], T_base_cube[0, 0]))
+            x, y = T_base_cube[:2, 3]
+            self._tell("set down", name, T_base_cube, f"on the table from {1e3 * bottom:.1f} mm")
+            return SimulatedCube(name, transform(rot_z(yaw), (x, y, self.cell.table_z + half)), "table")
+        self._tell("fallen", name, T_base_cube, f"{1e3 * bottom:.0f} mm above the table, over no free hole")
+        return SimulatedCube(name, T_base_cube, "fallen")
+
+    def _over_plate(self, T_base_cube: Array) -> bool:
+        from arm.board import PLATE_CENTRE, PLATE_SIZE
+
+        for b in self.world.boards:
+            x, y, _ = apply(inverse(b.T_base_board), T_base_cube[:3, 3])
+            if abs(x - PLATE_CENTRE[0]) < PLATE_SIZE[0] / 2 and abs(y - PLATE_CENTRE[1]) < PLATE_SIZE[1] / 2:
+                return True
+        return False
+
+    def _tell(self, what: str, cube: str, T_base_cube: Array | None, detail: str) -> None:
+        self.events.append(CellEvent(what, cube, T_base_cube, f"{cube or 'no cube'} {what}: {detail}"))
+
+
+def _angle_to_jaws(T_tool_cube: Array) -> float:
+    """Smallest turn that would square the cube to the jaws, rad; any of its faces may meet them."""
+    R = T_tool_cube[:3, :3]
+    nearest = np.zeros((3, 3))
+    for axis in range(3):
+        column = int(np.argmax(np.abs(R[:, axis])))
+        nearest[column, axis] = np.sign(R[column, axis])
+    return float(np.arccos(np.clip((np.trace(nearest.T @ R) - 1.0) / 2.0, -1.0, 1.0)))
+
+
+class SimulatedCamera:
+    """Renders the simulated cell as it is at the moment of each grab (`vision.camera.FrameSource`).
+
+    A grab is one exposure: one rendering, `count` draws of noise.
+
+    Args:
+        simulated: the cell.
+        camera: the true camera.
+        counts: gives where the arm is now.
+        dictionary: of the markers that are truly there.
+    """
+
+    def __init__(
+        self,
+        simulated: SimulatedCell,
+        camera: Camera,
+        counts: Callable[[], npt.ArrayLike],
+        dictionary: str,
+    ) -> None:
+        self._simulated = simulated
+        self._camera = camera
+        self._counts = counts
+        self._dictionary = dictionary
+        self._rng = np.random.default_rng(simulated.world.seed)
+
+    def grab(self, count: int) -> list[npt.NDArray[np.uint8]]:
+        """`count` frames, (h, w) grey."""
+        simulated = self._simulated
+        robot = simulated.cell.robot(simulated.jaw_opening)
+        boards = [PlacedBoard(b.board, b.T_base_board) for b in simulated.world.boards]
+        clean = render(self._camera, simulated.bodies(self._counts(), robot), boards, self._dictionary)
+        return [with_noise(clean, self._rng, simulated.world.noise_grey) for _ in range(count)]

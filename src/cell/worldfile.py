@@ -1,0 +1,98 @@
+"""The world file: what is true in the simulated cell. Nothing but the simulated cell reads it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.board import PLATE_CENTRE, Board, read_board_csv
+from arm.se3 import Array, frozen, rot_z, rotation, transform
+from arm.toml_table import TomlTable
+from vision.camera import Camera, read_camera
+
+
+@dataclass(frozen=True)
+class TrueBoard:
+    """A board where it truly stands, with the holes (0 to 3) that hold a cube."""
+
+    board: Board
+    T_base_board: Array
+    cubes: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class World:
+    """Truth of the simulated cell.
+
+    Attributes:
+        file: where it was read.
+        boards: that stand in the cell.
+        noise_grey: standard deviation of the image noise, grey levels.
+        seed: of noise and of where the arm is at power-up.
+        joint_offsets: true joint zero less the nominal one, (6,) rad.
+        camera: the true camera where it differs from the cell's calibration, else None.
+    """
+
+    file: Path
+    boards: tuple[TrueBoard, ...]
+    noise_grey: float
+    seed: int
+    joint_offsets: Array
+    camera: Camera | None
+
+
+def board_placement(centre: npt.ArrayLike, yaw: float, tilt: float, lean_azimuth: float) -> Array:
+    """T_base_board of a plate whose top has its centre at `centre` (3,) m.
+
+    The plate is turned by `yaw` about the vertical, then tilted by `tilt` so that its normal leans towards
+    `lean_azimuth`; all rad, in the base frame.
+    """
+    axis = np.array([-np.sin(lean_azimuth), np.cos(lean_azimuth), 0.0])
+    R = rotation(tilt * axis) @ rot_z(yaw)
+    return transform(R, np.asarray(centre, dtype=float) - R @ np.array([*PLATE_CENTRE, 0.0]))
+
+
+def read_world(path: Path, marker_size: float) -> World:
+    """Read a world file.
+
+    Args:
+        path: the file.
+        marker_size: true edge of the markers' black squares, m.
+
+    Raises:
+        InputError: with file, key, value and rule.
+    """
+    root = TomlTable.read(path)
+    boards = tuple(_true_board(table, marker_size) for table in root.tables("boards", required=True))
+    world = World(
+        file=path,
+        boards=boards,
+        noise_grey=root.number("noise_grey", "grey levels", 0, 50, default=2.0),
+        seed=root.integer("seed", 0, 2**31 - 1, default=0),
+        joint_offsets=frozen(np.radians(root.numbers("joint_offsets_deg", 6, "deg", -5, 5, default=[0.0] * 6))),
+        camera=read_camera(root.path("camera")) if "camera" in root else None,
+    )
+    root.finish()
+    return world
+
+
+def _true_board(table: TomlTable, marker_size: float) -> TrueBoard:
+    board = read_board_csv(table.path("file"), marker_size)
+    T_base_board = board_placement(
+        table.numbers("centre_mm", 3, "mm", -2000, 2000) / 1e3,
+        float(np.radians(table.number("yaw_deg", "deg", -360, 360))),
+        float(np.radians(table.number("tilt_deg", "deg", 0, 60))),
+        float(np.radians(table.number("lean_azimuth_deg", "deg", -360, 360, default=0.0))),
+    )
+    holes = table.value("cubes", "a list of hole numbers from 1 to 4")
+    if (
+        not isinstance(holes, list)
+        or not all(isinstance(h, int) and 1 <= h <= 4 for h in holes)
+        or len(set(holes)) != len(holes)
+    ):
+        raise table.error("cubes", "must be a list of different hole numbers from 1 to 4")
+    table.finish()
+    return TrueBoard(board, T_base_board, tuple(h - 1 for h in holes))
