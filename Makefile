@@ -1,0 +1,42 @@
+# make run   sets up and runs the main job in the simulated cell
+# make test  sets up and passes the tests
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+TASK ?= scenes/task2.toml
+
+# Exact versions for what is installed and for what builds the wheel.
+export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
+export PIP_BUILD_CONSTRAINT := $(CURDIR)/constraints.txt
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+PIP := $(PYTHON) -m pip --python $(BIN)/python install --quiet
+
+.PHONY: run test lint clean
+
+run: $(VENV)/installed
+	$(BIN)/a465 run $(TASK)
+
+test: $(VENV)/installed-test lint
+	$(BIN)/pytest -n 2 --dist loadgroup
+
+lint: $(VENV)/installed-test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+$(VENV)/bin/python:
+	$(PYTHON) -m venv --without-pip $(VENV)
+
+$(VENV)/installed: $(VENV)/bin/python pyproject.toml constraints.txt
+	@echo "installing a465 into $(VENV) (once)"
+	$(PIP) --editable .
+	@touch $@
+
+$(VENV)/installed-test: $(VENV)/installed
+	@echo "installing what the tests need into $(VENV) (once)"
+	$(PIP) --editable '.[test]'
+	@touch $@
+
+clean:
+	rm -rf $(VENV) runs
