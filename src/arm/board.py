@@ -67,7 +67,10 @@ def read_board_csv(path: Path, marker_size: float) -> Board:
         lines.pop()
     if len(lines) != 5:
         raise FileInputError(
-            path, "", None, f"has {len(lines)} lines; a board file has 5: the two marker ids, then x,y of four holes in mm"
+            path,
+            "",
+            None,
+            f"has {len(lines)} lines; a board file has 5: the two marker ids, then x,y of four holes in mm",
         )
     ids = _pair(path, 1, lines[0], "two marker ids such as 1,2")
     if not all(v == int(v) and 0 <= v <= 999 for v in ids) or ids[0] == ids[1]:

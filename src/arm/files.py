@@ -41,7 +41,9 @@ def read_text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
-        raise FileInputError(path, "", None, f"is not UTF-8 text: byte {error.start} cannot be read") from error
+        raise FileInputError(
+            path, "", None, f"is not UTF-8 text: byte {error.start} cannot be read"
+        ) from error
     except OSError as error:
         raise FileInputError(path, "", None, f"cannot be read: {error.strerror}") from error
 

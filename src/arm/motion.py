@@ -30,7 +30,7 @@ class Segment:
 
     def end(self) -> Counts:
         """Displacement over the whole segment, (6,) counts."""
-        return np.sum(np.array(self.coefficients, dtype=np.int64), axis=0, dtype=np.int64)
+        return np.asarray(np.array(self.coefficients, dtype=np.int64).sum(axis=0), dtype=np.int64)
 
     def displacement(self, u: float | Array) -> Array:
         """Counts from the segment's start at parameter u (scalar or (m,)); shape (6,) or (m, 6)."""
@@ -38,7 +38,10 @@ class Segment:
 
     def derivative(self, u: float | Array, order: int = 1) -> Array:
         """Derivative of that order by time at the segment's own duration, counts/s^order."""
-        return _polynomial(self.coefficients, np.asarray(u, dtype=float), order) / (self.duration_ms / 1e3) ** order
+        return (
+            _polynomial(self.coefficients, np.asarray(u, dtype=float), order)
+            / (self.duration_ms / 1e3) ** order
+        )
 
 
 def _polynomial(coefficients: tuple[tuple[int, ...], ...], u: Array, order: int) -> Array:
@@ -96,6 +99,10 @@ class CountPath:
             rows = which == index
             segment = self.segments[index]
             begin = ends[index] - segment.duration_ms / 1e3
-            u = (clamped[rows] - begin) / (segment.duration_ms / 1e3) if segment.duration_ms else np.ones(rows.sum())
+            u = (
+                (clamped[rows] - begin) / (segment.duration_ms / 1e3)
+                if segment.duration_ms
+                else np.ones(rows.sum())
+            )
             out[rows] = knots[index] + segment.displacement(np.clip(u, 0.0, 1.0))
         return out

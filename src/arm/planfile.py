@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -134,7 +135,9 @@ def read_plan(path: Path) -> Plan:
         raise FileInputError(path, "", None, f"is not JSON: {error}") from error
     if not isinstance(value, dict) or value.get("format") != FORMAT:
         found = value.get("format") if isinstance(value, dict) else None
-        raise FileInputError(path, "format", found, f"must be {FORMAT!r}; make the plan again with this version")
+        raise FileInputError(
+            path, "format", found, f"must be {FORMAT!r}; make the plan again with this version"
+        )
     return _PlanReader(path).plan(value)
 
 
@@ -161,7 +164,9 @@ def _step_to_json(step: Step) -> dict[str, Any]:
                 "role": step.role,
                 "cube": step.cube,
                 "start_counts": list(step.path.start),
-                "segments": [[s.duration_ms, *(list(row) for row in s.coefficients)] for s in step.path.segments],
+                "segments": [
+                    [s.duration_ms, *(list(row) for row in s.coefficients)] for s in step.path.segments
+                ],
                 "held": step.held,
                 "jaw_opening": step.jaw_opening,
                 "clearance": step.clearance,
@@ -225,7 +230,9 @@ class _PlanReader:
             unit=self.get(value, "unit", "", str, "a unit's name"),
             speed=self.number(value, "speed", "", 1e-6, 1.0),
             speed_registers=self.integers(value.get("speed_registers"), "speed_registers"),
-            acceleration_registers=self.integers(value.get("acceleration_registers"), "acceleration_registers"),
+            acceleration_registers=self.integers(
+                value.get("acceleration_registers"), "acceleration_registers"
+            ),
             steps=tuple(self.step(step, f"steps[{i}].") for i, step in enumerate(steps)),
             provenance=self.get(value, "provenance", "", dict, "a table"),
             scene=self.get(value, "scene", "", dict, "a table"),
@@ -233,10 +240,12 @@ class _PlanReader:
         moves = list(plan.moves)
         if not moves:
             raise self.fail("steps", None, "hold no move")
-        for before, after in zip(moves, moves[1:], strict=False):
+        for before, after in pairwise(moves):
             if before.path.end != after.path.start:
                 raise self.fail(
-                    "steps", after.name, f"starts at {after.path.start}, but {before.name!r} ends at {before.path.end}"
+                    "steps",
+                    after.name,
+                    f"starts at {after.path.start}, but {before.name!r} ends at {before.path.end}",
                 )
         return plan
 
@@ -281,7 +290,9 @@ class _PlanReader:
             role=self.choice(value, "role", where, ("home", "transit", "approach", "retract")),
             cube=self.get(value, "cube", where, (int, type(None)), "a cube's index or null"),
             path=CountPath(
-                self.integers(self.get(value, "start_counts", where, list, "six counts"), where + "start_counts"),
+                self.integers(
+                    self.get(value, "start_counts", where, list, "six counts"), where + "start_counts"
+                ),
                 tuple(segments),
             ),
             held=self.get(value, "held", where, (str, type(None)), "a body's name or null"),

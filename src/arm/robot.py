@@ -76,7 +76,9 @@ class Robot:
     def T_base_tool(self, q: npt.ArrayLike) -> Array:
         """Pose of the tool at configuration q (n,) in rad; 4x4."""
         pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
-        return frozen(pin.updateFramePlacement(self.model, self._data, self._end).homogeneous @ self.T_end_tool)
+        return frozen(
+            pin.updateFramePlacement(self.model, self._data, self._end).homogeneous @ self.T_end_tool
+        )
 
     def jacobian(self, q: npt.ArrayLike) -> Array:
         """Twist of the tool in its own axes per joint speed, (6, n): three rows m/s, three rows rad/s.
@@ -96,9 +98,7 @@ class Robot:
     def bodies_at(self, q: npt.ArrayLike) -> list[Body]:
         """The arm's bodies where they are at configuration q."""
         poses = self.joint_poses(q)
-        return [
-            Body(b.name, b.shape, frozen(poses[b.joint] @ b.T_joint_body), "robot") for b in self.bodies
-        ]
+        return [Body(b.name, b.shape, frozen(poses[b.joint] @ b.T_joint_body), "robot") for b in self.bodies]
 
 
 def load_robot(

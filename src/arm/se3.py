@@ -53,9 +53,10 @@ def rotation(rotation_vector: npt.ArrayLike) -> Array:
     angle = float(np.linalg.norm(w))
     W = skew(w)
     if angle < 1e-8:
-        return np.eye(3) + W + 0.5 * W @ W
+        return np.asarray(np.eye(3) + W + 0.5 * W @ W)
     a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle**2
-    return np.eye(3) + a * W + b * W @ W
+    R: Array = np.eye(3) + a * W + b * W @ W
+    return R
 
 
 def rotation_vector(R: Array) -> Array:
@@ -63,9 +64,9 @@ def rotation_vector(R: Array) -> Array:
     vee = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     sine, cosine = 0.5 * float(np.linalg.norm(vee)), 0.5 * (float(np.trace(R)) - 1.0)
     angle = float(np.arctan2(sine, cosine))
-    if angle < 1e-8:
+    if sine < 1e-12 and cosine > 0.0:
         return 0.5 * vee
-    if sine > 1e-6:
+    if sine > 1e-6 or cosine > 0.0:
         return angle * vee / (2.0 * sine)
     # near half a turn the axis comes from R + R^T, its sign from what is left of the skew part
     symmetric = 0.5 * (R + R.T) - cosine * np.eye(3)

@@ -101,7 +101,9 @@ class TomlTable:
         default: Sequence[float] = _REQUIRED,
     ) -> Array:
         """`count` numbers in `unit`, each within [low, high], read-only."""
-        rule = f"{count} numbers in {unit}{_range(low, high)}" if unit else f"{count} numbers{_range(low, high)}"
+        rule = (
+            f"{count} numbers in {unit}{_range(low, high)}" if unit else f"{count} numbers{_range(low, high)}"
+        )
         value = self._get(key, default, rule)
         if (
             not isinstance(value, Sequence | np.ndarray)
@@ -187,7 +189,11 @@ class TomlTable:
         for key in self._values:
             if key not in self._asked:
                 guess = difflib.get_close_matches(key, sorted(self._asked), n=1)
-                help = f"did you mean {self.prefix}{guess[0]}?" if guess else f"known: {', '.join(sorted(self._asked))}"
+                help = (
+                    f"did you mean {self.prefix}{guess[0]}?"
+                    if guess
+                    else f"known: {', '.join(sorted(self._asked))}"
+                )
                 raise self.error(key, "is not a known key", help)
 
 

@@ -43,7 +43,9 @@ class Limits:
             InputError: speed is not in (0, 1]; an override only lowers.
         """
         if not 0.0 < speed <= 1.0:
-            raise InputError(f"speed = {speed:g}: must be above 0 and at most 1; an override only lowers", speed=speed)
+            raise InputError(
+                f"speed = {speed:g}: must be above 0 and at most 1; an override only lowers", speed=speed
+            )
         return Limits(
             self.lower, self.upper, frozen(self.velocity * speed), frozen(self.acceleration * speed**2)
         )
@@ -174,7 +176,9 @@ def load_unit(name: str | Path) -> Unit:
     if isinstance(name, Path):
         return _read_unit(name)
     if name not in UNITS:
-        raise InputError(f"unit = {name!r}: must be one of {', '.join(UNITS)}", value=name, choices=list(UNITS))
+        raise InputError(
+            f"unit = {name!r}: must be one of {', '.join(UNITS)}", value=name, choices=list(UNITS)
+        )
     return _read_unit(data_file(f"urdf/a465/{name}.toml"))
 
 
@@ -215,7 +219,13 @@ def _read_unit(path: Path) -> Unit:
     acceleration = registers.integers("acceleration", 6, 1, 32767)
     axis_registers = {
         register: registers.integers(key, 6, 0, 32767)
-        for key, register in (("energy", "REGME"), ("configuration", "REGCFG"), ("p", "REGP"), ("i", "REGI"), ("d", "REGD"))
+        for key, register in (
+            ("energy", "REGME"),
+            ("configuration", "REGCFG"),
+            ("p", "REGP"),
+            ("i", "REGI"),
+            ("d", "REGD"),
+        )
     }
     idle_release_s = registers.integer("idle_release_s", 0, 86400)
     registers.finish()

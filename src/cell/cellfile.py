@@ -6,16 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from vision.camera import Camera, read_camera
 
-from arm.bodies import Body, Box
 from arm.board import Board, read_board_csv
+from arm.bodies import Body, Box
 from arm.errors import InputError
 from arm.files import sha256
 from arm.robot import Robot, load_a465
 from arm.se3 import Array, frozen, transform
 from arm.toml_table import TomlTable
-from arm.unit import Limits, UNITS, Unit, load_unit
-from vision.camera import Camera, read_camera
+from arm.unit import UNITS, Limits, Unit, load_unit
 
 DICTIONARIES = ("DICT_4X4_50", "DICT_4X4_100", "DICT_5X5_100", "DICT_6X6_250")
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from arm.bodies import Body, Box
 from arm.board import CUBE_SEAT_DEPTH, PLATE_CENTRE, PLATE_SIZE
+from arm.bodies import Body, Box
 from arm.se3 import Array, apply, frozen, transform
 
 

@@ -12,16 +12,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from vision.camera import Camera
 
+from arm.board import POCKET_MOUTH
 from arm.bodies import Body
-from arm.board import POCKET_FLOOR, POCKET_MOUTH
 from arm.robot import Robot
 from arm.se3 import Array, apply, frozen, inverse, rot_z, transform
 from cell.cellfile import Cell
 from cell.furniture import T_hole_cube, cube_body, plate_body, stand_body
 from cell.render.renderer import PlacedBoard, render, with_noise
 from cell.worldfile import World
-from vision.camera import Camera
 
 GRIP_OFFSET = 3e-3  # a cube is gripped if it stands between the jaws within this, m,
 GRIP_ANGLE = np.radians(3.0)  # and this
@@ -117,9 +117,7 @@ class SimulatedCell:
         gripper = self.cell.unit.gripper
         with self._lock:
             T_base_tool = self.T_base_tool(counts)
-            before, target = (
-                min(max(gripper.fraction_closed(a), 0.0), 1.0) for a in (from_adc, to_adc)
-            )
+            before, target = (min(max(gripper.fraction_closed(a), 0.0), 1.0) for a in (from_adc, to_adc))
             stop = self._close(T_base_tool, target) if target > before else self._open(T_base_tool, target)
             self._opening = self.cell.jaw_opening * (1.0 - stop)
             return gripper.adc(stop)
@@ -144,7 +142,9 @@ class SimulatedCell:
             offset, angle = float(np.hypot(x, y)), _angle_to_jaws(T_tool_cube)
             if offset <= GRIP_OFFSET and angle <= GRIP_ANGLE and depth >= LEAST_GRIP:
                 self._cubes[index] = replace(cube, where="jaws", T_tool_cube=frozen(T_tool_cube))
-                self._tell("gripped", cube.name, cube.T_base_cube, f"{1e3 * offset:.2f} mm off the jaws' axis")
+                self._tell(
+                    "gripped", cube.name, cube.T_base_cube, f"{1e3 * offset:.2f} mm off the jaws' axis"
+                )
                 return on_cube
             if depth >= 0.0:
                 pushed = frozen(cube.T_base_cube @ transform(t=(0.0, 0.0, 0.0)))
@@ -180,7 +180,10 @@ class SimulatedCell:
                     turned = transform(rot_z(quarter * np.pi / 2))
                     seat = frozen(T_base_hole @ T_hole_cube(self.cell.cube_size) @ turned)
                     self._tell(
-                        "placed", name, T_base_cube, f"into {b.board.name}/{hole + 1}, {1e3 * sides:.2f} mm off its axis"
+                        "placed",
+                        name,
+                        T_base_cube,
+                        f"into {b.board.name}/{hole + 1}, {1e3 * sides:.2f} mm off its axis",
                     )
                     return SimulatedCube(name, seat, "pocket")
         bottom = float(apply(T_base_cube, (0.0, 0.0, -half))[2]) - self.cell.table_z

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from vision.camera import Camera, read_camera
 
 from arm.board import PLATE_CENTRE, Board, read_board_csv
 from arm.se3 import Array, frozen, rot_z, rotation, transform
 from arm.toml_table import TomlTable
-from vision.camera import Camera, read_camera
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,9 @@ def read_world(path: Path, marker_size: float) -> World:
         boards=boards,
         noise_grey=root.number("noise_grey", "grey levels", 0, 50, default=2.0),
         seed=root.integer("seed", 0, 2**31 - 1, default=0),
-        joint_offsets=frozen(np.radians(root.numbers("joint_offsets_deg", 6, "deg", -5, 5, default=[0.0] * 6))),
+        joint_offsets=frozen(
+            np.radians(root.numbers("joint_offsets_deg", 6, "deg", -5, 5, default=[0.0] * 6))
+        ),
         camera=read_camera(root.path("camera")) if "camera" in root else None,
     )
     root.finish()

@@ -1,0 +1,47 @@
+"""Files are written whole or not at all; hashes depend on values only."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from arm.errors import InputError
+from arm.files import canonical_json, data_file, sha256, write_atomic
+
+
+def test_an_older_file_survives_a_failed_write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.json"
+    write_atomic(path, "old")
+
+    def full(handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(InputError, match="No space left"):
+        write_atomic(path, "new")
+    assert path.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["a.json"]
+
+
+def test_folders_are_made(tmp_path: Path) -> None:
+    write_atomic(tmp_path / "a" / "b" / "c.txt", b"x")
+    assert (tmp_path / "a" / "b" / "c.txt").read_bytes() == b"x"
+
+
+def test_a_file_in_place_of_the_folder_is_told(tmp_path: Path) -> None:
+    write_atomic(tmp_path / "a", "x")
+    with pytest.raises(InputError, match="cannot be written"):
+        write_atomic(tmp_path / "a" / "b", "x")
+
+
+def test_canonical_json_has_one_text_for_one_value() -> None:
+    assert canonical_json({"b": 0.1, "a": [1, None]}) == '{"a":[1,null],"b":0.1}'
+    assert sha256({"a": 1, "b": 2}) == sha256({"b": 2, "a": 1})
+    with pytest.raises(ValueError, match="Out of range"):
+        canonical_json({"a": float("nan")})
+
+
+def test_data_files_are_found_and_a_missing_one_is_told() -> None:
+    assert data_file("urdf/a465/a465.urdf").is_file()
+    with pytest.raises(InputError, match="reinstall"):
+        data_file("urdf/none.urdf")

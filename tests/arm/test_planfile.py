@@ -1,0 +1,100 @@
+"""The plan file: the same plan is the same bytes, a round trip loses nothing, a damaged file is told by its key."""
+
+import copy
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from arm.errors import FileInputError, InputError
+from arm.motion import CountPath, Segment
+from arm.planfile import GripperStep, LookStep, Move, Plan, read_plan, write_plan
+
+ROW = (10, -20, 30, 0, 5, 1)
+
+
+def _plan() -> Plan:
+    start = (-181650, -349, -62200, 99200, 8300, -96500)
+    first = CountPath(start, (Segment(100, (ROW, ROW, ROW)), Segment(80, (ROW,))))
+    second = CountPath(first.end, (Segment(100, (ROW,)),))
+    return Plan(
+        task={"name": "t"},
+        unit="crs93",
+        speed=0.5,
+        speed_registers=(7680, 2048, 5120, 7680, 7680, 19200),
+        acceleration_registers=(51, 10, 20, 38, 128, 768),
+        steps=(
+            Move("there", "transit", 0, first, None, 0.06, 0.0123456789, ("palm", "table")),
+            GripperStep("close", "close", 0, 0.4, 1.0),
+            Move("back", "retract", 0, second, "cube 1", 0.04, 0.02, ("palm", "wall"), certified=True),
+            LookStep("look"),
+        ),
+        provenance={"seed": 0},
+    )
+
+
+def test_round_trip(tmp_path: Path) -> None:
+    path = tmp_path / "plan.json"
+    write_plan(path, _plan())
+    assert read_plan(path) == _plan()
+    assert path.read_text() == _plan().to_json()
+    assert read_plan(path).sha256 == _plan().sha256
+
+
+def test_figures_of_a_plan() -> None:
+    plan = _plan()
+    assert plan.duration_s == pytest.approx(0.28)
+    assert plan.start == (-181650, -349, -62200, 99200, 8300, -96500)
+
+
+def _damaged(change: Any) -> str:
+    value = json.loads(_plan().to_json())
+    change(value)
+    return json.dumps(value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda v: v.update(format="other"), "format = 'other': must be 'a465-plan/1'"),
+        (lambda v: v.update(speed=1.5), "speed = 1.5: must be a number from"),
+        (lambda v: v.pop("unit"), "unit: is missing"),
+        (
+            lambda v: v["steps"][0]["segments"][0].__setitem__(0, "x"),
+            r"steps\[0\]\.segments\[0\] = 'x': duration",
+        ),
+        (lambda v: v["steps"][0]["segments"][0][1].pop(), r"must be 6 whole numbers"),
+        (lambda v: v["steps"][0]["segments"][0][1].__setitem__(0, 2**31), "32-bit"),
+        (lambda v: v["steps"][0]["segments"][0][1].__setitem__(0, True), "whole numbers"),
+        (lambda v: v["steps"][2]["start_counts"].__setitem__(0, 7), "'there' ends at"),
+        (lambda v: v["steps"][1].update(action="squeeze"), "one of open, close"),
+        (lambda v: v["steps"][3].update(step="dance"), "must be move, gripper or look"),
+        (lambda v: v.update(steps=[]), "hold no move"),
+        (lambda v: v["steps"][0].update(role="jump"), "one of home, transit, approach, retract"),
+    ],
+)
+def test_damage_is_told_by_its_key(tmp_path: Path, change: Any, message: str) -> None:
+    path = tmp_path / "plan.json"
+    path.write_text(_damaged(change))
+    with pytest.raises(FileInputError, match=message) as error:
+        read_plan(path)
+    assert "make the plan again" in str(error.value)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "null", "\x00"])
+def test_what_is_not_a_plan_is_told(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "plan.json"
+    path.write_text(text)
+    with pytest.raises(FileInputError):
+        read_plan(path)
+
+
+def test_a_missing_file_and_a_folder_are_told(tmp_path: Path) -> None:
+    for path in (tmp_path / "none.json", tmp_path):
+        with pytest.raises(InputError, match="cannot be read"):
+            read_plan(path)
+
+
+def test_plans_are_values() -> None:
+    assert copy.deepcopy(_plan()) == _plan()

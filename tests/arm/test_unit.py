@@ -1,0 +1,106 @@
+"""Unit files against the figures of the controller's fact sheet."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm.errors import FileInputError, InputError
+from arm.files import data_file
+from arm.unit import UNITS, load_unit
+
+
+def test_counts_per_degree() -> None:
+    k = np.radians(1) * load_unit("crs93").counts_per_rad
+    assert k == pytest.approx([1111.111, 1111.111, -1111.111, -561.111, -555.556, -561.111], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "speed", "acceleration"),
+    [
+        ("crs93", [27.00, 7.20, 18.00, 53.47, 54.00, 133.66], [179.3, 35.16, 70.31, 264.5, 900, 5347]),
+        ("crs97", [27.00, 7.20, 18.00, 53.47, 54.00, 98.02], [66.8, 17.58, 45.7, 132.3, 900, 1072]),
+    ],
+)
+def test_default_registers_in_degrees(name: str, speed: list[float], acceleration: list[float]) -> None:
+    limits = load_unit(name).limits()
+    assert np.degrees(limits.velocity) == pytest.approx(speed, abs=0.006)
+    assert np.degrees(limits.acceleration) == pytest.approx(acceleration, rel=2e-3)
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_limits_keep_a_degree_from_encoder_bounds_and_data_sheet(name: str) -> None:
+    unit = load_unit(name)
+    sheet = np.array([175, 90, 110, 180, 105, 180])
+    lower, upper = np.degrees(unit.lower), np.degrees(unit.upper)
+    assert np.all(lower >= -sheet + 1 - 1e-9)
+    assert np.all(upper <= sheet - 1 + 1e-9)
+    bounds = {
+        "crs93": (
+            [-169.515, -89.686, -112.680, -185.881, -105.660, -180.178],
+            [172.485, 90.314, 115.020, 185.703, 104.940, 183.564],
+        ),
+        "crs97": (
+            [-168.750, -90.227, -115.762, -183.208, -103.860, -182.050],
+            [173.250, 89.773, 113.738, 185.703, 104.940, 180.624],
+        ),
+    }[name]
+    assert lower == pytest.approx(np.maximum(bounds[0], -sheet) + 1, abs=1e-3)
+    assert upper == pytest.approx(np.minimum(bounds[1], sheet) - 1, abs=1e-3)
+
+
+def test_soft_home_in_counts() -> None:
+    for name, counts in (
+        ("crs93", [-181650, -349, -12200, 99200, 33300, -96500]),
+        ("crs97", [-182500, 252, -13625, 99200, 39300, -98150]),
+    ):
+        unit = load_unit(name)
+        assert unit.counts(unit.soft_home).tolist() == counts
+
+
+def test_counts_and_positions_are_inverse_to_half_a_count() -> None:
+    unit = load_unit("crs97")
+    q = np.random.default_rng(5).uniform(unit.lower, unit.upper, (500, 6))
+    assert np.abs(unit.positions(unit.counts(q)) - q).max() <= 0.5 / np.abs(unit.counts_per_rad).min() + 1e-12
+    assert np.array_equal(unit.counts(unit.positions(unit.counts(q))), unit.counts(q))
+
+
+def test_registers_are_capped_at_twice_the_default_and_the_data_sheet() -> None:
+    unit = load_unit("crs93")
+    assert unit.speed_register_cap() == (15360, 4096, 10240, 15360, 15360, 24563)
+    assert np.degrees(unit.limits(unit.speed_register_cap()).velocity[5]) <= 171.0
+    with pytest.raises(InputError, match="axis F = 24564: must be from 1 to 24563"):
+        unit.limits((7680, 2048, 5120, 7680, 7680, 24564))
+
+
+def test_an_override_only_lowers() -> None:
+    limits = load_unit("crs93").limits()
+    half = limits.scaled(0.5)
+    assert half.velocity == pytest.approx(limits.velocity / 2)
+    assert half.acceleration == pytest.approx(limits.acceleration / 4)
+    for speed in (0.0, -1.0, 1.001, float("nan")):
+        with pytest.raises(InputError, match="an override only lowers"):
+            limits.scaled(speed)
+
+
+def test_gripper_fractions() -> None:
+    gripper = load_unit("crs97").gripper
+    assert (gripper.axis, gripper.adc(0.0), gripper.adc(1.0)) == ("H", 1001, 48)
+    assert gripper.fraction_closed(gripper.adc(0.25)) == pytest.approx(0.25, abs=1e-3)
+
+
+def test_a_wrong_name_and_a_wrong_file_are_told(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="crs93, crs97"):
+        load_unit("crs95")
+    text = data_file("urdf/a465/crs93.toml").read_text()
+    for old, new, message in (
+        ("direction = [1, 1, -1, -1, -1, -1]", "direction = [1, 1, 1, -1, -1, -1]", "check direction"),
+        ("margin_deg = 1.0", "margin = 1.0", "limits.margin_deg: is missing"),
+        ("speed = 500", "speed = 'fast'", "gripper.speed = 'fast': must be a whole number"),
+        ('[["B"]', '[["B", "B"]', "homing.sequence"),
+    ):
+        path = tmp_path / "unit.toml"
+        assert old in text
+        path.write_text(text.replace(old, new))
+        with pytest.raises(FileInputError, match=message):
+            load_unit(path)
