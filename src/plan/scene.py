@@ -1,0 +1,129 @@
+"""The cell as the planner sees it: the arm with open and with closed jaws, bodies, cubes, and what may touch."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from arm.bodies import Body, body_from_json, body_to_json
+from arm.errors import InputError
+from arm.files import sha256
+from arm.robot import Robot
+from arm.se3 import Array
+
+Pair = frozenset[str]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A cell at one moment. Bodies that stand still may touch each other; the arm and what it holds may touch nothing,
+    except what `allowed` names.
+
+    Attributes:
+        robot_open: the arm with open jaws.
+        robot_holding: the same arm with the jaws at the cube's width.
+        bodies: that stand still: table, walls, posts, stands, plates.
+        cubes: where they stand now.
+        allowed: pairs of names that may touch while the tool is on a line to or from a place that needs it (a cube and
+            the plate in whose pocket it sits, a cube and the table); never on a transit.
+    """
+
+    robot_open: Robot
+    robot_holding: Robot
+    bodies: tuple[Body, ...]
+    cubes: tuple[Body, ...]
+    allowed: frozenset[Pair] = field(default_factory=frozenset)
+
+    def __post_init__(self) -> None:
+        names = [b.name for b in (*self.robot_open.bodies, *self.bodies, *self.cubes)]
+        twice = sorted(name for name, count in Counter(names).items() if count > 1)
+        if twice:
+            raise InputError(f"scene: two bodies are named {twice[0]!r}; names must differ", names=twice)
+        unknown = sorted(set().union(*self.allowed) - set(names)) if self.allowed else []
+        if unknown:
+            raise InputError(
+                f"scene: allowed contacts name {unknown[0]!r}, which is no body; "
+                f"there are {', '.join(sorted(names))}",
+                names=unknown,
+            )
+
+    def cube(self, name: str) -> Body:
+        """The cube of that name.
+
+        Raises:
+            InputError: there is none.
+        """
+        for cube in self.cubes:
+            if cube.name == name:
+                return cube
+        known = ", ".join(c.name for c in self.cubes) or "none"
+        raise InputError(f"cube = {name!r}: must be a cube of the scene: {known}", name=name)
+
+    def to_json(self) -> dict[str, Any]:
+        """Bodies, cubes, allowed contacts and the arms' digests as JSON types; lengths in m."""
+        return {
+            "bodies": [body_to_json(b) for b in self.bodies],
+            "cubes": [body_to_json(c) for c in self.cubes],
+            "allowed": sorted(sorted(pair) for pair in self.allowed),
+            "robot_open": self.robot_open.digest,
+            "robot_holding": self.robot_holding.digest,
+        }
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of `to_json`."""
+        return sha256(self.to_json())
+
+
+def scene_from_json(value: dict[str, Any], robot_open: Robot, robot_holding: Robot) -> Scene:
+    """The inverse of `Scene.to_json`, for the same arms.
+
+    Raises:
+        InputError: the arms are not those of the scene.
+    """
+    for key, robot in (("robot_open", robot_open), ("robot_holding", robot_holding)):
+        if value[key] != robot.digest:
+            raise InputError(
+                f"scene: {key} has digest {value[key][:12]}, the arm of now has {robot.digest[:12]}; plan again",
+                key=key,
+                scene=value[key],
+                robot=robot.digest,
+            )
+    return Scene(
+        robot_open,
+        robot_holding,
+        tuple(body_from_json(b) for b in value["bodies"]),
+        tuple(body_from_json(c) for c in value["cubes"]),
+        frozenset(frozenset(pair) for pair in value["allowed"]),
+    )
+
+
+@dataclass(frozen=True)
+class Station:
+    """A place where the tool picks or places a cube.
+
+    Attributes:
+        name: for people, such as ``01-02/3``.
+        T_base_tool: poses of the tool there, one per way of gripping (four yaws of a cube), each (4, 4).
+        touches: bodies that the cube touches there: the plate, or the table.
+    """
+
+    name: str
+    T_base_tool: tuple[Array, ...]
+    touches: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """One cube from one place to another.
+
+    Attributes:
+        cube: its name.
+        pick, place: where it is and where it goes.
+    """
+
+    cube: str
+    pick: Station
+    place: Station

@@ -1,0 +1,267 @@
+"""The collision world: distances between an arm, what it holds, and everything around it, on coal.
+
+Each pair of bodies that may not touch is one collision pair of a Pinocchio geometry model, so forward kinematics,
+broadphase and distances run in C++. Two bodies on the same joint do not move against each other and make no pair,
+nor do two that stand still.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import coal
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from arm.bodies import Body, Box, Cylinder, Shape, Sphere
+from arm.errors import InputError
+from arm.robot import Robot
+from arm.se3 import Array, frozen
+
+Indices = npt.NDArray[np.intp]
+
+GJK_TOLERANCE = 1e-7
+# What a distance may be wrong by, m: ten times what GJK at this tolerance was seen to differ from MuJoCo on the
+# same primitives. Lower bounds of distance subtract it.
+DISTANCE_ERROR = 1e-5
+
+
+@dataclass(frozen=True)
+class Distance:
+    """Smallest distance between two bodies.
+
+    Attributes:
+        value: m, negative by the depth where they overlap.
+        pair: their names.
+        points: witness points on the first and second body, (2, 3) m in the base frame.
+    """
+
+    value: float
+    pair: tuple[str, str]
+    points: Array
+
+
+class World:
+    """One arm with or without a body in its jaws, among bodies that stand still.
+
+    Not for use from two threads at once (Pinocchio's workspace is inside).
+
+    Args:
+        robot: the arm, jaws where they are.
+        bodies: that stand still; overlaps between them are no concern of this world.
+        held: a body that moves with the tool, or None.
+        T_tool_held: its pose in the tool frame, 4x4; required with `held`.
+        allowed: pairs of names that may touch.
+        padding: taken off every distance, m.
+
+    Raises:
+        InputError: `held` without `T_tool_held`, or two bodies of one name.
+
+    Attributes:
+        robot: the arm.
+        padding: m.
+        names: of all bodies; the arm's own first, then the held one, then the still ones.
+        pairs: indices into `names` of each checked pair, (p, 2); the body nearer to the base first.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        bodies: Sequence[Body],
+        held: Body | None = None,
+        T_tool_held: npt.ArrayLike | None = None,
+        allowed: Iterable[frozenset[str]] = (),
+        padding: float = 0.0,
+    ) -> None:
+        if held is not None and T_tool_held is None:
+            raise InputError(f"held body {held.name!r} needs its pose in the tool frame", name=held.name)
+        self.robot = robot
+        self.padding = padding
+        parts = [_Part(b.name, b.joint, b.shape, b.T_joint_body) for b in robot.bodies]
+        if held is not None:
+            end = robot.model.frames[robot.model.getFrameId(robot.end_frame)]
+            pose = end.placement.homogeneous @ robot.T_end_tool @ np.asarray(T_tool_held, dtype=float)
+            parts.append(_Part(held.name, int(end.parentJoint), held.shape, frozen(pose)))
+        parts += [_Part(b.name, 0, b.shape, b.T_base_body) for b in bodies]
+        self.names = tuple(p.name for p in parts)
+        if len(set(self.names)) != len(parts):
+            raise InputError(f"two bodies of one name among {', '.join(self.names)}", names=list(self.names))
+
+        self.pairs = _pairs(parts, robot.touching | frozenset(allowed))
+        self._joint = np.array([p.joint for p in parts])
+        self._moving = [i for i, p in enumerate(parts) if p.joint > 0]
+        self._geometry = _geometry_model(parts, self.pairs)
+        self._data = robot.model.createData()
+        self._distances = pin.GeometryData(self._geometry)
+        for request in self._distances.distanceRequests:
+            request.gjk_tolerance = request.epa_tolerance = GJK_TOLERANCE
+        self._reach = _Reach([parts[i] for i in self._moving], robot.model.nq)
+        # row of each pair's outer body in the tables of motion, and how many joints both bodies share
+        row = {body: r for r, body in enumerate(self._moving)}
+        self._pair_row = np.array([row[b] for _, b in self.pairs], dtype=np.intp)
+        self._pair_shared = self._joint[self.pairs[:, 0]] if len(self.pairs) else np.zeros(0, dtype=np.intp)
+        self._broadphase: dict[float, Any] = {}
+
+    def pair_names(self, index: int) -> tuple[str, str]:
+        """The two bodies of pair `index`."""
+        a, b = self.pairs[index]
+        return self.names[a], self.names[b]
+
+    def pair_distances(self, q: npt.ArrayLike, pairs: Indices) -> Array:
+        """Signed distances (k,) m of the pairs with indices `pairs` (k,) at configuration q (n,), less the padding."""
+        self._place(q)
+        geometry, data, compute = self._geometry, self._distances, pin.computeDistance
+        values = [compute(geometry, data, i).min_distance for i in pairs.tolist()]
+        return np.array(values) - self.padding
+
+    def motion_radii(self, q: npt.ArrayLike) -> Array:
+        """How far each moving body can move per joint: (bodies, n), m/rad (1 for a prismatic joint).
+
+        Entry (b, k) is the largest distance of a point of body b from the axis of joint k at configuration q, and 0
+        for joints beyond the body. See `plan.check` for what is proved with it.
+        """
+        J = pin.computeJointJacobians(self.robot.model, self._data, np.asarray(q, dtype=float))
+        poses = np.stack([M.homogeneous for M in self._data.oMi])
+        return self._reach.radii(poses, J)
+
+    def pair_motion(self, radii: Array, delta: Array) -> Array:
+        """Bound (p,) m on how far the bodies of each pair move against each other when joint k moves by at most delta[k].
+
+        Args:
+            radii: `motion_radii` at the configuration that the joints move away from.
+            delta: (n,) rad, not negative.
+        """
+        steps = np.zeros((len(radii), radii.shape[1] + 1))
+        np.cumsum(radii * delta, axis=1, out=steps[:, 1:])
+        return np.asarray(steps[self._pair_row, -1] - steps[self._pair_row, self._pair_shared])
+
+    def distance(self, q: npt.ArrayLike) -> Distance:
+        """The smallest distance over all pairs at configuration q (n,) rad; infinite where there is no pair."""
+        values = self.pair_distances(q, np.arange(len(self.pairs)))
+        if not len(values):
+            return Distance(float("inf"), ("", ""), frozen(np.full((2, 3), np.nan)))
+        return self._witness(int(np.argmin(values)), float(values.min()))
+
+    def distances_below(self, q: npt.ArrayLike, limit: float) -> list[Distance]:
+        """Every pair closer than `limit` m at configuration q (n,) rad, the closest first."""
+        values = self.pair_distances(q, np.arange(len(self.pairs)))
+        order = [int(i) for i in np.argsort(values, kind="stable") if values[i] < limit]
+        return [self._witness(i, float(values[i])) for i in order]
+
+    def in_collision(self, q: npt.ArrayLike, clearance: float = 0.0) -> bool:
+        """Whether some pair is closer than `clearance` m at configuration q (n,) rad. The fast way: coal's broadphase."""
+        if not len(self.pairs):
+            return False
+        manager = self._broadphase.get(clearance)
+        if manager is None:
+            manager = self._broadphase[clearance] = self._manager(clearance + self.padding)
+        return bool(
+            pin.computeCollisions(self.robot.model, self._data, manager, np.asarray(q, dtype=float), True)
+        )
+
+    def _manager(self, margin: float) -> Any:
+        data = pin.GeometryData(self._geometry)
+        for request in data.collisionRequests:
+            request.security_margin = margin
+            request.gjk_tolerance = request.epa_tolerance = GJK_TOLERANCE
+        return pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(self.robot.model, self._geometry, data)
+
+    def _place(self, q: npt.ArrayLike) -> None:
+        pin.updateGeometryPlacements(
+            self.robot.model, self._data, self._geometry, self._distances, np.asarray(q, dtype=float)
+        )
+
+    def _witness(self, index: int, value: float) -> Distance:
+        result = self._distances.distanceResults[index]
+        points = frozen([result.getNearestPoint1(), result.getNearestPoint2()])
+        return Distance(value, self.pair_names(index), points)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A body by the joint that it moves with (0: none), and its pose there."""
+
+    name: str
+    joint: int
+    shape: Shape
+    T_joint_body: Array
+
+
+class _Reach:
+    """Distances of bodies from joint axes. Each body lies in the hull of equal balls: its corners or its axis' ends."""
+
+    def __init__(self, parts: Sequence[_Part], joints: int) -> None:
+        hulls = [_hull(p.shape) for p in parts]
+        self.ball = np.array([radius for _, radius in hulls])
+        self.points = np.concatenate(
+            [
+                points @ p.T_joint_body[:3, :3].T + p.T_joint_body[:3, 3]
+                for (points, _), p in zip(hulls, parts, strict=True)
+            ]
+        )
+        self.joint = np.repeat([p.joint for p in parts], [len(points) for points, _ in hulls])
+        self.first = np.cumsum([0, *(len(points) for points, _ in hulls)])[:-1]
+        self.moves = np.array([[k < p.joint for k in range(joints)] for p in parts])
+
+    def radii(self, poses: Array, J: Array) -> Array:
+        """(bodies, n) from joint poses (n + 1, 4, 4) and the Jacobian (6, n) in the base frame (linear rows first).
+
+        A unit of joint k moves a point p by J_linear + J_angular x p, whose length is the distance of p from
+        the axis (a revolute joint) or 1 (a prismatic one).
+        """
+        T = poses[self.joint]
+        p = np.einsum("pij,pj->pi", T[:, :3, :3], self.points) + T[:, :3, 3]
+        v, w = J[:3], J[3:]
+        x, y, z = p[:, 0:1], p[:, 1:2], p[:, 2:3]
+        speed = np.sqrt(
+            (v[0] + w[1] * z - w[2] * y) ** 2
+            + (v[1] + w[2] * x - w[0] * z) ** 2
+            + (v[2] + w[0] * y - w[1] * x) ** 2
+        )
+        turning = np.linalg.norm(w, axis=0)
+        farthest = np.maximum.reduceat(speed, self.first, axis=0) + self.ball[:, None] * turning
+        return np.asarray(np.where(self.moves, farthest, 0.0))
+
+
+def _hull(shape: Shape) -> tuple[Array, float]:
+    match shape:
+        case Box(size):
+            signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+            return signs * (np.array(size) / 2.0), 0.0
+        case Cylinder(radius, length):
+            return np.array([[0.0, 0.0, -length / 2.0], [0.0, 0.0, length / 2.0]]), radius
+        case Sphere(radius):
+            return np.zeros((1, 3)), radius
+
+
+def _pairs(parts: Sequence[_Part], excluded: frozenset[frozenset[str]]) -> Indices:
+    found = []
+    for i, a in enumerate(parts):
+        for j in range(i + 1, len(parts)):
+            b = parts[j]
+            if a.joint != b.joint and frozenset((a.name, b.name)) not in excluded:
+                found.append((i, j) if a.joint < b.joint else (j, i))
+    return np.array(found, dtype=np.intp).reshape(-1, 2)
+
+
+def _geometry_model(parts: Sequence[_Part], pairs: Indices) -> Any:
+    model = pin.GeometryModel()
+    for p in parts:
+        pose = pin.SE3(np.array(p.T_joint_body[:3, :3]), np.array(p.T_joint_body[:3, 3]))
+        model.addGeometryObject(pin.GeometryObject(p.name, p.joint, pose, _coal_shape(p.shape)))
+    for a, b in pairs.tolist():
+        model.addCollisionPair(pin.CollisionPair(a, b))
+    return model
+
+
+def _coal_shape(shape: Shape) -> Any:
+    match shape:
+        case Box(size):
+            return coal.Box(*size)
+        case Cylinder(radius, length):
+            return coal.Cylinder(radius, length)
+        case Sphere(radius):
+            return coal.Sphere(radius)
