@@ -147,8 +147,7 @@ class SimulatedCell:
                 )
                 return on_cube
             if depth >= 0.0:
-                pushed = frozen(cube.T_base_cube @ transform(t=(0.0, 0.0, 0.0)))
-                self._cubes[index] = replace(cube, T_base_cube=pushed, where="pushed")
+                self._cubes[index] = replace(cube, where="pushed")
                 self._tell(
                     "pushed",
                     cube.name,
@@ -197,8 +196,6 @@ class SimulatedCell:
         return SimulatedCube(name, T_base_cube, "fallen")
 
     def _over_plate(self, T_base_cube: Array) -> bool:
-        from arm.board import PLATE_CENTRE, PLATE_SIZE
-
         for b in self.world.boards:
             x, y, _ = apply(inverse(b.T_base_board), T_base_cube[:3, 3])
             if abs(x - PLATE_CENTRE[0]) < PLATE_SIZE[0] / 2 and abs(y - PLATE_CENTRE[1]) < PLATE_SIZE[1] / 2:

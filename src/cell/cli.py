@@ -1,0 +1,198 @@
+"""The command line. This module imports nothing heavy: every command imports what it needs when it runs."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from arm.errors import A465Error, ExecutionStopped, InputError
+
+app = typer.Typer(
+    name="a465",
+    help="Plan, preview and run motions of a CRS A465 arm in its work cell, or in a simulated one.",
+    rich_markup_mode=None,
+    no_args_is_help=True,
+    add_completion=True,
+    pretty_exceptions_enable=False,
+)
+
+TaskFile = Annotated[Path, typer.Argument(help="Task file, such as scenes/task2.toml.", metavar="TASK")]
+PlanFile = Annotated[Path, typer.Argument(help="Plan file, as written by a465 plan.", metavar="PLAN")]
+LookFile = Annotated[Path, typer.Option("--look", help="What was seen, as written by a465 look.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output, all else on standard error.")]
+Speed = Annotated[float | None, typer.Option("--speed", help="Factor of velocities, 0 < s <= 1; default: the cell file's.")]
+WorldFile = Annotated[
+    Path | None, typer.Option("--world", help="Truth of the simulated cell; default: TASK with .world.toml.")
+]
+Port = Annotated[str | None, typer.Option("--port", help="Serial port of the controller, such as /dev/mars or socket://...")]
+Images = Annotated[Path | None, typer.Option("--images", help="Folder of photographs to look at, instead of a camera.")]
+TimeScale = Annotated[float, typer.Option("--time-scale", help="Emulated seconds per wall second (simulated cell only).")]
+Output = Annotated[Path | None, typer.Option("-o", "--output", help="File to write.")]
+
+
+@app.command(
+    help="Do the whole task: look, check reach, plan, stream, look again after each cube, report. "
+    "In the simulated cell, or on the real one with --port.",
+    epilog="Example: a465 run scenes/task2.toml --speed 0.5",
+)
+def run(
+    task: TaskFile,
+    port: Port = None,
+    world: WorldFile = None,
+    images: Images = None,
+    speed: Speed = None,
+    time_scale: TimeScale = 10.0,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder of the run; default: runs/TASK.")] = None,
+    as_json: Json = False,
+) -> None:
+    from cell.console import Console
+    from cell.run import run_task
+
+    console = Console(as_json)
+    report = run_task(task, console, port, world, images, speed, time_scale, output)
+    console.result(report)
+
+
+@app.command(
+    help="Find the boards, their holes and cubes in photographs, or in the simulated cell.",
+    epilog="Example: a465 look scenes/task2.toml -o look.json",
+)
+def look(
+    task: TaskFile,
+    images: Images = None,
+    world: WorldFile = None,
+    output: Output = None,
+    picture: Annotated[Path | None, typer.Option("--picture", help="PNG to write, with what was found.")] = None,
+    as_json: Json = False,
+) -> None:
+    from cell.console import Console
+    from cell.steps import look_step
+
+    console = Console(as_json)
+    console.result(look_step(task, images, world, output, picture, console))
+
+
+@app.command(
+    help="Say for every hole whether the arm can serve it, on which branches, and by how much not.",
+    epilog="Example: a465 reach scenes/task2.toml --look look.json",
+)
+def reach(task: TaskFile, look: LookFile, as_json: Json = False) -> None:
+    from cell.console import Console
+    from cell.steps import reach_step
+
+    console = Console(as_json)
+    console.result(reach_step(task, look, console))
+
+
+@app.command(
+    help="Plan the whole task from what was seen and write the plan file.",
+    epilog="Example: a465 plan scenes/task2.toml --look look.json -o plan.json",
+)
+def plan(task: TaskFile, look: LookFile, output: Output = None, speed: Speed = None, as_json: Json = False) -> None:
+    from cell.console import Console
+    from cell.steps import plan_step
+
+    console = Console(as_json)
+    console.result(plan_step(task, look, output or Path("plan.json"), speed, console))
+
+
+@app.command(
+    help="Check a plan file again: limits and clearance of everything it would send.",
+    epilog="Example: a465 check plan.json scenes/task2.toml",
+)
+def check(plan: PlanFile, task: TaskFile, as_json: Json = False) -> None:
+    from cell.console import Console
+    from cell.steps import check_step
+
+    console = Console(as_json)
+    console.result(check_step(plan, task, console))
+
+
+@app.command(
+    help="Write a page that shows the plan in 3D; it opens in any browser without a network.",
+    epilog="Example: a465 preview plan.json scenes/task2.toml -o plan.html",
+)
+def preview(plan: PlanFile, task: TaskFile, output: Output = None, as_json: Json = False) -> None:
+    from cell.console import Console
+    from cell.steps import preview_step
+
+    console = Console(as_json)
+    console.result(preview_step(plan, task, output or plan.with_suffix(".html"), console))
+
+
+@app.command(
+    help="Execute a plan file, if it matches the cell of now: in the simulated cell, or on the arm with --port.",
+    epilog="Example: a465 execute plan.json scenes/task2.toml",
+)
+def execute(
+    plan: PlanFile,
+    task: TaskFile,
+    port: Port = None,
+    world: WorldFile = None,
+    images: Images = None,
+    time_scale: TimeScale = 10.0,
+    as_json: Json = False,
+) -> None:
+    from cell.console import Console
+    from cell.run import execute_plan
+
+    console = Console(as_json)
+    console.result(execute_plan(plan, task, console, port, world, images, time_scale))
+
+
+@app.command(
+    help="Be a MARS-8 controller with an arm on a pseudo-terminal, until interrupted.",
+    epilog="Example: a465 emulate --unit crs93 --link mars",
+)
+def emulate(
+    unit: Annotated[str, typer.Option("--unit", help="crs93 or crs97.")] = "crs93",
+    link: Annotated[Path | None, typer.Option("--link", help="Symbolic link to make to the pseudo-terminal.")] = None,
+    tcp: Annotated[int | None, typer.Option("--tcp", help="Listen on this port of the loopback too; 0 takes any.")] = None,
+    time_scale: TimeScale = 1.0,
+) -> None:
+    from cell.steps import emulate_step
+
+    emulate_step(unit, link, tcp, time_scale)
+
+
+@app.command(
+    help="Render photographs of the simulated cell with the arm at q_start.",
+    epilog="Example: a465 render scenes/task2.toml -o photographs",
+)
+def render(
+    task: TaskFile,
+    world: WorldFile = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder to write.")] = None,
+    count: Annotated[int | None, typer.Option("--count", help="How many; default: the cell file's.")] = None,
+    as_json: Json = False,
+) -> None:
+    from cell.console import Console
+    from cell.steps import render_step
+
+    console = Console(as_json)
+    console.result(render_step(task, world, output or Path("photographs"), count, console))
+
+
+def main() -> None:
+    """Run the command line; our errors become one line and their exit code."""
+    try:
+        app()
+    except A465Error as error:
+        _fail(error)
+    except KeyboardInterrupt:
+        _fail(ExecutionStopped("interrupted; if the arm was moving, it was told to stop"))
+    except BrokenPipeError:
+        sys.exit(0)
+
+
+def _fail(error: A465Error) -> None:
+    if "--json" in sys.argv:
+        body = {"error": {"kind": type(error).__name__, "message": str(error), "exit_code": error.exit_code, **error.data}}
+        print(json.dumps(body, indent=2, default=str))
+    kind = "wrong input" if isinstance(error, InputError) else "stopped" if error.exit_code == 4 else "refused"
+    print(f"a465: {kind}: {error}", file=sys.stderr)
+    sys.exit(error.exit_code)

@@ -1,0 +1,85 @@
+"""Talking to the person at the terminal: lines, tables of 80 columns, progress; JSON alone on standard output."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Iterable, Sequence
+from typing import Any, TextIO
+
+WIDTH = 80
+
+
+class Console:
+    """Where messages go.
+
+    With `as_json`, standard output gets exactly one JSON object at the end and everything else goes to standard
+    error, so that a program can read the one while a person follows the other.
+    """
+
+    def __init__(self, as_json: bool = False) -> None:
+        self.as_json = as_json
+        self._stream: TextIO = sys.stderr if as_json else sys.stdout
+        self._live = self._stream.isatty()
+        self._open_line = False
+        self._started = time.monotonic()
+
+    def say(self, text: str = "") -> None:
+        """One line."""
+        self._end_progress()
+        print(text, file=self._stream, flush=True)
+
+    def step(self, text: str) -> None:
+        """One line with the wall time since the start."""
+        self.say(f"[{time.monotonic() - self._started:5.1f} s] {text}")
+
+    def progress(self, text: str, fraction: float) -> None:
+        """A bar that redraws itself on a terminal; silent elsewhere."""
+        if not self._live:
+            return
+        room = WIDTH - 30
+        done = round(room * min(max(fraction, 0.0), 1.0))
+        bar = "#" * done + "." * (room - done)
+        print(f"\r{text[:22]:<22} {bar} {100 * fraction:4.0f}%", end="", file=self._stream, flush=True)
+        self._open_line = True
+
+    def table(self, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+        """A table; numbers to the right, text to the left."""
+        for line in table_lines(header, rows):
+            self.say(line)
+
+    def result(self, value: dict[str, Any]) -> None:
+        """The JSON object, if one is asked for."""
+        self._end_progress()
+        if self.as_json:
+            print(json.dumps(value, indent=2, allow_nan=False), flush=True)
+
+    def _end_progress(self) -> None:
+        if self._open_line:
+            print("\r" + " " * (WIDTH - 1) + "\r", end="", file=self._stream, flush=True)
+            self._open_line = False
+
+
+def table_lines(header: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
+    """The lines of a table."""
+    texts = [[_text(value) for value in row] for row in rows]
+    numeric = [
+        all(isinstance(row[i], int | float) or row[i] is None for row in rows) for i in range(len(header))
+    ] if isinstance(rows, Sequence) else [False] * len(header)
+    widths = [max(len(h), *(len(row[i]) for row in texts)) if texts else len(h) for i, h in enumerate(header)]
+
+    def line(cells: Sequence[str]) -> str:
+        return "  ".join(
+            c.rjust(w) if right else c.ljust(w) for c, w, right in zip(cells, widths, numeric, strict=True)
+        ).rstrip()
+
+    return [line(header), line(["-" * w for w in widths]), *(line(row) for row in texts)]
+
+
+def _text(value: object) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.2f}" if isinstance(value, float) else str(value)

@@ -1,0 +1,111 @@
+"""Cell, task and world files: the shipped ones are good, and every mistake is one line with file, key and value."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm.errors import InputError
+from arm.files import data_file
+from cell.cellfile import read_cell
+from cell.taskfile import read_task
+from cell.worldfile import board_placement, read_world
+
+
+@pytest.fixture
+def scenes(tmp_path: Path) -> Path:
+    target = tmp_path / "scenes"
+    shutil.copytree(data_file("scenes"), target)
+    return target
+
+
+def _change(path: Path, old: str, new: str) -> None:
+    text = path.read_text()
+    assert text.count(old) >= 1, old
+    path.write_text(text.replace(old, new, 1))
+
+
+def test_the_shipped_tasks_can_be_read(scenes: Path) -> None:
+    for name, kind, boards in (("task1", "clear-board", 1), ("task2", "board-to-board", 2)):
+        task = read_task(scenes / f"{name}.toml")
+        assert (task.name, task.kind, len(task.boards)) == (name, kind, boards)
+        assert task.cell.tool_length == pytest.approx(0.134112)
+        assert np.degrees(task.cell.q_start) == pytest.approx([-60, -40, -80, 0, -60, 0])
+        assert task.cell.fraction_closed(task.cell.cube_size) == pytest.approx(1 / 3)
+
+
+def test_the_shipped_world_stands_where_the_fact_sheet_says() -> None:
+    world = read_world(data_file("scenes/task2.world.toml"), 0.036)
+    origins = [b.T_base_board[:3, 3] for b in world.boards]
+    assert origins[0] == pytest.approx([0.5557, 0.1714, 0.0485], abs=5e-5)
+    assert origins[1] == pytest.approx([0.5300, -0.2169, 0.0667], abs=5e-5)
+    assert [np.degrees(np.arccos(b.T_base_board[2, 2])) for b in world.boards] == pytest.approx([7, 15])
+
+
+def test_placement_puts_the_plates_centre_and_leans_where_it_is_told() -> None:
+    rng = np.random.default_rng(4)
+    for _ in range(50):
+        centre, azimuth = rng.uniform(-1, 1, 3), rng.uniform(-np.pi, np.pi)
+        T = board_placement(centre, rng.uniform(-np.pi, np.pi), 0.2, azimuth)
+        assert T @ np.array([0.09, 0.07, 0, 1]) == pytest.approx([*centre, 1], abs=1e-12)
+        assert np.arctan2(T[1, 2], T[0, 2]) == pytest.approx(azimuth, abs=1e-9)
+        assert T[2, 2] == pytest.approx(np.cos(0.2))
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "message"),
+    [
+        ("cell.toml", 'unit = "crs93"', 'unit = "crs39"', r"unit = 'crs39': must be one of crs93, crs97 \(did you mean"),
+        ("cell.toml", "length_mm = 134.112", "length_mm = 108.712", "134.112 mm beyond the flange"),
+        ("cell.toml", "length_mm = 134.112", "lenght_mm = 134.112", r"tool.length_mm: is missing; .*lenght_mm"),
+        ("cell.toml", "jaw_opening_mm = 60", "jaw_opening_mm = 40", "more than the cube's 40 mm"),
+        ("cell.toml", "photographs = 5", "photographs = 0", "look.photographs = 0: must be a whole number from 1"),
+        ("cell.toml", "clearance_mm = 10", "clearance_mm = 4.9", "motion.clearance_mm = 4.9: must be a number in mm from 5"),
+        ("cell.toml", "speed = 0.5", "speed = 1.5", "motion.speed = 1.5"),
+        ("cell.toml", "-80, 0, -60, 0]", "-115, 0, -60, 0]", "q_start_deg.*J3 must be from -109.0 to 109.0 deg"),
+        ("cell.toml", "positions_plate_01-02", "positions_plate_02-01", "boards.files.*not there"),
+        ("cell.toml", "DICT_4X4_50", "DICT_4X4_49", "did you mean 'DICT_4X4_50'"),
+        ("cell.toml", "[look]", "[look]\nfotographs = 5", "look.fotographs = 5: is not a known key .*photographs"),
+        ("cell.toml", "[tool]", "[tool", "is not valid TOML"),
+        ("cell.toml", "# speed_registers = [7680, 2048", "speed_registers = [7680, 9999", "axis B may be at most 4096"),
+        ("cell.toml", "cameras/lab.toml", "cameras/lap.toml", "camera = 'cameras/lap.toml': names a file that is not"),
+        ("cell.toml", 'name = "camera post"', 'name = "table"', "used twice"),
+        ("boards/positions_plate_01-02.csv", "0,80", "a,80", r"positions_plate_01-02.csv: line 2 = 'a,80'"),
+        ("boards/positions_plate_03-04.csv", "3,4", "2,4", "two boards have the marker 2"),
+        ("task2.toml", "from_board = [1, 2]", "from_board = [1, 3]", r"from_board = \[1, 3\]: must be the two marker ids"),
+        ("task2.toml", "to_board = [3, 4]", "to_board = [1, 2]", "another board"),
+        ("task2.toml", "board-to-board", "board2board", "must be one of clear-board, board-to-board"),
+        ("task2.toml", "cell.toml", "cel.toml", "not there"),
+        ("task1.toml", "count = [3, 3]", "count = [1, 3]", "at least four"),
+        ("task1.toml", "step_mm = [75, 75]", "step_mm = [45, 75]", "places.step_mm"),
+    ],
+)
+def test_mistakes_are_told(scenes: Path, file: str, old: str, new: str, message: str) -> None:
+    _change(scenes / file, old, new)
+    task = "task1.toml" if file == "task1.toml" else "task2.toml"
+    with pytest.raises(InputError, match=message) as error:
+        read_task(scenes / task)
+    assert error.value.exit_code == 2
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("cubes = [1, 2, 3, 4]", "cubes = [0, 1]", r"boards\[0\].cubes"),
+        ("tilt_deg = 7", "tilt_deg = -7", r"boards\[0\].tilt_deg = -7"),
+        ("noise_grey = 2.0", 'noise_grey = "low"', "noise_grey = 'low'"),
+    ],
+)
+def test_mistakes_in_a_world_are_told(scenes: Path, old: str, new: str, message: str) -> None:
+    _change(scenes / "task2.world.toml", old, new)
+    with pytest.raises(InputError, match=message):
+        read_world(scenes / "task2.world.toml", 0.036)
+
+
+def test_a_cell_file_alone_is_enough_for_its_cell(scenes: Path) -> None:
+    cell = read_cell(scenes / "cell.toml")
+    assert cell.board((2, 1)).name == "01-02"
+    with pytest.raises(InputError, match="lists boards 1,2, 3,4"):
+        cell.board((1, 4))
