@@ -102,7 +102,9 @@ def _bernstein(start: npt.NDArray[np.int64], segment: Segment) -> Array:
     rows = np.zeros((3, len(start)))
     rows[: len(segment.coefficients)] = segment.coefficients
     a1, a2, a3 = rows
-    return start + np.stack([0.0 * a1, a1 / 3.0, (2.0 * a1 + a2) / 3.0, a1 + a2 + a3])
+    return np.asarray(
+        start + np.stack([0.0 * a1, a1 / 3.0, (2.0 * a1 + a2) / 3.0, a1 + a2 + a3]), dtype=float
+    )
 
 
 def check_move(world: World, path: CountPath, unit: Unit, clearance: float, tight: bool = True) -> MoveCheck:
@@ -174,6 +176,8 @@ class _Search:
         """A bound of at least this needs no more work."""
         if not self.tight:
             return self.clearance
+        if np.isinf(self.seen):
+            return float("inf")
         return self.seen - max(TIGHT_ABSOLUTE, TIGHT_RELATIVE * self.seen)
 
     def refuted(self) -> bool:

@@ -37,7 +37,7 @@ class Scene:
     allowed: frozenset[Pair] = field(default_factory=frozenset)
 
     def __post_init__(self) -> None:
-        names = [b.name for b in (*self.robot_open.bodies, *self.bodies, *self.cubes)]
+        names = [b.name for b in self.robot_open.bodies] + [b.name for b in (*self.bodies, *self.cubes)]
         twice = sorted(name for name, count in Counter(names).items() if count > 1)
         if twice:
             raise InputError(f"scene: two bodies are named {twice[0]!r}; names must differ", names=twice)

@@ -128,7 +128,7 @@ class World:
         return self._reach.radii(poses, J)
 
     def pair_motion(self, radii: Array, delta: Array) -> Array:
-        """Bound (p,) m on how far the bodies of each pair move against each other when joint k moves by at most delta[k].
+        """Bound (p,) m on how far the bodies of each pair move against each other as joint k moves by up to delta[k].
 
         Args:
             radii: `motion_radii` at the configuration that the joints move away from.
@@ -152,7 +152,7 @@ class World:
         return [self._witness(i, float(values[i])) for i in order]
 
     def in_collision(self, q: npt.ArrayLike, clearance: float = 0.0) -> bool:
-        """Whether some pair is closer than `clearance` m at configuration q (n,) rad. The fast way: coal's broadphase."""
+        """Whether some pair is closer than `clearance` m at configuration q (n,) rad. Fast: coal's broadphase."""
         if not len(self.pairs):
             return False
         manager = self._broadphase.get(clearance)
