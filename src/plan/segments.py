@@ -1,0 +1,202 @@
+"""From a timed motion to what the controller executes: integer cubics, one ``COORDSPLINET`` each.
+
+Every segment is the cubic with the planned positions and velocities at both ends (Hermite). In counts, with D the
+displacement, v0 and v1 the end velocities and T the duration, a1 = v0 T, a2 = 3 D - 2 v0 T - v1 T and
+a3 = v0 T + v1 T - 2 D. Only D, v0 T and v1 T are rounded: then all coefficients are integers and sum to D exactly,
+so the end of a chain of segments is known to the count.
+
+Segments begin where the acceleration switches, else every ~100 ms, and are halved where the executed curve would
+leave the planned one. Rounding adds up to a few counts/T^2 to the acceleration, which matters for slow motions:
+those take longer segments. What still exceeds a limit makes the whole motion a little slower.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from arm.errors import ImpossibleError, InputError
+from arm.motion import CountPath, Segment
+from arm.robot import Robot
+from arm.se3 import Array
+from arm.unit import Counts, Limits, Unit
+from plan.extremes import cubic_acceleration, cubic_speed
+from plan.line import Line
+from plan.screws import screw_arm
+from plan.timing import Trajectory
+
+SHORTEST_MS = 40  # the serial line sends about 25 cubics a second (fact sheet of the controller, section 3)
+_ROUNDS = 12  # of slowing down before giving up; each keeps what was won
+_SAMPLES = np.arange(1, 8) / 8.0  # of a segment, where it is compared with the plan
+
+
+@dataclass(frozen=True)
+class LineTolerance:
+    """Keeps the executed tool on a line.
+
+    Attributes:
+        robot: whose tool.
+        line: the line.
+        distance, angle: largest deviation from it, m and rad.
+    """
+
+    robot: Robot
+    line: Line
+    distance: float = 5e-5
+    angle: float = 5.2e-4
+
+
+def to_segments(
+    trajectory: Trajectory,
+    unit: Unit,
+    segment_ms: int = 100,
+    *,
+    limits: Limits | None = None,
+    deviation: float = 2e-4,
+    line: LineTolerance | None = None,
+) -> CountPath:
+    """Integer cubic segments of a motion from rest to rest.
+
+    Args:
+        trajectory: what was planned.
+        unit: whose counts.
+        segment_ms: duration that segments have where nothing asks for less.
+        limits: that the segments must keep, exactly and everywhere; default: those the trajectory was timed under.
+            Give the registers' limits to leave the planned fractions as room for rounding.
+        deviation: of any joint from the planned motion at the same time, rad; also 1 count is always allowed.
+        line: tolerance of the tool on its line, or None.
+
+    Returns:
+        a chain that starts at rest at ``unit.counts`` of the first configuration and ends so at the last.
+
+    Raises:
+        InputError: `segment_ms` is below `SHORTEST_MS`.
+        ImpossibleError: limits so small that rounding to counts alone exceeds them; data: joint, ratio.
+    """
+    if segment_ms < SHORTEST_MS:
+        raise InputError(f"segment_ms = {segment_ms}: must be at least {SHORTEST_MS}", segment_ms=segment_ms)
+    limits = limits or trajectory.limits
+    fitter = _Fitter(unit, limits, deviation, line)
+    total = max(2 * SHORTEST_MS, int(np.ceil(trajectory.duration * 1e3 - 1e-6)))
+    for _ in range(_ROUNDS):
+        timed = trajectory.stretched(total / 1e3 / trajectory.duration)
+        fit = fitter.fit(timed, total, segment_ms)
+        excess = fit.excess()
+        if excess <= 1.0:
+            return fit.path(unit.counts(timed.at([0.0]).q[0]))
+        total = int(np.ceil(total * min(excess * 1.002, 1.5))) + 1
+        # slower motion needs no finer segments; longer ones make less of the rounding
+        segment_ms = min(int(np.ceil(segment_ms * excess)), 2000)
+    joint = int(np.argmax(fit.load.max(axis=0)))
+    raise ImpossibleError(
+        f"axis {unit.axes[joint]} exceeds its limits {fit.load.max():.3g} times when rounded to counts, at any "
+        "duration tried; raise the speed factor or the acceleration registers",
+        axis=unit.axes[joint],
+        ratio=float(fit.load.max()),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Segments of one choice of knots.
+
+    Attributes:
+        knots_ms: (k + 1,) int.
+        coefficients: (3, k, n) int.
+        load: (k, n) how much of its limits each joint uses: the factor on time that would just keep them.
+        off: (k,) deviation over what is allowed.
+    """
+
+    knots_ms: Counts
+    coefficients: Counts
+    load: Array
+    off: Array
+
+    def excess(self) -> float:
+        return float(self.load.max())
+
+    def path(self, start: Counts) -> CountPath:
+        rows = np.moveaxis(self.coefficients, 1, 0).tolist()
+        return CountPath(
+            tuple(int(c) for c in start),
+            tuple(
+                Segment(int(ms), tuple(tuple(row) for row in a))
+                for ms, a in zip(np.diff(self.knots_ms), rows, strict=True)
+            ),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitter:
+    unit: Unit
+    limits: Limits
+    deviation: float
+    line: LineTolerance | None
+
+    def fit(self, timed: Trajectory, total_ms: int, segment_ms: int) -> _Fit:
+        """Halve segments that are off the plan or over a limit, while they may be halved."""
+        knots = _first_knots(timed, total_ms, segment_ms)
+        while True:
+            fit = self._measured(timed, knots)
+            length = np.diff(knots)
+            split = ((fit.off > 1.0) | (fit.load.max(axis=1) > 1.0)) & (length >= 2 * SHORTEST_MS)
+            # halving lets rounding weigh four times as much: not where that alone would exceed
+            split &= (fit.off > 1.0) | (self._rounding(length / 2.0) < 1.0)
+            if not split.any():
+                return fit
+            knots = np.sort(np.concatenate([knots, knots[:-1][split] + length[split] // 2]))
+
+    def _rounding(self, duration_ms: Array) -> Array:
+        """Acceleration that rounding may add, over the limits; (k,)."""
+        counts = 8.0 / (duration_ms / 1e3) ** 2
+        return np.asarray((counts[:, None] / self._acceleration()).max(axis=1))
+
+    def _acceleration(self) -> Array:
+        return np.asarray(self.limits.acceleration * np.abs(self.unit.counts_per_rad))
+
+    def _measured(self, timed: Trajectory, knots: Counts) -> _Fit:
+        unit = self.unit
+        duration = np.diff(knots)[:, None] / 1e3
+        ends = timed.at(knots / 1e3)
+        counts = unit.counts(ends.q)
+        speed = ends.qd * unit.counts_per_rad
+        speed[[0, -1]] = 0.0
+        D = np.diff(counts, axis=0)
+        v0 = np.rint(speed[:-1] * duration).astype(np.int64)
+        v1 = np.rint(speed[1:] * duration).astype(np.int64)
+        a = np.stack([v0, 3 * D - 2 * v0 - v1, v0 + v1 - 2 * D])
+
+        scale = np.abs(unit.counts_per_rad)
+        velocity = cubic_speed(a.astype(float)) / duration / (self.limits.velocity * scale)
+        acceleration = cubic_acceleration(a.astype(float)) / duration**2 / self._acceleration()
+        load = np.maximum(velocity, np.sqrt(acceleration))
+
+        u = _SAMPLES[:, None, None]
+        executed = counts[:-1] + u * (a[0] + u * (a[1] + u * a[2]))
+        times = knots[:-1] / 1e3 + _SAMPLES[:, None] * duration[:, 0]
+        planned = (
+            unit.counts_at_zero + timed.at(times.ravel()).q.reshape(executed.shape) * unit.counts_per_rad
+        )
+        off = (np.abs(executed - planned) / (1.0 + self.deviation * scale)).max(axis=(0, 2))
+        if self.line is not None:
+            poses = screw_arm(self.line.robot).tool_poses(unit.positions(executed).reshape(-1, 6))
+            away = self.line.line.deviation(poses)
+            worst = np.maximum(away.distance / self.line.distance, away.angle / self.line.angle)
+            off = np.maximum(off, worst.reshape(len(_SAMPLES), -1).max(axis=0))
+        return _Fit(knots, a, load, off)
+
+
+def _first_knots(timed: Trajectory, total_ms: int, segment_ms: int) -> Counts:
+    """Knots at the acceleration's switches and evenly between them, none closer than `SHORTEST_MS`."""
+    stops = [0]
+    for switch in np.rint(timed.switches() * 1e3).astype(int):
+        if switch - stops[-1] >= SHORTEST_MS and total_ms - switch >= SHORTEST_MS:
+            stops.append(int(switch))
+    stops.append(total_ms)
+    knots = [0]
+    for begin, end in pairwise(stops):
+        parts = max(1, int(np.ceil((end - begin) / segment_ms)))
+        knots.extend(begin + (end - begin) * i // parts for i in range(1, parts + 1))
+    return np.array(knots, dtype=np.int64)
