@@ -7,12 +7,12 @@ so the end of a chain of segments is known to the count.
 
 Segments begin where the acceleration switches, else every ~100 ms, and are halved where the executed curve would
 leave the planned one. Rounding adds up to a few counts/T^2 to the acceleration, which matters for slow motions:
-those take longer segments. What still exceeds a limit makes the whole motion a little slower.
+those take longer segments. If a limit is still exceeded, the path is timed anew with that limit a little lower.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -20,7 +20,7 @@ import numpy as np
 from arm.errors import ImpossibleError, InputError
 from arm.motion import CountPath, Segment
 from arm.robot import Robot
-from arm.se3 import Array
+from arm.se3 import Array, frozen
 from arm.unit import Counts, Limits, Unit
 from plan.extremes import cubic_acceleration, cubic_speed
 from plan.line import Line
@@ -28,7 +28,17 @@ from plan.screws import screw_arm
 from plan.timing import Trajectory
 
 SHORTEST_MS = 40  # the serial line sends about 25 cubics a second (fact sheet of the controller, section 3)
-_ROUNDS = 12  # of slowing down before giving up; each keeps what was won
+_LONGER = (
+    1.5,
+    2.0,
+    3.0,
+    4.0,
+    6.0,
+    8.0,
+    12.0,
+    16.0,
+)  # times the asked duration, tried where rounding weighs too much
+_ROUNDS = 12  # of slowing down before giving up
 _SAMPLES = np.arange(1, 8) / 8.0  # of a segment, where it is compared with the plan
 
 
@@ -77,24 +87,34 @@ def to_segments(
     """
     if segment_ms < SHORTEST_MS:
         raise InputError(f"segment_ms = {segment_ms}: must be at least {SHORTEST_MS}", segment_ms=segment_ms)
-    limits = limits or trajectory.limits
-    fitter = _Fitter(unit, limits, deviation, line)
-    total = max(2 * SHORTEST_MS, int(np.ceil(trajectory.duration * 1e3 - 1e-6)))
+    fitter = _Fitter(unit, limits or trajectory.limits, deviation, line)
     for _ in range(_ROUNDS):
+        total = max(2 * SHORTEST_MS, int(np.ceil(trajectory.duration * 1e3 - 1e-6)))
         timed = trajectory.stretched(total / 1e3 / trajectory.duration)
-        fit = fitter.fit(timed, total, segment_ms)
-        excess = fit.excess()
-        if excess <= 1.0:
+        fit = fitter.best(timed, total, segment_ms)
+        if fit.excess() <= 1.0:
             return fit.path(unit.counts(timed.at([0.0]).q[0]))
-        total = int(np.ceil(total * min(excess * 1.002, 1.5))) + 1
-        # slower motion needs no finer segments; longer ones make less of the rounding
-        segment_ms = min(int(np.ceil(segment_ms * excess)), 2000)
-    joint = int(np.argmax(fit.load.max(axis=0)))
+        trajectory = _slower(trajectory, fit)
+    joint = int(np.argmax(fit.load().max(axis=0)))
     raise ImpossibleError(
-        f"axis {unit.axes[joint]} exceeds its limits {fit.load.max():.3g} times when rounded to counts, at any "
-        "duration tried; raise the speed factor or the acceleration registers",
+        f"axis {unit.axes[joint]} exceeds its limits {fit.excess():.3g} times when rounded to counts, however much "
+        "slower the motion; raise the speed factor or the acceleration registers",
         axis=unit.axes[joint],
-        ratio=float(fit.load.max()),
+        ratio=fit.excess(),
+    )
+
+
+def _slower(trajectory: Trajectory, fit: _Fit) -> Trajectory:
+    """The path timed anew, with the limits that its segments exceed lowered by what they exceed."""
+    velocity = np.maximum(1.0, fit.velocity.max(axis=0) * 1.001)
+    acceleration = np.maximum(1.0, fit.acceleration.max(axis=0) * 1.01)
+    limits = trajectory.limits
+    return trajectory.under(
+        replace(
+            limits,
+            velocity=frozen(limits.velocity / np.where(velocity > 1.001, velocity, 1.0)),
+            acceleration=frozen(limits.acceleration / np.where(acceleration > 1.01, acceleration, 1.0)),
+        )
     )
 
 
@@ -105,17 +125,21 @@ class _Fit:
     Attributes:
         knots_ms: (k + 1,) int.
         coefficients: (3, k, n) int.
-        load: (k, n) how much of its limits each joint uses: the factor on time that would just keep them.
+        velocity, acceleration: (k, n) largest over their limits.
         off: (k,) deviation over what is allowed.
     """
 
     knots_ms: Counts
     coefficients: Counts
-    load: Array
+    velocity: Array
+    acceleration: Array
     off: Array
 
+    def load(self) -> Array:
+        return np.maximum(self.velocity, self.acceleration)
+
     def excess(self) -> float:
-        return float(self.load.max())
+        return float(self.load().max())
 
     def path(self, start: Counts) -> CountPath:
         rows = np.moveaxis(self.coefficients, 1, 0).tolist()
@@ -135,13 +159,24 @@ class _Fitter:
     deviation: float
     line: LineTolerance | None
 
+    def best(self, timed: Trajectory, total_ms: int, segment_ms: int) -> _Fit:
+        """Segments of the asked duration if they keep the limits, else longer ones that suffer less from rounding."""
+        found = self.fit(timed, total_ms, segment_ms)
+        for factor in _LONGER:
+            if found.excess() <= 1.0 or self._rounding(np.array([segment_ms * factor])).max() < 0.005:
+                break
+            longer = self.fit(timed, total_ms, int(segment_ms * factor))
+            if longer.excess() < found.excess():
+                found = longer
+        return found
+
     def fit(self, timed: Trajectory, total_ms: int, segment_ms: int) -> _Fit:
         """Halve segments that are off the plan or over a limit, while they may be halved."""
         knots = _first_knots(timed, total_ms, segment_ms)
         while True:
             fit = self._measured(timed, knots)
             length = np.diff(knots)
-            split = ((fit.off > 1.0) | (fit.load.max(axis=1) > 1.0)) & (length >= 2 * SHORTEST_MS)
+            split = ((fit.off > 1.0) | (fit.load().max(axis=1) > 1.0)) & (length >= 2 * SHORTEST_MS)
             # halving lets rounding weigh four times as much: not where that alone would exceed
             split &= (fit.off > 1.0) | (self._rounding(length / 2.0) < 1.0)
             if not split.any():
@@ -171,7 +206,6 @@ class _Fitter:
         scale = np.abs(unit.counts_per_rad)
         velocity = cubic_speed(a.astype(float)) / duration / (self.limits.velocity * scale)
         acceleration = cubic_acceleration(a.astype(float)) / duration**2 / self._acceleration()
-        load = np.maximum(velocity, np.sqrt(acceleration))
 
         u = _SAMPLES[:, None, None]
         executed = counts[:-1] + u * (a[0] + u * (a[1] + u * a[2]))
@@ -185,7 +219,7 @@ class _Fitter:
             away = self.line.line.deviation(poses)
             worst = np.maximum(away.distance / self.line.distance, away.angle / self.line.angle)
             off = np.maximum(off, worst.reshape(len(_SAMPLES), -1).max(axis=0))
-        return _Fit(knots, a, load, off)
+        return _Fit(knots, a, velocity, acceleration, off)
 
 
 def _first_knots(timed: Trajectory, total_ms: int, segment_ms: int) -> Counts:

@@ -49,6 +49,7 @@ class Trajectory:
         times, s, rate: (k,) knots: time s, path parameter, and its rate per s.
         limits: that it was timed under.
         method: ``trapezoid``, ``toppra`` or ``fallback``.
+        rate_cap: cap on the rate that it was timed under, or None.
         stretch: by which time was lengthened after timing, to keep limits; 1 if it was not.
     """
 
@@ -58,6 +59,7 @@ class Trajectory:
     rate: Array
     limits: Limits
     method: str
+    rate_cap: float | None = None
     stretch: float = 1.0
 
     @property
@@ -84,6 +86,12 @@ class Trajectory:
             rate=frozen(self.rate / factor),
             stretch=self.stretch * factor,
         )
+
+    def under(self, limits: Limits) -> Trajectory:
+        """The same path timed anew under other limits, by the same method."""
+        if self.method == "trapezoid":
+            return _trapezoids(self.path, limits)
+        return time_curve(self.path, limits, self.rate_cap)
 
     def switches(self) -> Array:
         """Times (k,) in s at which the acceleration jumps by a fifth of a joint's limit or more; without both ends."""
@@ -172,7 +180,7 @@ def time_curve(path: Path, limits: Limits, rate_cap: float | None = None) -> Tra
     trajectory = (
         _slow_trapezoid(path, grid, limits, rate_cap)
         if rate is None
-        else Trajectory(path, _times(grid, rate), frozen(grid), frozen(rate), limits, "toppra")
+        else Trajectory(path, _times(grid, rate), frozen(grid), frozen(rate), limits, "toppra", rate_cap)
     )
     excess = trajectory.peaks().stretch()
     return trajectory if excess <= 1.0 + 1e-12 else trajectory.stretched(excess * (1.0 + 1e-12))
@@ -312,4 +320,4 @@ def _slow_trapezoid(path: Path, grid: Array, limits: Limits, rate_cap: float | N
     top = min(top, rate_cap) if rate_cap is not None else top
     times, knots, rate = [0.0], [float(grid[0])], [0.0]
     _append_trapezoid(times, knots, rate, float(grid[0]), float(grid[-1]), top, push)
-    return Trajectory(path, frozen(times), frozen(knots), frozen(rate), limits, "fallback")
+    return Trajectory(path, frozen(times), frozen(knots), frozen(rate), limits, "fallback", rate_cap)
