@@ -1,0 +1,175 @@
+"""What the page is given: a plan, its arm and its cell as JSON types. Lengths m, angles rad, time s on one clock.
+
+Motion stays as it is sent, integer segments in encoder counts, and the page evaluates those: what is shown is what
+the controller will do, not a resampling of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from arm.bodies import body_from_json, shape_to_json
+from arm.errors import InputError
+from arm.planfile import GripperStep, LookStep, Move, Plan
+from arm.robot import Robot
+from arm.se3 import Array, inverse, rotation_vector
+from arm.unit import Unit
+from cell.preview.overlays import (
+    CameraView,
+    ClearanceSample,
+    ExecutedMove,
+    PlacedBoard,
+    board_to_json,
+    camera_to_json,
+    clearance_to_json,
+    executed_to_json,
+    pose_numbers,
+)
+from cell.preview.timeline import TimedStep, cube_tracks, timed_steps
+
+
+def page_content(
+    plan: Plan,
+    robot_open: Robot,
+    robot_holding: Robot,
+    unit: Unit,
+    boards: Sequence[PlacedBoard] = (),
+    dictionary: str = "DICT_4X4_50",
+    camera: CameraView | None = None,
+    clearance: dict[int, Sequence[ClearanceSample]] | None = None,
+    executed: Sequence[ExecutedMove] = (),
+) -> dict[str, Any]:
+    """Everything that the page draws.
+
+    Args:
+        plan: to show; bodies and cubes come from its scene.
+        robot_open, robot_holding: the arm with open jaws and with the jaws at the cube's width.
+        unit: the plan's.
+        boards: where boards stand: drawn with holes and markers in place of their plates.
+        dictionary: of the boards' markers.
+        camera: drawn with its view.
+        clearance: per index of a step, samples over that move.
+        executed: drawn over the plan.
+
+    Raises:
+        InputError: the plan is for another unit, or its arms do not match each other or its scene.
+    """
+    if plan.unit != unit.name:
+        raise InputError(
+            f"unit = {unit.name!r}: the plan is for {plan.unit!r}", value=unit.name, plan=plan.unit
+        )
+    steps = timed_steps(plan)
+    bodies = [body_from_json(b) for b in plan.scene.get("bodies", [])]
+    cubes = [body_from_json(c) for c in plan.scene.get("cubes", [])]
+    tracks = cube_tracks(steps, cubes, robot_open, unit)
+    return {
+        "task": plan.task,
+        "unit": plan.unit,
+        "speed": plan.speed,
+        "sha256": plan.sha256,
+        "provenance": plan.provenance,
+        "motion_s": plan.duration_s,
+        "duration_s": steps[-1].end_s,
+        "joints": _joints(plan, robot_open, unit),
+        "arm": _arm(robot_open, robot_holding),
+        "bodies": [
+            {"name": b.name, "kind": b.kind, "shape": shape_to_json(b.shape), "T": pose_numbers(b.T_base_body)}
+            for b in bodies
+        ],
+        "cubes": [
+            {
+                "name": c.name,
+                "shape": shape_to_json(c.shape),
+                "track": [
+                    {"start": round(p.start_s, 6), "held": p.held, "T": pose_numbers(p.T)}
+                    for p in tracks[c.name]
+                ],
+            }
+            for c in cubes
+        ],
+        "boards": [board_to_json(b, dictionary) for b in boards],
+        "camera": None if camera is None else camera_to_json(camera),
+        "steps": [_step(timed) for timed in steps],
+        "clearance": {str(i): clearance_to_json(s) for i, s in (clearance or {}).items()},
+        "executed": [executed_to_json(move) for move in executed],
+    }
+
+
+def _joints(plan: Plan, robot: Robot, unit: Unit) -> dict[str, Any]:
+    return {
+        "names": list(robot.joint_names),
+        "counts_per_rad": unit.counts_per_rad.tolist(),
+        "counts_at_zero": unit.counts_at_zero.tolist(),
+        "lower": unit.lower.tolist(),
+        "upper": unit.upper.tolist(),
+        "velocity": unit.velocity(plan.speed_registers).tolist(),
+        "acceleration": unit.acceleration(plan.acceleration_registers).tolist(),
+    }
+
+
+def _arm(robot_open: Robot, robot_holding: Robot) -> dict[str, Any]:
+    """The chain as constant placements and axes, and the bodies with both positions of the jaws."""
+    count = len(robot_open.joint_names)
+    zero = robot_open.joint_poses(np.zeros(count))
+    holding = {body.name: body for body in robot_holding.bodies}
+    if set(holding) != {body.name for body in robot_open.bodies}:
+        raise InputError("robot_holding: must have the bodies of robot_open, with other jaws only")
+    return {
+        "chain": [
+            {"T": pose_numbers(inverse(zero[i]) @ zero[i + 1]), **_axis(robot_open, zero, i)}
+            for i in range(count)
+        ],
+        "T_end_tool": pose_numbers(inverse(zero[-1]) @ robot_open.T_base_tool(np.zeros(count))),
+        "bodies": [
+            {
+                "name": body.name,
+                "joint": body.joint,
+                "shape": shape_to_json(body.shape),
+                "open": pose_numbers(body.T_joint_body),
+                "holding": pose_numbers(holding[body.name].T_joint_body),
+            }
+            for body in robot_open.bodies
+        ],
+    }
+
+
+def _axis(robot: Robot, zero: Array, joint: int) -> dict[str, Any]:
+    """Kind and axis of a joint in its own frame, read off a small motion: no joint types of a library."""
+    step = 0.5
+    q = np.zeros(len(robot.joint_names))
+    q[joint] = step
+    moved = inverse(zero[joint + 1]) @ robot.joint_poses(q)[joint + 1]
+    turn = rotation_vector(moved[:3, :3]) / step
+    revolute = bool(np.linalg.norm(turn) > 0.5)
+    axis = turn if revolute else moved[:3, 3] / step
+    return {"revolute": revolute, "axis": [float(v) + 0.0 for v in np.round(axis, 9)]}
+
+
+def _step(timed: TimedStep) -> dict[str, Any]:
+    step = timed.step
+    common = {
+        "name": step.name,
+        "start": round(timed.start_s, 6),
+        "end": round(timed.end_s, 6),
+        "jaws": [round(f, 4) for f in timed.jaws],
+    }
+    match step:
+        case Move():
+            return common | {
+                "kind": "move",
+                "role": step.role,
+                "cube": step.cube,
+                "counts": list(step.path.start),
+                "segments": [[s.duration_ms, *map(list, s.coefficients)] for s in step.path.segments],
+                "held": step.held,
+                "clearance": step.clearance,
+                "closest": list(step.closest),
+                "certified": step.certified,
+            }
+        case GripperStep():
+            return common | {"kind": "gripper", "role": "gripper", "cube": step.cube, "action": step.action}
+        case LookStep():
+            return common | {"kind": "look", "role": "look", "cube": None}

@@ -1,0 +1,153 @@
+"""What may be shown on top of a plan: boards with holes and markers, the camera, clearance, what was executed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import cv2
+import numpy as np
+
+from arm.board import CUBE_SEAT_DEPTH, PLATE_CENTRE, PLATE_SIZE, POCKET_FLOOR, POCKET_MOUTH, Board
+from arm.errors import InputError
+from arm.se3 import Array
+
+_DIGITS = 7  # of lengths in m: a tenth of a micrometre
+
+
+class PlacedBoard(Protocol):
+    """A board and where it stands; `arm.poses.BoardPose` is one."""
+
+    @property
+    def board(self) -> Board:
+        """Which."""
+
+    @property
+    def T_base_board(self) -> Array:
+        """Where, 4x4."""
+
+
+class CameraView(Protocol):
+    """A camera to draw; `vision.camera.Camera` is one."""
+
+    @property
+    def K(self) -> Array:
+        """(3, 3), px."""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height, px."""
+
+    @property
+    def T_base_camera(self) -> Array:
+        """Where it is, 4x4: z forward, x right in the image, y down."""
+
+
+@dataclass(frozen=True)
+class ClearanceSample:
+    """The closest pair of bodies at one moment of a move.
+
+    Attributes:
+        time_s: since the move's start.
+        distance: m.
+        pair: names of the two bodies.
+        points: the nearest points, (2, 3) m in the base frame, in the order of the names.
+    """
+
+    time_s: float
+    distance: float
+    pair: tuple[str, str]
+    points: Array
+
+
+@dataclass(frozen=True)
+class ExecutedMove:
+    """What the arm did during one step of the plan.
+
+    Attributes:
+        step: index into the plan's steps.
+        time_s: (m,) since the step's start.
+        counts: (m, 6) encoder counts.
+    """
+
+    step: int
+    time_s: Array
+    counts: Array
+
+
+def pose_numbers(T: Array) -> list[float]:
+    """The upper three rows of a 4x4 transform, row by row, rounded to 0.1 um."""
+    return [float(v) + 0.0 for v in np.round(T[:3], _DIGITS).ravel()]
+
+
+def marker_rows(dictionary: str, marker_id: int) -> list[str]:
+    """A marker's modules with its black border, top row first, ``1`` for white.
+
+    Raises:
+        InputError: OpenCV knows no such dictionary, or the dictionary has no such marker.
+    """
+    number = getattr(cv2.aruco, dictionary, None)
+    if not dictionary.startswith("DICT_") or not isinstance(number, int):
+        raise InputError(
+            f"dictionary = {dictionary!r}: must be a marker dictionary of OpenCV such as DICT_4X4_50",
+            value=dictionary,
+        )
+    known = cv2.aruco.getPredefinedDictionary(number)
+    count = len(known.bytesList)
+    if not 0 <= marker_id < count:
+        raise InputError(
+            f"marker id = {marker_id}: must be from 0 to {count - 1} in {dictionary}", value=marker_id
+        )
+    image = known.generateImageMarker(marker_id, known.markerSize + 2)
+    return ["".join("1" if v else "0" for v in row) for row in image]
+
+
+def board_to_json(placed: PlacedBoard, dictionary: str) -> dict[str, Any]:
+    """A board as the page draws it, lengths in m."""
+    board = placed.board
+    return {
+        "name": board.name,
+        "T": pose_numbers(placed.T_base_board),
+        "plate": {"size": list(PLATE_SIZE), "centre": list(PLATE_CENTRE)},
+        "pocket": {"mouth": POCKET_MOUTH, "floor": POCKET_FLOOR, "depth": CUBE_SEAT_DEPTH + 0.002},
+        "holes": [[float(x), float(y)] for x, y, _ in board.holes],
+        "markers": [
+            {
+                "rows": marker_rows(dictionary, marker_id),
+                "size": board.marker_size,
+                "centre": [float(v) for v in corners.mean(axis=0)[:2]],
+            }
+            for marker_id, corners in zip(board.marker_ids, board.marker_corners(), strict=True)
+        ],
+    }
+
+
+def camera_to_json(camera: CameraView) -> dict[str, Any]:
+    """Pose of the camera and the rays through its image's corners (lens distortion left out), at depth 1 m."""
+    width, height = camera.size
+    pixels = np.array([[0, 0, 1], [width, 0, 1], [width, height, 1], [0, height, 1]], dtype=float)
+    rays = pixels @ np.linalg.inv(np.asarray(camera.K, dtype=float)).T
+    return {"T": pose_numbers(camera.T_base_camera), "corners": np.round(rays, 5).tolist()}
+
+
+def clearance_to_json(samples: Sequence[ClearanceSample]) -> dict[str, Any]:
+    """Clearance over one move, in columns; distances and points in m."""
+    names = sorted({name for s in samples for name in s.pair})
+    place = {name: i for i, name in enumerate(names)}
+    return {
+        "time": [round(s.time_s, 4) for s in samples],
+        "distance": [round(s.distance, 6) for s in samples],
+        "names": names,
+        "pairs": [[place[name] for name in s.pair] for s in samples],
+        "points": [np.round(s.points, 5).ravel().tolist() for s in samples],
+    }
+
+
+def executed_to_json(move: ExecutedMove) -> dict[str, Any]:
+    """One executed move, in columns; whole counts."""
+    return {
+        "step": move.step,
+        "time": np.round(move.time_s, 4).tolist(),
+        "counts": np.rint(move.counts).astype(int).tolist(),
+    }

@@ -1,0 +1,148 @@
+"use strict";
+// The cell: what stands still, the arm, the cubes. `pose(t)` puts everything where it is at time t.
+
+const STILL = {
+  table: { colour: "#c9cbc8", roughness: 0.85, rounding: 0.006 },
+  board: { colour: "#d8c29a", roughness: 0.72, rounding: 0.003 },
+  stand: { colour: "#8d949b", roughness: 0.75, rounding: 0.004 },
+  wall: { colour: "#aab4bd", roughness: 0.6, rounding: 0.004, opacity: 0.32 },
+  post: { colour: "#aab4bd", roughness: 0.6, rounding: 0.004, opacity: 0.32 },
+  zone: { colour: "#d08a3a", roughness: 1, rounding: 0.001, opacity: 0.1 },
+};
+
+class Cell3D {
+  constructor(content, motion, scene) {
+    this.motion = motion;
+    this.scene = scene;
+    this.addStill(content);
+    this.addArm(content.arm);
+    this.cubes = content.cubes.map((cube, i) => {
+      const [x] = cube.shape.box || [0.04];
+      const body = mesh(bodyGeometry(cube.shape, 0.07 * x), standardMaterial(CUBE_COLOURS[i % CUBE_COLOURS.length], 0.5));
+      scene.add(body);
+      return { mesh: body, track: cube.track.map((p) => ({ start: p.start, held: p.held, T: matrix(p.T) })) };
+    });
+    if (content.camera) scene.add((this.view = cameraView(content.camera)));
+    scene.add((this.triad = triad(0.05)));
+  }
+
+  addStill(content) {
+    const drawn = new Set(content.boards.map((board) => `plate ${board.name}`));
+    for (const body of content.bodies) {
+      if (drawn.has(body.name)) continue;
+      const look = STILL[body.kind] || STILL.stand;
+      const material = standardMaterial(look.colour, look.roughness);
+      const made = mesh(bodyGeometry(body.shape, look.rounding), material, matrix(body.T));
+      if (look.opacity) {
+        Object.assign(material, { transparent: true, opacity: look.opacity, depthWrite: false });
+        made.castShadow = made.receiveShadow = false;
+      }
+      this.scene.add(made);
+      if (body.kind === "table" && body.shape.box) this.scene.add(tableGrid(body));
+    }
+    for (const board of content.boards) this.scene.add(boardGroup(board));
+  }
+
+  addArm(arm) {
+    const shell = new THREE.MeshPhysicalMaterial({ color: "#f0ebe0", roughness: 0.42, clearcoat: 0.35, clearcoatRoughness: 0.4 });
+    const cover = standardMaterial("#3d444c", 0.5, 0.15);
+    const tool = standardMaterial("#8f979e", 0.42, 0.55);
+    const finger = standardMaterial("#30363c", 0.6, 0.2);
+    this.frames = [new THREE.Group()];
+    for (let i = 0; i < this.motion.chain.length; i++) this.frames.push(new THREE.Group());
+    this.frames.forEach((frame, i) => {
+      frame.matrixAutoUpdate = false;
+      (i ? this.frames[i - 1] : this.scene).add(frame);
+    });
+    this.jaws = [];
+    const seen = new Set();
+    for (const body of arm.bodies) {
+      const last = body.joint === this.motion.chain.length;
+      const moves = body.open.some((v, i) => v !== body.holding[i]);
+      let material = shell;
+      if (moves) material = finger;
+      else if (last && seen.has(body.joint)) material = tool;
+      else if (last || body.shape.sphere || seen.has(body.joint)) material = cover;
+      seen.add(body.joint);
+      const open = matrix(body.open);
+      const made = mesh(bodyGeometry(body.shape, moves ? 0.002 : 0.02), material, open);
+      this.frames[body.joint].add(made);
+      if (moves) this.jaws.push({ mesh: made, open, holding: matrix(body.holding) });
+    }
+  }
+
+  pose(t) {
+    const q = this.motion.q(t);
+    q.forEach((value, i) => {
+      this.motion.jointMatrix(i, value, this.frames[i + 1].matrix);
+      this.frames[i + 1].matrixWorldNeedsUpdate = true;
+    });
+    const closed = this.motion.jaws(t);
+    for (const jaw of this.jaws) {
+      const between = jaw.open.clone();
+      jaw.holding.elements.forEach((v, i) => (between.elements[i] += closed * (v - between.elements[i])));
+      place(jaw.mesh, between);
+    }
+    const T_base_tool = this.motion.toolPose(q);
+    for (const cube of this.cubes) {
+      const now = cube.track.filter((p) => p.start <= t + 1e-9).pop();
+      place(cube.mesh, now.held ? T_base_tool.clone().multiply(now.T) : now.T);
+    }
+    place(this.triad, T_base_tool);
+    return T_base_tool;
+  }
+}
+
+// Lines every 100 mm of the base frame on the table's top.
+function tableGrid(body) {
+  const [x, y, z] = body.shape.box;
+  const [cx, cy, top] = [body.T[3], body.T[7], body.T[11] + z / 2 + 3e-4];
+  const edge = 0.012;
+  const [x0, x1, y0, y1] = [cx - x / 2 + edge, cx + x / 2 - edge, cy - y / 2 + edge, cy + y / 2 - edge];
+  const points = [];
+  for (let i = Math.ceil(x0 * 10); i <= x1 * 10; i++) points.push(i / 10, y0, top, i / 10, y1, top);
+  for (let i = Math.ceil(y0 * 10); i <= y1 * 10; i++) points.push(x0, i / 10, top, x1, i / 10, top);
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(points), 3));
+  return new THREE.LineSegments(geometry,
+    new THREE.LineBasicMaterial({ color: "#8b9196", transparent: true, opacity: 0.32, depthWrite: false }));
+}
+
+// The camera as a small housing, its field of view as four edges to the table and a frame there.
+function cameraView(camera) {
+  const group = new THREE.Group();
+  const T = matrix(camera.T);
+  const eye = new THREE.Vector3().setFromMatrixPosition(T);
+  const corners = camera.corners.map((c) => {
+    const far = new THREE.Vector3(...c).applyMatrix4(T);
+    const share = far.z < eye.z - 1e-6 ? eye.z / (eye.z - far.z) : 1;
+    return eye.clone().lerp(far, share);
+  });
+  const points = [];
+  corners.forEach((corner, i) => {
+    points.push(...eye.toArray(), ...corner.toArray(), ...corner.toArray(), ...corners[(i + 1) % 4].toArray());
+  });
+  group.add(thickSegments(points, styleColour("accent"), 1.3, 0.55));
+  const housing = mesh(roundedBox([0.05, 0.05, 0.08], 0.006), standardMaterial("#30363c", 0.5, 0.3));
+  const lens = mesh(roundedCylinder(0.019, 0.04, 0.004).translate(0, 0, 0.055), standardMaterial("#15181b", 0.3, 0.4));
+  const body = new THREE.Group();
+  body.add(housing, lens);
+  place(body, T);
+  group.add(body);
+  return group;
+}
+
+// The tool's axes: x red, y green, z blue.
+function triad(length) {
+  const group = new THREE.Group();
+  [[1, 0, 0, "#d9503f"], [0, 1, 0, "#3a9d62"], [0, 0, 1, "#2f7fc4"]].forEach(([x, y, z, colour]) => {
+    group.add(thickSegments([0, 0, 0, x * length, y * length, z * length], colour, 3));
+  });
+  return group;
+}
+
+function thickSegments(points, colour, width, opacity = 1) {
+  const geometry = new THREE.LineSegmentsGeometry().setPositions(points);
+  const material = new THREE.LineMaterial({ color: colour, linewidth: width, transparent: opacity < 1, opacity });
+  return new THREE.LineSegments2(geometry, material);
+}

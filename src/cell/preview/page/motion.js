@@ -1,0 +1,121 @@
+"use strict";
+// The motion as it is sent: polynomial segments in encoder counts on one clock, and the arm's kinematics.
+
+class Motion {
+  constructor(content) {
+    this.joints = content.joints;
+    this.steps = content.steps;
+    this.duration = content.duration_s;
+    this.chain = content.arm.chain.map((joint) => ({
+      T: matrix(joint.T),
+      axis: new THREE.Vector3(...joint.axis),
+      revolute: joint.revolute,
+    }));
+    this.T_end_tool = matrix(content.arm.T_end_tool);
+    let at = content.steps.find((step) => step.kind === "move").counts;
+    for (const step of this.steps) {
+      if (step.kind === "move") {
+        step.ends = [];
+        step.knots = [step.counts];
+        let time = step.start;
+        for (const [ms, ...rows] of step.segments) {
+          const knot = step.knots[step.knots.length - 1];
+          step.ends.push((time += ms / 1e3));
+          step.knots.push(knot.map((c, j) => rows.reduce((sum, row) => sum + row[j], c)));
+        }
+        at = step.knots[step.knots.length - 1];
+      } else {
+        step.counts = at;
+      }
+    }
+  }
+
+  // Index of the step at time t; at a border the later one.
+  stepAt(t) {
+    let low = 0;
+    let high = this.steps.length - 1;
+    while (low < high) {
+      const middle = (low + high + 1) >> 1;
+      if (this.steps[middle].start <= t + 1e-9) low = middle;
+      else high = middle - 1;
+    }
+    return low;
+  }
+
+  // Encoder counts (order 0) or their derivatives by time, at time t.
+  counts(t, order = 0) {
+    const step = this.steps[this.stepAt(t)];
+    const still = step.counts.map((c) => (order ? 0 : c));
+    if (step.kind !== "move" || !step.segments.length) return still;
+    let index = step.ends.findIndex((end) => t < end);
+    if (index < 0) index = step.ends.length - 1;
+    const [ms, ...rows] = step.segments[index];
+    const seconds = ms / 1e3;
+    if (!seconds) return order ? still : step.knots[index + 1];
+    const u = Math.min(1, Math.max(0, (t - step.ends[index] + seconds) / seconds));
+    return step.knots[index].map((start, j) => {
+      let value = order ? 0 : start;
+      rows.forEach((row, k) => {
+        let factor = 1;
+        for (let d = 0; d < order; d++) factor *= k + 1 - d;
+        if (k + 1 >= order) value += row[j] * factor * u ** (k + 1 - order);
+      });
+      return value / seconds ** order;
+    });
+  }
+
+  // Joint positions (rad) or their derivatives.
+  q(t, order = 0) {
+    return this.positions(this.counts(t, order), order);
+  }
+
+  positions(counts, order = 0) {
+    const { counts_per_rad: scale, counts_at_zero: zero } = this.joints;
+    return counts.map((c, j) => (c - (order ? 0 : zero[j])) / scale[j]);
+  }
+
+  // How far the jaws are closed, 0 to 1.
+  jaws(t) {
+    const step = this.steps[this.stepAt(t)];
+    const share = Math.min(1, Math.max(0, (t - step.start) / (step.end - step.start || 1)));
+    const eased = share * share * (3 - 2 * share);
+    return step.jaws[0] + (step.jaws[1] - step.jaws[0]) * eased;
+  }
+
+  // Pose of each joint's frame in the one before it.
+  jointMatrix(index, q, into) {
+    const { T, axis, revolute } = this.chain[index];
+    const motion = new THREE.Matrix4();
+    if (revolute) motion.makeRotationAxis(axis, q);
+    else motion.makeTranslation(axis.x * q, axis.y * q, axis.z * q);
+    return into.multiplyMatrices(T, motion);
+  }
+
+  // Pose of the tool in the base frame for joint positions q.
+  toolPose(q) {
+    const pose = new THREE.Matrix4();
+    const step = new THREE.Matrix4();
+    q.forEach((value, i) => pose.multiply(this.jointMatrix(i, value, step)));
+    return pose.multiply(this.T_end_tool);
+  }
+
+  // Greatest |derivative| of every joint over the whole plan, from five places of each segment.
+  peaks(order) {
+    const peak = this.joints.names.map(() => 0);
+    for (const step of this.steps) {
+      if (step.kind !== "move") continue;
+      step.segments.forEach(([ms], i) => {
+        for (let k = 0; k <= 4; k++) {
+          const t = step.ends[i] - (ms / 1e3) * (1 - k / 4) - (k === 4 ? 1e-6 : 0);
+          this.q(t, order).forEach((v, j) => (peak[j] = Math.max(peak[j], Math.abs(v))));
+        }
+      });
+    }
+    return peak;
+  }
+}
+
+// A 4x4 from the twelve numbers of its upper rows.
+function matrix(rows) {
+  return new THREE.Matrix4().set(...rows, 0, 0, 0, 1);
+}

@@ -1,0 +1,162 @@
+"use strict";
+// The page around the picture: heading, list of steps, time bar, legend, provenance.
+
+function element(tag, className = "", text = "") {
+  const made = document.createElement(tag);
+  made.className = className;
+  made.textContent = text;
+  return made;
+}
+
+function button(text, onClick) {
+  const made = element("button", "", text);
+  made.type = "button";
+  made.addEventListener("click", onClick);
+  return made;
+}
+
+function fillHeading(content) {
+  const title = content.task.name || content.task.kind || content.task.task || "plan";
+  document.title = `${title} · a465 plan ${content.sha256.slice(0, 8)}`;
+  document.getElementById("title").textContent = title;
+  const cubes = content.cubes.length;
+  const moves = content.steps.filter((step) => step.kind === "move");
+  const least = Math.min(...moves.map((step) => step.clearance));
+  document.getElementById("summary").textContent = [
+    content.unit,
+    `${cubes} cube${cubes === 1 ? "" : "s"}`,
+    `${moves.length} moves, ${clockText(content.motion_s)} of motion at speed ${content.speed}`,
+    `least clearance ${(1e3 * least).toFixed(1)} mm`,
+    content.executed.length ? "with what was executed" : "",
+  ].filter(Boolean).join(" · ");
+  const code = document.getElementById("code");
+  const hash = content.sha256;
+  code.innerHTML = `plan <b>${hash.slice(0, 4)} ${hash.slice(4, 8)}</b>`;
+  code.addEventListener("click", async () => {
+    const copied = await navigator.clipboard?.writeText(hash).then(() => true, () => false);
+    code.title = copied ? "Copied" : hash;
+    code.classList.toggle("copied", Boolean(copied));
+  });
+}
+
+// Steps in groups by cube; what serves no cube goes with what follows it, the last looks with what was before.
+function stepGroups(content) {
+  const groups = [];
+  content.steps.forEach((step, index) => {
+    const last = groups[groups.length - 1];
+    if (last && (step.cube === null || last.cube === step.cube)) last.indices.push(index);
+    else if (last && last.cube === null) Object.assign(last, { cube: step.cube }).indices.push(index);
+    else groups.push({ cube: step.cube, indices: [index] });
+  });
+  return groups;
+}
+
+function groupTitle(content, cube) {
+  const entry = (content.task.cubes || [])[cube] || {};
+  const name = entry.cube || entry.name || content.cubes[cube]?.name || `cube ${cube + 1}`;
+  return entry.from && entry.to ? `${name}   ${entry.from} → ${entry.to}` : name;
+}
+
+// The cube's place among the scene's cubes decides its colour, in the list as in the picture.
+function cubeColour(content, cube) {
+  const entry = (content.task.cubes || [])[cube] || {};
+  const index = content.cubes.findIndex((c) => c.name === (entry.cube || entry.name));
+  return CUBE_COLOURS[(index < 0 ? cube : index) % CUBE_COLOURS.length];
+}
+
+function fillSteps(content, onStep) {
+  const list = document.getElementById("list");
+  const buttons = [];
+  for (const { cube, indices } of stepGroups(content)) {
+    const head = element("h3");
+    if (cube !== null) {
+      const swatch = element("i");
+      swatch.style.background = cubeColour(content, cube);
+      head.append(swatch);
+    }
+    head.append(cube === null ? "the task" : groupTitle(content, cube));
+    list.append(head);
+    for (const index of indices) {
+      const step = content.steps[index];
+      const row = button("", () => onStep(index));
+      const stripe = element("span", "stripe");
+      stripe.style.background = `var(--${step.role})`;
+      const seconds = element("span", "figure", step.kind === "look" ? "" : `${(step.end - step.start).toFixed(1)} s`);
+      const mm = element("span", "figure", step.kind === "move" ? `${(1e3 * step.clearance).toFixed(1)} mm` : "");
+      if (step.kind === "move") {
+        row.title = `${step.role}${step.held ? `, holding ${step.held}` : ""}; clearance ${step.certified ? "proved" : "sampled"}: `
+          + `${(1e3 * step.clearance).toFixed(1)} mm, ${step.closest.join(" – ")}`;
+        mm.style.color = step.clearance < 0.005 ? clearanceColour(1e3 * step.clearance) : "";
+      }
+      row.append(stripe, element("span", "name", step.name.replace(/^cube \d+: /, "")), seconds, mm);
+      list.append(row);
+      buttons[index] = row;
+    }
+  }
+  return buttons;
+}
+
+function fillBar(content) {
+  const bar = document.getElementById("bar");
+  const cubes = document.getElementById("cubes");
+  const percent = (t) => `${(100 * t) / content.duration_s}%`;
+  const parts = content.steps.map((step) => {
+    const part = element("i");
+    part.title = step.name;
+    Object.assign(part.style, { left: percent(step.start), width: percent(step.end - step.start), background: `var(--${step.role})` });
+    bar.append(part);
+    return part;
+  });
+  for (const { cube, indices } of stepGroups(content)) {
+    if (cube === null) continue;
+    const [start, end] = [content.steps[indices[0]].start, content.steps[indices[indices.length - 1]].end];
+    const label = element("span", "", groupTitle(content, cube).split("   ")[0]);
+    Object.assign(label.style, { left: percent(start), width: percent(end - start), borderColor: cubeColour(content, cube) });
+    cubes.append(label);
+  }
+  return parts;
+}
+
+function fillLegend(content, mode) {
+  const legend = document.getElementById("legend");
+  legend.replaceChildren();
+  if (mode === "clearance") {
+    const ramp = element("i", "ramp");
+    ramp.style.background = clearanceGradient();
+    const label = element("span", "", "2 mm ");
+    label.append(ramp, "60 mm clearance");
+    legend.append(label);
+  } else {
+    const used = new Set(content.steps.filter((step) => step.kind === "move").map((step) => step.role));
+    for (const role of ROLES.filter((r) => used.has(r))) {
+      const label = element("span");
+      const line = element("i");
+      line.style.background = `var(--${role})`;
+      label.append(line, role);
+      legend.append(label);
+    }
+  }
+  if (content.executed.length) {
+    const label = element("span");
+    const line = element("i");
+    line.style.background = "var(--ink)";
+    label.append(line, "executed");
+    legend.append(label);
+  }
+}
+
+function fillProvenance(content) {
+  const list = document.querySelector("#provenance dl");
+  const rows = [
+    ["sha256", content.sha256],
+    ["unit", content.unit],
+    ["speed", String(content.speed)],
+  ];
+  const flatten = (value, path) => {
+    if (value !== null && typeof value === "object") {
+      for (const [key, inner] of Object.entries(value)) flatten(inner, path ? `${path}.${key}` : key);
+    } else rows.push([path, String(value)]);
+  };
+  flatten(content.provenance, "");
+  for (const [key, value] of rows) list.append(element("dt", "", key), element("dd", "", value));
+}

@@ -1,0 +1,166 @@
+"use strict";
+// Joint positions, velocities and accelerations against their limits, a live table of them, and clearance.
+
+const PLOT_SAMPLES = 1400;
+const QUANTITIES = [
+  { name: "position", order: 0, unit: "°" },
+  { name: "velocity", order: 1, unit: "°/s" },
+  { name: "acceleration", order: 2, unit: "°/s²" },
+];
+const DEGREES = 180 / Math.PI;
+
+class Plots {
+  constructor(content, motion, onSeek) {
+    Object.assign(this, { content, motion, order: 0, chosen: -1 });
+    this.chart = new Chart(document.getElementById("joint-chart"), motion.duration, onSeek);
+    this.clearance = new Chart(document.getElementById("clearance-chart"), motion.duration, onSeek);
+    this.closest = document.getElementById("closest");
+    const tabs = document.getElementById("tabs");
+    for (const { name, order } of QUANTITIES) {
+      const tab = button(name, () => this.show(order));
+      tab.setAttribute("role", "tab");
+      tabs.append(tab);
+    }
+    this.tabs = [...tabs.children];
+    this.makeReadout();
+    this.show(0);
+    this.drawClearance();
+  }
+
+  limits(order) {
+    const { velocity, acceleration } = this.motion.joints;
+    return order === 1 ? velocity : acceleration;
+  }
+
+  // A value as a share of its range (position: 0 lower to 1 upper) or of its limit (-1 to 1).
+  share(order, joint, value) {
+    const { lower, upper } = this.motion.joints;
+    return order ? value / this.limits(order)[joint] : (value - lower[joint]) / (upper[joint] - lower[joint]);
+  }
+
+  show(order) {
+    this.order = order;
+    this.tabs.forEach((tab, i) => tab.setAttribute("aria-selected", String(i === order)));
+    const chart = this.chart;
+    const { joints, duration } = this.motion;
+    if (order === 0) {
+      chart.clear({ low: -0.04, high: 1.04 }, [[0, "min"], [0.25, ""], [0.5, "50 %"], [0.75, ""], [1, "max"]]);
+      chart.limit(0);
+      chart.limit(1, "joint limits");
+    } else {
+      chart.clear({ low: -1.08, high: 1.08 }, [[-1, "−100"], [-0.5, "−50"], [0, "0 %"], [0.5, "50"], [1, "100"]]);
+      const planned = this.content.speed ** order;
+      for (const sign of [-1, 1]) {
+        chart.limit(sign, sign > 0 ? "registers" : "");
+        if (planned < 0.98) chart.limit(sign * planned, sign > 0 ? `planned, ${Math.round(100 * planned)} %` : "");
+      }
+    }
+    const times = Array.from({ length: PLOT_SAMPLES + 1 }, (_, i) => (duration * i) / PLOT_SAMPLES);
+    const values = times.map((t) => this.motion.q(t, order));
+    this.curves = joints.names.map((_, j) =>
+      chart.curve(times.map((t, i) => [t, this.share(order, j, values[i][j])]), "", JOINT_COLOURS[j % JOINT_COLOURS.length]));
+    if (order === 0) this.drawExecuted();
+    chart.finish();
+    this.choose(this.chosen);
+    const unit = QUANTITIES[order].unit;
+    this.heads[1].textContent = unit;
+    this.heads[3].textContent = order ? "peak" : "range";
+    const peaks = order ? this.motion.peaks(order) : null;
+    this.rows.forEach((row, j) => {
+      const limit = order ? this.limits(order)[j] * DEGREES : 0;
+      row.peak.textContent = order
+        ? `${Math.round(100 * this.share(order, j, peaks[j]))} % of ${limit.toFixed(limit < 20 ? 1 : 0)}`
+        : `${(joints.lower[j] * DEGREES).toFixed(0)} … ${(joints.upper[j] * DEGREES).toFixed(0)}`;
+    });
+    this.at(this.time || 0);
+  }
+
+  drawExecuted() {
+    for (const { step, time, counts } of this.content.executed) {
+      const start = this.motion.steps[step].start;
+      const q = counts.map((c) => this.motion.positions(c));
+      this.motion.joints.names.forEach((_, j) =>
+        this.chart.curve(q.map((v, i) => [start + time[i], this.share(0, j, v[j])]), "executed"));
+    }
+  }
+
+  makeReadout() {
+    const table = document.getElementById("readout");
+    table.innerHTML = "<thead><tr><th>joint</th><th></th><th></th><th></th></tr></thead><tbody></tbody>";
+    this.heads = [...table.querySelectorAll("th")];
+    this.rows = this.motion.joints.names.map((name, j) => {
+      const colour = JOINT_COLOURS[j % JOINT_COLOURS.length];
+      const row = table.tBodies[0].insertRow();
+      const [label, value, bar, peak] = [0, 1, 2, 3].map(() => row.insertCell());
+      label.innerHTML = `<span class="dot" style="background:${colour}"></span>`;
+      label.append(name);
+      bar.innerHTML = `<span class="range"><i style="background:${colour}"></i></span>`;
+      peak.className = "muted";
+      row.title = "Show this joint alone";
+      row.addEventListener("click", () => this.choose(this.chosen === j ? -1 : j));
+      return { row, value, knob: bar.querySelector("i"), peak };
+    });
+  }
+
+  choose(joint) {
+    this.chosen = joint;
+    this.curves.forEach((curve, j) => curve.classList.toggle("faint", joint >= 0 && j !== joint));
+    this.rows.forEach(({ row }, j) => row.classList.toggle("chosen", j === joint));
+  }
+
+  drawClearance() {
+    const chart = this.clearance;
+    const series = [];
+    this.motion.steps.forEach((step, i) => {
+      if (step.kind !== "move") return series.push([step.start, null]);
+      const samples = this.content.clearance[i];
+      if (samples && samples.time.length) {
+        samples.time.forEach((time, k) => series.push([step.start + time, 1e3 * samples.distance[k]]));
+      } else {
+        series.push([step.start, 1e3 * step.clearance], [step.end, 1e3 * step.clearance]);
+      }
+    });
+    const known = series.map(([, mm]) => mm).filter((mm) => mm !== null);
+    const top = Math.min(500, Math.max(20, ...known));
+    const inside = series.map(([t, mm]) => [t, mm === null ? null : Math.min(top, Math.max(0, mm))]);
+    const ticks = [0, 5, 10, 25, 50, 100, 200, 400].filter((mm) => mm <= top);
+    chart.clear({ low: 0, high: 1.06 * top, map: Math.sqrt }, ticks.map((mm) => [mm, mm === 0 ? "0 mm" : String(mm)]));
+    // One stroke for each run of one colour: the curve is read like the trace.
+    let run = [];
+    let colour = "";
+    const flush = () => run.length > 1 && chart.curve(run, "", colour);
+    inside.forEach(([t, mm], i) => {
+      if (mm === null) {
+        flush();
+        run = [];
+        return;
+      }
+      const following = inside[i + 1];
+      const here = clearanceColour(following && following[1] !== null ? Math.min(mm, following[1]) : mm);
+      run.push([t, mm]);
+      if (here !== colour && run.length > 1) {
+        flush();
+        run = [[t, mm]];
+      }
+      colour = here;
+    });
+    flush();
+    chart.finish();
+  }
+
+  at(t, now) {
+    this.time = t;
+    this.chart.at(t);
+    this.clearance.at(t);
+    const values = this.motion.q(t, this.order);
+    const digits = this.order === 0 ? 2 : 1;
+    this.rows.forEach(({ value, knob }, j) => {
+      value.textContent = (values[j] * DEGREES).toFixed(digits).replace("-", "−").replace(/^−(0\.?0*)$/, "$1");
+      const share = this.share(this.order, j, values[j]);
+      knob.style.left = `${100 * Math.min(1, Math.max(0, this.order ? 0.5 + share / 2 : share))}%`;
+    });
+    if (now !== undefined) {
+      this.closest.textContent = now ? `${now.mm.toFixed(1)} mm · ${now.pair.join(" – ")}` : "at rest";
+    }
+  }
+}

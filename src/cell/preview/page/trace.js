@@ -1,0 +1,105 @@
+"use strict";
+// The tool's path, coloured by role or by clearance; what was executed over it; the closest pair at the cursor.
+
+const TRACE_STEP_S = 0.05;
+
+// Clearance in mm at time t, with the pair and its nearest points where the plan's samples give them.
+function clearanceAt(content, motion, t) {
+  const index = motion.stepAt(t);
+  const step = motion.steps[index];
+  if (step.kind !== "move") return null;
+  const samples = content.clearance[index];
+  if (!samples || !samples.time.length) return { mm: 1e3 * step.clearance, pair: step.closest, points: null, sampled: false };
+  let k = samples.time.findIndex((time) => time >= t - step.start);
+  if (k < 0) k = samples.time.length - 1;
+  if (k > 0 && t - step.start - samples.time[k - 1] < samples.time[k] - (t - step.start)) k -= 1;
+  return {
+    mm: 1e3 * samples.distance[k],
+    pair: samples.pairs[k].map((i) => samples.names[i]),
+    points: samples.points[k],
+    sampled: true,
+  };
+}
+
+class Trace {
+  constructor(content, motion, scene) {
+    Object.assign(this, { content, motion, scene, mode: "role" });
+    this.times = [];
+    const points = [];
+    for (const step of motion.steps) {
+      if (step.kind !== "move") continue;
+      const count = Math.max(1, Math.ceil((step.end - step.start) / TRACE_STEP_S));
+      for (let i = 0; i <= count; i++) {
+        // Just inside the step, so that every point has its own step's colour.
+        const t = step.start + ((step.end - step.start - 1e-6) * i) / count;
+        this.times.push(t);
+        points.push(...position(motion.toolPose(motion.q(t))));
+      }
+    }
+    this.points = points;
+    this.ahead = this.line(1.6, 0.4);
+    this.done = this.line(3.2, 1);
+    if (content.executed.length) scene.add((this.executed = executedLine(content, motion)));
+    this.closest = thickSegments([0, 0, 0, 0, 0, 0], CLEARANCE_RAMP[0][1], 3);
+    this.closest.material.depthTest = false;
+    this.closest.visible = false;
+    scene.add(this.closest);
+    this.colour("role");
+  }
+
+  line(width, opacity) {
+    const material = new THREE.LineMaterial({ linewidth: width, vertexColors: true, transparent: opacity < 1, opacity });
+    const made = new THREE.Line2(new THREE.LineGeometry().setPositions(this.points), material);
+    made.frustumCulled = false;
+    this.scene.add(made);
+    return made;
+  }
+
+  // mode: role or clearance
+  colour(mode) {
+    this.mode = mode;
+    const roles = Object.fromEntries(ROLES.map((role) => [role, styleColour(role)]));
+    const found = new Map();
+    const colours = [];
+    for (const t of this.times) {
+      const hex = mode === "role"
+        ? roles[this.motion.steps[this.motion.stepAt(t)].role]
+        : clearanceColour(clearanceAt(this.content, this.motion, t).mm);
+      if (!found.has(hex)) found.set(hex, new THREE.Color(hex).toArray());
+      colours.push(...found.get(hex));
+    }
+    for (const line of [this.ahead, this.done]) line.geometry.setColors(colours);
+    this.done.geometry.instanceCount = this.shown || 0;
+  }
+
+  show(visible) {
+    for (const line of [this.ahead, this.done, this.executed]) if (line) line.visible = visible;
+  }
+
+  at(t) {
+    let passed = this.times.findIndex((time) => time > t);
+    if (passed < 0) passed = this.times.length;
+    this.shown = Math.max(0, passed - 1);
+    this.done.geometry.instanceCount = this.shown;
+    const now = clearanceAt(this.content, this.motion, t);
+    this.closest.visible = Boolean(now && now.points);
+    if (this.closest.visible) {
+      this.closest.geometry.setPositions(now.points);
+      this.closest.material.color.set(clearanceColour(now.mm));
+    }
+    return now;
+  }
+}
+
+function position(pose) {
+  return [pose.elements[12], pose.elements[13], pose.elements[14]];
+}
+
+function executedLine(content, motion) {
+  const points = [];
+  for (const { counts } of content.executed) {
+    const path = counts.map((c) => position(motion.toolPose(motion.positions(c))));
+    for (let i = 1; i < path.length; i++) points.push(...path[i - 1], ...path[i]);
+  }
+  return thickSegments(points, styleColour("ink"), 1.4, 0.9);
+}
