@@ -38,6 +38,7 @@ _LONGER = (
     12.0,
     16.0,
 )  # times the asked duration, tried where rounding weighs too much
+_ROUNDING = 8.0  # counts/T^2, about what rounding D, v0 T and v1 T adds to an acceleration at the worst
 _ROUNDS = 12  # of slowing down before giving up
 _SAMPLES = np.arange(1, 8) / 8.0  # of a segment, where it is compared with the plan
 
@@ -163,7 +164,7 @@ class _Fitter:
         """Segments of the asked duration if they keep the limits, else longer ones that suffer less from rounding."""
         found = self.fit(timed, total_ms, segment_ms)
         for factor in _LONGER:
-            if found.excess() <= 1.0 or self._rounding(np.array([segment_ms * factor])).max() < 0.005:
+            if found.excess() <= 1.0 or segment_ms * factor > self._calm_ms(0.005):
                 break
             longer = self.fit(timed, total_ms, int(segment_ms * factor))
             if longer.excess() < found.excess():
@@ -172,21 +173,21 @@ class _Fitter:
 
     def fit(self, timed: Trajectory, total_ms: int, segment_ms: int) -> _Fit:
         """Halve segments that are off the plan or over a limit, while they may be halved."""
-        knots = _first_knots(timed, total_ms, segment_ms)
+        calm = max(SHORTEST_MS, self._calm_ms(0.25))
+        knots = _first_knots(timed, total_ms, segment_ms, min(calm, segment_ms))
         while True:
             fit = self._measured(timed, knots)
             length = np.diff(knots)
-            split = ((fit.off > 1.0) | (fit.load().max(axis=1) > 1.0)) & (length >= 2 * SHORTEST_MS)
-            # halving lets rounding weigh four times as much: not where that alone would exceed
-            split &= (fit.off > 1.0) | (self._rounding(length / 2.0) < 1.0)
+            # where a limit is exceeded, halving helps only while rounding weighs little in the halves
+            split = (fit.off > 1.0) & (length >= 2 * SHORTEST_MS)
+            split |= (fit.load().max(axis=1) > 1.0) & (length >= 2 * calm)
             if not split.any():
                 return fit
             knots = np.sort(np.concatenate([knots, knots[:-1][split] + length[split] // 2]))
 
-    def _rounding(self, duration_ms: Array) -> Array:
-        """Acceleration that rounding may add, over the limits; (k,)."""
-        counts = 8.0 / (duration_ms / 1e3) ** 2
-        return np.asarray((counts[:, None] / self._acceleration()).max(axis=1))
+    def _calm_ms(self, share: float) -> float:
+        """Duration from which on rounding adds at most this share of any acceleration limit."""
+        return float(1e3 * np.sqrt(_ROUNDING / (share * self._acceleration().min())))
 
     def _acceleration(self) -> Array:
         return np.asarray(self.limits.acceleration * np.abs(self.unit.counts_per_rad))
@@ -222,11 +223,11 @@ class _Fitter:
         return _Fit(knots, a, velocity, acceleration, off)
 
 
-def _first_knots(timed: Trajectory, total_ms: int, segment_ms: int) -> Counts:
-    """Knots at the acceleration's switches and evenly between them, none closer than `SHORTEST_MS`."""
+def _first_knots(timed: Trajectory, total_ms: int, segment_ms: int, apart_ms: float) -> Counts:
+    """Knots at the acceleration's switches and evenly between them; switches closer than `apart_ms` count as one."""
     stops = [0]
     for switch in np.rint(timed.switches() * 1e3).astype(int):
-        if switch - stops[-1] >= SHORTEST_MS and total_ms - switch >= SHORTEST_MS:
+        if switch - stops[-1] >= apart_ms and total_ms - switch >= apart_ms:
             stops.append(int(switch))
     stops.append(total_ms)
     knots = [0]
