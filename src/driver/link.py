@@ -1,0 +1,304 @@
+"""A line-by-line link to a controller: one writer, one reader thread, a deadline on every wait.
+
+The thread that uses a `Link` is the only one that writes; the reader thread only splits lines and hands them over
+through a queue. So no lock exists that an interrupt could leave behind, and a stop can always be sent.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import queue
+import re
+import select
+import threading
+import time
+from collections import deque
+
+import serial
+
+from arm.errors import A465Error, ExecutionStopped
+from driver.clock import Clock
+from driver.port import open_port
+from driver.protocol import (
+    BYTES_PER_SECOND,
+    HARMLESS,
+    STAMP_RANGE,
+    Answer,
+    Failed,
+    Other,
+    Ready,
+    Reply,
+    encode,
+    encode_query,
+    parse_reply,
+)
+from driver.wirelog import WireLog
+
+ANSWER_S = 2.0  # an answer comes within this, or never
+LEAST_WALL_S = 1.0  # a busy host may sleep this long, whatever the controller's time scale
+UNSENT_BYTES = 64  # never more are on their way, so that a stop is never behind more
+CHUNK_BYTES = 32
+LONGEST_LINE = 1024  # received without a line end: noise
+UNREAD_LINES = 1000  # noise beyond this is dropped if nobody reads
+
+
+class NoAnswer(ExecutionStopped):
+    """The controller did not answer in time."""
+
+
+class LinkLost(ExecutionStopped):
+    """The port is gone."""
+
+
+class Link:
+    """An open port to a controller.
+
+    Until `identified` is set, only harmless lines (ECHO, STAMP, VER) can be sent: what is on the other side may not
+    be a MARS at all. Not for use from two threads.
+
+    Args:
+        url: a device such as ``/dev/mars``, a pseudo-terminal, or ``socket://host:port``.
+        clock: the controller's time; all deadlines are in it.
+        log: takes every byte, if given.
+
+    Attributes:
+        events: received `Ready` and `Failed`, oldest first; the newest 64 are kept.
+
+    Raises:
+        InputError: the port is not there, is no serial line, or is in use.
+    """
+
+    def __init__(self, url: str, clock: Clock, log: WireLog | None = None) -> None:
+        self.url = url
+        self.clock = clock
+        self.log = log
+        self.identified = False
+        self.events: deque[Ready | Failed] = deque(maxlen=64)
+        self._port = open_port(url, write_timeout_s=max(clock.wall(ANSWER_S), LEAST_WALL_S))
+        self._inbox: queue.SimpleQueue[Reply | LinkLost] = queue.SimpleQueue()
+        self._lost: LinkLost | None = None
+        self._stamp = (
+            time.monotonic_ns() // 1_000_000 % STAMP_RANGE
+        )  # a stale answer of an earlier user differs
+        self._line_free_at = clock.now()
+        self._wake_reader, self._wake = os.pipe()
+        self._reader = threading.Thread(target=self._read, name=f"link {url}", daemon=True)
+        self._reader.start()
+
+    # -- time
+
+    def patience(self, seconds: float) -> float:
+        """That many controller seconds, but never less than LEAST_WALL_S of wall time: the host may be busy."""
+        return max(seconds, LEAST_WALL_S * self.clock.time_scale)
+
+    def deadline(self, seconds: float) -> float:
+        """The controller time when `patience(seconds)` from now is over."""
+        return self.clock.now() + self.patience(seconds)
+
+    # -- writing
+
+    def send(self, line: str) -> None:
+        """Send one line, in pieces, as fast as the line carries them and no faster.
+
+        Raises:
+            LinkLost: the port is gone, or takes no bytes (a unit that is off holds CTS low).
+            ExecutionStopped: the wire log cannot be written.
+        """
+        name = re.match("[A-Z0-9]*", line)
+        if line and not self.identified and (name is None or name[0] not in HARMLESS):
+            raise A465Error(f"{line!r} refused: the unit on {self.url} has not identified itself", line=line)
+        if self.log is not None:
+            self.log.check()
+        data = line.encode("ascii") + b"\n"
+        for begin in range(0, len(data), CHUNK_BYTES):
+            chunk = data[begin : begin + CHUNK_BYTES]
+            self._await_room(len(chunk))
+            self._write(chunk)
+
+    def send_stop(self) -> None:
+        """Send STOP before anything else: what the system still holds back is dropped, half a line is ended.
+
+        Does nothing on a unit that has not identified itself: nothing can have been started there.
+
+        Raises:
+            LinkLost: the port is gone.
+        """
+        if not self.identified:
+            return
+        with contextlib.suppress(serial.SerialException, OSError):
+            self._port.reset_output_buffer()
+        self._write(f"\n{encode('STOP')}\n".encode())
+
+    def _await_room(self, size: int) -> None:
+        deadline = self.deadline(ANSWER_S)
+        while (excess := self._unsent_bytes() + size - UNSENT_BYTES) > 0.0:
+            if self.clock.now() > deadline:
+                raise LinkLost(
+                    f"{self.url}: takes no more bytes; is the unit on?", url=self.url, reason="blocked"
+                )
+            self.clock.sleep(excess / BYTES_PER_SECOND)
+
+    def _unsent_bytes(self) -> float:
+        modelled = (self._line_free_at - self.clock.now()) * BYTES_PER_SECOND
+        try:
+            held = self._port.out_waiting
+        except (AttributeError, OSError):  # sockets cannot tell
+            held = 0
+        return max(modelled, float(held), 0.0)
+
+    def _write(self, data: bytes) -> None:
+        if self._lost is not None:
+            raise self._lost
+        if self.log is not None:
+            self.log.sent(data)
+        self._line_free_at = max(self._line_free_at, self.clock.now()) + len(data) / BYTES_PER_SECOND
+        try:
+            self._port.write(data)
+        except (serial.SerialException, OSError) as error:
+            self._lost = LinkLost(f"{self.url}: the link is lost: {error}", url=self.url, reason="link")
+            raise self._lost from error
+
+    # -- reading
+
+    def receive(self, until: float) -> Reply | None:
+        """The next received line, or None when controller time `until` has come.
+
+        `Ready` and `Failed` are also kept in `events`.
+
+        Raises:
+            LinkLost: the port is gone and every line received before has been handed out.
+        """
+        wait = self.clock.wall(until - self.clock.now())
+        try:
+            item = self._inbox.get(timeout=wait) if wait > 0.0 else self._inbox.get_nowait()
+        except queue.Empty:
+            if self._lost is not None:
+                raise self._lost from None
+            return None
+        if isinstance(item, LinkLost):
+            self._lost = item
+            raise item
+        if isinstance(item, Ready | Failed):
+            self.events.append(item)
+        return item
+
+    def await_answer(self, key: str, timeout: float = ANSWER_S) -> str:
+        """The text of the next answer with that key; other lines are passed over, `events` kept.
+
+        Raises:
+            NoAnswer: none came in `timeout` controller seconds.
+            LinkLost: the port is gone.
+        """
+        deadline = self.deadline(timeout)
+        while True:
+            reply = self.receive(deadline)
+            if isinstance(reply, Answer) and reply.key == key:
+                return reply.text
+            if reply is None and self.clock.now() >= deadline:
+                raise NoAnswer(
+                    f"{self.url}: no answer {key} within {timeout:g} s",
+                    url=self.url,
+                    key=key,
+                    reason="silent",
+                )
+
+    def ask(self, name: str, axis: str = "", timeout: float = ANSWER_S) -> str:
+        """The answer to ``NAMEaxis?``.
+
+        Raises:
+            NoAnswer: none came in time.
+            LinkLost: the port is gone.
+        """
+        self.send(encode_query(name, axis))
+        return self.await_answer(name + axis, timeout)
+
+    def ask_optional(self, name: str, axis: str = "") -> str | None:
+        """The answer to a query that the unit may not know; None if it answers the stamp behind it only.
+
+        Raises:
+            NoAnswer, LinkLost: as `synchronise`.
+        """
+        self.send(encode_query(name, axis))
+        found: list[str] = []
+        self._stamp_round(ANSWER_S, name + axis, found)
+        return found[-1] if found else None
+
+    def synchronise(self, timeout: float = ANSWER_S, attempts: int = 1) -> None:
+        """Wait until the unit has parsed every line sent so far, by a fresh stamp.
+
+        Afterwards no earlier answer is still on its way.
+
+        Args:
+            timeout: of each attempt, controller seconds.
+            attempts: how many stamps to try; more than one only where noise is expected (power-up, after a stop).
+
+        Raises:
+            NoAnswer: no stamp came back.
+            LinkLost: the port is gone.
+        """
+        for attempt in range(1, attempts + 1):
+            try:
+                self._stamp_round(timeout, "", [])
+                return
+            except NoAnswer:
+                if attempt == attempts:
+                    raise
+                self.send("")
+
+    def _stamp_round(self, timeout: float, key: str, found: list[str]) -> None:
+        self._stamp = (self._stamp + 1) % STAMP_RANGE
+        self.send(encode("STAMP", self._stamp))
+        deadline = self.deadline(timeout)
+        while True:
+            reply = self.receive(deadline)
+            match reply:
+                case Answer("STAMP", text) if text == str(self._stamp):
+                    return
+                case Answer(other, text) if other == key:
+                    found.append(text)
+                case None if self.clock.now() >= deadline:
+                    raise NoAnswer(
+                        f"{self.url}: no answer to STAMP within {timeout:g} s",
+                        url=self.url,
+                        key="STAMP",
+                        reason="silent",
+                    )
+
+    def _read(self) -> None:
+        """The reader thread: bytes to lines, until the link is closed or lost."""
+        rest = b""
+        try:
+            descriptor = self._port.fileno()
+            while True:
+                ready, _, _ = select.select([descriptor, self._wake_reader], [], [])
+                if self._wake_reader in ready:
+                    return
+                data = os.read(descriptor, 4096)
+                if not data:
+                    raise OSError("closed by the other side")
+                if self.log is not None:
+                    self.log.received(data)
+                *lines, rest = (rest + data).split(b"\n")
+                if len(rest) > LONGEST_LINE:
+                    rest = b""
+                for line in lines:
+                    self._hand_over(line)
+        except OSError as error:
+            self._inbox.put(LinkLost(f"{self.url}: the link is lost: {error}", url=self.url, reason="link"))
+
+    def _hand_over(self, line: bytes) -> None:
+        reply = parse_reply(line.rstrip(b"\r").decode("latin-1"))
+        if not isinstance(reply, Other) or self._inbox.qsize() < UNREAD_LINES:
+            self._inbox.put(reply)
+
+    def close(self) -> None:
+        """Close the port; unsent bytes are dropped, for a unit that is off would hold the close for ever."""
+        os.write(self._wake, b"x")
+        self._reader.join()
+        os.close(self._wake)
+        os.close(self._wake_reader)
+        with contextlib.suppress(serial.SerialException, OSError):
+            self._port.reset_output_buffer()
+        with contextlib.suppress(serial.SerialException, OSError):
+            self._port.close()

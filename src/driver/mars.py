@@ -1,0 +1,387 @@
+"""A CRS A465 on a MARS-8 controller: identify, initialise, move, grip, stop.
+
+Every wait ends by a deadline in controller seconds. Whatever ends a motion early (a fault, a silent line, an
+interrupt, an error in the caller's own code), the arm is told STOP first, and the error carries the state it was
+left in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import TracebackType
+
+import numpy as np
+
+from arm.errors import ExecutionStopped, ImpossibleError, InputError
+from arm.unit import Unit
+from driver import startup
+from driver.clock import Clock
+from driver.gripper import GripperResult, move_gripper
+from driver.identity import identify, read_back
+from driver.link import Link, NoAnswer
+from driver.protocol import Position, Status, encode
+from driver.ready import wait_ready
+from driver.rest import SAMPLE_S, STILL_COUNTS, RestState, bring_to_rest, farthest, read_position, read_status
+from driver.wirelog import WireLog
+
+POSITION_TOLERANCE = 25  # counts of static error seen on real units after a move (0.023 to 0.045 deg)
+HOMING_TOLERANCE = 2000  # counts from 0 after homing that still pass for the mark
+HOMING_S = 120.0  # of one group
+ENGAGE_S = 5.0
+SETTLE_S = 3.0
+RELEASE_MARGIN_S = 60.0  # before IDLEREL would release the arm
+
+
+class Mars:
+    """One arm on one controller. A context manager; leaving it by an exception stops the arm, never releases it.
+
+    Call `identify`, then `initialise`, then move. Not for use from two threads.
+
+    Args:
+        url: of the port, see `Link`.
+        unit: which arm and controller it must be.
+        clock: controller time; default wall time.
+        log: takes every byte and event.
+
+    Attributes:
+        reference: where the controller's own path generator stands, (6,) counts, or None if that is not known
+            (after opening, after a stop): a relative segment may then not be sent.
+
+    Raises:
+        InputError: the port is not there, is no serial line, or is in use.
+    """
+
+    def __init__(self, url: str, unit: Unit, clock: Clock | None = None, log: WireLog | None = None) -> None:
+        self.unit = unit
+        self.clock = clock or Clock()
+        self.log = log
+        self.link = Link(url, self.clock, log)
+        self.reference: tuple[int, ...] | None = None
+        self.speed_registers = unit.speed_registers
+        self.acceleration_registers = unit.acceleration_registers
+        self._group_formed = False
+        self._initialised = False
+        self._guarded = False
+        self._last_motion = self.clock.now()
+
+    def __enter__(self) -> Mars:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        try:
+            if isinstance(error, ExecutionStopped):
+                if "state" not in error.data:
+                    error.data["state"] = self.stop().to_json()
+            elif error is not None and not isinstance(error, InputError | ImpossibleError):
+                self.stop()
+        finally:
+            self.link.close()
+
+    # -- taking into use
+
+    def identify(self) -> str:
+        """Learn what is on the other side, by ECHO, STAMP and VER alone; the firmware's text.
+
+        Raises:
+            InputError: nothing answers like a MARS, or its firmware is not the unit's.
+        """
+        return identify(self.link, self.unit.firmware)
+
+    def initialise(self, home: bool = True) -> None:
+        """Registers, coordinated group, and homing; ends at the unit's soft home.
+
+        Args:
+            home: False if the unit kept its positions since it was last homed (it stayed powered): nothing moves.
+
+        Raises:
+            InputError: `identify` was not called.
+            ImpossibleError: arm power off, motion stop or an axis error; or positions that cannot be right.
+            ExecutionStopped: something failed while homing; with the state.
+        """
+        if not self.link.identified:
+            raise InputError("identify() comes before initialise()")
+        self._initialised = False
+        with self.guarded("initialise"):
+            self._send(encode("PURGE"))
+            rest = self.stop()
+        if not rest.at_rest:
+            raise ExecutionStopped(f"initialise: {rest.describe(self.unit)}", state=rest.to_json())
+        self._refuse_faults()
+        with self.guarded("initialise"):
+            self._send(*startup.axis_lines(self.unit), *startup.gripper_lines(self.unit))
+            self._engage()
+            self._send(*startup.group_lines(self.unit))
+            self._group_formed = True
+            self.speed_registers = self.unit.speed_registers
+            self.acceleration_registers = self.unit.acceleration_registers
+            self.note("read_back", **read_back(self.link, self.unit))
+        if home:
+            with self.guarded("homing"):
+                self._home()
+        else:
+            self._refuse_unhomed()
+        self._initialised = True
+        if home:
+            self.move_to([int(c) for c in self.unit.counts(self.unit.soft_home)])
+
+    def _home(self) -> None:
+        for group in self.unit.homing:
+            self._send(*(encode("HH", axis=axis) for axis in group))
+            wait_ready(self.link, f"axes {', '.join(group)}", HOMING_S)
+            counts = self.counts()
+            for axis in group:
+                found = counts[self.unit.axes.index(axis)]
+                if abs(found) > HOMING_TOLERANCE:
+                    raise ExecutionStopped(
+                        f"axis {axis} reads {found} counts at its mark, expected 0",
+                        axis=axis,
+                        counts=list(counts),
+                        reason="homing",
+                    )
+
+    def _refuse_faults(self) -> None:
+        status = self.status()
+        if status.fault:
+            raise ImpossibleError(
+                f"{' and '.join(status.faults())}: unlock the stop, close the cage, press Motion Stop, then Arm Power",
+                status=status.word,
+                faults=list(status.faults()),
+            )
+
+    def _refuse_unhomed(self) -> None:
+        counts = self.counts()
+        if max(abs(c) for c in counts) <= POSITION_TOLERANCE:
+            raise ImpossibleError(
+                f"positions are {list(counts)}, as after power-up: the unit must be homed",
+                counts=list(counts),
+            )
+        self.refuse_outside(counts, "the arm stands at")
+
+    def refuse_outside(self, counts: Sequence[int], what: str) -> None:
+        """Refuse counts outside the unit's joint limits; `what` begins the message.
+
+        Raises:
+            ImpossibleError: with axis and excess in rad.
+        """
+        q = self.unit.positions(counts)
+        rounding = 1.5 / np.abs(self.unit.counts_per_rad)
+        excess = np.maximum(self.unit.lower - q, q - self.unit.upper) - rounding
+        worst = int(np.argmax(excess))
+        if excess[worst] > 0.0:
+            low, value, high = np.degrees([self.unit.lower[worst], q[worst], self.unit.upper[worst]])
+            raise ImpossibleError(
+                f"{what} {value:.2f} deg on axis {self.unit.axes[worst]}: must be from {low:.2f} to {high:.2f} deg",
+                axis=self.unit.axes[worst],
+                counts=[int(c) for c in counts],
+                excess=float(excess[worst]),
+            )
+
+    # -- asking
+
+    def status(self) -> Status:
+        """The status word now."""
+        return read_status(self.link)
+
+    def position(self) -> Position:
+        """Time, segment and counts now."""
+        return read_position(self.link, len(self.unit.axes))
+
+    def counts(self) -> tuple[int, ...]:
+        """Encoder counts now, (6,)."""
+        return self.position().counts
+
+    def settled_counts(self, tolerance: int = STILL_COUNTS) -> tuple[int, ...]:
+        """Counts once two samples 0.1 s apart differ by at most `tolerance` on every axis.
+
+        Raises:
+            NoAnswer: still moving after SETTLE_S.
+        """
+        deadline = self.link.deadline(SETTLE_S)
+        last = self.counts()
+        while self.clock.now() < deadline:
+            self.clock.sleep(SAMPLE_S)
+            now = self.counts()
+            if farthest(last, now) <= tolerance:
+                return now
+            last = now
+        raise NoAnswer(f"the arm does not settle within {SETTLE_S:g} s", counts=list(last), reason="settle")
+
+    # -- moving
+
+    def set_registers(self, speed: Sequence[int], acceleration: Sequence[int]) -> None:
+        """Speed and acceleration limits of the six axes, from now on. Only while nothing moves.
+
+        Raises:
+            InputError: a register is above its cap.
+            ExecutionStopped: the arm is moving (what queued segments would do is not known).
+        """
+        lines = startup.limit_lines(self.unit, tuple(speed), tuple(acceleration))
+        if self.status().busy:
+            raise ExecutionStopped("registers may only change while the arm stands", reason="busy")
+        self._send(*lines)
+        self.speed_registers, self.acceleration_registers = tuple(speed), tuple(acceleration)
+
+    def move_to(self, counts: Sequence[int]) -> tuple[int, ...]:
+        """Go straight in joint space to absolute counts; where the arm settled.
+
+        Raises:
+            ImpossibleError: outside the unit's limits; nothing moved.
+            ExecutionStopped: did not arrive, or settled more than 25 counts away; with the state.
+        """
+        target = tuple(int(c) for c in counts)
+        self.refuse_outside(target, "target")
+        with self.guarded("move"):
+            return self._go(target)
+
+    def anchor(self, counts: Sequence[int]) -> None:
+        """Make the controller's path generator start from exactly these counts, a few counts from the arm.
+
+        After a stop, a release or a push the generator's own end may be elsewhere, and a relative segment would
+        jump. So an absolute move to the measured pose goes first, slowly (fact sheet, section 6).
+
+        Raises:
+            ImpossibleError: the arm is further than 25 counts from `counts`; nothing moved.
+            ExecutionStopped: it did not arrive; with the state.
+        """
+        target = tuple(int(c) for c in counts)
+        with self.guarded("anchor"):
+            here = self.require_ready()
+        if farthest(here, target) > POSITION_TOLERANCE:
+            raise ImpossibleError(
+                f"the arm is {farthest(here, target)} counts from {list(target)}: go there by a planned motion",
+                counts=list(here),
+                target=list(target),
+            )
+        with self.guarded("anchor"):
+            speed, acceleration = self.speed_registers, self.acceleration_registers
+            self.set_registers(startup.slow_registers(self.unit), acceleration)
+            self._go(here)
+            self._go(target)
+            self.set_registers(speed, acceleration)
+
+    def _go(self, target: tuple[int, ...]) -> tuple[int, ...]:
+        here = self.require_ready()
+        distance = tuple(b - a for a, b in zip(here, target, strict=True))
+        seconds = startup.move_time(distance, self.speed_registers, self.acceleration_registers)
+        if self.reference is None:
+            self._send(*startup.group_lines(self.unit))  # a stop may have dissolved the group
+        self.reference = None
+        self._send(encode("COORDMV", *target))
+        wait_ready(self.link, "move", 1.5 * seconds + 5.0)
+        return self.arrived(target)
+
+    def arrived(self, target: Sequence[int]) -> tuple[int, ...]:
+        """Settle after a motion to `target` and make that the reference; where the arm settled.
+
+        Raises:
+            ExecutionStopped: more than 25 counts away, or it does not settle.
+        """
+        goal = tuple(int(c) for c in target)
+        end = self.settled_counts()
+        if farthest(end, goal) > POSITION_TOLERANCE:
+            raise ExecutionStopped(
+                f"settled {farthest(end, goal)} counts from the target, at most {POSITION_TOLERANCE} are allowed",
+                counts=list(end),
+                target=list(goal),
+                reason="position",
+            )
+        self.reference = goal
+        self._last_motion = self.clock.now()
+        return end
+
+    def require_ready(self) -> tuple[int, ...]:
+        """Check that the arm may start to move, and is where the last motion left it; its counts.
+
+        Raises:
+            ExecutionStopped: not initialised, a fault, moving, or displaced since (pushed, or power-cycled).
+        """
+        if not self._initialised:
+            raise ExecutionStopped("initialise() comes before any motion", reason="order")
+        idle_s = self.clock.now() - self._last_motion
+        if self.unit.idle_release_s and idle_s > self.unit.idle_release_s - RELEASE_MARGIN_S:
+            self._engage()  # the unit has released the arm, or is about to
+        status = self.status()
+        if status.fault or status.busy:
+            why = " and ".join(status.faults()) or "it is still moving"
+            raise ExecutionStopped(f"the arm cannot start: {why}", status=status.word, reason="fault")
+        here = self.counts()
+        if self.reference is not None and farthest(here, self.reference) > POSITION_TOLERANCE:
+            raise ExecutionStopped(
+                f"the arm is {farthest(here, self.reference)} counts from where the last motion ended: "
+                "was it pushed, or the unit switched off? initialise it again",
+                counts=list(here),
+                expected=list(self.reference),
+                reason="displaced",
+            )
+        return here
+
+    def _engage(self) -> None:
+        self._send(*startup.engage_lines(self.unit))
+        wait_ready(self.link, "engage the shoulder", ENGAGE_S)
+        self._last_motion = self.clock.now()
+
+    def gripper(self, fraction_closed: float) -> GripperResult:
+        """Move the jaws, 0 open to 1 closed, and wait until they rest, at the target or on an object.
+
+        Raises:
+            InputError: not from 0 to 1.
+            ExecutionStopped: a fault, or they do not come to rest in time; with the state.
+        """
+        if not 0.0 <= fraction_closed <= 1.0:
+            raise InputError(
+                f"fraction_closed = {fraction_closed:g}: must be from 0 to 1", value=fraction_closed
+            )
+        with self.guarded("gripper"):
+            if not self._initialised:
+                raise ExecutionStopped("initialise() comes before any motion", reason="order")
+            return move_gripper(self.link, self.unit.gripper, fraction_closed)
+
+    # -- stopping
+
+    def stop(self) -> RestState:
+        """STOP at once, wait until the arm stands, and say where. Never raises for anything the link does."""
+        self.reference = None
+        state = bring_to_rest(self.link, len(self.unit.axes) if self._group_formed else 0)
+        self.note("stop", **state.to_json())
+        return state
+
+    @contextmanager
+    def guarded(self, what: str) -> Iterator[None]:
+        """Whatever goes wrong inside, the arm is stopped before the error goes on, with its state in ``data``.
+
+        An interrupt (SIGINT) becomes `ExecutionStopped` with ``reason="interrupted"``. Nested uses do it once.
+        """
+        if self._guarded:
+            yield
+            return
+        self._guarded = True
+        try:
+            yield
+        except ExecutionStopped as error:
+            state = self.stop()
+            data = {**error.data, "state": state.to_json()}
+            raise ExecutionStopped(f"{what}: {error}; {state.describe(self.unit)}", **data) from error
+        except KeyboardInterrupt:
+            state = self.stop()
+            raise ExecutionStopped(
+                f"{what}: interrupted; {state.describe(self.unit)}",
+                state=state.to_json(),
+                reason="interrupted",
+            ) from None
+        except BaseException:
+            self.stop()
+            raise
+        finally:
+            self._guarded = False
+
+    def _send(self, *lines: str) -> None:
+        for line in lines:
+            self.link.send(line)
+
+    def note(self, kind: str, **data: object) -> None:
+        """Put an event into the log, if there is one."""
+        if self.log is not None:
+            self.log.note(kind, **data)

@@ -1,0 +1,347 @@
+"""Streaming a path of integer segments to the controller, and watching it while it moves.
+
+What is sent is what was certified, to the count. The controller keeps the path exactly and only stretches time, so
+progress is read from its own segment numbers, never from the clock (fact sheet, sections 2 and 3).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm.errors import ExecutionStopped, ImpossibleError, InputError
+from arm.motion import CountPath, Segment
+from arm.unit import Counts
+from driver.link import ANSWER_S, NoAnswer
+from driver.mars import POSITION_TOLERANCE, Mars
+from driver.protocol import (
+    SEQUENCE_RANGE,
+    VERTEX_STEPS,
+    Answer,
+    Failed,
+    MalformedAnswer,
+    Position,
+    Ready,
+    Reply,
+    encode,
+    encode_dwell,
+    encode_query,
+    encode_segment,
+    parse_position,
+    parse_status,
+)
+from driver.ready import refuse_failure
+from driver.rest import farthest
+
+DWELL_ATTEMPTS = 4  # each twice as long: a host that is asleep misses a short one
+STALL_S = 5.0  # a segment may take this much longer than planned
+REPEAT_S = 0.5  # a sample that was asked for and lost on the line is asked for again after this,
+REPEAT_WALL_S = 0.1  # and not before this much wall time
+LAG_SEGMENTS = 3  # the arm follows its reference by regulators that lag
+
+
+@dataclass(frozen=True)
+class StreamOptions:
+    """How a path is streamed.
+
+    Attributes:
+        dwell_ms: the unit stands this long first, while segments are loaded; a host stall of 0.5 s is then free.
+        ahead_s: most motion that the unit holds; what it plays out if the link is lost.
+        queue: most segments that the unit holds; it takes 200.
+        poll_s: between two looks at position and status, controller seconds.
+        following_counts: how far any axis may be outside the stretch of path it should be on.
+    """
+
+    dwell_ms: int = 300
+    ahead_s: float = 1.5
+    queue: int = 150
+    poll_s: float = 0.1
+    following_counts: int = 1500
+
+
+@dataclass(frozen=True)
+class Progress:
+    """One look at a running motion.
+
+    Attributes:
+        done: segments finished.
+        total: segments of the path.
+        planned_s: planned time of the finished ones.
+        position: the unit's own sample.
+    """
+
+    done: int
+    total: int
+    planned_s: float
+    position: Position
+
+
+@dataclass(frozen=True)
+class Sent:
+    """What was really sent, and how it ended.
+
+    Attributes:
+        path: the segments as sent (without the dwell).
+        duration_s: from the end of the dwell until the unit was ready, controller seconds.
+        end_counts: where the arm settled, (6,).
+        ahead_s: most motion that the unit held at any time.
+        samples: looks at position and status.
+    """
+
+    path: CountPath
+    duration_s: float
+    end_counts: tuple[int, ...]
+    ahead_s: float
+    samples: int
+
+
+def stream(
+    mars: Mars,
+    path: CountPath,
+    on_progress: Callable[[Progress], None] | None = None,
+    options: StreamOptions | None = None,
+) -> Sent:
+    """Send a path from where the arm is, and wait until it has settled at its end.
+
+    Raises:
+        InputError: a segment cannot be sent (duration 0, order above 3, line too long); nothing moved.
+        ImpossibleError: the path leaves the unit's limits, or starts more than 25 counts from the arm; nothing moved.
+        ExecutionStopped: a fault, a silent or lost link, an interrupt, an axis that does not follow, an end that is
+            not the path's; with the state and how many segments were done.
+    """
+    if not path.segments:
+        raise InputError("a path without segments moves nothing")
+    knots = path.knots()
+    lines = [encode_segment(s, end) for s, end in zip(path.segments, knots[1:].tolist(), strict=True)]
+    for corner in extremes(path):
+        mars.refuse_outside(corner.tolist(), "the path reaches")
+    with mars.guarded("stream"):
+        here = mars.require_ready()
+    if farthest(here, path.start) > POSITION_TOLERANCE:
+        raise ImpossibleError(
+            f"the path starts {farthest(here, path.start)} counts from the arm, at most {POSITION_TOLERANCE}",
+            counts=list(here),
+            start=list(path.start),
+        )
+    if mars.reference != path.start:
+        mars.anchor(path.start)
+    with mars.guarded("stream"):
+        return _Stream(mars, path, knots, lines, on_progress, options or StreamOptions()).run()
+
+
+def extremes(path: CountPath) -> tuple[Counts, Counts]:
+    """Lowest and highest counts of every axis over the whole path, (6,) each; exact up to rounding outwards."""
+    knots = path.knots()
+    low, high = knots.min(axis=0).astype(float), knots.max(axis=0).astype(float)
+    for begin, segment in zip(knots[:-1], path.segments, strict=True):
+        for u in _turning_points(segment):
+            counts = begin + segment.displacement(u)
+            low, high = np.minimum(low, counts), np.maximum(high, counts)
+    return np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64)
+
+
+def _turning_points(segment: Segment) -> list[float]:
+    """Parameters strictly inside a segment where some axis turns: roots of a1 + 2 a2 u + 3 a3 u^2."""
+    if len(segment.coefficients) < 2:
+        return []
+    a = np.zeros((3, len(segment.coefficients[0])))
+    a[: len(segment.coefficients)] = segment.coefficients
+    roots: list[float] = []
+    for column in a.T:
+        found = np.roots([3.0 * column[2], 2.0 * column[1], column[0]])
+        roots += [float(r.real) for r in found if abs(r.imag) < 1e-9 and 0.0 < r.real < 1.0]
+    return roots
+
+
+class _Stream:
+    """One run. Counting is of segments behind the dwell; the segment being executed is not done."""
+
+    def __init__(
+        self,
+        mars: Mars,
+        path: CountPath,
+        knots: Counts,
+        lines: list[str],
+        on_progress: Callable[[Progress], None] | None,
+        options: StreamOptions,
+    ) -> None:
+        self.mars = mars
+        self.link = mars.link
+        self.path = path
+        self.knots = knots
+        self.lines = lines
+        self.on_progress = on_progress
+        self.options = options
+        self.durations: list[float] = [s.duration_ms / 1e3 for s in path.segments]
+        self.sent = 0
+        self.begun = 0  # 0 while the dwell runs, then the number of segments begun
+        self.dwell_s = 0.0
+        self.most_ahead = 0.0
+        self.samples = 0
+        self.astray = 0  # samples in a row outside the stretch of path
+        self.sequence = 0  # the unit's number of the last segment seen to run,
+        self.counted = 0  # and which that is by our count
+        self.polls: deque[int] = deque()  # how many segments were sent before each unanswered ST?
+        self.polled_at = -1.0
+        self.heard_at = self.link.clock.now()
+        self.begun_at = self.link.clock.now()
+        self.waiting = False  # R: is sent
+        self.ready_at: float | None = None
+        self.idle = False
+
+    @property
+    def total(self) -> int:
+        return len(self.lines)
+
+    @property
+    def done(self) -> int:
+        return max(self.begun - 1, 0)
+
+    def run(self) -> Sent:
+        link = self.link
+        link.send(encode("COORDDISCONT", VERTEX_STEPS))
+        link.synchronise()
+        link.events.clear()
+        started: float = self._dwell()
+        try:
+            while self.ready_at is None or not self.idle:
+                self._step()
+        except ExecutionStopped as error:
+            error.data.update(segments_done=self.done, segments_sent=self.sent, ahead_s=self._ahead())
+            raise
+        end = self.mars.arrived(self.path.end)
+        self.mars.note("streamed", segments=self.sent, end=list(end))
+        return Sent(
+            path=CountPath(self.path.start, self.path.segments[: self.sent]),
+            duration_s=self.ready_at - started,
+            end_counts=end,
+            ahead_s=self.most_ahead,
+            samples=self.samples,
+        )
+
+    def _dwell(self) -> float:
+        """Start the dwell and learn its segment number; the time when it ends."""
+        link = self.link
+        for attempt in range(DWELL_ATTEMPTS):
+            length_ms = self.options.dwell_ms * 2**attempt
+            self.mars.reference = None  # known again when the stream has ended
+            link.send(encode_dwell(length_ms, len(self.path.start)))
+            ends = link.clock.now() + length_ms / 1e3
+            position, status = self.mars.position(), self.mars.status()
+            refuse_failure(link, status, "stream")
+            if status.busy:
+                self.sequence = position.segment
+                self.dwell_s = length_ms / 1e3
+                self.begun_at = self.heard_at = link.clock.now()
+                return ends
+        raise NoAnswer(f"the unit was not seen busy in {DWELL_ATTEMPTS} dwells", reason="dwell")
+
+    def _step(self) -> None:
+        """Do the next thing that is due: take what has arrived, look, send, or wait a little."""
+        link, now = self.link, self.link.clock.now()
+        while (reply := link.receive(now)) is not None:
+            self._take(reply)
+        next_poll = self.polled_at + (self._repeat_s() if self.polls else self.options.poll_s)
+        if now >= next_poll:
+            self._poll(now)
+        elif self._may_send():
+            link.send(self.lines[self.sent])
+            self.sent += 1
+            self.most_ahead = max(self.most_ahead, self._ahead())
+        elif self.sent == self.total and not self.waiting:
+            self.waiting = True
+            link.send(encode("R"))
+        else:
+            reply = link.receive(next_poll)
+            if reply is not None:
+                self._take(reply)
+        self._watch()
+
+    def _repeat_s(self) -> float:
+        scale: float = self.link.clock.time_scale
+        return max(REPEAT_S, REPEAT_WALL_S * scale)
+
+    def _ahead(self) -> float:
+        """Planned motion that the unit holds, s; the running segment counts whole."""
+        dwell = self.dwell_s if self.begun == 0 else 0.0
+        return dwell + sum(self.durations[self.done : self.sent])
+
+    def _may_send(self) -> bool:
+        if self.sent == self.total:
+            return False
+        held = self.sent - self.done
+        if held >= self.options.queue:
+            return False
+        return held <= 1 or self._ahead() + self.durations[self.sent] <= self.options.ahead_s
+
+    def _poll(self, now: float) -> None:
+        self.link.send(encode_query("COORDAP"))
+        self.polls.append(self.sent)
+        self.link.send(encode_query("ST"))
+        self.polled_at = now
+
+    def _take(self, reply: Reply) -> None:
+        try:
+            match reply:
+                case Answer("COORDAP", text):
+                    self._locate(parse_position(text, len(self.path.start)))
+                case Answer("ST", text):
+                    status = parse_status(text)
+                    refuse_failure(self.link, status, "stream")
+                    sent_then = self.polls.popleft() if self.polls else 0
+                    self.heard_at = self.link.clock.now()
+                    self.idle = not status.busy and sent_then == self.total
+                    if not status.busy and sent_then + 1 > self.begun:
+                        self._begin(sent_then + 1)  # all that it had been sent is done
+                case Ready(""):
+                    if self.waiting and self.ready_at is None:
+                        self.ready_at, self.idle = self.link.clock.now(), False
+                case _:
+                    pass
+        except MalformedAnswer as error:  # the next look will tell; too long without one is an error
+            self.mars.note("damaged", text=str(error))
+
+    def _locate(self, position: Position) -> None:
+        advance = (position.segment - self.sequence) % SEQUENCE_RANGE
+        if advance and self.counted + advance <= self.sent:  # an idle unit may show any number
+            self.sequence, self.counted = position.segment, self.counted + advance
+            if self.counted > self.begun:
+                self._begin(self.counted)
+        self.samples += 1
+        window = self.knots[max(self.begun - 1 - LAG_SEGMENTS, 0) : self.begun + 2]
+        outside = np.maximum(window.min(axis=0) - position.counts, position.counts - window.max(axis=0))
+        worst = int(np.argmax(outside))
+        self.astray = self.astray + 1 if outside[worst] > self.options.following_counts else 0
+        if self.astray >= 2:  # one may be a digit lost on the line
+            raise ExecutionStopped(
+                f"axis {self.mars.unit.axes[worst]} is {int(outside[worst])} counts off its path, "
+                f"at most {self.options.following_counts}",
+                axis=self.mars.unit.axes[worst],
+                counts=list(position.counts),
+                reason="following",
+            )
+        if self.on_progress is not None:
+            self.on_progress(Progress(self.done, self.total, sum(self.durations[: self.done]), position))
+
+    def _begin(self, begun: int) -> None:
+        self.begun = begun
+        self.begun_at = self.link.clock.now()
+
+    def _watch(self) -> None:
+        """Deadlines: an answer at least every ANSWER_S, a new segment when the running one should be over."""
+        link, now = self.link, self.link.clock.now()
+        failed = any(isinstance(e, Failed) for e in link.events)
+        link.events.clear()
+        if failed:
+            raise ExecutionStopped("the unit answered FAIL!", reason="fault")
+        if now > self.heard_at + link.patience(ANSWER_S):
+            raise NoAnswer(f"no sound answer from the unit for {ANSWER_S:g} s", reason="silent")
+        running = self.durations[self.begun - 1] if 0 < self.begun <= self.total else self.dwell_s
+        if now > self.begun_at + link.patience(running + STALL_S):
+            raise NoAnswer(
+                f"segment {self.begun} of {self.total} is not over {STALL_S:g} s after its time",
+                reason="deadline",
+            )
