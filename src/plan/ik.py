@@ -8,7 +8,8 @@ decomposition" (Mechanism and Machine Theory, 2025), case "spherical wrist, two 
 
 The two answers of the three subproblems 4 (joints 1, 3, 5) are the 8 branches. A branch counts as a solution only
 if forward kinematics reproduces the pose; a model that is a little off the ideal geometry (a calibrated one) is
-brought there by Newton steps from the ideal one's answer.
+brought there by Newton steps from the ideal one's answer. For such a model, and only for it, solutions with the wrist
+near axis 1 (within some 60 mm for 2 mm and 2 mrad) or with the hand in line with the forearm may be missed.
 """
 
 from __future__ import annotations

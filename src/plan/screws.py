@@ -85,7 +85,7 @@ def screw_arm(robot: Robot) -> ScrewArm:
     """
     zero = np.zeros(robot.model.nq)
     T_base_tool = robot.T_base_tool(zero)
-    twists = adjoint(T_base_tool) @ robot.jacobian(zero)
+    twists = adjoint(T_base_tool) @ robot.jacobian(zero).reshape(6, -1)
     axes = []
     for name, twist in zip(robot.joint_names, twists.T, strict=True):
         velocity, direction = twist[:3], twist[3:]
