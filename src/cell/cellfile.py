@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from vision.camera import Camera, read_camera
 
 from arm.board import Board, read_board_csv
 from arm.bodies import Body, Box
@@ -16,6 +15,7 @@ from arm.robot import Robot, load_a465
 from arm.se3 import Array, frozen, transform
 from arm.toml_table import TomlTable
 from arm.unit import UNITS, Limits, Unit, load_unit
+from vision.camera import Camera, read_camera
 
 DICTIONARIES = ("DICT_4X4_50", "DICT_4X4_100", "DICT_5X5_100", "DICT_6X6_250")
 

@@ -23,14 +23,25 @@ app = typer.Typer(
 TaskFile = Annotated[Path, typer.Argument(help="Task file, such as scenes/task2.toml.", metavar="TASK")]
 PlanFile = Annotated[Path, typer.Argument(help="Plan file, as written by a465 plan.", metavar="PLAN")]
 LookFile = Annotated[Path, typer.Option("--look", help="What was seen, as written by a465 look.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output, all else on standard error.")]
-Speed = Annotated[float | None, typer.Option("--speed", help="Factor of velocities, 0 < s <= 1; default: the cell file's.")]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object on standard output, all else on standard error.")
+]
+Speed = Annotated[
+    float | None, typer.Option("--speed", help="Factor of velocities, 0 < s <= 1; default: the cell file's.")
+]
 WorldFile = Annotated[
     Path | None, typer.Option("--world", help="Truth of the simulated cell; default: TASK with .world.toml.")
 ]
-Port = Annotated[str | None, typer.Option("--port", help="Serial port of the controller, such as /dev/mars or socket://...")]
-Images = Annotated[Path | None, typer.Option("--images", help="Folder of photographs to look at, instead of a camera.")]
-TimeScale = Annotated[float, typer.Option("--time-scale", help="Emulated seconds per wall second (simulated cell only).")]
+Port = Annotated[
+    str | None,
+    typer.Option("--port", help="Serial port of the controller, such as /dev/mars or socket://..."),
+]
+Images = Annotated[
+    Path | None, typer.Option("--images", help="Folder of photographs to look at, instead of a camera.")
+]
+TimeScale = Annotated[
+    float, typer.Option("--time-scale", help="Emulated seconds per wall second (simulated cell only).")
+]
 Output = Annotated[Path | None, typer.Option("-o", "--output", help="File to write.")]
 
 
@@ -46,7 +57,9 @@ def run(
     images: Images = None,
     speed: Speed = None,
     time_scale: TimeScale = 10.0,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder of the run; default: runs/TASK.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder of the run; default: runs/TASK.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     from cell.console import Console
@@ -66,7 +79,9 @@ def look(
     images: Images = None,
     world: WorldFile = None,
     output: Output = None,
-    picture: Annotated[Path | None, typer.Option("--picture", help="PNG to write, with what was found.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option("--picture", help="PNG to write, with what was found.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     from cell.console import Console
@@ -92,7 +107,9 @@ def reach(task: TaskFile, look: LookFile, as_json: Json = False) -> None:
     help="Plan the whole task from what was seen and write the plan file.",
     epilog="Example: a465 plan scenes/task2.toml --look look.json -o plan.json",
 )
-def plan(task: TaskFile, look: LookFile, output: Output = None, speed: Speed = None, as_json: Json = False) -> None:
+def plan(
+    task: TaskFile, look: LookFile, output: Output = None, speed: Speed = None, as_json: Json = False
+) -> None:
     from cell.console import Console
     from cell.steps import plan_step
 
@@ -150,8 +167,12 @@ def execute(
 )
 def emulate(
     unit: Annotated[str, typer.Option("--unit", help="crs93 or crs97.")] = "crs93",
-    link: Annotated[Path | None, typer.Option("--link", help="Symbolic link to make to the pseudo-terminal.")] = None,
-    tcp: Annotated[int | None, typer.Option("--tcp", help="Listen on this port of the loopback too; 0 takes any.")] = None,
+    link: Annotated[
+        Path | None, typer.Option("--link", help="Symbolic link to make to the pseudo-terminal.")
+    ] = None,
+    tcp: Annotated[
+        int | None, typer.Option("--tcp", help="Listen on this port of the loopback too; 0 takes any.")
+    ] = None,
     time_scale: TimeScale = 1.0,
 ) -> None:
     from cell.steps import emulate_step
@@ -191,8 +212,17 @@ def main() -> None:
 
 def _fail(error: A465Error) -> None:
     if "--json" in sys.argv:
-        body = {"error": {"kind": type(error).__name__, "message": str(error), "exit_code": error.exit_code, **error.data}}
+        body = {
+            "error": {
+                "kind": type(error).__name__,
+                "message": str(error),
+                "exit_code": error.exit_code,
+                **error.data,
+            }
+        }
         print(json.dumps(body, indent=2, default=str))
-    kind = "wrong input" if isinstance(error, InputError) else "stopped" if error.exit_code == 4 else "refused"
+    kind = (
+        "wrong input" if isinstance(error, InputError) else "stopped" if error.exit_code == 4 else "refused"
+    )
     print(f"a465: {kind}: {error}", file=sys.stderr)
     sys.exit(error.exit_code)

@@ -64,9 +64,11 @@ class Console:
 def table_lines(header: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
     """The lines of a table."""
     texts = [[_text(value) for value in row] for row in rows]
-    numeric = [
-        all(isinstance(row[i], int | float) or row[i] is None for row in rows) for i in range(len(header))
-    ] if isinstance(rows, Sequence) else [False] * len(header)
+    numeric = (
+        [all(isinstance(row[i], int | float) or row[i] is None for row in rows) for i in range(len(header))]
+        if isinstance(rows, Sequence)
+        else [False] * len(header)
+    )
     widths = [max(len(h), *(len(row[i]) for row in texts)) if texts else len(h) for i, h in enumerate(header)]
 
     def line(cells: Sequence[str]) -> str:

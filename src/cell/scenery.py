@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from arm.bodies import Body
 from arm.board import CUBE_SEAT_DEPTH
+from arm.bodies import Body
 from arm.errors import ImpossibleError
 from arm.poses import BoardPose, hole_poses
 from arm.se3 import Array, apply, frozen, inverse, rot_x, rot_z, transform
@@ -29,9 +29,7 @@ def cube_name(place: str) -> str:
 
 def T_place_tool(height: float) -> tuple[Array, ...]:
     """The four tool poses over a place, finger tips `height` m above it, as T_place_tool."""
-    return tuple(
-        transform(rot_x(np.pi) @ rot_z(k * np.pi / 2.0), (0.0, 0.0, height)) for k in range(4)
-    )
+    return tuple(transform(rot_x(np.pi) @ rot_z(k * np.pi / 2.0), (0.0, 0.0, height)) for k in range(4))
 
 
 def hole_station(cell: Cell, board: str, name: str, T_base_hole: Array, gap: float = 0.0) -> Station:
@@ -128,7 +126,9 @@ def transfers(
     cell, by_name = task.cell, {pose.board.name: pose for pose in poses}
     for board in task.boards:
         if board.name not in by_name:
-            raise ImpossibleError(f"board {board.name} was not seen, so its holes are not known", board=board.name)
+            raise ImpossibleError(
+                f"board {board.name} was not seen, so its holes are not known", board=board.name
+            )
     source = by_name[task.from_board.name]
     picks = [h for h in hole_poses(source) if h.index in set(holding)]
     if task.to_board is not None:

@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from vision.camera import Camera
 
-from arm.board import POCKET_MOUTH
+from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_MOUTH
 from arm.bodies import Body
 from arm.robot import Robot
 from arm.se3 import Array, apply, frozen, inverse, rot_z, transform
@@ -22,6 +21,7 @@ from cell.cellfile import Cell
 from cell.furniture import T_hole_cube, cube_body, plate_body, stand_body
 from cell.render.renderer import PlacedBoard, render, with_noise
 from cell.worldfile import World
+from vision.camera import Camera
 
 GRIP_OFFSET = 3e-3  # a cube is gripped if it stands between the jaws within this, m,
 GRIP_ANGLE = np.radians(3.0)  # and this

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from vision.camera import Camera, read_camera
 
 from arm.board import PLATE_CENTRE, Board, read_board_csv
 from arm.se3 import Array, frozen, rot_z, rotation, transform
 from arm.toml_table import TomlTable
+from vision.camera import Camera, read_camera
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,195 @@
+"""What a look gives to the next step, and its file: board poses, holes and cubes, as the command's JSON has them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm.board import Board
+from arm.errors import A465Error, FileInputError, ImpossibleError
+from arm.files import read_text
+from arm.poses import BoardPose, hole_poses
+from arm.se3 import Array, angle_between, frozen, inverse, orthonormalised
+from cell.cellfile import Cell
+from cell.taskfile import Task
+
+HEIGHT_TOLERANCE = 0.010  # between the height that Task 1 states and the one that is seen, m
+FLAT_TOLERANCE = np.radians(2.0)
+
+
+@dataclass(frozen=True)
+class SeenBoard:
+    """A board that was found.
+
+    Attributes:
+        pose: where it stands.
+        occupancy: per hole: cube, empty or unsure.
+    """
+
+    pose: BoardPose
+    occupancy: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Of the board."""
+        return self.pose.board.name
+
+    def holes(self, *states: str) -> tuple[int, ...]:
+        """Holes (0 to 3) in one of these states."""
+        return tuple(i for i, state in enumerate(self.occupancy) if state in states)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """All boards that were found in one look, and why others were not.
+
+    Attributes:
+        boards: found.
+        missing: per board name, why it was not found.
+    """
+
+    boards: tuple[SeenBoard, ...]
+    missing: dict[str, str]
+
+    @property
+    def poses(self) -> tuple[BoardPose, ...]:
+        """Poses of the boards found."""
+        return tuple(b.pose for b in self.boards)
+
+    def board(self, name: str) -> SeenBoard | None:
+        """The board of that name, if it was found."""
+        return next((b for b in self.boards if b.name == name), None)
+
+    def missing_of(self, task: Task) -> list[str]:
+        """Names of the task's boards that were not found."""
+        return [b.name for b in task.boards if self.board(b.name) is None]
+
+    def cubes_in(self) -> dict[str, tuple[int, ...]]:
+        """Per board, the holes that hold a cube or may hold one: what is not surely empty is an obstacle."""
+        return {b.name: b.holes("cube", "unsure") for b in self.boards}
+
+    def require(self, task: Task) -> None:
+        """The boards of the task must have been seen where the task allows them.
+
+        Raises:
+            ImpossibleError: naming the board and why.
+        """
+        for board in task.boards:
+            seen = self.board(board.name)
+            if seen is None:
+                why = self.missing.get(board.name, "its markers are not in the image")
+                raise ImpossibleError(
+                    f"board {board.name} was not found: {why}; put it whole into the camera's view",
+                    board=board.name,
+                    why=why,
+                )
+        if task.board_height is not None:
+            _require_flat(task, self.board(task.from_board.name))
+
+    def moved(self, before: Seen, cell: Cell) -> list[str]:
+        """What shifted or turned beyond the cell's tolerance since `before`, one line a board."""
+        lines = []
+        for old in before.boards:
+            new = self.board(old.name)
+            if new is None:
+                continue
+            T_old_new = inverse(old.pose.T_base_board) @ new.pose.T_base_board
+            centre = np.array([0.09, 0.07, 0.0, 1.0])
+            shift = float(np.linalg.norm((T_old_new @ centre - centre)[:3]))
+            turn = angle_between(np.eye(3), T_old_new[:3, :3])
+            if shift > cell.moved or turn > cell.turned:
+                lines.append(f"board {old.name} moved by {1e3 * shift:.1f} mm and {np.degrees(turn):.2f} deg")
+        return lines
+
+
+def _require_flat(task: Task, seen: SeenBoard | None) -> None:
+    if seen is None or task.board_height is None:
+        return
+    T = seen.pose.T_base_board
+    height = float(T[2, 3]) - task.cell.table_z
+    if abs(height - task.board_height) > HEIGHT_TOLERANCE or seen.pose.tilt() > FLAT_TOLERANCE:
+        raise ImpossibleError(
+            f"board {seen.name} is seen {1e3 * height:.0f} mm above the table and tilted "
+            f"{np.degrees(seen.pose.tilt()):.1f} deg, but the task says {1e3 * task.board_height:.0f} mm and flat; "
+            f"correct board_height_mm in {task.file} or the stand",
+            board=seen.name,
+            height=height,
+            tilt=seen.pose.tilt(),
+        )
+
+
+def seen_to_json(seen: Seen) -> dict[str, Any]:
+    """The command's JSON: one scene."""
+    return {
+        "scenes": [{"boards": [_board_to_json(b) for b in seen.boards], "missing": dict(seen.missing)}],
+    }
+
+
+def _board_to_json(seen: SeenBoard) -> dict[str, Any]:
+    pose = seen.pose
+    return {
+        "board": seen.name,
+        "marker_ids": list(pose.board.marker_ids),
+        "T_base_board": pose.T_base_board.tolist(),
+        "covariance": pose.covariance.tolist(),
+        "residual_px": pose.residual_px,
+        "hypothesis_ratio": pose.hypothesis_ratio,
+        "tilt_deg": float(np.degrees(pose.tilt())),
+        "holes": [
+            {
+                "hole": hole.name,
+                "T_base_hole": hole.T_base_hole.tolist(),
+                "std_mm": (1e3 * np.sqrt(np.diag(hole.covariance)[:3])).tolist(),
+                "state": state,
+            }
+            for hole, state in zip(hole_poses(pose), seen.occupancy, strict=True)
+        ],
+    }
+
+
+def read_seen(path: Path, boards: Sequence[Board]) -> Seen:
+    """Read a look file.
+
+    Raises:
+        FileInputError: not a look file, or of boards that the cell does not list.
+    """
+    try:
+        value = json.loads(read_text(path))
+        scene = value["scenes"][0]
+        found = [_board_from_json(path, entry, boards) for entry in scene["boards"]]
+        return Seen(tuple(found), dict(scene.get("missing", {})))
+    except json.JSONDecodeError as error:
+        raise FileInputError(path, "", None, f"is not JSON: {error}") from error
+    except (KeyError, IndexError, TypeError, ValueError) as error:
+        raise FileInputError(
+            path,
+            "scenes",
+            None,
+            f"is not what a465 look writes: {type(error).__name__} {error}",
+            "look again",
+        ) from error
+
+
+def _board_from_json(path: Path, entry: dict[str, Any], boards: Sequence[Board]) -> SeenBoard:
+    board = next((b for b in boards if list(b.marker_ids) == entry["marker_ids"]), None)
+    if board is None:
+        raise FileInputError(path, "marker_ids", entry["marker_ids"], "is no board of the cell file")
+    try:
+        T_base_board = orthonormalised(entry["T_base_board"])
+    except A465Error as error:
+        raise FileInputError(path, f"{board.name}.T_base_board", None, str(error)) from error
+    covariance: Array = frozen(entry["covariance"])
+    if covariance.shape != (6, 6):
+        raise FileInputError(path, f"{board.name}.covariance", list(covariance.shape), "must be 6 by 6")
+    states = tuple(hole["state"] for hole in entry["holes"])
+    if len(states) != 4 or not set(states) <= {"cube", "empty", "unsure"}:
+        raise FileInputError(path, f"{board.name}.holes", states, "must be four of cube, empty, unsure")
+    pose = BoardPose(
+        board, T_base_board, covariance, float(entry["residual_px"]), float(entry["hypothesis_ratio"])
+    )
+    return SeenBoard(pose, states)

@@ -1,0 +1,52 @@
+"""Taking photographs and finding out what stands in the cell, with a picture of what was found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+from vision.look import Look, annotated, look
+
+from arm.errors import InputError
+from arm.files import write_atomic
+from cell.console import Console
+from cell.lookfile import Seen, SeenBoard
+from cell.taskfile import Task
+from vision.camera import FrameSource, Image
+
+
+def look_and_save(task: Task, frames: FrameSource, picture: Path | None, console: Console, why: str) -> Seen:
+    """Photograph the cell, find the boards and cubes, and write the first photograph with what was found in it.
+
+    Raises:
+        InputError: a photograph has the wrong size, or shows a marker that belongs to no board of the cell.
+    """
+    cell = task.cell
+    images = frames.grab(cell.photographs)
+    found = look(images, cell.camera, cell.boards, cell.dictionary, cell.cube_size)
+    if picture is not None:
+        write_png(picture, annotated(images[0], cell.camera, found))
+    seen = seen_of(found)
+    boards = ", ".join(
+        f"{b.name} ({len(b.holes('cube'))} cubes, {b.pose.residual_px:.2f} px)" for b in seen.boards
+    )
+    console.step(f"look {why}: {boards or 'no board'}")
+    return seen
+
+
+def seen_of(found: Look) -> Seen:
+    """A look of the vision room as the cell's commands pass it on."""
+    boards = tuple(SeenBoard(b.pose, tuple(o.state for o in b.occupancy)) for b in found.boards)
+    return Seen(boards, dict(found.missing))
+
+
+def write_png(path: Path, image: Image) -> None:
+    """Write an image whole or not at all.
+
+    Raises:
+        InputError: it cannot be encoded or written.
+    """
+    good, data = cv2.imencode(".png", image)
+    if not good:
+        raise InputError(f"{path}: this image cannot be written as PNG", file=str(path))
+    write_atomic(path, data.tobytes())

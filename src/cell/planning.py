@@ -1,0 +1,160 @@
+"""From what was seen to a plan: reach of every hole, the whole task, and where the plan's inputs came from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from importlib.metadata import version
+from typing import Any
+
+from arm.errors import ImpossibleError
+from arm.files import sha256
+from arm.planfile import Plan
+from arm.se3 import Array
+from cell.lookfile import Seen
+from cell.scenery import build_scene, free_table_stations, hole_station, transfers, unseen_scene
+from cell.taskfile import Task
+from plan.options import PlanOptions
+from plan.reach import ReachTable, reach
+from plan.scene import Scene, Transfer
+from plan.task import plan_task, plan_way
+
+VERSIONED = ("a465", "pin", "coal", "toppra", "qpsolvers", "daqp", "numpy", "scipy")
+
+
+def options_of(task: Task, speed: float) -> PlanOptions:
+    """The planner's options of a task at a speed."""
+    cell = task.cell
+    return PlanOptions(
+        speed=speed,
+        clearance=cell.clearance,
+        offset=cell.offset,
+        approach_speed=cell.approach_speed,
+        settle_s=cell.settle_s,
+        look=task.look_after,
+        seed=task.seed,
+    )
+
+
+def provenance(task: Task, scene: Scene) -> dict[str, Any]:
+    """What a plan rests on, as hashes; execution compares them with the cell of now."""
+    cell = task.cell
+    registers = {"speed": list(cell.speed_registers), "acceleration": list(cell.acceleration_registers)}
+    return {
+        "robot": scene.robot_open.digest,
+        "scene": scene.digest,
+        "limits": sha256({"unit": cell.unit.digest, **registers}),
+        "calibration": cell.camera.digest,
+        "task": task.digest,
+        "seed": task.seed,
+        "versions": {name: version(name) for name in VERSIONED},
+    }
+
+
+def reach_of(task: Task, seen: Seen) -> ReachTable:
+    """Reach of every hole of the task's boards, over all branches and the cube's four yaws."""
+    from arm.poses import hole_poses
+
+    cell = task.cell
+    grasps = {
+        hole.name: hole_station(cell, board.name, hole.name, hole.T_base_hole).T_base_tool
+        for board in seen.boards
+        if board.name in {b.name for b in task.boards}
+        for hole in hole_poses(board.pose)
+    }
+    return reach(cell.robot(), cell.limits, grasps, cell.offset)
+
+
+def reachable_places(task: Task, seen: Seen) -> tuple[str, ...]:
+    """Names of the table places that no board covers and the arm can serve (Task 1), in the order of preference."""
+    cell = task.cell
+    stations = free_table_stations(task, seen.poses)
+    if not stations:
+        return ()
+    table = reach(cell.robot(), cell.limits, {s.name: s.T_base_tool for s in stations}, cell.offset)
+    return tuple(s.name for s in stations if table[s.name].ok)
+
+
+def transfers_of(
+    task: Task, seen: Seen, done: Mapping[str, str], skip: Iterable[int] = ()
+) -> tuple[Transfer, ...]:
+    """What is left to do.
+
+    Args:
+        task: the task.
+        seen: the last look.
+        done: per cube that was moved, the place where it is now.
+        skip: holes of the source board (0 to 3) whose cube is not to be tried again.
+
+    Raises:
+        ImpossibleError: more cubes than places.
+    """
+    source = seen.board(task.from_board.name)
+    target = seen.board(task.to_board.name) if task.to_board is not None else None
+    if source is None:
+        raise ImpossibleError(f"board {task.from_board.name} was not found", board=task.from_board.name)
+    emptied = {int(cube.rsplit("/", 1)[1]) - 1 for cube in done}
+    holding = [i for i in source.holes("cube", "unsure") if i not in emptied | set(skip)]
+    filled = {int(place.rsplit("/", 1)[1]) - 1 for place in done.values()} if target is not None else set()
+    occupied = filled | (set(target.holes("cube", "unsure")) if target is not None else set())
+    return transfers(
+        task,
+        seen.poses,
+        holding,
+        occupied,
+        taken_places=done.values(),
+        reachable_places=reachable_places(task, seen) if task.places is not None else None,
+    )
+
+
+def scene_of(task: Task, seen: Seen, on_table: Mapping[str, Array]) -> Scene:
+    """The planner's scene of a look; cubes that were set down on the table are not in the image but still there."""
+    return build_scene(task.cell, seen.poses, seen.cubes_in(), on_table)
+
+
+def plan_rest(
+    task: Task,
+    seen: Seen,
+    q_from: Array,
+    speed: float,
+    done: Mapping[str, str],
+    on_table: Mapping[str, Array],
+    skip: Iterable[int] = (),
+) -> Plan | None:
+    """A plan of all that is left of a task, from rest at `q_from`; None if nothing is left.
+
+    Raises:
+        ImpossibleError: with step, hole, joint or pair of bodies and how much.
+    """
+    left = transfers_of(task, seen, done, skip)
+    if not left:
+        return None
+    scene = scene_of(task, seen, on_table)
+    return plan_task(
+        scene,
+        left,
+        q_from,
+        task.cell.unit,
+        task.cell.limits,
+        options_of(task, speed),
+        provenance(task, scene),
+    )
+
+
+def plan_to_start(
+    task: Task, seen: Seen | None, q_from: Array, speed: float, on_table: Mapping[str, Array]
+) -> Plan:
+    """A plan that only goes to q_start, around what was seen, or around all that might stand there.
+
+    Raises:
+        ImpossibleError: there is no way.
+    """
+    scene = unseen_scene(task.cell) if seen is None else scene_of(task, seen, on_table)
+    return plan_way(
+        scene,
+        q_from,
+        task.cell.q_start,
+        task.cell.unit,
+        task.cell.limits,
+        options_of(task, speed),
+        provenance(task, scene),
+    )
