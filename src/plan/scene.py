@@ -18,16 +18,16 @@ Pair = frozenset[str]
 
 @dataclass(frozen=True)
 class Scene:
-    """A cell at one moment. Bodies that stand still may touch each other; the arm and what it holds may touch nothing,
-    except what `allowed` names.
+    """A cell at one moment.
 
     Attributes:
         robot_open: the arm with open jaws.
         robot_holding: the same arm with the jaws at the cube's width.
         bodies: that stand still: table, walls, posts, stands, plates.
         cubes: where they stand now.
-        allowed: pairs of names that may touch while the tool is on a line to or from a place that needs it (a cube and
-            the plate in whose pocket it sits, a cube and the table); never on a transit.
+        allowed: pairs of names that touch where they stand (a cube and the plate in whose pocket it sits, a cube and
+            the table). The planner never leaves them out of a transit; on a line to or from a place it leaves out
+            what that place says (`Station.touches`).
     """
 
     robot_open: Robot
@@ -107,7 +107,7 @@ class Station:
     Attributes:
         name: for people, such as ``01-02/3``.
         T_base_tool: poses of the tool there, one per way of gripping (four yaws of a cube), each (4, 4).
-        touches: bodies that the cube touches there: the plate, or the table.
+        touches: bodies that the held cube may touch on the line to and from there: the plate, or the table.
     """
 
     name: str

@@ -1,0 +1,77 @@
+"""How a task is planned: speeds, clearances, seed. Every value is checked; a plan's provenance lists them all."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from arm.errors import InputError
+from plan.transit import TransitBudget
+
+LOOKS = ("each", "never")
+LEAST_CLEARANCE = 0.005  # m, that may be asked for in transits
+
+
+@dataclass(frozen=True)
+class PlanOptions:
+    """Options of `plan.task.plan_task`.
+
+    Attributes:
+        speed: factor on velocities (and its square on accelerations), 0 < speed <= 1.
+        velocity_fraction, acceleration_fraction: of the limits at that speed that motion is planned for; the rest is
+            room for rounding to counts and for what the controller adds at joins of segments.
+        clearance: asked for in transits, between all bodies that the arm or the held cube could touch, m.
+        line_clearance: asked for on approach and retract, where the jaws pass the cube and the plate, m; the
+            contacts that the station needs are left out.
+        offset: length of approach and retract, m.
+        approach_speed: of the tool on approach and retract at speed 1, m/s.
+        fraction_closed: target of the jaws when gripping, 0 open to 1 shut.
+        settle_s: least wait after the jaws moved, s.
+        segment_ms: duration of a motion segment where nothing asks for less.
+        look: ``each``: home and look after every cube; ``never``: from cube to cube, home at the end.
+        seed: of every random choice.
+        transit: tries of the transit search.
+    """
+
+    speed: float = 0.5
+    velocity_fraction: float = 0.9
+    acceleration_fraction: float = 0.5
+    clearance: float = 0.010
+    line_clearance: float = 0.005
+    offset: float = 0.1
+    approach_speed: float = 0.1
+    fraction_closed: float = 0.9
+    settle_s: float = 1.0
+    segment_ms: int = 100
+    look: str = "each"
+    seed: int = 0
+    transit: TransitBudget = field(default_factory=TransitBudget)
+
+    def __post_init__(self) -> None:
+        _within("speed", self.speed, 1e-3, 1.0)
+        _within("velocity_fraction", self.velocity_fraction, 1e-2, 1.0)
+        _within("acceleration_fraction", self.acceleration_fraction, 1e-2, 1.0)
+        _within("clearance", self.clearance, LEAST_CLEARANCE, 1.0, "m")
+        _within("line_clearance", self.line_clearance, 0.0, 0.1, "m")
+        _within("offset", self.offset, 1e-3, 1.0, "m")
+        _within("approach_speed", self.approach_speed, 1e-3, 2.0, "m/s")
+        _within("fraction_closed", self.fraction_closed, 0.0, 1.0)
+        _within("settle_s", self.settle_s, 0.0, 60.0, "s")
+        _within("segment_ms", self.segment_ms, 40, 2000, "ms")
+        if self.look not in LOOKS:
+            raise InputError(f"look = {self.look!r}: must be one of {', '.join(LOOKS)}", value=self.look)
+
+    def to_json(self) -> dict[str, Any]:
+        """All options as JSON types."""
+        return asdict(self)
+
+
+def _within(name: str, value: float, low: float, high: float, unit: str = "") -> None:
+    if not low <= value <= high:
+        raise InputError(
+            f"{name} = {value:g}{' ' + unit if unit else ''}: must be from {low:g} to {high:g}",
+            name=name,
+            value=value,
+            low=low,
+            high=high,
+        )
