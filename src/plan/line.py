@@ -31,11 +31,12 @@ _ROTATION_SCALE = 0.2  # m per rad: weighs the tool's rotation against its trans
 _DAMPING = 1e-10
 _CONVERGED = 1e-10  # m and rad
 _MAX_STEPS = 20
+_BARRIER_SLACK = 1e-9  # of a barrier's h at a way-point
 _ACTIVE = 1e-7  # rad from a bound that counts as lying on it
 # daqp is exact up to its tolerance on bounds; osqp needs tight ones to be any use here
 _SETTINGS: dict[str, dict[str, float | int]] = {
     "daqp": {"primal_tol": 1e-9},
-    "osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 20000},
+    "osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 20000, "raise_error": False},
 }
 
 
@@ -87,11 +88,17 @@ class LineDeviation:
 
 @dataclass(frozen=True)
 class Barrier:
-    """Rows G dq <= h that a step must keep, with a name each for messages; (k, n), (k,)."""
+    """Rows G dq <= h that a step must keep, with a name each for messages; (k, n), (k,).
+
+    h is what is left of each constraint at q: at no way-point may it be negative.
+    """
 
     G: Array
     h: Array
     names: tuple[str, ...]
+
+
+_NO_BARRIER = Barrier(np.zeros((0, 0)), np.zeros(0), ())
 
 
 @dataclass(frozen=True)
@@ -151,7 +158,7 @@ def follow_line(
 
     Raises:
         InputError: `q_start` is not at `T_start`, is outside limits, or the solver is not known.
-        ImpossibleError: a limit or barrier stops the line; data: constraint, joint, done_m, length_m.
+        ImpossibleError: a limit or barrier stops the line; data: constraint, joint, done_m, length_m (as s).
     """
     options = options or LineOptions()
     if options.solver not in SOLVERS:
@@ -167,25 +174,16 @@ def follow_line(
     if length == 0.0:
         raise InputError("a line needs two different poses", length_m=0.0)
     count = max(4, int(np.ceil(max(line.length / options.step, angle / options.step_angle) - 1e-9)))
-    reach = limits.velocity * (length / count / options.slowest)
+    s = np.linspace(0.0, length, count + 1)
+    follower = _Follower(robot, limits, options, limits.velocity * (s[1] / options.slowest), line, length)
 
     path = [q]
-    for index, goal in enumerate(line.poses(np.linspace(0.0, 1.0, count + 1)[1:])):
-        # the line goes on much as before: start the search there, the bounds below keep it honest
-        guess = q if index == 0 else np.clip(2 * q - path[-2], limits.lower, limits.upper)
-        q = _meet(
-            robot,
-            q,
-            np.clip(guess, q - reach, q + reach),
-            goal,
-            reach,
-            limits,
-            options,
-            index / count * length,
-            length,
-        )
+    for done, goal in zip(s[:-1], line.poses(s[1:] / length), strict=True):
+        # the line goes on much as before: begin the search there, the bounds keep it honest
+        guess = q if len(path) == 1 else 2 * q - path[-2]
+        q = follower.meet(goal, q, guess, float(done))
         path.append(q)
-    return JointPath(frozen(path), frozen(np.linspace(0.0, length, count + 1)))
+    return JointPath(frozen(path), frozen(s))
 
 
 def _check_start(robot: Robot, q: Array, line: Line, limits: Limits, options: LineOptions) -> None:
@@ -216,107 +214,101 @@ def _twist(robot: Robot, q: Array, goal: Array) -> Array:
 _WEIGHT = np.array([1.0, 1.0, 1.0, _ROTATION_SCALE, _ROTATION_SCALE, _ROTATION_SCALE])
 
 
-def _meet(
-    robot: Robot,
-    before: Array,
-    guess: Array,
-    goal: Array,
-    reach: Array,
-    limits: Limits,
-    options: LineOptions,
-    done: float,
-    length: float,
-) -> Array:
-    """The configuration near `guess` with the tool at `goal`, inside all constraints."""
-    q = guess
-    lower, upper = np.maximum(limits.lower, before - reach), np.minimum(limits.upper, before + reach)
-    solution: qpsolvers.Solution | None = None
-    barrier: Barrier | None = None
-    twist = _twist(robot, q, goal)
-    for _ in range(_MAX_STEPS):
-        if np.abs(twist).max() <= _CONVERGED:
-            break
-        J = _WEIGHT[:, None] * robot.jacobian(q)
-        barrier = options.barrier(q) if options.barrier else None
-        solution = _solve(J, _WEIGHT * twist, lower - q, upper - q, barrier, options.solver)
-        if not solution.found or solution.x is None:
-            break
-        moved = np.clip(q + solution.x, lower, upper)
-        smaller = float(np.abs(moved - q).max())
-        q, twist = moved, _twist(robot, moved, goal)
-        if smaller < 1e-13:
-            break
-    if np.abs(twist[:3]).max() > options.tolerance or np.abs(twist[3:]).max() > options.angle_tolerance:
-        raise _stopped(robot, before, q, reach, limits, options, solution, barrier, done, length)
-    return q
+@dataclass(frozen=True, eq=False)
+class _Follower:
+    """Meets one way-point after the other. `reach`: how far a joint may turn from one to the next, rad."""
+
+    robot: Robot
+    limits: Limits
+    options: LineOptions
+    reach: Array
+    line: Line
+    length: float
+
+    def meet(self, goal: Array, before: Array, guess: Array, done: float) -> Array:
+        """The configuration near `guess` with the tool at `goal`, inside all constraints."""
+        lower = np.maximum(self.limits.lower, before - self.reach)
+        upper = np.minimum(self.limits.upper, before + self.reach)
+        q = np.clip(guess, lower, upper)
+        solution: qpsolvers.Solution | None = None
+        for _ in range(_MAX_STEPS):
+            twist = _twist(self.robot, q, goal)
+            barrier = self.options.barrier(q) if self.options.barrier else _NO_BARRIER
+            kept = barrier.h.min(initial=0.0) >= -_BARRIER_SLACK
+            if np.abs(twist).max() <= _CONVERGED and kept:
+                return q
+            J = _WEIGHT[:, None] * self.robot.jacobian(q)
+            solution = _solve(J, _WEIGHT * twist, lower - q, upper - q, barrier, self.options.solver)
+            if not solution.found or solution.x is None:
+                break
+            moved = np.clip(q + solution.x, lower, upper)
+            settled = np.abs(moved - q).max() < 1e-13
+            q = moved
+            if settled:
+                break
+        twist = _twist(self.robot, q, goal)
+        if self.options.barrier:
+            kept = self.options.barrier(q).h.min(initial=0.0) >= -_BARRIER_SLACK
+        near = np.linalg.norm(twist[:3]) <= self.options.tolerance
+        near &= np.linalg.norm(twist[3:]) <= self.options.angle_tolerance
+        if near and kept:
+            return q
+        raise self.stopped(before, q, solution, barrier, done)
+
+    def stopped(
+        self, before: Array, q: Array, solution: qpsolvers.Solution | None, barrier: Barrier, done: float
+    ) -> ImpossibleError:
+        """The error that says which constraint stopped the line, by its multiplier where several do."""
+        found = solution is not None and solution.found
+        pull = np.zeros(len(q))
+        rows = np.zeros(0)
+        if solution is not None and found:
+            pull = np.abs(solution.z_box) if solution.z_box is not None else pull
+            rows = solution.z if solution.z is not None and len(barrier.h) else rows
+        limits = self.limits
+        on_limit = (q - limits.lower < _ACTIVE) | (limits.upper - q < _ACTIVE)
+        too_fast = self.reach - np.abs(q - before) < _ACTIVE
+        blocking = np.where(on_limit | too_fast, pull + 1e-12, 0.0)
+        joint = int(np.argmax(blocking))
+        name: str | None = self.robot.joint_names[joint]
+        if not found:
+            constraint, name = "barrier", None
+            text = f"no step keeps all of {', '.join(barrier.names) or 'the joint limits'}"
+        elif rows.max(initial=0.0) > blocking[joint]:
+            constraint, name = barrier.names[int(np.argmax(rows))], None
+            text = f"{constraint} is in the way"
+        elif blocking[joint] == 0.0:
+            constraint, name = "workspace", None
+            text = "the pose is out of the arm's reach or singular there"
+        elif on_limit[joint]:
+            at_lower = q[joint] - limits.lower[joint] < _ACTIVE
+            side, value = ("lower", limits.lower[joint]) if at_lower else ("upper", limits.upper[joint])
+            constraint = f"{name} {side} limit"
+            text = f"joint {name} is at its {side} limit of {np.degrees(value):.2f} deg"
+        else:
+            constraint = f"{name} speed"
+            text = (
+                f"joint {name} cannot turn fast enough ({np.degrees(limits.velocity[joint]):.3g} deg/s) even at "
+                f"{self.options.slowest * 1e3:g} mm/s; the arm passes close to a singular configuration"
+            )
+        shown = f"{done * 1e3:.1f} of {self.length * 1e3:.1f} mm"
+        if self.line.length <= self.options.tolerance:
+            shown = f"{np.degrees(done):.2f} of {np.degrees(self.length):.2f} deg"
+        return ImpossibleError(
+            f"line stops after {shown}: {text}; another branch or yaw may do, or another place of the board",
+            constraint=constraint,
+            joint=name,
+            done_m=done,
+            length_m=self.length,
+        )
 
 
 def _solve(
-    J: Array, e: Array, lower: Array, upper: Array, barrier: Barrier | None, solver: str
+    J: Array, e: Array, lower: Array, upper: Array, barrier: Barrier, solver: str
 ) -> qpsolvers.Solution:
     P = J.T @ J + _DAMPING * np.eye(J.shape[1])
-    G = barrier.G if barrier is not None and len(barrier.h) else None
-    h = barrier.h if barrier is not None and len(barrier.h) else None
+    G, h = (barrier.G, barrier.h) if len(barrier.h) else (None, None)
     if solver == "osqp":
         P, G = scipy.sparse.csc_matrix(P), None if G is None else scipy.sparse.csc_matrix(G)
     problem = qpsolvers.Problem(P, -J.T @ e, G=G, h=h, lb=lower, ub=upper)
     return qpsolvers.solve_problem(problem, solver=solver, **_SETTINGS[solver])
-
-
-def _stopped(
-    robot: Robot,
-    before: Array,
-    q: Array,
-    reach: Array,
-    limits: Limits,
-    options: LineOptions,
-    solution: qpsolvers.Solution | None,
-    barrier: Barrier | None,
-    done: float,
-    length: float,
-) -> ImpossibleError:
-    """The error that says which constraint stopped the line, by its multiplier where several do."""
-    found = solution is not None and solution.found
-    pull = (
-        np.abs(solution.z_box)
-        if found and solution is not None and solution.z_box is not None
-        else np.zeros(len(q))
-    )
-    on_limit = (q - limits.lower < _ACTIVE) | (limits.upper - q < _ACTIVE)
-    too_fast = reach - np.abs(q - before) < _ACTIVE
-    blocking = np.where(on_limit | too_fast, pull + 1e-12, 0.0)
-    joint = int(np.argmax(blocking))
-    rows = (
-        solution.z
-        if found and solution is not None and solution.z is not None and barrier is not None
-        else np.zeros(0)
-    )
-    where = f"line stops after {done * 1e3:.1f} of {length * 1e3:.1f} mm: "
-    help = "; another branch or yaw may do, or another place of the board"
-    name: str | None = robot.joint_names[joint]
-    if not found:
-        constraint, name = "barrier", None
-        names = ", ".join(barrier.names) if barrier is not None else "joint limits"
-        text = f"no step keeps all of {names}"
-    elif len(rows) and rows.max() > blocking[joint]:
-        row = int(np.argmax(rows))
-        constraint, name = barrier.names[row] if barrier is not None else "barrier", None
-        text = f"{constraint} is in the way"
-    elif blocking[joint] == 0.0:
-        constraint, name = "workspace", None
-        text = "the pose is out of the arm's reach or singular there"
-    elif on_limit[joint]:
-        side, value = (
-            ("lower", limits.lower) if q[joint] - limits.lower[joint] < _ACTIVE else ("upper", limits.upper)
-        )
-        constraint = f"{name} {side} limit"
-        text = f"joint {name} is at its {side} limit of {np.degrees(value[joint]):.2f} deg"
-    else:
-        constraint = f"{name} speed"
-        text = (
-            f"joint {name} cannot turn fast enough ({np.degrees(limits.velocity[joint]):.3g} deg/s) even at "
-            f"{options.slowest * 1e3:g} mm/s; the arm passes close to a singular configuration"
-        )
-    return ImpossibleError(
-        where + text + help, constraint=constraint, joint=name, done_m=float(done), length_m=float(length)
-    )
