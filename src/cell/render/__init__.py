@@ -1,0 +1,1 @@
+"""A synthetic camera: bodies and boards to grey images, with the lens that the calibration describes."""
