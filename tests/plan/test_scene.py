@@ -1,0 +1,59 @@
+"""Scenes: names that are one of a kind, JSON there and back, digests."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from task2_scene import TABLE, Task2, task2
+
+from arm.errors import InputError
+from arm.robot import load_a465
+from arm.se3 import transform
+from plan.scene import scene_from_json
+
+
+@pytest.fixture(scope="module")
+def case() -> Task2:
+    return task2()
+
+
+def test_json_goes_there_and_back(case: Task2) -> None:
+    value = case.scene.to_json()
+    again = scene_from_json(value, case.scene.robot_open, case.scene.robot_holding)
+    assert again.to_json() == value
+    assert again.digest == case.scene.digest
+    assert [b.name for b in again.bodies] == [b.name for b in case.scene.bodies]
+
+
+def test_digest_changes_with_what_stands_where(case: Task2) -> None:
+    moved = TABLE.at(transform(t=(0.35, 0.0, -0.0201)))
+    bodies = tuple(moved if b.name == "table" else b for b in case.scene.bodies)
+    assert replace(case.scene, bodies=bodies).digest != case.scene.digest
+    assert replace(case.scene, allowed=frozenset()).digest != case.scene.digest
+    assert task2().scene.digest == case.scene.digest
+
+
+def test_two_bodies_of_one_name_are_refused(case: Task2) -> None:
+    with pytest.raises(InputError, match="two bodies are named 'table'"):
+        replace(case.scene, bodies=(*case.scene.bodies, TABLE))
+    with pytest.raises(InputError, match="two bodies are named 'palm'"):
+        replace(case.scene, cubes=(replace(case.scene.cubes[0], name="palm"),))
+
+
+def test_allowed_contacts_name_known_bodies(case: Task2) -> None:
+    with pytest.raises(InputError, match="'tabel', which is no body"):
+        replace(case.scene, allowed=frozenset([frozenset(("cube 1", "tabel"))]))
+
+
+def test_cube_by_name(case: Task2) -> None:
+    assert case.scene.cube("cube 2") is case.scene.cubes[1]
+    with pytest.raises(InputError, match="must be a cube of the scene: cube 1, cube 2") as caught:
+        case.scene.cube("cube 9")
+    assert caught.value.data["name"] == "cube 9"
+
+
+def test_scene_of_another_arm_is_refused(case: Task2) -> None:
+    other = load_a465(0.134112, 0.05)
+    with pytest.raises(InputError, match="robot_open has digest"):
+        scene_from_json(case.scene.to_json(), other, case.scene.robot_holding)

@@ -1,0 +1,219 @@
+"""Distances against MuJoCo's, and the properties that proofs rest on."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+from task2_scene import TABLE, TOOL_LENGTH, task2
+
+from arm.bodies import Body, Box, Cylinder, Shape, Sphere
+from arm.errors import InputError
+from arm.robot import Robot, load_a465
+from arm.se3 import Array, apply, frozen, rotation, transform
+from plan.world import DISTANCE_ERROR, World
+
+HELD = Body("held", Box((0.04, 0.04, 0.04)), frozen(np.eye(4)), "cube")
+T_TOOL_HELD = transform(t=(0.0, 0.0, 0.003))
+
+
+def random_bodies(rng: np.random.Generator, count: int) -> list[Body]:
+    """Boxes, cylinders and balls around the arm."""
+    bodies = []
+    for i in range(count):
+        size = rng.uniform(0.03, 0.3, 3)
+        shape: Shape = (
+            Box((float(size[0]), float(size[1]), float(size[2])))
+            if i % 3 == 0
+            else Cylinder(float(size[0]) / 2, float(size[1]))
+            if i % 3 == 1
+            else Sphere(float(size[0]) / 2)
+        )
+        angle = rng.uniform(-np.pi, np.pi)
+        place = np.array([0.7 * np.cos(angle), 0.7 * np.sin(angle), 0.3]) + rng.uniform(-0.2, 0.2, 3)
+        bodies.append(Body(f"body {i}", shape, transform(rotation(rng.normal(size=3)), place), "wall"))
+    return bodies
+
+
+def random_q(robot: Robot, rng: np.random.Generator, count: int) -> Array:
+    return rng.uniform(
+        robot.model.lowerPositionLimit, robot.model.upperPositionLimit, (count, robot.model.nq)
+    )
+
+
+class Judge:
+    """The same primitives in MuJoCo, each a free body that is put where Pinocchio says it is."""
+
+    def __init__(self, shapes: dict[str, Shape]) -> None:
+        spec = mujoco.MjSpec()
+        for name, shape in shapes.items():
+            holder = spec.worldbody.add_body(name=name, mocap=True)
+            match shape:
+                case Box(size):
+                    holder.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_BOX, size=[s / 2 for s in size])
+                case Cylinder(radius, length):
+                    holder.add_geom(
+                        name=name, type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[radius, length / 2, 0]
+                    )
+                case Sphere(radius):
+                    holder.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius, 0, 0])
+        spec.option.ccd_tolerance = 1e-9
+        spec.option.ccd_iterations = 200
+        self.model = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        self.slot = {name: i for i, name in enumerate(shapes)}
+
+    def place(self, bodies: list[Body]) -> None:
+        for body in bodies:
+            slot = self.slot[body.name]
+            self.data.mocap_pos[slot] = body.T_base_body[:3, 3]
+            matrix = np.ascontiguousarray(body.T_base_body[:3, :3]).ravel()
+            mujoco.mju_mat2Quat(self.data.mocap_quat[slot], matrix)
+        mujoco.mj_kinematics(self.model, self.data)
+
+    def distance(self, pair: tuple[str, str]) -> float:
+        a, b = (self.model.geom(name).id for name in pair)
+        return float(mujoco.mj_geomDistance(self.model, self.data, a, b, 5.0, None))
+
+
+def test_distances_are_mujocos_on_1000_configurations() -> None:
+    rng = np.random.default_rng(5)
+    robot = load_a465(TOOL_LENGTH, 0.04)
+    bodies = [TABLE, *random_bodies(rng, 8)]
+    world = World(robot, bodies, HELD, T_TOOL_HELD)
+    judge = Judge({b.name: b.shape for b in (*robot.bodies, HELD, *bodies)})
+    every = np.arange(len(world.pairs))
+    worst, overlapping, compared = 0.0, 0, 0
+    for q in random_q(robot, rng, 1000):
+        held = HELD.at(robot.T_base_tool(q) @ T_TOOL_HELD)
+        judge.place([*robot.bodies_at(q), held, *bodies])
+        values = world.pair_distances(q, every)
+        for i in every:
+            theirs = judge.distance(world.pair_names(i))
+            if values[i] > 0.0 or theirs > 0.0:  # depths of overlap are defined differently
+                worst = max(worst, abs(values[i] - theirs))
+                compared += 1
+            else:
+                overlapping += 1
+    assert compared > 100_000
+    assert overlapping > 300
+    assert worst <= DISTANCE_ERROR
+
+
+def test_in_collision_is_distance_below_clearance() -> None:
+    rng = np.random.default_rng(6)
+    robot = load_a465(TOOL_LENGTH, 0.06)
+    world = World(robot, random_bodies(rng, 6), HELD, T_TOOL_HELD, padding=0.002)
+    seen = set()
+    for q in random_q(robot, rng, 400):
+        closest = world.distance(q).value
+        for clearance in (0.0, 0.01, 0.08):
+            if abs(closest - clearance) > 1e-6:
+                assert world.in_collision(q, clearance) == (closest < clearance)
+                seen.add((clearance, closest < clearance))
+    assert len(seen) == 6
+
+
+def test_witness_points_are_that_far_apart() -> None:
+    rng = np.random.default_rng(7)
+    robot = load_a465(TOOL_LENGTH, 0.06)
+    world = World(robot, random_bodies(rng, 6))
+    for q in random_q(robot, rng, 100):
+        below = world.distances_below(q, 0.2)
+        assert [d.value for d in below] == sorted(d.value for d in below)
+        for d in below:
+            if d.value > 1e-4:
+                assert np.linalg.norm(d.points[0] - d.points[1]) == pytest.approx(d.value, abs=1e-5)
+
+
+def surface(shape: Shape, rng: np.random.Generator, count: int) -> Array:
+    """Random points of a body, many of them on its corners and rims."""
+    match shape:
+        case Box(size):
+            return rng.choice([-1.0, 0.3, 1.0], (count, 3)) * np.array(size) / 2
+        case Cylinder(radius, length):
+            angle = rng.uniform(0, 2 * np.pi, count)
+            z = rng.choice([-1.0, 1.0], count) * length / 2
+            return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), z])
+        case Sphere(radius):
+            v = rng.normal(size=(count, 3))
+            return np.asarray(radius * v / np.linalg.norm(v, axis=1)[:, None])
+
+
+def test_no_point_of_a_body_moves_further_than_the_bound() -> None:
+    """The statement that `plan.check` proves, for all bodies, small and large steps, whatever the way between."""
+    rng = np.random.default_rng(8)
+    robot = load_a465(TOOL_LENGTH, 0.06)
+    moving = [b for b in robot.bodies if b.joint > 0]
+    world = World(robot, [TABLE])
+    tightest = 0.0
+    for q in random_q(robot, rng, 300):
+        delta = rng.uniform(0.0, rng.choice([0.01, 0.3, 2.0]), 6) * rng.integers(0, 2, 6)
+        q_after = q + delta * rng.choice([-1.0, 1.0], 6)
+        bounds = world.motion_radii(q) @ delta
+        before, after = robot.joint_poses(q), robot.joint_poses(q_after)
+        for body, bound in zip(moving, bounds, strict=True):
+            points = apply(body.T_joint_body, surface(body.shape, rng, 20))
+            way = np.linalg.norm(apply(after[body.joint], points) - apply(before[body.joint], points), axis=1)
+            assert way.max() <= bound + 1e-12
+            if bound > 0.0:
+                tightest = max(tightest, way.max() / bound)
+    assert tightest > 0.95  # the bound is not idle
+
+
+def test_pair_distance_drops_by_no_more_than_the_pair_motion() -> None:
+    rng = np.random.default_rng(9)
+    robot = load_a465(TOOL_LENGTH, 0.06)
+    world = World(robot, random_bodies(rng, 5), HELD, T_TOOL_HELD)
+    every = np.arange(len(world.pairs))
+    for q in random_q(robot, rng, 200):
+        delta = rng.uniform(0.0, 0.2, 6)
+        motion = world.pair_motion(world.motion_radii(q), delta)
+        before = world.pair_distances(q, every)
+        after = world.pair_distances(q + delta * rng.uniform(-1.0, 1.0, 6), every)
+        clear = (before > 0.0) & (after > 0.0)
+        assert np.all((np.abs(before - after) <= motion + 2e-6)[clear])
+
+
+def test_bodies_of_the_arm_move_only_with_the_joints_between_them() -> None:
+    robot = load_a465(TOOL_LENGTH, 0.06)
+    world = World(robot, [TABLE])
+    first = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    motion = world.pair_motion(world.motion_radii(np.full(6, 0.3)), first)
+    for i in range(len(world.pairs)):
+        names = world.pair_names(i)
+        still = "table" in names or "base" in names
+        assert (motion[i] > 0.0) == still, names
+
+
+def test_what_is_checked() -> None:
+    case = task2()
+    robot = case.scene.robot_holding
+    plain = World(robot, case.scene.bodies, HELD, T_TOOL_HELD)
+    pairs = {frozenset(plain.pair_names(i)) for i in range(len(plain.pairs))}
+    assert frozenset(("held", "table")) in pairs
+    assert frozenset(("held", "forearm")) in pairs
+    assert frozenset(("held", "finger_l")) not in pairs
+    assert frozenset(("held", "palm")) not in pairs
+    assert frozenset(("table", "plate 01-02")) not in pairs
+    assert frozenset(("base", "table")) not in pairs
+    assert not pairs & robot.touching
+    allowed = frozenset(("held", "plate 01-02"))
+    fewer = World(robot, case.scene.bodies, HELD, T_TOOL_HELD, allowed=[allowed])
+    assert pairs - {frozenset(fewer.pair_names(i)) for i in range(len(fewer.pairs))} == {allowed}
+
+
+def test_padding_is_taken_off() -> None:
+    robot = load_a465(TOOL_LENGTH, 0.06)
+    q = np.radians([-60.0, -40.0, -80.0, 0.0, -60.0, 0.0])
+    assert World(robot, [TABLE], padding=0.003).distance(q).value == pytest.approx(
+        World(robot, [TABLE]).distance(q).value - 0.003, abs=1e-12
+    )
+
+
+def test_wrong_worlds_are_refused() -> None:
+    robot = load_a465(TOOL_LENGTH, 0.06)
+    with pytest.raises(InputError, match="needs its pose in the tool frame"):
+        World(robot, [TABLE], HELD)
+    with pytest.raises(InputError, match="two bodies of one name"):
+        World(robot, [TABLE, TABLE])
