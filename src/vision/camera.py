@@ -1,199 +1,203 @@
-"""A calibrated camera as a value, its file, and where frames come from.
+"""The camera: what maps a point of the base frame to a pixel, and its file.
 
-Pinhole with Brown's distortion k1 k2 p1 p2 k3 as OpenCV has it; the centre of the first pixel is (0, 0).
+Pixels count as OpenCV does: the centre of the first pixel is (0, 0), x to the right, y down. The camera frame has z
+out of the lens, x to the image's right and y down.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from arm.errors import A465Error, InputError
-from arm.files import canonical_json, sha256, write_atomic
+from arm.files import sha256, write_atomic
 from arm.se3 import Array, apply, frozen, inverse, orthonormalised
 from arm.toml_table import TomlTable
+from vision.frames import FrameSource, Image, ImageFolder
+from vision.lens import distort, lens_jacobian, undistort
 
-Image = npt.NDArray[np.uint8]
-_UNDISTORT_STEPS = 30
-_UNDISTORT_DONE = 1e-13
+__all__ = ["Camera", "FrameSource", "Image", "ImageFolder", "read_camera", "write_camera"]
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """Lens, sensor and place of a camera.
+    """A calibrated camera at its place.
 
     Attributes:
-        K: (3, 3) px.
-        distortion: (5,) k1 k2 p1 p2 k3.
+        K: camera matrix (3, 3), px.
+        distortion: k1 k2 p1 p2 k3 (5,), see `vision.lens`.
         size: width and height of its images, px.
-        T_base_camera: 4x4; camera frame x right, y down, z forward.
-        digest: SHA-256 of all of that; plans carry it.
+        T_base_camera: pose in the base frame, 4x4.
+        calibration: where the values are from, as its file says (id, date, ...); no part of the digest.
     """
 
     K: Array
     distortion: Array
     size: tuple[int, int]
     T_base_camera: Array
+    calibration: Mapping[str, Any] = field(default_factory=dict)
 
-    @property
+    def __post_init__(self) -> None:
+        for name in ("K", "distortion", "T_base_camera"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    @cached_property
     def digest(self) -> str:
-        """SHA-256 of the calibration's values."""
-        return sha256(_values(self))
+        """SHA-256 of all that decides where a point appears."""
+        return sha256(
+            {
+                "K_px": self.K.tolist(),
+                "distortion": self.distortion.tolist(),
+                "size_px": list(self.size),
+                "T_base_camera": self.T_base_camera.tolist(),
+            }
+        )
+
+    @cached_property
+    def T_camera_base(self) -> Array:
+        """Inverse of `T_base_camera`."""
+        return inverse(self.T_base_camera)
+
+    def at(self, T_base_camera: Array) -> Camera:
+        """The same camera at another pose (4x4)."""
+        return replace(self, T_base_camera=T_base_camera)
 
     def project(self, points_camera: npt.ArrayLike) -> Array:
-        """Pixels (..., 2) of points (..., 3) m in the camera frame, which lie in front of it."""
+        """Points (..., 3) m of the camera frame to pixels (..., 2); NaN for points that are not in front."""
         points = np.asarray(points_camera, dtype=float)
-        x, y = points[..., 0] / points[..., 2], points[..., 1] / points[..., 2]
-        dx, dy = self._distorted(x, y)
-        K = self.K
-        return np.stack([K[0, 0] * dx + K[0, 1] * dy + K[0, 2], K[1, 1] * dy + K[1, 2]], axis=-1)
+        z = np.where(points[..., 2] > 0.0, points[..., 2], np.nan)
+        distorted = distort(self.distortion, points[..., :2] / z[..., None])
+        pixels: Array = distorted @ self.K[:2, :2].T + self.K[:2, 2]
+        return pixels
 
     def project_base(self, points_base: npt.ArrayLike) -> Array:
-        """Pixels (..., 2) of points (..., 3) m in the base frame."""
-        return self.project(apply(inverse(self.T_base_camera), points_base))
+        """Points (..., 3) m of the base frame to pixels (..., 2)."""
+        return self.project(apply(self.T_camera_base, points_base))
+
+    def projection_jacobian(self, points_camera: npt.ArrayLike) -> Array:
+        """Derivative of `project` by the points: (..., 3) m to (..., 2, 3) px/m."""
+        points = np.asarray(points_camera, dtype=float)
+        on_plane = points[..., :2] / points[..., 2:]
+        pinhole = np.zeros((*points.shape[:-1], 2, 3))
+        pinhole[..., 0, 0] = pinhole[..., 1, 1] = 1.0
+        pinhole[..., 2] = -on_plane
+        jacobian: Array = self.K[:2, :2] @ lens_jacobian(self.distortion, on_plane) @ pinhole
+        return jacobian / points[..., 2, None, None]
 
     def normalised(self, pixels: npt.ArrayLike) -> Array:
-        """Undistorted image points (..., 2) on the plane z = 1 of pixels (..., 2), by fixed-point iteration."""
-        px = np.asarray(pixels, dtype=float)
-        K = self.K
-        y0 = (px[..., 1] - K[1, 2]) / K[1, 1]
-        x0 = (px[..., 0] - K[0, 2] - K[0, 1] * y0) / K[0, 0]
-        x, y = x0.copy(), y0.copy()
-        for _ in range(_UNDISTORT_STEPS):
-            dx, dy = self._distorted(x, y)
-            step_x, step_y = x0 - dx, y0 - dy
-            x, y = x + step_x, y + step_y
-            if max(np.abs(step_x).max(initial=0.0), np.abs(step_y).max(initial=0.0)) < _UNDISTORT_DONE:
-                break
-        return np.stack([x, y], axis=-1)
+        """Pixels (..., 2) to points (..., 2) on the plane z = 1 of the camera frame, lens undone.
 
-    def at(self, T_base_camera: npt.ArrayLike) -> Camera:
-        """The same camera at another place."""
-        return replace(self, T_base_camera=frozen(T_base_camera))
+        NaN where the lens has no inverse, which `read_camera` excludes for the image itself.
+        """
+        (fx, skew, cx), (_, fy, cy) = self.K[0], self.K[1]
+        pixels = np.asarray(pixels, dtype=float)
+        y = (pixels[..., 1] - cy) / fy
+        x = (pixels[..., 0] - cx - skew * y) / fx
+        return undistort(self.distortion, np.stack([x, y], axis=-1))
 
-    def require_image(self, image: Image, name: str) -> None:
-        """Refuse an image of another size, for which the calibration says nothing.
+    def require_size(self, image: Image, what: str) -> None:
+        """Check that an image is one of this camera's.
 
         Raises:
-            InputError: with both sizes.
+            InputError: naming the image (`what`) and both sizes.
         """
+        if image.dtype != np.uint8 or not (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)):
+            raise InputError(
+                f"{what}: is {image.dtype} of shape {image.shape}; an image is 8-bit grey (h, w) or BGR (h, w, 3)",
+                image=what,
+            )
         height, width = image.shape[:2]
         if (width, height) != self.size:
             raise InputError(
-                f"{name} is {width} x {height} px: must be {self.size[0]} x {self.size[1]}, the size the camera was "
-                "calibrated for",
-                name=name,
-                size=[width, height],
-                expected=list(self.size),
+                f"{what}: is {width} x {height} px, but the camera's calibration is for "
+                f"{self.size[0]} x {self.size[1]} px; use the full frame, or calibrate for this size",
+                image=what,
+                size_px=[width, height],
+                camera_size_px=list(self.size),
             )
-
-    def _distorted(self, x: Array, y: Array) -> tuple[Array, Array]:
-        k1, k2, p1, p2, k3 = self.distortion
-        r2 = x * x + y * y
-        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        return (
-            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
-        )
-
-
-def _values(camera: Camera) -> dict[str, Any]:
-    return {
-        "K": camera.K.tolist(),
-        "distortion": camera.distortion.tolist(),
-        "size": list(camera.size),
-        "T_base_camera": camera.T_base_camera.tolist(),
-    }
 
 
 def read_camera(path: Path) -> Camera:
-    """Read a camera file.
+    """Read a camera file: ``[intrinsics]``, ``[pose]`` and, for people, ``[calibration]``.
 
     Raises:
-        FileInputError: a value breaks a rule; a pose that is nearly rigid (printed digits) is made so.
+        FileInputError: a value breaks its rule, the pose is no rigid transform, or the lens has no inverse somewhere
+            in the image (as when coefficients stand in another order).
     """
     root = TomlTable.read(path)
-    lens, pose = root.table("intrinsics"), root.table("pose")
-    width, height = lens.integers("size_px", 2, 16, 20000)
-    K = lens.matrix("K_px", 3, 3, "px")
-    if K[0, 0] <= 0 or K[1, 1] <= 0 or np.any(K[[1, 2, 2], [0, 0, 1]] != 0) or K[2, 2] != 1:
-        raise lens.error("K_px", "must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with fx, fy above 0")
-    if not (0 <= K[0, 2] <= width and 0 <= K[1, 2] <= height):
-        raise lens.error("K_px", f"must have its centre inside the image of {width} x {height} px")
-    distortion = lens.numbers("distortion_k1k2p1p2k3", 5, "", -1e3, 1e3)
-    try:
-        T_base_camera = orthonormalised(pose.matrix("T_base_camera", 4, 4, "m"))
-    except A465Error as error:
-        raise pose.error("T_base_camera", str(error)) from error
-    lens.finish()
-    pose.finish()
-    root.table("calibration", required=False)
-    root.finish()
-    return Camera(K, distortion, (width, height), T_base_camera)
+    intrinsics, pose = root.table("intrinsics"), root.table("pose")
+    width, height = intrinsics.integers("size_px", 2, 16, 20000)
+    K = intrinsics.matrix("K_px", 3, 3, "px")
+    if min(K[0, 0], K[1, 1]) <= 0.0 or K[1, 0] != 0.0 or not np.array_equal(K[2], (0.0, 0.0, 1.0)):
+        raise intrinsics.error("K_px", "must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with fx, fy above 0")
+    distortion = intrinsics.numbers("distortion_k1k2p1p2k3", 5, "")
+    T_base_camera = pose.matrix("T_base_camera", 4, 4)
+    if np.abs(T_base_camera[:3, :3].T @ T_base_camera[:3, :3] - np.eye(3)).max() > 1e-12:
+        try:  # printed with few digits; a file of ours is kept to the last bit, and with it the digest
+            T_base_camera = orthonormalised(T_base_camera)
+        except A465Error as error:
+            raise pose.error("T_base_camera", str(error)) from error
+    calibration = root.value("calibration", "a table") if "calibration" in root else {}
+    for table in (intrinsics, pose, root):
+        table.finish()
+    camera = Camera(K, distortion, (width, height), T_base_camera, calibration)
+    if not _undoes_lens(camera):
+        raise intrinsics.error(
+            "distortion_k1k2p1p2k3",
+            "describes a lens that cannot be undone everywhere in the image",
+            "the order is k1 k2 p1 p2 k3; views of the calibration must reach the image's corners",
+        )
+    return camera
+
+
+def _undoes_lens(camera: Camera) -> bool:
+    u, v = np.meshgrid(np.linspace(0.0, camera.size[0] - 1.0, 17), np.linspace(0.0, camera.size[1] - 1.0, 17))
+    pixels = np.stack([u, v], axis=-1)
+    points = camera.normalised(pixels)
+    back = camera.project(np.concatenate([points, np.ones((*u.shape, 1))], axis=-1))
+    return bool(np.abs(back - pixels).max() < 1e-6)  # NaN compares false, as it must
 
 
 def write_camera(path: Path, camera: Camera) -> None:
-    """Write a camera file whole or not at all; reading it gives the same camera."""
+    """Write a camera file that `read_camera` reads back to the last bit (values of ``[calibration]``: text, number, list).
+
+    Raises:
+        InputError: the file cannot be written.
+    """
     lines = [
         "[intrinsics]",
         f"size_px = {list(camera.size)}",
-        f"K_px = {canonical_json(camera.K.tolist())}",
-        f"distortion_k1k2p1p2k3 = {canonical_json(camera.distortion.tolist())}",
+        f"K_px = {_rows(camera.K)}",
+        f"distortion_k1k2p1p2k3 = {camera.distortion.tolist()}",
         "",
         "[pose]",
-        f"T_base_camera = {canonical_json(camera.T_base_camera.tolist())}",
-        "",
+        f"T_base_camera = {_rows(camera.T_base_camera)}",
     ]
-    write_atomic(path, "\n".join(lines))
+    if camera.calibration:
+        lines += [
+            "",
+            "[calibration]",
+            *(f"{key} = {_toml(value)}" for key, value in camera.calibration.items()),
+        ]
+    write_atomic(path, "\n".join(lines) + "\n")
 
 
-class FrameSource(Protocol):
-    """Where photographs come from."""
-
-    def grab(self, count: int) -> Sequence[Image]:
-        """`count` fresh frames, (h, w) grey or (h, w, 3) BGR."""
-        ...
+def _rows(matrix: Array) -> str:
+    return "[\n" + "".join(f"  {row.tolist()},\n" for row in matrix) + "]"
 
 
-class ImageFolder:
-    """Photographs of a folder in the order of their names, from the beginning at every grab.
-
-    Args:
-        path: the folder, or one image file.
-
-    Raises:
-        InputError: it is not there or holds no PNG, JPEG, BMP or TIFF.
-    """
-
-    SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
-
-    def __init__(self, path: Path) -> None:
-        if path.is_file():
-            self._files = [path]
-        elif path.is_dir():
-            self._files = sorted(p for p in path.iterdir() if p.suffix.lower() in self.SUFFIXES)
-        else:
-            raise InputError(f"{path}: there is no such folder of photographs", file=str(path))
-        if not self._files:
-            raise InputError(f"{path}: holds no photograph ({', '.join(self.SUFFIXES)})", file=str(path))
-
-    def grab(self, count: int) -> list[Image]:
-        """The first `count` photographs, grey; fewer if the folder holds fewer.
-
-        Raises:
-            InputError: one cannot be decoded.
-        """
-        import cv2
-
-        frames = []
-        for path in self._files[:count]:
-            image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
-            if image is None:
-                raise InputError(f"{path}: cannot be read as an image", file=str(path))
-            frames.append(np.asarray(image, dtype=np.uint8))
-        return frames
+def _toml(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)  # a JSON string is a TOML basic string
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return str(value)  # numbers and dates

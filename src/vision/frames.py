@@ -1,0 +1,83 @@
+"""Where photographs come from: one small protocol, and the folder of files that implements it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.errors import InputError
+
+Image = npt.NDArray[np.uint8]
+"""A photograph: 8-bit grey (h, w) or BGR (h, w, 3)."""
+
+IMAGE_SUFFIXES = (".png", ".bmp", ".tif", ".tiff", ".jpg", ".jpeg", ".pgm")
+
+
+class FrameSource(Protocol):
+    """Anything that takes photographs of the cell as it is now."""
+
+    def grab(self, count: int) -> list[Image]:
+        """`count` photographs, all of one size.
+
+        Raises:
+            InputError: they cannot be had.
+        """
+        ...
+
+
+class ImageFolder:
+    """Photographs in a folder, in the order of their names.
+
+    Each is handed out once: a photograph that was already looked at says nothing about the cell of now. Whoever
+    takes new photographs puts them into the folder under later names.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """
+        Args:
+            path: the folder.
+
+        Raises:
+            InputError: it is not there.
+        """
+        if not path.is_dir():
+            raise InputError(f"{path}: there is no such folder of photographs", path=str(path))
+        self.path = path
+        self._used: set[str] = set()
+
+    def grab(self, count: int) -> list[Image]:
+        """The next `count` photographs that were not handed out before.
+
+        Raises:
+            InputError: too few are left, one cannot be read, or they differ in size.
+        """
+        import cv2
+
+        files = sorted(p for p in self.path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
+        fresh = [p for p in files if p.name not in self._used][:count]
+        if len(fresh) < count:
+            used = f" ({len(self._used)} were looked at before)" if self._used else ""
+            raise InputError(
+                f"{self.path}: holds {len(fresh)} new photographs{used}, but {count} are asked for; "
+                f"file names end in {' '.join(IMAGE_SUFFIXES)}",
+                path=str(self.path),
+                found=len(fresh),
+                count=count,
+            )
+        images: list[Image] = []
+        for file in fresh:
+            image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
+            if image is None:
+                raise InputError(f"{file}: cannot be read as an image", path=str(file))
+            images.append(np.asarray(image, dtype=np.uint8))
+            if images[-1].shape != images[0].shape:
+                raise InputError(
+                    f"{file}: is {image.shape[1]} x {image.shape[0]} px, but {fresh[0].name} beside it is "
+                    f"{images[0].shape[1]} x {images[0].shape[0]} px; photographs of one look have one size",
+                    path=str(file),
+                )
+        self._used.update(p.name for p in fresh)
+        return images
