@@ -180,6 +180,11 @@ class TomlTable:
             raise self.error(key, "must be an array of tables")
         return [TomlTable(self.file, v, f"{self.prefix}{key}[{i}].") for i, v in enumerate(value)]
 
+    def value_dict(self) -> dict[str, Any]:
+        """All keys and values of a table that may hold anything."""
+        self._asked.update(self._values)
+        return dict(self._values)
+
     def finish(self) -> None:
         """Refuse keys that are not known.
 

@@ -16,9 +16,8 @@ from cell.taskfile import Task
 from plan.options import PlanOptions
 from plan.reach import ReachTable, reach
 from plan.scene import Scene, Transfer
-from plan.task import plan_task, plan_way
-
-VERSIONED = ("a465", "pin", "coal", "toppra", "qpsolvers", "daqp", "numpy", "scipy")
+from plan.task import plan_task
+from plan.way import plan_way
 
 
 def options_of(task: Task, speed: float) -> PlanOptions:
@@ -35,18 +34,16 @@ def options_of(task: Task, speed: float) -> PlanOptions:
     )
 
 
-def provenance(task: Task, scene: Scene) -> dict[str, Any]:
+def provenance(task: Task) -> dict[str, Any]:
     """What a plan rests on, as hashes; execution compares them with the cell of now."""
     cell = task.cell
     registers = {"speed": list(cell.speed_registers), "acceleration": list(cell.acceleration_registers)}
     return {
-        "robot": scene.robot_open.digest,
-        "scene": scene.digest,
+        "a465": version("a465"),
         "limits": sha256({"unit": cell.unit.digest, **registers}),
         "calibration": cell.camera.digest,
         "task": task.digest,
         "seed": task.seed,
-        "versions": {name: version(name) for name in VERSIONED},
     }
 
 
@@ -111,6 +108,10 @@ def scene_of(task: Task, seen: Seen, on_table: Mapping[str, Array]) -> Scene:
     return build_scene(task.cell, seen.poses, seen.cubes_in(), on_table)
 
 
+def _named(task: Task) -> dict[str, Any]:
+    return {"name": task.name, "kind": task.kind}
+
+
 def plan_rest(
     task: Task,
     seen: Seen,
@@ -136,14 +137,15 @@ def plan_rest(
         task.cell.unit,
         task.cell.limits,
         options_of(task, speed),
-        provenance(task, scene),
+        provenance(task),
+        _named(task),
     )
 
 
 def plan_to_start(
     task: Task, seen: Seen | None, q_from: Array, speed: float, on_table: Mapping[str, Array]
 ) -> Plan:
-    """A plan that only goes to q_start, around what was seen, or around all that might stand there.
+    """A plan that only goes to q_start, around what was seen or might stand there; None if the arm is there.
 
     Raises:
         ImpossibleError: there is no way.
@@ -156,5 +158,6 @@ def plan_to_start(
         task.cell.unit,
         task.cell.limits,
         options_of(task, speed),
-        provenance(task, scene),
+        provenance(task),
+        _named(task),
     )

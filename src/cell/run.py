@@ -20,6 +20,7 @@ from cell.looking import look_and_save
 from cell.planning import plan_rest, plan_to_start, reach_of
 from cell.preview.page import write_preview
 from cell.report import CubeRow, judge_release, print_rows
+from cell.scenery import T_base_cube_on_table, cube_name
 from cell.taskfile import Task, read_task
 from driver.execute import StepResult, execute
 from driver.stream import Progress
@@ -128,8 +129,9 @@ class _Run:
 
     def _go_to_start(self, seen: Seen | None) -> None:
         plan = plan_to_start(self.task, seen, self._q_now(), self.speed, self.on_table)
-        self._keep(plan, "to-start")
-        self._execute(plan.steps)
+        if plan is not None:
+            self._keep(plan, "to-start")
+            self._execute(plan.steps)
 
     def _q_now(self) -> Array:
         return frozen(self.task.cell.unit.positions(self.connection.mars.settled_counts()))
@@ -149,7 +151,7 @@ class _Run:
             f"clearance {1e3 * min(m.clearance for m in plan.moves):.1f} mm, {plan.sha256[:12]}"
         )
         self._keep(
-            plan, "plan" if not any("transfers" in p.task for p in self.plans) else f"plan-{len(self.plans)}"
+            plan, "plan" if not any(p.task["cubes"] for p in self.plans) else f"plan-{len(self.plans)}"
         )
         return plan
 
@@ -165,7 +167,7 @@ class _Run:
 
     def _follow(self, plan: Plan, seen: Seen) -> tuple[Seen, bool]:
         """Execute a plan cube by cube; ends early, with True, where the rest must be planned anew."""
-        for index, transfer in enumerate(plan.task["transfers"]):
+        for index, transfer in enumerate(plan.task["cubes"]):
             row = CubeRow(transfer["from"], transfer["to"])
             self.rows.append(row)
             steps = [s for s in plan.steps if getattr(s, "cube", None) == index]
@@ -187,9 +189,8 @@ class _Run:
             moved = seen.moved(before, self.task.cell)
             for line in moved:
                 self._tell(line + "; the rest is planned anew")
-            if moved and index + 1 < len(plan.task["transfers"]):
+            if moved and index + 1 < len(plan.task["cubes"]):
                 return seen, True
-        self._execute(_after_last(plan))
         return seen, False
 
     def _looks_after(self, plan: Plan, index: int) -> bool:
@@ -208,7 +209,7 @@ class _Run:
     def _put_down(self, transfer: dict[str, Any], plan: Plan, row: CubeRow) -> None:
         self.done[transfer["cube"]] = transfer["to"]
         if self.task.places is not None:
-            self.on_table[f"cube {transfer['to']}"] = frozen(transfer["T_base_cube_placed"])
+            self.on_table[cube_name(transfer["to"])] = T_base_cube_on_table(self.task, transfer["to"])
         simulated = self.connection.simulated
         if simulated is not None:
             event = next(e for e in reversed(simulated.events) if e.what in ("placed", "set down", "fallen"))
@@ -246,7 +247,7 @@ class _Run:
 
     def _report(self) -> dict[str, Any]:
         print_rows(self.console, self.rows)
-        whole = [p for p in self.plans if "transfers" in p.task]
+        whole = [p for p in self.plans if p.task["cubes"]]
         report = {
             "task": self.task.name,
             "kind": self.task.kind,
@@ -264,11 +265,6 @@ class _Run:
         write_atomic(self.folder / "report.json", _json(report))
         self.console.say(f"\nplan, photographs, log and preview.html are in {self.folder}")
         return report
-
-
-def _after_last(plan: Plan) -> list[Step]:
-    """Steps that belong to no cube: going home at the end."""
-    return [s for s in plan.steps if isinstance(s, Move | GripperStep) and s.cube is None]
 
 
 def _json(value: dict[str, Any]) -> str:

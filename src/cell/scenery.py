@@ -52,6 +52,20 @@ def table_station(cell: Cell, name: str, x: float, y: float, yaw: float) -> Stat
     )
 
 
+def T_base_cube_on_table(task: Task, name: str) -> Array:
+    """Where a cube stands that was set down on the table place of that name.
+
+    Raises:
+        ImpossibleError: the task has no such place.
+    """
+    number = int(name.rsplit("/", 1)[1])
+    if task.places is None or number > len(task.places.centres):
+        raise ImpossibleError(f"place {name!r} is not one of the task's", place=name)
+    x, y = task.places.centres[number - 1]
+    height = task.cell.table_z + task.cell.cube_size / 2.0
+    return transform(rot_z(task.places.yaw), (x, y, height))
+
+
 def board_bodies(cell: Cell, poses: Iterable[BoardPose]) -> list[Body]:
     """Plates and stands of the boards that were seen."""
     bodies = []

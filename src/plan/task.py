@@ -64,7 +64,7 @@ def plan_task(
     """
     options = options or PlanOptions()
     limits = limits or unit.limits()
-    planner = _Planner(scene, np.asarray(q_start, dtype=float), unit, limits, options)
+    planner = Planner(scene, np.asarray(q_start, dtype=float), unit, limits, options)
     planner.check_input(transfers)
     tables = planner.reach(transfers)
     steps: list[Step] = [GripperStep("open the gripper", "open", None, 0.0, options.settle_s)]
@@ -73,27 +73,46 @@ def plan_task(
     allowed = scene.allowed | {
         frozenset((t.cube, name)) for t in transfers for name in t.pick.touches | t.place.touches
     }
+    cubes = [{"cube": t.cube, "from": t.pick.name, "to": t.place.name} for t in transfers]
+    return plan_of(
+        replace(scene, allowed=allowed),
+        steps,
+        unit,
+        limits,
+        options,
+        {**(provenance or {}), "scene": scene.digest},
+        {**(task or {}), "cubes": cubes},
+    )
+
+
+def plan_of(
+    scene: Scene,
+    steps: Sequence[Step],
+    unit: Unit,
+    limits: Limits,
+    options: PlanOptions,
+    provenance: Mapping[str, Any] | None,
+    task: Mapping[str, Any],
+) -> Plan:
+    """Steps as a plan, with what they rest on."""
     registers = _registers(unit, limits)
     return Plan(
-        task={
-            **(task or {}),
-            "cubes": [{"cube": t.cube, "from": t.pick.name, "to": t.place.name} for t in transfers],
-        },
+        task=dict(task),
         unit=unit.name,
         speed=options.speed,
         speed_registers=registers["speed"],
         acceleration_registers=registers["acceleration"],
         steps=tuple(steps),
         provenance={
-            **(provenance or {}),
             "scene": scene.digest,
+            **(provenance or {}),
             "robot_open": scene.robot_open.digest,
             "robot_holding": scene.robot_holding.digest,
             "unit": unit.digest,
             "options": options.to_json(),
             "versions": {name: version(name) for name in _LIBRARIES},
         },
-        scene=replace(scene, allowed=allowed).to_json(),
+        scene=scene.to_json(),
     )
 
 
@@ -106,8 +125,14 @@ def _registers(unit: Unit, limits: Limits) -> dict[str, tuple[int, ...]]:
     }
 
 
-class _Planner:
-    """Plans transfer after transfer; `scene` and `q` are where things stand by then."""
+class Planner:
+    """Plans transfer after transfer; `scene` and `q` are where things stand by then.
+
+    Attributes:
+        q: where the arm stands, a whole number of counts, (6,) rad.
+        sent: limits that hold on what is sent.
+        planned: the part of them that motion is timed with.
+    """
 
     def __init__(
         self, scene: Scene, q_start: Array, unit: Unit, limits: Limits, options: PlanOptions
@@ -199,6 +224,10 @@ class _Planner:
             steps.append(self.transit(to, "home", "home", after, route.back, held=False))
         return [step for step in steps if step is not None]
 
+    def way(self, name: str, world: World, waypoints: Array) -> Move | None:
+        """A timed transit that serves no cube, with empty jaws; None where there is no way to go."""
+        return self.transit(_Job(None, "arm"), name, "home", world, waypoints, held=False)
+
     def transit(
         self, job: _Job, name: str, role: str, world: World, waypoints: Array, held: bool
     ) -> Move | None:
@@ -268,7 +297,7 @@ class _Planner:
 class _Job:
     """Which cube a step serves."""
 
-    index: int
+    index: int | None
     cube: str
 
 
