@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from task2_scene import TABLE, Task2, task2
 
 from arm.errors import InputError
 from arm.robot import load_a465
 from arm.se3 import transform
 from plan.scene import scene_from_json
+from task2_scene import TABLE, Task2, task2
 
 
 @pytest.fixture(scope="module")

@@ -5,13 +5,13 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
-from task2_scene import TABLE, TOOL_LENGTH, task2
 
 from arm.bodies import Body, Box, Cylinder, Shape, Sphere
 from arm.errors import InputError
 from arm.robot import Robot, load_a465
 from arm.se3 import Array, apply, frozen, rotation, transform
 from plan.world import DISTANCE_ERROR, World
+from task2_scene import TABLE, TOOL_LENGTH, task2
 
 HELD = Body("held", Box((0.04, 0.04, 0.04)), frozen(np.eye(4)), "cube")
 T_TOOL_HELD = transform(t=(0.0, 0.0, 0.003))
@@ -112,6 +112,17 @@ def test_in_collision_is_distance_below_clearance() -> None:
                 assert world.in_collision(q, clearance) == (closest < clearance)
                 seen.add((clearance, closest < clearance))
     assert len(seen) == 6
+
+
+def test_a_distance_does_not_depend_on_what_was_asked_before() -> None:
+    rng = np.random.default_rng(10)
+    robot = load_a465(TOOL_LENGTH, 0.06)
+    world = World(robot, random_bodies(rng, 6))
+    every = np.arange(len(world.pairs))
+    qs = random_q(robot, rng, 50)
+    forward = [world.pair_distances(q, every) for q in qs]
+    backward = [world.pair_distances(q, every) for q in qs[::-1]][::-1]
+    assert np.array_equal(forward, backward)
 
 
 def test_witness_points_are_that_far_apart() -> None:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arm.bodies import Body, Box
 from arm.board import CUBE_SEAT_DEPTH, PLATE_CENTRE, PLATE_SIZE, Board, read_board_csv
+from arm.bodies import Body, Box
 from arm.files import data_file
 from arm.robot import load_a465
 from arm.se3 import Array, apply, frozen, rot_x, rot_z, rotation, transform
