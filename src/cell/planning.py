@@ -10,6 +10,7 @@ from arm.errors import ImpossibleError
 from arm.files import sha256
 from arm.planfile import Plan
 from arm.se3 import Array
+from cell.cellfile import Cell
 from cell.lookfile import Seen
 from cell.scenery import build_scene, free_table_stations, hole_station, transfers, unseen_scene
 from cell.taskfile import Task
@@ -34,14 +35,18 @@ def options_of(task: Task, speed: float) -> PlanOptions:
     )
 
 
+def limits_digest(cell: Cell) -> str:
+    """Hash of the limits that motion is planned under: unit and registers."""
+    registers = {"speed": list(cell.speed_registers), "acceleration": list(cell.acceleration_registers)}
+    return sha256({"unit": cell.unit.digest, **registers})
+
+
 def provenance(task: Task) -> dict[str, Any]:
     """What a plan rests on, as hashes; execution compares them with the cell of now."""
-    cell = task.cell
-    registers = {"speed": list(cell.speed_registers), "acceleration": list(cell.acceleration_registers)}
     return {
         "a465": version("a465"),
-        "limits": sha256({"unit": cell.unit.digest, **registers}),
-        "calibration": cell.camera.digest,
+        "limits": limits_digest(task.cell),
+        "calibration": task.cell.camera.digest,
         "task": task.digest,
         "seed": task.seed,
     }

@@ -1,0 +1,207 @@
+"""The single steps of the main job, one file between each and the next; each gives what its verb prints as JSON."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm.errors import ImpossibleError, InputError
+from arm.files import canonical_json, write_atomic
+from arm.planfile import Move, Plan, read_plan, write_plan
+from cell.console import Console
+from cell.lookfile import Seen, read_seen, seen_to_json
+from cell.planning import plan_rest, reach_of
+from cell.taskfile import Task, read_task
+
+
+def look_step(
+    task_file: Path,
+    images: Path | None,
+    world: Path | None,
+    output: Path | None,
+    picture: Path | None,
+    console: Console,
+) -> dict[str, Any]:
+    """``a465 look``: photographs from a folder, or of the simulated cell with the arm at q_start."""
+    from cell.looking import look_and_save
+    from vision.frames import ImageFolder
+
+    task = read_task(task_file)
+    frames = ImageFolder(images) if images is not None else _simulated_frames(task, world)
+    seen = look_and_save(task, frames, picture, console, "at the cell")
+    result = seen_to_json(seen)
+    if output is not None:
+        write_atomic(output, canonical_json(result) + "\n")
+    _print_look(seen, console)
+    seen.require(task)
+    return result
+
+
+def _simulated_frames(task: Task, world: Path | None) -> Any:
+    from cell.connection import world_file
+    from cell.simulation import SimulatedCamera, SimulatedCell
+    from cell.worldfile import read_world
+
+    cell = task.cell
+    truth = read_world(world_file(task, world), cell.boards[0].marker_size)
+    simulated = SimulatedCell(cell, truth)
+    at_start = cell.unit.counts(cell.q_start)
+    return SimulatedCamera(simulated, truth.camera or cell.camera, lambda: at_start, cell.dictionary)
+
+
+def _print_look(seen: Seen, console: Console) -> None:
+    from arm.poses import hole_poses
+
+    rows = []
+    for board in seen.boards:
+        for hole, state in zip(hole_poses(board.pose), board.occupancy, strict=True):
+            x, y, z = 1e3 * hole.T_base_hole[:3, 3]
+            std = 1e3 * float(np.sqrt(np.trace(hole.covariance[:3, :3])))
+            rows.append((hole.name, float(x), float(y), float(z), std, state))
+    console.table(("hole", "x mm", "y mm", "z mm", "std mm", "state"), rows)
+    for board in seen.boards:
+        console.say(
+            f"board {board.name}: tilt {np.degrees(board.pose.tilt()):.2f} deg, "
+            f"residual {board.pose.residual_px:.3f} px"
+        )
+
+
+def reach_step(task_file: Path, look_file: Path, console: Console) -> dict[str, Any]:
+    """``a465 reach``."""
+    task = read_task(task_file)
+    seen = read_seen(look_file, task.cell.boards)
+    seen.require(task)
+    table = reach_of(task, seen)
+    console.table(
+        ("hole", "choices", "best branch", "yaw", "what limits it"),
+        [(h.hole, len(h.serving()), h.best.branch, h.best.yaw, h.best.reason()) for h in table.holes],
+    )
+    table.require()
+    return {
+        "holes": [
+            {
+                "hole": h.hole,
+                "choices": len(h.serving()),
+                "branch": h.best.branch,
+                "yaw": h.best.yaw,
+                "joint": h.best.joint,
+                "margin_deg": float(np.degrees(h.best.margin)),
+            }
+            for h in table.holes
+        ]
+    }
+
+
+def plan_step(
+    task_file: Path, look_file: Path, output: Path, speed: float | None, console: Console
+) -> dict[str, Any]:
+    """``a465 plan``: from q_start, all cubes that were seen."""
+    task = read_task(task_file)
+    seen = read_seen(look_file, task.cell.boards)
+    seen.require(task)
+    plan = plan_rest(task, seen, task.cell.q_start, task.cell.speed if speed is None else speed, {}, {})
+    if plan is None:
+        raise ImpossibleError(f"board {task.from_board.name} holds no cube, so there is nothing to plan")
+    write_plan(output, plan)
+    _print_plan(plan, console)
+    console.say(f"plan {plan.sha256[:12]} is in {output}")
+    return {
+        "plan": str(output),
+        "plan_sha256": plan.sha256,
+        "motion_s": plan.duration_s,
+        "min_clearance_mm": 1e3 * min(m.clearance for m in plan.moves),
+        "moves": [_move_to_json(m) for m in plan.moves],
+    }
+
+
+def _print_plan(plan: Plan, console: Console) -> None:
+    rows = [
+        (m.name, m.path.duration_s, len(m.path.segments), 1e3 * m.clearance, " - ".join(m.closest))
+        for m in plan.moves
+    ]
+    console.table(("move", "s", "segments", "mm", "closest"), rows)
+    console.say(f"{len(rows)} moves, {plan.duration_s:.1f} s of motion at speed {plan.speed:g}")
+
+
+def _move_to_json(move: Move) -> dict[str, Any]:
+    return {
+        "name": move.name,
+        "role": move.role,
+        "motion_s": move.path.duration_s,
+        "clearance_mm": 1e3 * move.clearance,
+        "closest": list(move.closest),
+    }
+
+
+def check_step(plan_file: Path, task_file: Path, console: Console) -> dict[str, Any]:
+    """``a465 check``: everything the plan would send, judged anew."""
+    from cell.checking import check_plan
+
+    task, plan = read_task(task_file), read_plan(plan_file)
+    result = check_plan(task, plan)
+    console.table(
+        ("move", "mm stated", "mm proved", "closest"),
+        [(m["name"], m["stated_mm"], m["proved_mm"], " - ".join(m["closest"])) for m in result["moves"]],
+    )
+    console.say(
+        f"plan {plan.sha256[:12]}: {len(result['moves'])} moves hold; at most "
+        f"{100 * result['peak_velocity']:.1f} % of the velocity and {100 * result['peak_acceleration']:.1f} % of the "
+        f"acceleration limits at speed {plan.speed:g}"
+    )
+    return result
+
+
+def preview_step(plan_file: Path, task_file: Path, output: Path, console: Console) -> dict[str, Any]:
+    """``a465 preview``."""
+    from cell.preview.page import write_preview
+
+    task, plan = read_task(task_file), read_plan(plan_file)
+    cell = task.cell
+    write_preview(plan, cell.robot(), cell.robot(cell.cube_size), cell.unit, output)
+    console.say(f"open {output} in a browser")
+    return {"page": str(output), "plan_sha256": plan.sha256, "bytes": output.stat().st_size}
+
+
+def emulate_step(unit_name: str, link: Path | None, tcp: int | None, time_scale: float) -> None:
+    """``a465 emulate``: until a signal comes."""
+    from arm.unit import load_unit
+    from driver.clock import Clock
+    from driver.emulator import Emulator
+
+    if not 0.01 <= time_scale <= 100.0:
+        raise InputError(f"time scale = {time_scale:g}: must be from 0.01 to 100", time_scale=time_scale)
+    over = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: over.set())
+    with Emulator(load_unit(unit_name), Clock(time_scale)) as emulator:
+        print(
+            f"{unit_name} on {emulator.open_pty(link)}" + (f", linked from {link}" if link else ""),
+            flush=True,
+        )
+        if tcp is not None:
+            print(f"{unit_name} on {emulator.open_tcp(tcp)}", flush=True)
+        while not over.wait(0.5):
+            pass
+
+
+def render_step(
+    task_file: Path, world: Path | None, output: Path, count: int | None, console: Console
+) -> dict[str, Any]:
+    """``a465 render``."""
+    from cell.looking import write_png
+
+    task = read_task(task_file)
+    wanted = task.cell.photographs if count is None else count
+    if not 1 <= wanted <= 1000:
+        raise InputError(f"count = {wanted}: must be from 1 to 1000", count=wanted)
+    names = []
+    for number, image in enumerate(_simulated_frames(task, world).grab(wanted), start=1):
+        path = output / f"photograph-{number:03d}.png"
+        write_png(path, image)
+        names.append(str(path))
+    console.say(f"{len(names)} photographs in {output}")
+    return {"photographs": names}
