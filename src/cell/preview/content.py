@@ -6,11 +6,12 @@ the controller will do, not a resampling of it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from arm.board import Board
 from arm.bodies import body_from_json, shape_to_json
 from arm.errors import InputError
 from arm.planfile import GripperStep, LookStep, Move, Plan
@@ -21,8 +22,7 @@ from cell.preview.overlays import (
     CameraView,
     ClearanceSample,
     ExecutedMove,
-    PlacedBoard,
-    board_to_json,
+    boards_to_json,
     camera_to_json,
     clearance_to_json,
     executed_to_json,
@@ -36,10 +36,10 @@ def page_content(
     robot_open: Robot,
     robot_holding: Robot,
     unit: Unit,
-    boards: Sequence[PlacedBoard] = (),
+    boards: Sequence[Board] = (),
     dictionary: str = "DICT_4X4_50",
     camera: CameraView | None = None,
-    clearance: dict[int, Sequence[ClearanceSample]] | None = None,
+    clearance: Mapping[int, Sequence[ClearanceSample]] | None = None,
     executed: Sequence[ExecutedMove] = (),
 ) -> dict[str, Any]:
     """Everything that the page draws.
@@ -48,7 +48,7 @@ def page_content(
         plan: to show; bodies and cubes come from its scene.
         robot_open, robot_holding: the arm with open jaws and with the jaws at the cube's width.
         unit: the plan's.
-        boards: where boards stand: drawn with holes and markers in place of their plates.
+        boards: known to the cell; those whose plates stand in the scene are drawn with holes and markers.
         dictionary: of the boards' markers.
         camera: drawn with its view.
         clearance: per index of a step, samples over that move.
@@ -76,7 +76,12 @@ def page_content(
         "joints": _joints(plan, robot_open, unit),
         "arm": _arm(robot_open, robot_holding),
         "bodies": [
-            {"name": b.name, "kind": b.kind, "shape": shape_to_json(b.shape), "T": pose_numbers(b.T_base_body)}
+            {
+                "name": b.name,
+                "kind": b.kind,
+                "shape": shape_to_json(b.shape),
+                "T": pose_numbers(b.T_base_body),
+            }
             for b in bodies
         ],
         "cubes": [
@@ -90,7 +95,7 @@ def page_content(
             }
             for c in cubes
         ],
-        "boards": [board_to_json(b, dictionary) for b in boards],
+        "boards": boards_to_json(boards, bodies, dictionary),
         "camera": None if camera is None else camera_to_json(camera),
         "steps": [_step(timed) for timed in steps],
         "clearance": {str(i): clearance_to_json(s) for i, s in (clearance or {}).items()},

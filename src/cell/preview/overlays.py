@@ -9,23 +9,14 @@ from typing import Any, Protocol
 import cv2
 import numpy as np
 
-from arm.board import CUBE_SEAT_DEPTH, PLATE_CENTRE, PLATE_SIZE, POCKET_FLOOR, POCKET_MOUTH, Board
+from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_FLOOR, POCKET_MOUTH, Board
+from arm.bodies import Body
 from arm.errors import InputError
-from arm.se3 import Array
+from arm.se3 import Array, transform
+from cell.furniture import plate_name
 
+POCKET_DEPTH = 0.010  # of a pocket's floor below the plate's top, m (fact sheet of the cell)
 _DIGITS = 7  # of lengths in m: a tenth of a micrometre
-
-
-class PlacedBoard(Protocol):
-    """A board and where it stands; `arm.poses.BoardPose` is one."""
-
-    @property
-    def board(self) -> Board:
-        """Which."""
-
-    @property
-    def T_base_board(self) -> Array:
-        """Where, 4x4."""
 
 
 class CameraView(Protocol):
@@ -103,14 +94,14 @@ def marker_rows(dictionary: str, marker_id: int) -> list[str]:
     return ["".join("1" if v else "0" for v in row) for row in image]
 
 
-def board_to_json(placed: PlacedBoard, dictionary: str) -> dict[str, Any]:
-    """A board as the page draws it, lengths in m."""
-    board = placed.board
+def board_to_json(board: Board, T_base_board: Array, dictionary: str) -> dict[str, Any]:
+    """A board as the page draws it in place of its plate, lengths in m."""
     return {
         "name": board.name,
-        "T": pose_numbers(placed.T_base_board),
+        "body": plate_name(board.name),
+        "T": pose_numbers(T_base_board),
         "plate": {"size": list(PLATE_SIZE), "centre": list(PLATE_CENTRE)},
-        "pocket": {"mouth": POCKET_MOUTH, "floor": POCKET_FLOOR, "depth": CUBE_SEAT_DEPTH + 0.002},
+        "pocket": {"mouth": POCKET_MOUTH, "floor": POCKET_FLOOR, "depth": POCKET_DEPTH},
         "holes": [[float(x), float(y)] for x, y, _ in board.holes],
         "markers": [
             {
@@ -121,6 +112,17 @@ def board_to_json(placed: PlacedBoard, dictionary: str) -> dict[str, Any]:
             for marker_id, corners in zip(board.marker_ids, board.marker_corners(), strict=True)
         ],
     }
+
+
+def boards_to_json(boards: Sequence[Board], bodies: Sequence[Body], dictionary: str) -> list[dict[str, Any]]:
+    """Those of `boards` whose plates stand among `bodies`, where they stand."""
+    plates = {body.name: body.T_base_body for body in bodies}
+    T_plate_board = transform(t=(-PLATE_CENTRE[0], -PLATE_CENTRE[1], PLATE_SIZE[2] / 2.0))
+    return [
+        board_to_json(board, plates[plate_name(board.name)] @ T_plate_board, dictionary)
+        for board in boards
+        if plate_name(board.name) in plates
+    ]
 
 
 def camera_to_json(camera: CameraView) -> dict[str, Any]:

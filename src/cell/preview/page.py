@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from arm.board import Board
 from arm.files import canonical_json, read_text, write_atomic
 from arm.planfile import Plan
 from arm.robot import Robot
 from arm.unit import Unit
+from cell.preview.clearance import CLEARANCE_EVERY_S, sample_clearance
 from cell.preview.content import page_content
-from cell.preview.overlays import CameraView, ClearanceSample, ExecutedMove, PlacedBoard
+from cell.preview.overlays import CameraView, ExecutedMove
 
 _HERE = Path(__file__).resolve().parent
 # In the order of use: a later script may use what an earlier one defines.
@@ -36,19 +38,31 @@ def write_preview(
     unit: Unit,
     path: Path,
     *,
-    boards: Sequence[PlacedBoard] = (),
+    boards: Sequence[Board] = (),
     dictionary: str = "DICT_4X4_50",
     camera: CameraView | None = None,
-    clearance: dict[int, Sequence[ClearanceSample]] | None = None,
+    clearance_every_s: float = CLEARANCE_EVERY_S,
     executed: Sequence[ExecutedMove] = (),
 ) -> None:
     """Write a plan as one HTML file that opens without network; the same input gives the same bytes.
 
-    The arguments are those of `cell.preview.content.page_content`.
+    Args:
+        plan, robot_open, robot_holding, unit: what is shown; see `cell.preview.content.page_content`.
+        path: of the file, usually ``.html``.
+        boards: known to the cell; those in the plan's scene are drawn with holes and markers.
+        dictionary: of the boards' markers.
+        camera: drawn with its view.
+        clearance_every_s: spacing of the clearance samples along the moves; 0 shows one figure a move instead.
+        executed: drawn over the plan.
 
     Raises:
         InputError: the plan does not fit the unit or the arms, or the file cannot be written.
     """
+    sampled = (
+        sample_clearance(plan, robot_open, robot_holding, unit, clearance_every_s)
+        if clearance_every_s > 0.0
+        else None
+    )
     content = page_content(
         plan,
         robot_open,
@@ -57,7 +71,7 @@ def write_preview(
         boards=boards,
         dictionary=dictionary,
         camera=camera,
-        clearance=clearance,
+        clearance=sampled,
         executed=executed,
     )
     write_atomic(path, page(content))

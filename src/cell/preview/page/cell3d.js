@@ -2,9 +2,9 @@
 // The cell: what stands still, the arm, the cubes. `pose(t)` puts everything where it is at time t.
 
 const STILL = {
-  table: { colour: "#c9cbc8", roughness: 0.85, rounding: 0.006 },
+  table: { colour: "#e2e2e0", dark: "#3d444c", roughness: 0.85, rounding: 0.006 },
   board: { colour: "#d8c29a", roughness: 0.72, rounding: 0.003 },
-  stand: { colour: "#8d949b", roughness: 0.75, rounding: 0.004 },
+  stand: { colour: "#a3a9af", roughness: 0.75, rounding: 0.004 },
   wall: { colour: "#aab4bd", roughness: 0.6, rounding: 0.004, opacity: 0.32 },
   post: { colour: "#aab4bd", roughness: 0.6, rounding: 0.004, opacity: 0.32 },
   zone: { colour: "#d08a3a", roughness: 1, rounding: 0.001, opacity: 0.1 },
@@ -27,7 +27,8 @@ class Cell3D {
   }
 
   addStill(content) {
-    const drawn = new Set(content.boards.map((board) => `plate ${board.name}`));
+    this.themed = [];
+    const drawn = new Set(content.boards.map((board) => board.body));
     for (const body of content.bodies) {
       if (drawn.has(body.name)) continue;
       const look = STILL[body.kind] || STILL.stand;
@@ -38,16 +39,17 @@ class Cell3D {
         made.castShadow = made.receiveShadow = false;
       }
       this.scene.add(made);
+      if (look.dark) this.themed.push({ material, look });
       if (body.kind === "table" && body.shape.box) this.scene.add(tableGrid(body));
     }
     for (const board of content.boards) this.scene.add(boardGroup(board));
   }
 
   addArm(arm) {
-    const shell = new THREE.MeshPhysicalMaterial({ color: "#f0ebe0", roughness: 0.42, clearcoat: 0.35, clearcoatRoughness: 0.4 });
-    const cover = standardMaterial("#3d444c", 0.5, 0.15);
-    const tool = standardMaterial("#8f979e", 0.42, 0.55);
-    const finger = standardMaterial("#30363c", 0.6, 0.2);
+    const shell = standardMaterial("#f1ede5", 0.38);
+    const cover = standardMaterial("#4a525b", 0.42);
+    const tool = standardMaterial("#a3abb2", 0.35, 0.1);
+    const finger = standardMaterial("#4a5158", 0.5);
     this.frames = [new THREE.Group()];
     for (let i = 0; i < this.motion.chain.length; i++) this.frames.push(new THREE.Group());
     this.frames.forEach((frame, i) => {
@@ -69,6 +71,10 @@ class Cell3D {
       this.frames[body.joint].add(made);
       if (moves) this.jaws.push({ mesh: made, open, holding: matrix(body.holding) });
     }
+  }
+
+  theme(dark) {
+    for (const { material, look } of this.themed) material.color.set(dark ? look.dark : look.colour);
   }
 
   pose(t) {
@@ -105,7 +111,7 @@ function tableGrid(body) {
   const geometry = new THREE.BufferGeometry();
   geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(points), 3));
   return new THREE.LineSegments(geometry,
-    new THREE.LineBasicMaterial({ color: "#8b9196", transparent: true, opacity: 0.32, depthWrite: false }));
+    new THREE.LineBasicMaterial({ color: "#80868c", transparent: true, opacity: 0.35, depthWrite: false }));
 }
 
 // The camera as a small housing, its field of view as four edges to the table and a frame there.

@@ -49,7 +49,7 @@ class Chart {
       this.path(horizontal(this.y(value)), "grid");
       this.label("y", label, { top: `${this.y(value)}%` });
     }
-    const step = [1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800, 3600].find((s) => this.duration / s <= 6) || 7200;
+    const step = [1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800, 3600].find((s) => this.duration / s <= 7) || 7200;
     for (let t = 0; t <= this.duration - 0.4 * step || t === 0; t += step) {
       this.label("x", t ? clockText(t, false) : "0", { left: `${this.x(t) / 10}%` });
     }

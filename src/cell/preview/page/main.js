@@ -22,7 +22,7 @@
   const forward = boards.length ? boards.reduce((sum, p) => sum + p[0], 0) / boards.length : 0.4;
   let stage = null;
   try {
-    stage = new Stage(document.getElementById("canvas"), [0.5 * forward, 0, 0.24], 0.9);
+    stage = new Stage(document.getElementById("canvas"), [0.6 * forward, 0, 0.2], 0.76);
   } catch (error) {
     document.getElementById("legend").textContent = `No 3D picture: ${error.message}`;
   }
@@ -70,7 +70,7 @@
     title.append(role, step.name);
     const facts = [];
     if (step.held) facts.push(`holds ${step.held}`);
-    if (clearance) facts.push(`${clearance.sampled ? "" : "≥ "}${clearance.mm.toFixed(1)} mm ${clearance.pair.join(" – ")}`);
+    if (clearance) facts.push(`${clearance.sampled ? "" : "≥ "}${millimetres(clearance.mm)} ${clearance.pair.join(" – ")}`);
     else if (step.kind === "look") facts.push("the camera looks again");
     now.replaceChildren(title, element("span", "muted", facts.join(" · ")));
   }
@@ -149,6 +149,7 @@
     if (cell.view) switchOn("camera", false, (on) => (cell.view.visible = on));
   }
   const showTheme = () => {
+    cell?.theme(root.dataset.theme === "dark");
     stage?.theme(root.dataset.theme === "dark");
     trace?.colour(trace.mode);
   };

@@ -26,7 +26,7 @@ function fillHeading(content) {
     content.unit,
     `${cubes} cube${cubes === 1 ? "" : "s"}`,
     `${moves.length} moves, ${clockText(content.motion_s)} of motion at speed ${content.speed}`,
-    `least clearance ${(1e3 * least).toFixed(1)} mm`,
+    `least clearance ${millimetres(1e3 * least)}`,
     content.executed.length ? "with what was executed" : "",
   ].filter(Boolean).join(" · ");
   const code = document.getElementById("code");
@@ -51,17 +51,27 @@ function stepGroups(content) {
   return groups;
 }
 
+// What the task says of a cube: {cube, from, to}.
+function taskEntry(content, cube) {
+  return (content.task.cubes || content.task.transfers || [])[cube] || {};
+}
+
 function groupTitle(content, cube) {
-  const entry = (content.task.cubes || [])[cube] || {};
-  const name = entry.cube || entry.name || content.cubes[cube]?.name || `cube ${cube + 1}`;
+  const entry = taskEntry(content, cube);
+  const name = entry.cube || content.cubes[cube]?.name || `cube ${cube + 1}`;
   return entry.from && entry.to ? `${name}   ${entry.from} → ${entry.to}` : name;
 }
 
 // The cube's place among the scene's cubes decides its colour, in the list as in the picture.
 function cubeColour(content, cube) {
-  const entry = (content.task.cubes || [])[cube] || {};
-  const index = content.cubes.findIndex((c) => c.name === (entry.cube || entry.name));
+  const index = content.cubes.findIndex((c) => c.name === taskEntry(content, cube).cube);
   return CUBE_COLOURS[(index < 0 ? cube : index) % CUBE_COLOURS.length];
+}
+
+// A step's name without the cube that its group names already.
+function shortName(step, entry) {
+  const [before, after] = step.name.split(/: (.*)/s);
+  return after && (before === entry.cube || /^cube \d+$/.test(before)) ? after : step.name;
 }
 
 function fillSteps(content, onStep) {
@@ -81,14 +91,15 @@ function fillSteps(content, onStep) {
       const row = button("", () => onStep(index));
       const stripe = element("span", "stripe");
       stripe.style.background = `var(--${step.role})`;
+      const entry = taskEntry(content, step.cube);
       const seconds = element("span", "figure", step.kind === "look" ? "" : `${(step.end - step.start).toFixed(1)} s`);
-      const mm = element("span", "figure", step.kind === "move" ? `${(1e3 * step.clearance).toFixed(1)} mm` : "");
+      const mm = element("span", "figure", step.kind === "move" ? millimetres(1e3 * step.clearance) : "");
       if (step.kind === "move") {
         row.title = `${step.role}${step.held ? `, holding ${step.held}` : ""}; clearance ${step.certified ? "proved" : "sampled"}: `
-          + `${(1e3 * step.clearance).toFixed(1)} mm, ${step.closest.join(" – ")}`;
+          + `${millimetres(1e3 * step.clearance)}, ${step.closest.join(" – ")}`;
         mm.style.color = step.clearance < 0.005 ? clearanceColour(1e3 * step.clearance) : "";
       }
-      row.append(stripe, element("span", "name", step.name.replace(/^cube \d+: /, "")), seconds, mm);
+      row.append(stripe, element("span", "name", shortName(step, entry)), seconds, mm);
       list.append(row);
       buttons[index] = row;
     }

@@ -70,7 +70,7 @@ class Plots {
       const limit = order ? this.limits(order)[j] * DEGREES : 0;
       row.peak.textContent = order
         ? `${Math.round(100 * this.share(order, j, peaks[j]))} % of ${limit.toFixed(limit < 20 ? 1 : 0)}`
-        : `${(joints.lower[j] * DEGREES).toFixed(0)} … ${(joints.upper[j] * DEGREES).toFixed(0)}`;
+        : `${signed(joints.lower[j] * DEGREES, 0)} … ${signed(joints.upper[j] * DEGREES, 0)}`;
     });
     this.at(this.time || 0);
   }
@@ -117,7 +117,8 @@ class Plots {
       if (samples && samples.time.length) {
         samples.time.forEach((time, k) => series.push([step.start + time, 1e3 * samples.distance[k]]));
       } else {
-        series.push([step.start, 1e3 * step.clearance], [step.end, 1e3 * step.clearance]);
+        // One figure holds for the whole move: a bar of its own.
+        series.push([step.start, null], [step.start, 1e3 * step.clearance], [step.end, 1e3 * step.clearance]);
       }
     });
     const known = series.map(([, mm]) => mm).filter((mm) => mm !== null);
@@ -128,7 +129,7 @@ class Plots {
     // One stroke for each run of one colour: the curve is read like the trace.
     let run = [];
     let colour = "";
-    const flush = () => run.length > 1 && chart.curve(run, "", colour);
+    const flush = () => run.length > 1 && chart.curve(run, "strong", colour);
     inside.forEach(([t, mm], i) => {
       if (mm === null) {
         flush();
@@ -136,7 +137,7 @@ class Plots {
         return;
       }
       const following = inside[i + 1];
-      const here = clearanceColour(following && following[1] !== null ? Math.min(mm, following[1]) : mm);
+      const here = clearanceColour(steppedClearance(following?.[1] ?? mm, mm));
       run.push([t, mm]);
       if (here !== colour && run.length > 1) {
         flush();
@@ -155,12 +156,27 @@ class Plots {
     const values = this.motion.q(t, this.order);
     const digits = this.order === 0 ? 2 : 1;
     this.rows.forEach(({ value, knob }, j) => {
-      value.textContent = (values[j] * DEGREES).toFixed(digits).replace("-", "−").replace(/^−(0\.?0*)$/, "$1");
+      value.textContent = signed(values[j] * DEGREES, digits);
       const share = this.share(this.order, j, values[j]);
       knob.style.left = `${100 * Math.min(1, Math.max(0, this.order ? 0.5 + share / 2 : share))}%`;
     });
     if (now !== undefined) {
-      this.closest.textContent = now ? `${now.mm.toFixed(1)} mm · ${now.pair.join(" – ")}` : "at rest";
+      this.closest.textContent = now ? `${millimetres(now.mm)} · ${now.pair.join(" – ")}` : "at rest";
     }
   }
+}
+
+// With a true minus sign, and none before a zero.
+function signed(value, digits) {
+  const text = value.toFixed(digits);
+  return Number(text) === 0 ? text.replace("-", "") : text.replace("-", "−");
+}
+
+// The smaller of two clearances in steps of 20 %, so that a curve has few colours and few strokes.
+function steppedClearance(a, b) {
+  return 1.2 ** Math.round(Math.log(Math.max(0.5, Math.min(a, b))) / Math.log(1.2));
+}
+
+function millimetres(mm) {
+  return `${mm.toFixed(mm < 99.95 ? 1 : 0)} mm`;
 }

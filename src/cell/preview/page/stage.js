@@ -8,7 +8,7 @@ class Stage {
     this.reach = reach;
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
     this.renderer.setClearColor(0x000000, 0);
-    this.renderer.toneMapping = THREE.NeutralToneMapping;
+    this.renderer.toneMapping = THREE.NoToneMapping;
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = THREE.PCFShadowMap;
     this.renderer.shadowMap.autoUpdate = false;
@@ -28,45 +28,33 @@ class Stage {
     this.resize();
   }
 
+  // Sky, sun with soft shadow, two weak lights without. No environment map: filtering one takes seconds in software.
   light() {
-    this.sky = new THREE.HemisphereLight("#ffffff", "#b9ab95", 0.55);
-    this.sun = new THREE.DirectionalLight("#fff4e2", 2.1);
-    this.sun.position.set(this.centre.x + 0.55, this.centre.y - 1.1, 2.3);
-    this.sun.target.position.copy(this.centre);
+    this.sky = new THREE.HemisphereLight("#ffffff", "#d6d1c8", 1.35);
+    this.sun = this.lamp("#fff6ea", 1.75, 0.6, -0.85, 2.2);
     this.sun.castShadow = true;
     this.sun.shadow.mapSize.set(2048, 2048);
     Object.assign(this.sun.shadow.camera, { left: -1.1, right: 1.1, top: 1.1, bottom: -1.1, near: 0.4, far: 4.5 });
-    this.sun.shadow.radius = 5;
+    this.sun.shadow.radius = 4;
     this.sun.shadow.bias = -2e-4;
     this.sun.shadow.normalBias = 0.004;
-    const fill = new THREE.DirectionalLight("#dfe9ff", 0.45);
-    fill.position.set(-1.2, 1.4, 1.0);
-    this.scene.add(this.sky, this.sun, this.sun.target, fill);
+    this.fill = this.lamp("#e3ecff", 0.5, 1.6, -0.4, 0.5);
+    this.rim = this.lamp("#ffffff", 0.5, -1.3, 1.2, 1.1);
+    this.scene.add(this.sky);
+  }
 
-    // A small bright room, seen only as reflections: soft boxes above and on two sides.
-    const room = new THREE.Scene();
-    const glow = (colour, strength) =>
-      new THREE.MeshBasicMaterial({ color: new THREE.Color(colour).multiplyScalar(strength), side: THREE.DoubleSide });
-    room.add(new THREE.Mesh(new THREE.SphereGeometry(9, 16, 12),
-      new THREE.MeshBasicMaterial({ color: "#8b8780", side: THREE.BackSide })));
-    const panel = (x, y, z, w, h, strength) => {
-      const made = new THREE.Mesh(new THREE.PlaneGeometry(w, h), glow("#ffffff", strength));
-      made.position.set(x, y, z);
-      made.lookAt(0, 0, 0);
-      room.add(made);
-    };
-    panel(0, 0, 5, 6, 6, 3.2);
-    panel(5, -3, 2, 3, 4, 2.2);
-    panel(-5, 3, 2, 3, 4, 1.4);
-    const generator = new THREE.PMREMGenerator(this.renderer);
-    this.scene.environment = generator.fromScene(room, 0.05, 0.1, 20, { size: 64 }).texture;
-    generator.dispose();
+  lamp(colour, intensity, x, y, z) {
+    const light = new THREE.DirectionalLight(colour, intensity);
+    light.position.set(this.centre.x + x, this.centre.y + y, z);
+    light.target.position.copy(this.centre);
+    this.scene.add(light, light.target);
+    return light;
   }
 
   theme(dark) {
-    this.scene.environmentIntensity = dark ? 0.36 : 0.55;
-    this.sky.intensity = dark ? 0.3 : 0.55;
-    this.sun.intensity = dark ? 1.7 : 2.1;
+    this.sky.intensity = dark ? 1.0 : 1.35;
+    this.sun.intensity = dark ? 1.5 : 1.75;
+    this.fill.intensity = dark ? 0.4 : 0.5;
     this.draw();
   }
 

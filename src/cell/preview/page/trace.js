@@ -37,7 +37,7 @@ class Trace {
       }
     }
     this.points = points;
-    this.ahead = this.line(1.6, 0.4);
+    this.ahead = this.line(1.8, 0.5);
     this.done = this.line(3.2, 1);
     if (content.executed.length) scene.add((this.executed = executedLine(content, motion)));
     this.closest = thickSegments([0, 0, 0, 0, 0, 0], CLEARANCE_RAMP[0][1], 3);

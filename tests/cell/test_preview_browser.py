@@ -1,0 +1,317 @@
+"""The page in a real browser, from disk, with every request refused: it draws, plays, seeks, jumps, and says no error.
+
+Needs Debian's chromium and playwright; skipped without, unless A465_REQUIRE_BROWSER is set (as in .ci/run).
+"""
+
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from arm.bodies import body_from_json
+from arm.planfile import Move
+from cell.preview.overlays import ExecutedMove
+from cell.preview.page import write_preview
+from cell.preview.timeline import cube_tracks, timed_steps
+
+FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
+DEADLINE_MS = 20_000
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Above the boards, looking down."""
+
+    K: np.ndarray
+    size: tuple[int, int]
+    T_base_camera: np.ndarray
+
+
+CAMERA = Camera(
+    np.array([[4717.0, 0.0, 1010.0], [0.0, 4717.0, 580.0], [0.0, 0.0, 1.0]]),
+    (1920, 1200),
+    np.array([[0.0, -1.0, 0.0, 0.47], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 1.18], [0.0, 0.0, 0.0, 1.0]]),
+)
+
+
+def _missing() -> str:
+    if shutil.which("chromium") is None:
+        return "no chromium: apt-get install chromium"
+    try:
+        import playwright.sync_api  # noqa: F401
+    except ImportError:
+        return "no playwright: pip install 'a465[test]'"
+    return ""
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[object]:
+    missing = _missing()
+    if missing and os.environ.get("A465_REQUIRE_BROWSER"):
+        pytest.fail(missing)
+    if missing:
+        pytest.skip(missing)
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(scope="module")
+def page_file(preview_case, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("preview") / "plan.html"
+    _write(preview_case, path)
+    return path
+
+
+def _write(case, path: Path, **options) -> None:
+    boards = [place.board for place in case.boards]
+    write_preview(
+        case.plan,
+        case.robot_open,
+        case.robot_holding,
+        case.unit,
+        path,
+        boards=boards,
+        camera=CAMERA,
+        **options,
+    )
+
+
+@contextmanager
+def _open(browser, path: Path, width: int = 1280, height: int = 800, scheme: str = "light", at: str = ""):
+    """The page, ready; on leaving, nothing may have been asked of the network or complained of."""
+    context = browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme)
+    page = context.new_page()
+    page.set_default_timeout(DEADLINE_MS)
+    asked, complaints = [], []
+    context.set_offline(True)
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    # Software drawing warns about its own speed when a screenshot is taken; errors are never excused.
+    page.on(
+        "console",
+        lambda m: complaints.append(m.text) if m.type == "error" or "GPU stall" not in m.text else None,
+    )
+    page.goto(path.as_uri() + at)
+    _until(page, "window.a465 !== undefined")
+    try:
+        yield page
+    finally:
+        context.close()
+    assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
+    assert complaints == []
+
+
+def _until(page, condition: str) -> None:
+    """Ask until it is true. Playwright's own waiting evaluates text inside the page, which the page forbids."""
+    deadline = time.monotonic() + DEADLINE_MS / 1e3
+    while not page.evaluate(condition):
+        assert time.monotonic() < deadline, f"not within {DEADLINE_MS / 1e3:g} s: {condition}"
+        page.wait_for_timeout(30)
+
+
+def _canvas(page) -> np.ndarray:
+    """What the canvas shows with the panels over it hidden, BGR."""
+    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    picture = page.locator("#stage").screenshot()
+    return cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)
+
+
+def _time(page) -> float:
+    return float(page.evaluate("a465.state.time"))
+
+
+def test_the_kinematics_of_the_page_are_the_robots(browser, page_file, preview_case) -> None:
+    case = preview_case
+    rng = np.random.default_rng(3)
+    steps = timed_steps(case.plan)
+    with _open(browser, page_file) as page:
+        for t in rng.uniform(0.0, steps[-1].end_s, 40):
+            timed = next(s for s in steps if s.start_s <= t < s.end_s)
+            if not isinstance(timed.step, Move):
+                continue
+            counts = timed.step.path.at([t - timed.start_s])[0]
+            shown = page.evaluate("(t) => a465.motion.toolPose(a465.motion.q(t)).elements", t)
+            expected = case.robot_open.T_base_tool(case.unit.positions(counts))
+            assert np.abs(np.reshape(shown, (4, 4)).T - expected).max() < 2e-6
+
+
+def test_velocities_of_the_page_are_the_segments(browser, page_file, preview_case) -> None:
+    case = preview_case
+    with _open(browser, page_file) as page:
+        start = 0.0
+        for timed in timed_steps(case.plan):
+            if isinstance(timed.step, Move):
+                start = timed.start_s
+                segment = timed.step.path.segments[7]
+                for order in (1, 2):
+                    shown = page.evaluate("([t, order]) => a465.motion.q(t, order)", [start + 0.73, order])
+                    expected = segment.derivative(0.3, order) / case.unit.counts_per_rad
+                    assert shown == pytest.approx(expected, rel=1e-6, abs=1e-9)
+
+
+def test_cubes_are_drawn_where_the_plan_brings_them(browser, page_file, preview_case) -> None:
+    case = preview_case
+    cubes = [body_from_json(c) for c in case.plan.scene["cubes"]]
+    tracks = cube_tracks(timed_steps(case.plan), cubes, case.robot_open, case.unit)
+    with _open(browser, page_file) as page:
+        page.evaluate("a465.seek(a465.motion.duration)")
+        for i, track in enumerate(tracks.values()):
+            shown = page.evaluate("(i) => a465.cell.cubes[i].mesh.matrix.elements", i)
+            assert np.abs(np.reshape(shown, (4, 4)).T - track[-1].T).max() < 1e-6
+        held = next(s for s in timed_steps(case.plan) if isinstance(s.step, Move) and s.step.held)
+        t = (held.start_s + held.end_s) / 2
+        page.evaluate("(t) => a465.seek(t)", t)
+        shown = page.evaluate("a465.cell.cubes[0].mesh.matrix.elements")
+        q = case.unit.positions(held.step.path.at([t - held.start_s])[0])
+        T = case.robot_open.T_base_tool(q) @ tracks["cube 1"][1].T
+        assert np.abs(np.reshape(shown, (4, 4)).T - T).max() < 2e-6
+
+
+def test_the_picture_is_not_empty_and_moves(browser, page_file) -> None:
+    with _open(browser, page_file) as page:
+        first = _canvas(page).astype(int)
+        assert first.std(axis=(0, 1)).max() > 20
+        page.evaluate("a465.seek(40)")
+        second = _canvas(page).astype(int)
+        changed = (np.abs(second - first).max(axis=2) > 24).mean()
+        assert 0.01 < changed < 0.6
+
+
+def test_play_pause_and_keys(browser, page_file) -> None:
+    with _open(browser, page_file) as page:
+        page.select_option("#rate", "5")
+        page.click("#play")
+        _until(page, "a465.state.time > 2")
+        page.keyboard.press("Escape")
+        page.locator("#canvas").focus()
+        page.keyboard.press(" ")
+        assert page.evaluate("a465.state.playing") is False
+        stopped = _time(page)
+        page.wait_for_timeout(200)
+        assert _time(page) == stopped
+        page.evaluate("a465.seek(30)")
+        page.keyboard.press("ArrowRight")
+        assert _time(page) == pytest.approx(31.0)
+        page.keyboard.press("Shift+ArrowLeft")
+        assert _time(page) == pytest.approx(30.9)
+        step = page.evaluate("a465.state.step")
+        page.keyboard.press("ArrowDown")
+        assert page.evaluate("a465.state.step") == step + 1
+        page.keyboard.press("ArrowUp")
+        assert page.evaluate("a465.state.step") == step
+        page.keyboard.press("End")
+        assert _time(page) == pytest.approx(page.evaluate("a465.motion.duration"))
+        page.keyboard.press(" ")  # from the end it starts anew
+        _until(page, "a465.state.time > 0 && a465.state.time < 20")
+
+
+def test_playing_ends_by_itself(browser, page_file) -> None:
+    with _open(browser, page_file) as page:
+        page.evaluate("a465.seek(a465.motion.duration - 0.5)")
+        page.click("#play")
+        _until(page, "!a465.state.playing")
+        assert _time(page) == pytest.approx(page.evaluate("a465.motion.duration"))
+
+
+def test_seek_by_slider_plot_and_step(browser, page_file) -> None:
+    with _open(browser, page_file) as page:
+        duration = page.evaluate("a465.motion.duration")
+        page.fill("#slider", str(round(duration / 2, 2)))
+        assert _time(page) == pytest.approx(duration / 2, abs=0.02)
+        for chart in ("#joint-chart", "#clearance-chart"):
+            box = page.locator(chart).bounding_box()
+            page.mouse.click(box["x"] + box["width"] * 0.25, box["y"] + box["height"] / 2)
+            assert _time(page) == pytest.approx(duration / 4, rel=0.01)
+            page.evaluate("a465.seek(0)")
+        page.click("#list button:has-text('approach') >> nth=0")
+        step = page.evaluate("a465.motion.steps[a465.state.step]")
+        assert step["role"] == "approach"
+        assert _time(page) == pytest.approx(step["start"])
+        assert page.locator("#list button[aria-current]").count() == 1
+        assert "approach" in page.locator("#now").inner_text()
+
+
+def test_tabs_views_and_theme(browser, page_file) -> None:
+    with _open(browser, page_file, scheme="dark") as page:
+        background = page.evaluate("getComputedStyle(document.body).backgroundColor")
+        page.click("#theme")
+        assert page.evaluate("getComputedStyle(document.body).backgroundColor") != background
+        for name, unit in (("velocity", "°/s"), ("acceleration", "°/s²"), ("position", "°")):
+            page.click(f"#tabs button:has-text('{name}')")
+            assert page.locator("#readout th").nth(1).inner_text() == unit
+            assert page.locator("#joint-chart .curve").count() == 6
+        before = _canvas(page).astype(int)
+        page.click("#views button:has-text('top')")
+        assert (np.abs(_canvas(page).astype(int) - before).max(axis=2) > 24).mean() > 0.1
+        page.click("#views button:has-text('clearance')")
+        assert "60 mm" in page.locator("#legend").inner_text()
+        page.click("#views button:has-text('camera')")
+        assert page.evaluate("a465.cell.view.visible") is True
+
+
+def test_peaks_stay_under_the_limits_that_were_planned(browser, page_file, preview_case) -> None:
+    with _open(browser, page_file) as page:
+        limits = preview_case.unit.limits().scaled(preview_case.plan.speed)
+        for order, limit in ((1, limits.velocity), (2, limits.acceleration)):
+            peaks = np.array(page.evaluate("(order) => a465.motion.peaks(order)", order))
+            assert np.all(peaks > 0)
+            assert np.all(peaks <= limit * 1.001)
+
+
+@pytest.mark.parametrize("cubes", [1, 2, 3])
+def test_plans_of_other_lengths(browser, make_preview_case: Callable, tmp_path: Path, cubes: int) -> None:
+    case = make_preview_case(cubes)
+    _write(case, tmp_path / "plan.html")
+    with _open(browser, tmp_path / "plan.html", at="#step=3") as page:
+        assert page.locator("#list button").count() == len(case.plan.steps)
+        assert page.evaluate("a465.state.step") == 3
+        assert page.locator("#cubes span").count() == cubes
+        code = case.plan.sha256
+        assert f"{code[:4]} {code[4:8]}" in page.locator("#code").inner_text()
+
+
+def test_readable_on_a_phone(browser, page_file) -> None:
+    with _open(browser, page_file, 390, 844) as page:
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        for part in ("#stage", "#play", "#slider", "#joint-chart", "#list", "#code"):
+            box = page.locator(part).bounding_box()
+            assert box["x"] >= 0
+            assert box["x"] + box["width"] <= 390
+        assert page.locator("#stage").bounding_box()["height"] >= 300
+
+
+def test_executed_is_drawn_over_planned(browser, preview_case, tmp_path: Path) -> None:
+    moves = [(i, s) for i, s in enumerate(preview_case.plan.steps) if isinstance(s, Move)][:3]
+    executed = []
+    for index, move in moves:
+        times = np.arange(0.0, move.path.duration_s, 0.05)
+        executed.append(ExecutedMove(index, times, move.path.at(times) + 40.0))
+    _write(preview_case, tmp_path / "log.html", executed=executed, clearance_every_s=0.0)
+    with _open(browser, tmp_path / "log.html") as page:
+        assert page.locator("#joint-chart .executed").count() == 18
+        assert "executed" in page.locator("#legend").inner_text()
+
+
+def test_a_scene_without_boards_or_cubes_is_shown(browser, preview_case, tmp_path: Path) -> None:
+    plan = replace(
+        preview_case.plan,
+        steps=tuple(s for s in preview_case.plan.steps if not getattr(s, "held", None))[:2],
+        scene={},
+        task={},
+    )
+    case = replace(preview_case, plan=plan)
+    _write(case, tmp_path / "bare.html")
+    with _open(browser, tmp_path / "bare.html") as page:
+        assert page.locator("#title").inner_text() == "plan"
+        assert _canvas(page).std() > 5

@@ -1,0 +1,195 @@
+"""What the page is given: one clock, cubes that move with the jaws, the arm's kinematics; no way out of the file."""
+
+import json
+import re
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import arm.board
+from arm.bodies import body_from_json
+from arm.errors import InputError
+from arm.planfile import GripperStep, Move
+from arm.se3 import inverse, rotation, transform
+from arm.unit import load_unit
+from cell.preview.clearance import sample_clearance
+from cell.preview.content import page_content
+from cell.preview.overlays import ExecutedMove, marker_rows
+from cell.preview.page import page, write_preview
+from cell.preview.timeline import LOOK_S, cube_tracks, timed_steps
+
+
+def _write(case, path: Path, **options) -> str:
+    boards = [place.board for place in case.boards]
+    write_preview(
+        case.plan, case.robot_open, case.robot_holding, case.unit, path, **{"boards": boards} | options
+    )
+    return path.read_text()
+
+
+def _matrix(numbers: list[float]) -> np.ndarray:
+    return np.vstack([np.reshape(numbers, (3, 4)), [0.0, 0.0, 0.0, 1.0]])
+
+
+def test_one_clock_without_gaps(preview_case) -> None:
+    steps = timed_steps(preview_case.plan)
+    assert steps[0].start_s == 0.0
+    for before, after in pairwise(steps):
+        assert before.end_s == after.start_s
+        assert before.jaws[1] == after.jaws[0]
+    waits = sum(s.settle_s for s in preview_case.plan.steps if isinstance(s, GripperStep))
+    assert steps[-1].end_s == pytest.approx(preview_case.plan.duration_s + waits + 4 * LOOK_S)
+
+
+def test_jaws_are_closed_exactly_while_a_cube_is_held(preview_case) -> None:
+    for timed in timed_steps(preview_case.plan):
+        if isinstance(timed.step, Move):
+            assert timed.jaws == ((1.0, 1.0) if timed.step.held else (0.0, 0.0))
+
+
+def test_cubes_do_not_jump_and_end_in_their_holes(preview_case) -> None:
+    case = preview_case
+    steps = timed_steps(case.plan)
+    cubes = [body_from_json(c) for c in case.plan.scene["cubes"]]
+    tracks = cube_tracks(steps, cubes, case.robot_open, case.unit)
+    starts = {t.start_s: t.step for t in steps if isinstance(t.step, Move)}
+    for hole, (name, track) in enumerate(tracks.items()):
+        assert [pose.held for pose in track] == [False, True, False], name
+        for before, after in pairwise(track):
+            T_base_tool = case.robot_open.T_base_tool(case.unit.positions(starts[after.start_s].path.start))
+            poses = [T_base_tool @ p.T if p.held else p.T for p in (before, after)]
+            assert np.abs(poses[0] - poses[1]).max() < 1e-9
+        target = case.boards[1]
+        T_hole_cube = inverse(target.T_base_board @ target.board.T_board_hole(hole)) @ track[-1].T
+        assert np.abs(T_hole_cube[:2, 3]).max() < 1e-4  # the made-up plan rounds to counts
+        assert T_hole_cube[2, 3] == pytest.approx(0.012, abs=1e-4)
+
+
+def test_a_cube_that_is_not_in_the_scene_is_told(preview_case) -> None:
+    plan = replace(preview_case.plan, scene=preview_case.plan.scene | {"cubes": []})
+    with pytest.raises(
+        InputError, match=r"cube 1: retract: holds 'cube 1', which is no cube of the plan's scene"
+    ):
+        page_content(plan, preview_case.robot_open, preview_case.robot_holding, preview_case.unit)
+
+
+def test_the_chain_is_the_robot(preview_case) -> None:
+    content = page_content(
+        preview_case.plan, preview_case.robot_open, preview_case.robot_holding, preview_case.unit
+    )
+    rng = np.random.default_rng(5)
+    for q in rng.uniform(preview_case.unit.lower, preview_case.unit.upper, (20, 6)):
+        T = np.eye(4)
+        for joint, angle in zip(content["arm"]["chain"], q, strict=True):
+            assert joint["revolute"]
+            T = T @ _matrix(joint["T"]) @ transform(rotation(np.array(joint["axis"]) * angle))
+        T = T @ _matrix(content["arm"]["T_end_tool"])
+        assert np.abs(T - preview_case.robot_open.T_base_tool(q)).max() < 1e-6
+
+
+def test_boards_stand_where_their_plates_do(preview_case) -> None:
+    boards = [place.board for place in preview_case.boards]
+    content = page_content(
+        preview_case.plan,
+        preview_case.robot_open,
+        preview_case.robot_holding,
+        preview_case.unit,
+        boards=[*boards, replace(boards[0], name="09-10")],
+    )
+    assert [b["name"] for b in content["boards"]] == ["01-02", "03-04"]  # 09-10 is known, but not there
+    for drawn, place in zip(content["boards"], preview_case.boards, strict=True):
+        assert np.abs(_matrix(drawn["T"]) - place.T_base_board).max() < 1e-6
+        assert drawn["markers"][1]["centre"] == pytest.approx(arm.board.SECOND_MARKER)
+
+
+def test_marker_rows_are_opencvs() -> None:
+    rows = marker_rows("DICT_4X4_50", 0)
+    # the dictionary's marker 0, a known pattern, inside a black border
+    assert rows == ["000000", "010110", "001010", "000110", "000100", "000000"]
+    with pytest.raises(InputError, match=r"marker id = 50: must be from 0 to 49 in DICT_4X4_50"):
+        marker_rows("DICT_4X4_50", 50)
+    with pytest.raises(InputError, match=r"dictionary = 'CORNER_REFINE_NONE': must be a marker dictionary"):
+        marker_rows("CORNER_REFINE_NONE", 0)
+
+
+def test_samples_agree_with_a_body_in_the_way(preview_case) -> None:
+    """A post at a known gap from the standing arm is what the samples of the first move begin with."""
+    first = next(preview_case.plan.moves)
+    q = preview_case.unit.positions(first.path.start)
+    tip = preview_case.robot_open.T_base_tool(q)[:3, 3]
+    ball = {
+        "name": "ball",
+        "kind": "wall",
+        "shape": {"sphere": 0.01},
+        "T_base_body": transform(t=tip + [0, 0, -0.015]).tolist(),
+    }
+    plan = replace(
+        preview_case.plan,
+        scene={**preview_case.plan.scene, "bodies": [*preview_case.plan.scene["bodies"], ball]},
+    )
+    samples = sample_clearance(
+        plan, preview_case.robot_open, preview_case.robot_holding, preview_case.unit, every_s=1.0
+    )
+    start = samples[1][0]
+    assert start.time_s == 0.0
+    assert "ball" in start.pair
+    gap = np.linalg.norm(start.points[1] - start.points[0])
+    assert start.distance == pytest.approx(gap, abs=1e-6)
+    # the open fingers stand 30 mm to each side of the tip, so the ball's centre is their distance away
+    finger = np.hypot(0.03, 0.015)
+    assert start.distance == pytest.approx(finger - 0.01, abs=1e-3)
+    held = [i for i, s in enumerate(plan.steps) if isinstance(s, Move) and s.held == "cube 2"]
+    assert any("cube 2" in s.pair for i in held for s in samples[i])
+
+
+def test_same_plan_same_bytes_and_under_the_size(preview_case, tmp_path: Path) -> None:
+    text = _write(preview_case, tmp_path / "a.html")
+    assert text == _write(preview_case, tmp_path / "b.html")
+    assert len(text.encode()) <= 1_500_000
+    assert preview_case.plan.sha256 in text
+    assert "Permission is hereby granted, free of charge" in text  # three's licence goes with its code
+
+
+def test_nothing_in_the_page_leads_out(preview_case, tmp_path: Path) -> None:
+    text = _write(preview_case, tmp_path / "a.html")
+    assert set(re.findall(r"https?://[\w./-]+", text)) <= {
+        "http://www.w3.org/1999/xhtml",
+        "http://www.w3.org/2000/svg",
+    }  # names of XML vocabularies, not addresses
+    assert not re.search(r"\b(?:src|href)\s*=\s*[\"'][^#\"']", text)
+    assert "default-src 'none'" in text
+
+
+def test_a_name_cannot_break_out_of_its_script(preview_case) -> None:
+    evil = "</script><script>document.title='broken'</script><!--scripts-->"
+    plan = replace(preview_case.plan, task={"name": evil})
+    content = page_content(plan, preview_case.robot_open, preview_case.robot_holding, preview_case.unit)
+    text = page(content)
+    assert evil not in text
+    embedded = re.search(r'<script id="content" type="application/json">(.*?)</script>', text, re.S)
+    assert embedded is not None
+    assert json.loads(embedded[1])["task"]["name"] == evil
+
+
+def test_another_units_plan_is_refused(preview_case) -> None:
+    with pytest.raises(InputError, match=r"unit = 'crs97': the plan is for 'crs93'"):
+        page_content(
+            preview_case.plan, preview_case.robot_open, preview_case.robot_holding, load_unit("crs97")
+        )
+
+
+def test_executed_motion_is_whole_counts(preview_case) -> None:
+    first = next(preview_case.plan.moves)
+    executed = ExecutedMove(1, np.array([0.0, 0.1]), first.path.at([0.0, 0.1]))
+    content = page_content(
+        preview_case.plan,
+        preview_case.robot_open,
+        preview_case.robot_holding,
+        preview_case.unit,
+        executed=[executed],
+    )
+    assert content["executed"][0]["counts"][0] == list(first.path.start)
+    json.dumps(content, allow_nan=False)
