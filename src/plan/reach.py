@@ -148,7 +148,7 @@ def reach(
         limits: of position, and of velocity for joints that race near a singularity.
         grasps: hole name to T_base_tool (4, 4) at the hole, one per yaw.
         offset_m: length of the line; it runs from the hole along the tool's -z.
-        options: its `slowest` is the tool speed at which joints must still keep up.
+        options: way-points every `step`; `slowest` is the tool speed at which joints must still keep up.
 
     Raises:
         InputError: no holes, a hole without poses, or an offset that is not positive.
@@ -157,13 +157,13 @@ def reach(
         raise InputError("reach needs holes with a pose each", holes=list(grasps))
     if not offset_m > 0.0:
         raise InputError(f"offset = {offset_m:g} m: must be positive", offset_m=offset_m)
-    slowest = (options or LineOptions()).slowest
-    heights = np.linspace(0.0, offset_m, max(2, int(np.ceil(offset_m / _SAMPLE_STEP - 1e-9)) + 1))
+    options = options or LineOptions()
+    heights = np.linspace(0.0, offset_m, max(2, int(np.ceil(offset_m / options.step - 1e-9)) + 1))
     poses = np.stack([T for hole in grasps.values() for T in hole])
     lines = np.repeat(poses[:, None], len(heights), axis=1)
     lines[:, :, :3, 3] -= heights[:, None] * poses[:, None, :3, 2]
     raw = all_branches(robot, lines.reshape(-1, 4, 4))
-    steps = _Steps(robot, limits, raw, len(heights), limits.velocity * (heights[1] / slowest))
+    steps = _Steps(robot, limits, raw, len(heights), limits.velocity * (heights[1] / options.slowest))
     holes, row = [], 0
     for name, yaws in grasps.items():
         choices = [

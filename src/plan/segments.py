@@ -84,11 +84,13 @@ def to_segments(
 
     Raises:
         InputError: `segment_ms` is below `SHORTEST_MS`.
-        ImpossibleError: limits so small that rounding to counts alone exceeds them; data: joint, ratio.
+        ImpossibleError: limits so small that rounding to counts alone exceeds them; data: axis.
     """
     if segment_ms < SHORTEST_MS:
         raise InputError(f"segment_ms = {segment_ms}: must be at least {SHORTEST_MS}", segment_ms=segment_ms)
     fitter = _Fitter(unit, limits or trajectory.limits, deviation, line)
+    if fitter.calm_ms(1.0) > segment_ms * _LONGER[-1]:
+        raise _too_slow(unit, int(np.argmin(fitter.acceleration())))
     for _ in range(_ROUNDS):
         total = max(2 * SHORTEST_MS, int(np.ceil(trajectory.duration * 1e3 - 1e-6)))
         timed = trajectory.stretched(total / 1e3 / trajectory.duration)
@@ -96,12 +98,14 @@ def to_segments(
         if fit.excess() <= 1.0:
             return fit.path(unit.counts(timed.at([0.0]).q[0]))
         trajectory = _slower(trajectory, fit)
-    joint = int(np.argmax(fit.load().max(axis=0)))
-    raise ImpossibleError(
-        f"axis {unit.axes[joint]} exceeds its limits {fit.excess():.3g} times when rounded to counts, however much "
-        "slower the motion; raise the speed factor or the acceleration registers",
+    raise _too_slow(unit, int(np.argmax(fit.load().max(axis=0))))
+
+
+def _too_slow(unit: Unit, joint: int) -> ImpossibleError:
+    return ImpossibleError(
+        f"axis {unit.axes[joint]} exceeds its limits when the motion is rounded to counts, however slow; "
+        "raise the speed factor or the acceleration registers",
         axis=unit.axes[joint],
-        ratio=fit.excess(),
     )
 
 
@@ -164,7 +168,7 @@ class _Fitter:
         """Segments of the asked duration if they keep the limits, else longer ones that suffer less from rounding."""
         found = self.fit(timed, total_ms, segment_ms)
         for factor in _LONGER:
-            if found.excess() <= 1.0 or segment_ms * factor > self._calm_ms(0.005):
+            if found.excess() <= 1.0 or segment_ms * factor > self.calm_ms(0.005):
                 break
             longer = self.fit(timed, total_ms, int(segment_ms * factor))
             if longer.excess() < found.excess():
@@ -173,7 +177,7 @@ class _Fitter:
 
     def fit(self, timed: Trajectory, total_ms: int, segment_ms: int) -> _Fit:
         """Halve segments that are off the plan or over a limit, while they may be halved."""
-        calm = max(SHORTEST_MS, self._calm_ms(0.25))
+        calm = max(SHORTEST_MS, self.calm_ms(0.25))
         knots = _first_knots(timed, total_ms, segment_ms, min(calm, segment_ms))
         while True:
             fit = self._measured(timed, knots)
@@ -185,11 +189,11 @@ class _Fitter:
                 return fit
             knots = np.sort(np.concatenate([knots, knots[:-1][split] + length[split] // 2]))
 
-    def _calm_ms(self, share: float) -> float:
+    def calm_ms(self, share: float) -> float:
         """Duration from which on rounding adds at most this share of any acceleration limit."""
-        return float(1e3 * np.sqrt(_ROUNDING / (share * self._acceleration().min())))
+        return float(1e3 * np.sqrt(_ROUNDING / (share * self.acceleration().min())))
 
-    def _acceleration(self) -> Array:
+    def acceleration(self) -> Array:
         return np.asarray(self.limits.acceleration * np.abs(self.unit.counts_per_rad))
 
     def _measured(self, timed: Trajectory, knots: Counts) -> _Fit:
@@ -206,7 +210,7 @@ class _Fitter:
 
         scale = np.abs(unit.counts_per_rad)
         velocity = cubic_speed(a.astype(float)) / duration / (self.limits.velocity * scale)
-        acceleration = cubic_acceleration(a.astype(float)) / duration**2 / self._acceleration()
+        acceleration = cubic_acceleration(a.astype(float)) / duration**2 / self.acceleration()
 
         u = _SAMPLES[:, None, None]
         executed = counts[:-1] + u * (a[0] + u * (a[1] + u * a[2]))
