@@ -41,7 +41,7 @@ def move_gripper(link: Link, gripper: GripperAxis, fraction_closed: float) -> Gr
     axis, target = gripper.axis, gripper.adc(fraction_closed)
     link.send(encode("RELEASE", axis=axis))
     link.send(encode("G", target, axis=axis))
-    wait_ready(link, "gripper", GRIPPER_S, axis)
+    wait_ready(link, "the jaws", GRIPPER_S, axis)
     adc = _rest(link, axis)
     return GripperResult(
         adc=adc,
@@ -59,4 +59,4 @@ def _rest(link: Link, axis: str) -> int:
         if abs(now - last) < STILL_ADC:
             return now
         last = now
-    raise NoAnswer(f"gripper: not at rest within {GRIPPER_S:g} s", adc=last, reason="deadline")
+    raise NoAnswer(f"the jaws are not at rest within {GRIPPER_S:g} s", adc=last, reason="deadline")

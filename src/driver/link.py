@@ -15,11 +15,9 @@ import threading
 import time
 from collections import deque
 
-import serial
-
 from arm.errors import A465Error, ExecutionStopped
 from driver.clock import Clock
-from driver.port import open_port
+from driver.port import PORT_ERRORS, open_port
 from driver.protocol import (
     BYTES_PER_SECOND,
     HARMLESS,
@@ -126,7 +124,9 @@ class Link:
         """
         if not self.identified:
             return
-        with contextlib.suppress(serial.SerialException, OSError):
+        if self.log is not None and self.log.failed:
+            self.log = None  # that has been told; stopping goes on without
+        with contextlib.suppress(*PORT_ERRORS):
             self._port.reset_output_buffer()
         self._write(f"\n{encode('STOP')}\n".encode())
 
@@ -143,7 +143,7 @@ class Link:
         modelled = (self._line_free_at - self.clock.now()) * BYTES_PER_SECOND
         try:
             held = self._port.out_waiting
-        except (AttributeError, OSError):  # sockets cannot tell
+        except (AttributeError, *PORT_ERRORS):  # sockets cannot tell
             held = 0
         return max(modelled, float(held), 0.0)
 
@@ -155,7 +155,7 @@ class Link:
         self._line_free_at = max(self._line_free_at, self.clock.now()) + len(data) / BYTES_PER_SECOND
         try:
             self._port.write(data)
-        except (serial.SerialException, OSError) as error:
+        except PORT_ERRORS as error:
             self._lost = LinkLost(f"{self.url}: the link is lost: {error}", url=self.url, reason="link")
             raise self._lost from error
 
@@ -298,7 +298,7 @@ class Link:
         self._reader.join()
         os.close(self._wake)
         os.close(self._wake_reader)
-        with contextlib.suppress(serial.SerialException, OSError):
+        with contextlib.suppress(*PORT_ERRORS):
             self._port.reset_output_buffer()
-        with contextlib.suppress(serial.SerialException, OSError):
+        with contextlib.suppress(*PORT_ERRORS):
             self._port.close()

@@ -106,6 +106,7 @@ class Mars:
         self._initialised = False
         with self.guarded("initialise"):
             self._send(encode("PURGE"))
+            self.link.synchronise()  # a stop drops what is still on its way
             rest = self.stop()
         if not rest.at_rest:
             raise ExecutionStopped(f"initialise: {rest.describe(self.unit)}", state=rest.to_json())
@@ -270,7 +271,7 @@ class Mars:
             self._send(*startup.group_lines(self.unit))  # a stop may have dissolved the group
         self.reference = None
         self._send(encode("COORDMV", *target))
-        wait_ready(self.link, "move", 1.5 * seconds + 5.0)
+        wait_ready(self.link, "COORDMV", 1.5 * seconds + 5.0)
         return self.arrived(target)
 
     def arrived(self, target: Sequence[int]) -> tuple[int, ...]:

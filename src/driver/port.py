@@ -13,6 +13,8 @@ import serial
 from arm.errors import InputError
 from driver.protocol import BAUD
 
+PORT_ERRORS = (OSError, termios.error)  # what using a port can raise; pyserial's own errors are OSErrors
+
 _WHY = {
     errno.ENOENT: "is not there; is the cable plugged in and the name right?",
     errno.ENXIO: "is not there; is the cable plugged in?",
@@ -43,14 +45,18 @@ def open_port(url: str, write_timeout_s: float) -> serial.Serial:
         port = serial.serial_for_url(
             url, baudrate=BAUD, rtscts=True, timeout=0, write_timeout=write_timeout_s, exclusive=True
         )
-    except (OSError, ValueError, termios.error) as error:  # SerialException is an OSError
+    except (ValueError, *PORT_ERRORS) as error:
         raise InputError(f"port {url}: {_why(error)}", port=url) from error
-    if not hasattr(port, "fileno"):
+    try:
+        descriptor = port.fileno()
+    except (AttributeError, OSError) as error:
         port.close()
-        raise InputError(f"port {url}: has no file behind it; use a device or socket://host:port", port=url)
+        raise InputError(
+            f"port {url}: has no file behind it; use a device or socket://host:port", port=url
+        ) from error
     if url.startswith("/") and not os.path.realpath(url).startswith("/dev/pts/"):
         with contextlib.suppress(OSError):
-            fcntl.ioctl(port.fileno(), termios.TIOCEXCL)
+            fcntl.ioctl(descriptor, termios.TIOCEXCL)
     return port
 
 

@@ -6,6 +6,7 @@ progress is read from its own segment numbers, never from the clock (fact sheet,
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -145,15 +146,17 @@ def extremes(path: CountPath) -> tuple[Counts, Counts]:
 
 def _turning_points(segment: Segment) -> list[float]:
     """Parameters strictly inside a segment where some axis turns: roots of a1 + 2 a2 u + 3 a3 u^2."""
-    if len(segment.coefficients) < 2:
-        return []
-    a = np.zeros((3, len(segment.coefficients[0])))
-    a[: len(segment.coefficients)] = segment.coefficients
+    a1, a2, a3 = (*segment.coefficients, *([(0,) * len(segment.coefficients[0])] * 2))[:3]
     roots: list[float] = []
-    for column in a.T:
-        found = np.roots([3.0 * column[2], 2.0 * column[1], column[0]])
-        roots += [float(r.real) for r in found if abs(r.imag) < 1e-9 and 0.0 < r.real < 1.0]
-    return roots
+    for c, half_b, a in zip(a1, a2, (3 * v for v in a3), strict=True):
+        discriminant = half_b * half_b - a * c
+        if discriminant < 0:
+            continue
+        # the form without cancellation: w is as far from zero as it can be, and a = 0 needs no case of its own
+        w = -(half_b + math.copysign(math.sqrt(discriminant), half_b))
+        roots += [w / a] if a else []
+        roots += [c / w] if w else []
+    return [u for u in roots if 0.0 < u < 1.0]
 
 
 class _Stream:
@@ -226,12 +229,12 @@ class _Stream:
         """Start the dwell and learn its segment number; the time when it ends."""
         link = self.link
         for attempt in range(DWELL_ATTEMPTS):
-            length_ms = self.options.dwell_ms * 2**attempt
+            length_ms = self.options.dwell_ms << attempt
             self.mars.reference = None  # known again when the stream has ended
             link.send(encode_dwell(length_ms, len(self.path.start)))
             ends = link.clock.now() + length_ms / 1e3
             position, status = self.mars.position(), self.mars.status()
-            refuse_failure(link, status, "stream")
+            refuse_failure(link, status, "dwell")
             if status.busy:
                 self.sequence = position.segment
                 self.dwell_s = length_ms / 1e3
@@ -272,7 +275,7 @@ class _Stream:
     def _may_send(self) -> bool:
         if self.sent == self.total:
             return False
-        held = self.sent - self.done
+        held = self.sent + 1 - self.begun  # not done, the dwell included
         if held >= self.options.queue:
             return False
         return held <= 1 or self._ahead() + self.durations[self.sent] <= self.options.ahead_s
@@ -290,7 +293,7 @@ class _Stream:
                     self._locate(parse_position(text, len(self.path.start)))
                 case Answer("ST", text):
                     status = parse_status(text)
-                    refuse_failure(self.link, status, "stream")
+                    refuse_failure(self.link, status, f"segment {self.begun} of {self.total}")
                     sent_then = self.polls.popleft() if self.polls else 0
                     self.heard_at = self.link.clock.now()
                     self.idle = not status.busy and sent_then == self.total
@@ -336,7 +339,9 @@ class _Stream:
         failed = any(isinstance(e, Failed) for e in link.events)
         link.events.clear()
         if failed:
-            raise ExecutionStopped("the unit answered FAIL!", reason="fault")
+            raise ExecutionStopped(
+                f"segment {self.begun} of {self.total}: the unit answered FAIL!", reason="fault"
+            )
         if now > self.heard_at + link.patience(ANSWER_S):
             raise NoAnswer(f"no sound answer from the unit for {ANSWER_S:g} s", reason="silent")
         running = self.durations[self.begun - 1] if 0 < self.begun <= self.total else self.dwell_s

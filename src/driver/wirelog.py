@@ -55,6 +55,11 @@ class WireLog:
         """An event of the driver: a segment, a position sample, a stop, the hash of a plan (JSON types)."""
         self._write(kind, data)
 
+    @property
+    def failed(self) -> bool:
+        """Whether a record was lost."""
+        return self._failure is not None
+
     def check(self) -> None:
         """Refuse to go on with a log that lost something.
 

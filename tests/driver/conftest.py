@@ -21,7 +21,7 @@ class FakeUnit:
     """Reads lines, answers like a MARS-8, executes queued segments by the clock (no dynamics at all).
 
     Attributes:
-        lines: everything received, in order.
+        lines, times: everything received, in order, and when.
         hooks: name of a command -> function of the line; its answers replace the normal treatment, None keeps it.
         status_bits: OR-ed into ST.
         offset: added to the positions that are told, counts.
@@ -31,6 +31,7 @@ class FakeUnit:
     def __init__(self, clock: Clock, axes: int = 6) -> None:
         self.clock = clock
         self.lines: list[str] = []
+        self.times: list[float] = []
         self.hooks: dict[str, Hook] = {}
         self.status_bits = 0
         self.offset = [0] * axes
@@ -47,26 +48,26 @@ class FakeUnit:
         tty.setraw(slave)
         self.slave = slave
         self.url = os.ttyname(slave)
-        self.closing = False
+        self.gone = False
         self.thread = threading.Thread(target=self.run, daemon=True)
 
     def run(self) -> None:
-        while not self.closing:
+        while not self.gone:
             ready, _, _ = select.select([self.master], [], [], 0.001)
             if ready:
-                try:
-                    data = os.read(self.master, 4096)
-                except OSError:
-                    return
+                data = os.read(self.master, 4096)
                 if self.echo:
                     self.write(data)
                 *lines, self.partial = (self.partial + data).split(b"\n")
                 for line in lines:
-                    self.take(line.decode("latin-1"))
+                    if not self.gone:
+                        self.take(line.decode("latin-1"))
             self.advance()
+        os.close(self.slave)
+        os.close(self.master)
 
     def write(self, data: bytes) -> None:
-        if not self.mute and not self.closing:
+        if not self.mute:
             os.write(self.master, data)
 
     def advance(self) -> None:
@@ -94,6 +95,7 @@ class FakeUnit:
 
     def take(self, line: str) -> None:
         self.lines.append(line)
+        self.times.append(self.clock.now())
         name = line.split(":")[0].rstrip("?")
         for key, hook in self.hooks.items():
             if name == key or name[:-1] == key:
@@ -153,11 +155,17 @@ class FakeUnit:
                 self.counts["ABCDEF".index(name[2])] = 0
         return None
 
+    def since(self, line: str) -> list[str]:
+        """What came after the first such line."""
+        return self.lines[self.lines.index(line) + 1 :]
+
+    def unplug(self) -> None:
+        """The port goes away, after the line that is being treated."""
+        self.gone = True
+
     def close(self) -> None:
-        self.closing = True
+        self.gone = True
         self.thread.join()
-        os.close(self.slave)
-        os.close(self.master)
 
 
 @pytest.fixture
