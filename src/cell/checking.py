@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from arm.errors import ImpossibleError
 from arm.planfile import Plan
+from arm.se3 import angle_between, inverse
+from cell.cellfile import Cell
+from cell.furniture import plate_body, plate_name
+from cell.lookfile import Seen
 from cell.planning import limits_digest
 from cell.taskfile import Task
 from plan.replay import ReplayedMove, replay
@@ -35,6 +41,33 @@ def require_match(task: Task, plan: Plan) -> None:
             differing=differing,
             plan={key: then.get(key) for key in differing},
             now={key: now[key] for key in differing},
+        )
+
+
+def require_scene(cell: Cell, plan: Plan, seen: Seen) -> None:
+    """The boards must stand where the plan has them, within the cell's tolerance.
+
+    Raises:
+        ImpossibleError: naming each that does not, and by how much; nothing moved.
+    """
+    bodies = {b["name"]: np.array(b["T_base_body"]) for b in plan.scene["bodies"]}
+    faults = []
+    for pose in seen.poses:
+        plate = plate_body(pose.board.name, pose.T_base_board)
+        planned = bodies.pop(plate.name, None)
+        if planned is None:
+            faults.append(f"{plate.name} is not in the plan")
+            continue
+        moved = inverse(planned) @ plate.T_base_body
+        shift, turn = float(np.linalg.norm(moved[:3, 3])), angle_between(np.eye(3), moved[:3, :3])
+        if shift > cell.moved or turn > cell.turned:
+            faults.append(
+                f"{plate.name} stands {1e3 * shift:.1f} mm and {np.degrees(turn):.2f} deg from the plan's"
+            )
+    faults += [f"{name} of the plan was not seen" for name in bodies if name.startswith(plate_name(""))]
+    if faults:
+        raise ImpossibleError(
+            f"the scene is not the plan's: {'; '.join(faults)}; look and plan again", faults=faults
         )
 
 

@@ -13,12 +13,11 @@ from cell.taskfile import Task
 from driver.clock import Clock
 from driver.mars import Mars
 from driver.wirelog import WireLog
-from vision.camera import FrameSource, ImageFolder
+from vision.frames import FrameSource, ImageFolder
 
 if TYPE_CHECKING:
-    from driver.emulator import Emulator
-
     from cell.simulation import SimulatedCell
+    from driver.emulator import Emulator
 
 
 @dataclass(frozen=True)
@@ -87,10 +86,9 @@ def _open_real(task: Task, port: str, images: Path | None, log: Path) -> Iterato
 
 @contextmanager
 def _open_simulated(task: Task, world: Path | None, time_scale: float, log: Path) -> Iterator[Connection]:
-    from driver.emulator import Emulator
-
     from cell.simulation import SimulatedCamera, SimulatedCell
     from cell.worldfile import read_world
+    from driver.emulator import Emulator
 
     cell = task.cell
     truth = read_world(world_file(task, world), cell.boards[0].marker_size)

@@ -12,7 +12,8 @@ from arm.files import write_atomic
 from cell.console import Console
 from cell.lookfile import Seen, SeenBoard
 from cell.taskfile import Task
-from vision.camera import FrameSource, Image
+from vision.camera import Image
+from vision.frames import FrameSource
 
 
 def look_and_save(task: Task, frames: FrameSource, picture: Path | None, console: Console, why: str) -> Seen:

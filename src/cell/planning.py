@@ -149,7 +149,7 @@ def plan_rest(
 
 def plan_to_start(
     task: Task, seen: Seen | None, q_from: Array, speed: float, on_table: Mapping[str, Array]
-) -> Plan:
+) -> Plan | None:
     """A plan that only goes to q_start, around what was seen or might stand there; None if the arm is there.
 
     Raises:

@@ -1,29 +1,17 @@
-"""The main job: look, check reach, plan, stream, look again after each cube, report."""
+"""The main job from the command line: a whole task, or a plan file that was made before."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import count
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from arm.errors import ExecutionStopped
-from arm.files import write_atomic
-from arm.planfile import GripperStep, LookStep, Move, Plan, Step, write_plan
-from arm.se3 import Array, frozen
-from cell.connection import Connection, open_cell
+from arm.planfile import read_plan
+from cell.checking import replayed, require_scene
+from cell.connection import open_cell
 from cell.console import Console
-from cell.lookfile import Seen
-from cell.looking import look_and_save
-from cell.planning import plan_rest, plan_to_start, reach_of
-from cell.preview.page import write_preview
-from cell.report import CubeRow, judge_release, print_rows
-from cell.scenery import T_base_cube_on_table, cube_name
-from cell.taskfile import Task, read_task
-from driver.execute import StepResult, execute
-from driver.stream import Progress
+from cell.taskfile import read_task
+from cell.taskrun import TaskRun
 
 
 def run_task(
@@ -49,225 +37,61 @@ def run_task(
     task.cell.limits.scaled(speed)
     folder = folder or Path("runs") / task.name
     with open_cell(task, port, world, images, time_scale, folder / "wire.jsonl") as connection:
-        run = _Run(task, connection, console, speed, folder)
+        run = TaskRun(task, connection, console, speed, folder)
         try:
-            return run.whole()
+            run.introduce()
+            before = run.try_look("before anything moves")
+            if before is not None:
+                run.check_reach(before)
+            run.take_into_use()
+            run.go_to_start(before)
+            seen = run.look("from q_start")
+            run.check_reach(seen)
+            run.move_cubes(seen)
+            return run.report()
         except KeyboardInterrupt:
             raise ExecutionStopped(
                 "interrupted between motions; the arm stands", folder=str(folder)
             ) from None
 
 
-class _Run:
-    """State of one run; every method is one stage."""
+def execute_plan(
+    plan_file: Path,
+    task_file: Path,
+    console: Console,
+    port: str | None = None,
+    world: Path | None = None,
+    images: Path | None = None,
+    time_scale: float = 10.0,
+    folder: Path | None = None,
+) -> dict[str, Any]:
+    """Execute a plan file if it holds and matches the cell of now; its report as JSON types.
 
-    def __init__(
-        self, task: Task, connection: Connection, console: Console, speed: float, folder: Path
-    ) -> None:
-        self.task = task
-        self.connection = connection
-        self.console = console
-        self.speed = speed
-        self.folder = folder
-        self.rows: list[CubeRow] = []
-        self.done: dict[str, str] = {}  # cube -> place
-        self.on_table: dict[str, Array] = {}
-        self.given_up: set[int] = set()  # holes of the source board
-        self.plans: list[Plan] = []
-        self.remarks: list[str] = []
-        self._looks = count(1)
-
-    # -- the stages
-
-    def whole(self) -> dict[str, Any]:
-        """All of them."""
-        self.console.step(f"task {self.task.name}: {self.task.kind} on {self._where()}, speed {self.speed:g}")
-        before = self._look("before anything moves", required=False)
-        if before is not None:
-            self._check_reach(before)
-        self._take_into_use()
-        self._go_to_start(before)
-        seen = self._look("from q_start")
-        self._check_reach(seen)
-        self._move_cubes(seen)
-        return self._report()
-
-    def _where(self) -> str:
-        scale = self.connection.time_scale
-        return (
-            "the real cell"
-            if self.connection.simulated is None
-            else f"the simulated cell, time scale {scale:g}"
-        )
-
-    def _look(self, why: str, required: bool = True) -> Seen | None:
-        number = next(self._looks)
-        seen = look_and_save(
-            self.task, self.connection.frames, self.folder / f"look-{number}.png", self.console, why
-        )
-        if required or not seen.missing_of(self.task):
-            seen.require(self.task)
-            return seen
-        self.console.step("the arm may stand in view: reach is checked from q_start")
-        return None
-
-    def _check_reach(self, seen: Seen) -> None:
-        table = reach_of(self.task, seen)
-        table.require()
-        least = min(float(np.degrees(h.best.margin)) for h in table.holes)
-        self.console.step(f"reach: all {len(table.holes)} holes, at least {least:.1f} deg from every limit")
-
-    def _take_into_use(self) -> None:
-        mars = self.connection.mars
-        firmware = mars.identify()
-        self.console.step(f"controller: {firmware}")
-        mars.initialise(home=True)
-        cell = self.task.cell
-        mars.set_registers(cell.speed_registers, cell.acceleration_registers)
-        mars.gripper(0.0)
-        self.console.step("homed, jaws open")
-
-    def _go_to_start(self, seen: Seen | None) -> None:
-        plan = plan_to_start(self.task, seen, self._q_now(), self.speed, self.on_table)
-        if plan is not None:
-            self._keep(plan, "to-start")
-            self._execute(plan.steps)
-
-    def _q_now(self) -> Array:
-        return frozen(self.task.cell.unit.positions(self.connection.mars.settled_counts()))
-
-    def _move_cubes(self, seen: Seen) -> None:
-        plan = self._plan_rest(seen)
-        while plan is not None:
-            seen, again = self._follow(plan, seen)
-            plan = self._plan_rest(seen) if again else None
-
-    def _plan_rest(self, seen: Seen) -> Plan | None:
-        plan = plan_rest(self.task, seen, self._q_now(), self.speed, self.done, self.on_table, self.given_up)
-        if plan is None:
-            return None
-        self.console.step(
-            f"planned {len(plan.task['transfers'])} cubes: {plan.duration_s:.1f} s of motion, "
-            f"clearance {1e3 * min(m.clearance for m in plan.moves):.1f} mm, {plan.sha256[:12]}"
-        )
-        self._keep(
-            plan, "plan" if not any(p.task["cubes"] for p in self.plans) else f"plan-{len(self.plans)}"
-        )
-        return plan
-
-    def _keep(self, plan: Plan, name: str) -> None:
-        self.plans.append(plan)
-        write_plan(self.folder / f"{name}.json", plan)
-        if name.startswith("plan"):
-            cell = self.task.cell
-            page = self.folder / name.replace("plan", "preview")
-            write_preview(
-                plan, cell.robot(), cell.robot(cell.cube_size), cell.unit, page.with_suffix(".html")
-            )
-
-    def _follow(self, plan: Plan, seen: Seen) -> tuple[Seen, bool]:
-        """Execute a plan cube by cube; ends early, with True, where the rest must be planned anew."""
-        for index, transfer in enumerate(plan.task["cubes"]):
-            row = CubeRow(transfer["from"], transfer["to"])
-            self.rows.append(row)
-            steps = [s for s in plan.steps if getattr(s, "cube", None) == index]
-            grip = next(i for i, s in enumerate(steps) if isinstance(s, GripperStep) and s.action == "close")
-            held = self._execute(steps[: grip + 1])[-1].gripper
-            row.add_motion(steps[: grip + 1])
-            if held is None or not held.stalled:
-                self._missed(steps, grip, row)
-                seen = self._look("after a missed cube")
-                return seen, True
-            self._execute(steps[grip + 1 :])
-            row.add_motion(steps[grip + 1 :])
-            row.placed = True
-            self._put_down(transfer, plan, row)
-            if not self._looks_after(plan, index):
-                continue
-            before, seen = seen, self._look(f"after cube {len(self.rows)}")
-            self._compare(seen, row)
-            moved = seen.moved(before, self.task.cell)
-            for line in moved:
-                self._tell(line + "; the rest is planned anew")
-            if moved and index + 1 < len(plan.task["cubes"]):
-                return seen, True
-        return seen, False
-
-    def _looks_after(self, plan: Plan, index: int) -> bool:
-        return any(isinstance(s, LookStep) for s in plan.steps)
-
-    def _missed(self, steps: Sequence[Step], grip: int, row: CubeRow) -> None:
-        """The jaws closed on nothing: open, back out the way the plan would have, go to q_start."""
-        self._tell(f"cube of {row.source} is not where it should be: the jaws closed on nothing")
-        row.remarks.append("the jaws closed on nothing")
-        self.given_up.add(int(row.source.rsplit("/", 1)[1]) - 1)
-        self.connection.mars.gripper(0.0)
-        retract = next(s for s in steps[grip:] if isinstance(s, Move) and s.role == "retract")
-        self._execute([retract])
-        self._go_to_start(None)
-
-    def _put_down(self, transfer: dict[str, Any], plan: Plan, row: CubeRow) -> None:
-        self.done[transfer["cube"]] = transfer["to"]
-        if self.task.places is not None:
-            self.on_table[cube_name(transfer["to"])] = T_base_cube_on_table(self.task, transfer["to"])
-        simulated = self.connection.simulated
-        if simulated is not None:
-            event = next(e for e in reversed(simulated.events) if e.what in ("placed", "set down", "fallen"))
-            judge_release(self.task, simulated, row, event)
-        self.console.step(
-            f"{transfer['cube']} to {transfer['to']}" + ("" if row.placed else f": {'; '.join(row.remarks)}")
-        )
-
-    def _compare(self, seen: Seen, row: CubeRow) -> None:
-        """What the image says of the cube that was just moved."""
-        for place, wanted in ((row.source, "empty"), (row.target, "cube")):
-            board = seen.board(place.rsplit("/", 1)[0])
-            if board is None:
-                continue
-            state = board.occupancy[int(place.rsplit("/", 1)[1]) - 1]
-            if state not in (wanted, "unsure"):
-                row.placed = False
-                row.remarks.append(f"after the move hole {place} looks {state}, not {wanted}")
-                self._tell(f"hole {place} looks {state} after the move; it should be {wanted}")
-
-    def _execute(self, steps: Sequence[Step]) -> tuple[StepResult, ...]:
-        if not steps:
-            return ()
-        return execute(self.connection.mars, steps, on_step=self._on_step, on_progress=self._on_progress)
-
-    def _on_step(self, step: Step, index: int, total: int) -> None:
-        self._step_name = step.name
-
-    def _on_progress(self, progress: Progress) -> None:
-        self.console.progress(self._step_name, progress.done / max(progress.total, 1))
-
-    def _tell(self, text: str) -> None:
-        self.remarks.append(text)
-        self.console.step(text)
-
-    def _report(self) -> dict[str, Any]:
-        print_rows(self.console, self.rows)
-        whole = [p for p in self.plans if p.task["cubes"]]
-        report = {
-            "task": self.task.name,
-            "kind": self.task.kind,
-            "unit": self.task.cell.unit.name,
-            "cubes": [row.to_json() for row in self.rows],
-            "plan_sha256": whole[0].sha256 if whole else None,
-            "plans_sha256": [p.sha256 for p in whole],
-            "motion_s": sum(p.duration_s for p in whole),
-            "speed": self.speed,
-            "time_scale": self.connection.time_scale,
-            "simulated": self.connection.simulated is not None,
-            "remarks": self.remarks,
-            "folder": str(self.folder),
-        }
-        write_atomic(self.folder / "report.json", _json(report))
-        self.console.say(f"\nplan, photographs, log and preview.html are in {self.folder}")
-        return report
-
-
-def _json(value: dict[str, Any]) -> str:
-    import json
-
-    return json.dumps(value, indent=2, allow_nan=False) + "\n"
+    Raises:
+        InputError: a file, value or port is wrong.
+        ImpossibleError: the plan does not hold, is for another arm, camera or limits, or a board is not where the plan
+            has it; the arm stands, at most moved to q_start.
+        ExecutionStopped: motion stopped, or a board moved on the way; the state is in the error's data.
+    """
+    task, plan = read_task(task_file), read_plan(plan_file)
+    moves = replayed(task, plan)
+    console.step(f"plan {plan.sha256[:12]}: {len(moves)} moves hold and match this cell")
+    folder = folder or Path("runs") / plan_file.stem
+    with open_cell(task, port, world, images, time_scale, folder / "wire.jsonl") as connection:
+        run = TaskRun(task, connection, console, plan.speed, folder)
+        try:
+            run.introduce()
+            run.take_into_use()
+            run.go_to_start(None)
+            seen = run.look("from q_start")
+            require_scene(task.cell, plan, seen)
+            run.keep(plan, "plan")
+            _, again = run.follow(plan, seen)
+            report = run.report()
+        except KeyboardInterrupt:
+            raise ExecutionStopped(
+                "interrupted between motions; the arm stands", folder=str(folder)
+            ) from None
+    if again:
+        raise ExecutionStopped(f"{run.remarks[-1]}; plan again", **report)
+    return report

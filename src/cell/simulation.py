@@ -217,7 +217,7 @@ def _angle_to_jaws(T_tool_cube: Array) -> float:
 
 
 class SimulatedCamera:
-    """Renders the simulated cell as it is at the moment of each grab (`vision.camera.FrameSource`).
+    """Renders the simulated cell as it is at the moment of each grab (`vision.frames.FrameSource`).
 
     A grab is one exposure: one rendering, `count` draws of noise.
 

@@ -161,7 +161,16 @@ def preview_step(plan_file: Path, task_file: Path, output: Path, console: Consol
 
     task, plan = read_task(task_file), read_plan(plan_file)
     cell = task.cell
-    write_preview(plan, cell.robot(), cell.robot(cell.cube_size), cell.unit, output)
+    write_preview(
+        plan,
+        cell.robot(),
+        cell.robot(cell.cube_size),
+        cell.unit,
+        output,
+        boards=cell.boards,
+        dictionary=cell.dictionary,
+        camera=cell.camera,
+    )
     console.say(f"open {output} in a browser")
     return {"page": str(output), "plan_sha256": plan.sha256, "bytes": output.stat().st_size}
 
