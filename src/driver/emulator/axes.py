@@ -1,0 +1,99 @@
+"""Single axes: their registers, independent moves, and the gripper with what stands between its jaws."""
+
+from __future__ import annotations
+
+import math
+
+_SLOW = 0.05  # counts/ms: an axis this slow and this near is there
+
+
+class AxisMove:
+    """A trapezoid of one axis to a target, or a constant speed for a time. One `tick` a millisecond.
+
+    Args:
+        at: where it starts, counts.
+        target: where it ends, or None for a constant speed.
+        speed: counts/ms; signed for a constant speed.
+        acceleration: counts/ms^2.
+        duration_ms: of a constant speed; infinite until stopped.
+    """
+
+    def __init__(
+        self,
+        at: float,
+        target: float | None,
+        speed: float,
+        acceleration: float,
+        duration_ms: float = math.inf,
+    ) -> None:
+        self.at = float(at)
+        self.target = target
+        self.speed = speed
+        self.acceleration = max(acceleration, 1e-3)
+        self.left_ms = duration_ms
+        self.velocity = 0.0
+        self.done = False
+
+    def stop(self) -> None:
+        """Brake."""
+        self.target, self.speed, self.left_ms = None, 0.0, 0.0
+
+    def tick(self) -> None:
+        """One millisecond."""
+        a = self.acceleration
+        if self.target is None:
+            wanted = self.speed if self.left_ms > 0.0 else 0.0
+            self.left_ms -= 1.0
+        else:
+            way = self.target - self.at
+            brake = -a / 2.0 + math.sqrt(a * a / 4.0 + 2.0 * a * abs(way))
+            wanted = math.copysign(min(abs(self.speed), brake, abs(way)), way)
+        self.velocity += min(max(wanted - self.velocity, -a), a)
+        self.at += self.velocity
+        if self.target is None:
+            self.done = self.left_ms <= 0.0 and self.velocity == 0.0
+        elif abs(self.target - self.at) <= _SLOW and abs(self.velocity) <= a + _SLOW:
+            self.at, self.done = float(self.target), True
+
+
+class GripperJaws:
+    """The gripper's analog axis. Its reference goes to any target; the jaws go as far as something lets them.
+
+    Args:
+        open_adc, closed_adc: ends of the stroke.
+    """
+
+    def __init__(self, open_adc: int, closed_adc: int) -> None:
+        self._low, self._high = sorted((open_adc, closed_adc))
+        self._at = float(open_adc)
+        self._free = (self._low, self._high)  # of the present move
+        self.move: AxisMove | None = None
+
+    @property
+    def adc(self) -> int:
+        """Where the jaws are."""
+        return round(self._at)
+
+    def within_stroke(self, target: float) -> int:
+        """The nearest position that the jaws can reach."""
+        return round(min(max(target, self._low), self._high))
+
+    def go(self, target: float, stop_adc: int, speed: float, acceleration: float) -> None:
+        """Start towards a target; the jaws stop at `stop_adc`."""
+        low, high = sorted((self.adc, stop_adc))
+        self._free = (low, high)
+        self.move = AxisMove(self._at, target, speed, acceleration)
+
+    def release(self) -> None:
+        """No current: the jaws stay where they are (the drive does not turn back)."""
+        self.move = None
+
+    def tick(self) -> None:
+        """One millisecond."""
+        if self.move is None:
+            return
+        self.move.tick()
+        low, high = self._free
+        self._at = min(max(self.move.at, low), high)
+        if self.move.done:
+            self.move = None

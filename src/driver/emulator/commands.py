@@ -1,0 +1,228 @@
+"""Lines to actions and answers. Pure of any transport: a line in, answers out; deferred ones by `ready`.
+
+Controller's fact sheet, sections 1, 2 and 4.3. A command that succeeds answers nothing; numbers may have decimals
+where whole ones are meant (ctu_crs sends ``REGMSA:7680.0``); what is not understood is answered as the options say.
+"""
+
+from __future__ import annotations
+
+import re
+
+from driver.emulator.machine import Machine
+
+_LINE = re.compile(r"([A-Z][A-Z0-9]*?)(\?:?|:)(.*)")
+_INT32 = 2**31
+_AXIS_NAMES = (
+    "REGACC", "REGMODE", "REGTYPE", "REGCFG", "REGME", "REGMS", "REGS1", "REGS2", "REGP", "REGI", "REGD",
+    "ANAXSETUP", "SPDFG", "SPDT", "SPD", "PWM", "HH", "AP", "ST", "STOP", "RELEASE", "PURGE", "R", "G",
+)  # fmt: skip
+_KEPT = ("IDLEREL", "REGPWRON", "REGPWRFLG", "COORDDISCONT")  # values without an axis, kept as told
+
+
+class NotUnderstoodError(Exception):
+    """A line that the unit does not know."""
+
+
+class Interpreter:
+    """Parses lines for one machine, and remembers who waits for ``R!``.
+
+    Attributes:
+        echo: characters are sent back; on after power-up.
+        lines: everything received, in order, with its emulated ms.
+        ignored: those of them that were not understood.
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        self.machine = machine
+        self.echo = True
+        self.lines: list[tuple[int, str]] = []
+        self.ignored: list[tuple[int, str]] = []
+        self._waits: list[str] = []
+
+    def take(self, line: str) -> list[str]:
+        """Obey one line (without its end); the answers, in order, without their ends."""
+        text = line.strip()
+        if not text:
+            return []
+        self.lines.append((self.machine.now_ms, text))
+        try:
+            answers = self._obey(text)
+        except NotUnderstoodError:
+            self.ignored.append((self.machine.now_ms, text))
+            return ["FAIL!"] if self.machine.options.unknown == "fail" else []
+        return answers + self.ready()
+
+    @property
+    def waiting(self) -> bool:
+        """Somebody waits for ``R!``."""
+        return bool(self._waits)
+
+    def ready(self) -> list[str]:
+        """``R!``, ``Rx!`` or ``FAIL!`` for every wait that is over."""
+        answers, still = [], []
+        for axis in self._waits:
+            if self.machine.faulty:
+                answers.append("FAIL!")
+            elif self.machine.axis_busy(axis) if axis else self.machine.busy:
+                still.append(axis)
+            else:
+                answers.append(f"R{axis}!")
+        self._waits = still
+        return answers
+
+    # -- one line
+
+    def _obey(self, line: str) -> list[str]:
+        match = _LINE.fullmatch(line)
+        if match is None:
+            raise NotUnderstoodError
+        name, mark, rest = match.groups()
+        if mark.startswith("?"):
+            return self._answer(name)
+        if self._obey_global(name, rest):
+            return [] if name != "STAMP" else [f"STAMP={int(_numbers(rest)[0])}"]
+        if name.startswith("COORD"):
+            return self._obey_coordinated(name, rest)
+        self._obey_axis(*_split(name), rest)
+        return []
+
+    def _answer(self, name: str) -> list[str]:
+        machine = self.machine
+        match name:
+            case "VER":
+                return [f"VER={machine.options.version}"]
+            case "ST":
+                return [f"ST={machine.status()}"]
+            case "COORDAP" if machine.group:
+                actual = machine.actual()
+                positions = [actual[machine.unit.axes.index(a)] for a in machine.group]
+                running = bool(machine.path.queue)
+                parameter = 1 + int(machine.path.u * 65534) if running else 0
+                values = [machine.now_ms & 0xFFFF, machine.path.number, parameter, *positions]
+                return ["COORDAP=" + ",".join(map(str, values))]
+            case _:
+                return self._answer_axis(name)
+
+    def _answer_axis(self, name: str) -> list[str]:
+        machine = self.machine
+        if machine.options.registers_readable and name in machine.registers:
+            return [f"{name}={machine.registers[name]:g}"]
+        base, axis = _split(name)
+        if base != "AP" or not axis:
+            raise NotUnderstoodError
+        if axis == machine.unit.gripper.axis:
+            return [f"{name}={machine.jaws.adc}"]
+        if axis not in machine.unit.axes:
+            return [f"{name}=0"]
+        return [f"{name}={machine.actual()[machine.unit.axes.index(axis)]}"]
+
+    def _obey_global(self, name: str, rest: str) -> bool:
+        """Commands without an axis, except coordinated motion; False if it is none."""
+        if name == "ECHO":
+            self.echo = bool(_numbers(rest, 1)[0])
+        elif name == "STAMP":
+            if not 0 <= _numbers(rest, 1)[0] <= 0x7FFF:
+                raise NotUnderstoodError
+        elif name == "COORDGRP":
+            self._form(rest)
+        elif name in _KEPT:
+            self.machine.registers[name] = max(_numbers(rest, 1)[0], 0.0)
+        else:
+            return False
+        return True
+
+    def _form(self, rest: str) -> None:
+        axes = tuple(a.strip() for a in rest.split(",") if a.strip())
+        if len(set(axes)) != len(axes) or any(a not in self.machine.unit.axes for a in axes):
+            raise NotUnderstoodError
+        if self.machine.path.queue:
+            self.machine.violate("group changed while it moves")
+            return
+        self.machine.group = axes
+
+    def _obey_coordinated(self, name: str, rest: str) -> list[str]:
+        machine, axes = self.machine, len(self.machine.group)
+        if not axes:
+            raise NotUnderstoodError
+        numbers = _numbers(rest)
+        values = [round(v) for v in numbers]
+        if name == "COORDMV" and len(values) == axes:
+            taken = machine.append_absolute(0.0, values)
+        elif name == "COORDMVT" and len(values) == 1 + axes:
+            taken = machine.append_absolute(_least_ms(numbers), values[1:])
+        elif name == "COORDRELMVT" and len(values) == 1 + axes:
+            taken = machine.append_polynomial(_least_ms(numbers), [[v] for v in values[1:]])
+        elif (
+            name == "COORDSPLINET"
+            and len(values) >= 2
+            and values[1] >= 1
+            and len(values) == 2 + axes * values[1]
+        ):
+            order = values[1]
+            rows = [values[2 + k * order : 2 + (k + 1) * order] for k in range(axes)]
+            taken = machine.append_polynomial(_least_ms(numbers), rows)
+        else:
+            raise NotUnderstoodError
+        return [] if taken or machine.options.overflow == "drop" else ["FAIL!"]
+
+    def _obey_axis(self, name: str, axis: str, rest: str) -> None:
+        machine = self.machine
+        if name in ("STOP", "PURGE", "RELEASE", "R"):
+            if rest:
+                raise NotUnderstoodError
+            match name:
+                case "STOP":
+                    machine.stop(axis)
+                case "PURGE":
+                    machine.purge(axis)
+                case "RELEASE":
+                    machine.release(axis)
+                case _:
+                    self._waits.append(axis)
+            return
+        if not axis:
+            raise NotUnderstoodError
+        if name == "HH":
+            machine.home(axis)
+            return
+        numbers = _numbers(rest)
+        match name:
+            case "G" if len(numbers) == 1:
+                machine.move_axis(axis, float(round(numbers[0])))
+            case "SPD" if len(numbers) == 1:
+                machine.run_axis(axis, numbers[0] / 256.0)
+            case "SPDT" if len(numbers) == 2:
+                machine.run_axis(axis, numbers[0] / 256.0, numbers[1])
+            case "REGMS" | "REGACC":
+                if len(numbers) != 1 or numbers[0] < 1.0:
+                    raise NotUnderstoodError
+                if machine.axis_busy(axis):
+                    machine.violate(f"{name}{axis} changed while it moves")
+                machine.registers[name + axis] = float(int(numbers[0]))
+            case "AP" | "ST" | "G" | "SPD" | "SPDT":
+                raise NotUnderstoodError
+            case _:
+                machine.registers[name + axis] = numbers[0]
+
+
+def _split(name: str) -> tuple[str, str]:
+    """Name and axis letter ("" if there is none)."""
+    if name in ("STOP", "PURGE", "RELEASE", "R"):
+        return name, ""
+    if name[:-1] in _AXIS_NAMES and "A" <= name[-1] <= "H":
+        return name[:-1], name[-1]
+    raise NotUnderstoodError
+
+
+def _numbers(rest: str, count: int | None = None) -> list[float]:
+    try:
+        values = [float(v) for v in rest.split(",")]
+    except ValueError as error:
+        raise NotUnderstoodError from error
+    if any(not abs(v) < _INT32 for v in values) or (count is not None and len(values) != count):
+        raise NotUnderstoodError
+    return values
+
+
+def _least_ms(numbers: list[float]) -> float:
+    return max(numbers[0], 0.0)

@@ -1,0 +1,86 @@
+"""One end of a serial line at 19200 baud in emulated time: when a received line is complete, when an answer is out."""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+
+BYTES_PER_MS = 1.92  # 19200 baud, 8N1
+_AHEAD_BYTES = 64  # read from the host before the line would have carried them; the rest waits in the host
+_LONGEST = 1024  # a line this long is noise
+
+
+class Wire:
+    """Paces one client's bytes. Times are emulated ms.
+
+    Args:
+        descriptor: of the pseudo-terminal's master or of a socket, non-blocking.
+        paced: False: bytes take no time.
+    """
+
+    def __init__(self, descriptor: int, paced: bool) -> None:
+        self.descriptor = descriptor
+        self._paced = paced
+        self._partial = b""
+        self._received_until = 0.0
+        self._sent_until = 0.0
+        self._lines: deque[tuple[float, bytes]] = deque()
+        self._answers: deque[tuple[float, bytes]] = deque()
+        self.fresh = True
+
+    def wants_bytes(self, now_ms: float) -> bool:
+        """Whether the line has carried what was read so far."""
+        return (self._received_until - now_ms) * BYTES_PER_MS < _AHEAD_BYTES
+
+    def room_at(self) -> float:
+        """When `wants_bytes` is true again."""
+        return self._received_until - (_AHEAD_BYTES - 1) / BYTES_PER_MS
+
+    def receive(self, now_ms: float) -> bool:
+        """Read what there is; False if the client has gone (a socket's)."""
+        try:
+            data = os.read(self.descriptor, _AHEAD_BYTES)
+        except BlockingIOError:
+            return True
+        except OSError:
+            return False
+        if not data:
+            return False
+        begin = max(self._received_until, now_ms)
+        *lines, rest = data.split(b"\n")
+        for line in lines:
+            begin += self._time(len(line) + 1)
+            self._lines.append((begin, self._partial + line + b"\n"))
+            self._partial = b""
+        self._received_until = begin + self._time(len(rest))
+        self._partial = (self._partial + rest)[-_LONGEST:]
+        return True
+
+    def _time(self, size: int) -> float:
+        return size / BYTES_PER_MS if self._paced else 0.0
+
+    def next_line_at(self) -> float | None:
+        """When the next received line is complete."""
+        return self._lines[0][0] if self._lines else None
+
+    def take_line(self) -> bytes:
+        """The next received line, with its end."""
+        return self._lines.popleft()[1]
+
+    def answer(self, data: bytes, now_ms: float) -> None:
+        """Send when the line has carried it."""
+        self._sent_until = max(self._sent_until, now_ms) + self._time(len(data))
+        self._answers.append((self._sent_until, data))
+
+    def next_answer_at(self) -> float | None:
+        """When the next answer is through."""
+        return self._answers[0][0] if self._answers else None
+
+    def flush(self, now_ms: float) -> None:
+        """Write every answer that is through, one write a line. What nobody reads is lost, as on a real line."""
+        while self._answers and self._answers[0][0] <= now_ms:
+            _, data = self._answers.popleft()
+            try:
+                os.write(self.descriptor, data)
+            except OSError:  # full, or the client has gone
+                return
