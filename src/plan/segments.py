@@ -202,7 +202,6 @@ class _Fitter:
         ends = timed.at(knots / 1e3)
         counts = unit.counts(ends.q)
         speed = ends.qd * unit.counts_per_rad
-        speed[[0, -1]] = 0.0
         D = np.diff(counts, axis=0)
         v0 = np.rint(speed[:-1] * duration).astype(np.int64)
         v1 = np.rint(speed[1:] * duration).astype(np.int64)

@@ -95,14 +95,19 @@ def test_a_joint_limit_stops_the_line_and_is_named(robot: Robot, crs97: Unit) ->
     assert "50.0 of 100.0 mm" in str(caught.value)
 
 
-def test_a_joint_that_cannot_keep_up_is_named(robot: Robot, crs97: Unit) -> None:
-    """Through the wrist's straight position joints 4 and 6 would have to jump."""
-    q = np.radians([0.0, -40.0, -80.0, 0.0, -4.0, 0.0])
-    T = robot.T_base_tool(q)
-    sideways = transform(T[:3, :3], T[:3, 3] + 0.1 * T[:3, 1])
-    with pytest.raises(ImpossibleError, match=r"cannot turn fast enough .*singular") as caught:
-        follow_line(robot, q, T, sideways @ transform(rot_x(0.3)), crs97.limits(), LineOptions(slowest=0.05))
-    assert caught.value.data["constraint"].endswith("speed")
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_joint_that_cannot_keep_up_is_named(robot: Robot, crs97: Unit, side: float) -> None:
+    """Sideways, joint 1 has to turn: to the left up, to the right down."""
+    q, limits = _start(robot, crs97), crs97.limits()
+    velocity = limits.velocity.copy()
+    velocity[0] = 0.01
+    slow = Limits(limits.lower, limits.upper, velocity, limits.acceleration)
+    T_end = transform(GRASP[:3, :3], GRASP[:3, 3] + (0.0, side * 0.05, 0.0))
+    with pytest.raises(ImpossibleError, match=r"joint J1 cannot turn fast enough .*singular") as caught:
+        follow_line(robot, q, GRASP, T_end, slow, LineOptions(slowest=0.02))
+    assert caught.value.data["constraint"] == "J1 speed"
+    # 0.05 m at 0.02 m/s leave joint 1 0.025 rad, a quarter of what it needs; a tenth of the speed is enough
+    follow_line(robot, q, GRASP, T_end, slow, LineOptions(slowest=0.002))
 
 
 def test_leaving_the_workspace_is_told(robot: Robot, crs97: Unit) -> None:
@@ -127,8 +132,19 @@ def test_a_barrier_stops_the_line_and_is_named(robot: Robot, crs97: Unit) -> Non
     with pytest.raises(ImpossibleError, match="ceiling is in the way") as caught:
         follow_line(robot, q, GRASP, top, crs97.limits(), LineOptions(barrier=below_ceiling))
     assert caught.value.data["done_m"] == pytest.approx(0.060, abs=1e-9)
+    with pytest.raises(ImpossibleError, match="no step keeps all of ceiling") as caught:
+        follow_line(
+            robot, q, GRASP, top, crs97.limits(), LineOptions(barrier=lambda q: _shut(robot, q, ceiling))
+        )
+    assert caught.value.data["done_m"] == pytest.approx(0.060, abs=1e-9)
     high = LineOptions(barrier=lambda q: Barrier(np.zeros((0, 6)), np.zeros(0), ()))
     assert follow_line(robot, q, GRASP, top, crs97.limits(), high).s[-1] == pytest.approx(0.1)
+
+
+def _shut(robot: Robot, q: np.ndarray, ceiling: float) -> Barrier:
+    """Above the ceiling nothing is allowed, below it everything; its rows do not say where it comes from."""
+    above = robot.T_base_tool(q)[2, 3] > ceiling
+    return Barrier(np.zeros((1, 6)), np.array([-1.0 if above else 1.0]), ("ceiling",))
 
 
 def test_a_wrong_start_is_refused(robot: Robot, crs97: Unit) -> None:

@@ -116,9 +116,15 @@ def test_a_joint_limit_is_named_with_degrees(robot: Robot, crs97: Unit) -> None:
 
 def test_a_line_through_a_singular_pose_is_not_served_by_racing_branches(robot: Robot, crs97: Unit) -> None:
     q = np.radians([0.0, -40.0, -70.0, 150.0, 0.02, -100.0])
-    T = robot.T_base_tool(q)
-    table = reach(robot, crs97.limits(), {"h": [T]}, OFFSET)
-    assert any(c.racing and "singular" in c.reason() for c in table["h"].choices)
+    limits, turns = crs97.limits(), np.full(6, 2 * np.pi)
+    wide = type(limits)(-turns, turns, limits.velocity, limits.acceleration)
+    racing = [c for c in reach(robot, wide, {"h": [robot.T_base_tool(q)]}, OFFSET)["h"].choices if c.racing]
+    assert racing
+    for choice in racing:
+        assert choice.margin > 0.0
+        assert choice.outside == 0.0
+        assert not choice.ok
+        assert "near a singular configuration" in choice.reason()
 
 
 def test_nonsense_is_refused(robot: Robot, crs97: Unit) -> None:
