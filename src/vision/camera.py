@@ -89,7 +89,8 @@ class Camera:
         pinhole[..., 0, 0] = pinhole[..., 1, 1] = 1.0
         pinhole[..., 2] = -on_plane
         jacobian: Array = self.K[:2, :2] @ lens_jacobian(self.distortion, on_plane) @ pinhole
-        return jacobian / points[..., 2, None, None]
+        jacobian /= points[..., 2, None, None]
+        return jacobian
 
     def normalised(self, pixels: npt.ArrayLike) -> Array:
         """Pixels (..., 2) to points (..., 2) on the plane z = 1 of the camera frame, lens undone.
@@ -166,7 +167,9 @@ def _undoes_lens(camera: Camera) -> bool:
 
 
 def write_camera(path: Path, camera: Camera) -> None:
-    """Write a camera file that `read_camera` reads back to the last bit (values of ``[calibration]``: text, number, list).
+    """Write a camera file that `read_camera` reads back to the last bit.
+
+    Values of `calibration` are texts, numbers, flags, dates, or lists of these.
 
     Raises:
         InputError: the file cannot be written.

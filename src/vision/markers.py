@@ -1,0 +1,87 @@
+"""Markers in an image: found small, measured on the full image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from arm.errors import InputError
+from arm.se3 import Array, frozen
+from vision.border_lines import refine_by_border_lines
+from vision.camera import Camera
+from vision.frames import Image
+
+SEARCH_WIDTH_PX = 960  # images are searched at the whole fraction of their size that is at least this wide
+_SUBPIX_WINDOW, _SUBPIX_STOP = (5, 5), (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 30, 0.01)
+
+
+@dataclass(frozen=True)
+class Marker:
+    """A marker seen in one image.
+
+    Attributes:
+        id: in its dictionary.
+        corners_px: (4, 2) top left, top right, bottom right, bottom left of the marker as printed.
+        method: how the corners were measured: "lines", or "subpix" where a side is hidden, blurred or too short.
+    """
+
+    id: int
+    corners_px: Array
+    method: Literal["lines", "subpix"]
+
+
+def detect_markers(image: Image, camera: Camera, dictionary: str = "DICT_4X4_50") -> list[Marker]:
+    """Find all markers of a dictionary, ordered by id.
+
+    Args:
+        image: grey (h, w) or BGR (h, w, 3), of the camera's size.
+        camera: whose lens is undone for the border lines.
+        dictionary: OpenCV's name for it.
+
+    Raises:
+        InputError: the image is not of the camera's size, or there is no such dictionary.
+    """
+    camera.require_size(image, "image")
+    grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+    detector = _detector(dictionary)
+    shrink = max(1, grey.shape[1] // SEARCH_WIDTH_PX)
+    small = grey
+    if shrink > 1:
+        size = (grey.shape[1] // shrink, grey.shape[0] // shrink)
+        small = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    found, ids, _ = detector.detectMarkers(small)
+    if ids is None or not len(ids):
+        return []
+    scale = np.array([grey.shape[1] / small.shape[1], grey.shape[0] / small.shape[0]])
+    # the centre of the first pixel of a shrunk image lies (scale - 1) / 2 pixels inside the full one
+    rough = np.stack([c.reshape(4, 2) for c in found]).astype(float) * scale + (scale - 1.0) / 2.0
+    lines = refine_by_border_lines(grey, rough, camera, detector.getDictionary().markerSize + 2)
+    markers = []
+    for index, marker_id in enumerate(ids.reshape(-1)):
+        if lines.good[index]:
+            markers.append(Marker(int(marker_id), frozen(lines.corners_px[index]), "lines"))
+        else:
+            corners = np.ascontiguousarray(rough[index][:, None], dtype=np.float32)
+            cv2.cornerSubPix(grey, corners, _SUBPIX_WINDOW, (-1, -1), _SUBPIX_STOP)
+            markers.append(Marker(int(marker_id), frozen(corners.reshape(4, 2)), "subpix"))
+    return sorted(markers, key=lambda marker: marker.id)
+
+
+@lru_cache(maxsize=4)
+def _detector(dictionary: str) -> cv2.aruco.ArucoDetector:
+    known = sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_"))
+    if dictionary not in known:
+        raise InputError(
+            f"dictionary = {dictionary!r}: must be one of {', '.join(known)}",
+            dictionary=dictionary,
+            choices=known,
+        )
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_NONE
+    return cv2.aruco.ArucoDetector(
+        cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary)), parameters
+    )
