@@ -169,13 +169,16 @@ def test_cubes_are_drawn_where_the_plan_brings_them(browser, page_file, preview_
         for i, track in enumerate(tracks.values()):
             shown = page.evaluate("(i) => a465.cell.cubes[i].mesh.matrix.elements", i)
             assert np.abs(np.reshape(shown, (4, 4)).T - track[-1].T).max() < 1e-6
-        held = next(s for s in timed_steps(case.plan) if isinstance(s.step, Move) and s.step.held)
-        t = (held.start_s + held.end_s) / 2
-        page.evaluate("(t) => a465.seek(t)", t)
-        shown = page.evaluate("a465.cell.cubes[0].mesh.matrix.elements")
-        q = case.unit.positions(held.step.path.at([t - held.start_s])[0])
-        T = case.robot_open.T_base_tool(q) @ tracks["cube 1"][1].T
-        assert np.abs(np.reshape(shown, (4, 4)).T - T).max() < 2e-6
+        moves = [s for s in timed_steps(case.plan) if isinstance(s.step, Move)]
+        for timed in moves:
+            t = timed.end_s - 0.2
+            page.evaluate("(t) => a465.seek(t)", t)
+            T = case.robot_open.T_base_tool(case.unit.positions(timed.step.path.at([t - timed.start_s])[0]))
+            for i, track in enumerate(tracks.values()):
+                now = [pose for pose in track if pose.start_s <= t][-1]
+                shown = page.evaluate("(i) => a465.cell.cubes[i].mesh.matrix.elements", i)
+                expected = T @ now.T if now.held else now.T
+                assert np.abs(np.reshape(shown, (4, 4)).T - expected).max() < 2e-6
 
 
 def test_the_picture_is_not_empty_and_moves(browser, page_file) -> None:

@@ -22,7 +22,7 @@
   const forward = boards.length ? boards.reduce((sum, p) => sum + p[0], 0) / boards.length : 0.4;
   let stage = null;
   try {
-    stage = new Stage(document.getElementById("canvas"), [0.6 * forward, 0, 0.2], 0.76);
+    stage = new Stage(document.getElementById("canvas"), [0.6 * forward, 0, 0.2], 0.71);
   } catch (error) {
     document.getElementById("legend").textContent = `No 3D picture: ${error.message}`;
   }
