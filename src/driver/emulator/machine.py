@@ -14,9 +14,9 @@ import numpy as np
 
 from arm.unit import Unit
 from driver.emulator.axes import AxisMove, GripperJaws
-from driver.emulator.options import EmulatorOptions
-from driver.emulator.planner import PathGenerator
-from driver.emulator.record import Recorder, Violation
+from driver.emulator.behaviour import EmulatorOptions
+from driver.emulator.motion_record import Recorder, Violation
+from driver.emulator.path_generator import PathGenerator
 from driver.emulator.segment import QueuedSegment
 
 _GRIPPER_ACCELERATION = 51  # counts/256 per ms^2 until told otherwise
