@@ -1,58 +1,91 @@
-"""The ray of every pixel of a camera, with exact distortion, and rays between the pixels."""
+"""Rays of a camera: where each pixel looks on the plane z = 1 of the camera frame, and the same rays in other frames.
+
+A ray starts at the camera's centre and its parameter is the depth along the camera's z, so depths of different
+bodies compare directly. Single precision: at 1.2 m it resolves 1e-7 m, some 5e-4 px of the lab's camera.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import CubicSpline
 
 from arm.se3 import Array
 from vision.camera import Camera
 
+Floats = npt.NDArray[np.float32]
+Bools = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.intp]
+
+GRID_PX = 16  # the undone lens is smooth: cubic splines over this pitch are good to 1e-5 px
+
 
 @dataclass(frozen=True, eq=False)
 class PixelRays:
-    """Undistorted image coordinates on the plane z = 1 at the pixels' centres, (h, w), and their slopes per pixel."""
+    """Points (x, y) on the plane z = 1 that the centres of pixels look at, two arrays (h, w)."""
 
-    x: Array
-    y: Array
-    x_per_u: Array
-    x_per_v: Array
-    y_per_u: Array
-    y_per_v: Array
+    x: Floats
+    y: Floats
 
-    def between(self, row: Array, column: Array, du: Array, dv: Array) -> tuple[Array, Array]:
-        """Coordinates at offsets (du, dv) px from the centres of pixels; linear, which is exact to 3e-5 px."""
-        x = self.x[row, column] + self.x_per_u[row, column] * du + self.x_per_v[row, column] * dv
-        y = self.y[row, column] + self.y_per_u[row, column] * du + self.y_per_v[row, column] * dv
-        return x, y
+
+@dataclass(frozen=True, eq=False)
+class SubpixelRays:
+    """The rays of chosen pixels with their slopes, each (n,), to move inside those pixels."""
+
+    x: Floats
+    y: Floats
+    x_per_column: Floats
+    x_per_row: Floats
+    y_per_column: Floats
+    y_per_row: Floats
+
+    def moved(self, columns: float, rows: float) -> PixelRays:
+        """Rays that many pixels beside the centres; linear, which inside a pixel is good to 3e-5 px."""
+        return PixelRays(
+            self.x + self.x_per_column * np.float32(columns) + self.x_per_row * np.float32(rows),
+            self.y + self.y_per_column * np.float32(columns) + self.y_per_row * np.float32(rows),
+        )
 
 
 def pixel_rays(camera: Camera) -> PixelRays:
-    """The rays of a camera; kept for the next image, because the inverse distortion costs a second."""
-    return _rays(camera.digest, _Keyed(camera))
+    """The rays of all pixels: the lens undone on a grid, splines between (0.1 s instead of 1.4 s a full image)."""
+    width, height = camera.size
+    columns, rows = (np.arange(-GRID_PX, n + 2.0 * GRID_PX, GRID_PX) for n in (width, height))
+    points = camera.normalised(np.stack(np.meshgrid(columns, rows), axis=-1))
+    along_columns = CubicSpline(columns, points, axis=1)(np.arange(width))
+    full = CubicSpline(rows, along_columns.astype(np.float64), axis=0)(np.arange(height))
+    return PixelRays(*(np.ascontiguousarray(full[..., i], dtype=np.float32) for i in range(2)))
 
 
-class _Keyed:
-    """Carries the camera past the cache, which goes by the digest alone."""
+def subpixel_rays(rays: PixelRays, row: Indices, column: Indices) -> SubpixelRays:
+    """The rays of the pixels (row, column), (n,) each, with slopes from their neighbours."""
+    height, width = rays.x.shape
+    left, right = np.maximum(column - 1, 0), np.minimum(column + 1, width - 1)
+    above, below = np.maximum(row - 1, 0), np.minimum(row + 1, height - 1)
+    slopes = [
+        slope
+        for f in (rays.x, rays.y)
+        for slope in (
+            (f[row, right] - f[row, left]) / (right - left).astype(np.float32),
+            (f[below, column] - f[above, column]) / (below - above).astype(np.float32),
+        )
+    ]
+    return SubpixelRays(rays.x[row, column], rays.y[row, column], *slopes)
 
-    def __init__(self, camera: Camera) -> None:
-        self.camera = camera
 
-    def __hash__(self) -> int:
-        return 0
+@dataclass(frozen=True, eq=False)
+class Bundle:
+    """Rays from one point in some frame: `origin` (3,) m, and directions per unit of depth as three arrays."""
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Keyed)
+    origin: Array
+    dx: Floats
+    dy: Floats
+    dz: Floats
 
 
-@lru_cache(maxsize=2)
-def _rays(digest: str, keyed: _Keyed) -> PixelRays:
-    width, height = keyed.camera.size
-    u, v = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
-    points = keyed.camera.normalised(np.stack([u, v], axis=-1))
-    x, y = np.ascontiguousarray(points[..., 0]), np.ascontiguousarray(points[..., 1])
-    x_per_v, x_per_u = np.gradient(x)
-    y_per_v, y_per_u = np.gradient(y)
-    return PixelRays(x, y, x_per_u, x_per_v, y_per_u, y_per_v)
+def bundle_in(T_frame_camera: Array, rays: PixelRays) -> Bundle:
+    """The rays in another frame."""
+    R = T_frame_camera[:3, :3].astype(np.float32)
+    return Bundle(T_frame_camera[:3, 3], *(R[i, 0] * rays.x + (R[i, 1] * rays.y + R[i, 2]) for i in range(3)))
