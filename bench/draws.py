@@ -1,0 +1,157 @@
+"""Seeded random worlds of both tasks: boards anywhere in view and in reach, at any height up to 0.15 m."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from arm.board import PLATE_CENTRE, PLATE_SIZE
+from arm.poses import BoardPose
+from arm.se3 import Array, apply
+from cell.cellfile import Cell, read_cell
+from cell.lookfile import Seen, SeenBoard
+from cell.planning import reach_of
+from cell.taskfile import Task, read_task
+from cell.worldfile import board_placement
+
+MARGIN_PX = 6.0  # markers with their white border, and holes, stay this far inside the image
+GAP = 0.015  # between plates seen from above, m
+TILTS_DEG = {"task1": (0.0,), "task2": (0.0, 7.0, 15.0)}
+HIGHEST = 0.15  # centre of a plate's top, m
+TRIES = 300_000
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A drawn world as files: the task, and the truth beside it."""
+
+    task: Path
+    world: Path
+    rejected: int
+
+
+@dataclass(frozen=True)
+class _Placed:
+    csv: str
+    centre: Array
+    yaw_deg: float
+    tilt_deg: float
+    azimuth_deg: float
+
+    @property
+    def T_base_board(self) -> Array:
+        return board_placement(self.centre, *np.radians([self.yaw_deg, self.tilt_deg, self.azimuth_deg]))
+
+    def corners(self) -> Array:
+        half = np.array(PLATE_SIZE[:2]) / 2
+        square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half + PLATE_CENTRE
+        return apply(self.T_base_board, np.column_stack([square, np.zeros(4)]))
+
+
+def draw_world(name: str, seed: int, scenes: Path, folder: Path) -> Drawn:
+    """Draw until the boards are seen, apart, above the table and every hole is in reach.
+
+    Args:
+        name: task1 or task2.
+        seed: of the draw.
+        scenes: folder of the cell file and boards.
+        folder: gets the files.
+    """
+    cell = read_cell(scenes / "cell.toml")
+    rng = np.random.default_rng([seed, 1 if name == "task1" else 2])
+    files = sorted((scenes / "boards").glob("*.csv"))
+    for attempt in range(TRIES):
+        chosen = rng.permutation(len(files))[: 1 if name == "task1" else 2]
+        sides = (0.0,) if name == "task1" else rng.permutation([-1.0, 1.0])
+        placed = [
+            _draw_board(rng, files[i].name, TILTS_DEG[name], s) for i, s in zip(chosen, sides, strict=True)
+        ]
+        if not all(_visible(cell, p) for p in placed) or not _apart(placed):
+            continue
+        folder.mkdir(parents=True, exist_ok=True)
+        drawn = _write(name, seed, scenes, folder, placed, attempt)
+        if reach_of(read_task(drawn.task), _truth(read_task(drawn.task), placed)).ok:
+            return drawn
+    raise RuntimeError(f"{name}, seed {seed}: no feasible world in {TRIES} draws")
+
+
+def _draw_board(rng: np.random.Generator, csv: str, tilts: tuple[float, ...], side: float) -> _Placed:
+    """One board anywhere; of two, each in its half of the view and roughly squared to it, or they hardly ever fit."""
+    x, y = rng.uniform([0.34, -0.26], [0.64, 0.24])
+    yaw_deg = rng.uniform(-180, 180)
+    if side:
+        y = -0.015 + side * rng.uniform(0.09, 0.16)
+        yaw_deg = 90.0 * rng.integers(-2, 2) + rng.uniform(-15, 15)
+    return _Placed(
+        csv,
+        np.round([x, y, rng.uniform(0.03, HIGHEST)], 4),
+        float(np.round(yaw_deg, 1)),
+        float(rng.choice(tilts)),
+        float(np.round(rng.uniform(-180, 180), 1)),
+    )
+
+
+def _visible(cell: Cell, placed: _Placed) -> bool:
+    corners = placed.corners()
+    if (corners[:, 2] - PLATE_SIZE[2]).min() < cell.table_z + 0.003:
+        return False
+    board = next(b for b in cell.boards if placed.csv.endswith(f"{b.name}.csv"))
+    marked = board.marker_corners() * np.array([1.0, 1.0, 0.0])
+    centres = marked.mean(axis=1, keepdims=True)
+    marked = centres + (marked - centres) * (4.0 / 3.0)  # with the white border, one module wide
+    points = apply(placed.T_base_board, np.concatenate([marked.reshape(-1, 3), board.holes]))
+    pixels = cell.camera.project_base(points)
+    return bool(np.all(pixels > MARGIN_PX) and np.all(pixels < np.array(cell.camera.size) - MARGIN_PX))
+
+
+def _apart(placed: list[_Placed]) -> bool:
+    if len(placed) < 2:
+        return True
+    outlines = []
+    for p in placed:
+        flat = p.corners()[:, :2]
+        centre = flat.mean(axis=0)
+        outlines.append((centre + (flat - centre) * (1.0 + GAP / 0.1)).astype(np.float32))
+    area, _ = cv2.intersectConvexConvex(*outlines)
+    return area <= 0.0
+
+
+def _truth(task: Task, placed: list[_Placed]) -> Seen:
+    boards = []
+    for board, p in zip(task.boards, placed, strict=True):
+        pose = BoardPose(board, p.T_base_board, np.eye(6) * 1e-9, 0.1, 100.0)
+        boards.append(SeenBoard(pose, ("cube",) * 4))
+    return Seen(tuple(boards), {})
+
+
+def _write(name: str, seed: int, scenes: Path, folder: Path, placed: list[_Placed], rejected: int) -> Drawn:
+    task, world = folder / f"{name}-{seed}.toml", folder / f"{name}-{seed}.world.toml"
+    ids = [list(_ids(p.csv)) for p in placed]
+    text = (scenes / f"{name}.toml").read_text().replace('"cell.toml"', f'"{scenes / "cell.toml"}"')
+    text = text.replace("from_board = [1, 2]", f"from_board = {ids[0]}")
+    if name == "task2":
+        text = text.replace("to_board = [3, 4]", f"to_board = {ids[1]}")
+    else:
+        text = text.replace("board_height_mm = 60", f"board_height_mm = {1e3 * placed[0].centre[2]:.1f}")
+    task.write_text(text.replace("seed = 0", f"seed = {seed}"))
+    lines = [f"seed = {seed}", "noise_grey = 2.0"]
+    for index, p in enumerate(placed):
+        lines += [
+            "[[boards]]",
+            f'file = "{scenes / "boards" / p.csv}"',
+            f"centre_mm = {[float(v) for v in np.round(1e3 * p.centre, 1)]}",
+            f"yaw_deg = {p.yaw_deg}",
+            f"tilt_deg = {p.tilt_deg}",
+            f"lean_azimuth_deg = {p.azimuth_deg}",
+            f"cubes = {[1, 2, 3, 4] if index == 0 else []}",
+        ]
+    world.write_text("\n".join(lines) + "\n")
+    return Drawn(task, world, rejected)
+
+
+def _ids(csv: str) -> tuple[int, int]:
+    low, high = csv.removesuffix(".csv").rsplit("_", 1)[1].split("-")
+    return int(low), int(high)
