@@ -9,7 +9,7 @@ fastest few of them are also planned around it, and the best of all is taken.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from plan.options import PlanOptions
 from plan.reach import LineChoice
 from plan.scene import Station
 from plan.stages import Stages
-from plan.transit import plan_transit
+from plan.transit import improve_transit, plan_transit
 from plan.travel import path_time, straight_time
 from plan.world import World
 
@@ -132,7 +132,7 @@ class TransferSearch:
                 best = route
         if best is None:
             raise self._impossible()
-        return best
+        return self.improved(best)
 
     def bounds(self) -> Array:
         """Lower bound of the transits' time for each pairing, (picks, places) s; the lines take about the same."""
@@ -170,6 +170,24 @@ class TransferSearch:
         legs = [out, across] if back is None else [out, across, back]
         return Route(first, second, out, across, back, sum(path_time(leg, self.limits) for leg in legs))
 
+    def improved(self, route: Route) -> Route:
+        """The route with faster ways around what is in the way."""
+        stages, clearance = self.stages, self.options.clearance + MARGIN
+        pick, place = route.pick.yaw, route.place.yaw
+
+        def faster(waypoints: Array, world: World) -> Array:
+            if len(waypoints) == 2:
+                return waypoints
+            return improve_transit(
+                world, waypoints, self.limits, clearance, self.options.seed, self.options.transit
+            )
+
+        out, across = faster(route.out, stages.before()), faster(route.across, stages.holding(pick))
+        back = None if route.back is None else faster(route.back, stages.after(pick, place))
+        legs = [leg for leg in (out, across, back) if leg is not None]
+        time = sum(path_time(leg, self.limits) for leg in legs)
+        return replace(route, out=out, across=across, back=back, time=time)
+
     def leg(
         self, key: tuple[object, ...], world: Callable[[], World], q_from: Array, q_to: Array, straight: bool
     ) -> Array | None:
@@ -181,7 +199,7 @@ class TransferSearch:
                 (*key, "straight"), lambda: check_curve(world(), curve_of_waypoints(ends), clearance).proved
             )
             return ends if known is True else None
-        budget, seed = self.options.transit, self.options.seed
+        budget, seed = replace(self.options.transit, improvements=0), self.options.seed
         found = self._once(
             (*key, "around"),
             lambda: plan_transit(world(), q_from, q_to, self.limits, clearance, seed, budget),

@@ -23,18 +23,21 @@ def straight_time(step: npt.ArrayLike, limits: Limits) -> Array:
     return np.asarray(np.where(surge > cruise**2, 2.0 * np.sqrt(surge), trapezoid))
 
 
-def path_time(waypoints: Array, limits: Limits) -> float:
-    """Estimate in s for straight joint lines through way-points (m, n) rad, from rest to rest without stops between.
+def path_times(waypoints: npt.ArrayLike, limits: Limits) -> Array:
+    """Estimates (...) in s for straight joint lines through way-points (..., m, n) rad, from rest to rest.
 
-    Every line at full speed, and at each corner (and at both ends) half the time that the change of velocity takes;
-    for a single long line this is exact.
+    Every line at full speed without stops between, and at each corner (and at both ends) half the time that the
+    change of velocity takes; for a single long line this is exact.
     """
-    steps = np.diff(waypoints, axis=0)
-    times = (np.abs(steps) / limits.velocity).max(axis=1)
-    steps, times = steps[times > 0.0], times[times > 0.0]
-    if not len(times):
-        return 0.0
-    rest = np.zeros((1, steps.shape[1]))
-    velocities = np.concatenate([rest, steps / times[:, None], rest])
-    turning = (np.abs(np.diff(velocities, axis=0)) / limits.acceleration).max(axis=1)
-    return float(times.sum() + 0.5 * turning.sum())
+    steps = np.diff(np.asarray(waypoints, dtype=float), axis=-2)
+    times = (np.abs(steps) / limits.velocity).max(axis=-1)
+    velocities = steps / np.maximum(times, 1e-12)[..., None]
+    rest = np.zeros_like(velocities[..., :1, :])
+    jumps = np.abs(np.diff(np.concatenate([rest, velocities, rest], axis=-2), axis=-2))
+    turning = (jumps / limits.acceleration).max(axis=-1)
+    return np.asarray(times.sum(axis=-1) + 0.5 * turning.sum(axis=-1))
+
+
+def path_time(waypoints: npt.ArrayLike, limits: Limits) -> float:
+    """`path_times` of one path (m, n)."""
+    return float(path_times(waypoints, limits))

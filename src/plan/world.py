@@ -35,7 +35,7 @@ class Distance:
 
     Attributes:
         value: m, negative by the depth where they overlap.
-        pair: their names.
+        pair: their names, the one nearer to the tool first.
         points: witness points on the first and second body, (2, 3) m in the base frame.
     """
 
@@ -110,9 +110,9 @@ class World:
         self._broadphase: dict[float, Any] = {}
 
     def pair_names(self, index: int) -> tuple[str, str]:
-        """The two bodies of pair `index`."""
-        a, b = self.pairs[index]
-        return self.names[a], self.names[b]
+        """The two bodies of pair `index`, the one that moves more (nearer to the tool) first."""
+        inner, outer = self.pairs[index]
+        return self.names[outer], self.names[inner]
 
     def pair_distances(self, q: npt.ArrayLike, pairs: Indices) -> Array:
         """Signed distances (k,) m of the pairs with indices `pairs` (k,) at configuration q (n,), less the padding."""
@@ -182,7 +182,7 @@ class World:
 
     def _witness(self, index: int, value: float) -> Distance:
         result = self._distances.distanceResults[index]
-        points = frozen([result.getNearestPoint1(), result.getNearestPoint2()])
+        points = frozen([result.getNearestPoint2(), result.getNearestPoint1()])
         return Distance(value, self.pair_names(index), points)
 
 
@@ -194,6 +194,12 @@ class _Part:
     joint: int
     shape: Shape
     T_joint_body: Array
+
+
+# w @ _CROSS is the matrix of p -> w x p, row by row
+_CROSS = np.array(
+    [[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]], dtype=float
+)
 
 
 class _Reach:
@@ -210,7 +216,7 @@ class _Reach:
         )
         self.joint = np.repeat([p.joint for p in parts], [len(points) for points, _ in hulls])
         self.first = np.cumsum([0, *(len(points) for points, _ in hulls)])[:-1]
-        self.moves = np.array([[k < p.joint for k in range(joints)] for p in parts])
+        self.moves = np.array([[float(k < p.joint) for k in range(joints)] for p in parts])
 
     def radii(self, poses: Array, J: Array) -> Array:
         """(bodies, n) from joint poses (n + 1, 4, 4) and the Jacobian (6, n) in the base frame (linear rows first).
@@ -219,17 +225,14 @@ class _Reach:
         the axis (a revolute joint) or 1 (a prismatic one).
         """
         T = poses[self.joint]
-        p = np.einsum("pij,pj->pi", T[:, :3, :3], self.points) + T[:, :3, 3]
+        points = np.einsum("pij,pj->ip", T[:, :3, :3], self.points) + T[:, :3, 3].T
         v, w = J[:3], J[3:]
-        x, y, z = p[:, 0:1], p[:, 1:2], p[:, 2:3]
-        speed = np.sqrt(
-            (v[0] + w[1] * z - w[2] * y) ** 2
-            + (v[1] + w[2] * x - w[0] * z) ** 2
-            + (v[2] + w[0] * y - w[1] * x) ** 2
-        )
-        turning = np.linalg.norm(w, axis=0)
-        farthest = np.maximum.reduceat(speed, self.first, axis=0) + self.ball[:, None] * turning
-        return np.asarray(np.where(self.moves, farthest, 0.0))
+        # all cross products at once: rows 3k to 3k + 2 of `cross` times a point are w_k x p
+        cross = (w.T @ _CROSS).reshape(-1, 3)
+        motion = (cross @ points).reshape(len(v.T), 3, -1) + v.T[:, :, None]
+        speed = np.sqrt(np.maximum.reduceat((motion * motion).sum(axis=1), self.first, axis=1)).T
+        turning = np.sqrt((w * w).sum(axis=0))
+        return np.asarray((speed + self.ball[:, None] * turning) * self.moves)
 
 
 def _hull(shape: Shape) -> tuple[Array, float]:
