@@ -1,0 +1,111 @@
+"""Is there a cube in a hole? Decided by how bright the image is where a cube's top would be, and where the hole is.
+
+Brightness is measured on the scale from the black to the white of the board's own markers, so that light and exposure
+do not matter: a cube's top is light and even, an empty pocket dark. Cubes are taken to be lighter than pockets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from arm.board import CUBE_SEAT_DEPTH, POCKET_FLOOR, Board
+from arm.poses import BoardPose
+from arm.se3 import Array, apply
+from vision.camera import Camera
+from vision.frames import Image
+
+GRID = 21  # samples a side of a square
+INNER = 0.7  # part of a square that is sampled: its edges, their blur and the pose's error stay outside
+QUIET_ZONE = 1.0 / 6.0  # width of a marker's white border in marker sizes
+LEAST_CONTRAST = 25.0  # grey levels between a marker's black and white, else nothing is sure
+DARK, LIGHT = 0.35, 0.65  # levels between which it is neither a pocket nor a cube
+EVEN = 0.25  # largest range of levels over a cube's top: what lies across it is not a cube
+SURE = 0.8  # score of a cube; 1 minus it that of an empty hole
+
+
+@dataclass(frozen=True)
+class Occupancy:
+    """What is in a hole.
+
+    Attributes:
+        state: "cube", "empty", or "unsure" where the image does not say.
+        score: from 0 (surely empty) to 1 (surely a cube).
+    """
+
+    state: Literal["cube", "empty", "unsure"]
+    score: float
+
+
+UNSURE = Occupancy("unsure", 0.5)
+
+
+def hole_occupancy(
+    images: Sequence[Image], camera: Camera, pose: BoardPose, index: int, cube_size: float
+) -> Occupancy:
+    """What stands in hole `index` (0 to 3) of a board that was found.
+
+    Args:
+        images: photographs of one moment, grey or BGR, of the camera's size.
+        camera: that took them.
+        pose: of the board.
+        index: of the hole.
+        cube_size: edge of a cube, m.
+    """
+    hole = pose.board.holes[index]
+    top = hole + (0.0, 0.0, cube_size - CUBE_SEAT_DEPTH)
+    squares = [
+        _square(top, INNER * cube_size),
+        _square(hole, INNER * POCKET_FLOOR),
+        *_marker_squares(pose.board),
+    ]
+    pixels = [camera.project_base(apply(pose.T_base_board, square)) for square in squares]
+    if not all(_inside(p, camera) for p in pixels):
+        return UNSURE
+    top_grey, hole_grey, *marker_grey = (_mean_grey(images, p) for p in pixels)
+    black, white = np.percentile(np.stack(marker_grey), (10.0, 90.0))
+    if white - black < LEAST_CONTRAST:
+        return UNSURE
+    top_level, hole_level = ((g - black) / (white - black) for g in (top_grey, hole_grey))
+    low, high = np.percentile(top_level, (5.0, 95.0))
+    score = 0.5 * (_ramp(float(np.median(top_level))) + _ramp(float(np.median(hole_level))))
+    if score >= SURE:
+        return Occupancy("cube" if high - low <= EVEN else "unsure", score)
+    return Occupancy("empty" if score <= 1.0 - SURE else "unsure", score)
+
+
+def _square(centre: Array, width: float) -> Array:
+    """Points (GRID^2, 3) m evenly over a square parallel to the board."""
+    side = (np.arange(GRID) + 0.5) / GRID - 0.5
+    x, y = np.meshgrid(width * side, width * side)
+    return np.asarray(centre + np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3))
+
+
+def _marker_squares(board: Board) -> list[Array]:
+    """Both markers with their white borders."""
+    width = board.marker_size * (1.0 + 2.0 * QUIET_ZONE)
+    return [_square(outline.mean(axis=0), width) for outline in board.marker_corners()]
+
+
+def _inside(pixels: Array, camera: Camera) -> bool:
+    last = np.array(camera.size) - 1.0
+    return bool((np.isfinite(pixels) & (pixels >= 0.0) & (pixels <= last)).all())
+
+
+def _mean_grey(images: Sequence[Image], pixels: Array) -> npt.NDArray[np.float64]:
+    """Grey levels at pixels (n, 2), averaged over the photographs, (n,)."""
+    total = np.zeros(len(pixels))
+    places = pixels.astype(np.float32)
+    for image in images:
+        values = np.asarray(cv2.remap(image, places[:, 0], places[:, 1], cv2.INTER_LINEAR), dtype=float)
+        total += values.reshape(len(pixels), -1).mean(axis=1)
+    return total / len(images)
+
+
+def _ramp(level: float) -> float:
+    return float(np.clip((level - DARK) / (LIGHT - DARK), 0.0, 1.0))
