@@ -13,6 +13,7 @@ sharpest place everywhere; `Trajectory.method` says which it was.
 from __future__ import annotations
 
 import logging
+import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -214,9 +215,12 @@ def _times(s: Array, rate: Array) -> Array:
 def _toppra_rates(path: Path, grid: Array, limits: Limits, rate_cap: float | None) -> Array | None:
     """Rates of s on the grid, or None where toppra finds none that can be used."""
     # 2 s to import (it brings matplotlib): only who times a curve waits for it
-    import toppra
-    import toppra.algorithm as algorithm
-    import toppra.constraint as constraint
+    with warnings.catch_warnings():
+        # where its bytecode is not cached yet (python -O), an escape in a docstring of toppra's warns
+        warnings.simplefilter("ignore", SyntaxWarning)
+        import toppra
+        import toppra.algorithm as algorithm
+        import toppra.constraint as constraint
 
     logging.getLogger("toppra").setLevel(logging.CRITICAL)
     # toppra works with absolute tolerances: give it a parameter whose rate is near 1 per s
