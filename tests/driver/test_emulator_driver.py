@@ -1,0 +1,176 @@
+"""The real driver on the emulated unit: what a session does, end to end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from arm.errors import ExecutionStopped, ImpossibleError
+from arm.motion import CountPath, Segment
+from arm.unit import Unit, load_unit
+from driver.clock import Clock
+from driver.emulator import Emulator, EmulatorOptions
+from driver.mars import Mars
+from driver.stream import Progress, stream
+
+
+class Object:
+    """Something between the jaws that stops them at an ADC position."""
+
+    def __init__(self, at: int) -> None:
+        self.at = at
+        self.calls: list[tuple[tuple[int, ...], int, int]] = []
+
+    def jaws(self, counts: tuple[int, ...], from_adc: int, to_adc: int) -> int:
+        self.calls.append((counts, from_adc, to_adc))
+        return max(to_adc, self.at)
+
+
+@pytest.fixture
+def fast() -> Clock:
+    return Clock(20.0)
+
+
+@pytest.fixture
+def emulator(unit: Unit, fast: Clock) -> Iterator[Emulator]:
+    with Emulator(unit, fast, Object(471)) as emulator:
+        yield emulator
+
+
+@pytest.fixture
+def mars(emulator: Emulator, unit: Unit, fast: Clock) -> Iterator[Mars]:
+    with Mars(emulator.open_pty(), unit, fast) as mars:
+        mars.identify()
+        mars.initialise()
+        yield mars
+
+
+def quintic(start: tuple[int, ...], n: int, distance: list[int]) -> CountPath:
+    """From rest to rest in n cubic pieces of 100 ms."""
+    x = np.linspace(0.0, 1.0, n + 1)[:, None]
+    way = np.array(distance, dtype=float)
+    knots = np.rint((x**3 * (10 + x * (-15 + 6 * x))) * way).astype(int)
+    slopes = 30 * x**2 * (1 - x) ** 2 * way / n
+    segments = []
+    for i in range(n):
+        d = knots[i + 1] - knots[i]
+        a1, a3 = np.rint(slopes[i]).astype(int), np.rint(slopes[i] + slopes[i + 1] - 2 * d).astype(int)
+        rows = tuple(tuple(int(v) for v in row) for row in (a1, d - a1 - a3, a3))
+        segments.append(Segment(100, rows))
+    return CountPath(start, tuple(segments))
+
+
+DISTANCE = [30000, -4000, 15000, 9000, -20000, 25000]
+
+
+@pytest.mark.parametrize("name", ["crs93", "crs97"])
+def test_home_from_power_up_to_soft_home(name: str) -> None:
+    unit, clock = load_unit(name), Clock(20.0)
+    options = EmulatorOptions()
+    with Emulator(unit, clock, options=options) as emulator, Mars(emulator.open_pty(), unit, clock) as mars:
+        stood = unit.counts(np.radians(options.power_up_deg))
+        assert emulator.counts() == tuple(stood)
+        mars.identify()
+        mars.initialise()
+        soft = tuple(int(c) for c in unit.counts(unit.soft_home))
+        assert mars.counts() == emulator.counts() == soft
+        assert emulator.violations == ()
+        record = emulator.record()
+        assert tuple(record.counts[-1]) == soft
+        cap = np.array(unit.speed_registers) / 256.0
+        assert np.all(np.abs(record.velocity()) <= cap + 1)
+
+
+def test_a_stream_is_followed_to_the_count(mars: Mars, emulator: Emulator) -> None:
+    path = quintic(mars.counts(), 40, DISTANCE)
+    before = len(emulator.record().time_ms)
+    sent = stream(mars, path)
+    assert sent.end_counts == path.end == emulator.counts()
+    assert (
+        sent.duration_s >= path.duration_s
+    )  # how much longer is the load of this host: time runs 20 times faster
+    executed = emulator.record().counts[before:]
+    planned = path.sample(1e-3)
+    for row in executed[::97]:  # on the path, whatever the time
+        assert np.min(np.max(np.abs(planned - row), axis=1)) <= 10.0
+    assert emulator.violations == ()
+
+
+def test_an_object_stops_the_jaws(mars: Mars, emulator: Emulator) -> None:
+    closed = mars.gripper(1.0)
+    assert (closed.adc, closed.stalled) == (471, True)
+    opened = mars.gripper(0.0)
+    assert (opened.adc, opened.stalled) == (840, False)
+    plant = emulator.machine.plant
+    assert isinstance(plant, Object)
+    assert plant.calls == [(emulator.counts(), 840, 103), (emulator.counts(), 471, 840)]
+
+
+def test_positions_survive_a_new_client(mars: Mars, emulator: Emulator, unit: Unit, fast: Clock) -> None:
+    here = mars.counts()
+    with Mars(emulator.open_pty(), unit, fast) as again:
+        again.identify()
+        again.initialise(home=False)
+        assert again.counts() == here
+        again.move_to([c + 500 for c in here])
+
+
+def test_an_unhomed_unit_is_noticed(emulator: Emulator, unit: Unit, fast: Clock) -> None:
+    with Mars(emulator.open_pty(), unit, fast) as mars:
+        mars.identify()
+        with pytest.raises(ImpossibleError, match="must be homed"):
+            mars.initialise(home=False)
+
+
+def test_a_stop_in_a_stream_leaves_the_arm_at_rest_on_the_path(mars: Mars, emulator: Emulator) -> None:
+    path = quintic(mars.counts(), 40, DISTANCE)
+
+    def give_up(progress: Progress) -> None:
+        if progress.done >= 12:
+            raise KeyboardInterrupt
+
+    with pytest.raises(ExecutionStopped, match="interrupted"):
+        stream(mars, path, give_up)
+    at = np.array(emulator.counts())
+    assert np.min(np.max(np.abs(path.sample(1e-3) - at), axis=1)) <= 10.0
+    assert 0 < abs(at[0] - path.start[0]) < abs(DISTANCE[0])
+    assert tuple(at) == mars.counts()
+
+
+@pytest.mark.parametrize("fault", ["power", "stop", "axis"])
+def test_a_fault_in_a_stream_ends_it(mars: Mars, emulator: Emulator, fault: str) -> None:
+    path = quintic(mars.counts(), 40, DISTANCE)
+
+    def break_it(progress: Progress) -> None:
+        if progress.done >= 8:
+            match fault:
+                case "power":
+                    emulator.set_power(False)
+                case "stop":
+                    emulator.set_motion_stop(True)
+                case _:
+                    emulator.fail_axis("C")
+
+    with pytest.raises(ExecutionStopped) as stopped:
+        stream(mars, path, break_it)
+    assert stopped.value.data["state"]["at_rest"]
+    assert emulator.counts() != path.end
+
+
+def test_static_error_is_accepted_by_the_driver(unit: Unit, fast: Clock) -> None:
+    options = EmulatorOptions(static_error=15, seed=3)
+    with Emulator(unit, fast, options=options) as emulator, Mars(emulator.open_pty(), unit, fast) as mars:
+        mars.identify()
+        mars.initialise()
+        path = quintic(tuple(int(c) for c in unit.counts(unit.soft_home)), 10, [d // 10 for d in DISTANCE])
+        sent = stream(mars, path)
+        error = np.abs(np.array(sent.end_counts) - path.end)
+        assert 0 < np.max(error) <= 15
+
+
+def test_over_tcp(emulator: Emulator, unit: Unit, fast: Clock) -> None:
+    with Mars(emulator.open_tcp(), unit, fast) as mars:
+        assert mars.identify().startswith("MARS8")
+        mars.initialise()

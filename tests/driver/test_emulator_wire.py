@@ -1,0 +1,163 @@
+"""The emulated unit at the byte level: echo, line ends, partial lines, baud rate, clients that come and go."""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from arm.errors import A465Error
+from arm.unit import Unit
+from driver.clock import Clock
+from driver.emulator import Emulator, EmulatorOptions
+
+
+class Terminal:
+    """A raw client."""
+
+    def __init__(self, path: str) -> None:
+        self.descriptor = os.open(path, os.O_RDWR | os.O_NOCTTY)
+
+    def send(self, data: bytes) -> None:
+        os.write(self.descriptor, data)
+
+    def receive(self, ends: bytes, wall_s: float = 5.0) -> bytes:
+        """Bytes until they end like that."""
+        data, deadline = b"", time.monotonic() + wall_s
+        while not data.endswith(ends) and time.monotonic() < deadline:
+            if select.select([self.descriptor], [], [], 0.05)[0]:
+                data += os.read(self.descriptor, 4096)
+        return data
+
+    def quiet(self, wall_s: float = 0.1) -> bool:
+        return not select.select([self.descriptor], [], [], wall_s)[0]
+
+    def close(self) -> None:
+        os.close(self.descriptor)
+
+
+@pytest.fixture
+def emulator(unit: Unit, clock: Clock) -> Iterator[Emulator]:
+    with Emulator(unit, clock) as emulator:
+        yield emulator
+
+
+@pytest.fixture
+def terminal(emulator: Emulator) -> Iterator[Terminal]:
+    terminal = Terminal(emulator.open_pty())
+    yield terminal
+    terminal.close()
+
+
+def test_echo_is_on_at_power_up_and_can_be_switched_off(terminal: Terminal) -> None:
+    terminal.send(b"STAMP:7\n")
+    assert terminal.receive(b"=7\r\n") == b"STAMP:7\nSTAMP=7\r\n"
+    terminal.send(b"\nECHO:0\nSTAMP:8\n")
+    assert terminal.receive(b"=8\r\n") == b"\nECHO:0\nSTAMP=8\r\n"
+    terminal.send(b"ST?\n")
+    assert terminal.receive(b"\n") == b"ST=0\r\n"
+
+
+def test_partial_lines_and_carriage_returns(terminal: Terminal) -> None:
+    terminal.send(b"ECHO:0\r\nSTA")
+    assert terminal.receive(b"ECHO:0\r\n") == b"ECHO:0\r\n"
+    assert terminal.quiet()
+    terminal.send(b"MP:")
+    assert terminal.quiet()
+    terminal.send(b"12\r\n\r\n\nSTAMP:13\n")
+    assert terminal.receive(b"13\r\n") == b"STAMP=12\r\nSTAMP=13\r\n"
+
+
+def test_answers_come_in_the_order_of_lines(terminal: Terminal) -> None:
+    terminal.send(b"ECHO:0\nAPA?\nSTAMP:1\nR:\nSTAMP:2\n")
+    assert terminal.receive(b"=2\r\n").split(b"\n", 1)[1] == b"APA=0\r\nSTAMP=1\r\nR!\r\nSTAMP=2\r\n"
+
+
+def test_a_thousand_bytes_take_their_time(emulator: Emulator, terminal: Terminal) -> None:
+    terminal.send(b"ECHO:0\n")
+    terminal.receive(b"ECHO:0\n")
+    begin = emulator.clock.now()
+    terminal.send(b"STAMP:00001\n" * 100 + b"VER?\n")
+    terminal.receive(b"11:06:45\r\n")
+    seconds = emulator.clock.now() - begin
+    assert seconds >= 1205 / 1920.0
+
+
+def test_unpaced_bytes_take_none(unit: Unit) -> None:
+    clock = Clock(1.0)
+    with Emulator(unit, clock, options=EmulatorOptions(paced=False)) as emulator:
+        terminal = Terminal(emulator.open_pty())
+        begin = clock.now()
+        terminal.send(b"ECHO:0\n" + b"STAMP:1\n" * 300 + b"STAMP:2\n")
+        assert terminal.receive(b"=2\r\n").count(b"STAMP=1\r\n") == 300
+        assert clock.now() - begin < 1.0  # 1.25 s at 19200 baud
+        terminal.close()
+
+
+def test_power_up_noise(unit: Unit, clock: Clock) -> None:
+    with Emulator(unit, clock, options=EmulatorOptions(noise=b"\xff\x00\x80")) as emulator:
+        terminal = Terminal(emulator.open_pty())
+        terminal.send(b"STAMP:1\n")
+        assert terminal.receive(b"=1\r\n") == b"\xff\x00\x80STAMP:1\nSTAMP=1\r\n"
+        terminal.close()
+
+
+def test_clients_come_and_go(emulator: Emulator, tmp_path: Path) -> None:
+    link = tmp_path / "mars"
+    path = emulator.open_pty(link)
+    first = Terminal(str(link))
+    first.send(b"ECHO:0\nGA:500\nRA:\n")
+    assert first.receive(b"RA!\r\n").endswith(b"RA!\r\n")
+    first.close()
+    time.sleep(0.05)
+    second = Terminal(path)
+    second.send(b"APA?\n")
+    assert second.receive(b"\n") == b"APA=500\r\n"
+    second.close()
+    emulator.close()
+    assert not link.exists()
+
+
+def test_a_link_that_exists_is_left_alone(emulator: Emulator, tmp_path: Path) -> None:
+    link = tmp_path / "mars"
+    link.write_text("mine")
+    with pytest.raises(A465Error, match="cannot be made a link"):
+        emulator.open_pty(link)
+    assert link.read_text() == "mine"
+
+
+def test_tcp_clients_come_and_go(emulator: Emulator) -> None:
+    port = int(emulator.open_tcp().rsplit(":", 1)[1])
+    for stamp in (b"1", b"2"):
+        with socket.create_connection(("127.0.0.1", port), timeout=5.0) as client:
+            client.sendall(b"ECHO:0\nSTAMP:" + stamp + b"\n")
+            data = b""
+            while not data.endswith(b"=" + stamp + b"\r\n"):
+                data += client.recv(4096)
+    assert emulator.counts() == emulator.machine.true_counts()
+
+
+@pytest.mark.parametrize("noise", [b"\x00" * 3000, b"A" * 5000, bytes(range(256)) * 8])
+def test_rubbish_is_survived(terminal: Terminal, noise: bytes) -> None:
+    terminal.send(noise + b"\nECHO:0\nSTAMP:77\n")
+    assert terminal.receive(b"STAMP=77\r\n").endswith(b"STAMP=77\r\n")
+
+
+def test_an_idle_unit_costs_nothing(emulator: Emulator, terminal: Terminal) -> None:
+    terminal.send(b"ECHO:0\nSTAMP:1\n")
+    terminal.receive(b"=1\r\n")
+    begin = time.process_time()
+    time.sleep(0.5)
+    assert time.process_time() - begin < 0.05
+
+
+def test_closing_twice_and_with_a_client_is_fine(emulator: Emulator, terminal: Terminal) -> None:
+    terminal.send(b"GA:100000\n")
+    time.sleep(0.02)
+    emulator.close()
+    emulator.close()
