@@ -95,6 +95,7 @@ def _open_simulated(task: Task, world: Path | None, time_scale: float, log: Path
     simulated = SimulatedCell(cell, truth)
     clock = Clock(time_scale)
     with Emulator(cell.unit, clock, plant=simulated) as emulator:
+        simulated.now_ms = emulator.now_ms
         frames = SimulatedCamera(simulated, truth.camera or cell.camera, emulator.counts, cell.dictionary)
         with WireLog(log, clock) as wire, Mars(emulator.open_pty(), cell.unit, clock, wire) as mars:
             yield Connection(mars, frames, time_scale, simulated, emulator)

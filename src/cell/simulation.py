@@ -65,18 +65,39 @@ class CellEvent:
     message: str
 
 
+@dataclass(frozen=True)
+class CellState:
+    """Cubes and jaws from a time on, until the next state; a held cube moves with the tool.
+
+    Attributes:
+        time_ms: emulated.
+        cubes: all of them.
+        jaw_opening: distance of the fingers, m.
+    """
+
+    time_ms: int
+    cubes: tuple[SimulatedCube, ...]
+    jaw_opening: float
+
+
 class SimulatedCell:
     """Truth, with the jaws acting on it. Thread-safe: the controller's thread and the camera's both use it.
 
     Args:
         cell: what the user knows (sizes, fixed bodies, nominal arm).
         world: what is true.
+
+    Attributes:
+        events: what happened to cubes, in order.
+        history: states, for whoever judges the run afterwards.
+        now_ms: gives emulated time; set by whoever runs the controller.
     """
 
     def __init__(self, cell: Cell, world: World) -> None:
         self.cell = cell
         self.world = world
         self.events: list[CellEvent] = []
+        self.now_ms: Callable[[], int] = lambda: 0
         self._lock = threading.RLock()
         self._robot = cell.robot()
         self._opening = cell.jaw_opening
@@ -86,6 +107,7 @@ class SimulatedCell:
             SimulatedCube(f"cube {n}", frozen(b.T_base_board @ b.board.T_board_hole(hole) @ seated), "pocket")
             for n, (b, hole) in enumerate(places, start=1)
         ]
+        self.history = [CellState(0, tuple(self._cubes), self._opening)]
 
     def cubes(self, counts: npt.ArrayLike) -> list[SimulatedCube]:
         """The cubes now, a held one where the arm at `counts` holds it."""
@@ -120,6 +142,7 @@ class SimulatedCell:
             before, target = (min(max(gripper.fraction_closed(a), 0.0), 1.0) for a in (from_adc, to_adc))
             stop = self._close(T_base_tool, target) if target > before else self._open(T_base_tool, target)
             self._opening = self.cell.jaw_opening * (1.0 - stop)
+            self.history.append(CellState(self.now_ms(), tuple(self._cubes), self._opening))
             return gripper.adc(stop)
 
     @property

@@ -133,7 +133,7 @@ class TaskRun:
         if plan is None:
             return None
         self.console.step(
-            f"planned {len(plan.task['transfers'])} cubes: {plan.duration_s:.1f} s of motion, "
+            f"planned {len(plan.task['cubes'])} cubes: {plan.duration_s:.1f} s of motion, "
             f"clearance {1e3 * min(m.clearance for m in plan.moves):.1f} mm, {plan.sha256[:12]}"
         )
         self.keep(plan, "plan" if not any(p.task["cubes"] for p in self.plans) else f"plan-{len(self.plans)}")
