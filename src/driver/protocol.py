@@ -329,7 +329,7 @@ def parse_integer(text: str) -> int:
     Raises:
         MalformedAnswer: it is not one, or has more digits than any answer of the unit.
     """
-    if not re.fullmatch(r"[+-]?[0-9]{1,12}", text, re.ASCII):
+    if not re.fullmatch(r"[+-]?[0-9]{1,12}", text):
         raise MalformedAnswer(f"{text[:40]!r} is not a whole number")
     return int(text)
 

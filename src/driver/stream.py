@@ -314,7 +314,7 @@ class _Stream:
             if self.counted > self.begun:
                 self._begin(self.counted)
         self.samples += 1
-        window = self.knots[max(self.begun - 1 - LAG_SEGMENTS, 0) : self.begun + 2]
+        window = self.knots[max(self.begun - 1 - LAG_SEGMENTS, 0) : self.sent + 1]
         outside = np.maximum(window.min(axis=0) - position.counts, position.counts - window.max(axis=0))
         worst = int(np.argmax(outside))
         self.astray = self.astray + 1 if outside[worst] > self.options.following_counts else 0

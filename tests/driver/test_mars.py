@@ -47,6 +47,7 @@ def test_something_that_only_echoes_is_refused(fake: Any, unit: Unit, clock: Clo
 
 
 def test_power_up_noise_does_not_hide_the_unit(fake: Any, unit: Unit, clock: Clock) -> None:
+    fake.echo = False  # an echoed line end would separate the noise from the answer
     fake.write(b"\xff\x00\x80MARS")  # half a line of noise that spoils the first answer
     with Mars(fake.url, unit, clock) as mars:
         assert mars.identify().startswith("MARS8 v1.0")
@@ -79,6 +80,7 @@ def test_initialise_homes_in_the_units_order_and_goes_to_soft_home(mars: Mars, f
     assert fake.lines.count("COORDGRP:A,B,C,D,E,F") >= 1
     assert "COORDDISCONT:5" in fake.lines
     assert not any("." in line for line in fake.lines)
+    assert fake.since("PURGE:")[0].startswith("STAMP:")  # parsed before a stop that drops what is on its way
     assert not any(line.startswith("RELEASE") for line in fake.lines)
 
 
@@ -174,14 +176,23 @@ def test_a_target_outside_the_limits_moves_nothing(mars: Mars, fake: Any, unit: 
 
 
 def test_an_old_ready_is_not_believed(mars: Mars, fake: Any, clock: Clock) -> None:
-    """A stale R! right behind ours: the status still says busy, so the wait goes on."""
-
-    def two(line: str) -> list[str]:
-        fake.waits.append("")
-        return ["R!"]
-
-    fake.hooks["R"] = two
+    """R! comes at once, left over from an abandoned wait; the arm only starts later, but the status says busy."""
     target = tuple(c + 1000 for c in HOME)
+    asked = []
+
+    def late(line: str) -> list[str] | None:
+        asked.append(line)
+        if len(asked) < 5:
+            return ["ST=16"]
+        fake.counts = list(target)
+        return None
+
+    def start(line: str) -> list[str]:
+        fake.hooks["ST"] = late
+        return []
+
+    fake.hooks["COORDMV"] = start
+    fake.hooks["R"] = lambda line: ["R!"]
     assert mars.move_to(target) == target
 
 

@@ -99,9 +99,8 @@ def test_never_more_segments_than_the_queue_takes(mars: Mars, fake: Any) -> None
         most[0] = max(most[0], len(fake.queue) + 1)
 
     fake.hooks["COORDSPLINET"] = watch
-    path = wave(300, duration_ms=5)
-    stream(mars, path, options=StreamOptions(ahead_s=100.0, queue=20))
-    assert most[0] <= 21  # and the dwell
+    stream(mars, wave(60), options=StreamOptions(dwell_ms=4000, ahead_s=100.0, queue=20))
+    assert 15 <= most[0] <= 20
 
 
 def test_segments_longer_than_the_look_ahead_go_one_behind_the_other(mars: Mars, fake: Any) -> None:
@@ -316,6 +315,31 @@ def test_damaged_answers_are_survived(mars: Mars, fake: Any) -> None:
     path = wave(60)
     assert stream(mars, path).end_counts == path.end
     assert count[0] > 20
+
+
+def test_one_wrong_digit_in_a_position_is_survived(mars: Mars, fake: Any) -> None:
+    wrong: list[str] = []
+
+    def once(line: str) -> list[str] | None:
+        if len(splines(fake.lines)) < 12 or wrong:
+            return None
+        at = fake.at()
+        wrong.append(f"COORDAP=1,{fake.sequence},1," + ",".join(str(c) for c in (at[0] + 100_000, *at[1:])))
+        return wrong
+
+    fake.hooks["COORDAP"] = once
+    path = wave(40)
+    assert stream(mars, path).end_counts == path.end
+    assert wrong
+
+
+def test_a_unit_that_does_not_number_its_segments_is_served_in_portions(mars: Mars, fake: Any) -> None:
+    """Only the status then tells that everything sent is done: slower, but never further ahead."""
+    fake.hooks["COORDAP"] = lambda line: ["COORDAP=1,7,1," + ",".join(str(c) for c in fake.at())]
+    path = wave(40)
+    sent = stream(mars, path)
+    assert sent.end_counts == path.end
+    assert sent.ahead_s <= 1.5
 
 
 @pytest.mark.parametrize("stall_s", [0.5, 3.0])
