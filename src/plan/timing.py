@@ -217,7 +217,8 @@ def _toppra_rates(path: Path, grid: Array, limits: Limits, rate_cap: float | Non
     # 2 s to import (it brings matplotlib): only who times a curve waits for it
     with warnings.catch_warnings():
         # where its bytecode is not cached yet (python -O), an escape in a docstring of toppra's warns
-        warnings.simplefilter("ignore", SyntaxWarning)
+        for category in (DeprecationWarning, SyntaxWarning):  # Python 3.11 and from 3.12 on
+            warnings.simplefilter("ignore", category)
         import toppra
         import toppra.algorithm as algorithm
         import toppra.constraint as constraint
