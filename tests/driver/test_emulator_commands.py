@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from arm.unit import load_unit
-from driver.emulator.behaviour import EmulatorOptions
 from driver.emulator.commands import Interpreter
 from driver.emulator.machine import Machine
+from driver.emulator.options import EmulatorOptions
 
 UNIT = load_unit("crs93")
 

@@ -1,8 +1,8 @@
 """The emulated MARS-8 controller with its arm: what `driver.mars` talks to when there is no hardware."""
 
-from driver.emulator.behaviour import EmulatorOptions
+from driver.emulator.emulator import Emulator
 from driver.emulator.machine import Plant
-from driver.emulator.motion_record import Record, Violation
-from driver.emulator.server import Emulator
+from driver.emulator.options import EmulatorOptions
+from driver.emulator.record import Record, Violation
 
 __all__ = ["Emulator", "EmulatorOptions", "Plant", "Record", "Violation"]

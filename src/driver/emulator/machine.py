@@ -7,16 +7,18 @@ homed convention, in which an axis reads 0 at its mark. `offset` is the differen
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from arm.unit import Unit
 from driver.emulator.axes import AxisMove, GripperJaws
-from driver.emulator.behaviour import EmulatorOptions
-from driver.emulator.motion_record import Recorder, Violation
+from driver.emulator.options import EmulatorOptions
 from driver.emulator.path_generator import PathGenerator
+from driver.emulator.record import Recorder, Violation
 from driver.emulator.segment import QueuedSegment
 
 _GRIPPER_ACCELERATION = 51  # counts/256 per ms^2 until told otherwise
@@ -31,6 +33,15 @@ class Plant(Protocol):
 
         Called in the emulator's thread, with the arm's true counts in the homed convention.
         """
+
+
+@dataclass(frozen=True)
+class _Held:
+    """A segment that waits for the arm to stand; where it starts is not known before."""
+
+    least_ms: float
+    rows: Sequence[Sequence[int]]
+    absolute: bool
 
 
 class Machine:
@@ -61,7 +72,7 @@ class Machine:
         self.path = PathGenerator((0,) * len(true))
         self.moves: dict[int, AxisMove] = {}
         self._homing: set[int] = set()
-        self._held: list[tuple[str, float, list[list[int]] | list[int]]] = []
+        self._held: deque[_Held] = deque()
         self.jaws = GripperJaws(unit.gripper.open_adc, unit.gripper.closed_adc)
         self.registers: dict[str, float] = {"COORDDISCONT": options.vertex_steps}
         for axis, speed, acceleration in zip(
@@ -140,43 +151,39 @@ class Machine:
     # -- being told
 
     def append_absolute(self, least_ms: float, target: Sequence[int]) -> bool:
-        """COORDMV, COORDMVT. False if the queue is full."""
-        return self._append("absolute", least_ms, list(target))
+        """COORDMV, COORDMVT: straight to counts of the group's axes. False if the queue is full."""
+        return self._hold(least_ms, [[t] for t in target], absolute=True)
 
     def append_polynomial(self, least_ms: float, coefficients: Sequence[Sequence[int]]) -> bool:
         """COORDSPLINET, COORDRELMVT: one row of a1, a2, .. an axis of the group. False if the queue is full."""
-        return self._append("polynomial", least_ms, [list(row) for row in coefficients])
+        return self._hold(least_ms, coefficients, absolute=False)
 
-    def _append(self, kind: str, least_ms: float, values: list[list[int]] | list[int]) -> bool:
+    def _hold(self, least_ms: float, rows: Sequence[Sequence[int]], absolute: bool) -> bool:
         if self.faulty:
             self.violate("motion asked for while a fault stands")
             return True
         if len(self.path.queue) + len(self._held) >= self.options.queue:
             self.violate(f"segment beyond the queue's {self.options.queue}")
             return False
-        self._held.append((kind, least_ms, values))
+        self._held.append(_Held(least_ms, rows, absolute))
         self._admit()
         return True
 
     def _admit(self) -> None:
         """Queue what is held, unless the arm still brakes or single axes move."""
         while self._held and not self.path.stopping and not self.moves:
-            kind, least_ms, values = self._held.pop(0)
-            self._queue(kind, least_ms, values)
+            self._queue(self._held.popleft())
 
-    def _queue(self, kind: str, least_ms: float, values: list[list[int]] | list[int]) -> None:
+    def _queue(self, held: _Held) -> None:
         start = self.path.end
-        rows = [[0]] * len(start)
-        for axis, value in zip(self.group, values, strict=True):
+        rows: list[Sequence[int]] = [(0,)] * len(start)
+        for axis, row in zip(self.group, held.rows, strict=True):
             index = self.unit.axes.index(axis)
-            if isinstance(value, int):
-                rows[index] = [value - start[index]]
-            else:
-                rows[index] = value
+            rows[index] = (row[0] - start[index],) if held.absolute else row
         self._numbers = self._numbers % 0x7FFF + 1
         speed = [self.registers[f"REGMS{a}"] / 256.0 for a in self.unit.axes]
         acceleration = [self.registers[f"REGACC{a}"] / 256.0 for a in self.unit.axes]
-        segment = QueuedSegment(start, rows, least_ms, speed, acceleration, self._numbers)
+        segment = QueuedSegment(start, rows, held.least_ms, speed, acceleration, self._numbers)
         self.path.append(segment, self.registers["COORDDISCONT"])
 
     def move_axis(self, axis: str, target: float) -> None:
@@ -269,12 +276,10 @@ class Machine:
     # -- time
 
     def run(self, ticks: int) -> None:
-        """Let up to that many ms pass; only motion is computed."""
-        for _ in range(ticks):
-            if not self.busy:
-                break
+        """Let that many ms pass; only motion is computed."""
+        until = self.now_ms + ticks
+        while self.busy and self.now_ms < until:
             self.now_ms += 1
-            ticks -= 1
             moving = self.arm_busy
             if self.moves:
                 self._tick_axes()
@@ -287,11 +292,8 @@ class Machine:
                 if not self.arm_busy:
                     self._settle()
                 self.recorder.add(self.now_ms, self.true_counts())
-        else:
-            self._watch_limits()
-            return
+        self.now_ms = until
         self._watch_limits()
-        self.now_ms += ticks
 
     def _tick_axes(self) -> None:
         at = list(self.path.at)

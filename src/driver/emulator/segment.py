@@ -91,7 +91,7 @@ def _steepest(row: Sequence[int]) -> float:
             for i in range(_SAMPLES + 1)
         )
     a1, a2, a3 = (*row, 0, 0)[:3]
-    candidates = [abs(a1), abs(a1 + 2 * a2 + 3 * a3)]
+    candidates = [float(abs(a1)), float(abs(a1 + 2 * a2 + 3 * a3))]
     if a3 and 0.0 < (turn := -a2 / (3.0 * a3)) < 1.0:
         candidates.append(abs(a1 + 2 * a2 * turn + 3 * a3 * turn * turn))
-    return float(max(candidates))
+    return max(candidates)

@@ -19,10 +19,10 @@ from types import TracebackType
 from arm.errors import A465Error
 from arm.unit import Unit
 from driver.clock import Clock
-from driver.emulator.behaviour import EmulatorOptions
 from driver.emulator.commands import Interpreter
 from driver.emulator.machine import Machine, Plant
-from driver.emulator.motion_record import Record, Violation
+from driver.emulator.options import EmulatorOptions
+from driver.emulator.record import Record, Violation
 from driver.emulator.wire import Wire
 
 _BATCH_WALL_S = 0.004  # how late, in wall time, motion and R! may be seen
