@@ -21,7 +21,7 @@ from plan.check import check_move
 from plan.line import JointPath
 from plan.options import PlanOptions
 from plan.reach import ReachTable, reach
-from plan.scene import Scene, Transfer
+from plan.scene import Scene, Station, Transfer
 from plan.segments import LineTolerance, to_segments
 from plan.stages import Stages
 from plan.timing import time_line, time_path
@@ -191,8 +191,9 @@ class Planner:
             options,
         )
         route = search.best()
-        steps = self.steps(index, transfer, stages, route)
-        placed = stages.placed(route.pick.yaw, route.place.yaw)
+        executed = Stages(self.scene, self.as_executed(transfer, route))
+        steps = self.steps(index, transfer, executed, route)
+        placed = executed.placed(0, 0)
         self.scene = replace(
             self.scene, cubes=tuple(placed if c.name == placed.name else c for c in self.scene.cubes)
         )
@@ -201,21 +202,33 @@ class Planner:
             steps.append(LookStep(f"look after {transfer.cube}"))
         return steps
 
+    def as_executed(self, transfer: Transfer, route: Route) -> Transfer:
+        """The transfer with the one tool pose at each end that whole counts of the route's grips give."""
+
+        def station(of: Station, grip: Grip) -> Station:
+            q = self.unit.positions(self.unit.counts(grip.path.q[0]))
+            return Station(of.name, (self.scene.robot_open.T_base_tool(q),), of.touches)
+
+        return Transfer(
+            transfer.cube, station(transfer.pick, route.pick), station(transfer.place, route.place)
+        )
+
     def steps(self, index: int, transfer: Transfer, stages: Stages, route: Route) -> list[Step]:
-        """The moves of a route, timed and certified, with the gripper's steps between."""
+        """The moves of a route, timed and certified, with the gripper's steps between.
+
+        `stages` are those of the transfer as executed: its stations have one tool pose each.
+        """
         options, cube, pick, place = self.options, transfer.cube, route.pick, route.place
-        before, after = stages.before(), stages.after(pick.yaw, place.yaw)
-        lifting = stages.holding(pick.yaw, transfer.pick.touches)
-        lowering = stages.holding(pick.yaw, transfer.place.touches)
+        before, after, holding = stages.before(), stages.after(0, 0), stages.holding(0)
+        lifting = stages.holding(0, transfer.pick.touches)
+        lowering = stages.holding(0, transfer.place.touches)
         to = _Job(index, cube)
         steps: list[Step | None] = [
             self.transit(to, f"to {pick.station}", "transit", before, route.out, held=False),
             self.line(to, f"approach {pick.station}", "approach", before, pick, held=False),
             GripperStep(f"{cube}: close on it", "close", index, options.fraction_closed, options.settle_s),
             self.line(to, f"lift off {pick.station}", "retract", lifting, pick, held=True),
-            self.transit(
-                to, f"to {place.station}", "transit", stages.holding(pick.yaw), route.across, held=True
-            ),
+            self.transit(to, f"to {place.station}", "transit", holding, route.across, held=True),
             self.line(to, f"approach {place.station}", "approach", lowering, place, held=True),
             GripperStep(f"{cube}: let go", "open", index, 0.0, options.settle_s),
             self.line(to, f"retract from {place.station}", "retract", after, place, held=False),

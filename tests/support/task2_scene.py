@@ -22,8 +22,8 @@ Q_START = frozen(np.radians([-60.0, -40.0, -80.0, 0.0, -60.0, 0.0]))
 
 TABLE = Body("table", Box((1.3, 1.5, 0.04)), transform(t=(0.35, 0.0, -0.02)), "table")
 POST = Body("camera post", Box((0.08, 0.08, 1.2)), transform(t=(0.93, 0.0, 0.6)), "post")
-# stands between the boards, lower than the tool's highest way over it
-WALL = Body("wall", Box((0.3, 0.02, 0.28)), transform(t=(0.46, -0.005, 0.14)), "wall")
+# between where the arm starts and board B: in the way of straight transits, but not of the lines
+WALL = Body("wall", Box((0.4, 0.02, 0.2)), transform(t=(0.42, -0.29, 0.1)), "wall")
 
 
 @dataclass(frozen=True)

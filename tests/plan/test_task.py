@@ -1,0 +1,289 @@
+"""The whole of Task 2: what is planned, how clear and straight it is, judged by MuJoCo, and what is refused."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from arm.bodies import Body, Box
+from arm.errors import ImpossibleError, InputError
+from arm.files import data_file
+from arm.planfile import GripperStep, LookStep, Move, Plan
+from arm.se3 import Array, angle_between, inverse, transform
+from arm.unit import load_unit
+from mujoco_cell import MujocoCell
+from plan.extremes import segment_extremes
+from plan.options import PlanOptions
+from plan.scene import Transfer
+from plan.task import plan_task
+from plan.travel import straight_time
+from task2_scene import CUBE, Q_START, WALL, Task2, task2
+
+UNIT = load_unit("crs93")
+LIMITS = UNIT.limits()
+
+
+@pytest.fixture(scope="module")
+def case() -> Task2:
+    return task2()
+
+
+@pytest.fixture(scope="module")
+def plan(case: Task2) -> Plan:
+    return plan_task(case.scene, case.transfers, Q_START, UNIT, provenance={"note": "test"})
+
+
+@pytest.fixture(scope="module")
+def walled() -> Task2:
+    return task2(extra=[WALL])
+
+
+@pytest.fixture(scope="module")
+def walled_plan(walled: Task2) -> Plan:
+    return plan_task(walled.scene, walled.transfers, Q_START, UNIT)
+
+
+def roles(plan: Plan) -> list[str]:
+    return [
+        step.role if isinstance(step, Move) else step.action if isinstance(step, GripperStep) else "look"
+        for step in plan.steps
+    ]
+
+
+def test_every_cube_is_fetched_carried_and_looked_at(plan: Plan) -> None:
+    once = [
+        "transit",
+        "approach",
+        "close",
+        "retract",
+        "transit",
+        "approach",
+        "open",
+        "retract",
+        "home",
+        "look",
+    ]
+    assert roles(plan) == ["open", *once * 4]
+    assert [c["to"] for c in plan.task["cubes"]] == ["03-04/1", "03-04/2", "03-04/3", "03-04/4"]
+    holding = [step.held for step in plan.moves if step.cube == 1]
+    assert holding == [None, None, "cube 2", "cube 2", "cube 2", None, None]
+    assert {step.jaw_opening for step in plan.moves if step.held} == {0.04}
+    assert {step.jaw_opening for step in plan.moves if not step.held} == {0.06}
+
+
+def test_moves_meet_to_the_count_and_rest_between(plan: Plan) -> None:
+    moves = list(plan.moves)
+    assert plan.start == tuple(int(c) for c in UNIT.counts(Q_START))
+    assert moves[-1].path.end == plan.start
+    for before, after in itertools.pairwise(moves):
+        assert before.path.end == after.path.start
+    for move in moves:
+        first, last = move.path.segments[0], move.path.segments[-1]
+        assert np.abs(first.derivative(0.0)).max() == 0.0
+        assert np.abs(last.derivative(1.0)).max() == 0.0
+
+
+def test_limits_hold_on_what_is_sent(plan: Plan) -> None:
+    allowed = LIMITS.scaled(plan.speed)
+    for move in plan.moves:
+        found = segment_extremes(move.path, UNIT)
+        assert np.all(found.lower >= LIMITS.lower - 1e-9)
+        assert np.all(found.upper <= LIMITS.upper + 1e-9)
+        assert np.all(found.velocity <= allowed.velocity)
+        assert np.all(found.acceleration <= allowed.acceleration)
+    assert UNIT.limits(plan.speed_registers, plan.acceleration_registers).velocity == pytest.approx(
+        LIMITS.velocity
+    )
+
+
+def test_clearances_are_those_asked_for_and_proved(plan: Plan, walled_plan: Plan) -> None:
+    options = PlanOptions()
+    for move in (*plan.moves, *walled_plan.moves):
+        assert move.certified
+        least = options.clearance if move.role in ("transit", "home") else options.line_clearance
+        assert move.clearance >= least, move.name
+
+
+def test_lines_follow_the_boards_normal(case: Task2, plan: Plan) -> None:
+    """At every millisecond within 0.1 mm and 0.05 deg of the line along the station's normal, 100 mm long."""
+    robot = case.scene.robot_open
+    stations = {s.name: s for t in case.transfers for s in (t.pick, t.place)}
+    for move in plan.moves:
+        if move.role not in ("approach", "retract"):
+            continue
+        station = stations[move.name.rsplit(" ", 1)[1]]
+        q = UNIT.positions(move.path.sample(1e-3))
+        tools = [robot.T_base_tool(x) for x in q]
+        if move.role == "approach":
+            tools.reverse()
+        # the yaw that was taken is the nearest of the four
+        T = min(station.T_base_tool, key=lambda T: angle_between(T[:3, :3], tools[0][:3, :3]))
+        away = np.array([(inverse(T) @ tool)[:3, 3] for tool in tools])
+        assert np.abs(away[:, :2]).max() <= 1e-4
+        assert max(angle_between(T[:3, :3], tool[:3, :3]) for tool in tools[::20]) <= np.radians(0.05)
+        assert away[0, 2] == pytest.approx(0.0, abs=1e-4)
+        assert away[-1, 2] == pytest.approx(-0.1, abs=1e-4)
+        speed = np.linalg.norm(np.diff(away, axis=0), axis=1).max() / 1e-3
+        assert speed <= PlanOptions().approach_speed * plan.speed * 1.05
+
+
+def test_motion_is_near_the_bound_without_obstacles(case: Task2, plan: Plan) -> None:
+    """The straight joint moves between the ends that were chosen, at the planned fractions, from rest to rest."""
+    options = PlanOptions()
+    scaled = LIMITS.scaled(options.speed)
+    planned = replace(
+        scaled,
+        velocity=scaled.velocity * options.velocity_fraction,
+        acceleration=scaled.acceleration * options.acceleration_fraction,
+    )
+    bound = sum(
+        float(straight_time(UNIT.positions(m.path.end) - UNIT.positions(m.path.start), planned))
+        for m in plan.moves
+    )
+    assert plan.duration_s <= 1.02 * bound
+    assert plan.duration_s <= 120.0  # the fact sheet's 92 s are for the whole of the limits
+
+
+def test_a_wall_in_the_straight_way_is_gone_around(plan: Plan, walled_plan: Plan) -> None:
+    assert walled_plan.duration_s < 1.1 * plan.duration_s
+    assert walled_plan.to_json() != plan.to_json()
+
+
+def states(case: Task2, plan: Plan, step_s: float) -> Iterator[tuple[Array, float, dict[str, Array], Move]]:
+    """Joint positions, jaw opening and where all cubes are, along the whole plan."""
+    robot = case.scene.robot_open
+    cubes = {c.name: c.T_base_body for c in case.scene.cubes}
+    held: str | None = None
+    T_tool_held = transform()
+    for step in plan.steps:
+        if isinstance(step, GripperStep) and step.action == "close":
+            tool = robot.T_base_tool(q)  # noqa: F821 - the last state of the move before
+            held = min(cubes, key=lambda name: float(np.linalg.norm(cubes[name][:3, 3] - tool[:3, 3])))
+            T_tool_held = inverse(tool) @ cubes[held]
+        elif isinstance(step, GripperStep):
+            held = None
+        elif isinstance(step, Move):
+            for q in UNIT.positions(step.path.sample(step_s)):
+                if held is not None:
+                    cubes[held] = robot.T_base_tool(q) @ T_tool_held
+                yield q, step.jaw_opening, cubes, step
+
+
+def penetrations(case: Task2, plan: Plan, step_s: float = 0.01) -> set[tuple[str, frozenset[str]]]:
+    """Names of moves, and pairs that overlap on them, by MuJoCo; a cube may touch its plate on a line."""
+    scene = case.scene
+    judge = MujocoCell(
+        data_file("urdf/a465/a465.urdf"),
+        scene.bodies,
+        [(c.name, CUBE) for c in scene.cubes],
+        scene.robot_open.touching,
+    )
+    found = set()
+    for q, opening, cubes, move in states(case, plan, step_s):
+        judge.place(q, opening, cubes)
+        for pair, _depth in judge.penetrations():
+            kinds = {name.split()[0] for name in pair}
+            in_pocket = kinds == {"cube", "plate"} and (
+                move.held not in pair or move.role in ("approach", "retract")
+            )
+            in_jaws = move.held in pair and any(name.startswith("finger") for name in pair)
+            if not in_pocket and not in_jaws and pair != {"base", "table"}:
+                found.add((move.name, pair))
+    return found
+
+
+def test_mujoco_finds_no_penetration(case: Task2, plan: Plan, walled: Task2, walled_plan: Plan) -> None:
+    assert penetrations(case, plan) == set()
+    assert penetrations(walled, walled_plan) == set()
+
+
+def test_mujoco_would_find_one(walled: Task2, plan: Plan) -> None:
+    """The plan that knows nothing of the wall runs into it."""
+    found = penetrations(walled, plan)
+    assert found
+    assert all("wall" in pair for _, pair in found)
+
+
+def test_the_same_request_gives_the_same_bytes(case: Task2, plan: Plan) -> None:
+    again = plan_task(task2().scene, case.transfers, Q_START, UNIT, provenance={"note": "test"})
+    assert again.to_json() == plan.to_json()
+
+
+def test_planning_the_whole_task_is_quick(case: Task2) -> None:
+    begin = time.process_time()
+    plan_task(case.scene, case.transfers, Q_START, UNIT)
+    assert time.process_time() - begin <= 15.0
+
+
+def test_without_looks_the_arm_goes_from_cube_to_cube(case: Task2, plan: Plan) -> None:
+    direct = plan_task(case.scene, case.transfers[:2], Q_START, UNIT, options=PlanOptions(look="never"))
+    assert not any(isinstance(step, LookStep) for step in direct.steps)
+    assert roles(direct).count("home") == 1
+    looking = plan_task(case.scene, case.transfers[:2], Q_START, UNIT)
+    assert direct.duration_s < looking.duration_s
+
+
+def test_a_lower_speed_is_the_same_way_slower(case: Task2) -> None:
+    fast, slow = (
+        plan_task(case.scene, case.transfers[:1], Q_START, UNIT, options=PlanOptions(speed=speed))
+        for speed in (0.5, 0.25)
+    )
+    assert slow.duration_s == pytest.approx(2 * fast.duration_s, rel=0.03)
+    assert [m.path.end for m in slow.moves] == [m.path.end for m in fast.moves]
+
+
+def test_a_hole_out_of_reach_is_refused_before_anything_is_planned(case: Task2) -> None:
+    far = case.transfers[3].place
+    T_far = tuple(transform(T[:3, :3], T[:3, 3] + [0.6, 0.0, 0.0]) for T in far.T_base_tool)
+    transfers = (*case.transfers[:3], replace(case.transfers[3], place=replace(far, T_base_tool=T_far)))
+    with pytest.raises(ImpossibleError, match="out of reach: hole 03-04/4") as caught:
+        plan_task(case.scene, transfers, Q_START, UNIT)
+    assert caught.value.data["holes"][0]["hole"] == "03-04/4"
+    assert caught.value.data["holes"][0]["outside_mm"] > 50.0
+
+
+def test_a_blocked_hole_is_named_with_what_blocks_it(case: Task2) -> None:
+    over_hole = Body(
+        "crate",
+        Box((0.03, 0.03, 0.02)),
+        transform(t=case.transfers[1].pick.T_base_tool[0][:3, 3] + [0, 0, 0.08]),
+        "wall",
+    )
+    blocked = task2(extra=[over_hole])
+    with pytest.raises(
+        ImpossibleError, match=r"no way to bring cube 2 from 01-02/2 to 03-04/2: .* of crate"
+    ) as caught:
+        plan_task(blocked.scene, blocked.transfers, Q_START, UNIT)
+    assert caught.value.data["from"] == "01-02/2"
+    assert any("crate" in entry["pair"] for entry in caught.value.data["rejected"])
+
+
+def test_wrong_requests_are_refused(case: Task2) -> None:
+    with pytest.raises(InputError, match="at least one cube"):
+        plan_task(case.scene, (), Q_START, UNIT)
+    with pytest.raises(InputError, match="must be a cube of the scene"):
+        plan_task(case.scene, (replace(case.transfers[0], cube="cube 7"),), Q_START, UNIT)
+    with pytest.raises(InputError, match=r"joint J2 = 120\.00 deg: must be from"):
+        plan_task(case.scene, case.transfers, np.radians([0, 120, 0, 0, 0, 0]), UNIT)
+    elsewhere = Transfer("cube 1", case.transfers[1].pick, case.transfers[0].place)
+    with pytest.raises(InputError, match=r"cube 'cube 1' stands \d+ mm from the tool at 01-02/2"):
+        plan_task(case.scene, (elsewhere,), Q_START, UNIT)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("speed", 1.5, "speed = 1.5: must be from 0.001 to 1"),
+        ("clearance", 0.004, "clearance = 0.004 m: must be from 0.005 to 1"),
+        ("look", "often", "look = 'often': must be one of each, never"),
+        ("segment_ms", 10, "segment_ms = 10 ms: must be from 40 to 2000"),
+    ],
+)
+def test_wrong_options_are_refused(key: str, value: object, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        PlanOptions(**{key: value})  # type: ignore[arg-type]
