@@ -69,11 +69,12 @@ def render(
 
     image = _lit(hits, rays, light, shadow)
     edge = edge_pixels(hits.surface)
-    offsets = pixel_offsets(samples)
-    total = np.zeros(np.count_nonzero(edge), dtype=np.float32)
-    for sample in edge_samples(visible, T_base_camera, rays, hits.surface, edge, offsets):
-        total += _lit(sample.hits, sample.rays, light, shadow)
-    image[edge] = total / np.float32(len(offsets))
+    if edge.any():
+        offsets = pixel_offsets(samples)
+        total = np.zeros(np.count_nonzero(edge), dtype=np.float32)
+        for sample in edge_samples(visible, T_base_camera, rays, hits.surface, edge, offsets):
+            total += _lit(sample.hits, sample.rays, light, shadow)
+        image[edge] = total / np.float32(samples)
     image *= _vignette(rays, light)
     if psf_px > 0.0:
         cv2.GaussianBlur(image, (0, 0), psf_px, dst=image, borderType=cv2.BORDER_REPLICATE)

@@ -1,0 +1,147 @@
+"""Rays and solids: the lens undone, hits on the surface and nothing before them, windows that hide nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from arm.bodies import Body, Box, Cylinder, Shape, Sphere
+from arm.files import data_file
+from arm.se3 import Array, apply, inverse, rotation, transform
+from cell.render.first_hit import first_hits, in_view
+from cell.render.light import Light
+from cell.render.rays import PixelRays, pixel_rays, subpixel_rays
+from cell.render.solids import BodySolid
+from cell.render.window import Window
+from vision.camera import Camera, read_camera
+
+
+@pytest.fixture(scope="module")
+def camera() -> Camera:
+    return read_camera(data_file("scenes/cameras/lab.toml"))
+
+
+@pytest.fixture(scope="module")
+def small(camera: Camera) -> Camera:
+    """The lab's view at an eighth of its resolution."""
+    K = camera.K * np.array([[0.125], [0.125], [1.0]])
+    return Camera(K, camera.distortion, (240, 150), camera.T_base_camera)
+
+
+def signed_distance(shape: Shape, points: Array) -> Array:
+    """Of points (..., 3) m of the body's frame to its surface, negative inside."""
+    match shape:
+        case Box(size):
+            q = np.abs(points) - np.array(size) / 2.0
+        case Cylinder(radius, length):
+            radial = np.hypot(points[..., 0], points[..., 1]) - radius
+            q = np.stack([radial, np.abs(points[..., 2]) - length / 2.0], axis=-1)
+        case Sphere(radius):
+            return np.asarray(np.linalg.norm(points, axis=-1) - radius)
+    outside = np.linalg.norm(np.maximum(q, 0.0), axis=-1)
+    return np.asarray(outside + np.minimum(q.max(axis=-1), 0.0))
+
+
+def random_shape(rng: np.random.Generator) -> Shape:
+    a, b, c = rng.uniform(0.02, 0.3, 3)
+    shapes: tuple[Shape, ...] = (Box((a, b, c)), Cylinder(a / 2, b), Sphere(a / 2))
+    return shapes[int(rng.integers(3))]
+
+
+def random_pose(rng: np.random.Generator, spread: float) -> Array:
+    return transform(rotation(rng.normal(size=3)), (0.49, 0.0, 0.2) + rng.uniform(-spread, spread, 3))
+
+
+def test_pixel_rays_project_back_to_their_pixels(camera: Camera) -> None:
+    rays = pixel_rays(camera)
+    points = np.stack([rays.x, rays.y, np.ones_like(rays.x)], axis=-1).astype(float)[::7, ::7]
+    u, v = np.meshgrid(np.arange(0, 1920, 7), np.arange(0, 1200, 7))
+    error = camera.project(points) - np.stack([u, v], axis=-1)
+    assert np.abs(error).max() < 2e-4
+
+
+def test_rays_inside_pixels_are_where_the_lens_puts_them(camera: Camera) -> None:
+    rng = np.random.default_rng(0)
+    row = np.append(rng.integers(0, 1200, 500), [0, 0, 1199, 1199])
+    column = np.append(rng.integers(0, 1920, 500), [0, 1919, 0, 1919])
+    moved = subpixel_rays(pixel_rays(camera), row, column).moved(0.46, -0.41)
+    pixels = camera.project(np.stack([moved.x, moved.y, np.ones_like(moved.x)], axis=-1))
+    assert np.abs(pixels - np.stack([column + 0.46, row - 0.41], axis=-1)).max() < 5e-4
+
+
+@pytest.mark.parametrize("seed", range(18))
+def test_a_hit_is_on_the_surface_and_nothing_is_before_it(seed: int, small: Camera) -> None:
+    rng = np.random.default_rng(seed)
+    body = Body("thing", random_shape(rng), random_pose(rng, 0.08), "cube")
+    rays = pixel_rays(small)
+    cast = BodySolid(body, Light()).cast(small.T_base_camera, rays)
+    T_body_camera = inverse(body.T_base_body) @ small.T_base_camera
+    direction = np.stack([rays.x, rays.y, np.ones_like(rays.x)], axis=-1).astype(float)
+    met = np.isfinite(cast.depth)
+    assert met.any()
+    on_surface = apply(T_body_camera, direction[met] * cast.depth[met, None])
+    assert np.abs(signed_distance(body.shape, on_surface)).max() < 2e-6
+    for share in np.linspace(0.02, 0.999, 60):  # along each ray, up to its hit or to beyond the body
+        depth = share * np.where(met, cast.depth, 3.0)
+        before = signed_distance(body.shape, apply(T_body_camera, direction * depth[..., None]))
+        assert before.min() > -2e-6
+
+
+def test_a_solid_that_holds_the_camera_or_is_behind_it_is_not_seen(small: Camera) -> None:
+    rays = pixel_rays(small)
+    x, y, z = small.T_base_camera[:3, 3]
+    around = Body("around", Box((0.1, 0.1, 0.1)), transform(t=(x, y, z)), "wall")
+    behind = Body("behind", Sphere(0.1), transform(t=(x, y, z + 0.5)), "wall")
+    for body in (around, behind):
+        assert not np.isfinite(BodySolid(body, Light()).cast(small.T_base_camera, rays).depth).any()
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_windows_leave_out_no_pixel_nor_its_neighbours(seed: int, small: Camera) -> None:
+    rng = np.random.default_rng(seed)
+    spread = (0.3, 0.9, 1.5)[seed % 3]  # also beside the image, and across the camera's plane
+    solid = BodySolid(Body("thing", random_shape(rng), random_pose(rng, spread), "cube"), Light())
+    rays = pixel_rays(small)
+    rows, columns = np.nonzero(np.isfinite(solid.cast(small.T_base_camera, rays).depth))
+    found = in_view([solid], small.T_base_camera, rays)
+    if not len(rows):
+        return
+    window = found[0].window
+    assert window.top <= max(rows.min() - 1, 0)
+    assert window.bottom >= min(rows.max() + 2, 150)
+    assert window.left <= max(columns.min() - 1, 0)
+    assert window.right >= min(columns.max() + 2, 240)
+
+
+def test_a_window_spares_most_of_the_image(camera: Camera) -> None:
+    solid = BodySolid(Body("cube", Box((0.04,) * 3), transform(t=(0.46, 0.0, 0.02)), "cube"), Light())
+    window = in_view([solid], camera.T_base_camera, pixel_rays(camera))[0].window
+    assert (window.bottom - window.top) * (window.right - window.left) < 260**2  # the cube covers 170**2
+
+
+def test_the_nearest_wins_whatever_the_order(small: Camera) -> None:
+    rng = np.random.default_rng(5)
+    bodies = [Body(f"b{i}", random_shape(rng), random_pose(rng, 0.15), "cube") for i in range(8)]
+    solids = [BodySolid(b, Light()) for b in bodies]
+    rays, T = pixel_rays(small), small.T_base_camera
+    alone = np.min([s.cast(T, rays).depth for s in solids], axis=0)
+    for order in (solids, solids[::-1]):
+        hits = first_hits(in_view(order, T, rays), T, rays)
+        assert np.array_equal(hits.depth, alone)
+
+
+def test_a_lit_sphere_is_brightest_towards_the_lamp() -> None:
+    light = Light(lamp=(1.0, 0.0, 1.0), ambient=0.4)
+    solid = BodySolid(Body("ball", Sphere(0.1), transform(), "cube"), light)
+    T_base_camera = transform(np.diag([1.0, -1.0, -1.0]), (0.0, 0.0, 1.0))
+    x, y = np.meshgrid(np.linspace(-0.099, 0.099, 199), np.linspace(-0.099, 0.099, 199))
+    cast = solid.cast(T_base_camera, PixelRays(x.astype(np.float32), y.astype(np.float32)))
+    met = np.isfinite(cast.depth)
+    depth = cast.depth[met].astype(float)
+    cosine = (depth * x[met] + (1.0 - depth)) / 0.1 / np.sqrt(2.0)
+    assert np.abs(cast.grey[met] - 205.0 * (0.4 + 0.6 * np.maximum(cosine, 0.0))).max() < 0.05
+
+
+def test_window_area_indexes_an_image() -> None:
+    image = np.arange(12).reshape(3, 4)
+    assert image[Window(1, 3, 2, 4).area].tolist() == [[6, 7], [10, 11]]
