@@ -233,3 +233,22 @@ def test_registers_may_be_readable() -> None:
     assert unit.take("REGMSA?") == ["REGMSA=7680"]
     assert unit.take("COORDDISCONT?") == ["COORDDISCONT=1"]
     assert made().take("REGMSA?") == []
+
+
+def test_the_public_client_s_opening_is_understood_but_for_its_misspelling() -> None:
+    """The order of lines of ctu_crs 1.0.6 (fact sheet, section 4.3, wire log)."""
+    unit = made()
+    opening = ["", "ECHO:0", "STAMP:1", "VER?", "STAMP:2", "PURGE:", "STOP:", "ST?", "R:"]
+    opening += [f"{name}{axis}:{value}" for name, value in (("REGME", 32000), ("REGCFG", 1489), ("REGP", 10),
+                ("REGI", 80), ("REGD", 20)) for axis in "ABCDEF"]  # fmt: skip
+    opening += [f"REGMS{axis}:7680.0" for axis in "ABCDEF"] + [f"REGACC{axis}:51.0" for axis in "ABCDEF"]
+    opening += ["IDLEREL:1200", "ANAXSETUPG:10,16", "REGS1G:16", "REGS2G:500", "REGMEG:10000", "REGMSG:500"]
+    opening += ["REGCFGG:256", "REGPG:200", "REGIG:0", "REGDG:100", "SPDTB:0,300", "R:"]
+    answers = [text for line in opening for text in unit.take(line)]
+    assert answers == ["STAMP=1", "VER=" + EmulatorOptions().version, "STAMP=2", "ST=0", "R!"]
+    assert finish(unit) == ["R!"]
+    for line in ("COORDGRP:A,B,C,D,E,F", "COORDISCONT:5", "COORDMV:100,0,0,0,0,0", "", "R:"):
+        assert unit.take(line) == []
+    assert finish(unit) == ["R!"]
+    assert [text for _, text in unit.ignored] == ["COORDISCONT:5"]
+    assert unit.machine.violations == []

@@ -142,6 +142,18 @@ def test_tcp_clients_come_and_go(emulator: Emulator) -> None:
     assert emulator.counts() == emulator.machine.true_counts()
 
 
+def test_what_a_client_sent_before_it_left_is_obeyed(unit: Unit) -> None:
+    clock = Clock(1.0)
+    with Emulator(unit, clock) as emulator:
+        port = int(emulator.open_tcp().rsplit(":", 1)[1])
+        with socket.create_connection(("127.0.0.1", port), timeout=5.0) as client:
+            client.sendall(b"ECHO:0\nSTAMP:0000000001\nGA:30\n")  # 15 ms on the line
+        deadline = time.monotonic() + 2.0
+        while len(emulator.lines) < 3 and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert [text for _, text in emulator.lines][-1] == "GA:30"
+
+
 @pytest.mark.parametrize("noise", [b"\x00" * 3000, b"A" * 5000, bytes(range(256)) * 8])
 def test_rubbish_is_survived(terminal: Terminal, noise: bytes) -> None:
     terminal.send(noise + b"\nECHO:0\nSTAMP:77\n")

@@ -56,6 +56,7 @@ class Emulator:
         self._closing = False
         self._wake_read, self._wake_write = os.pipe()
         self.machine.now_ms = self._clock_ms()
+        self._seen = (self.machine.now_ms, self.machine.true_counts())
         self._thread = threading.Thread(target=self._run, name="emulated MARS-8", daemon=True)
         self._thread.start()
 
@@ -126,11 +127,11 @@ class Emulator:
 
     def now_ms(self) -> int:
         """Emulated time up to which everything is executed."""
-        return self.machine.now_ms
+        return self._seen[0]
 
     def counts(self) -> tuple[int, ...]:
         """True position of the arm in the homed convention, also before homing."""
-        return self.machine.true_counts()
+        return self._seen[1]
 
     def record(self) -> Record:
         """Every executed ms in which the arm moved, so far."""
@@ -198,8 +199,8 @@ class Emulator:
         with self._lock:
             now = self.clock.now() * 1e3
             due = [t for w in self._wires for t in (w.next_line_at(), w.next_answer_at()) if t is not None]
-            listen = [w.descriptor for w in self._wires if w.wants_bytes(now)]
-            due += [w.room_at() for w in self._wires if not w.wants_bytes(now)]
+            listen = [w.descriptor for w in self._wires if not w.gone and w.wants_bytes(now)]
+            due += [w.room_at() for w in self._wires if not w.gone and not w.wants_bytes(now)]
             listen += [listener.fileno() for listener in self._listeners] + [self._wake_read]
             timeout = _BATCH_WALL_S if self.machine.busy else None
         if due:
@@ -220,7 +221,9 @@ class Emulator:
 
     def _read(self, now: int) -> None:
         for wire in list(self._wires):
-            if wire.wants_bytes(now) and not wire.receive(now):
+            if not wire.gone and wire.wants_bytes(now) and not wire.receive(now):
+                wire.gone = True  # what it sent before is still obeyed
+            if wire.gone and wire.next_line_at() is None:
                 self._wires.remove(wire)
                 self._sockets.pop(wire.descriptor).close()
 
@@ -238,6 +241,7 @@ class Emulator:
                 break
             self._obey(wire, wire.take_line())
         self._tell_ready()
+        self._seen = (machine.now_ms, machine.true_counts())  # before anybody learns that it has ended
         for wire in self._wires:
             wire.flush(now)
 

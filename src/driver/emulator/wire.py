@@ -16,6 +16,10 @@ class Wire:
     Args:
         descriptor: of the pseudo-terminal's master or of a socket, non-blocking.
         paced: False: bytes take no time.
+
+    Attributes:
+        fresh: nothing has been received yet.
+        gone: the client has left; what it sent may still be on the line.
     """
 
     def __init__(self, descriptor: int, paced: bool) -> None:
@@ -27,6 +31,7 @@ class Wire:
         self._lines: deque[tuple[float, bytes]] = deque()
         self._answers: deque[tuple[float, bytes]] = deque()
         self.fresh = True
+        self.gone = False
 
     def wants_bytes(self, now_ms: float) -> bool:
         """Whether the line has carried what was read so far."""
