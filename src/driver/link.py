@@ -17,7 +17,7 @@ from collections import deque
 
 from arm.errors import A465Error, ExecutionStopped
 from driver.clock import Clock
-from driver.port import PORT_ERRORS, open_port
+from driver.port import PORT_ERRORS, close_port, open_port
 from driver.protocol import (
     BYTES_PER_SECOND,
     HARMLESS,
@@ -293,12 +293,9 @@ class Link:
             self._inbox.put(reply)
 
     def close(self) -> None:
-        """Close the port; unsent bytes are dropped, for a unit that is off would hold the close for ever."""
+        """Close the port. Whatever is still unsent is dropped."""
         os.write(self._wake, b"x")
         self._reader.join()
         os.close(self._wake)
         os.close(self._wake_reader)
-        with contextlib.suppress(*PORT_ERRORS):
-            self._port.reset_output_buffer()
-        with contextlib.suppress(*PORT_ERRORS):
-            self._port.close()
+        close_port(self._port)

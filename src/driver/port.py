@@ -60,6 +60,17 @@ def open_port(url: str, write_timeout_s: float) -> serial.Serial:
     return port
 
 
+def close_port(port: serial.Serial) -> None:
+    """Close a port, whatever state it is in. Unsent bytes are dropped: a unit that is off would hold the close."""
+    connection = getattr(port, "_socket", None)
+    with contextlib.suppress(*PORT_ERRORS):
+        port.reset_output_buffer()
+    with contextlib.suppress(*PORT_ERRORS):
+        port.close()
+    if connection is not None:
+        connection.close()  # pyserial forgets to, when the other side has gone first
+
+
 def _why(error: BaseException) -> str:
     number = getattr(error, "errno", None)
     if number is None and "Inappropriate ioctl" in str(error):  # pyserial keeps the number in the text

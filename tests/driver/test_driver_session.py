@@ -1,0 +1,218 @@
+"""The driver and the emulated controller over a real pseudo-terminal: a whole session, judged by what the arm did."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from arm.errors import ExecutionStopped, InputError
+from arm.motion import CountPath, Segment
+from arm.planfile import GripperStep, Move
+from arm.unit import Unit, load_unit
+from driver.clock import Clock
+from driver.emulator import Emulator, EmulatorOptions
+from driver.execute import execute
+from driver.mars import Mars
+from driver.stream import Progress, stream
+from driver.wirelog import WireLog
+
+STRICT = EmulatorOptions(unknown="fail", noise=b"\x00\xff\x80\xfeMARS", registers_readable=True)
+OBJECT_ADC = 420
+
+
+class Jaws:
+    """Something 42 % wide stands between the jaws."""
+
+    def jaws(self, counts: tuple[int, ...], from_adc: int, to_adc: int) -> int:
+        return max(to_adc, OBJECT_ADC) if to_adc < from_adc else to_adc
+
+
+@pytest.fixture
+def emulator(unit: Unit, clock: Clock) -> Iterator[Emulator]:
+    with Emulator(unit, clock, Jaws(), STRICT) as emulator:
+        yield emulator
+
+
+@pytest.fixture
+def mars(emulator: Emulator, unit: Unit, clock: Clock) -> Iterator[Mars]:
+    with Mars(emulator.open_pty(), unit, clock) as mars:
+        mars.identify()
+        mars.initialise()
+        yield mars
+
+
+def sweep(unit: Unit, start: tuple[int, ...], seconds: float = 6.0, fraction: float = 0.9) -> CountPath:
+    """From rest to rest, the arm at `fraction` of its default speeds, as 100 ms cubics with whole coefficients."""
+    n = round(seconds * 10)
+    top = fraction * np.array(unit.speed_registers) / 256.0  # counts/ms
+    way = np.array([1, 1, -1, -0.8, -0.6, 0.3]) * top * seconds * 1e3 / 1.5
+    t = np.linspace(0.0, 1.0, n + 1)
+    knots = np.rint(np.array(start) + np.outer(t**2 * (3 - 2 * t), way)).astype(int)
+    slopes = np.rint(np.outer(6 * t * (1 - t) / n, way)).astype(int)
+    cubics = []
+    for k in range(n):
+        d, v0, v1 = knots[k + 1] - knots[k], slopes[k], slopes[k + 1]
+        a3 = v0 + v1 - 2 * d
+        cubics.append(Segment(100, tuple(tuple(int(c) for c in row) for row in (v0, d - v0 - a3, a3))))
+    return CountPath(start, tuple(cubics))
+
+
+def executed_since(emulator: Emulator, time_ms: int) -> tuple[np.ndarray, np.ndarray]:
+    record = emulator.record()
+    rows = record.time_ms >= time_ms
+    return record.time_ms[rows], record.counts[rows]
+
+
+def distance_deg(unit: Unit, executed: np.ndarray, path: CountPath) -> float:
+    """Farthest any executed sample is from the nearest point of the path, deg, worst joint."""
+    ideal = np.degrees(unit.positions(path.sample(2.5e-4)))
+    distance, _ = cKDTree(ideal).query(np.degrees(unit.positions(executed)), p=np.inf)
+    return float(np.max(distance))
+
+
+@pytest.mark.parametrize("name", ["crs93", "crs97"])
+def test_a_session_from_power_up_to_a_gripped_object(name: str, clock: Clock, tmp_path: Path) -> None:
+    unit = load_unit(name)
+    with (
+        Emulator(unit, clock, options=STRICT) as emulator,
+        WireLog(tmp_path / "wire.jsonl", clock) as log,
+        Mars(emulator.open_pty(), unit, clock, log) as mars,
+    ):
+        assert mars.identify().startswith("MARS8")
+        mars.initialise()
+        home = tuple(int(c) for c in unit.counts(unit.soft_home))
+        assert mars.counts() == home == emulator.counts()
+        target = tuple(c + 2000 for c in home)
+        assert mars.move_to(target) == target
+        path = sweep(unit, target, seconds=3.0)
+        seen: list[Progress] = []
+        sent = stream(mars, path, seen.append)
+        assert sent.path == path
+        assert sent.end_counts == path.end == emulator.counts()
+        assert [p.done for p in seen] == sorted(p.done for p in seen)
+        assert not mars.gripper(1.0).stalled
+        assert emulator.violations == ()
+    assert "FAIL!" not in (tmp_path / "wire.jsonl").read_text()
+
+
+def test_the_arm_keeps_the_path_and_the_time(mars: Mars, emulator: Emulator, unit: Unit) -> None:
+    path = sweep(unit, mars.counts())
+    begin = emulator.now_ms()
+    sent = stream(mars, path)
+    times, counts = executed_since(emulator, begin)
+    assert distance_deg(unit, counts, path) <= 0.02
+    moving = np.flatnonzero(np.any(counts != counts[0], axis=1))
+    duration = (times[moving[-1]] - times[moving[0]]) / 1e3
+    assert duration <= 1.03 * path.duration_s
+    assert sent.ahead_s <= 1.5
+
+
+def test_a_host_stall_of_half_a_second_costs_nothing(
+    mars: Mars, emulator: Emulator, unit: Unit, clock: Clock
+) -> None:
+    path = sweep(unit, mars.counts(), seconds=4.0)
+    asleep: list[int] = []
+
+    def stall(progress: Progress) -> None:
+        if progress.done >= 15 and not asleep:
+            asleep.append(progress.done)
+            clock.sleep(0.5)
+
+    begin = emulator.now_ms()
+    stream(mars, path, stall)
+    times, counts = executed_since(emulator, begin)
+    moving = np.flatnonzero(np.any(counts != counts[0], axis=1))
+    assert asleep
+    assert (times[moving[-1]] - times[moving[0]]) / 1e3 <= 1.02 * path.duration_s
+
+
+def test_an_interrupt_in_a_stream_is_a_stop_in_a_tenth_of_a_second(unit: Unit) -> None:
+    clock = Clock(8.0)
+    with (
+        Emulator(unit, clock, options=EmulatorOptions(homing_speed=1.0)) as emulator,
+        Mars(emulator.open_pty(), unit, clock) as mars,
+    ):
+        mars.identify()
+        mars.initialise()
+        path = sweep(unit, mars.counts())
+        pressed: list[float] = []
+
+        def press(progress: Progress) -> None:
+            if progress.done >= 20 and not pressed:
+                pressed.append(emulator.now_ms())
+                threading.Thread(target=os.kill, args=(os.getpid(), signal.SIGINT)).start()
+
+        begin = emulator.now_ms()
+        with pytest.raises(
+            ExecutionStopped, match="interrupted; the arm stands still under power"
+        ) as stopped:
+            stream(mars, path, press)
+        times, counts = executed_since(emulator, begin)
+        state = stopped.value.data["state"]
+        assert tuple(state["counts"]) == emulator.counts()
+        assert distance_deg(unit, counts, path) <= 0.02
+        # brakes from full speed take up to 0.26 s on this unit (its axis C); the order to brake, at most 0.1 s
+        moved = np.flatnonzero(np.any(np.diff(counts, axis=0) != 0, axis=1))
+        assert times[moved[-1]] - pressed[0] < 100 + 260
+        # and it can go on from there, anchored, not by replaying what is left
+        back = sweep(unit, mars.counts(), seconds=1.0, fraction=0.2)
+        assert stream(mars, back).end_counts == back.end
+
+
+def test_a_plan_runs_and_the_object_is_felt(mars: Mars, emulator: Emulator, unit: Unit) -> None:
+    path = sweep(unit, mars.counts(), seconds=2.0)
+    steps = [
+        GripperStep("open", "open", None, 0.0, 0.2),
+        Move("over", "transit", None, path, None, 0.05, 0.01, ("a", "b")),
+        GripperStep("close", "close", 0, 1.0, 0.2),
+    ]
+    results = execute(mars, steps)
+    assert results[1].sent is not None
+    assert results[1].sent.end_counts == path.end
+    assert results[2].gripper is not None
+    assert results[2].gripper.stalled
+    assert abs(results[2].gripper.adc - OBJECT_ADC) <= 1
+
+
+def test_a_wrong_unit_is_refused_over_the_same_wire(unit: Unit, clock: Clock) -> None:
+    options = EmulatorOptions(version="LX_RoCoN 2.1")
+    with (
+        Emulator(unit, clock, options=options) as emulator,
+        Mars(emulator.open_tcp(), unit, clock) as mars,
+        pytest.raises(InputError, match=r"firmware .LX_RoCoN 2\.1. is not MARS8"),
+    ):
+        mars.identify()
+
+
+def test_a_cut_cable_moves_the_arm_no_further_than_the_look_ahead(
+    emulator: Emulator, unit: Unit, clock: Clock
+) -> None:
+    """The unit plays out what it holds and comes to rest on the path; the driver says that it cannot know."""
+    cut: list[int] = []
+
+    def pull(progress: Progress) -> None:
+        if progress.done >= 20 and not cut:
+            cut.append(emulator.now_ms())
+            mars.link._port._socket.shutdown(socket.SHUT_RDWR)
+
+    with Mars(emulator.open_tcp(), unit, clock) as mars:
+        mars.identify()
+        mars.initialise()
+        path = sweep(unit, mars.counts())
+        begin = emulator.now_ms()
+        with pytest.raises(ExecutionStopped, match=r"the link is lost.*state is NOT known") as stopped:
+            stream(mars, path, pull)
+    assert stopped.value.data["ahead_s"] <= 1.5
+    clock.sleep(3.0)
+    times, counts = executed_since(emulator, begin)
+    moved = np.flatnonzero(np.any(np.diff(counts, axis=0) != 0, axis=1))
+    assert times[moved[-1]] - cut[0] < 1500 + 300
+    assert distance_deg(unit, counts, path) <= 0.02
