@@ -170,9 +170,12 @@ def _mean_variance(corners: Corners, fit: Fit, floor_px: float) -> float:
 def _require_fit(
     board: Board, fit: Fit, camera: Camera, residual_px: float, floor_px: float, limits: BoardLimits
 ) -> None:
-    other = fit_marker_size(board, fit, camera, floor_px)
-    off = other.size - board.marker_size
-    if other.rms_px < limits.residual_px and abs(off) > max(limits.size_m, limits.size_sigmas * other.sigma):
+    other = fit_marker_size(board, fit, camera, floor_px) if np.isfinite(residual_px) else None
+    if (
+        other is not None
+        and other.rms_px < limits.residual_px
+        and abs(other.size - board.marker_size) > max(limits.size_m, limits.size_sigmas * other.sigma)
+    ):
         raise ImpossibleError(
             f"board {board.name}: marker size = {1e3 * board.marker_size:g} mm does not fit its photographs "
             f"(residual {residual_px:.2f} px); {1e3 * other.size:.2f} mm does (+-{1e3 * other.sigma:.2f} mm, "
@@ -183,7 +186,7 @@ def _require_fit(
             fitting_size=other.size,
             residual_px=residual_px,
         )
-    if residual_px > limits.residual_px:
+    if not residual_px <= limits.residual_px:  # NaN where no pose in front of the camera fits
         low, high = board.marker_ids
         raise ImpossibleError(
             f"board {board.name}: its markers' corners do not fit (residual {residual_px:.2f} px, allowed "

@@ -33,8 +33,8 @@ class MarkerSize:
     rms_px: float
 
 
-def fit_marker_size(board: Board, fit: Fit, camera: Camera, least_sigma_px: float) -> MarkerSize:
-    """Fit pose and marker size together to the mean corners of `fit`.
+def fit_marker_size(board: Board, fit: Fit, camera: Camera, least_sigma_px: float) -> MarkerSize | None:
+    """Fit pose and marker size together to the mean corners of `fit`; None where no size fits.
 
     Args:
         board: whose stated size is tested.
@@ -53,6 +53,8 @@ def fit_marker_size(board: Board, fit: Fit, camera: Camera, least_sigma_px: floa
         by_scale = by_pose[..., :3] @ (outlines - centres).reshape(-1, 3)[..., None]
         J = (root[..., None] * np.concatenate([by_pose, by_scale], axis=-1)).reshape(-1, 7)
         residual = fit.mean_px - camera.project(points @ T[:3, :3].T + T[:3, 3])
+        if not np.isfinite(residual).all():
+            return None
         step, *_ = np.linalg.lstsq(J, (root * residual).reshape(-1), rcond=None)
         T = T @ transform(rotation(step[3:6]), step[:3])
         scale += float(step[6])

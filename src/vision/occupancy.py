@@ -72,11 +72,14 @@ def hole_occupancy(
     if white - black < LEAST_CONTRAST:
         return UNSURE
     top_level, hole_level = ((g - black) / (white - black) for g in (top_grey, hole_grey))
+    score, hole_light = _ramp(float(np.median(top_level))), _ramp(float(np.median(hole_level)))
     low, high = np.percentile(top_level, (5.0, 95.0))
-    score = 0.5 * (_ramp(float(np.median(top_level))) + _ramp(float(np.median(hole_level))))
-    if score >= SURE:
-        return Occupancy("cube" if high - low <= EVEN else "unsure", score)
-    return Occupancy("empty" if score <= 1.0 - SURE else "unsure", score)
+    if score >= SURE and high - low <= EVEN:
+        return Occupancy("cube", score)
+    # seen at a slant, a cube hides its hole with a dark side: the hole alone does not speak against a cube
+    if score <= 1.0 - SURE and hole_light <= 1.0 - SURE:
+        return Occupancy("empty", score)
+    return Occupancy("unsure", score)
 
 
 def _square(centre: Array, width: float) -> Array:
