@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from arm.errors import ExecutionStopped
 from arm.unit import Unit
-from driver.link import Link
+from driver.link import Link, NoAnswer
 from driver.protocol import MalformedAnswer, Position, Status, parse_position, parse_status
+
+_T = TypeVar("_T")
 
 SAMPLE_S = 0.1  # between two position samples that are compared
 STILL_COUNTS = 2  # change of an axis between two samples of an arm at rest
@@ -59,21 +62,29 @@ def _degrees(unit: Unit, counts: tuple[int, ...]) -> list[float]:
 
 
 def read_status(link: Link) -> Status:
-    """The status word now.
+    """The status word now. An answer damaged or lost on the line is asked for once more.
 
     Raises:
         NoAnswer, LinkLost, MalformedAnswer.
     """
-    return parse_status(link.ask("ST"))
+    return _ask(link, "ST", parse_status)
 
 
 def read_position(link: Link, axes: int) -> Position:
-    """Where the coordinated group is now. Needs the group formed.
+    """Where the coordinated group is now. Needs the group formed. Asked once more as `read_status`.
 
     Raises:
         NoAnswer, LinkLost, MalformedAnswer.
     """
-    return parse_position(link.ask("COORDAP"), axes)
+    return _ask(link, "COORDAP", lambda text: parse_position(text, axes))
+
+
+def _ask(link: Link, name: str, parse: Callable[[str], _T]) -> _T:
+    try:
+        return parse(link.ask(name))
+    except (NoAnswer, MalformedAnswer):
+        link.synchronise()  # a late answer to the first is then no longer on its way
+        return parse(link.ask(name))
 
 
 def farthest(a: tuple[int, ...], b: tuple[int, ...]) -> int:

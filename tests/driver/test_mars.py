@@ -350,9 +350,31 @@ def test_a_lost_port_is_told(mars: Mars, fake: Any) -> None:
 
 
 def test_a_damaged_answer_while_stopping_is_asked_again(mars: Mars, fake: Any) -> None:
-    answers = iter([["ST=1x"], ["ST="]])
+    answers = iter([["ST=1x"], ["ST="], ["ST=9999999"]])  # twice in one question, then once more
     fake.hooks["ST"] = lambda line: next(answers, None) if line == "ST?" else None
     assert mars.stop().at_rest is True
+
+
+def test_a_lost_answer_is_asked_again_once(mars: Mars, fake: Any) -> None:
+    answers = iter([[], None, ["T=0"], ["ST=x"]])
+    fake.hooks["ST"] = lambda line: next(answers, None) if line == "ST?" else None
+    assert not mars.status().busy
+    with pytest.raises(ExecutionStopped, match="'x' is not a whole number"):
+        mars.status()
+
+
+def test_a_late_answer_is_not_taken_for_the_next(mars: Mars, fake: Any) -> None:
+    """The first question is answered only when it is asked again: the stale value must not be believed twice."""
+    asked: list[str] = []
+
+    def late(line: str) -> list[str]:
+        asked.append(line)
+        return [[], ["ST=16", "ST=0"], ["ST=32"]][min(len(asked), 3) - 1]
+
+    fake.hooks["ST"] = late
+    mars.status()
+    mars.link.synchronise()
+    assert mars.status().word == 32
 
 
 # -- arithmetic
