@@ -15,6 +15,7 @@ from arm.errors import A465Error
 from arm.unit import Unit
 from driver.clock import Clock
 from driver.emulator import Emulator, EmulatorOptions
+from driver.emulator.wire import Wire
 
 
 class Terminal:
@@ -158,6 +159,34 @@ def test_what_a_client_sent_before_it_left_is_obeyed(unit: Unit) -> None:
 def test_rubbish_is_survived(terminal: Terminal, noise: bytes) -> None:
     terminal.send(noise + b"\nECHO:0\nSTAMP:77\n")
     assert terminal.receive(b"STAMP=77\r\n").endswith(b"STAMP=77\r\n")
+
+
+def test_a_line_without_end_is_not_kept_for_ever() -> None:
+    read, write = os.pipe()
+    wire = Wire(read, paced=False)
+    for _ in range(100):
+        os.write(write, b"A" * 64)
+        assert wire.receive(0.0)
+    os.write(write, b"\n")
+    wire.receive(0.0)
+    assert len(wire.take_line()) <= 1025
+    os.close(write)
+    assert not wire.receive(0.0)
+    os.close(read)
+
+
+def test_a_fault_stops_the_arm_where_it_is(emulator: Emulator, terminal: Terminal) -> None:
+    terminal.send(b"ECHO:0\nGA:100000\nRA:\n")
+    stood, deadline = emulator.counts()[0], time.monotonic() + 5.0
+    while emulator.counts()[0] < stood + 2000 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    emulator.set_power(False)
+    assert terminal.receive(b"FAIL!\r\n").endswith(b"FAIL!\r\n")
+    here = emulator.counts()
+    emulator.set_power(True)
+    terminal.send(b"RA:\n")
+    assert terminal.receive(b"RA!\r\n") == b"RA!\r\n"
+    assert emulator.counts() == here
 
 
 def test_an_idle_unit_costs_nothing(emulator: Emulator, terminal: Terminal) -> None:
