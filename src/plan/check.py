@@ -178,7 +178,9 @@ class _Search:
             return self.clearance
         if np.isinf(self.seen):
             return float("inf")
-        return self.seen - max(TIGHT_ABSOLUTE, TIGHT_RELATIVE * self.seen)
+        near = self.seen - max(TIGHT_ABSOLUTE, TIGHT_RELATIVE * self.seen)
+        # near is not enough where it leaves open whether the asked clearance is kept
+        return max(near, self.clearance) if self.seen >= self.clearance else near
 
     def refuted(self) -> bool:
         """Whether more work cannot change the verdict."""

@@ -70,6 +70,9 @@ def test_the_bound_is_below_dense_sampling_and_near_it() -> None:
                 gaps.append((dense - tight.clearance) / max(dense, 1e-3))
                 allowed = max(TIGHT_ABSOLUTE, TIGHT_RELATIVE * tight.seen)
                 assert tight.seen - tight.clearance <= allowed + 2 * DISTANCE_ERROR
+            if dense > 2e-4:
+                asked = dense - 1e-4  # nearer than the gap that tight mode leaves otherwise
+                assert check_curve(world, curve, asked, tight=True).proved == (tight.seen >= asked + 2e-5)
             for clearance in (0.0, 0.01, dense + 1e-4, dense - 1e-4):
                 decided = check_curve(world, curve, clearance)
                 if decided.proved:

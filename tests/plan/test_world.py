@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from arm.bodies import Body, Box, Cylinder, Shape, Sphere
 from arm.errors import InputError
 from arm.robot import Robot, load_a465
 from arm.se3 import Array, apply, frozen, rotation, transform
+from arm.unit import load_unit
 from plan.world import DISTANCE_ERROR, World
 from task2_scene import TABLE, TOOL_LENGTH, task2
 
@@ -212,6 +215,24 @@ def test_what_is_checked() -> None:
     allowed = frozenset(("held", "plate 01-02"))
     fewer = World(robot, case.scene.bodies, HELD, T_TOOL_HELD, allowed=[allowed])
     assert pairs - {frozenset(fewer.pair_names(i)) for i in range(len(fewer.pairs))} == {allowed}
+
+
+@pytest.mark.parametrize("unit", ["crs93", "crs97"])
+def test_pairs_left_out_as_never_meeting_never_meet(unit: str) -> None:
+    """Within the unit's limits; joint 5 at its ends is where hub and forearm are nearest."""
+    rng = np.random.default_rng(3)
+    robot, limits = load_a465(TOOL_LENGTH, 0.06), load_unit(unit).limits()
+    world = World(replace(robot, touching=frozenset()), [])
+    never = [("base", "shoulder"), ("wrist", "gripper"), ("wrist", "palm"), ("forearm", "hub")]
+    assert {frozenset(pair) for pair in never} <= robot.touching
+    pairs = np.array(
+        [i for i in range(len(world.pairs)) if set(world.pair_names(i)) in [set(pair) for pair in never]]
+    )
+    assert len(pairs) == len(never)
+    for k in range(600):
+        q = rng.uniform(limits.lower, limits.upper)
+        q[4] = (limits.lower[4], limits.upper[4], q[4])[k % 3]
+        assert world.pair_distances(q, pairs).min() > 0.0
 
 
 def test_padding_is_taken_off() -> None:
