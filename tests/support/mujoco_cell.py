@@ -37,18 +37,27 @@ class MujocoCell:
     """
 
     def __init__(
-        self, urdf: Path, bodies: Sequence[Body], cubes: Sequence[tuple[str, float]], apart: frozenset[frozenset[str]]
+        self,
+        urdf: Path,
+        bodies: Sequence[Body],
+        cubes: Sequence[tuple[str, float]],
+        apart: frozenset[frozenset[str]],
     ) -> None:
         root = ElementTree.fromstring(urdf.read_text())
         for link in root.findall("link"):
             for collision in link.findall("collision"):
                 collision.set("name", link.attrib["name"])
         extra = ElementTree.SubElement(root, "mujoco")
-        ElementTree.SubElement(extra, "compiler", {"fusestatic": "true", "discardvisual": "false", "balanceinertia": "true"})
+        settings = {"fusestatic": "true", "discardvisual": "false", "balanceinertia": "true"}
+        ElementTree.SubElement(extra, "compiler", settings)
+
         for link in root.findall("link"):
             inertial = ElementTree.SubElement(link, "inertial")
             ElementTree.SubElement(inertial, "mass", {"value": "1"})
-            inertia = {k: "0.01" if k in ("ixx", "iyy", "izz") else "0" for k in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
+            inertia = {
+                k: "0.01" if k in ("ixx", "iyy", "izz") else "0"
+                for k in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+            }
             ElementTree.SubElement(inertial, "inertia", inertia)
         spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
         for body in bodies:
@@ -72,7 +81,9 @@ class MujocoCell:
         self.data.qpos[self._jaws] = jaw_opening / 2
         for name, T in cubes.items():
             self.data.mocap_pos[self._mocap[name]] = T[:3, 3]
-            mujoco.mju_mat2Quat(self.data.mocap_quat[self._mocap[name]], np.ascontiguousarray(T[:3, :3]).ravel())
+            mujoco.mju_mat2Quat(
+                self.data.mocap_quat[self._mocap[name]], np.ascontiguousarray(T[:3, :3]).ravel()
+            )
         mujoco.mj_kinematics(self.model, self.data)
 
     def penetrations(self, tolerance: float = 1e-6) -> Iterable[tuple[frozenset[str], float]]:
