@@ -23,6 +23,9 @@ LEAST_HALF_PX = 2.5  # shorter profiles do not hold a blurred edge
 LEAST_STEP_GREY = 12.0  # an edge of less contrast is none
 LEAST_INLIERS = 0.6  # part of a side's profiles that must agree on its line
 INLIER_PX = 1.0  # the widest that an edge point may be off its line
+MOST_MOVED_PX = (
+    4.0  # farther from a rough corner lies the edge of something else, such as a finger on the marker
+)
 _ROBUST_ROUNDS = 6
 
 
@@ -70,7 +73,7 @@ def refine_by_border_lines(grey: Image, rough_px: Array, camera: Camera, modules
         crossings = camera.project(_on_plane(_cross(lines), camera))
         good = fits & (lines.inliers >= LEAST_INLIERS).all(axis=1) & np.isfinite(crossings).all(axis=(1, 2))
         corners = np.where(good[:, None, None], crossings, rough_px)
-    near = np.abs(corners - rough_px).max(axis=(1, 2)) < WIDE_PX
+    near = np.abs(corners - rough_px).max(axis=(1, 2)) < MOST_MOVED_PX
     return BorderCorners(corners, good & near)
 
 

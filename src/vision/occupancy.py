@@ -14,17 +14,18 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from arm.board import CUBE_SEAT_DEPTH, POCKET_FLOOR, Board
+from arm.board import CUBE_SEAT_DEPTH, POCKET_FLOOR, POCKET_MOUTH, Board
 from arm.poses import BoardPose
-from arm.se3 import Array, apply
+from arm.se3 import Array, apply, inverse
 from vision.camera import Camera
 from vision.frames import Image
 
 GRID = 21  # samples a side of a square
 INNER = 0.7  # part of a square that is sampled: its edges, their blur and the pose's error stay outside
 QUIET_ZONE = 1.0 / 6.0  # width of a marker's white border in marker sizes
+LEAST_TELLING = 0.1  # part of a cube's top that must be seen in front of the mouth
 LEAST_CONTRAST = 25.0  # grey levels between a marker's black and white, else nothing is sure
-DARK, LIGHT = 0.35, 0.65  # levels between which it is neither a pocket nor a cube
+DARK, LIGHT = 0.40, 0.68  # levels between which it is neither a pocket nor a cube
 EVEN = 0.25  # largest range of levels over a cube's top: what lies across it is not a cube
 SURE = 0.8  # score of a cube; 1 minus it that of an empty hole
 
@@ -58,28 +59,32 @@ def hole_occupancy(
         cube_size: edge of a cube, m.
     """
     hole = pose.board.holes[index]
-    top = hole + (0.0, 0.0, cube_size - CUBE_SEAT_DEPTH)
-    squares = [
-        _square(top, INNER * cube_size),
-        _square(hole, INNER * POCKET_FLOOR),
-        *_marker_squares(pose.board),
-    ]
+    top = _square(hole + (0.0, 0.0, cube_size - CUBE_SEAT_DEPTH), INNER * cube_size)
+    squares = [top, _square(hole, INNER * POCKET_FLOOR), *_marker_squares(pose.board)]
     pixels = [camera.project_base(apply(pose.T_base_board, square)) for square in squares]
-    if not all(_inside(p, camera) for p in pixels):
+    telling = _over_mouth(top, pose, camera, hole)
+    if not all(_inside(p, camera) for p in pixels) or telling.mean() < LEAST_TELLING:
         return UNSURE
     top_grey, hole_grey, *marker_grey = (_mean_grey(images, p) for p in pixels)
     black, white = np.percentile(np.stack(marker_grey), (10.0, 90.0))
     if white - black < LEAST_CONTRAST:
         return UNSURE
     top_level, hole_level = ((g - black) / (white - black) for g in (top_grey, hole_grey))
-    score, hole_light = _ramp(float(np.median(top_level))), _ramp(float(np.median(hole_level)))
+    score, hole_light = _ramp(float(np.median(top_level[telling]))), _ramp(float(np.median(hole_level)))
     low, high = np.percentile(top_level, (5.0, 95.0))
     if score >= SURE and high - low <= EVEN:
         return Occupancy("cube", score)
-    # seen at a slant, a cube hides its hole with a dark side: the hole alone does not speak against a cube
+    # seen at a slant, a cube hides its hole with a dark side: a dark hole alone does not speak against a cube
     if score <= 1.0 - SURE and hole_light <= 1.0 - SURE:
         return Occupancy("empty", score)
     return Occupancy("unsure", score)
+
+
+def _over_mouth(top: Array, pose: BoardPose, camera: Camera, hole: Array) -> npt.NDArray[np.bool_]:
+    """Which points (n, 3) of a cube's top are seen in front of the pocket's mouth: there, light means a cube."""
+    eye = apply(inverse(pose.T_base_board), camera.T_base_camera[:3, 3])
+    below = eye + (top - eye) * (eye[2] / (eye[2] - top[:, 2:]))  # where the rays meet the plate, z = 0
+    return np.asarray(np.abs(below - hole).max(axis=-1) <= INNER * POCKET_MOUTH / 2.0)
 
 
 def _square(centre: Array, width: float) -> Array:
