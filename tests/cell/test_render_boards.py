@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pytest
 
 from arm.board import CUBE_SEAT_DEPTH, Board, read_board_csv
-from arm.bodies import Body, Box, Cylinder
+from arm.bodies import Body, Box, Cylinder, Sphere
 from arm.errors import InputError
 from arm.files import data_file
 from arm.se3 import Array, apply, rot_z, transform
@@ -150,6 +150,14 @@ def test_finger_holes_are_seen_in_the_floor_of_the_pockets(camera: Camera, board
         assert np.hypot(columns.mean() - 45.0, rows.mean() - 45.0) < 1.0
         mouth = camera.project_base(apply(place.T_base_board, hole))
         assert np.linalg.norm(mouth - (u, v)) > 4.0  # the parallax that makes the depth visible
+
+
+def test_what_lies_in_a_pocket_is_seen(camera: Camera, boards: list[PlacedBoard]) -> None:
+    place = boards[0]
+    middle = apply(place.T_base_board, place.board.holes[0] - (0.0, 0.0, 0.006))
+    image = render(camera, [TABLE, Body("ball", Sphere(0.004), transform(t=middle), "cube")], [place])
+    u, v = np.rint(camera.project_base(middle)).astype(int)
+    assert image[v, u] > 120.0  # the floor around it has about 60
 
 
 def test_the_picture_moves_with_the_board(camera: Camera, boards: list[PlacedBoard]) -> None:

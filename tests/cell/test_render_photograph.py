@@ -14,7 +14,7 @@ from arm.board import read_board_csv
 from arm.bodies import Body, Box, Cylinder, Sphere
 from arm.files import data_file
 from arm.robot import load_a465
-from arm.se3 import apply, rot_y, transform
+from arm.se3 import apply, rot_y, rotation, transform
 from cell.furniture import T_hole_cube, cube_body
 from cell.render.edges import edge_pixels, pixel_offsets
 from cell.render.light import Light
@@ -144,6 +144,26 @@ def test_sample_places_are_spread_over_all_columns_and_rows(count: int) -> None:
     expected = (np.arange(count) + 0.5) / count - 0.5
     assert np.allclose(np.sort(offsets, axis=0), np.stack([expected, expected], axis=-1))
     assert np.unique(offsets, axis=0).shape == (count, 2)
+
+
+@pytest.mark.parametrize("side", [2, 4, 8])
+def test_sample_places_are_spread_over_the_pixel(side: int) -> None:
+    cells = np.floor((pixel_offsets(side**2) + 0.5) * side)
+    assert len(np.unique(cells, axis=0)) == side**2
+
+
+def test_the_order_of_bodies_does_not_matter(small: Camera) -> None:
+    rng = np.random.default_rng(2)
+    bodies = [TABLE] + [
+        Body(
+            f"b{i}",
+            (Box((0.05, 0.1, 0.05)), Cylinder(0.02, 0.2), Sphere(0.04))[i % 3],
+            transform(rotation(rng.normal(size=3)), (0.46, 0.0, 0.15) + rng.uniform(-0.08, 0.08, 3)),
+            ("cube", "robot", "stand")[i % 3],
+        )
+        for i in range(12)
+    ]
+    assert np.array_equal(render(small, bodies, []), render(small, bodies[::-1], []))
 
 
 def test_edges_get_many_rays_and_smooth_parts_one() -> None:

@@ -10,7 +10,7 @@ from arm.files import data_file
 from arm.se3 import Array, apply, inverse, rotation, transform
 from cell.render.first_hit import first_hits, in_view
 from cell.render.light import Light
-from cell.render.rays import PixelRays, pixel_rays, subpixel_rays
+from cell.render.rays import pixel_rays, subpixel_rays
 from cell.render.solids import BodySolid
 from cell.render.window import Window
 from vision.camera import Camera, read_camera
@@ -87,30 +87,40 @@ def test_a_hit_is_on_the_surface_and_nothing_is_before_it(seed: int, small: Came
         assert before.min() > -2e-6
 
 
-def test_a_solid_that_holds_the_camera_or_is_behind_it_is_not_seen(small: Camera) -> None:
-    rays = pixel_rays(small)
+@pytest.mark.parametrize("shape", [Box((0.1, 0.1, 0.1)), Cylinder(0.08, 0.1), Sphere(0.1)])
+def test_a_solid_that_holds_the_camera_or_is_behind_it_is_not_seen(shape: Shape, small: Camera) -> None:
     x, y, z = small.T_base_camera[:3, 3]
-    around = Body("around", Box((0.1, 0.1, 0.1)), transform(t=(x, y, z)), "wall")
-    behind = Body("behind", Sphere(0.1), transform(t=(x, y, z + 0.5)), "wall")
-    for body in (around, behind):
-        assert not np.isfinite(BodySolid(body, Light()).cast(small.T_base_camera, rays).depth).any()
+    for place in ((x + 0.01, y - 0.02, z + 0.015), (x, y, z + 0.5)):
+        solid = BodySolid(Body("thing", shape, transform(t=place), "wall"), Light())
+        assert not np.isfinite(solid.cast(small.T_base_camera, pixel_rays(small)).depth).any()
+
+
+def require_window_holds(solid: BodySolid, camera: Camera) -> None:
+    rays = pixel_rays(camera)
+    rows, columns = np.nonzero(np.isfinite(solid.cast(camera.T_base_camera, rays).depth))
+    if len(rows):
+        window = in_view([solid], camera.T_base_camera, rays)[0].window
+        width, height = camera.size
+        assert window.top <= max(rows.min() - 1, 0)
+        assert window.bottom >= min(rows.max() + 2, height)
+        assert window.left <= max(columns.min() - 1, 0)
+        assert window.right >= min(columns.max() + 2, width)
 
 
 @pytest.mark.parametrize("seed", range(40))
 def test_windows_leave_out_no_pixel_nor_its_neighbours(seed: int, small: Camera) -> None:
     rng = np.random.default_rng(seed)
-    spread = (0.3, 0.9, 1.5)[seed % 3]  # also beside the image, and across the camera's plane
-    solid = BodySolid(Body("thing", random_shape(rng), random_pose(rng, spread), "cube"), Light())
-    rays = pixel_rays(small)
-    rows, columns = np.nonzero(np.isfinite(solid.cast(small.T_base_camera, rays).depth))
-    found = in_view([solid], small.T_base_camera, rays)
-    if not len(rows):
-        return
-    window = found[0].window
-    assert window.top <= max(rows.min() - 1, 0)
-    assert window.bottom >= min(rows.max() + 2, 150)
-    assert window.left <= max(columns.min() - 1, 0)
-    assert window.right >= min(columns.max() + 2, 240)
+    spread = (0.3, 0.9, 1.5)[seed % 3]  # also beside the image
+    require_window_holds(
+        BodySolid(Body("thing", random_shape(rng), random_pose(rng, spread), "cube"), Light()), small
+    )
+
+
+@pytest.mark.parametrize(("dx", "dy"), [(-0.1, 0.0), (0.07, 0.05), (0.0, -0.2)])
+def test_the_window_of_a_post_that_passes_the_camera(dx: float, dy: float, small: Camera) -> None:
+    x, y, _ = small.T_base_camera[:3, 3]
+    post = Body("post", Box((0.03, 0.03, 2.0)), transform(t=(x + dx, y + dy, 1.0)), "wall")
+    require_window_holds(BodySolid(post, Light()), small)
 
 
 def test_a_window_spares_most_of_the_image(camera: Camera) -> None:
@@ -130,16 +140,27 @@ def test_the_nearest_wins_whatever_the_order(small: Camera) -> None:
         assert np.array_equal(hits.depth, alone)
 
 
-def test_a_lit_sphere_is_brightest_towards_the_lamp() -> None:
-    light = Light(lamp=(1.0, 0.0, 1.0), ambient=0.4)
-    solid = BodySolid(Body("ball", Sphere(0.1), transform(), "cube"), light)
-    T_base_camera = transform(np.diag([1.0, -1.0, -1.0]), (0.0, 0.0, 1.0))
-    x, y = np.meshgrid(np.linspace(-0.099, 0.099, 199), np.linspace(-0.099, 0.099, 199))
-    cast = solid.cast(T_base_camera, PixelRays(x.astype(np.float32), y.astype(np.float32)))
+@pytest.mark.parametrize("seed", range(12))
+def test_surfaces_are_lit_by_the_cosine_law(seed: int, small: Camera) -> None:
+    rng = np.random.default_rng(seed)
+    light = Light(lamp=(1.1, 0.7, 1.5), ambient=0.4)
+    body = Body("thing", random_shape(rng), random_pose(rng, 0.03), "cube")
+    rays = pixel_rays(small)
+    cast = BodySolid(body, light).cast(small.T_base_camera, rays)
     met = np.isfinite(cast.depth)
-    depth = cast.depth[met].astype(float)
-    cosine = (depth * x[met] + (1.0 - depth)) / 0.1 / np.sqrt(2.0)
-    assert np.abs(cast.grey[met] - 205.0 * (0.4 + 0.6 * np.maximum(cosine, 0.0))).max() < 0.05
+    direction = np.stack([rays.x, rays.y, np.ones_like(rays.x)], axis=-1)[met].astype(float)
+    points = apply(inverse(body.T_base_body) @ small.T_base_camera, direction * cast.depth[met, None])
+    steps = 1e-4 * np.eye(3)
+    gradient = [
+        signed_distance(body.shape, points + d) - signed_distance(body.shape, points - d) for d in steps
+    ]
+    normals = np.stack(gradient, axis=-1) / 2e-4
+    inside_a_face = np.abs(np.linalg.norm(normals, axis=-1) - 1.0) < 1e-3  # not beside an edge
+    towards = np.array(light.lamp) - body.T_base_body[:3, 3]
+    cosine = normals @ body.T_base_body[:3, :3].T @ towards / np.linalg.norm(towards)
+    expected = 205.0 * (0.4 + 0.6 * np.maximum(cosine, 0.0))
+    assert np.count_nonzero(inside_a_face) > 100
+    assert np.abs(cast.grey[met] - expected)[inside_a_face].max() < 0.3
 
 
 def test_window_area_indexes_an_image() -> None:

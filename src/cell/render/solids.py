@@ -83,9 +83,7 @@ class BodySolid:
         if abs(oz) > half:
             sign = np.sign(oz)
             t = (sign * np.float32(half) - oz) / dz
-            on_cap = (
-                (t > 0.0) & ((ox + t * dx) ** 2 + (oy + t * dy) ** 2 <= (radius + SEAM) ** 2) & (t < depth)
-            )
+            on_cap = (t > 0.0) & ((ox + t * dx) ** 2 + (oy + t * dy) ** 2 <= (radius + SEAM) ** 2)
             depth[on_cap], region[on_cap] = t[on_cap], 1
             grey[on_cap] = self._shaded(sign * lz)
         return Cast(depth, grey, region)
