@@ -19,7 +19,8 @@ from arm.unit import load_unit
 from mujoco_cell import MujocoCell
 from plan.extremes import segment_extremes
 from plan.options import PlanOptions
-from plan.scene import Transfer
+from plan.replay import replay
+from plan.scene import Transfer, scene_from_json
 from plan.task import plan_task
 from plan.travel import straight_time
 from task2_scene import CUBE, Q_START, WALL, Task2, task2
@@ -107,6 +108,17 @@ def test_clearances_are_those_asked_for_and_proved(plan: Plan, walled_plan: Plan
         assert move.certified
         least = options.clearance if move.role in ("transit", "home") else options.line_clearance
         assert move.clearance >= least, move.name
+
+
+def test_what_the_plan_states_holds_when_it_is_replayed(
+    case: Task2, plan: Plan, walled: Task2, walled_plan: Plan
+) -> None:
+    """Replaying builds its worlds from the file alone: nothing that stands around may have been left out."""
+    for task, made in ((case, plan), (walled, walled_plan)):
+        scene = scene_from_json(made.scene, task.scene.robot_open, task.scene.robot_holding)
+        again = replay(made, scene, UNIT, LIMITS)
+        assert [r.move.name for r in again] == [m.name for m in made.moves]
+        assert all(r.check.proved for r in again)
 
 
 def test_lines_follow_the_boards_normal(case: Task2, plan: Plan) -> None:
