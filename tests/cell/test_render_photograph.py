@@ -12,6 +12,7 @@ import pytest
 
 from arm.board import read_board_csv
 from arm.bodies import Body, Box, Cylinder, Sphere
+from arm.errors import InputError
 from arm.files import data_file
 from arm.robot import load_a465
 from arm.se3 import apply, rot_y, rotation, transform
@@ -150,6 +151,12 @@ def test_sample_places_are_spread_over_all_columns_and_rows(count: int) -> None:
 def test_sample_places_are_spread_over_the_pixel(side: int) -> None:
     cells = np.floor((pixel_offsets(side**2) + 0.5) * side)
     assert len(np.unique(cells, axis=0)) == side**2
+
+
+def test_a_number_of_samples_that_cannot_be_spread_is_refused() -> None:
+    for count in (0, 12):
+        with pytest.raises(InputError, match=f"samples = {count}: must be a power of two"):
+            pixel_offsets(count)
 
 
 def test_the_order_of_bodies_does_not_matter(small: Camera) -> None:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from arm.errors import InputError
 from arm.se3 import Array
 from cell.render.first_hit import FirstHits, InView, no_hits
 from cell.render.rays import Bools, Indices, PixelRays, subpixel_rays
@@ -36,7 +37,12 @@ def pixel_offsets(count: int) -> Array:
 
     All columns differ and all rows differ, so that an edge along the pixels is placed to 1/count px, where a
     square grid of as many points would give 1/sqrt(count) (J. H. Halton, 1960; van der Corput's sequence in base 2).
+
+    Raises:
+        InputError: `count` is not a power of two.
     """
+    if count < 1 or count & (count - 1):
+        raise InputError(f"samples = {count}: must be a power of two, such as 16", samples=count)
     bits = count.bit_length() - 1
     reversed_bits = [int(f"{i:0{bits}b}"[::-1], 2) if bits else 0 for i in range(count)]
     return (np.stack([np.arange(count), reversed_bits], axis=-1) + 0.5) / count - 0.5

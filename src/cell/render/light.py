@@ -36,7 +36,7 @@ class Light:
     """How the cell is lit.
 
     Attributes:
-        lamp: place of the lamp in the base frame, m.
+        lamp: place of the lamp in the base frame, m; above everything that the camera sees.
         ambient: share of the light that comes from all around, 0 to 1.
         gain: exposure, a factor on all grey levels (the image saturates at 255).
         shadow: share of the light that the lamp's shadow takes away, 0 (none) to 1 - ambient.

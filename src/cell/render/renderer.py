@@ -56,7 +56,7 @@ def render(
         samples: rays a pixel at edges, a power of two.
 
     Raises:
-        InputError: a marker that the dictionary does not have.
+        InputError: a marker that the dictionary does not have, or `samples` no power of two.
     """
     light = light or Light()
     plates = {plate_name(b.board.name) for b in boards}
@@ -69,8 +69,8 @@ def render(
 
     image = _lit(hits, rays, light, shadow)
     edge = edge_pixels(hits.surface)
+    offsets = pixel_offsets(samples)
     if edge.any():
-        offsets = pixel_offsets(samples)
         total = np.zeros(np.count_nonzero(edge), dtype=np.float32)
         for sample in edge_samples(visible, T_base_camera, rays, hits.surface, edge, offsets):
             total += _lit(sample.hits, sample.rays, light, shadow)
