@@ -17,6 +17,7 @@ from vision.camera import Camera
 
 TUKEY_WIDTH = 6.0  # in standard deviations; costs 1 % of efficiency on clean corners
 SMALLEST_SIGMA_PX = 0.02  # corners closer than this are not outliers of each other
+STEP_DONE = 1e-9  # m and rad: a millionth of what corners of 0.01 px determine
 _ROBUST_ROUNDS, _STEPS = 12, 30
 
 
@@ -125,7 +126,12 @@ def pose_jacobian(T_camera_board: Array, points: Array, camera: Camera) -> Array
     """Derivative of the projections (n, 2) by the twist of the board in its own frame, (n, 2, 6) px per m and rad."""
     R = T_camera_board[:3, :3]
     by_point = camera.projection_jacobian(points @ R.T + T_camera_board[:3, 3]) @ R
-    return np.concatenate([by_point, np.cross(points[:, None, :], by_point)], axis=-1)
+    by_turn = np.empty_like(by_point)  # a . (w x p) = w . (p x a), written out: np.cross costs half the fit
+    x, y, z = points[:, 0, None], points[:, 1, None], points[:, 2, None]
+    by_turn[..., 0] = y * by_point[..., 2] - z * by_point[..., 1]
+    by_turn[..., 1] = z * by_point[..., 0] - x * by_point[..., 2]
+    by_turn[..., 2] = x * by_point[..., 1] - y * by_point[..., 0]
+    return np.concatenate([by_point, by_turn], axis=-1)
 
 
 def _least_squares(mean: Array, totals: Array, points: Array, T: Array, camera: Camera) -> Array:
@@ -146,6 +152,6 @@ def _least_squares(mean: Array, totals: Array, points: Array, T: Array, camera: 
             T, now, damping = candidate, then, damping * 0.1
         else:
             damping *= 10.0
-        if np.abs(xi).max() < 1e-10 or damping > 1e6:
+        if np.abs(xi).max() < STEP_DONE or damping > 1e6:
             break
     return T

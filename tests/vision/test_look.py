@@ -72,8 +72,9 @@ def test_the_picture_shows_what_was_found_and_leaves_the_photograph_alone() -> N
     for pose in seen.poses:
         for u, v in np.rint(CAMERA.project_base(pose.T_base_board[:3, 3])[None]).astype(int):
             assert drawn[v - 10 : v + 10, u - 10 : u + 10].any()
-    again = annotated(picture, CAMERA, seen)
-    assert again.shape == picture.shape
+    colour = np.repeat(before[..., None], 3, axis=-1)
+    assert np.array_equal(annotated(colour, CAMERA, seen), picture)
+    assert np.array_equal(colour[..., 0], before)
 
 
 def test_a_marker_that_belongs_to_no_board() -> None:
