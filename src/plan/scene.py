@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from arm.bodies import Body, body_from_json, body_to_json
 from arm.errors import InputError
 from arm.files import sha256
@@ -62,10 +64,14 @@ class Scene:
         raise InputError(f"cube = {name!r}: must be a cube of the scene: {known}", name=name)
 
     def to_json(self) -> dict[str, Any]:
-        """Bodies, cubes, allowed contacts and the arms' digests as JSON types; lengths in m."""
+        """Bodies, cubes, allowed contacts and the arms' digests as JSON types; lengths in m.
+
+        Poses are rounded to 1e-12, so that the last bit of a matrix product, which differs between processors, does
+        not make another file.
+        """
         return {
-            "bodies": [body_to_json(b) for b in self.bodies],
-            "cubes": [body_to_json(c) for c in self.cubes],
+            "bodies": [_rounded(b) for b in self.bodies],
+            "cubes": [_rounded(c) for c in self.cubes],
             "allowed": sorted(sorted(pair) for pair in self.allowed),
             "robot_open": self.robot_open.digest,
             "robot_holding": self.robot_holding.digest,
@@ -75,6 +81,10 @@ class Scene:
     def digest(self) -> str:
         """SHA-256 of `to_json`."""
         return sha256(self.to_json())
+
+
+def _rounded(body: Body) -> dict[str, Any]:
+    return body_to_json(body.at(np.round(body.T_base_body, 12) + 0.0))  # + 0.0 makes -0.0 into 0.0
 
 
 def scene_from_json(value: dict[str, Any], robot_open: Robot, robot_holding: Robot) -> Scene:

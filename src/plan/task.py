@@ -300,7 +300,7 @@ class Planner:
             path=path,
             held=job.cube if held else None,
             jaw_opening=_jaw_opening(world.robot),
-            clearance=check.clearance,
+            clearance=_rounded_down(check.clearance),
             closest=check.pair,
             certified=True,
         )
@@ -312,6 +312,11 @@ class _Job:
 
     index: int | None
     cube: str
+
+
+def _rounded_down(clearance: float) -> float:
+    """To a tenth of a micrometre: the last bits differ between processors, and the files must not."""
+    return float(np.floor(clearance * 1e7)) / 1e7
 
 
 def _reversed(path: JointPath) -> JointPath:

@@ -24,7 +24,7 @@ from plan.scene import Station
 from plan.stages import Stages
 from plan.transit import improve_transit, plan_transit
 from plan.travel import path_time, straight_time
-from plan.world import World
+from plan.world import Indices, World
 
 # Transits are searched with this much more clearance than is asked, for what timing and rounding change, m.
 MARGIN = 1e-3
@@ -32,6 +32,8 @@ MARGIN = 1e-3
 _STRAIGHT = 60
 _DETOURS = 3
 _DETOURS_AT_MOST = 12
+# Times nearer than this are the same, s; what came first is kept, whatever the last bits say.
+_TIE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,9 @@ class TransferSearch:
         limits: Limits,
         options: PlanOptions,
     ) -> None:
-        self.stages, self.picks, self.places = stages, picks, places
+        self.stages = stages
+        # in an order that no rounding can change
+        self.picks, self.places = (sorted(c, key=lambda c: (c.yaw, c.branch)) for c in (picks, places))
         self.q_from, self.q_home, self.limits, self.options = q_from, q_home, limits, options
         self._results: dict[tuple[object, ...], object] = {}
 
@@ -112,7 +116,7 @@ class TransferSearch:
         bound = self.bounds()
         best: Route | None = None
         blocked: list[tuple[int, int]] = []
-        for index in np.argsort(bound, axis=None, kind="stable"):
+        for index in self.order(bound):
             pick, place = (int(i) for i in np.unravel_index(index, bound.shape))
             if len(blocked) >= _STRAIGHT:
                 break
@@ -128,7 +132,7 @@ class TransferSearch:
             if best is not None and bound[pick, place] >= best.time:
                 break
             route = self.route(pick, place, straight=False)
-            if route is not None and (best is None or route.time < best.time):
+            if route is not None and (best is None or route.time < best.time - _TIE):
                 best = route
         if best is None:
             raise self._impossible()
@@ -142,6 +146,22 @@ class TransferSearch:
         across = straight_time(above_place[None] - above_pick[:, None], self.limits)
         back = 0.0 if self.q_home is None else straight_time(self.q_home - above_place, self.limits)
         return np.asarray(out[:, None] + across + back)
+
+    def order(self, bound: Array) -> Indices:
+        """Flat indices of the pairings: the shortest bound first, then the least motion of all joints.
+
+        Many pairings take the same time, that of one slow joint. Times count in microseconds and motion in
+        microradians, so that ties are ties on every processor.
+        """
+        above_pick = np.array([c.q_offset for c in self.picks])
+        above_place = np.array([c.q_offset for c in self.places])
+        motion = np.abs(above_pick - self.q_from).sum(axis=1)[:, None]
+        motion = motion + np.abs(above_place[None] - above_pick[:, None]).sum(axis=2)
+        if self.q_home is not None:
+            motion = motion + np.abs(self.q_home - above_place).sum(axis=1)
+        return np.asarray(
+            np.lexsort((np.round(motion, 6).ravel(), np.round(bound, 6).ravel())), dtype=np.intp
+        )
 
     def route(self, pick: int, place: int, straight: bool) -> Route | None:
         """The transits of one pairing, or None where one of them cannot be had."""

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import itertools
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -224,6 +228,21 @@ def test_mujoco_would_find_one(walled: Task2, plan: Plan) -> None:
 def test_the_same_request_gives_the_same_bytes(case: Task2, plan: Plan) -> None:
     again = plan_task(task2().scene, case.transfers, Q_START, UNIT, provenance={"note": "test"})
     assert again.to_json() == plan.to_json()
+
+
+def test_every_processor_gives_the_same_bytes(plan: Plan) -> None:
+    """BLAS made to compute as on older and newer processors: last bits differ, the file does not."""
+    program = (
+        "from task2_scene import *; from plan.task import plan_task; from arm.unit import load_unit; c = task2();"
+        "p = plan_task(c.scene, c.transfers, Q_START, load_unit('crs93'), provenance={'note': 'test'});"
+        "print(p.sha256)"
+    )
+    path = os.pathsep.join([*sys.path, str(Path(__file__).parents[1] / "support")])
+    for core in ("Nehalem", "Haswell"):
+        environment = {**os.environ, "OPENBLAS_CORETYPE": core, "PYTHONPATH": path}
+        run = [sys.executable, "-c", program]
+        done = subprocess.run(run, env=environment, capture_output=True, text=True, check=True, timeout=120)
+        assert done.stdout.strip() == plan.sha256, core
 
 
 def test_planning_the_whole_task_is_quick(case: Task2) -> None:
