@@ -27,6 +27,8 @@ GJK_TOLERANCE = 1e-7
 # What a distance may be wrong by, m: fifty times what GJK at this tolerance was seen to differ from MuJoCo on the
 # same primitives. Lower bounds of distance subtract it.
 DISTANCE_ERROR = 1e-5
+# In a few of a million configurations coal cannot tell how deep two bodies overlap; that counts as this deep, m.
+UNKNOWN_DEPTH = -1.0
 
 
 @dataclass(frozen=True)
@@ -119,7 +121,7 @@ class World:
         self._place(q)
         geometry, data, compute = self._geometry, self._distances, pin.computeDistance
         values = [compute(geometry, data, i).min_distance for i in pairs.tolist()]
-        return np.array(values) - self.padding
+        return np.maximum(values, UNKNOWN_DEPTH) - self.padding
 
     def motion_radii(self, q: npt.ArrayLike) -> Array:
         """How far each moving body can move per joint: (bodies, n), m/rad (1 for a prismatic joint).

@@ -13,7 +13,7 @@ from arm.errors import InputError
 from arm.robot import Robot, load_a465
 from arm.se3 import Array, apply, frozen, rotation, transform
 from arm.unit import load_unit
-from plan.world import DISTANCE_ERROR, World
+from plan.world import DISTANCE_ERROR, UNKNOWN_DEPTH, World
 from task2_scene import TABLE, TOOL_LENGTH, task2
 
 HELD = Body("held", Box((0.04, 0.04, 0.04)), frozen(np.eye(4)), "cube")
@@ -249,3 +249,13 @@ def test_wrong_worlds_are_refused() -> None:
         World(robot, [TABLE], HELD)
     with pytest.raises(InputError, match="two bodies of one name"):
         World(robot, [TABLE, TABLE])
+
+
+def test_an_overlap_of_unknown_depth_is_an_overlap() -> None:
+    """A configuration (found by search) where coal gives no depth for a finger inside the forearm."""
+    q = [2.560516793755516, -0.05584495188941768, -0.4457272443340115, -1.72358221036675]
+    q += [2.8325792858043037, 0.8915420478808606]
+    world = World(load_a465(TOOL_LENGTH, 0.04), [TABLE])
+    assert world.distance(q).value == UNKNOWN_DEPTH
+    assert world.distance(q).pair == ("finger_l", "forearm")
+    assert world.in_collision(q)
