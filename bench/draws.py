@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from arm.board import PLATE_CENTRE, PLATE_SIZE
+from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_MOUTH
 from arm.poses import BoardPose
 from arm.se3 import Array, apply
 from cell.cellfile import Cell, read_cell
@@ -17,8 +17,9 @@ from cell.planning import reach_of
 from cell.taskfile import Task, read_task
 from cell.worldfile import board_placement
 
-MARGIN_PX = 6.0  # markers with their white border, and holes, stay this far inside the image
-GAP = 0.015  # between plates seen from above, m
+MARGIN_PX = 6.0  # markers with their white border, and cubes in the holes, stay this far inside the image
+CUBE_TOP = 0.032  # of a cube in its hole above the plate, m
+GAP = 0.030  # at least, between plates seen from above, m
 TILTS_DEG = {"task1": (0.0,), "task2": (0.0, 7.0, 15.0)}
 HIGHEST = 0.15  # centre of a plate's top, m
 TRIES = 300_000
@@ -66,16 +67,25 @@ def draw_world(name: str, seed: int, scenes: Path, folder: Path) -> Drawn:
     for attempt in range(TRIES):
         chosen = rng.permutation(len(files))[: 1 if name == "task1" else 2]
         sides = (0.0,) if name == "task1" else rng.permutation([-1.0, 1.0])
-        placed = [
-            _draw_board(rng, files[i].name, TILTS_DEG[name], s) for i, s in zip(chosen, sides, strict=True)
-        ]
-        if not all(_visible(cell, p) for p in placed) or not _apart(placed):
+        sided = zip(chosen, sides, strict=True)
+        placed = [_draw_visible(cell, rng, files[i].name, TILTS_DEG[name], side) for i, side in sided]
+        if not _apart(placed):
             continue
         folder.mkdir(parents=True, exist_ok=True)
         drawn = _write(name, seed, scenes, folder, placed, attempt)
         if reach_of(read_task(drawn.task), _truth(read_task(drawn.task), placed)).ok:
             return drawn
     raise RuntimeError(f"{name}, seed {seed}: no feasible world in {TRIES} draws")
+
+
+def _draw_visible(
+    cell: Cell, rng: np.random.Generator, csv: str, tilts: tuple[float, ...], side: float
+) -> _Placed:
+    for _ in range(TRIES):
+        placed = _draw_board(rng, csv, tilts, side)
+        if _visible(cell, placed):
+            return placed
+    raise RuntimeError(f"no visible place for {csv} in {TRIES} draws")
 
 
 def _draw_board(rng: np.random.Generator, csv: str, tilts: tuple[float, ...], side: float) -> _Placed:
@@ -102,7 +112,10 @@ def _visible(cell: Cell, placed: _Placed) -> bool:
     marked = board.marker_corners() * np.array([1.0, 1.0, 0.0])
     centres = marked.mean(axis=1, keepdims=True)
     marked = centres + (marked - centres) * (4.0 / 3.0)  # with the white border, one module wide
-    points = apply(placed.T_base_board, np.concatenate([marked.reshape(-1, 3), board.holes]))
+    half = POCKET_MOUTH / 2.0
+    square = np.array([[i * half, j * half, z] for i in (-1, 1) for j in (-1, 1) for z in (0.0, CUBE_TOP)])
+    mouths = (board.holes[:, None] + square).reshape(-1, 3)
+    points = apply(placed.T_base_board, np.concatenate([marked.reshape(-1, 3), mouths]))
     pixels = cell.camera.project_base(points)
     return bool(np.all(pixels > MARGIN_PX) and np.all(pixels < np.array(cell.camera.size) - MARGIN_PX))
 

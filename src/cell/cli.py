@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from arm.errors import A465Error, ExecutionStopped, InputError
+
+if TYPE_CHECKING:
+    from cell.console import Console
 
 app = typer.Typer(
     name="a465",
@@ -66,8 +69,7 @@ def run(
     from cell.run import run_task
 
     console = Console(as_json)
-    report = run_task(task, console, port, world, images, speed, time_scale, output)
-    console.result(report)
+    _finish(console, run_task(task, console, port, world, images, speed, time_scale, output))
 
 
 @app.command(
@@ -158,7 +160,7 @@ def execute(
     from cell.run import execute_plan
 
     console = Console(as_json)
-    console.result(execute_plan(plan, task, console, port, world, images, time_scale))
+    _finish(console, execute_plan(plan, task, console, port, world, images, time_scale))
 
 
 @app.command(
@@ -196,6 +198,18 @@ def render(
 
     console = Console(as_json)
     console.result(render_step(task, world, output or Path("photographs"), count, console))
+
+
+def _finish(console: Console, report: dict[str, Any]) -> None:
+    """Print the report of a run; a run that left a cube behind does not end with 0."""
+    console.result(report)
+    left = [cube["from"] for cube in report["cubes"] if not cube["placed"]]
+    if left:
+        print(
+            f"a465: not done: the cube of {', '.join(left)} was not placed; the arm is at q_start",
+            file=sys.stderr,
+        )
+        raise typer.Exit(ExecutionStopped.exit_code)
 
 
 def main() -> None:

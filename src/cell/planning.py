@@ -105,7 +105,15 @@ def transfers_of(
         occupied,
         taken_places=done.values(),
         reachable_places=reachable_places(task, seen) if task.places is not None else None,
+        notes=[]
+        if target is None
+        else [_taken(target.name, i, target.occupancy[i]) for i in sorted(occupied)],
     )
+
+
+def _taken(board: str, hole: int, state: str) -> str:
+    why = "may hold a cube, the image does not say" if state == "unsure" else "holds a cube"
+    return f"hole {board}/{hole + 1} {why}"
 
 
 def scene_of(task: Task, seen: Seen, on_table: Mapping[str, Array]) -> Scene:

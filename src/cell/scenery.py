@@ -5,7 +5,7 @@ Grip frames: the tool's z points into the plate, its jaws move along y; a cube c
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -123,6 +123,7 @@ def transfers(
     occupied: Iterable[int] = (),
     taken_places: Iterable[str] = (),
     reachable_places: Iterable[str] | None = None,
+    notes: Sequence[str] = (),
 ) -> tuple[Transfer, ...]:
     """What the task asks for, given what was seen.
 
@@ -133,6 +134,7 @@ def transfers(
         occupied: holes of the target board that hold one already (Task 2).
         taken_places: names of table places in use (Task 1).
         reachable_places: names of the table places that the arm can serve, or None for all.
+        notes: what else to tell if there are too few places.
 
     Raises:
         ImpossibleError: more cubes than free places, or a board was not seen.
@@ -161,8 +163,9 @@ def transfers(
         ]
     if len(goals) < len(picks):
         raise ImpossibleError(
-            f"{len(picks)} cubes to move but only {len(goals)} free places that can be reached; "
-            "clear the target board, or give the task file more places",
+            f"{len(picks)} cubes to move but only {len(goals)} free places that can be reached"
+            + (f" ({'; '.join(notes)})" if notes else "")
+            + "; clear the target board, or give the task file more places",
             cubes=len(picks),
             places=[g.name for g in goals],
         )

@@ -160,7 +160,7 @@ class TaskRun:
             held = self._execute(steps[: grip + 1])[-1].gripper
             row.add_motion(steps[: grip + 1])
             if held is None or not held.stalled:
-                self._missed(steps, grip, row)
+                self._missed(steps, grip, row, seen)
                 seen = self.look("after a missed cube")
                 return seen, True
             self._execute(steps[grip + 1 :])
@@ -181,7 +181,7 @@ class TaskRun:
     def _looks_after(self, plan: Plan, index: int) -> bool:
         return any(isinstance(s, LookStep) for s in plan.steps)
 
-    def _missed(self, steps: Sequence[Step], grip: int, row: CubeRow) -> None:
+    def _missed(self, steps: Sequence[Step], grip: int, row: CubeRow, seen: Seen) -> None:
         """The jaws closed on nothing: open, back out the way the plan would have, go to q_start."""
         self._tell(f"cube of {row.source} is not where it should be: the jaws closed on nothing")
         row.remarks.append("the jaws closed on nothing")
@@ -189,7 +189,7 @@ class TaskRun:
         self.connection.mars.gripper(0.0)
         retract = next(s for s in steps[grip:] if isinstance(s, Move) and s.role == "retract")
         self._execute([retract])
-        self.go_to_start(None)
+        self.go_to_start(seen)
 
     def _put_down(self, transfer: dict[str, Any], plan: Plan, row: CubeRow) -> None:
         self.done[transfer["cube"]] = transfer["to"]

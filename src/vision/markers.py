@@ -82,6 +82,9 @@ def _detector(dictionary: str) -> cv2.aruco.ArucoDetector:
         )
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_NONE
+    # by default a square's white border counts as the same candidate, and where that is cut by the image's edge the
+    # marker is lost with it
+    parameters.minMarkerDistanceRate = 0.05
     return cv2.aruco.ArucoDetector(
         cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary)), parameters
     )

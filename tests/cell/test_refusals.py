@@ -1,0 +1,228 @@
+"""What a user can get wrong, at the command line: one line, the right exit code, no traceback, nothing moved."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from arm.errors import ImpossibleError
+from arm.files import data_file
+from arm.se3 import transform
+from cell.connection import Connection
+from cell.worldfile import board_placement
+from whole_run import run_whole
+
+pytestmark = pytest.mark.xdist_group("refusals")
+
+
+@pytest.fixture
+def scenes(tmp_path: Path) -> Path:
+    target = tmp_path / "scenes"
+    shutil.copytree(data_file("scenes"), target)
+    return target
+
+
+def _change(path: Path, old: str, new: str) -> None:
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+def _a465(
+    *arguments: object, optimised: bool = False, code: int = 0, cwd: Path | None = None
+) -> tuple[str, str]:
+    flags = ["-O"] if optimised else []
+    command = [sys.executable, *flags, "-c", "import cell.cli; cell.cli.main()", *map(str, arguments)]
+    ran = subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd, timeout=120)
+    assert ran.returncode == code, f"exit {ran.returncode}: {ran.stdout}{ran.stderr}"
+    assert "Traceback" not in ran.stderr
+    return ran.stdout, ran.stderr
+
+
+def _refused(*arguments: object, code: int, cwd: Path) -> str:
+    for optimised in (False, True):
+        _, told = _a465(*arguments, code=code, cwd=cwd, optimised=optimised)
+    lines = [line for line in told.splitlines() if line.startswith("a465:")]
+    assert len(lines) == 1, told
+    return lines[0]
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "words"),
+    [
+        ("cell.toml", 'unit = "crs93"', 'unit = "crs39"', ("cell.toml", "unit", "crs39", "crs93, crs97")),
+        (
+            "cell.toml",
+            "positions_plate_01-02.csv",
+            "missing.csv",
+            ("cell.toml", "boards.files", "missing.csv"),
+        ),
+        (
+            "boards/positions_plate_01-02.csv",
+            "80,60",
+            "80,sixty",
+            ("positions_plate_01-02.csv", "line 3", "80,sixty"),
+        ),
+        ("task2.toml", "[3, 4]", "[3, 40]", ("task2.toml", "to_board", "[3, 40]", "[3, 4]")),
+    ],
+)
+def test_wrong_files_end_with_2(scenes: Path, file: str, old: str, new: str, words: tuple[str, ...]) -> None:
+    _change(scenes / file, old, new)
+    told = _refused("run", scenes / "task2.toml", code=2, cwd=scenes)
+    assert all(word in told for word in words), told
+
+
+def test_a_marker_that_no_board_file_has_ends_with_2(scenes: Path) -> None:
+    _change(scenes / "cell.toml", '  "boards/positions_plate_05-06.csv",\n', "")
+    _change(scenes / "task2.world.toml", "positions_plate_03-04.csv", "positions_plate_05-06.csv")
+    told = _refused("look", scenes / "task2.toml", code=2, cwd=scenes)
+    assert "marker" in told
+    assert "5" in told
+
+
+def test_photographs_of_another_size_end_with_2(scenes: Path) -> None:
+    folder = scenes / "photographs"
+    _a465("render", scenes / "task2.toml", "-o", folder, "--count", 5)
+    for file in folder.iterdir():
+        cv2.imwrite(str(file), cv2.resize(cv2.imread(str(file)), (1280, 800)))
+    told = _refused("look", scenes / "task2.toml", "--images", folder, code=2, cwd=scenes)
+    assert "1280" in told
+    assert "1920" in told
+
+
+@pytest.fixture
+def silent_port() -> Iterator[str]:
+    """A serial line with nobody at the other end."""
+    master, slave = pty.openpty()
+    yield os.ttyname(slave)
+    os.close(master)
+    os.close(slave)
+
+
+def test_ports_that_are_not_a_mars_end_with_2(scenes: Path, silent_port: str) -> None:
+    folder = scenes / "photographs"
+    _a465("render", scenes / "task2.toml", "-o", folder, "--count", 10)
+    for port in (scenes / "nothing", scenes / "task2.toml", silent_port):
+        told = _refused("run", scenes / "task2.toml", "--port", port, "--images", folder, code=2, cwd=scenes)
+        assert str(port) in told or "MARS" in told
+
+
+def test_photographs_of_the_cell_give_the_same_look_as_the_cell(scenes: Path) -> None:
+    _a465("render", scenes / "task2.toml", "-o", scenes / "photographs", "--count", 5)
+    seen = [
+        json.loads(_a465("look", scenes / "task2.toml", *extra, "--json")[0])["scenes"][0]["boards"]
+        for extra in ((), ("--images", scenes / "photographs"))
+    ]
+    for direct, photographed in zip(*seen, strict=True):
+        assert direct["T_base_board"] == photographed["T_base_board"]
+        assert [h["state"] for h in direct["holes"]] == [h["state"] for h in photographed["holes"]]
+
+
+def test_optimised_python_makes_the_same_plan(scenes: Path) -> None:
+    _a465("look", scenes / "task2.toml", "-o", scenes / "look.json")
+    for name, optimised in (("plain", False), ("optimised", True)):
+        out = scenes / f"{name}.json"
+        _a465("plan", scenes / "task2.toml", "--look", scenes / "look.json", "-o", out, optimised=optimised)
+    assert (scenes / "plain.json").read_bytes() == (scenes / "optimised.json").read_bytes()
+
+
+def test_a_plan_for_another_camera_arm_or_limits_is_refused(scenes: Path) -> None:
+    _a465("look", scenes / "task2.toml", "-o", scenes / "look.json")
+    _a465("plan", scenes / "task2.toml", "--look", scenes / "look.json", "-o", scenes / "plan.json")
+    _a465("check", scenes / "plan.json", scenes / "task2.toml")
+    for file, old, new, word in (
+        ("cameras/lab.toml", "1072.72375", "1071.72375", "calibration"),
+        ("cell.toml", 'unit = "crs93"', 'unit = "crs97"', "unit"),
+        ("cell.toml", "# acceleration_registers = [51,", "acceleration_registers = [50,", "limits"),
+    ):
+        before = (scenes / file).read_text()
+        _change(scenes / file, old, new)
+        told = _refused("execute", scenes / "plan.json", scenes / "task2.toml", code=3, cwd=scenes)
+        assert word in told
+        (scenes / file).write_text(before)
+
+
+def test_a_plan_whose_certificate_was_tampered_with_is_refused(scenes: Path) -> None:
+    _a465("look", scenes / "task2.toml", "-o", scenes / "look.json")
+    _a465("plan", scenes / "task2.toml", "--look", scenes / "look.json", "-o", scenes / "plan.json")
+    plan = json.loads((scenes / "plan.json").read_text())
+    move = next(s for s in plan["steps"] if s["step"] == "move" and s["role"] == "transit")
+    move["clearance"] += 0.01
+    (scenes / "plan.json").write_text(json.dumps(plan))
+    told = _refused("check", scenes / "plan.json", scenes / "task2.toml", code=3, cwd=scenes)
+    assert move["name"] in told
+
+
+def test_a_hole_out_of_reach_ends_with_3_before_anything_moves(scenes: Path, tmp_path: Path) -> None:
+    world = scenes / "task2.world.toml"
+    _change(world, "centre_mm = [460, 110, 40]", "centre_mm = [460, 110, 80]")
+    _change(world, "tilt_deg = 7", "tilt_deg = 25")
+    _change(world, "lean_azimuth_deg = 265", "lean_azimuth_deg = 180")
+    run = run_whole(scenes / "task2.toml", tmp_path / "run")
+    assert isinstance(run.error, ImpossibleError)
+    assert "hole 01-02/4: best branch" in str(run.error)
+    assert "joint J3 goes" in str(run.error)
+    assert run.error.data["holes"][0]["excess_deg"] > 1.0
+    assert run.record is not None
+    assert len(run.record.time_ms) == 0
+    assert run.sent == ()
+
+
+def test_a_board_that_moves_on_the_way_makes_the_rest_be_planned_anew(tmp_path: Path) -> None:
+    def meddle(connection: Connection) -> None:
+        simulated, grab, looks = connection.simulated, connection.frames.grab, [0]
+        assert simulated is not None
+
+        def pushed(count: int) -> list[np.ndarray]:
+            looks[0] += 1
+            if looks[0] == 3:  # between the first cube and the look after it, board and cube are pushed
+                push = transform(t=(0.006, 0.004, 0.0))
+                source, target = simulated.world.boards
+                target = replace(target, T_base_board=push @ target.T_base_board)
+                simulated.world = replace(simulated.world, boards=(source, target))
+                simulated._cubes[0] = replace(
+                    simulated._cubes[0], T_base_cube=push @ simulated._cubes[0].T_base_cube
+                )
+            return grab(count)
+
+        connection.frames.grab = pushed  # type: ignore[method-assign]
+
+    run = run_whole(data_file("scenes/task2.toml"), tmp_path, meddle=meddle)
+    assert run.error is None, run.said
+    assert any("board 03-04 moved by 7.2 mm" in remark for remark in run.report["remarks"])
+    assert len(run.report["plans_sha256"]) == 2
+    assert [c["placed"] for c in run.report["cubes"]] == [True] * 4
+    assert max(c["error_mm"] for c in run.report["cubes"]) <= 1.0
+
+
+def test_a_cube_that_is_not_there_is_told_and_the_others_are_moved(tmp_path: Path) -> None:
+    def meddle(connection: Connection) -> None:
+        simulated = connection.simulated
+        assert simulated is not None
+        close, count = simulated._close, [0]
+
+        def stolen(T_base_tool: np.ndarray, target: float) -> float:
+            count[0] += 1
+            if count[0] == 2:  # the second cube is taken away under the closing jaws
+                away = board_placement((0.2, 0.6, 0.02), 0.0, 0.0, 0.0)
+                simulated._cubes[1] = replace(simulated._cubes[1], T_base_cube=away, where="table")
+            return close(T_base_tool, target)
+
+        simulated._close = stolen  # type: ignore[method-assign]
+
+    run = run_whole(data_file("scenes/task2.toml"), tmp_path, meddle=meddle)
+    assert run.error is None, run.said
+    cubes = {c["from"]: c for c in run.report["cubes"]}
+    assert [cubes[f"01-02/{n}"]["placed"] for n in (1, 2, 3, 4)] == [True, False, True, True]
+    assert any("01-02/2 is not where it should be" in remark for remark in run.report["remarks"])
