@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import cv2
-from vision.look import Look, annotated, look
 
 from arm.errors import InputError
 from arm.files import write_atomic
@@ -14,6 +13,7 @@ from cell.lookfile import Seen, SeenBoard
 from cell.taskfile import Task
 from vision.camera import Image
 from vision.frames import FrameSource
+from vision.look import Look, annotated, look
 
 
 def look_and_save(task: Task, frames: FrameSource, picture: Path | None, console: Console, why: str) -> Seen:
@@ -29,7 +29,7 @@ def look_and_save(task: Task, frames: FrameSource, picture: Path | None, console
         write_png(picture, annotated(images[0], cell.camera, found))
     seen = seen_of(found)
     boards = ", ".join(
-        f"{b.name} ({len(b.holes('cube'))} cubes, {b.pose.residual_px:.2f} px)" for b in seen.boards
+        f"{b.name} ({len(b.holes('cube'))} cubes, {b.pose.residual_px:.3f} px)" for b in seen.boards
     )
     console.step(f"look {why}: {boards or 'no board'}")
     return seen

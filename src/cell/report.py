@@ -11,6 +11,7 @@ import numpy as np
 from arm.planfile import Move, Step
 from arm.se3 import Array, inverse, transform
 from cell.console import Console
+from cell.simulation import angle_to_square
 from cell.taskfile import Task
 
 if TYPE_CHECKING:
@@ -95,6 +96,8 @@ def judge_release(task: Task, simulated: SimulatedCell, row: CubeRow, event: Cel
     T_place_cube = inverse(T_base_place) @ event.T_base_cube
     row.error = float(np.hypot(T_place_cube[0, 3], T_place_cube[1, 3]))
     row.tilt_error = float(np.arccos(np.clip(T_place_cube[2, 2], -1.0, 1.0)))
+    if task.places is not None:  # on the table nothing squares the cube, so its turn counts too
+        row.tilt_error = angle_to_square(T_place_cube[:3, :3])
     wanted = "placed" if task.to_board is not None else "set down"
     if event.what != wanted:
         row.placed = False

@@ -162,7 +162,7 @@ class SimulatedCell:
             if max(abs(x), abs(y)) > self.cell.jaw_opening / 2.0 or abs(z) > self.cell.cube_size:
                 continue
             depth = self.cell.cube_size / 2.0 - z  # of the tips below the cube's top
-            offset, angle = float(np.hypot(x, y)), _angle_to_jaws(T_tool_cube)
+            offset, angle = float(np.hypot(x, y)), angle_to_square(T_tool_cube[:3, :3])
             if offset <= GRIP_OFFSET and angle <= GRIP_ANGLE and depth >= LEAST_GRIP:
                 self._cubes[index] = replace(cube, where="jaws", T_tool_cube=frozen(T_tool_cube))
                 self._tell(
@@ -229,9 +229,8 @@ class SimulatedCell:
         self.events.append(CellEvent(what, cube, T_base_cube, f"{cube or 'no cube'} {what}: {detail}"))
 
 
-def _angle_to_jaws(T_tool_cube: Array) -> float:
-    """Smallest turn that would square the cube to the jaws, rad; any of its faces may meet them."""
-    R = T_tool_cube[:3, :3]
+def angle_to_square(R: Array) -> float:
+    """Smallest turn that would bring a cube's rotation R (3, 3) to one that looks like no rotation, rad."""
     nearest = np.zeros((3, 3))
     for axis in range(3):
         column = int(np.argmax(np.abs(R[:, axis])))

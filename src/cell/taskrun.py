@@ -105,7 +105,7 @@ class TaskRun:
         mars = self.connection.mars
         firmware = mars.identify()
         self.console.step(f"controller: {firmware}")
-        mars.initialise(home=True)
+        mars.initialise(home=True, soft_home=False)  # the way from the marks is planned like any other
         cell = self.task.cell
         mars.set_registers(cell.speed_registers, cell.acceleration_registers)
         mars.gripper(0.0)

@@ -90,11 +90,13 @@ class Mars:
         """
         return identify(self.link, self.unit.firmware)
 
-    def initialise(self, home: bool = True) -> None:
-        """Registers, coordinated group, and homing; ends at the unit's soft home.
+    def initialise(self, home: bool = True, soft_home: bool = True) -> None:
+        """Registers, coordinated group, and homing.
 
         Args:
             home: False if the unit kept its positions since it was last homed (it stayed powered): nothing moves.
+            soft_home: go on from the marks to the unit's soft home, straight in joint space; False leaves the arm at
+                its marks, for a planner that knows what stands in the way.
 
         Raises:
             InputError: `identify` was not called.
@@ -125,7 +127,7 @@ class Mars:
         else:
             self._refuse_unhomed()
         self._initialised = True
-        if home:
+        if home and soft_home:
             self.move_to([int(c) for c in self.unit.counts(self.unit.soft_home)])
 
     def _home(self) -> None:

@@ -1,0 +1,19 @@
+"""The driver with an emulated controller: home, move, read, grip. No planner is loaded."""
+
+import sys
+
+from arm.unit import load_unit
+from driver.clock import Clock
+from driver.emulator import Emulator
+from driver.mars import Mars
+
+unit, clock = load_unit("crs93"), Clock(time_scale=20.0)
+with Emulator(unit, clock) as emulator, Mars(emulator.open_pty(), unit, clock) as mars:
+    print(mars.identify())
+    mars.initialise(home=True)
+    print("at soft home:", mars.counts())
+    mars.move_to(unit.counts([0.2, 0.0, -0.785, 0.0, -0.785, 0.0]).tolist())
+    print("moved to:    ", mars.counts())
+    print("jaws:        ", mars.gripper(fraction_closed=0.5))
+
+print("planner loaded:", "pinocchio" in sys.modules or "coal" in sys.modules)

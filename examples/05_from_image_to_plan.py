@@ -1,0 +1,30 @@
+"""Photograph the simulated cell, find boards and cubes, check reach, plan the whole task."""
+
+from pathlib import Path
+
+import numpy as np
+
+from arm.files import data_file
+from cell.console import Console
+from cell.lookfile import read_seen
+from cell.planning import plan_rest, reach_of
+from cell.steps import look_step
+from cell.taskfile import read_task
+
+task_file = data_file("scenes/task2.toml")
+look_step(task_file, None, None, Path("runs/example-look.json"), None, Console())
+
+task = read_task(task_file)
+seen = read_seen(Path("runs/example-look.json"), task.cell.boards)
+table = reach_of(task, seen)
+table.require()
+print(
+    "least margin to a joint limit:",
+    round(min(float(np.degrees(h.best.margin)) for h in table.holes), 1),
+    "deg",
+)
+
+plan = plan_rest(task, seen, task.cell.q_start, speed=0.5, done={}, on_table={})
+if plan is not None:
+    print(f"{len(list(plan.moves))} moves, {plan.duration_s:.1f} s, plan {plan.sha256[:12]}")
+    print(f"smallest certified clearance {1e3 * min(m.clearance for m in plan.moves):.1f} mm")
