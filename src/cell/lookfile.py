@@ -123,22 +123,24 @@ def _require_flat(task: Task, seen: SeenBoard | None) -> None:
         )
 
 
-def seen_to_json(seen: Seen) -> dict[str, Any]:
-    """The command's JSON: one scene."""
-    return {
-        "scenes": [{"boards": [_board_to_json(b) for b in seen.boards], "missing": dict(seen.missing)}],
-    }
+def seen_to_json(seen: Seen, T_base_camera: Array) -> dict[str, Any]:
+    """The command's JSON: one scene. Boards that were not found are in `missing`, with why."""
+    boards = [_board_to_json(b, T_base_camera) for b in seen.boards]
+    return {"scenes": [{"boards": boards, "missing": dict(seen.missing)}]}
 
 
-def _board_to_json(seen: SeenBoard) -> dict[str, Any]:
+def _board_to_json(seen: SeenBoard, T_base_camera: Array) -> dict[str, Any]:
     pose = seen.pose
     return {
         "board": seen.name,
         "marker_ids": list(pose.board.marker_ids),
+        "T_camera_board": (inverse(T_base_camera) @ pose.T_base_board).tolist(),
         "T_base_board": pose.T_base_board.tolist(),
         "covariance": pose.covariance.tolist(),
         "residual_px": pose.residual_px,
         "hypothesis_ratio": pose.hypothesis_ratio,
+        "verdict": "accepted",
+        "reasons": [],
         "tilt_deg": float(np.degrees(pose.tilt())),
         "holes": [
             {

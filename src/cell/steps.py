@@ -33,7 +33,7 @@ def look_step(
     task = read_task(task_file)
     frames = ImageFolder(images) if images is not None else _simulated_frames(task, world)
     seen = look_and_save(task, frames, picture, console, "at the cell")
-    result = seen_to_json(seen)
+    result = seen_to_json(seen, task.cell.camera.T_base_camera)
     if output is not None:
         write_atomic(output, canonical_json(result) + "\n")
     _print_look(seen, console)
