@@ -10,6 +10,7 @@ from arm.planfile import read_plan
 from cell.checking import replayed, require_scene
 from cell.connection import open_cell
 from cell.console import Console
+from cell.interrupt import interruptible
 from cell.taskfile import read_task
 from cell.taskrun import TaskRun
 
@@ -36,7 +37,10 @@ def run_task(
     speed = task.cell.speed if speed is None else speed
     task.cell.limits.scaled(speed)
     folder = folder or Path("runs") / task.name
-    with open_cell(task, port, world, images, time_scale, folder / "wire.jsonl") as connection:
+    with (
+        interruptible(),
+        open_cell(task, port, world, images, time_scale, folder / "wire.jsonl") as connection,
+    ):
         run = TaskRun(task, connection, console, speed, folder)
         try:
             run.introduce()
@@ -77,7 +81,10 @@ def execute_plan(
     moves = replayed(task, plan)
     console.step(f"plan {plan.sha256[:12]}: {len(moves)} moves hold and match this cell")
     folder = folder or Path("runs") / plan_file.stem
-    with open_cell(task, port, world, images, time_scale, folder / "wire.jsonl") as connection:
+    with (
+        interruptible(),
+        open_cell(task, port, world, images, time_scale, folder / "wire.jsonl") as connection,
+    ):
         run = TaskRun(task, connection, console, plan.speed, folder)
         try:
             run.introduce()

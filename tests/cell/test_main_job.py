@@ -146,7 +146,7 @@ def test_the_independent_engine_sees_a_wall_in_the_way(task2: WholeRun) -> None:
     """Positive control: without it, the two tests above could pass by seeing nothing."""
     _, q = executed(task2, homed_ms(task2))
     middle = _tool(task2, q[len(q) // 2])[:3, 3]
-    wall = Body("wall in the way", Box((0.02, 0.02, 0.02)), transform(t=middle), "wall")
+    wall = Body("wall in the way", Box((0.08, 0.08, 0.08)), transform(t=middle), "wall")
     assert any("wall in the way" in pair for pair in _judge(task2, (wall,), every=20))
 
 
