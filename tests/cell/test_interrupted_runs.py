@@ -1,0 +1,57 @@
+"""Interrupted from outside at different moments: STOP goes out, the run ends with 4 and one line, nothing hangs."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from arm.files import data_file
+
+pytestmark = pytest.mark.xdist_group("interrupts")
+DEADLINE_S = 60.0
+
+
+def _sent(log: Path) -> list[str]:
+    if not log.is_file():
+        return []
+    records = [json.loads(line) for line in log.read_text().splitlines() if line.endswith("}")]
+    return "".join(r["data"] for r in records if r["kind"] == "sent").split("\n")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda s: s.name)
+@pytest.mark.parametrize(("when", "count"), [("HHA:", 1), ("COORDSPLINET:", 40), ("GG:", 2)])
+def test_a_signal_stops_the_arm(tmp_path: Path, when: str, count: int, number: signal.Signals) -> None:
+    command = [
+        sys.executable,
+        "-c",
+        "import cell.cli; cell.cli.main()",
+        "run",
+        str(data_file("scenes/task2.toml")),
+    ]
+    run = subprocess.Popen(
+        [*command, "-o", str(tmp_path), "--time-scale", "5"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    log, over = tmp_path / "wire.jsonl", time.monotonic() + DEADLINE_S
+    while sum(line.startswith(when) for line in _sent(log)) < count and time.monotonic() < over:
+        time.sleep(0.05)
+    run.send_signal(number)
+    signalled = time.monotonic()
+    _, told = run.communicate(timeout=DEADLINE_S)
+    assert run.returncode == 4, told
+    assert time.monotonic() - signalled < 5.0
+    lines = [line for line in told.splitlines() if line]
+    assert len(lines) == 1
+    assert lines[0].startswith("a465: stopped:")
+    assert "interrupted" in lines[0]
+    sent = _sent(log)
+    last = max(i for i, line in enumerate(sent) if line.startswith(("COORDSPLINET:", "HH", "GG:")))
+    assert "STOP:" in sent[last:]
