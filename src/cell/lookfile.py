@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +72,33 @@ class Seen:
     def cubes_in(self) -> dict[str, tuple[int, ...]]:
         """Per board, the holes that hold a cube or may hold one: what is not surely empty is an obstacle."""
         return {b.name: b.holes("cube", "unsure") for b in self.boards}
+
+    def state(self, place: str) -> str | None:
+        """What a hole such as ``01-02/3`` looked like; None if its board was not found or it is no hole."""
+        name, _, number = place.rpartition("/")
+        board = self.board(name)
+        return None if board is None else board.occupancy[int(number) - 1]
+
+    def with_moves(self, moves: Mapping[str, str]) -> Seen:
+        """What should be seen after cubes, named by the hole they came from, were moved to places."""
+        states = {cube.removeprefix("cube "): "empty" for cube in moves} | dict.fromkeys(
+            moves.values(), "cube"
+        )
+        boards = tuple(
+            replace(b, occupancy=tuple(states.get(f"{b.name}/{i + 1}", s) for i, s in enumerate(b.occupancy)))
+            for b in self.boards
+        )
+        return replace(self, boards=boards)
+
+    def changed(self, expected: Seen) -> list[str]:
+        """Holes that surely look other than expected, one line a hole."""
+        lines = []
+        for board in self.boards:
+            for number, state in enumerate(board.occupancy, start=1):
+                was = expected.state(f"{board.name}/{number}")
+                if was not in (None, state, "unsure") and state != "unsure":
+                    lines.append(f"hole {board.name}/{number} looks {state}, not {was}")
+        return lines
 
     def require(self, task: Task) -> None:
         """The boards of the task must have been seen where the task allows them.

@@ -157,20 +157,12 @@ def check_step(plan_file: Path, task_file: Path, console: Console) -> dict[str, 
 
 def preview_step(plan_file: Path, task_file: Path, output: Path, console: Console) -> dict[str, Any]:
     """``a465 preview``."""
-    from cell.preview.page import write_preview
+    from cell.checking import require_match
+    from cell.pages import write_page
 
     task, plan = read_task(task_file), read_plan(plan_file)
-    cell = task.cell
-    write_preview(
-        plan,
-        cell.robot(),
-        cell.robot(cell.cube_size),
-        cell.unit,
-        output,
-        boards=cell.boards,
-        dictionary=cell.dictionary,
-        camera=cell.camera,
-    )
+    require_match(task, plan)
+    write_page(task, plan, output)
     console.say(f"open {output} in a browser")
     return {"page": str(output), "plan_sha256": plan.sha256, "bytes": output.stat().st_size}
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from arm.errors import ExecutionStopped
 from arm.files import write_atomic
 from arm.planfile import GripperStep, LookStep, Move, Plan, Step, write_plan
 from arm.se3 import Array, frozen
@@ -16,8 +17,8 @@ from cell.connection import Connection
 from cell.console import Console
 from cell.lookfile import Seen
 from cell.looking import look_and_save
+from cell.pages import write_page
 from cell.planning import plan_rest, plan_to_start, reach_of
-from cell.preview.page import write_preview
 from cell.report import CubeRow, judge_release, print_rows
 from cell.scenery import T_base_cube_on_table, cube_name
 from cell.taskfile import Task
@@ -144,14 +145,17 @@ class TaskRun:
         self.plans.append(plan)
         write_plan(self.folder / f"{name}.json", plan)
         if name.startswith("plan"):
-            cell = self.task.cell
             page = self.folder / name.replace("plan", "preview")
-            write_preview(
-                plan, cell.robot(), cell.robot(cell.cube_size), cell.unit, page.with_suffix(".html")
-            )
+            write_page(self.task, plan, page.with_suffix(".html"))
 
     def follow(self, plan: Plan, seen: Seen) -> tuple[Seen, bool]:
-        """Execute a plan cube by cube; ends early, with True, where the rest must be planned anew."""
+        """Execute a plan cube by cube; ends early, with True, where the rest must be planned anew.
+
+        Raises:
+            ExecutionStopped: a cube is no longer where it should be and not where it came from, so it stands where
+                nothing sees it; the arm is at q_start.
+        """
+        planned = seen
         for index, transfer in enumerate(plan.task["cubes"]):
             row = CubeRow(transfer["from"], transfer["to"])
             self.rows.append(row)
@@ -160,29 +164,25 @@ class TaskRun:
             held = self._execute(steps[: grip + 1])[-1].gripper
             row.add_motion(steps[: grip + 1])
             if held is None or not held.stalled:
-                self._missed(steps, grip, row, seen)
-                seen = self.look("after a missed cube")
-                return seen, True
+                return self._missed(steps, grip, row, seen), True
             self._execute(steps[grip + 1 :])
             row.add_motion(steps[grip + 1 :])
             row.placed = True
-            self._put_down(transfer, plan, row)
-            if not self._looks_after(plan, index):
+            self._put_down(transfer, row)
+            seen = seen.with_moves({transfer["cube"]: transfer["to"]})
+            if not any(isinstance(s, LookStep) for s in plan.steps):
                 continue
-            before, seen = seen, self.look(f"after cube {len(self.rows)}")
-            self._compare(seen, row)
-            moved = seen.moved(before, self.task.cell)
-            for line in moved:
+            expected, seen = seen, self.look(f"after cube {len(self.rows)}")
+            self._require_placed(seen, row)
+            changes = seen.moved(planned, self.task.cell) + seen.changed(expected)
+            for line in changes:
                 self._tell(line + "; the rest is planned anew")
-            if moved and index + 1 < len(plan.task["cubes"]):
+            if changes and index + 1 < len(plan.task["cubes"]):
                 return seen, True
         return seen, False
 
-    def _looks_after(self, plan: Plan, index: int) -> bool:
-        return any(isinstance(s, LookStep) for s in plan.steps)
-
-    def _missed(self, steps: Sequence[Step], grip: int, row: CubeRow, seen: Seen) -> None:
-        """The jaws closed on nothing: open, back out the way the plan would have, go to q_start."""
+    def _missed(self, steps: Sequence[Step], grip: int, row: CubeRow, seen: Seen) -> Seen:
+        """The jaws closed on nothing: open, back out the way the plan would have, go to q_start, look."""
         self._tell(f"cube of {row.source} is not where it should be: the jaws closed on nothing")
         row.remarks.append("the jaws closed on nothing")
         self.given_up.add(int(row.source.rsplit("/", 1)[1]) - 1)
@@ -190,8 +190,30 @@ class TaskRun:
         retract = next(s for s in steps[grip:] if isinstance(s, Move) and s.role == "retract")
         self._execute([retract])
         self.go_to_start(seen)
+        before, after = seen.state(row.source), self.look("after a missed cube")
+        if before == "cube" and after.state(row.source) == "empty":
+            self._stop(f"the cube of {row.source} is gone from its hole and was not gripped")
+        return after
 
-    def _put_down(self, transfer: dict[str, Any], plan: Plan, row: CubeRow) -> None:
+    def _require_placed(self, seen: Seen, row: CubeRow) -> None:
+        """What the image says of the cube that was just moved."""
+        for place, wanted in ((row.source, "empty"), (row.target, "cube")):
+            state = seen.state(place)
+            if state not in (None, wanted, "unsure"):
+                row.placed = False
+                row.remarks.append(f"after the move hole {place} looks {state}, not {wanted}")
+                self._stop(
+                    f"after the move from {row.source} to {row.target} hole {place} looks {state}, not {wanted}"
+                )
+
+    def _stop(self, why: str) -> None:
+        """End the task where a cube stands at a place that nobody knows."""
+        raise ExecutionStopped(
+            f"{why}; a cube stands where it is not seen: take it away and run again; the arm is at q_start",
+            **self.report(),
+        )
+
+    def _put_down(self, transfer: dict[str, Any], row: CubeRow) -> None:
         self.done[transfer["cube"]] = transfer["to"]
         if self.task.places is not None:
             self.on_table[cube_name(transfer["to"])] = T_base_cube_on_table(self.task, transfer["to"])
@@ -202,18 +224,6 @@ class TaskRun:
         self.console.step(
             f"{transfer['cube']} to {transfer['to']}" + ("" if row.placed else f": {'; '.join(row.remarks)}")
         )
-
-    def _compare(self, seen: Seen, row: CubeRow) -> None:
-        """What the image says of the cube that was just moved."""
-        for place, wanted in ((row.source, "empty"), (row.target, "cube")):
-            board = seen.board(place.rsplit("/", 1)[0])
-            if board is None:
-                continue
-            state = board.occupancy[int(place.rsplit("/", 1)[1]) - 1]
-            if state not in (wanted, "unsure"):
-                row.placed = False
-                row.remarks.append(f"after the move hole {place} looks {state}, not {wanted}")
-                self._tell(f"hole {place} looks {state} after the move; it should be {wanted}")
 
     def _execute(self, steps: Sequence[Step]) -> tuple[StepResult, ...]:
         if not steps:

@@ -122,3 +122,20 @@ def test_a_missing_board_is_told_with_why(task: Task) -> None:
     assert seen.missing_of(task) == ["03-04"]
     with pytest.raises(ImpossibleError, match="board 03-04 was not found: marker 4 is hidden"):
         seen.require(task)
+
+
+def test_moves_change_what_is_expected_and_differences_are_told(task: Task) -> None:
+    seen = _seen(task)
+    after = seen.with_moves({"cube 01-02/1": "03-04/2"})
+    assert after.state("01-02/1") == "empty"
+    assert after.state("03-04/2") == "cube"
+    assert after.state("01-02/4") == "cube"
+    assert after.state("05-06/1") is None
+    assert after.state("table/1") is None
+    assert after.changed(seen) == ["hole 01-02/1 looks empty, not cube", "hole 03-04/2 looks cube, not empty"]
+    assert seen.changed(seen) == []
+    unsure = seen.with_moves({})
+    assert unsure.changed(after.with_moves({"cube 01-02/3": "03-04/3"})) == [
+        "hole 01-02/1 looks cube, not empty",
+        "hole 03-04/2 looks empty, not cube",
+    ]
