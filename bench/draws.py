@@ -9,17 +9,27 @@ import cv2
 import numpy as np
 
 from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_MOUTH
-from arm.poses import BoardPose
-from arm.se3 import Array, apply
+from arm.errors import ImpossibleError
+from arm.poses import BoardPose, hole_poses
+from arm.robot import Robot
+from arm.se3 import Array, apply, transform
+from arm.unit import Limits
 from cell.cellfile import Cell, read_cell
 from cell.lookfile import Seen, SeenBoard
 from cell.planning import reach_of
+from cell.scenery import build_scene, hole_station
 from cell.taskfile import Task, read_task
 from cell.worldfile import board_placement
+from plan.check import check_curve, curve_of_waypoints
+from plan.line import follow_line
+from plan.reach import LineChoice
+from plan.scene import Station
+from plan.world import World
 
 MARGIN_PX = 6.0  # markers with their white border, and cubes in the holes, stay this far inside the image
 CUBE_TOP = 0.032  # of a cube in its hole above the plate, m
-GAP = 0.030  # at least, between plates seen from above, m
+GAP = 0.010  # between plates seen from above, m
+LINE_CLEARANCE = 0.005  # that some approach line of every hole keeps from all that stands, m
 TILTS_DEG = {"task1": (0.0,), "task2": (0.0, 7.0, 15.0)}
 HIGHEST = 0.15  # centre of a plate's top, m
 TRIES = 300_000
@@ -73,9 +83,45 @@ def draw_world(name: str, seed: int, scenes: Path, folder: Path) -> Drawn:
             continue
         folder.mkdir(parents=True, exist_ok=True)
         drawn = _write(name, seed, scenes, folder, placed, attempt)
-        if reach_of(read_task(drawn.task), _truth(read_task(drawn.task), placed)).ok:
+        task = read_task(drawn.task)
+        if _served(task, _truth(task, placed)):
             return drawn
     raise RuntimeError(f"{name}, seed {seed}: no feasible world in {TRIES} draws")
+
+
+def _served(task: Task, seen: Seen) -> bool:
+    """Whether every hole has a yaw and branch whose whole approach line is in limits and clear of what stands."""
+    table = reach_of(task, seen)
+    if not table.ok:
+        return False
+    cell = task.cell
+    robot, limits = cell.robot(), cell.limits
+    for board in seen.boards:
+        for hole in hole_poses(board.pose):
+            station = hole_station(cell, board.name, hole.name, hole.T_base_hole)
+            cubes = {
+                b.name: [i for i in range(4) if (b.name, i) != (board.name, hole.index)] for b in seen.boards
+            }
+            standing = {n: i for n, i in cubes.items() if n == task.from_board.name}
+            scene = build_scene(cell, seen.poses, standing)
+            world = World(robot, (*scene.bodies, *scene.cubes))
+            if not any(
+                _clear(robot, limits, world, station, c, cell.offset) for c in table[hole.name].serving()
+            ):
+                return False
+    return True
+
+
+def _clear(
+    robot: Robot, limits: Limits, world: World, station: Station, choice: LineChoice, offset: float
+) -> bool:
+    T_hole_tool = station.T_base_tool[choice.yaw]
+    above = T_hole_tool @ transform(t=(0.0, 0.0, -offset))
+    try:
+        path = follow_line(robot, choice.q_hole, T_hole_tool, above, limits)
+    except ImpossibleError:
+        return False
+    return check_curve(world, curve_of_waypoints(path.q), LINE_CLEARANCE).proved
 
 
 def _draw_visible(
@@ -93,8 +139,8 @@ def _draw_board(rng: np.random.Generator, csv: str, tilts: tuple[float, ...], si
     x, y = rng.uniform([0.34, -0.26], [0.64, 0.24])
     yaw_deg = rng.uniform(-180, 180)
     if side:
-        y = -0.015 + side * rng.uniform(0.09, 0.16)
-        yaw_deg = 90.0 * rng.integers(-2, 2) + rng.uniform(-15, 15)
+        y = -0.015 + side * rng.uniform(0.095, 0.135)
+        yaw_deg = 90.0 * rng.integers(-2, 2) + rng.uniform(-12, 12)
     return _Placed(
         csv,
         np.round([x, y, rng.uniform(0.03, HIGHEST)], 4),
