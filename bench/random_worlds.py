@@ -29,9 +29,10 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="folder for the runs; default: a temporary one")
     options = parser.parse_args()
     print(
-        f"conditions: {options.worlds} worlds a task from seed {options.first_seed}; markers and cubes in view; every hole "
-        "with an approach line in limits and clear of what stands; plate tops up to 0.15 m; tilts 0 (task 1) and 0, 7, "
-        f"15 deg (task 2); noise 2 grey; speed of the cell file; time scale {options.time_scale:g}"
+        f"conditions: {options.worlds} worlds a task from seed {options.first_seed}; markers and cubes in view; "
+        "every hole with an approach line in limits and clear of what stands; plate tops up to 0.15 m; "
+        "tilts 0 (task 1) and 0, 7, 15 deg (task 2); noise 2 grey; speed of the cell file; "
+        f"time scale {options.time_scale:g}"
     )
     with tempfile.TemporaryDirectory() as temporary:
         folder = options.keep or Path(temporary)
