@@ -35,6 +35,7 @@ class Move:
             a lower bound where `certified`.
         closest: names of the two bodies at that distance.
         certified: whether `clearance` is proved between the samples too.
+        touching: names of bodies that the held cube may touch during the move: what it is lifted off or set upon.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Move:
     clearance: float
     closest: tuple[str, str]
     certified: bool = False
+    touching: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -172,6 +174,7 @@ def _step_to_json(step: Step) -> dict[str, Any]:
                 "clearance": step.clearance,
                 "closest": list(step.closest),
                 "certified": step.certified,
+                "touching": list(step.touching),
             }
         case GripperStep():
             return {
@@ -282,6 +285,9 @@ class _PlanReader:
             if not isinstance(row[0], int) or isinstance(row[0], bool) or not 0 <= row[0] <= 60_000:
                 raise self.fail(key, row[0], "duration must be a whole number of ms from 0 to 60000")
             segments.append(Segment(row[0], tuple(self.integers(r, key) for r in row[1:])))
+        touching = self.get(value, "touching", where, list, "body names")
+        if not all(isinstance(n, str) for n in touching):
+            raise self.fail(where + "touching", touching, "must be body names")
         closest = self.get(value, "closest", where, list, "two body names")
         if len(closest) != 2 or not all(isinstance(n, str) for n in closest):
             raise self.fail(where + "closest", closest, "must be two body names")
@@ -300,4 +306,5 @@ class _PlanReader:
             clearance=self.number(value, "clearance", where),
             closest=(closest[0], closest[1]),
             certified=self.get(value, "certified", where, bool, "true or false"),
+            touching=tuple(touching),
         )

@@ -138,7 +138,14 @@ def _setting(
     bodies = (*scene.bodies, *standing)
     if held is None:
         return Setting(World(scene.robot_open, bodies), standing, None, None)
-    touching = [pair for pair in scene.allowed if held in pair and move.role in ON_LINES]
+    touching = [frozenset((held, name)) for name in move.touching]
+    if touching and (move.role not in ON_LINES or not scene.allowed.issuperset(touching)):
+        raise ImpossibleError(
+            f"{move.name!r} lets {held} touch {', '.join(move.touching)}, which the scene does not allow there; "
+            "make the plan again",
+            step=move.name,
+            touching=list(move.touching),
+        )
     world = World(scene.robot_holding, bodies, cubes[held], T_tool_held, touching)
     return Setting(world, standing, cubes[held], T_tool_held)
 

@@ -227,9 +227,14 @@ class Planner:
             self.transit(to, f"to {pick.station}", "transit", before, route.out, held=False),
             self.line(to, f"approach {pick.station}", "approach", before, pick, held=False),
             GripperStep(f"{cube}: close on it", "close", index, options.fraction_closed, options.settle_s),
-            self.line(to, f"lift off {pick.station}", "retract", lifting, pick, held=True),
+            _touching(
+                self.line(to, f"lift off {pick.station}", "retract", lifting, pick, held=True), transfer.pick
+            ),
             self.transit(to, f"to {place.station}", "transit", holding, route.across, held=True),
-            self.line(to, f"approach {place.station}", "approach", lowering, place, held=True),
+            _touching(
+                self.line(to, f"approach {place.station}", "approach", lowering, place, held=True),
+                transfer.place,
+            ),
             GripperStep(f"{cube}: let go", "open", index, 0.0, options.settle_s),
             self.line(to, f"retract from {place.station}", "retract", after, place, held=False),
         ]
@@ -312,6 +317,10 @@ class _Job:
 
     index: int | None
     cube: str
+
+
+def _touching(move: Move, station: Station) -> Move:
+    return replace(move, touching=tuple(sorted(station.touches)))
 
 
 def _rounded_down(clearance: float) -> float:

@@ -40,7 +40,6 @@ def sample_clearance(
     steps = timed_steps(plan)
     bodies = [body_from_json(b) for b in plan.scene.get("bodies", [])]
     cubes = [body_from_json(c) for c in plan.scene.get("cubes", [])]
-    allowed = [frozenset(pair) for pair in plan.scene.get("allowed", [])]
     tracks = cube_tracks(steps, cubes, robot_open, unit)
     if not bodies and not cubes:
         return {}
@@ -56,7 +55,7 @@ def sample_clearance(
             [*bodies, *now.standing],
             held,
             now.T_tool_held,
-            [p for p in allowed if held and held.name in p and move.role in ("approach", "retract")],
+            [frozenset((held.name, name)) for name in move.touching] if held else [],
         )
         sampled[index] = _along(move, world, unit, every_s)
     return sampled
