@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from arm.errors import InputError
-from arm.se3 import Array, frozen
+from arm.errors import A465Error, InputError
+from arm.se3 import Array, frozen, orthonormalised
+
+LEAST_LENGTH, MOST_LENGTH = 1e-4, 100.0  # of a body that is read from a file, m
 
 
 @dataclass(frozen=True)
@@ -74,12 +76,21 @@ def shape_from_json(value: dict[str, Any]) -> Shape:
     """
     match value:
         case {"box": [x, y, z]}:
-            return Box((float(x), float(y), float(z)))
+            return Box((_length(x), _length(y), _length(z)))
         case {"cylinder": [radius, length]}:
-            return Cylinder(float(radius), float(length))
+            return Cylinder(_length(radius), _length(length))
         case {"sphere": radius}:
-            return Sphere(float(radius))
+            return Sphere(_length(radius))
     raise InputError(f"shape = {value!r}: must be a box, cylinder or sphere", value=value)
+
+
+def _length(value: Any) -> float:
+    length = float(value)
+    if not LEAST_LENGTH <= length <= MOST_LENGTH:
+        raise InputError(
+            f"length = {length:g} m: must be from {LEAST_LENGTH:g} to {MOST_LENGTH:g}", value=length
+        )
+    return length
 
 
 def body_to_json(body: Body) -> dict[str, Any]:
@@ -92,6 +103,17 @@ def body_to_json(body: Body) -> dict[str, Any]:
     }
 
 
-def body_from_json(value: dict[str, Any]) -> Body:
-    """The inverse of `body_to_json`."""
-    return Body(value["name"], shape_from_json(value["shape"]), frozen(value["T_base_body"]), value["kind"])
+def body_from_json(value: Any) -> Body:
+    """The inverse of `body_to_json`.
+
+    Raises:
+        InputError: not a body: a key is missing, a size not positive, a pose not rigid.
+    """
+    try:
+        name, kind, shape = value["name"], value["kind"], shape_from_json(value["shape"])
+        pose = orthonormalised(value["T_base_body"], tolerance=1e-6)
+    except (KeyError, TypeError, ValueError, A465Error) as error:
+        raise InputError(f"body {str(value)[:60]}: {type(error).__name__} {error}", value=value) from error
+    if not isinstance(name, str) or not isinstance(kind, str):
+        raise InputError(f"body {str(name)[:60]}: name and kind must be texts", value=value)
+    return Body(name, shape, pose, kind)

@@ -56,6 +56,8 @@ def write_atomic(path: Path, data: bytes | str) -> None:
     """
     content = data.encode() if isinstance(data, str) else data
     temporary: str | None = None
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path}: is no ordinary file, so it is not replaced", file=str(path))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arm.errors import A465Error
 from arm.se3 import Array
 from arm.unit import Counts
 
@@ -31,6 +32,19 @@ class Segment:
     def end(self) -> Counts:
         """Displacement over the whole segment, (6,) counts."""
         return np.asarray(np.array(self.coefficients, dtype=np.int64).sum(axis=0), dtype=np.int64)
+
+    def reversed(self) -> Segment:
+        """The same stretch of path the other way: c(1 - u) less c(1), integers again.
+
+        Raises:
+            A465Error: of order above 3.
+        """
+        if len(self.coefficients) > 3:
+            raise A465Error(f"segment of order {len(self.coefficients)}: only up to 3 can be reversed")
+        a = np.zeros((3, len(self.coefficients[0])), dtype=np.int64)
+        a[: len(self.coefficients)] = self.coefficients
+        back = np.stack([-(a[0] + 2 * a[1] + 3 * a[2]), a[1] + 3 * a[2], -a[2]])[: len(self.coefficients)]
+        return Segment(self.duration_ms, tuple(tuple(int(c) for c in row) for row in back))
 
     def displacement(self, u: float | Array) -> Array:
         """Counts from the segment's start at parameter u (scalar or (m,)); shape (6,) or (m, 6)."""
@@ -79,6 +93,10 @@ class CountPath:
     def end(self) -> tuple[int, ...]:
         """Counts at the end, (6,)."""
         return tuple(int(c) for c in self.knots()[-1])
+
+    def reversed(self) -> CountPath:
+        """The same path from its end to its start, to the count."""
+        return CountPath(self.end, tuple(s.reversed() for s in reversed(self.segments)))
 
     def sample(self, step_s: float = 1e-3) -> Array:
         """Counts on a regular time grid from 0 to the end, both included; (m, 6), not rounded."""

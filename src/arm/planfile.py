@@ -135,6 +135,8 @@ def read_plan(path: Path) -> Plan:
         value = json.loads(read_text(path))
     except json.JSONDecodeError as error:
         raise FileInputError(path, "", None, f"is not JSON: {error}") from error
+    except RecursionError as error:
+        raise FileInputError(path, "", None, "is nested too deeply") from error
     if not isinstance(value, dict) or value.get("format") != FORMAT:
         found = value.get("format") if isinstance(value, dict) else None
         raise FileInputError(

@@ -44,6 +44,8 @@ class TomlTable:
             return cls(path, tomllib.loads(read_text(path)))
         except tomllib.TOMLDecodeError as error:
             raise FileInputError(path, "", None, f"is not valid TOML: {error}") from error
+        except RecursionError as error:
+            raise FileInputError(path, "", None, "is nested too deeply") from error
 
     def error(self, key: str, rule: str, help: str = "") -> FileInputError:
         """The error to raise when the value of `key` breaks `rule`."""

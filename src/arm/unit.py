@@ -40,11 +40,12 @@ class Limits:
         """The same path stretched in time by 1/speed: velocities times speed, accelerations times speed^2.
 
         Raises:
-            InputError: speed is not in (0, 1]; an override only lowers.
+            InputError: speed is not in (0, 1]; it only lowers.
         """
         if not 0.0 < speed <= 1.0:
             raise InputError(
-                f"speed = {speed:g}: must be above 0 and at most 1; an override only lowers", speed=speed
+                f"speed = {speed:g}: must be above 0 and at most 1; it only lowers what the registers allow",
+                speed=speed,
             )
         return Limits(
             self.lower, self.upper, frozen(self.velocity * speed), frozen(self.acceleration * speed**2)

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple, replace
 from typing import Any
 
 import numpy as np
 
+from arm.bodies import Body, Shape
 from arm.errors import ImpossibleError
 from arm.planfile import Plan
-from arm.se3 import angle_between, inverse
+from arm.poses import BoardPose
+from arm.se3 import Array, angle_between, frozen, inverse, transform
 from cell.cellfile import Cell
 from cell.furniture import plate_body, plate_name
 from cell.lookfile import Seen
-from cell.planning import limits_digest
+from cell.planning import limits_digest, options_of
+from cell.scenery import T_base_cube_on_table, build_scene, cube_name
 from cell.taskfile import Task
-from plan.replay import ReplayedMove, replay
-from plan.scene import scene_from_json
+from plan.replay import Asked, ReplayedMove, replay
+from plan.scene import Scene, scene_from_json
+from plan.shape import require_shape
+
+SAME = 1e-9  # bodies of one scene written twice differ by less, m
 
 
 def require_match(task: Task, plan: Plan) -> None:
@@ -30,6 +37,7 @@ def require_match(task: Task, plan: Plan) -> None:
         "robot_open": cell.robot().digest,
         "robot_holding": cell.robot(cell.cube_size).digest,
         "limits": limits_digest(cell),
+        "task": task.digest,
         "calibration": cell.camera.digest,
     }
     then = {**plan.provenance, "unit": plan.unit}
@@ -45,7 +53,7 @@ def require_match(task: Task, plan: Plan) -> None:
 
 
 def require_scene(cell: Cell, plan: Plan, seen: Seen) -> None:
-    """The boards must stand where the plan has them, within the cell's tolerance.
+    """The boards must stand where the plan has them, within the cell's tolerance, and hold the cubes that it has.
 
     Raises:
         ImpossibleError: naming each that does not, and by how much; nothing moved.
@@ -64,6 +72,12 @@ def require_scene(cell: Cell, plan: Plan, seen: Seen) -> None:
             faults.append(
                 f"{plate.name} stands {1e3 * shift:.1f} mm and {np.degrees(turn):.2f} deg from the plan's"
             )
+    holding = {c["name"].removeprefix(cube_name("")) for c in plan.scene["cubes"]}
+    for board in seen.boards:
+        for number, state in enumerate(board.occupancy, start=1):
+            planned_state = "cube" if f"{board.name}/{number}" in holding else "empty"
+            if state not in (planned_state, "unsure"):
+                faults.append(f"hole {board.name}/{number} looks {state}, the plan has it {planned_state}")
     faults += [f"{name} of the plan was not seen" for name in bodies if name.startswith(plate_name(""))]
     if faults:
         raise ImpossibleError(
@@ -71,17 +85,90 @@ def require_scene(cell: Cell, plan: Plan, seen: Seen) -> None:
         )
 
 
-def replayed(task: Task, plan: Plan) -> tuple[ReplayedMove, ...]:
-    """Every move of the plan, judged anew.
+def scene_of_now(task: Task, plan: Plan) -> Scene:
+    """The plan's scene as the cell file of now gives it; only where boards stand and which holes hold cubes is its own.
 
     Raises:
-        ImpossibleError: the plan does not match the cell of now, or does not hold.
+        ImpossibleError: the plan's scene has other bodies, cubes or allowed contacts than that; naming them.
+    """
+    cell = task.cell
+    stated = scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
+    poses = [_pose(cell, body) for body in stated.bodies if body.name.startswith(plate_name(""))]
+    cubes_in: dict[str, list[int]] = {}
+    on_table: dict[str, Array] = {}
+    for cube in stated.cubes:
+        place, _, number = cube.name.removeprefix(cube_name("")).rpartition("/")
+        if not number.isdigit():
+            raise ImpossibleError(f"the plan's scene has {cube.name!r}, which names no place; plan again")
+        if place == "table":
+            on_table[cube.name] = T_base_cube_on_table(task, f"{place}/{number}")
+        else:
+            cubes_in.setdefault(place, []).append(int(number) - 1)
+    now = build_scene(cell, poses, cubes_in, on_table)
+    served = {frozenset((e["cube"], _under(e[end]))) for e in plan.task["cubes"] for end in ("from", "to")}
+    now = replace(now, allowed=now.allowed | served)
+    differing = _differing(stated, now)
+    if differing:
+        raise ImpossibleError(
+            f"the plan's scene is not that of the cell of now: {', '.join(differing)}; plan again",
+            differing=differing,
+        )
+    return now
+
+
+def _under(place: str) -> str:
+    """The body that a cube at a place stands on or in."""
+    board = place.rpartition("/")[0]
+    return "table" if board == "table" else plate_name(board)
+
+
+def _pose(cell: Cell, plate: Body) -> BoardPose:
+    name = plate.name.removeprefix(plate_name(""))
+    for board in cell.boards:
+        if board.name == name:
+            nominal = plate_body(name, transform()).T_base_body
+            return BoardPose(
+                board, frozen(plate.T_base_body @ inverse(nominal)), np.zeros((6, 6)), 0.0, np.inf
+            )
+    raise ImpossibleError(
+        f"the plan's scene has {plate.name!r}, which is no board of the cell file; plan again"
+    )
+
+
+def _same_shape(a: Shape, b: Shape) -> bool:
+    return type(a) is type(b) and bool(
+        np.allclose(np.hstack(astuple(a)), np.hstack(astuple(b)), rtol=0.0, atol=SAME)
+    )
+
+
+def _differing(stated: Scene, now: Scene) -> list[str]:
+    """Names of bodies and contacts that are not the same in both."""
+    lists = [{b.name: b for b in (*scene.bodies, *scene.cubes)} for scene in (stated, now)]
+    names = sorted(set(lists[0]) ^ set(lists[1]))
+    for name in sorted(set(lists[0]) & set(lists[1])):
+        a, b = (bodies[name] for bodies in lists)
+        if not _same_shape(a.shape, b.shape) or np.abs(a.T_base_body - b.T_base_body).max() > SAME:
+            names.append(name)
+    contacts = stated.allowed ^ now.allowed
+    return names + [f"contact of {' and '.join(sorted(pair))}" for pair in sorted(contacts, key=sorted)]
+
+
+def replayed(task: Task, plan: Plan) -> tuple[ReplayedMove, ...]:
+    """Every move of the plan, judged anew on the scene of now.
+
+    Raises:
+        ImpossibleError: the plan does not match the cell of now, cannot be executed as it is, or does not hold.
     """
     require_match(task, plan)
+    require_shape(plan)
     cell = task.cell
-    scene = scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
-    limits = cell.unit.limits(plan.speed_registers, plan.acceleration_registers)
-    return replay(plan, scene, cell.unit, limits)
+    registers = (cell.speed_registers, cell.acceleration_registers)
+    if (plan.speed_registers, plan.acceleration_registers) != registers:
+        raise ImpossibleError(
+            "the plan is for other speed or acceleration registers than the cell's; plan again"
+        )
+    asked = Asked(cell.clearance, options_of(task, plan.speed).line_clearance, cell.offset)
+    return replay(plan, scene_of_now(task, plan), cell.unit, cell.limits, asked)
 
 
 def check_plan(task: Task, plan: Plan) -> dict[str, Any]:

@@ -63,7 +63,9 @@ Images = Annotated[
 TimeScale = Annotated[
     float, typer.Option("--time-scale", help="Emulated seconds per wall second (simulated cell only).")
 ]
-Output = Annotated[Path | None, typer.Option("-o", "--output", help="File to write.")]
+Output = Annotated[
+    Path | None, typer.Option("-o", "--output", help="File to write; it replaces an older one.")
+]
 
 
 @app.command(
@@ -79,7 +81,7 @@ def run(
     speed: Speed = None,
     time_scale: TimeScale = 10.0,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder of the run; default: runs/TASK.")
+        Path | None, typer.Option("-o", "--output", help="New folder of the run; default: runs/TASK-1, -2 ..")
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -128,13 +130,17 @@ def reach(task: TaskFile, look: LookFile, as_json: Json = False) -> None:
     epilog="Example: a465 plan scenes/task2.toml --look look.json -o plan.json",
 )
 def plan(
-    task: TaskFile, look: LookFile, output: Output = None, speed: Speed = None, as_json: Json = False
+    task: TaskFile,
+    look: LookFile,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Plan file to write.")] = Path("plan.json"),
+    speed: Speed = None,
+    as_json: Json = False,
 ) -> None:
     from cell.console import Console
     from cell.steps import plan_step
 
     console = Console(as_json)
-    console.result(plan_step(task, look, output or Path("plan.json"), speed, console))
+    console.result(plan_step(task, look, output, speed, console))
 
 
 @app.command(

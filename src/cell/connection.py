@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,11 +15,14 @@ from cell.taskfile import Task
 from driver.clock import Clock
 from driver.mars import Mars
 from driver.wirelog import WireLog
-from vision.frames import FrameSource, ImageFolder
+from vision.frames import FrameSource, Image, ImageFolder
 
 if TYPE_CHECKING:
     from cell.simulation import SimulatedCell
     from driver.emulator import Emulator
+
+
+AWAIT_S = 120.0  # for new photographs
 
 
 @dataclass(frozen=True)
@@ -37,6 +42,35 @@ class Connection:
     time_scale: float
     simulated: SimulatedCell | None = None
     emulator: Emulator | None = None
+
+
+class AwaitedPhotographs:
+    """A folder into which somebody puts new photographs for each look, because every look needs the cell of now.
+
+    Args:
+        path: the folder; photographs that are there already are old and never looked at.
+
+    Raises:
+        InputError: it is not there.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._folder = ImageFolder(path, only_new=True)
+
+    def grab(self, count: int) -> list[Image]:
+        """The next `count` photographs, waited for.
+
+        Raises:
+            InputError: they did not come in time, or cannot be read.
+        """
+        if self._folder.fresh() < count:
+            print(
+                f"put {count} new photographs into {self._folder.path} within {AWAIT_S:g} s", file=sys.stderr
+            )
+        over = time.monotonic() + AWAIT_S
+        while self._folder.fresh() < count and time.monotonic() < over:
+            time.sleep(0.2)
+        return self._folder.grab(count)
 
 
 def world_file(task: Task, world: Path | None) -> Path:
@@ -70,7 +104,12 @@ def open_cell(
     """
     if not 0.01 <= time_scale <= 100.0:
         raise InputError(f"time scale = {time_scale:g}: must be from 0.01 to 100", time_scale=time_scale)
-    opened = _open_real(task, port, images, log) if port else _open_simulated(task, world, time_scale, log)
+    if port is None and images is not None:
+        raise InputError("--images needs --port: the simulated cell has its own camera", images=str(images))
+    real = port is not None
+    opened = (
+        _open_real(task, port or "", images, log) if real else _open_simulated(task, world, time_scale, log)
+    )
     with opened as connection:
         yield connection
 
@@ -81,7 +120,7 @@ def _open_real(task: Task, port: str, images: Path | None, log: Path) -> Iterato
         raise InputError("a camera is needed with --port: give photographs with --images", port=port)
     clock = Clock()
     with WireLog(log, clock) as wire, Mars(port, task.cell.unit, clock, wire) as mars:
-        yield Connection(mars, ImageFolder(images), 1.0)
+        yield Connection(mars, AwaitedPhotographs(images), 1.0)
 
 
 @contextmanager

@@ -79,9 +79,13 @@ def table_lines(header: Sequence[str], rows: Iterable[Sequence[object]]) -> list
     return [line(header), line(["-" * w for w in widths]), *(line(row) for row in texts)]
 
 
+def _plain(value: object) -> str:
+    return f"{value:.2f}" if isinstance(value, float) else str(value)
+
+
 def _text(value: object) -> str:
     if value is None:
         return "-"
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return f"{value:.2f}" if isinstance(value, float) else str(value)
+    return f"{value:.3f}" if isinstance(value, float) and abs(value) < 0.1 else _plain(value)

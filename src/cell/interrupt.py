@@ -1,7 +1,7 @@
-"""Interrupts while an arm may move: SIGINT and SIGTERM both become KeyboardInterrupt, whoever started the program.
+"""Interrupts while an arm may move: SIGINT, SIGTERM, SIGHUP and SIGQUIT become KeyboardInterrupt.
 
-A shell that starts a program in the background makes it deaf to SIGINT, and SIGTERM would end it without a word to
-the arm; neither may be while something moves.
+A shell that starts a program in the background makes it deaf to SIGINT, and the others (a kill, a closed terminal)
+would end it without a word to the arm; neither may be while something moves.
 """
 
 from __future__ import annotations
@@ -12,14 +12,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Inside, SIGINT and SIGTERM raise KeyboardInterrupt in the main thread."""
+    """Inside, any of `SIGNALS` raises KeyboardInterrupt in the main thread."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {number: signal.signal(number, _raise) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, _raise) for number in SIGNALS}
     try:
         yield
     finally:

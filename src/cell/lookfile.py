@@ -51,10 +51,12 @@ class Seen:
     Attributes:
         boards: found.
         missing: per board name, why it was not found.
+        half_seen: names of those of them that stand partly in view, so at a place that is not known.
     """
 
     boards: tuple[SeenBoard, ...]
     missing: dict[str, str]
+    half_seen: tuple[str, ...] = ()
 
     @property
     def poses(self) -> tuple[BoardPose, ...]:
@@ -115,15 +117,25 @@ class Seen:
                     board=board.name,
                     why=why,
                 )
+        if self.half_seen:
+            name = self.half_seen[0]
+            raise ImpossibleError(
+                f"board {name} stands partly in view, so where it stands is not known: {self.missing[name]}; "
+                "put it whole into the camera's view, or out of the cell",
+                board=name,
+                why=self.missing[name],
+            )
         if task.board_height is not None:
             _require_flat(task, self.board(task.from_board.name))
 
     def moved(self, before: Seen, cell: Cell) -> list[str]:
         """What shifted or turned beyond the cell's tolerance since `before`, one line a board."""
         lines = []
+        lines += [f"board {b.name} has come into view" for b in self.boards if before.board(b.name) is None]
         for old in before.boards:
             new = self.board(old.name)
             if new is None:
+                lines.append(f"board {old.name} is no longer in view")
                 continue
             T_old_new = inverse(old.pose.T_base_board) @ new.pose.T_base_board
             centre = np.array([0.09, 0.07, 0.0, 1.0])
@@ -153,7 +165,7 @@ def _require_flat(task: Task, seen: SeenBoard | None) -> None:
 def seen_to_json(seen: Seen, T_base_camera: Array) -> dict[str, Any]:
     """The command's JSON: one scene. Boards that were not found are in `missing`, with why."""
     boards = [_board_to_json(b, T_base_camera) for b in seen.boards]
-    return {"scenes": [{"boards": boards, "missing": dict(seen.missing)}]}
+    return {"scenes": [{"boards": boards, "missing": dict(seen.missing), "half_seen": list(seen.half_seen)}]}
 
 
 def _board_to_json(seen: SeenBoard, T_base_camera: Array) -> dict[str, Any]:
@@ -191,9 +203,13 @@ def read_seen(path: Path, boards: Sequence[Board]) -> Seen:
         value = json.loads(read_text(path))
         scene = value["scenes"][0]
         found = [_board_from_json(path, entry, boards) for entry in scene["boards"]]
-        return Seen(tuple(found), dict(scene.get("missing", {})))
+        half_seen = tuple(str(name) for name in scene.get("half_seen", []))
+        missing = {str(name): str(why) for name, why in scene.get("missing", {}).items()}
+        return Seen(tuple(found), missing, tuple(name for name in half_seen if name in missing))
     except json.JSONDecodeError as error:
         raise FileInputError(path, "", None, f"is not JSON: {error}") from error
+    except RecursionError as error:
+        raise FileInputError(path, "", None, "is nested too deeply") from error
     except (KeyError, IndexError, TypeError, ValueError) as error:
         raise FileInputError(
             path,
@@ -213,8 +229,18 @@ def _board_from_json(path: Path, entry: dict[str, Any], boards: Sequence[Board])
     except A465Error as error:
         raise FileInputError(path, f"{board.name}.T_base_board", None, str(error)) from error
     covariance: Array = frozen(entry["covariance"])
-    if covariance.shape != (6, 6):
-        raise FileInputError(path, f"{board.name}.covariance", list(covariance.shape), "must be 6 by 6")
+    if covariance.shape != (6, 6) or not np.isfinite(covariance).all():
+        raise FileInputError(
+            path, f"{board.name}.covariance", list(covariance.shape), "must be 6 by 6, finite"
+        )
+    if entry["verdict"] != "accepted":
+        raise FileInputError(
+            path, f"{board.name}.verdict", entry["verdict"], "must be 'accepted'", "look again"
+        )
+    if [hole["hole"] for hole in entry["holes"]] != [
+        f"{board.name}/{n}" for n in range(1, len(entry["holes"]) + 1)
+    ]:
+        raise FileInputError(path, f"{board.name}.holes", None, "must be in the order of the board's file")
     states = tuple(hole["state"] for hole in entry["holes"])
     if len(states) != 4 or not set(states) <= {"cube", "empty", "unsure"}:
         raise FileInputError(path, f"{board.name}.holes", states, "must be four of cube, empty, unsure")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
 
+from arm.board import Board
 from arm.errors import InputError
 from arm.files import write_atomic
 from cell.console import Console
@@ -27,7 +29,7 @@ def look_and_save(task: Task, frames: FrameSource, picture: Path | None, console
     found = look(images, cell.camera, cell.boards, cell.dictionary, cell.cube_size)
     if picture is not None:
         write_png(picture, annotated(images[0], cell.camera, found))
-    seen = seen_of(found)
+    seen = seen_of(found, cell.boards)
     boards = ", ".join(
         f"{b.name} ({len(b.holes('cube'))} cubes, {b.pose.residual_px:.3f} px)" for b in seen.boards
     )
@@ -35,10 +37,12 @@ def look_and_save(task: Task, frames: FrameSource, picture: Path | None, console
     return seen
 
 
-def seen_of(found: Look) -> Seen:
-    """A look of the vision room as the cell's commands pass it on."""
+def seen_of(found: Look, known: Sequence[Board]) -> Seen:
+    """A look of the vision room as the cell's commands pass it on; `known` are all boards of the cell."""
     boards = tuple(SeenBoard(b.pose, tuple(o.state for o in b.occupancy)) for b in found.boards)
-    return Seen(boards, dict(found.missing))
+    seen_ids = {marker.id for frame in found.frames for marker in frame}
+    half = tuple(b.name for b in known if b.name in found.missing and seen_ids & set(b.marker_ids))
+    return Seen(boards, dict(found.missing), half)
 
 
 def write_png(path: Path, image: Image) -> None:

@@ -60,7 +60,7 @@ class CubeRow:
             "placed": self.placed,
             "error_mm": _scaled(self.error, 1e3),
             "tilt_error_deg": _scaled(self.tilt_error, 180.0 / np.pi),
-            "motion_s": self.motion_s,
+            "motion_s": round(self.motion_s, 3),
             "min_clearance_mm": _scaled(self.min_clearance, 1e3),
             "remarks": self.remarks,
         }

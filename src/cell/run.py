@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from arm.errors import ExecutionStopped
+from arm.errors import A465Error, ExecutionStopped, InputError
 from arm.planfile import read_plan
 from cell.checking import replayed, require_scene
 from cell.connection import open_cell
 from cell.console import Console
 from cell.interrupt import interruptible
-from cell.taskfile import read_task
+from cell.taskfile import Task, read_task
 from cell.taskrun import TaskRun
 
 
@@ -36,27 +38,16 @@ def run_task(
     task = read_task(task_file)
     speed = task.cell.speed if speed is None else speed
     task.cell.limits.scaled(speed)
-    folder = folder or Path("runs") / task.name
-    with (
-        interruptible(),
-        open_cell(task, port, world, images, time_scale, folder / "wire.jsonl") as connection,
-    ):
-        run = TaskRun(task, connection, console, speed, folder)
-        try:
-            run.introduce()
-            before = run.try_look("before anything moves")
-            if before is not None:
-                run.check_reach(before)
-            run.take_into_use()
-            run.go_to_start(before)
-            seen = run.look("from q_start")
-            run.check_reach(seen)
-            run.move_cubes(seen)
+    with _opened(task, console, port, world, images, speed, time_scale, folder) as run:
+        before = run.try_look("before anything moves")
+        if before is not None and not run.foresee(before):
             return run.report()
-        except KeyboardInterrupt:
-            raise ExecutionStopped(
-                "interrupted between motions; the arm stands", folder=str(folder)
-            ) from None
+        run.take_into_use()
+        run.go_to_start(before)
+        seen = run.look("from q_start")
+        run.check_reach(seen)
+        run.move_cubes(seen)
+        return run.report()
 
 
 def execute_plan(
@@ -73,32 +64,70 @@ def execute_plan(
 
     Raises:
         InputError: a file, value or port is wrong.
-        ImpossibleError: the plan does not hold, is for another arm, camera or limits, or a board is not where the plan
-            has it; the arm stands, at most moved to q_start.
-        ExecutionStopped: motion stopped, or a board moved on the way; the state is in the error's data.
+        ImpossibleError: the plan does not hold, is for another cell, or a board or cube is not where the plan has it;
+            the arm stands, at most moved to q_start.
+        ExecutionStopped: motion stopped, or something changed on the way; the state is in the error's data.
     """
     task, plan = read_task(task_file), read_plan(plan_file)
     moves = replayed(task, plan)
     console.step(f"plan {plan.sha256[:12]}: {len(moves)} moves hold and match this cell")
-    folder = folder or Path("runs") / plan_file.stem
+    with _opened(task, console, port, world, images, plan.speed, time_scale, folder) as run:
+        before = run.try_look("before anything moves")
+        if before is not None:
+            require_scene(task.cell, plan, before)
+        run.take_into_use()
+        run.go_to_start(before)
+        seen = run.look("from q_start")
+        require_scene(task.cell, plan, seen)
+        run.keep(plan, "plan")
+        _, again = run.follow(plan, seen)
+        report = run.report()
+    if again:
+        raise ExecutionStopped(f"{run.remarks[-1]}; plan again", **report)
+    return report
+
+
+@contextmanager
+def _opened(
+    task: Task,
+    console: Console,
+    port: str | None,
+    world: Path | None,
+    images: Path | None,
+    speed: float,
+    time_scale: float,
+    asked: Path | None,
+) -> Iterator[TaskRun]:
+    """A run on an open cell; however it ends, its folder tells how."""
+    folder = run_folder(asked, task.name)
     with (
         interruptible(),
         open_cell(task, port, world, images, time_scale, folder / "wire.jsonl") as connection,
     ):
-        run = TaskRun(task, connection, console, plan.speed, folder)
+        run = TaskRun(task, connection, console, speed, folder)
         try:
             run.introduce()
-            run.take_into_use()
-            run.go_to_start(None)
-            seen = run.look("from q_start")
-            require_scene(task.cell, plan, seen)
-            run.keep(plan, "plan")
-            _, again = run.follow(plan, seen)
-            report = run.report()
+            yield run
         except KeyboardInterrupt:
-            raise ExecutionStopped(
-                "interrupted between motions; the arm stands", folder=str(folder)
-            ) from None
-    if again:
-        raise ExecutionStopped(f"{run.remarks[-1]}; plan again", **report)
-    return report
+            error = ExecutionStopped("interrupted between motions; the arm stands", folder=str(folder))
+            run.record(error)
+            raise error from None
+        except A465Error as error:
+            run.record(error)
+            raise
+
+
+def run_folder(asked: Path | None, name: str) -> Path:
+    """A folder for a run, new or empty: files of two runs are never mixed.
+
+    Raises:
+        InputError: the folder asked for holds something.
+    """
+    if asked is not None:
+        if asked.exists() and (not asked.is_dir() or any(asked.iterdir())):
+            raise InputError(f"{asked}: must be a new or empty folder; runs are not mixed", folder=str(asked))
+        return asked
+    number = 1
+    while (folder := Path("runs") / f"{name}-{number}").exists():
+        number += 1
+    return folder

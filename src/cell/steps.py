@@ -178,13 +178,18 @@ def emulate_step(unit_name: str, link: Path | None, tcp: int | None, time_scale:
     over = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: over.set())
+    if link is not None and link.exists():
+        raise InputError(f"{link}: exists already; give a new name for the link", link=str(link))
+    if tcp is not None and not 0 <= tcp <= 65535:
+        raise InputError(f"tcp = {tcp}: must be a port from 0 to 65535", tcp=tcp)
     with Emulator(load_unit(unit_name), Clock(time_scale)) as emulator:
-        print(
-            f"{unit_name} on {emulator.open_pty(link)}" + (f", linked from {link}" if link else ""),
-            flush=True,
-        )
-        if tcp is not None:
-            print(f"{unit_name} on {emulator.open_tcp(tcp)}", flush=True)
+        try:
+            linked = f", linked from {link}" if link else ""
+            print(f"{unit_name} on {emulator.open_pty(link)}{linked}", flush=True)
+            if tcp is not None:
+                print(f"{unit_name} on {emulator.open_tcp(tcp)}", flush=True)
+        except OSError as error:
+            raise InputError(f"emulate: {error.strerror}: {link or tcp}", link=str(link), tcp=tcp) from error
         while not over.wait(0.5):
             pass
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from arm.errors import ExecutionStopped
+from arm.errors import A465Error, ExecutionStopped
 from arm.files import write_atomic
 from arm.planfile import GripperStep, LookStep, Move, Plan, Step, write_plan
 from arm.se3 import Array, frozen
@@ -24,6 +25,8 @@ from cell.scenery import T_base_cube_on_table, cube_name
 from cell.taskfile import Task
 from driver.execute import StepResult, execute
 from driver.stream import Progress
+
+GRIP_CHANGE = 0.05  # of the stroke by which the jaws may move on a held cube
 
 
 class TaskRun:
@@ -56,8 +59,9 @@ class TaskRun:
     # -- the stages
 
     def introduce(self) -> None:
-        """Say what is about to happen, and where."""
+        """Say what is about to happen and where, and make sure that a controller of the right kind listens."""
         self.console.step(f"task {self.task.name}: {self.task.kind} on {self._where()}, speed {self.speed:g}")
+        self.console.step(f"controller: {self.connection.mars.identify()}")
 
     def _where(self) -> str:
         scale = self.connection.time_scale
@@ -80,7 +84,7 @@ class TaskRun:
     def try_look(self, why: str) -> Seen | None:
         """Look while the arm may stand in view; None if that hides a board."""
         seen = self._see(why)
-        if seen.missing_of(self.task):
+        if seen.missing_of(self.task) or seen.half_seen:
             self.console.step("the arm may stand in view: reach is checked from q_start")
             return None
         seen.require(self.task)
@@ -101,15 +105,33 @@ class TaskRun:
         least = min(float(np.degrees(h.best.margin)) for h in table.holes)
         self.console.step(f"reach: all {len(table.holes)} holes, at least {least:.1f} deg from every limit")
 
+    def foresee(self, seen: Seen) -> bool:
+        """Plan the whole task from q_start before anything moves, so that what cannot be done is refused here.
+
+        Returns:
+            Whether there is anything to do.
+
+        Raises:
+            ImpossibleError: with step, hole, joint or pair of bodies and how much.
+        """
+        self.check_reach(seen)
+        plan = plan_rest(self.task, seen, self.task.cell.q_start, self.speed, {}, {})
+        if plan is None:
+            self.console.step(f"board {self.task.from_board.name} holds no cube: nothing to do")
+            return False
+        self.console.step(f"foreseen: {len(plan.task['cubes'])} cubes in {plan.duration_s:.1f} s of motion")
+        return True
+
     def take_into_use(self) -> None:
-        """Identify the controller, home the arm, open the jaws."""
+        """Home the arm, open the jaws."""
         mars = self.connection.mars
-        firmware = mars.identify()
-        self.console.step(f"controller: {firmware}")
         mars.initialise(home=True, soft_home=False)  # the way from the marks is planned like any other
         cell = self.task.cell
         mars.set_registers(cell.speed_registers, cell.acceleration_registers)
-        mars.gripper(0.0)
+        if mars.gripper(0.0).stalled:
+            raise ExecutionStopped(
+                "the jaws do not open: something blocks them; the arm stands at its homing marks"
+            )
         self.console.step("homed, jaws open")
 
     def go_to_start(self, seen: Seen | None) -> None:
@@ -165,7 +187,7 @@ class TaskRun:
             row.add_motion(steps[: grip + 1])
             if held is None or not held.stalled:
                 return self._missed(steps, grip, row, seen), True
-            self._execute(steps[grip + 1 :])
+            self._carry(steps[grip + 1 :], transfer["cube"], held.fraction_closed)
             row.add_motion(steps[grip + 1 :])
             row.placed = True
             self._put_down(transfer, row)
@@ -181,14 +203,46 @@ class TaskRun:
                 return seen, True
         return seen, False
 
+    def _carry(self, steps: Sequence[Step], cube: str, grip: float) -> None:
+        """Execute the steps of a cube in the jaws; it must be there before it is lowered, and gone after it was let go.
+
+        Raises:
+            ExecutionStopped: it was lost on the way, or stays in the jaws, or a motion stopped.
+        """
+        release = next(i for i, s in enumerate(steps) if isinstance(s, GripperStep))
+        try:
+            self._execute(steps[: release - 1])
+            now = self.connection.mars.jaws()
+            if abs(now - grip) > GRIP_CHANGE:
+                self.connection.mars.stop()
+                raise ExecutionStopped(
+                    f"{cube} was lost on the way: the jaws were {100 * grip:.0f} % closed on it and are "
+                    f"{100 * now:.0f} % closed now; the arm stands over the place it was to go to",
+                    fraction_closed=now,
+                    index=release,
+                )
+            opened = self._execute(steps[release - 1 : release + 1])[-1].gripper
+            if opened is None or opened.stalled:
+                raise ExecutionStopped(
+                    f"the jaws do not open to let go of {cube}; the arm stands at its place", index=0
+                )
+        except ExecutionStopped as error:
+            if "holding" not in error.data and "lost" not in str(error):
+                raise ExecutionStopped(
+                    f"{error}; {cube} is in the jaws", **error.data, holding=cube
+                ) from error
+            raise
+        self._execute(steps[release + 1 :])
+
     def _missed(self, steps: Sequence[Step], grip: int, row: CubeRow, seen: Seen) -> Seen:
-        """The jaws closed on nothing: open, back out the way the plan would have, go to q_start, look."""
+        """The jaws closed on nothing: open, back out the way the jaws came, go to q_start, look."""
         self._tell(f"cube of {row.source} is not where it should be: the jaws closed on nothing")
         row.remarks.append("the jaws closed on nothing")
         self.given_up.add(int(row.source.rsplit("/", 1)[1]) - 1)
         self.connection.mars.gripper(0.0)
-        retract = next(s for s in steps[grip:] if isinstance(s, Move) and s.role == "retract")
-        self._execute([retract])
+        # the approach was certified with open jaws, so it holds the other way too; the lift-off was not
+        approach = next(s for s in steps[:grip] if isinstance(s, Move) and s.role == "approach")
+        self._execute([replace(approach, name="back out", role="retract", path=approach.path.reversed())])
         self.go_to_start(seen)
         before, after = seen.state(row.source), self.look("after a missed cube")
         if before == "cube" and after.state(row.source) == "empty":
@@ -243,24 +297,32 @@ class TaskRun:
     def report(self) -> dict[str, Any]:
         """Print the table and write the report."""
         print_rows(self.console, self.rows)
+        report = self._as_json()
+        write_atomic(self.folder / "report.json", _json(report))
+        self.console.say(f"\nwhat was seen, planned and sent is in {self.folder}")
+        return report
+
+    def record(self, error: A465Error) -> None:
+        """Write the report of a run that ended by an error."""
+        kind = {"kind": type(error).__name__, "message": str(error), "exit_code": error.exit_code}
+        write_atomic(self.folder / "report.json", _json({**self._as_json(), "error": kind}))
+
+    def _as_json(self) -> dict[str, Any]:
         whole = [p for p in self.plans if p.task["cubes"]]
-        report = {
+        return {
             "task": self.task.name,
             "kind": self.task.kind,
             "unit": self.task.cell.unit.name,
             "cubes": [row.to_json() for row in self.rows],
             "plan_sha256": whole[0].sha256 if whole else None,
             "plans_sha256": [p.sha256 for p in whole],
-            "motion_s": sum(p.duration_s for p in whole),
+            "motion_s": round(sum(p.duration_s for p in whole), 3),
             "speed": self.speed,
             "time_scale": self.connection.time_scale,
             "simulated": self.connection.simulated is not None,
             "remarks": self.remarks,
             "folder": str(self.folder),
         }
-        write_atomic(self.folder / "report.json", _json(report))
-        self.console.say(f"\nplan, photographs, log and preview.html are in {self.folder}")
-        return report
 
 
 def _json(value: dict[str, Any]) -> str:

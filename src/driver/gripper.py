@@ -30,6 +30,11 @@ class GripperResult:
     stalled: bool
 
 
+def read_jaws(link: Link, gripper: GripperAxis) -> float:
+    """Where the jaws are, 0 open to 1 closed."""
+    return gripper.fraction_closed(parse_integer(link.ask("AP", gripper.axis)))
+
+
 def move_gripper(link: Link, gripper: GripperAxis, fraction_closed: float) -> GripperResult:
     """Move the jaws, 0 open to 1 closed, and wait until they rest, at the target or on an object.
 

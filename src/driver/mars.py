@@ -17,7 +17,7 @@ from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.unit import Unit
 from driver import startup
 from driver.clock import Clock
-from driver.gripper import GripperResult, move_gripper
+from driver.gripper import GripperResult, move_gripper, read_jaws
 from driver.identity import identify, read_back
 from driver.link import Link, NoAnswer
 from driver.protocol import Position, Status, encode
@@ -72,7 +72,9 @@ class Mars:
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
     ) -> None:
         try:
-            if isinstance(error, ExecutionStopped):
+            if not self.link.identified:
+                pass  # nothing moves, and nothing may be sent that could
+            elif isinstance(error, ExecutionStopped):
                 if "state" not in error.data:
                     error.data["state"] = self.stop().to_json()
             elif error is not None and not isinstance(error, InputError | ImpossibleError):
@@ -341,6 +343,15 @@ class Mars:
             if not self._initialised:
                 raise ExecutionStopped("initialise() comes before any motion", reason="order")
             return move_gripper(self.link, self.unit.gripper, fraction_closed)
+
+    def jaws(self) -> float:
+        """How far the jaws are closed now, 0 open to 1 closed; nothing moves.
+
+        Raises:
+            ExecutionStopped: no answer; with the state.
+        """
+        with self.guarded("jaws"):
+            return read_jaws(self.link, self.unit.gripper)
 
     # -- stopping
 

@@ -13,7 +13,7 @@ import numpy as np
 from arm.bodies import Body
 from arm.errors import ImpossibleError
 from arm.planfile import GripperStep, Move, Plan
-from arm.se3 import Array, frozen, inverse
+from arm.se3 import Array, angle_between, frozen, inverse
 from arm.unit import Limits, Unit
 from plan.check import MoveCheck, check_move
 from plan.extremes import SegmentExtremes, segment_extremes
@@ -24,6 +24,11 @@ from plan.world import World
 STATED_SLACK = 1e-6
 ON_LINES = ("approach", "retract")
 LIMIT_SLACK = 1e-9
+LINE_SAMPLE_S = 0.01
+LINE_ASIDE, LINE_TURN = 1e-4, np.radians(0.05)  # a line may be off by this
+VERTEX_S = (
+    5e-3  # a join may step in velocity by what the acceleration limit gives in 5 ms (the controller's rule)
+)
 GRASP_REACH = 0.05  # from the tool frame to the centre of a cube between the jaws, m
 
 
@@ -84,7 +89,18 @@ def settings(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, Setti
                 q = unit.positions(step.path.end)
 
 
-def replay(plan: Plan, scene: Scene, unit: Unit, limits: Limits) -> tuple[ReplayedMove, ...]:
+@dataclass(frozen=True)
+class Asked:
+    """What the cell of now asks of a plan: clearance of transits and of lines, and length of the lines, m."""
+
+    clearance: float
+    line_clearance: float
+    offset: float
+
+
+def replay(
+    plan: Plan, scene: Scene, unit: Unit, limits: Limits, asked: Asked | None = None
+) -> tuple[ReplayedMove, ...]:
     """Check every move of a plan anew, as it would be sent.
 
     Args:
@@ -92,6 +108,7 @@ def replay(plan: Plan, scene: Scene, unit: Unit, limits: Limits) -> tuple[Replay
         scene: of the plan, with the arms of now.
         unit: of the plan.
         limits: under the plan's registers at speed 1.
+        asked: what the plan must keep besides what it states; None to hold it to its own word only.
 
     Raises:
         ImpossibleError: a move comes nearer to something than the plan states, or breaks a limit at the plan's speed;
@@ -100,8 +117,11 @@ def replay(plan: Plan, scene: Scene, unit: Unit, limits: Limits) -> tuple[Replay
     scaled = limits.scaled(plan.speed)
     replayed = []
     for move, setting in settings(plan, scene, unit):
-        peaks = _peaks(move, segment_extremes(move.path, unit), scaled, scene.robot_open.joint_names)
+        peaks = _peaks(move, unit, scaled, scene.robot_open.joint_names)
         stated = max(move.clearance - STATED_SLACK, 0.0)
+        if asked is not None:
+            _require_asked(move, asked)
+            _require_line(move, scene, unit, asked.offset)
         check = check_move(setting.world, move.path, unit, stated, tight=False)
         if not check.proved:
             raise ImpossibleError(
@@ -114,6 +134,40 @@ def replay(plan: Plan, scene: Scene, unit: Unit, limits: Limits) -> tuple[Replay
             )
         replayed.append(ReplayedMove(move, check, *peaks))
     return tuple(replayed)
+
+
+def _require_asked(move: Move, asked: Asked) -> None:
+    least = asked.line_clearance if move.role in ON_LINES else asked.clearance
+    if not move.certified or move.clearance < least - STATED_SLACK:
+        raise ImpossibleError(
+            f"{move.name!r} states {move.clearance * 1e3:.2f} mm of clearance{'' if move.certified else ', unproved'}; "
+            f"{least * 1e3:g} mm are asked for; make the plan again",
+            step=move.name,
+            stated_m=move.clearance,
+            asked_m=least,
+        )
+
+
+def _require_line(move: Move, scene: Scene, unit: Unit, offset: float) -> None:
+    """Approach and retract run straight along the tool's own axis, over the whole offset."""
+    if move.role not in ON_LINES:
+        return
+    times = np.linspace(0.0, move.path.duration_s, max(3, int(move.path.duration_s / LINE_SAMPLE_S)))
+    poses = [scene.robot_open.T_base_tool(q) for q in unit.positions(move.path.at(times))]
+    station = poses[-1] if move.role == "approach" else poses[0]
+    relative = np.stack([inverse(station) @ T for T in poses])
+    aside = float(np.hypot(relative[:, 0, 3], relative[:, 1, 3]).max())
+    turned = max(angle_between(np.eye(3), T[:3, :3]) for T in relative)
+    length = float(-relative[:, 2, 3].min())
+    if aside > LINE_ASIDE or turned > LINE_TURN or abs(length - offset) > LINE_ASIDE:
+        raise ImpossibleError(
+            f"{move.name!r} is no line of {offset * 1e3:g} mm along the tool's axis: {aside * 1e3:.3f} mm aside, "
+            f"{np.degrees(turned):.4f} deg turned, {length * 1e3:.2f} mm long; make the plan again",
+            step=move.name,
+            aside_m=aside,
+            turned=turned,
+            length_m=length,
+        )
 
 
 def _gripped(cubes: dict[str, Body], T_base_tool: Array, step: str) -> tuple[str, Array]:
@@ -150,20 +204,28 @@ def _setting(
     return Setting(world, standing, cubes[held], T_tool_held)
 
 
-def _peaks(
-    move: Move, extremes: SegmentExtremes, limits: Limits, joints: tuple[str, ...]
-) -> tuple[float, float]:
-    for what, found, allowed, unit in (
+def _jumps(move: Move, extremes: SegmentExtremes, unit: Unit) -> Array:
+    """Velocity steps at joins and from and to rest at both ends, rad/s."""
+    segments = move.path.segments
+    scale = np.abs(unit.counts_per_rad)
+    ends = np.stack([segments[0].derivative(0.0), segments[-1].derivative(1.0)]) / scale
+    return np.concatenate([np.abs(ends), extremes.jumps])
+
+
+def _peaks(move: Move, unit: Unit, limits: Limits, joints: tuple[str, ...]) -> tuple[float, float]:
+    extremes = segment_extremes(move.path, unit)
+    for what, found, allowed, in_unit in (
         ("lower limit", -extremes.lower, -limits.lower, "deg"),
         ("upper limit", extremes.upper, limits.upper, "deg"),
         ("velocity", extremes.velocity, limits.velocity, "deg/s"),
         ("acceleration", extremes.acceleration, limits.acceleration, "deg/s2"),
+        ("jump of velocity at a join", _jumps(move, extremes, unit), VERTEX_S * limits.acceleration, "deg/s"),
     ):
         excess = np.max(found - allowed, axis=0)
         joint = int(np.argmax(excess))
         if excess[joint] > LIMIT_SLACK:
             raise ImpossibleError(
-                f"{move.name!r}: {joints[joint]} is {np.degrees(excess[joint]):.4f} {unit} over its {what}; "
+                f"{move.name!r}: {joints[joint]} is {np.degrees(excess[joint]):.4f} {in_unit} over its {what}; "
                 "make the plan again",
                 step=move.name,
                 joint=joints[joint],

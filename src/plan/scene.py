@@ -93,21 +93,40 @@ def scene_from_json(value: dict[str, Any], robot_open: Robot, robot_holding: Rob
     Raises:
         InputError: the arms are not those of the scene.
     """
+    if not isinstance(value, dict) or not {
+        "bodies",
+        "cubes",
+        "allowed",
+        "robot_open",
+        "robot_holding",
+    } <= set(value):
+        raise InputError("scene: must hold bodies, cubes, allowed, robot_open and robot_holding; plan again")
     for key, robot in (("robot_open", robot_open), ("robot_holding", robot_holding)):
         if value[key] != robot.digest:
             raise InputError(
-                f"scene: {key} has digest {value[key][:12]}, the arm of now has {robot.digest[:12]}; plan again",
+                f"scene: {key} has digest {str(value[key])[:12]}, the arm of now has {robot.digest[:12]}; plan again",
                 key=key,
                 scene=value[key],
                 robot=robot.digest,
             )
+    pairs = value["allowed"]
+    if not all(isinstance(value[k], list) for k in ("bodies", "cubes", "allowed")) or not all(
+        map(_pair, pairs)
+    ):
+        raise InputError(
+            "scene: bodies, cubes and allowed must be lists, allowed of pairs of names; plan again"
+        )
     return Scene(
         robot_open,
         robot_holding,
         tuple(body_from_json(b) for b in value["bodies"]),
         tuple(body_from_json(c) for c in value["cubes"]),
-        frozenset(frozenset(pair) for pair in value["allowed"]),
+        frozenset(frozenset(pair) for pair in pairs),
     )
+
+
+def _pair(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 2 and all(isinstance(name, str) for name in value)
 
 
 @dataclass(frozen=True)

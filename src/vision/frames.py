@@ -35,10 +35,11 @@ class ImageFolder:
     takes new photographs puts them into the folder under later names.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, only_new: bool = False) -> None:
         """
         Args:
             path: the folder.
+            only_new: photographs that are there now are old and never handed out.
 
         Raises:
             InputError: it is not there.
@@ -46,7 +47,12 @@ class ImageFolder:
         if not path.is_dir():
             raise InputError(f"{path}: there is no such folder of photographs", path=str(path))
         self.path = path
-        self._used: set[str] = set()
+        self._used: set[str] = {p.name for p in path.iterdir()} if only_new else set()
+
+    def fresh(self) -> int:
+        """How many photographs were not handed out yet."""
+        names = (p.name for p in self.path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
+        return len(set(names) - self._used)
 
     def grab(self, count: int) -> list[Image]:
         """The next `count` photographs that were not handed out before.

@@ -79,7 +79,7 @@ def test_an_override_only_lowers() -> None:
     assert half.velocity == pytest.approx(limits.velocity / 2)
     assert half.acceleration == pytest.approx(limits.acceleration / 4)
     for speed in (0.0, -1.0, 1.001, float("nan")):
-        with pytest.raises(InputError, match="an override only lowers"):
+        with pytest.raises(InputError, match="it only lowers what the registers allow"):
             limits.scaled(speed)
 
 

@@ -8,9 +8,10 @@ import pty
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -20,6 +21,7 @@ from arm.errors import ExecutionStopped, ImpossibleError
 from arm.files import data_file
 from arm.se3 import transform
 from cell.connection import Connection
+from cell.taskfile import read_task
 from cell.worldfile import board_placement
 from whole_run import run_whole
 
@@ -153,6 +155,102 @@ def test_a_plan_for_another_camera_arm_or_limits_is_refused(scenes: Path) -> Non
         (scenes / file).write_text(before)
 
 
+def _planned(scenes: Path) -> Path:
+    plan = scenes / "plan.json"
+    _a465("look", scenes / "task2.toml", "-o", scenes / "look.json")
+    _a465("plan", scenes / "task2.toml", "--look", scenes / "look.json", "-o", plan)
+    return plan
+
+
+def test_a_cell_that_got_another_wall_refuses_the_plan(scenes: Path) -> None:
+    plan = _planned(scenes)
+    wall = '\n[[walls]]\nname = "new"\ncentre_mm = [360, -340, 160]\nsize_mm = [40, 40, 40]\n'
+    (scenes / "cell.toml").write_text((scenes / "cell.toml").read_text() + wall)
+    for verb in ("check", "execute"):
+        told = _refused(verb, plan, scenes / "task2.toml", code=3, cwd=scenes)
+        assert "not for the cell of now" in told
+    value = json.loads(plan.read_text())  # even if somebody makes the file say that it is for this cell
+    value["provenance"]["task"] = read_task(scenes / "task2.toml").digest
+    plan.write_text(json.dumps(value))
+    told = _refused("check", plan, scenes / "task2.toml", code=3, cwd=scenes)
+    assert "scene is not that of the cell of now: new" in told
+
+
+def _without_walls(value: dict[str, Any]) -> None:
+    value["scene"]["bodies"] = [b for b in value["scene"]["bodies"] if b["kind"] not in ("table", "wall")]
+
+
+def _tiny(value: dict[str, Any]) -> None:
+    for body in value["scene"]["bodies"]:
+        body["shape"] = {"sphere": 1e-3}
+
+
+def _all_may_touch(value: dict[str, Any]) -> None:
+    names = [b["name"] for b in value["scene"]["bodies"]]
+    value["scene"]["allowed"] = [sorted((c["name"], n)) for c in value["scene"]["cubes"] for n in names]
+
+
+def _swapped_cubes(value: dict[str, Any]) -> None:
+    for step in value["steps"]:
+        if step.get("cube") in (0, 1):
+            step["cube"] = 1 - step["cube"]
+
+
+def _straight_jerks(value: dict[str, Any]) -> None:
+    move = next(s for s in value["steps"] if s["step"] == "move" and s["role"] == "transit")
+    move["segments"] = [
+        [s[0], [sum(column) for column in zip(*s[1:], strict=True)]] for s in move["segments"]
+    ]
+
+
+def _no_cubes(value: dict[str, Any]) -> None:
+    value["task"] = {}
+
+
+def _no_clearance(value: dict[str, Any]) -> None:
+    for step in value["steps"]:
+        if step["step"] == "move":
+            step["clearance"] = 0.0
+
+
+def _shut_jaws(value: dict[str, Any]) -> None:
+    for step in value["steps"]:
+        if step["step"] == "gripper" and step["action"] == "open":
+            step["fraction_closed"] = 0.9
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (_without_walls, "camera post"),
+        (_tiny, "plate 01-02"),
+        (_all_may_touch, "contact of"),
+        (_swapped_cubes, "out of order"),
+        (_straight_jerks, "jump of velocity"),
+        (_no_cubes, "task.cubes"),
+        (_no_clearance, "asked for"),
+        (_shut_jaws, "says open but closes"),
+    ],
+    ids=lambda v: v.__name__.strip("_") if callable(v) else "",
+)
+def test_a_plan_file_that_was_tampered_with_is_refused(
+    scenes: Path, change: Callable[[dict[str, Any]], None], words: str
+) -> None:
+    plan = _planned(scenes)
+    value = json.loads(plan.read_text())
+    change(value)
+    plan.write_text(json.dumps(value))
+    _, told = _a465("check", plan, scenes / "task2.toml", code=3, cwd=scenes)
+    assert words in told
+
+
+def test_a_plan_is_not_executed_where_a_hole_holds_a_cube_by_now(scenes: Path) -> None:
+    plan = _planned(scenes)
+    _change(scenes / "task2.world.toml", "cubes = []", "cubes = [1]")
+    _, told = _a465("execute", plan, scenes / "task2.toml", "--time-scale", 30, code=3, cwd=scenes)
+    assert "hole 03-04/1 looks cube, the plan has it empty" in told
+
+
 def test_a_plan_whose_certificate_was_tampered_with_is_refused(scenes: Path) -> None:
     _a465("look", scenes / "task2.toml", "-o", scenes / "look.json")
     _a465("plan", scenes / "task2.toml", "--look", scenes / "look.json", "-o", scenes / "plan.json")
@@ -176,7 +274,7 @@ def test_a_hole_out_of_reach_ends_with_3_before_anything_moves(scenes: Path, tmp
     assert run.error.data["holes"][0]["excess_deg"] > 1.0
     assert run.record is not None
     assert len(run.record.time_ms) == 0
-    assert run.sent == ()
+    assert all(line.split(":")[0] in ("", "ECHO", "STAMP", "VER?") for _, line in run.sent)
 
 
 def test_a_board_that_moves_on_the_way_makes_the_rest_be_planned_anew(tmp_path: Path) -> None:
@@ -228,6 +326,26 @@ def test_a_cube_taken_from_under_the_jaws_stops_the_run_with_the_arm_at_q_start(
     assert run.record is not None
     unit = run.task.cell.unit
     assert unit.positions(run.record.counts[-1]) == pytest.approx(run.task.cell.q_start, abs=2e-5)
+
+
+def test_a_cube_lost_on_the_way_and_jaws_that_stay_shut_stop_the_run(tmp_path: Path) -> None:
+    def lose(connection: Connection) -> None:
+        emulator, mars = connection.emulator, connection.mars
+        assert emulator is not None
+        read = mars.jaws
+        mars.jaws = lambda: min(1.0, read() + 0.3)  # type: ignore[method-assign]
+
+    def jam(connection: Connection) -> None:
+        simulated = connection.simulated
+        assert simulated is not None
+        simulated._open = lambda T, target: 1.0 - simulated.jaw_opening / simulated.cell.jaw_opening  # type: ignore
+
+    for meddle, words in ((lose, "was lost on the way"), (jam, "the jaws do not open to let go")):
+        run = run_whole(data_file("scenes/task2.toml"), tmp_path / words[:3], meddle=meddle)
+        assert isinstance(run.error, ExecutionStopped), run.said
+        assert words in str(run.error)
+        report = json.loads((run.folder / "report.json").read_text())
+        assert report["error"]["exit_code"] == 4
 
 
 def test_jaws_that_fail_to_hold_a_cube_leave_it_and_go_on(tmp_path: Path) -> None:
