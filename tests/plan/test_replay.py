@@ -14,7 +14,7 @@ from arm.motion import CountPath, Segment
 from arm.planfile import GripperStep, Move, Plan, Step
 from arm.se3 import transform
 from arm.unit import load_unit
-from plan.replay import replay
+from plan.replay import Asked, replay
 from plan.scene import Scene, scene_from_json
 from plan.task import plan_task
 from task2_scene import Q_START, Task2, task2
@@ -73,6 +73,26 @@ def test_a_changed_move_is_found(
 ) -> None:
     with pytest.raises(ImpossibleError, match=message):
         replay(_changed(plan, role, change), scene, UNIT, LIMITS)
+
+
+ASKED = Asked(clearance=0.010, line_clearance=0.005, offset=0.100)
+
+
+def test_what_the_cell_asks_for_is_kept_or_told(plan: Plan, scene: Scene) -> None:
+    replay(plan, scene, UNIT, LIMITS, ASKED)
+    for asked, message in (
+        (replace(ASKED, clearance=0.050), "50 mm are asked for"),
+        (replace(ASKED, line_clearance=0.050), "50 mm are asked for"),
+        (replace(ASKED, offset=0.090), "is no line of 90 mm"),
+    ):
+        with pytest.raises(ImpossibleError, match=message):
+            replay(plan, scene, UNIT, LIMITS, asked)
+    unproved = _changed(plan, "home", lambda m: replace(m, certified=False))
+    with pytest.raises(ImpossibleError, match="unproved"):
+        replay(unproved, scene, UNIT, LIMITS, ASKED)
+    bent = _changed(plan, "home", lambda m: replace(m, role="retract"))
+    with pytest.raises(ImpossibleError, match="is no line"):
+        replay(bent, scene, UNIT, LIMITS, ASKED)
 
 
 def test_contacts_on_a_transit_are_not_allowed(plan: Plan, scene: Scene) -> None:
