@@ -1,0 +1,101 @@
+"""Opening a cell: what is missing is told first, and photographs of before are never taken for the cell of now."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from arm.errors import InputError
+from arm.files import data_file
+from cell import connection
+from cell.connection import AwaitedPhotographs, open_cell, world_file
+from cell.interrupt import SIGNALS, interruptible
+from cell.run import run_folder
+from cell.taskfile import Task, read_task
+
+
+@pytest.fixture(scope="module")
+def task() -> Task:
+    return read_task(data_file("scenes/task2.toml"))
+
+
+def _photograph(path: Path, level: int) -> None:
+    cv2.imwrite(str(path), np.full((8, 8), level, dtype=np.uint8))
+
+
+def test_photographs_that_were_there_before_are_not_looked_at(tmp_path: Path) -> None:
+    _photograph(tmp_path / "a.png", 1)
+    frames = AwaitedPhotographs(tmp_path)
+
+    def later() -> None:
+        time.sleep(0.3)
+        for number in (2, 3):
+            _photograph(tmp_path / f"b{number}.png", number)
+
+    threading.Thread(target=later).start()
+    assert [int(image[0, 0]) for image in frames.grab(2)] == [2, 3]
+
+
+def test_photographs_that_do_not_come_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection, "AWAIT_S", 0.3)
+    _photograph(tmp_path / "a.png", 1)
+    with pytest.raises(InputError, match="holds 0 new photographs"):
+        AwaitedPhotographs(tmp_path).grab(1)
+    with pytest.raises(InputError, match="no such folder"):
+        AwaitedPhotographs(tmp_path / "none")
+
+
+def test_a_world_that_is_not_there_is_told(task: Task, tmp_path: Path) -> None:
+    assert world_file(task, None).name == "task2.world.toml"
+    with pytest.raises(InputError, match="the simulated cell needs one"):
+        world_file(task, tmp_path / "none.toml")
+
+
+@pytest.mark.parametrize(
+    ("port", "images", "time_scale", "message"),
+    [
+        (None, None, 0.0, "time scale = 0: must be from"),
+        (None, None, 101.0, "must be from 0.01 to 100"),
+        (None, Path("photographs"), 1.0, "--images needs --port"),
+        ("/dev/none", None, 1.0, "a camera is needed with --port"),
+    ],
+)
+def test_what_cannot_be_opened_is_told(
+    task: Task, tmp_path: Path, port: str | None, images: Path | None, time_scale: float, message: str
+) -> None:
+    opened = open_cell(task, port, None, images, time_scale, tmp_path / "wire.jsonl")
+    with pytest.raises(InputError, match=message), opened:
+        pass
+
+
+def test_runs_are_not_mixed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run_folder(None, "task2") == Path("runs/task2-1")
+    (tmp_path / "runs/task2-1").mkdir(parents=True)
+    assert run_folder(None, "task2") == Path("runs/task2-2")
+    assert run_folder(tmp_path / "new", "task2") == tmp_path / "new"
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full/plan.json").touch()
+    for taken in (tmp_path / "full", tmp_path / "full/plan.json"):
+        with pytest.raises(InputError, match="new or empty folder"):
+            run_folder(taken, "task2")
+
+
+def _send_myself(number: signal.Signals) -> None:
+    os.kill(os.getpid(), number)
+    time.sleep(1.0)
+
+
+@pytest.mark.parametrize("number", SIGNALS, ids=lambda s: s.name)
+def test_every_way_to_end_the_program_is_heard(number: signal.Signals) -> None:
+    before = signal.getsignal(number)
+    with pytest.raises(KeyboardInterrupt, match=number.name), interruptible():
+        _send_myself(number)
+    assert signal.getsignal(number) == before
