@@ -184,8 +184,6 @@ class Mars:
                 excess=float(excess[worst]),
             )
 
-    # -- asking
-
     def status(self) -> Status:
         """The status word now."""
         return read_status(self.link)
