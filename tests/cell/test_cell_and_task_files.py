@@ -1,6 +1,5 @@
 """Cell, task and world files: the shipped ones are good, and every mistake is one line with file, key and value."""
 
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +10,6 @@ from arm.files import data_file
 from cell.cellfile import read_cell
 from cell.taskfile import read_task
 from cell.worldfile import board_placement, read_world
-
-
-@pytest.fixture
-def scenes(tmp_path: Path) -> Path:
-    target = tmp_path / "scenes"
-    shutil.copytree(data_file("scenes"), target)
-    return target
 
 
 def _change(path: Path, old: str, new: str) -> None:

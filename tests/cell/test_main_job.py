@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -204,19 +203,12 @@ def test_the_run_leaves_its_evidence(task2: WholeRun) -> None:
     assert {"plan.json", "preview.html", "wire.jsonl", "report.json", "look-1.png", "look-6.png"} <= names
 
 
-def _scenes(tmp_path: Path) -> Path:
-    target = tmp_path / "scenes"
-    shutil.copytree(data_file("scenes"), target)
-    return target
-
-
 def _plate(plan: Plan) -> np.ndarray:
     return np.array(next(b for b in plan.scene["bodies"] if b["name"] == "plate 01-02")["T_base_body"])
 
 
-def test_the_plan_follows_the_image_not_the_file(task2: WholeRun, tmp_path: Path) -> None:
+def test_the_plan_follows_the_image_not_the_file(task2: WholeRun, scenes: Path, tmp_path: Path) -> None:
     """Only the world file is changed; nothing that the stack reads says where the board went."""
-    scenes = _scenes(tmp_path)
     world = scenes / "task2.world.toml"
     world.write_text(world.read_text().replace("centre_mm = [460, 110, 40]", "centre_mm = [450, 117, 45]"))
     run = run_whole(scenes / "task2.toml", tmp_path / "run", time_scale=30.0)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import pty
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -26,13 +25,6 @@ from cell.worldfile import board_placement
 from whole_run import run_whole
 
 pytestmark = pytest.mark.xdist_group("refusals")
-
-
-@pytest.fixture
-def scenes(tmp_path: Path) -> Path:
-    target = tmp_path / "scenes"
-    shutil.copytree(data_file("scenes"), target)
-    return target
 
 
 def _change(path: Path, old: str, new: str) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -28,9 +27,7 @@ def _truth(task: Task) -> Seen:
     return Seen(tuple(boards), {})
 
 
-def test_a_wall_in_the_way_is_gone_around(tmp_path: Path) -> None:
-    scenes = tmp_path / "scenes"
-    shutil.copytree(data_file("scenes"), scenes)
+def test_a_wall_in_the_way_is_gone_around(scenes: Path) -> None:
     free = read_task(scenes / "task2.toml")
     (scenes / "cell.toml").write_text((scenes / "cell.toml").read_text() + WALL)
     walled = read_task(scenes / "task2.toml")
