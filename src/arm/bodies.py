@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from arm.errors import A465Error, InputError
 from arm.se3 import Array, frozen, orthonormalised
 
@@ -33,7 +36,25 @@ class Sphere:
     radius: float
 
 
-Shape = Box | Cylinder | Sphere
+@dataclass(frozen=True)
+class Capsule:
+    """A cylinder with a half ball on each end, centred on its frame, axis along z.
+
+    `radius`, and `length` between the centres of the balls, m.
+    """
+
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True)
+class Convex:
+    """The convex hull of `points`, (n, 3) m in its frame; at least four, not all in one plane."""
+
+    points: tuple[tuple[float, float, float], ...]
+
+
+Shape = Box | Cylinder | Sphere | Capsule | Convex
 
 
 @dataclass(frozen=True)
@@ -42,7 +63,7 @@ class Body:
 
     Attributes:
         name: unique in its scene; messages use it.
-        shape: Box, Cylinder or Sphere.
+        shape: see `Shape`.
         T_base_body: pose in the base frame, 4x4.
         kind: what it is to the planner and the eye: table, wall, post, stand, board, cube, robot.
     """
@@ -66,6 +87,10 @@ def shape_to_json(shape: Shape) -> dict[str, Any]:
             return {"cylinder": [radius, length]}
         case Sphere(radius):
             return {"sphere": radius}
+        case Capsule(radius, length):
+            return {"capsule": [radius, length]}
+        case Convex(points):
+            return {"convex": [list(p) for p in points]}
 
 
 def shape_from_json(value: dict[str, Any]) -> Shape:
@@ -81,7 +106,38 @@ def shape_from_json(value: dict[str, Any]) -> Shape:
             return Cylinder(_length(radius), _length(length))
         case {"sphere": radius}:
             return Sphere(_length(radius))
-    raise InputError(f"shape = {value!r}: must be a box, cylinder or sphere", value=value)
+        case {"capsule": [radius, length]}:
+            return Capsule(_length(radius), _length(length))
+        case {"convex": [*points]}:
+            return convex(points)
+    raise InputError(
+        f"shape = {str(value)[:80]}: must be a box, cylinder, sphere, capsule or convex", value=value
+    )
+
+
+def convex(points: npt.ArrayLike) -> Convex:
+    """The hull of points (n, 3) m, without those that lie inside it.
+
+    Raises:
+        InputError: fewer than four points, all in one plane, or larger or thinner than a body may be.
+    """
+    p = np.asarray(points, dtype=float)
+    if p.ndim != 2 or p.shape[1:] != (3,) or len(p) < 4 or not np.isfinite(p).all():
+        raise InputError(
+            f"convex: points of shape {p.shape}; must be four or more points of x, y, z", shape=p.shape
+        )
+    extent = np.linalg.svd(p - p.mean(axis=0), compute_uv=False)
+    size = np.ptp(p, axis=0)
+    if not (extent[-1] >= LEAST_LENGTH and size.max() <= MOST_LENGTH):
+        raise InputError(
+            f"convex: points span {size[0]:.4g} x {size[1]:.4g} x {size[2]:.4g} m; must not lie in one plane, and "
+            f"measure {LEAST_LENGTH:g} to {MOST_LENGTH:g} m",
+            size=size.tolist(),
+        )
+    from scipy.spatial import ConvexHull  # slow to import, and few cells have such bodies
+
+    hull = np.sort(ConvexHull(p).vertices)
+    return Convex(tuple((float(x), float(y), float(z)) for x, y, z in p[hull]))
 
 
 def _length(value: Any) -> float:

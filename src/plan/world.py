@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from arm.bodies import Body, Box, Cylinder, Shape, Sphere
+from arm.bodies import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere
 from arm.errors import InputError
 from arm.robot import Robot
 from arm.se3 import Array, frozen
@@ -244,8 +244,12 @@ def _hull(shape: Shape) -> tuple[Array, float]:
             return signs * (np.array(size) / 2.0), 0.0
         case Cylinder(radius, length):
             return np.array([[0.0, 0.0, -length / 2.0], [0.0, 0.0, length / 2.0]]), radius
+        case Capsule(radius, length):
+            return np.array([[0.0, 0.0, -length / 2.0], [0.0, 0.0, length / 2.0]]), radius
         case Sphere(radius):
             return np.zeros((1, 3)), radius
+        case Convex(points):
+            return np.array(points), 0.0
 
 
 def _pairs(parts: Sequence[_Part], excluded: frozenset[frozenset[str]]) -> Indices:
@@ -276,3 +280,9 @@ def _coal_shape(shape: Shape) -> Any:
             return coal.Cylinder(radius, length)
         case Sphere(radius):
             return coal.Sphere(radius)
+        case Capsule(radius, length):
+            return coal.Capsule(radius, length)
+        case Convex(points):
+            corners = coal.StdVec_Vec3s()
+            corners.extend(np.array(points))
+            return coal.Convex.convexHull(corners, True, "Qt")
