@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-import pytest
+from pathlib import Path
 
-from arm.errors import InputError
+import numpy as np
+
 from arm.robot import Robot, load_robot
 from arm.se3 import transform
 from plan.screws import screw_arm
@@ -28,11 +28,26 @@ def test_any_leading_shape(robot: Robot) -> None:
     np.testing.assert_allclose(arm.jacobians(q)[1, 3], arm.jacobians(q[1, 3]), atol=1e-15)
 
 
-def test_a_sliding_joint_is_refused(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    urdf = tmp_path / "slide.urdf"
-    urdf.write_text(
-        '<robot name="r"><link name="a"/><link name="b"/><joint name="slide" type="prismatic"><parent link="a"/>'
-        '<child link="b"/><axis xyz="0 0 1"/><limit lower="0" upper="1" velocity="1" effort="1"/></joint></robot>'
-    )
-    with pytest.raises(InputError, match="slide is not a rotation"):
-        screw_arm(load_robot(urdf, "b", transform()))
+_SLIDER = """
+<robot name="slider">
+  <link name="base"/> <link name="a"/> <link name="b"/> <link name="c"/>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="a"/><origin xyz="0.1 0 0.2" rpy="0.3 0.1 0"/>
+    <axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
+  <joint name="slide" type="prismatic"><parent link="a"/><child link="b"/><origin xyz="0 0.1 0.1" rpy="0.5 0 0"/>
+    <axis xyz="0 0.6 0.8"/><limit lower="0" upper="1" velocity="1" effort="1"/></joint>
+  <joint name="tip" type="revolute"><parent link="b"/><child link="c"/><origin xyz="0.2 0 0.1" rpy="0 0.4 1"/>
+    <axis xyz="1 0 0"/><limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
+</robot>
+"""
+
+
+def test_a_sliding_joint_is_followed_too(tmp_path: Path) -> None:
+    (tmp_path / "slider.urdf").write_text(_SLIDER)
+    robot = load_robot(tmp_path / "slider.urdf", "c", transform(t=(0.05, 0.1, 0.02)))
+    arm = screw_arm(robot)
+    q = np.random.default_rng(3).uniform(-1.0, 1.0, (50, 3))
+    poses, jacobians = arm.tool_poses(q), arm.jacobians(q)
+    for k in range(len(q)):
+        np.testing.assert_allclose(poses[k], robot.T_base_tool(q[k]), atol=1e-14)
+        in_tool_axes = np.kron(np.eye(2), poses[k, :3, :3].T) @ jacobians[k]
+        np.testing.assert_allclose(in_tool_axes, robot.jacobian(q[k]), atol=1e-13)
