@@ -22,12 +22,14 @@ least and greatest values it stays. A piece is a run of whole cubics, or a part 
 its middle, and delta_k the farthest that a control point lies from q in joint k. A piece that is not proved for all
 pairs is cut in two; pairs that are proved need not be looked at again in its halves. Every distance is counted as
 `plan.world.DISTANCE_ERROR` shorter than it was computed.
+
+Pieces of one depth are looked at together. For each pair, balls and boxes around the bodies (`plan.volumes`) give a
+first lower bound of d; where that is enough, no distance is computed.
 """
 
 from __future__ import annotations
 
-import heapq
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -37,6 +39,8 @@ from arm.se3 import Array
 from arm.unit import Unit
 from plan.world import DISTANCE_ERROR, Indices, World
 
+Flags = npt.NDArray[np.bool_]
+
 # Tight mode stops when the bound is this close to the smallest distance seen: the larger of m and a fraction of it.
 TIGHT_ABSOLUTE = 5e-4
 TIGHT_RELATIVE = 0.05
@@ -44,6 +48,9 @@ TIGHT_RELATIVE = 0.05
 RESOLUTION = 2e-5
 # Pieces looked at before giving up; what is proved by then is returned.
 BUDGET = 20_000
+# A curve is first cut into pieces of about this travel, rad summed over the joints, and at most so many.
+_FIRST_TRAVEL = 0.4
+_FIRST_PIECES = 16
 
 
 @dataclass(frozen=True)
@@ -70,6 +77,8 @@ class MoveCheck:
         time: where on the motion `seen` was, s.
         proved: whether `clearance` is at least what was asked for.
         evaluations: configurations looked at.
+        bounds: of every cubic (segment), lower bounds that were proved, m; those that nothing comes near may be as low
+            as what was enough for the verdict.
     """
 
     clearance: float
@@ -78,6 +87,7 @@ class MoveCheck:
     time: float
     proved: bool
     evaluations: int
+    bounds: tuple[float, ...] = ()
 
 
 def curve_of_counts(path: CountPath, unit: Unit) -> Curve:
@@ -126,58 +136,125 @@ def check_curve(world: World, curve: Curve, clearance: float, tight: bool = Fals
     return _Search(world, curve, clearance, tight).run()
 
 
-@dataclass(frozen=True)
-class _Piece:
-    """Part of the curve, still to be proved for `pairs`. `begin` and `end` count cubics from the start of the curve."""
+@dataclass(frozen=True, eq=False)
+class _Pieces:
+    """Stretches of the curve that are looked at together, (m): runs of whole cubics, and parts of one cubic.
 
-    control: Array  # (m, 4, n)
-    begin: float
-    end: float
-    pairs: Indices
+    Attributes:
+        first, last: cubics that each covers, `last` excluded.
+        begin, end: where it begins and ends, in cubics from the start of the curve.
+        control: control points (m, 4, n); of a run only its middle and its extent matter, so those are stored
+            as middle, lowest, highest (and lowest again).
+        bound: (m,) proved of the pairs that are open, m.
+        open: (m, p) pairs that are not proved yet.
+    """
 
-    def middle(self) -> Array:
-        """The configuration in the middle of the piece; on the curve."""
-        if len(self.control) > 1:
-            return np.asarray(self.control[len(self.control) // 2, 0])
-        b0, b1, b2, b3 = self.control[0]
-        return np.asarray((b0 + 3.0 * (b1 + b2) + b3) / 8.0)
+    first: Indices
+    last: Indices
+    begin: Array
+    end: Array
+    control: Array
+    bound: Array
+    open: Flags
 
-    def cut(self) -> float:
-        """Where the middle is, in cubics from the start of the curve."""
-        if len(self.control) > 1:
-            return self.begin + len(self.control) // 2
-        return (self.begin + self.end) / 2.0
+    def __len__(self) -> int:
+        return len(self.first)
 
-    def halves(self, pairs: Indices) -> tuple[_Piece, _Piece]:
-        """The parts before and after the middle, to be proved for `pairs`."""
-        if len(self.control) > 1:
-            m = len(self.control) // 2
-            first, second = self.control[:m], self.control[m:]
-        else:
-            b0, b1, b2, b3 = self.control[0]
-            c0, c1, c2 = (b0 + b1) / 2.0, (b1 + b2) / 2.0, (b2 + b3) / 2.0  # de Casteljau
-            d0, d1 = (c0 + c1) / 2.0, (c1 + c2) / 2.0
-            e = (d0 + d1) / 2.0
-            first, second = np.stack([b0, c0, d0, e])[None], np.stack([e, d1, c2, b3])[None]
-        at = self.cut()
-        return _Piece(first, self.begin, at, pairs), _Piece(second, at, self.end, pairs)
+    def runs(self) -> Flags:
+        return np.asarray(self.last - self.first > 1)
+
+    def middles(self) -> tuple[Array, Array]:
+        """Configurations (m, n) on the curve in the middle of each, and how far each joint goes from there (m, n)."""
+        c = self.control
+        q = np.where(self.runs()[:, None], c[:, 0], (c[:, 0] + 3.0 * (c[:, 1] + c[:, 2]) + c[:, 3]) / 8.0)
+        return q, np.abs(c - q[:, None]).max(axis=1)
+
+    def cuts(self) -> Array:
+        """Where the middle of each is, in cubics from the start of the curve."""
+        run = self.first + (self.last - self.first) // 2
+        return np.where(self.runs(), run, (self.begin + self.end) / 2.0)
+
+    def where(self, rows: Flags) -> _Pieces:
+        """Those with a flag in `rows` (m,)."""
+        return _Pieces(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+    def and_(self, more: _Pieces) -> _Pieces:
+        """These and those."""
+        both = (np.concatenate([getattr(self, f.name), getattr(more, f.name)]) for f in fields(self))
+        return _Pieces(*both)
+
+
+class _Chain:
+    """The curve's cubics, and pieces made of them."""
+
+    def __init__(self, curve: Curve) -> None:
+        self.control = curve.control
+        self.low, self.high = curve.control.min(axis=1), curve.control.max(axis=1)
+
+    def first_pieces(self, pairs: int) -> _Pieces:
+        """The whole curve in a few pieces of about the same motion."""
+        count = len(self.control)
+        travel = float((self.high - self.low).sum())
+        wanted = int(np.clip(np.ceil(travel / _FIRST_TRAVEL), 1, _FIRST_PIECES))
+        edges = np.unique(np.linspace(0, count, min(wanted, count) + 1).astype(np.intp))
+        m = len(edges) - 1
+        pieces = self.covering(edges[:-1], edges[1:], np.full(m, -np.inf), np.ones((m, pairs), dtype=bool))
+        while len(pieces) * 2 <= wanted and not pieces.runs().any():
+            pieces = self.halves(pieces)
+        return pieces
+
+    def covering(self, first: Indices, last: Indices, bound: Array, open_: Flags) -> _Pieces:
+        """Pieces of whole cubics."""
+        low, high = (
+            np.stack([f(bound[i:j], axis=0) for i, j in zip(first, last, strict=True)])
+            for f, bound in ((np.min, self.low), (np.max, self.high))
+        )
+        middle = self.control[first + (last - first) // 2, 0]
+        run = np.stack([middle, low, high, low], axis=1)
+        control = np.where((last - first > 1)[:, None, None], run, self.control[first])
+        return _Pieces(first, last, first.astype(float), last.astype(float), control, bound, open_)
+
+    def halves(self, pieces: _Pieces) -> _Pieces:
+        """Every piece cut in its middle, in order of the curve."""
+        runs = pieces.runs()
+        made = []
+        if not runs.all():
+            made.append(_cut_parts(pieces.where(~runs)))
+        if runs.any():
+            some = pieces.where(runs)
+            at = some.cuts().astype(np.intp)
+            first = np.stack([some.first, at], axis=1).ravel()
+            last = np.stack([at, some.last], axis=1).ravel()
+            bound, open_ = np.repeat(some.bound, 2), np.repeat(some.open, 2, axis=0)
+            made.append(self.covering(first, last, bound, open_))
+        return made[0] if len(made) == 1 else made[0].and_(made[1])
+
+
+def _cut_parts(parts: _Pieces) -> _Pieces:
+    b0, b1, b2, b3 = np.moveaxis(parts.control, 1, 0)
+    c0, c1, c2 = (b0 + b1) / 2.0, (b1 + b2) / 2.0, (b2 + b3) / 2.0  # de Casteljau
+    d0, d1 = (c0 + c1) / 2.0, (c1 + c2) / 2.0
+    e = (d0 + d1) / 2.0
+    control = np.stack([b0, c0, d0, e, e, d1, c2, b3], axis=1).reshape(-1, 4, b0.shape[1])
+    at = (parts.begin + parts.end) / 2.0
+    begin, end = np.stack([parts.begin, at], axis=1).ravel(), np.stack([at, parts.end], axis=1).ravel()
+    first, last, bound = np.repeat(parts.first, 2), np.repeat(parts.last, 2), np.repeat(parts.bound, 2)
+    return _Pieces(first, last, begin, end, control, bound, np.repeat(parts.open, 2, axis=0))
 
 
 class _Search:
-    """Best-first bisection: the piece with the smallest bound is looked at next."""
+    """Bisection, all pieces of a depth together."""
 
     def __init__(self, world: World, curve: Curve, clearance: float, tight: bool) -> None:
         self.world, self.curve, self.clearance, self.tight = world, curve, clearance, tight
         self.seen, self.seen_pair, self.seen_at = float("inf"), -1, 0.0
-        self.settled = float("inf")  # least bound among pairs and pieces that are not looked at again
+        self.bounds = np.full(len(curve.control), np.inf)  # of each cubic, over what is settled
         self.evaluations = 0
 
     def enough(self) -> float:
         """A bound of at least this needs no more work."""
         if not self.tight:
             return self.clearance
-        if np.isinf(self.seen):
-            return float("inf")
         near = self.seen - max(TIGHT_ABSOLUTE, TIGHT_RELATIVE * self.seen)
         # near is not enough where it leaves open whether the asked clearance is kept
         return max(near, self.clearance) if self.seen >= self.clearance else near
@@ -186,50 +263,68 @@ class _Search:
         """Whether more work cannot change the verdict."""
         if self.tight:
             return self.seen < 0.0
-        return min(self.seen, self.settled) < self.clearance
+        return min(self.seen, float(self.bounds.min(initial=np.inf))) < self.clearance
 
     def run(self) -> MoveCheck:
-        root = _Piece(
-            self.curve.control, 0.0, float(len(self.curve.control)), np.arange(len(self.world.pairs))
-        )
-        heap = [(-float("inf"), 0, root)]
-        number = 1  # breaks ties, so that the order is the same each time
-        while heap and heap[0][0] < self.enough() and not self.refuted() and self.evaluations < BUDGET:
-            _, _, piece = heapq.heappop(heap)
-            bound, left = self.look(piece)
-            if len(left):
-                for half in piece.halves(left):
-                    heapq.heappush(heap, (bound, number, half))
-                    number += 1
-        unfinished = heap[0][0] if heap else float("inf")
-        lower = min(self.settled, unfinished, self.seen)
+        chain, world = _Chain(self.curve), self.world
+        pieces = chain.first_pieces(len(world.pairs))
+        if self.tight and len(world.pairs):
+            # a first distance that was really seen; without one, nothing is enough
+            middle = pieces.where(np.asarray(np.arange(len(pieces)) == len(pieces) // 2))
+            every = np.arange(len(world.pairs))
+            self.note(world.pair_distances(middle.middles()[0][0], every), every, float(middle.cuts()[0]))
+        while len(pieces) and not self.refuted() and self.evaluations < BUDGET:
+            pieces = self.look(pieces)
+            if len(pieces) and not self.refuted():
+                pieces = chain.halves(pieces)
+        self.settle(pieces, pieces.bound)
+        lower = min(float(self.bounds.min(initial=np.inf)), self.seen)
         return MoveCheck(
             clearance=lower,
             seen=self.seen,
-            pair=self.world.pair_names(self.seen_pair) if self.seen_pair >= 0 else ("", ""),
+            pair=world.pair_names(self.seen_pair) if self.seen_pair >= 0 else ("", ""),
             time=self.time(self.seen_at),
             proved=lower >= self.clearance,
             evaluations=self.evaluations,
+            bounds=tuple(self.bounds.tolist()),
         )
 
-    def look(self, piece: _Piece) -> tuple[float, Indices]:
-        """Distances in the middle of a piece; the bound and the pairs that it does not settle."""
-        self.evaluations += 1
-        q = piece.middle()
-        delta = np.abs(piece.control - q).max(axis=(0, 1))
-        motion = self.world.pair_motion(self.world.motion_radii(q), delta)[piece.pairs]
-        distances = self.world.pair_distances(q, piece.pairs)
-        if len(distances) and distances.min() < self.seen:
-            closest = int(np.argmin(distances))
-            self.seen, self.seen_pair, self.seen_at = (
-                float(distances[closest]),
-                int(piece.pairs[closest]),
-                piece.cut(),
-            )
-        bounds = distances - DISTANCE_ERROR - motion
-        open_ = (bounds < self.enough()) & (motion > RESOLUTION)
-        self.settled = min(self.settled, float(bounds[~open_].min(initial=np.inf)))
-        return float(bounds[open_].min(initial=np.inf)), piece.pairs[open_]
+    def look(self, pieces: _Pieces) -> _Pieces:
+        """Bounds in the middle of each piece; what they do not settle is returned."""
+        world = self.world
+        q, delta = pieces.middles()
+        motion, apart = world.volumes.bounds(q, delta)
+        bounds = apart - (motion + world.padding)
+        asked = pieces.open & (bounds < self.enough())
+        cuts = pieces.cuts()
+        for row in np.flatnonzero(asked.any(axis=1)):
+            pairs = np.flatnonzero(asked[row])
+            distances = world.pair_distances(q[row], pairs)
+            self.note(distances, pairs, float(cuts[row]))
+            proved = distances - DISTANCE_ERROR - motion[row, pairs]
+            bounds[row, pairs] = np.maximum(bounds[row, pairs], proved)
+            if not self.tight and self.seen < self.clearance:
+                break
+        self.evaluations += len(pieces)
+        left = asked & (bounds < self.enough()) & (motion > RESOLUTION)
+        self.settle(pieces, np.where(pieces.open & ~left, bounds, np.inf).min(axis=1, initial=np.inf))
+        unsettled = replace(
+            pieces, bound=np.where(left, bounds, np.inf).min(axis=1, initial=np.inf), open=left
+        )
+        return unsettled.where(np.asarray(left.any(axis=1)))
+
+    def note(self, distances: Array, pairs: Indices, at: float) -> None:
+        """Remember the smallest distance."""
+        closest = int(np.argmin(distances))
+        if distances[closest] < self.seen:
+            self.seen, self.seen_pair, self.seen_at = float(distances[closest]), int(pairs[closest]), at
+
+    def settle(self, pieces: _Pieces, bound: Array) -> None:
+        """Lower the bounds (m,) of the cubics that the pieces are of."""
+        parts = ~pieces.runs()
+        np.minimum.at(self.bounds, pieces.first[parts], bound[parts])
+        for first, last, least in zip(pieces.first[~parts], pieces.last[~parts], bound[~parts], strict=True):
+            np.minimum(self.bounds[first:last], least, out=self.bounds[first:last])
 
     def time(self, at: float) -> float:
         """Time (or path parameter) at a place counted in cubics."""

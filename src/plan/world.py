@@ -20,6 +20,7 @@ from arm.bodies import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere
 from arm.errors import InputError
 from arm.robot import Robot
 from arm.se3 import Array, frozen
+from plan.volumes import Part, Volumes
 
 Indices = npt.NDArray[np.intp]
 
@@ -67,6 +68,7 @@ class World:
         padding: m.
         names: of all bodies; the arm's own first, then the held one, then the still ones.
         pairs: indices into `names` of each checked pair, (p, 2); the body nearer to the base first.
+        volumes: bounds on motion and distance of the pairs, for many configurations at once.
     """
 
     def __init__(
@@ -82,19 +84,18 @@ class World:
             raise InputError(f"held body {held.name!r} needs its pose in the tool frame", name=held.name)
         self.robot = robot
         self.padding = padding
-        parts = [_Part(b.name, b.joint, b.shape, b.T_joint_body) for b in robot.bodies]
+        parts = [Part(b.name, b.joint, b.shape, b.T_joint_body) for b in robot.bodies]
         if held is not None:
             end = robot.model.frames[robot.model.getFrameId(robot.end_frame)]
             pose = end.placement.homogeneous @ robot.T_end_tool @ np.asarray(T_tool_held, dtype=float)
-            parts.append(_Part(held.name, int(end.parentJoint), held.shape, frozen(pose)))
-        parts += [_Part(b.name, 0, b.shape, b.T_base_body) for b in bodies]
+            parts.append(Part(held.name, int(end.parentJoint), held.shape, frozen(pose)))
+        parts += [Part(b.name, 0, b.shape, b.T_base_body) for b in bodies]
         self.names = tuple(p.name for p in parts)
         if len(set(self.names)) != len(parts):
             raise InputError(f"two bodies of one name among {', '.join(self.names)}", names=list(self.names))
 
         self.pairs = _pairs(parts, robot.touching | frozenset(allowed))
         self._joint = np.array([p.joint for p in parts])
-        self._moving = [i for i, p in enumerate(parts) if p.joint > 0]
         self._geometry = _geometry_model(parts, self.pairs)
         self._data = robot.model.createData()
         self._distances = pin.GeometryData(self._geometry)
@@ -104,11 +105,7 @@ class World:
         request.gjk_tolerance = request.epa_tolerance = GJK_TOLERANCE
         for i in range(len(self.pairs)):
             self._distances.distanceRequests[i] = request
-        self._reach = _Reach([parts[i] for i in self._moving], robot.model.nq)
-        # row of each pair's outer body in the tables of motion, and how many joints both bodies share
-        row = {body: r for r, body in enumerate(self._moving)}
-        self._pair_row = np.array([row[b] for _, b in self.pairs], dtype=np.intp)
-        self._pair_shared = self._joint[self.pairs[:, 0]] if len(self.pairs) else np.zeros(0, dtype=np.intp)
+        self.volumes = Volumes(robot.model, parts, self.pairs)
         self._broadphase: dict[float, Any] = {}
 
     def pair_names(self, index: int) -> tuple[str, str]:
@@ -123,26 +120,17 @@ class World:
         values = [compute(geometry, data, i).min_distance for i in pairs.tolist()]
         return np.maximum(values, UNKNOWN_DEPTH) - self.padding
 
+    def joint_of(self, name: str) -> int:
+        """Index of the joint that a body moves with, 1 to n; 0 for a body that stands still."""
+        return int(self._joint[self.names.index(name)])
+
     def motion_radii(self, q: npt.ArrayLike) -> Array:
-        """How far each moving body can move per joint: (bodies, n), m/rad (1 for a prismatic joint).
+        """How far each moving body can move per joint: (bodies, n), m/rad (1 for a sliding joint).
 
         Entry (b, k) is the largest distance of a point of body b from the axis of joint k at configuration q, and 0
         for joints beyond the body. See `plan.check` for what is proved with it.
         """
-        J = pin.computeJointJacobians(self.robot.model, self._data, np.asarray(q, dtype=float))
-        poses = np.stack([M.homogeneous for M in self._data.oMi])
-        return self._reach.radii(poses, J)
-
-    def pair_motion(self, radii: Array, delta: Array) -> Array:
-        """Bound (p,) m on how far the bodies of each pair move against each other as joint k moves by up to delta[k].
-
-        Args:
-            radii: `motion_radii` at the configuration that the joints move away from.
-            delta: (n,) rad, not negative.
-        """
-        steps = np.zeros((len(radii), radii.shape[1] + 1))
-        np.cumsum(radii * delta, axis=1, out=steps[:, 1:])
-        return np.asarray(steps[self._pair_row, -1] - steps[self._pair_row, self._pair_shared])
+        return np.asarray(self.volumes.radii(np.asarray(q, dtype=float)[None])[0])
 
     def distance(self, q: npt.ArrayLike) -> Distance:
         """The smallest distance over all pairs at configuration q (n,) rad; infinite where there is no pair."""
@@ -188,71 +176,7 @@ class World:
         return Distance(value, self.pair_names(index), points)
 
 
-@dataclass(frozen=True)
-class _Part:
-    """A body by the joint that it moves with (0: none), and its pose there."""
-
-    name: str
-    joint: int
-    shape: Shape
-    T_joint_body: Array
-
-
-# w @ _CROSS is the matrix of p -> w x p, row by row
-_CROSS = np.array(
-    [[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]], dtype=float
-)
-
-
-class _Reach:
-    """Distances of bodies from joint axes. Each body lies in the hull of equal balls: its corners or its axis' ends."""
-
-    def __init__(self, parts: Sequence[_Part], joints: int) -> None:
-        hulls = [_hull(p.shape) for p in parts]
-        self.ball = np.array([radius for _, radius in hulls])
-        self.points = np.concatenate(
-            [
-                points @ p.T_joint_body[:3, :3].T + p.T_joint_body[:3, 3]
-                for (points, _), p in zip(hulls, parts, strict=True)
-            ]
-        )
-        self.joint = np.repeat([p.joint for p in parts], [len(points) for points, _ in hulls])
-        self.first = np.cumsum([0, *(len(points) for points, _ in hulls)])[:-1]
-        self.moves = np.array([[float(k < p.joint) for k in range(joints)] for p in parts])
-
-    def radii(self, poses: Array, J: Array) -> Array:
-        """(bodies, n) from joint poses (n + 1, 4, 4) and the Jacobian (6, n) in the base frame (linear rows first).
-
-        A unit of joint k moves a point p by J_linear + J_angular x p, whose length is the distance of p from
-        the axis (a revolute joint) or 1 (a prismatic one).
-        """
-        T = poses[self.joint]
-        points = np.einsum("pij,pj->ip", T[:, :3, :3], self.points) + T[:, :3, 3].T
-        v, w = J[:3], J[3:]
-        # all cross products at once: rows 3k to 3k + 2 of `cross` times a point are w_k x p
-        cross = (w.T @ _CROSS).reshape(-1, 3)
-        motion = (cross @ points).reshape(len(v.T), 3, -1) + v.T[:, :, None]
-        speed = np.sqrt(np.maximum.reduceat((motion * motion).sum(axis=1), self.first, axis=1)).T
-        turning = np.sqrt((w * w).sum(axis=0))
-        return np.asarray((speed + self.ball[:, None] * turning) * self.moves)
-
-
-def _hull(shape: Shape) -> tuple[Array, float]:
-    match shape:
-        case Box(size):
-            signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
-            return signs * (np.array(size) / 2.0), 0.0
-        case Cylinder(radius, length):
-            return np.array([[0.0, 0.0, -length / 2.0], [0.0, 0.0, length / 2.0]]), radius
-        case Capsule(radius, length):
-            return np.array([[0.0, 0.0, -length / 2.0], [0.0, 0.0, length / 2.0]]), radius
-        case Sphere(radius):
-            return np.zeros((1, 3)), radius
-        case Convex(points):
-            return np.array(points), 0.0
-
-
-def _pairs(parts: Sequence[_Part], excluded: frozenset[frozenset[str]]) -> Indices:
+def _pairs(parts: Sequence[Part], excluded: frozenset[frozenset[str]]) -> Indices:
     found = []
     for i, a in enumerate(parts):
         for j in range(i + 1, len(parts)):
@@ -262,7 +186,7 @@ def _pairs(parts: Sequence[_Part], excluded: frozenset[frozenset[str]]) -> Indic
     return np.array(found, dtype=np.intp).reshape(-1, 2)
 
 
-def _geometry_model(parts: Sequence[_Part], pairs: Indices) -> Any:
+def _geometry_model(parts: Sequence[Part], pairs: Indices) -> Any:
     model = pin.GeometryModel()
     for p in parts:
         pose = pin.SE3(np.array(p.T_joint_body[:3, :3]), np.array(p.T_joint_body[:3, 3]))

@@ -1,0 +1,284 @@
+"""Cheap bounds for many configurations at once: how far bodies can move, and how far apart they are at least.
+
+What is asked of a pair of bodies again and again is whether they can come nearer than some clearance while the joints
+move a little. For most pairs that is settled by balls around the moving bodies and boxes around the still ones, in
+numpy, for a whole batch of configurations; only what these leave open is asked of coal.
+
+Everything is written in the base frame at q = 0: with the product of exponentials E_k(q) = exp(S_1 q_1) ..
+exp(S_k q_k), a point p of a body on joint k is at E_k(q) p, and the axis of joint k is the image under E_k(q) of
+where it is at q = 0 (K. Lynch, F. Park, "Modern Robotics", 2017, section 4.1.1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from arm.bodies import Box, Capsule, Convex, Cylinder, Shape, Sphere
+from arm.se3 import Array, skew
+
+Indices = npt.NDArray[np.intp]
+
+# Radii and bounds of distance are worsened by this, for rounding, m.
+ROUNDING = 1e-7
+# A long body is covered by at most this many balls.
+_MOST_BALLS = 4
+
+
+@dataclass(frozen=True)
+class Part:
+    """A body by the joint that it moves with (0: none), and its pose there."""
+
+    name: str
+    joint: int
+    shape: Shape
+    T_joint_body: Array
+
+
+class Volumes:
+    """Balls, boxes and hulls of the bodies of one world.
+
+    Args:
+        model: Pinocchio model; every joint turns about or slides along one axis.
+        parts: all bodies; the moving ones have joints above 0.
+        pairs: (p, 2) indices into `parts`, the one with the lower joint first.
+    """
+
+    def __init__(self, model: Any, parts: Sequence[Part], pairs: Indices) -> None:
+        self._axes = _Axes(model)
+        moving = [i for i, part in enumerate(parts) if part.joint > 0]
+        at_zero = self._axes.poses_at_zero
+        poses = [at_zero[part.joint] @ part.T_joint_body for part in parts]
+        self._hulls = _Hulls([(parts[i], poses[i]) for i in moving], self._axes.turning)
+        row = {body: r for r, body in enumerate(moving)}
+        outer = [row[int(b)] for _, b in pairs]
+        self._pair_outer = np.array(outer, dtype=np.intp)
+        self._pair_shared = np.array([parts[a].joint for a, _ in pairs], dtype=np.intp)
+        self._apart = _Apart(parts, poses, pairs)
+
+    def motion(self, q: Array, delta: Array) -> Array:
+        """Bound (m, p) m on how far the bodies of each pair move against each other.
+
+        Args:
+            q: (m, n) rad.
+            delta: (m, n) how far each joint moves at most from there, rad, not negative.
+        """
+        return self.bounds(q, delta)[0]
+
+    def radii(self, q: Array) -> Array:
+        """Largest distance of a point of each moving body from each joint's axis, (m, bodies, n); see `plan.check`."""
+        R, t = self._axes.place(q)
+        return self._hulls.radii(R, t, *self._axes.lines(R, t))
+
+    def bounds(self, q: Array, delta: Array) -> tuple[Array, Array]:
+        """`motion`, and a lower bound (m, p) m of the distance of each pair at q."""
+        R, t = self._axes.place(q)
+        radii = self._hulls.radii(R, t, *self._axes.lines(R, t))
+        steps = np.zeros((*radii.shape[:2], radii.shape[2] + 1))
+        np.cumsum(radii * delta[:, None, :], axis=2, out=steps[:, :, 1:])
+        motion = steps[:, self._pair_outer, -1] - steps[:, self._pair_outer, self._pair_shared]
+        return motion, self._apart.distances(R, t)
+
+
+class _Axes:
+    """The joints' axes at q = 0, and where the product of exponentials takes them."""
+
+    def __init__(self, model: Any) -> None:
+        data = model.createData()
+        J = pin.computeJointJacobians(model, data, np.zeros(model.nq))
+        self.count = int(model.nq)
+        self.poses_at_zero = np.stack([M.homogeneous for M in data.oMi])
+        velocity, direction = np.array(J[:3]).T, np.array(J[3:]).T
+        turning = np.linalg.norm(direction, axis=1) > 0.5
+        self.turning = turning
+        self.point = np.where(turning[:, None], np.cross(direction, velocity), 0.0)
+        self.direction = np.where(turning[:, None], direction, velocity)
+        eye = np.eye(3)
+        along = np.einsum("ki,kj->kij", direction, direction)
+        self._along = np.where(turning[:, None, None], along, eye)
+        self._across = np.where(turning[:, None, None], eye - along, 0.0)
+        self._turn = np.stack([skew(d) for d in direction])
+        self._slide = np.where(turning[:, None], 0.0, velocity)
+
+    def place(self, q: Array) -> tuple[Array, Array]:
+        """Rotations (m, n + 1, 3, 3) and translations (m, n + 1, 3) of E_0 .. E_n."""
+        m, n = q.shape
+        cosine, sine = np.cos(q)[..., None, None], np.sin(q)[..., None, None]
+        step = self._along + cosine * self._across + sine * self._turn
+        shift = self.point - (step @ self.point[..., None])[..., 0] + q[..., None] * self._slide
+        R, t = np.empty((m, n + 1, 3, 3)), np.empty((m, n + 1, 3))
+        R[:, 0], t[:, 0] = np.eye(3), 0.0
+        for k in range(n):
+            np.matmul(R[:, k], step[:, k], out=R[:, k + 1])
+            t[:, k + 1] = (R[:, k] @ shift[:, k, :, None])[..., 0] + t[:, k]
+        return R, t
+
+    def lines(self, R: Array, t: Array) -> tuple[Array, Array]:
+        """A point (m, n, 3) and the direction (m, n, 3) of each axis."""
+        direction = (R[:, 1:] @ self.direction[..., None])[..., 0]
+        point = (R[:, 1:] @ self.point[..., None])[..., 0] + t[:, 1:]
+        return point, direction
+
+
+class _Hulls:
+    """Each moving body lies in the hull of equal balls: its corners, or the ends of its axis."""
+
+    def __init__(self, bodies: Sequence[tuple[Part, Array]], turning: npt.NDArray[np.bool_]) -> None:
+        hulls = [hull(part.shape) for part, _ in bodies]
+        self.ball = np.array([radius for _, radius in hulls])
+        points = [
+            corners @ T[:3, :3].T + T[:3, 3] for (corners, _), (_, T) in zip(hulls, bodies, strict=True)
+        ]
+        self.points = np.concatenate(points) if points else np.zeros((0, 3))
+        self.joint = np.repeat([part.joint for part, _ in bodies], [len(p) for p in points])
+        self.first = np.cumsum([0, *(len(p) for p in points)])[:-1]
+        self.moves = np.array([np.arange(len(turning)) < part.joint for part, _ in bodies], dtype=float)
+        self.turning = turning
+
+    def radii(self, R: Array, t: Array, axis_point: Array, axis: Array) -> Array:
+        """(m, bodies, n) m; a sliding joint moves all points alike: 1."""
+        points = (R[:, self.joint] @ self.points[..., None])[..., 0] + t[:, self.joint]
+        # |(p - o) x d|^2 = |p - o|^2 - ((p - o) . d)^2, written out so that all are matrix products
+        along = points @ np.swapaxes(axis, 1, 2) - (axis_point * axis).sum(-1)[:, None]
+        square = (
+            (points * points).sum(-1)[..., None]
+            - 2.0 * points @ np.swapaxes(axis_point, 1, 2)
+            + (axis_point * axis_point).sum(-1)[:, None]
+        )
+        far = np.maximum.reduceat(square - along * along, self.first, axis=1)
+        reach = np.sqrt(np.maximum(far, 0.0)) + (self.ball[:, None] + ROUNDING)
+        return np.asarray(np.where(self.turning, reach, 1.0) * self.moves)
+
+
+class _Apart:
+    """Lower bounds of distance: balls around moving bodies against boxes around still ones, and against balls."""
+
+    def __init__(self, parts: Sequence[Part], poses: Sequence[Array], pairs: Indices) -> None:
+        covers = {i: cover(part.shape) for i, part in enumerate(parts) if part.joint > 0}
+        centres: list[Array] = []
+        radius: list[float] = []
+        joint: list[int] = []
+        slots: dict[int, range] = {}
+        for i, (points, ball) in covers.items():
+            slots[i] = range(len(centres), len(centres) + len(points))
+            for p in points:
+                centres.append(poses[i][:3, :3] @ p + poses[i][:3, 3])
+                radius.append(ball)
+                joint.append(parts[i].joint)
+        self.centres, self.joint = np.array(centres).reshape(-1, 3), np.array(joint, dtype=np.intp)
+        still = [i for i, part in enumerate(parts) if part.joint == 0]
+        column = {body: c for c, body in enumerate(still)}
+        boxes = [_box(parts[i].shape) for i in still]
+        turn = [poses[i][:3, :3] for i in still]
+        self.turn = np.concatenate(turn, axis=1) if turn else np.zeros((3, 0))
+        middles = [poses[i][:3, 3] @ poses[i][:3, :3] + B[0] for i, B in zip(still, boxes, strict=True)]
+        self.middle = np.array(middles).reshape(-1, 3)
+        self.half = np.array([B[1] for B in boxes]).reshape(-1, 3)
+        extra = np.array([B[2] for B in boxes])
+
+        # rows of (ball, box) and (ball, ball), pair by pair
+        box_rows: list[tuple[int, int]] = []
+        ball_rows: list[tuple[int, int]] = []
+        first_box, first_ball, self.box_pairs, self.ball_pairs = [], [], [], []
+        for p, (a, b) in enumerate(pairs.tolist()):
+            if a in column:
+                first_box.append(len(box_rows))
+                self.box_pairs.append(p)
+                box_rows += [(s, column[a]) for s in slots[b]]
+            else:
+                first_ball.append(len(ball_rows))
+                self.ball_pairs.append(p)
+                ball_rows += [(s, r) for s in slots[b] for r in slots[a]]
+        self.first_box, self.first_ball = (
+            np.array(first_box, dtype=np.intp),
+            np.array(first_ball, dtype=np.intp),
+        )
+        self.box_rows = np.array(box_rows, dtype=np.intp).reshape(-1, 2).T
+        self.ball_rows = np.array(ball_rows, dtype=np.intp).reshape(-1, 2).T
+        size = np.array(radius)
+        self.box_gap = size[self.box_rows[0]] + extra[self.box_rows[1]] if box_rows else np.zeros(0)
+        self.ball_gap = size[self.ball_rows[0]] + size[self.ball_rows[1]] if ball_rows else np.zeros(0)
+        self.count = len(pairs)
+
+    def distances(self, R: Array, t: Array) -> Array:
+        m = len(R)
+        centres = (R[:, self.joint] @ self.centres[..., None])[..., 0] + t[:, self.joint]
+        out = np.empty((m, self.count))
+        if len(self.first_box):
+            local = (centres @ self.turn).reshape(m, len(self.joint), -1, 3) - self.middle
+            outside = np.maximum(np.abs(local) - self.half, 0.0)
+            apart = np.sqrt((outside * outside).sum(-1))
+            rows = apart[:, self.box_rows[0], self.box_rows[1]] - self.box_gap
+            out[:, self.box_pairs] = np.minimum.reduceat(rows, self.first_box, axis=1)
+        if len(self.first_ball):
+            between = centres[:, self.ball_rows[0]] - centres[:, self.ball_rows[1]]
+            rows = np.sqrt((between * between).sum(-1)) - self.ball_gap
+            out[:, self.ball_pairs] = np.minimum.reduceat(rows, self.first_ball, axis=1)
+        out -= ROUNDING
+        # inside each other, balls and boxes say nothing of the depth
+        return np.where(out > 0.0, out, -np.inf)
+
+
+def hull(shape: Shape) -> tuple[Array, float]:
+    """Points (n, 3) and a radius: the body lies in the hull of balls of that radius about the points."""
+    match shape:
+        case Box(size):
+            signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+            return signs * (np.array(size) / 2.0), 0.0
+        case Cylinder(radius, length) | Capsule(radius, length):
+            return np.array([[0.0, 0.0, -length / 2.0], [0.0, 0.0, length / 2.0]]), radius
+        case Sphere(radius):
+            return np.zeros((1, 3)), radius
+        case Convex(points):
+            return np.array(points), 0.0
+
+
+def cover(shape: Shape) -> tuple[Array, float]:
+    """Centres (n, 3) and a radius of equal balls that cover the body."""
+    match shape:
+        case Sphere(radius):
+            return np.zeros((1, 3)), radius
+        case Capsule(radius, length):
+            return _row(np.array([0.0, 0.0, length + 2.0 * radius]), radius)
+        case Cylinder(radius, length):
+            return _row(np.array([2.0 * radius, 2.0 * radius, length]), radius)
+        case Box(size):
+            return _row(np.array(size), None)
+        case Convex(points):
+            corners = np.array(points)
+            middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
+            return middle[None], float(np.linalg.norm(corners - middle, axis=1).max())
+
+
+def _row(size: Array, radius: float | None) -> tuple[Array, float]:
+    """Balls along the longest edge of a box, or along the axis of a cylinder of that radius."""
+    axis = int(np.argmax(size)) if radius is None else 2
+    across = float(np.linalg.norm(np.delete(size, axis))) / 2.0 if radius is None else radius
+    count = int(np.clip(np.ceil(size[axis] / max(2.0 * across, 1e-9)), 1, _MOST_BALLS))
+    part = size[axis] / count
+    centres = np.zeros((count, 3))
+    centres[:, axis] = (np.arange(count) - (count - 1) / 2.0) * part
+    return centres, float(np.hypot(across, part / 2.0))
+
+
+def _box(shape: Shape) -> tuple[Array, Array, float]:
+    """Centre and half sizes (3,) of a box such that the body lies within a radius of it."""
+    middle = np.zeros(3)
+    match shape:
+        case Box(size):
+            return middle, np.array(size) / 2.0, 0.0
+        case Cylinder(radius, length):
+            return middle, np.array([radius, radius, length / 2.0]), 0.0
+        case Capsule(radius, length):
+            return middle, np.array([0.0, 0.0, length / 2.0]), radius
+        case Sphere(radius):
+            return middle, np.zeros(3), radius
+        case Convex(points):
+            corners = np.array(points)
+            low, high = corners.min(axis=0), corners.max(axis=0)
+            return (low + high) / 2.0, (high - low) / 2.0, 0.0
