@@ -54,6 +54,21 @@ class Convex:
     points: tuple[tuple[float, float, float], ...]
 
 
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """Triangles of a hull.
+
+    Attributes:
+        corners: (m, 3) indices of its points, counterclockwise seen from outside.
+        normals: (m, 3), unit, outwards.
+        offsets: (m,) m; a point p of the triangle's plane has normal @ p == offset.
+    """
+
+    corners: npt.NDArray[np.intp]
+    normals: Array
+    offsets: Array
+
+
 Shape = Box | Cylinder | Sphere | Capsule | Convex
 
 
@@ -116,7 +131,7 @@ def shape_from_json(value: dict[str, Any]) -> Shape:
 
 
 def convex(points: npt.ArrayLike) -> Convex:
-    """The hull of points (n, 3) m, without those that lie inside it.
+    """The hull of points (n, 3) m, without those that lie inside it, in an order that does not hang on theirs.
 
     Raises:
         InputError: fewer than four points, all in one plane, or larger or thinner than a body may be.
@@ -126,9 +141,9 @@ def convex(points: npt.ArrayLike) -> Convex:
         raise InputError(
             f"convex: points of shape {p.shape}; must be four or more points of x, y, z", shape=p.shape
         )
-    extent = np.linalg.svd(p - p.mean(axis=0), compute_uv=False)
+    p = np.unique(p, axis=0)
     size = np.ptp(p, axis=0)
-    if not (extent[-1] >= LEAST_LENGTH and size.max() <= MOST_LENGTH):
+    if not (thickness(p) >= LEAST_LENGTH and size.max() <= MOST_LENGTH):
         raise InputError(
             f"convex: points span {size[0]:.4g} x {size[1]:.4g} x {size[2]:.4g} m; must not lie in one plane, and "
             f"measure {LEAST_LENGTH:g} to {MOST_LENGTH:g} m",
@@ -136,8 +151,30 @@ def convex(points: npt.ArrayLike) -> Convex:
         )
     from scipy.spatial import ConvexHull  # slow to import, and few cells have such bodies
 
-    hull = np.sort(ConvexHull(p).vertices)
-    return Convex(tuple((float(x), float(y), float(z)) for x, y, z in p[hull]))
+    corners = p[np.sort(ConvexHull(p).vertices)]
+    while len(corners) < len(p):  # until nothing is dropped, so that the hull of a hull is the same
+        p, corners = corners, corners[np.sort(ConvexHull(corners).vertices)]
+    return Convex(tuple((float(x), float(y), float(z)) for x, y, z in corners))
+
+
+def thickness(points: Array) -> float:
+    """How far points (n, 3) spread across the plane that fits them best, m."""
+    centred = points - points.mean(axis=0)
+    _, _, axes = np.linalg.svd(centred, full_matrices=False)
+    return float(np.ptp(centred @ axes[-1])) if len(axes) == 3 else 0.0
+
+
+def hull_faces(shape: Convex) -> Faces:
+    """The surface of a hull as triangles; a flat face may have several."""
+    from scipy.spatial import ConvexHull
+
+    p = np.array(shape.points)
+    hull = ConvexHull(p)
+    corners, planes = hull.simplices.copy(), hull.equations
+    normals = np.cross(p[corners[:, 1]] - p[corners[:, 0]], p[corners[:, 2]] - p[corners[:, 0]])
+    inwards = (normals * planes[:, :3]).sum(axis=1) < 0.0
+    corners[inwards] = corners[inwards][:, ::-1]
+    return Faces(corners.astype(np.intp), frozen(planes[:, :3]), frozen(-planes[:, 3]))
 
 
 def _length(value: Any) -> float:

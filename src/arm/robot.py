@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from arm.bodies import Body, Box, Cylinder, Shape, Sphere
+from arm.bodies import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, convex, shape_to_json
 from arm.errors import FileInputError, InputError
 from arm.files import read_text, sha256
 from arm.se3 import Array, frozen, transform
@@ -50,7 +50,7 @@ class Robot:
         T_end_tool: the tool frame in it.
         bodies: collision bodies.
         touching: pairs of body names that are not checked against each other.
-        digest: SHA-256 over URDF, SRDF, tool and locked joints.
+        digest: SHA-256 over URDF, SRDF, tool, locked joints and hulls of meshes.
     """
 
     model: Any
@@ -110,6 +110,10 @@ def load_robot(
 ) -> Robot:
     """Read an arm from URDF (and pairs not to check from SRDF, by default the file of the same stem).
 
+    A collision mesh is taken as its convex hull, which is never smaller than the mesh: what is proved for the hull
+    holds for the mesh. Mesh files are looked for beside the URDF and up to two folders above it (``package://`` too).
+    A cylinder that ``<collision_checking><capsule name=.../>`` names is a capsule, as Pinocchio has it.
+
     Args:
         urdf: the file.
         end_frame: the frame that carries the tool, such as ``flange``.
@@ -119,14 +123,16 @@ def load_robot(
 
     Raises:
         FileInputError: not a URDF that Pinocchio reads whole, or with a body of another shape than box,
-            cylinder, sphere (Pinocchio drops capsules in silence, so the number of bodies is compared).
+            cylinder, sphere, capsule, mesh (Pinocchio drops others in silence, so the number of bodies is compared);
+            or with a mesh that is not there, flat, or of a size that no arm has.
         InputError: an unknown frame or joint.
     """
     text = read_text(urdf)
     locked = dict(locked or {})
     try:
         full = pin.buildModelFromXML(text)
-        geometry = pin.buildGeomFromUrdfString(full, text, pin.GeometryType.COLLISION)
+        folders = [str(folder) for folder in urdf.resolve().parents[:3]]
+        geometry = pin.buildGeomFromUrdfString(full, text, pin.GeometryType.COLLISION, package_dirs=folders)
     except (ValueError, RuntimeError) as error:
         raise FileInputError(urdf, "", None, f"is not a URDF: {error}") from error
     wanted = len(ElementTree.fromstring(text).findall("./link/collision"))
@@ -135,7 +141,7 @@ def load_robot(
             urdf,
             "collision",
             f"{wanted} bodies",
-            f"only {geometry.ngeoms} were read; use cylinders, spheres and boxes",
+            f"only {geometry.ngeoms} were read; use cylinders, spheres, boxes and meshes",
         )
     unknown = [name for name in locked if not full.existJointName(name)]
     if unknown or not full.existFrame(end_frame):
@@ -154,13 +160,18 @@ def load_robot(
     srdf = srdf or urdf.with_suffix(".srdf")
     srdf_text = read_text(srdf) if srdf.is_file() else ""
     tool = frozen(T_end_tool)
+    bodies = tuple(_link_body(urdf, g) for g in geometry.geometryObjects)
+    identity = {"urdf": text, "srdf": srdf_text, "tool": tool.tolist(), "locked": locked}
+    hulls = {b.name: shape_to_json(b.shape) for b in bodies if isinstance(b.shape, Convex)}
+    if hulls:  # they come from other files than the URDF
+        identity["hulls"] = hulls
     return Robot(
         model=model,
         end_frame=end_frame,
         T_end_tool=tool,
-        bodies=tuple(_link_body(urdf, g) for g in geometry.geometryObjects),
+        bodies=bodies,
         touching=_touching(srdf, srdf_text),
-        digest=sha256({"urdf": text, "srdf": srdf_text, "tool": tool.tolist(), "locked": locked}),
+        digest=sha256(identity),
     )
 
 
@@ -176,8 +187,17 @@ def _link_body(urdf: Path, geometry: Any) -> LinkBody:
             ours = Cylinder(float(shape.radius), 2.0 * float(shape.halfLength))
         case "Sphere":
             ours = Sphere(float(shape.radius))
+        case "Capsule":
+            ours = Capsule(float(shape.radius), 2.0 * float(shape.halfLength))
+        case mesh if mesh.startswith("BVHModel"):
+            try:
+                ours = convex(shape.vertices())
+            except InputError as error:
+                raise FileInputError(
+                    urdf, f"link {name}", str(geometry.meshPath), f"has no hull: {error}"
+                ) from error
         case other:
-            raise FileInputError(urdf, f"link {name}", other, "must be a box, cylinder or sphere")
+            raise FileInputError(urdf, f"link {name}", other, "must be a box, cylinder, sphere or mesh")
     return LinkBody(name, int(geometry.parentJoint), ours, frozen(geometry.placement.homogeneous))
 
 

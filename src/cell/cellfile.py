@@ -15,6 +15,7 @@ from arm.robot import Robot, load_a465
 from arm.se3 import Array, frozen, transform
 from arm.toml_table import TomlTable
 from arm.unit import UNITS, Limits, Unit, load_unit
+from cell.bodytable import read_body
 from vision.camera import Camera, read_camera
 
 DICTIONARIES = ("DICT_4X4_50", "DICT_4X4_100", "DICT_5X5_100", "DICT_6X6_250")
@@ -141,7 +142,7 @@ def read_cell(path: Path) -> Cell:
         boards=_boards(boards_table),
         dictionary=boards_table.text("dictionary", choices=DICTIONARIES),
         stand_size=_pair_m(boards_table, "stand_size_mm", 10, 240),
-        zone=_box_body(boards_table, "zone", "zone_centre_mm", "zone_size_mm", "zone"),
+        zone=_zone(boards_table),
         fixed=_fixed_bodies(root),
         table_z=table_z,
         q_start=q_start,
@@ -212,18 +213,17 @@ def _fixed_bodies(root: TomlTable) -> tuple[Body, ...]:
         )
     ]
     for wall in root.tables("walls"):
-        name = wall.text("name")
-        if any(name == b.name for b in bodies):
+        body = read_body(wall, "wall")
+        if any(body.name == b.name for b in bodies):
             raise wall.error("name", "is used twice; names of bodies must differ")
-        bodies.append(_box_body(wall, name, "centre_mm", "size_mm", "wall"))
-        wall.finish()
+        bodies.append(body)
     return tuple(bodies)
 
 
-def _box_body(table: TomlTable, name: str, centre_key: str, size_key: str, kind: str) -> Body:
-    centre = table.numbers(centre_key, 3, "mm", -5000, 5000) / 1e3
-    x, y, z = (float(v) for v in table.numbers(size_key, 3, "mm", 1, 10000) / 1e3)
-    return Body(name, Box((x, y, z)), transform(t=centre), kind)
+def _zone(table: TomlTable) -> Body:
+    centre = table.numbers("zone_centre_mm", 3, "mm", -5000, 5000) / 1e3
+    x, y, z = (float(v) for v in table.numbers("zone_size_mm", 3, "mm", 1, 10000) / 1e3)
+    return Body("zone", Box((x, y, z)), transform(t=centre), "zone")
 
 
 def _pair_m(table: TomlTable, key: str, low: float, high: float) -> tuple[float, float]:

@@ -136,9 +136,10 @@ def _pose(cell: Cell, plate: Body) -> BoardPose:
 
 
 def _same_shape(a: Shape, b: Shape) -> bool:
-    return type(a) is type(b) and bool(
-        np.allclose(np.hstack(astuple(a)), np.hstack(astuple(b)), rtol=0.0, atol=SAME)
-    )
+    if type(a) is not type(b):
+        return False
+    x, y = np.hstack(astuple(a)), np.hstack(astuple(b))
+    return x.shape == y.shape and bool(np.allclose(x, y, rtol=0.0, atol=SAME))
 
 
 def _differing(stated: Scene, now: Scene) -> list[str]:

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from arm.bodies import Box
+from arm.bodies import Box, Capsule, Convex
 from arm.errors import FileInputError, InputError
 from arm.files import data_file
 from arm.robot import load_a465, load_robot
@@ -92,8 +92,44 @@ def test_a_capsule_that_pinocchio_drops_is_told(tmp_path: Path, capfd: pytest.Ca
     text = data_file("urdf/a465/a465.urdf").read_text()
     broken = tmp_path / "capsule.urdf"
     broken.write_text(text.replace('<sphere radius="0.048"/>', '<capsule radius="0.048" length="0.1"/>'))
-    with pytest.raises(FileInputError, match="use cylinders, spheres and boxes"):
+    with pytest.raises(FileInputError, match="use cylinders, spheres, boxes and meshes"):
         load_a465(TOOL_LENGTH, 0.06, broken)
+
+
+BOX_OBJ = "\n".join(f"v {x} {y} {z}" for x in (0, 0.1) for y in (0, 0.2) for z in (0, 0.3))
+BOX_OBJ += "\nf 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\n"
+MESH_ARM = """<robot name="two">
+<link name="foot"><collision><origin xyz="0 0 1"/>
+<geometry><mesh filename="{mesh}" scale="2 1 1"/></geometry></collision></link>
+<link name="rod"><collision name="skin"><geometry><cylinder radius="0.1" length="0.5"/></geometry></collision>
+<collision_checking><capsule name="skin"/></collision_checking></link>
+<joint name="J1" type="revolute"><parent link="foot"/><child link="rod"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+
+
+@pytest.mark.parametrize("mesh", ["meshes/box.obj", "package://two/meshes/box.obj"])
+def test_collision_meshes_become_their_hulls_and_capsules_are_capsules(mesh: str, tmp_path: Path) -> None:
+    (tmp_path / "two" / "meshes").mkdir(parents=True)
+    (tmp_path / "two" / "meshes" / "box.obj").write_text(BOX_OBJ)
+    urdf = tmp_path / "two" / "two.urdf"
+    urdf.write_text(MESH_ARM.format(mesh=mesh))
+    robot = load_robot(urdf, "rod", np.eye(4))
+    foot, rod = robot.bodies
+    assert isinstance(foot.shape, Convex)
+    corners = [(x, y, z) for x in (0, 0.2) for y in (0, 0.2) for z in (0, 0.3)]
+    assert np.array(sorted(foot.shape.points)) == pytest.approx(np.array(corners), abs=1e-7)
+    assert foot.T_joint_body == pytest.approx(transform(t=(0, 0, 1)))
+    assert rod.shape == Capsule(0.1, 0.5)
+
+    before = robot.digest
+    (tmp_path / "two" / "meshes" / "box.obj").write_text(BOX_OBJ.replace("0.3", "0.4"))
+    assert load_robot(urdf, "rod", np.eye(4)).digest != before  # the hull is part of what the arm is
+    (tmp_path / "two" / "meshes" / "box.obj").write_text(BOX_OBJ.replace("0.3", "0.0"))
+    with pytest.raises(FileInputError, match=r"link foot = .*box.obj.*has no hull.*one plane"):
+        load_robot(urdf, "rod", np.eye(4))
+    (tmp_path / "two" / "meshes" / "box.obj").unlink()
+    with pytest.raises(FileInputError, match="could not be found"):
+        load_robot(urdf, "rod", np.eye(4))
 
 
 def test_unknown_names_are_told_with_the_choices() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import arm.board
-from arm.bodies import body_from_json
+from arm.bodies import Capsule, body_from_json, convex
 from arm.errors import InputError
 from arm.planfile import GripperStep, Move
 from arm.se3 import inverse, rot_x, rot_z, rotation, transform
@@ -18,7 +18,7 @@ from arm.unit import load_unit
 from cell.furniture import plate_name
 from cell.preview.clearance import sample_clearance
 from cell.preview.content import page_content
-from cell.preview.overlays import ExecutedMove, marker_rows
+from cell.preview.overlays import ExecutedMove, marker_rows, shape_numbers
 from cell.preview.page import page, write_preview
 from cell.preview.timeline import LOOK_S, cube_tracks, timed_steps
 from plan.scene import Scene, Station, Transfer
@@ -106,6 +106,13 @@ def test_boards_stand_where_their_plates_do(preview_case) -> None:
     for drawn, place in zip(content["boards"], preview_case.boards, strict=True):
         assert np.abs(_matrix(drawn["T"]) - place.T_base_board).max() < 1e-6
         assert drawn["markers"][1]["centre"] == pytest.approx(arm.board.SECOND_MARKER)
+
+
+def test_hulls_are_drawn_with_triangles_that_close() -> None:
+    drawn = shape_numbers(convex([(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), (0, 0, 0.1), (0.02, 0.02, 0.02)]))
+    assert len(drawn["convex"]) == 4
+    assert sorted(i for face in drawn["faces"] for i in face) == sorted([0, 1, 2, 3] * 3)
+    assert shape_numbers(Capsule(0.1, 0.2)) == {"capsule": [0.1, 0.2]}
 
 
 def test_marker_rows_are_opencvs() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from arm.bodies import Body, Box, Cylinder, Shape, Sphere
+from arm.bodies import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, convex, hull_faces
 from arm.files import data_file
 from arm.se3 import Array, apply, inverse, rotation, transform
 from cell.render.first_hit import first_hits, in_view
@@ -29,8 +29,14 @@ def small(camera: Camera) -> Camera:
 
 
 def signed_distance(shape: Shape, points: Array) -> Array:
-    """Of points (..., 3) m of the body's frame to its surface, negative inside."""
+    """Of points (..., 3) m of the body's frame to its surface, negative inside; of hulls at most that far."""
     match shape:
+        case Capsule(radius, length):
+            axis = np.clip(points[..., 2], -length / 2.0, length / 2.0)[..., None] * (0.0, 0.0, 1.0)
+            return np.asarray(np.linalg.norm(points - axis, axis=-1) - radius)
+        case Convex():
+            faces = hull_faces(shape)
+            return np.asarray((points @ faces.normals.T - faces.offsets).max(axis=-1))
         case Box(size):
             q = np.abs(points) - np.array(size) / 2.0
         case Cylinder(radius, length):
@@ -44,8 +50,18 @@ def signed_distance(shape: Shape, points: Array) -> Array:
 
 def random_shape(rng: np.random.Generator) -> Shape:
     a, b, c = rng.uniform(0.02, 0.3, 3)
-    shapes: tuple[Shape, ...] = (Box((a, b, c)), Cylinder(a / 2, b), Sphere(a / 2))
-    return shapes[int(rng.integers(3))]
+    hull = convex(rng.uniform(-0.5, 0.5, (12, 3)) * (a, b, c))
+    shapes: tuple[Shape, ...] = (
+        Box((a, b, c)),
+        Cylinder(a / 2, b),
+        Sphere(a / 2),
+        Capsule(a / 2, b),
+        hull,
+    )
+    return shapes[int(rng.integers(len(shapes)))]
+
+
+SOLID_CUBE = convex([(x, y, z) for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (-0.05, 0.05)])
 
 
 def random_pose(rng: np.random.Generator, spread: float) -> Array:
@@ -87,7 +103,9 @@ def test_a_hit_is_on_the_surface_and_nothing_is_before_it(seed: int, small: Came
         assert before.min() > -2e-6
 
 
-@pytest.mark.parametrize("shape", [Box((0.1, 0.1, 0.1)), Cylinder(0.08, 0.1), Sphere(0.1)])
+@pytest.mark.parametrize(
+    "shape", [Box((0.1, 0.1, 0.1)), Cylinder(0.08, 0.1), Sphere(0.1), Capsule(0.05, 0.1), SOLID_CUBE]
+)
 def test_a_solid_that_holds_the_camera_or_is_behind_it_is_not_seen(shape: Shape, small: Camera) -> None:
     x, y, z = small.T_base_camera[:3, 3]
     for place in ((x + 0.01, y - 0.02, z + 0.015), (x, y, z + 0.5)):
@@ -155,12 +173,29 @@ def test_surfaces_are_lit_by_the_cosine_law(seed: int, small: Camera) -> None:
         signed_distance(body.shape, points + d) - signed_distance(body.shape, points - d) for d in steps
     ]
     normals = np.stack(gradient, axis=-1) / 2e-4
-    inside_a_face = np.abs(np.linalg.norm(normals, axis=-1) - 1.0) < 1e-3  # not beside an edge
+    flat = 1e-6 if isinstance(body.shape, Convex) else 1e-4  # hulls have edges of a few degrees
+    inside_a_face = np.abs(np.linalg.norm(normals, axis=-1) - 1.0) < flat  # not beside an edge
     towards = np.array(light.lamp) - body.T_base_body[:3, 3]
     cosine = normals @ body.T_base_body[:3, :3].T @ towards / np.linalg.norm(towards)
     expected = 205.0 * (0.4 + 0.6 * np.maximum(cosine, 0.0))
     assert np.count_nonzero(inside_a_face) > 100
     assert np.abs(cast.grey[met] - expected)[inside_a_face].max() < 0.3
+
+
+def test_a_box_and_the_hull_of_its_corners_look_the_same(small: Camera) -> None:
+    rng = np.random.default_rng(8)
+    for _ in range(5):
+        pose = random_pose(rng, 0.1)
+        rays = pixel_rays(small)
+        box, hull = (
+            BodySolid(Body("thing", shape, pose, "cube"), Light()).cast(small.T_base_camera, rays)
+            for shape in (Box((0.1, 0.1, 0.1)), SOLID_CUBE)
+        )
+        both = np.isfinite(box.depth)
+        assert np.count_nonzero(both != np.isfinite(hull.depth)) <= 4  # rays along the outline
+        both &= np.isfinite(hull.depth)
+        assert np.abs(box.depth[both] - hull.depth[both]).max() < 2e-6
+        assert np.count_nonzero(np.abs(box.grey[both] - hull.grey[both]) > 0.01) <= 4  # rays along an edge
 
 
 def test_window_area_indexes_an_image() -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from arm.board import Board
-from arm.bodies import body_from_json, shape_to_json
+from arm.bodies import body_from_json
 from arm.errors import InputError
 from arm.planfile import GripperStep, LookStep, Move, Plan
 from arm.robot import Robot
@@ -27,6 +27,7 @@ from cell.preview.overlays import (
     clearance_to_json,
     executed_to_json,
     pose_numbers,
+    shape_numbers,
 )
 from cell.preview.timeline import TimedStep, cube_tracks, timed_steps
 
@@ -79,7 +80,7 @@ def page_content(
             {
                 "name": b.name,
                 "kind": b.kind,
-                "shape": shape_to_json(b.shape),
+                "shape": shape_numbers(b.shape),
                 "T": pose_numbers(b.T_base_body),
             }
             for b in bodies
@@ -87,7 +88,7 @@ def page_content(
         "cubes": [
             {
                 "name": c.name,
-                "shape": shape_to_json(c.shape),
+                "shape": shape_numbers(c.shape),
                 "track": [
                     {"start": round(p.start_s, 6), "held": p.held, "T": pose_numbers(p.T)}
                     for p in tracks[c.name]
@@ -132,7 +133,7 @@ def _arm(robot_open: Robot, robot_holding: Robot) -> dict[str, Any]:
             {
                 "name": body.name,
                 "joint": body.joint,
-                "shape": shape_to_json(body.shape),
+                "shape": shape_numbers(body.shape),
                 "open": pose_numbers(body.T_joint_body),
                 "holding": pose_numbers(holding[body.name].T_joint_body),
             }

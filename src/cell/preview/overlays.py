@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_FLOOR, POCKET_MOUTH, Board
-from arm.bodies import Body
+from arm.bodies import Body, Convex, Shape, hull_faces, shape_to_json
 from arm.errors import InputError
 from arm.se3 import Array, transform
 from cell.furniture import plate_name
@@ -70,6 +70,14 @@ class ExecutedMove:
 def pose_numbers(T: Array) -> list[float]:
     """The upper three rows of a 4x4 transform, row by row, rounded to 0.1 um."""
     return [float(v) + 0.0 for v in np.round(T[:3], _DIGITS).ravel()]
+
+
+def shape_numbers(shape: Shape) -> dict[str, Any]:
+    """A shape as the page draws it; a hull has its triangles too, as indices of its points."""
+    if isinstance(shape, Convex):
+        points = np.round(shape.points, _DIGITS) + 0.0
+        return {"convex": points.tolist(), "faces": hull_faces(shape).corners.tolist()}
+    return shape_to_json(shape)
 
 
 def marker_rows(dictionary: str, marker_id: int) -> list[str]:

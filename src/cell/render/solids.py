@@ -10,12 +10,13 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from arm.bodies import Body, Box, Cylinder, Sphere
+from arm.bodies import Body, Box, Capsule, Convex, Cylinder, Sphere
 from arm.se3 import Array, inverse
+from cell.render.hulls import Hull
 from cell.render.light import Light, body_grey
 from cell.render.rays import Bundle, Floats, PixelRays, bundle_in
 
-REGIONS = 32  # more than any solid has
+REGIONS = 32  # a solid has fewer, but for hulls: faces whose numbers differ by a multiple share one
 SEAM = 1e-7  # m; faces overlap by this much, so that rounding leaves no gap between them
 
 
@@ -52,6 +53,7 @@ class BodySolid:
         self._grey = body_grey(body)
         self._light = light
         self._lamp = body.T_base_body[:3, :3].T @ light.towards(body.T_base_body[:3, 3])
+        self._hull = Hull(body.shape) if isinstance(body.shape, Convex) else None
 
     def cast(self, T_base_camera: Array, rays: PixelRays) -> Cast:
         """Where the rays of a camera meet the body."""
@@ -65,6 +67,10 @@ class BodySolid:
                     return self._cylinder(radius, length / 2.0, bundle)
                 case Sphere(radius):
                     return self._sphere(radius, bundle)
+                case Capsule(radius, length):
+                    return self._capsule(radius, length / 2.0, bundle)
+                case Convex():
+                    return self._convex(bundle)
 
     def _shaded(self, cosine: Floats) -> Floats:
         return (self._grey * self._light.lambert(cosine)).astype(np.float32)
@@ -100,6 +106,26 @@ class BodySolid:
         lx, ly, lz = _single(self._lamp)
         cosine = ((ox + t * dx) * lx + (oy + t * dy) * ly + (oz + t * dz) * lz) / np.float32(radius)
         return Cast(depth, self._shaded(np.where(met, cosine, 0.0)), np.zeros(t.shape, dtype=np.uint8))
+
+    def _capsule(self, radius: float, half: float, rays: Bundle) -> Cast:
+        """The first of the side and the two balls; one smooth piece."""
+        side = self._cylinder(radius, half, rays)
+        depth = np.where(side.region == 0, side.depth, np.float32(np.inf))  # what looks like an end is inside
+        grey = side.grey
+        for sign in (-1.0, 1.0):
+            moved = Bundle(rays.origin - (0.0, 0.0, sign * half), rays.dx, rays.dy, rays.dz)
+            ball = self._sphere(radius, moved)
+            outer = sign * (moved.origin[2] + ball.depth * rays.dz) >= -SEAM
+            nearer = (ball.depth < depth) & outer
+            depth, grey = np.where(nearer, ball.depth, depth), np.where(nearer, ball.grey, grey)
+        return Cast(depth, grey, np.zeros(depth.shape, dtype=np.uint8))
+
+    def _convex(self, rays: Bundle) -> Cast:
+        if self._hull is None:
+            raise TypeError("a hull is made for a convex shape only")
+        depth, face = self._hull.enter(rays, SEAM)
+        levels = self._shaded(_single(self._hull.normals @ self._lamp))
+        return Cast(depth, levels[face], (face % REGIONS).astype(np.uint8))
 
 
 def cast_box(half: Array, rays: Bundle, levels: Array) -> Cast:
@@ -139,3 +165,7 @@ def _half_extent(body: Body) -> Array:
             return np.array([radius, radius, length / 2.0])
         case Sphere(radius):
             return np.full(3, radius)
+        case Capsule(radius, length):
+            return np.array([radius, radius, length / 2.0 + radius])
+        case Convex(points):
+            return np.asarray(np.abs(points).max(axis=0))

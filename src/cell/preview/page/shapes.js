@@ -23,9 +23,32 @@ function roundedCylinder(radius, length, rounding = 0.012) {
   return new THREE.LatheGeometry(profile, 56).rotateX(Math.PI / 2);
 }
 
+// A capsule along z, centred; `length` between the centres of its balls.
+function capsule(radius, length) {
+  const profile = [];
+  for (const [start, centre] of [[-Math.PI / 2, -length / 2], [0, length / 2]]) {
+    for (let k = 0; k <= 12; k++) {
+      const a = start + (k / 12) * (Math.PI / 2);
+      profile.push(new THREE.Vector2(Math.max(radius * Math.cos(a), 0), centre + radius * Math.sin(a)));
+    }
+  }
+  return new THREE.LatheGeometry(profile, 56).rotateX(Math.PI / 2);
+}
+
+// Flat triangles; each has its own corners, so that edges stay sharp.
+function facets(points, faces) {
+  const geometry = new THREE.BufferGeometry();
+  const corners = faces.flatMap((face) => face.flatMap((i) => points[i]));
+  geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(corners), 3));
+  geometry.computeVertexNormals();
+  return geometry;
+}
+
 function bodyGeometry(shape, rounding) {
   if (shape.box) return roundedBox(shape.box, rounding);
   if (shape.cylinder) return roundedCylinder(shape.cylinder[0], shape.cylinder[1], rounding);
+  if (shape.capsule) return capsule(shape.capsule[0], shape.capsule[1]);
+  if (shape.convex) return facets(shape.convex, shape.faces);
   return new THREE.SphereGeometry(shape.sphere, 48, 32);
 }
 
