@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from arm.errors import A465Error
+from arm.errors import A465Error, InputError
 from arm.se3 import Array
 from arm.unit import Counts
 
@@ -124,3 +125,22 @@ class CountPath:
             )
             out[rows] = knots[index] + segment.displacement(np.clip(u, 0.0, 1.0))
         return out
+
+
+def chain(paths: Sequence[CountPath]) -> CountPath:
+    """Paths one behind the other as one.
+
+    Raises:
+        InputError: there is none, or one does not start where the one before ends, to the count.
+    """
+    if not paths:
+        raise InputError("a chain needs at least one path", count=0)
+    for number, (before, after) in enumerate(pairwise(paths), start=1):
+        if before.end != after.start:
+            raise InputError(
+                f"path {number} of the chain starts at {after.start}, but the one before ends at {before.end}",
+                path=number,
+                start=list(after.start),
+                end=list(before.end),
+            )
+    return CountPath(paths[0].start, tuple(s for path in paths for s in path.segments))

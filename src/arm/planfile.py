@@ -1,13 +1,14 @@
 """The plan: what flows from the planner to preview and execution, and its file.
 
-A plan is a chain of steps. Motion is stored as it will be sent: integer segments (`arm.motion`). The file is
-canonical JSON, so the same plan is the same bytes, and its SHA-256 names it everywhere.
+A plan is a chain of steps. Motion is stored as it will be sent: integer segments (`arm.motion`). Moves that follow each
+other with no other step between make one motion: from rest to rest, meeting at speed. The file is canonical JSON, so
+the same plan is the same bytes, and its SHA-256 names it everywhere.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -15,14 +16,16 @@ from typing import Any
 
 from arm.errors import FileInputError
 from arm.files import canonical_json, read_text, sha256, write_atomic
-from arm.motion import CountPath, Segment
+from arm.jsonfields import JsonFields
+from arm.motion import CountPath, Segment, chain
 
-FORMAT = "a465-plan/1"
+FORMAT = "a465-plan/2"
+ROUNDING = 1e-6  # by which a move's clearance may be below the least of its segments, m
 
 
 @dataclass(frozen=True)
 class Move:
-    """A motion from rest to rest.
+    """A part of a motion with one purpose: what is held and what may be touched do not change in it.
 
     Attributes:
         name: for people, such as "cube 1: approach 01-02/2".
@@ -36,6 +39,8 @@ class Move:
         closest: names of the two bodies at that distance.
         certified: whether `clearance` is proved between the samples too.
         touching: names of bodies that the held cube may touch during the move: what it is lifted off or set upon.
+        clearances: for every segment of the path a lower bound of the clearance over it, proved, m; their least is
+            `clearance`, but for rounding. Empty where none were made.
     """
 
     name: str
@@ -48,6 +53,7 @@ class Move:
     closest: tuple[str, str]
     certified: bool = False
     touching: tuple[str, ...] = ()
+    clearances: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -69,6 +75,48 @@ class LookStep:
 
 
 Step = Move | GripperStep | LookStep
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Consecutive moves: streamed as one, at rest at both ends and at speed where they meet.
+
+    Attributes:
+        first: index of the first of them among the steps.
+        moves: in order.
+    """
+
+    first: int
+    moves: tuple[Move, ...]
+
+    @property
+    def path(self) -> CountPath:
+        """What is sent.
+
+        Raises:
+            InputError: the moves do not meet to the count.
+        """
+        return chain([move.path for move in self.moves])
+
+    @property
+    def starts(self) -> tuple[int, ...]:
+        """Per move the number of its first segment, counted over the motion."""
+        lengths = [len(move.path.segments) for move in self.moves]
+        return tuple(sum(lengths[:i]) for i in range(len(lengths)))
+
+
+def motions(steps: Sequence[Step]) -> tuple[Motion, ...]:
+    """The runs of moves among steps, in order; any other step ends a run."""
+    found: list[Motion] = []
+    for index, step in enumerate(steps):
+        if not isinstance(step, Move):
+            continue
+        last = found[-1] if found else None
+        if last is not None and last.first + len(last.moves) == index:
+            found[-1] = Motion(last.first, (*last.moves, step))
+        else:
+            found.append(Motion(index, (step,)))
+    return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -99,6 +147,11 @@ class Plan:
     def moves(self) -> Iterator[Move]:
         """The moves, in order."""
         return (step for step in self.steps if isinstance(step, Move))
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        """The moves in runs that are streamed as one."""
+        return motions(self.steps)
 
     @property
     def start(self) -> tuple[int, ...]:
@@ -177,6 +230,7 @@ def _step_to_json(step: Step) -> dict[str, Any]:
                 "closest": list(step.closest),
                 "certified": step.certified,
                 "touching": list(step.touching),
+                "clearances": list(step.clearances),
             }
         case GripperStep():
             return {
@@ -191,42 +245,10 @@ def _step_to_json(step: Step) -> dict[str, Any]:
             return {"step": "look", "name": step.name}
 
 
-class _PlanReader:
+class _PlanReader(JsonFields):
     """Checks and builds; every message names the key."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    def fail(self, key: str, value: object, rule: str) -> FileInputError:
-        return FileInputError(self.path, key, value, rule, "make the plan again")
-
-    def get(self, table: object, key: str, where: str, types: type | tuple[type, ...], what: str) -> Any:
-        if not isinstance(table, dict):
-            raise self.fail(where.rstrip("."), table, "must be a table")
-        if key not in table:
-            raise self.fail(where + key, None, f"is missing; must be {what}")
-        value = table[key]
-        accepted = types if isinstance(types, tuple) else (types,)
-        if not isinstance(value, accepted) or (isinstance(value, bool) and bool not in accepted):
-            raise self.fail(where + key, value, f"must be {what}")
-        return value
-
-    def integers(self, value: object, where: str, count: int | None = 6) -> tuple[int, ...]:
-        if (
-            not isinstance(value, list)
-            or (count is not None and len(value) != count)
-            or not all(isinstance(v, int) and not isinstance(v, bool) for v in value)
-        ):
-            raise self.fail(where, value, f"must be {count or 'some'} whole numbers")
-        if any(abs(v) >= 2**31 for v in value):
-            raise self.fail(where, value, "must fit the controller's 32-bit integers")
-        return tuple(value)
-
-    def number(self, table: object, key: str, where: str, low: float = -1e9, high: float = 1e9) -> float:
-        value = float(self.get(table, key, where, (int, float), f"a number from {low:g} to {high:g}"))
-        if not low <= value <= high:
-            raise self.fail(where + key, value, f"must be a number from {low:g} to {high:g}")
-        return value
+    help = "make the plan again"
 
     def plan(self, value: dict[str, Any]) -> Plan:
         steps = self.get(value, "steps", "", list, "a list of steps")
@@ -272,12 +294,6 @@ class _PlanReader:
                 return self.move(value, name, where)
         raise self.fail(where + "step", kind, "must be move, gripper or look")
 
-    def choice(self, table: object, key: str, where: str, choices: tuple[str, ...]) -> str:
-        value = self.get(table, key, where, str, "one of " + ", ".join(choices))
-        if value not in choices:
-            raise self.fail(where + key, value, "must be one of " + ", ".join(choices))
-        return str(value)
-
     def move(self, value: object, name: str, where: str) -> Move:
         segments = []
         for i, row in enumerate(self.get(value, "segments", where, list, "a list of segments")):
@@ -287,6 +303,9 @@ class _PlanReader:
             if not isinstance(row[0], int) or isinstance(row[0], bool) or not 0 <= row[0] <= 60_000:
                 raise self.fail(key, row[0], "duration must be a whole number of ms from 0 to 60000")
             segments.append(Segment(row[0], tuple(self.integers(r, key) for r in row[1:])))
+        if not segments:
+            raise self.fail(where + "segments", [], "must be at least one segment")
+        clearance = self.number(value, "clearance", where)
         touching = self.get(value, "touching", where, list, "body names")
         if not all(isinstance(n, str) for n in touching):
             raise self.fail(where + "touching", touching, "must be body names")
@@ -305,8 +324,25 @@ class _PlanReader:
             ),
             held=self.get(value, "held", where, (str, type(None)), "a body's name or null"),
             jaw_opening=self.number(value, "jaw_opening", where, 0.0, 1.0),
-            clearance=self.number(value, "clearance", where),
+            clearance=clearance,
             closest=(closest[0], closest[1]),
             certified=self.get(value, "certified", where, bool, "true or false"),
             touching=tuple(touching),
+            clearances=self.clearances(value, where, clearance, len(segments)),
         )
+
+    def clearances(self, value: object, where: str, clearance: float, count: int) -> tuple[float, ...]:
+        """One for each segment, the least of them the move's; or none."""
+        key = where + "clearances"
+        found = self.get(value, "clearances", where, list, "numbers, one for each segment")
+        if not all(isinstance(v, int | float) and not isinstance(v, bool) and abs(v) <= 1e9 for v in found):
+            raise self.fail(key, found, "must be numbers in m, one for each segment")
+        if len(found) not in (0, count):
+            raise self.fail(key, len(found), f"must be as many as the move has segments, {count}, or none")
+        if found and not clearance <= min(found) <= clearance + ROUNDING:
+            raise self.fail(
+                key,
+                min(found),
+                f"must at the least be the move's clearance, {clearance:g} m, but for rounding",
+            )
+        return tuple(float(v) for v in found)

@@ -31,6 +31,7 @@ from driver.protocol import (
     encode_dwell,
     encode_query,
     encode_segment,
+    parse_integer,
     parse_position,
     parse_status,
 )
@@ -54,6 +55,7 @@ class StreamOptions:
         queue: most segments that the unit holds; it takes 200.
         poll_s: between two looks at position and status, controller seconds.
         following_counts: how far any axis may be outside the stretch of path it should be on.
+        watch_jaws: look at the jaws too, with every look at the position.
     """
 
     dwell_ms: int = 300
@@ -61,6 +63,7 @@ class StreamOptions:
     queue: int = 150
     poll_s: float = 0.1
     following_counts: int = 1500
+    watch_jaws: bool = False
 
 
 @dataclass(frozen=True)
@@ -72,12 +75,14 @@ class Progress:
         total: segments of the path.
         planned_s: planned time of the finished ones.
         position: the unit's own sample.
+        jaws: how far the jaws were closed at the last look, 0 open to 1 closed; None where they are not watched.
     """
 
     done: int
     total: int
     planned_s: float
     position: Position
+    jaws: float | None = None
 
 
 @dataclass(frozen=True)
@@ -86,13 +91,15 @@ class Sent:
 
     Attributes:
         path: the segments as sent (without the dwell).
-        duration_s: from the end of the dwell until the unit was ready, controller seconds.
+        start_s: end of the dwell, controller clock.
+        duration_s: from there until the unit was ready, controller seconds.
         end_counts: where the arm settled, (6,).
         ahead_s: most motion that the unit held at any time.
         samples: looks at position and status.
     """
 
     path: CountPath
+    start_s: float
     duration_s: float
     end_counts: tuple[int, ...]
     ahead_s: float
@@ -185,6 +192,7 @@ class _Stream:
         self.most_ahead = 0.0
         self.samples = 0
         self.astray = 0  # samples in a row outside the stretch of path
+        self.jaws: float | None = None
         self.sequence = 0  # the unit's number of the last segment seen to run,
         self.counted = 0  # and which that is by our count
         self.polls: deque[int] = deque()  # how many segments were sent before each unanswered ST?
@@ -219,6 +227,7 @@ class _Stream:
         self.mars.note("streamed", segments=self.sent, end=list(end))
         return Sent(
             path=CountPath(self.path.start, self.path.segments[: self.sent]),
+            start_s=started,
             duration_s=self.ready_at - started,
             end_counts=end,
             ahead_s=self.most_ahead,
@@ -284,6 +293,8 @@ class _Stream:
         self.link.send(encode_query("COORDAP"))
         self.polls.append(self.sent)
         self.link.send(encode_query("ST"))
+        if self.options.watch_jaws:
+            self.link.send(encode_query("AP", self.mars.unit.gripper.axis))
         self.polled_at = now
 
     def _take(self, reply: Reply) -> None:
@@ -299,6 +310,8 @@ class _Stream:
                     self.idle = not status.busy and sent_then == self.total
                     if not status.busy and sent_then + 1 > self.begun:
                         self._begin(sent_then + 1)  # all that it had been sent is done
+                case Answer(name, text) if name == f"AP{self.mars.unit.gripper.axis}":
+                    self.jaws = self.mars.unit.gripper.fraction_closed(parse_integer(text))
                 case Ready(""):
                     if self.waiting and self.ready_at is None:
                         self.ready_at, self.idle = self.link.clock.now(), False
@@ -327,7 +340,8 @@ class _Stream:
                 reason="following",
             )
         if self.on_progress is not None:
-            self.on_progress(Progress(self.done, self.total, sum(self.durations[: self.done]), position))
+            planned_s = sum(self.durations[: self.done])
+            self.on_progress(Progress(self.done, self.total, planned_s, position, self.jaws))
 
     def _begin(self, begun: int) -> None:
         self.begun = begun

@@ -9,9 +9,10 @@ import pytest
 
 from arm.errors import FileInputError, InputError
 from arm.motion import CountPath, Segment
-from arm.planfile import GripperStep, LookStep, Move, Plan, read_plan, write_plan
+from arm.planfile import GripperStep, LookStep, Move, Plan, motions, read_plan, write_plan
 
 ROW = (10, -20, 30, 0, 5, 1)
+BOUNDS = (0.05, 0.0123457)  # of both segments; the least is the move's but for rounding
 
 
 def _plan() -> Plan:
@@ -25,7 +26,9 @@ def _plan() -> Plan:
         speed_registers=(7680, 2048, 5120, 7680, 7680, 19200),
         acceleration_registers=(51, 10, 20, 38, 128, 768),
         steps=(
-            Move("there", "transit", 0, first, None, 0.06, 0.0123456789, ("palm", "table")),
+            Move(
+                "there", "transit", 0, first, None, 0.06, 0.0123456789, ("palm", "table"), clearances=BOUNDS
+            ),
             GripperStep("close", "close", 0, 0.4, 1.0),
             Move("back", "retract", 0, second, "cube 1", 0.04, 0.02, ("palm", "wall"), certified=True),
             LookStep("look"),
@@ -48,6 +51,22 @@ def test_figures_of_a_plan() -> None:
     assert plan.start == (-181650, -349, -62200, 99200, 8300, -96500)
 
 
+def test_moves_with_nothing_between_make_one_motion() -> None:
+    there, close, back, look = _plan().steps
+    assert isinstance(there, Move)
+    assert isinstance(back, Move)
+    steps = (close, there, back, look, there, close, back)
+    found = motions(steps)
+    assert [(m.first, m.moves) for m in found] == [(1, (there, back)), (4, (there,)), (6, (back,))]
+    assert found[0].starts == (0, 2)
+    assert found[0].path.segments == (*there.path.segments, *back.path.segments)
+    assert (found[0].path.start, found[0].path.end) == (there.path.start, back.path.end)
+    assert [m.first for m in _plan().motions] == [0, 2]
+    assert motions(()) == ()
+    with pytest.raises(InputError, match="path 1 of the chain starts at"):
+        _ = motions((there, there))[0].path
+
+
 def _damaged(change: Any) -> str:
     value = json.loads(_plan().to_json())
     change(value)
@@ -57,7 +76,7 @@ def _damaged(change: Any) -> str:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda v: v.update(format="other"), "format = 'other': must be 'a465-plan/1'"),
+        (lambda v: v.update(format="other"), "format = 'other': must be 'a465-plan/2'"),
         (lambda v: v.update(speed=1.5), "speed = 1.5: must be a number from"),
         (lambda v: v.pop("unit"), "unit: is missing"),
         (
@@ -72,6 +91,16 @@ def _damaged(change: Any) -> str:
         (lambda v: v["steps"][3].update(step="dance"), "must be move, gripper or look"),
         (lambda v: v.update(steps=[]), "hold no move"),
         (lambda v: v["steps"][0].update(role="jump"), "one of home, transit, approach, retract"),
+        (lambda v: v["steps"][0].update(segments=[]), r"steps\[0\]\.segments = \[\]: must be at least one"),
+        (lambda v: v["steps"][0].pop("clearances"), r"steps\[0\]\.clearances: is missing"),
+        (lambda v: v["steps"][0]["clearances"].pop(), r"steps\[0\]\.clearances = 1: .* segments, 2, or none"),
+        (lambda v: v["steps"][0]["clearances"].__setitem__(0, "x"), "numbers in m, one for each segment"),
+        (
+            lambda v: v["steps"][0]["clearances"].__setitem__(1, 0.0123),
+            r"clearances = 0\.0123: must at the least be the move's clearance, 0\.0123457 m",
+        ),
+        (lambda v: v["steps"][0]["clearances"].__setitem__(1, 0.0124), "must at the least be the move's"),
+        (lambda v: v["steps"][0].update(clearance=0.0124), "must at the least be the move's"),
     ],
 )
 def test_damage_is_told_by_its_key(tmp_path: Path, change: Any, message: str) -> None:

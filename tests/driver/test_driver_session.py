@@ -7,6 +7,7 @@ import signal
 import socket
 import threading
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from driver.clock import Clock
 from driver.emulator import Emulator, EmulatorOptions
 from driver.execute import execute
 from driver.mars import Mars
-from driver.stream import Progress, stream
+from driver.stream import Progress, StreamOptions, stream
 from driver.wirelog import WireLog
 
 STRICT = EmulatorOptions(unknown="fail", noise=b"\x00\xff\x80\xfeMARS", registers_readable=True)
@@ -180,6 +181,52 @@ def test_a_plan_runs_and_the_object_is_felt(mars: Mars, emulator: Emulator, unit
     assert results[2].gripper is not None
     assert results[2].gripper.stalled
     assert abs(results[2].gripper.adc - OBJECT_ADC) <= 1
+
+
+def split(path: CountPath, *at: int) -> list[Move]:
+    """A motion cut into moves at segments: they meet at whatever speed it has there."""
+    bounds = [0, *at, len(path.segments)]
+    knots = path.knots()
+    return [
+        Move(
+            f"part {k}",
+            "transit",
+            0,
+            CountPath(tuple(int(c) for c in knots[a]), path.segments[a:b]),
+            None,
+            0.05,
+            0.01,
+            ("a", "b"),
+        )
+        for k, (a, b) in enumerate(pairwise(bounds))
+    ]
+
+
+def test_moves_that_meet_at_speed_run_without_a_stop(mars: Mars, emulator: Emulator, unit: Unit) -> None:
+    path = sweep(unit, mars.counts(), seconds=4.0)
+    moves = split(path, 9, 28)
+    seen: list[Progress] = []
+    begin = emulator.now_ms()
+    results = execute(mars, moves, on_progress=seen.append, options=StreamOptions(watch_jaws=True))
+    times, counts = executed_since(emulator, begin)
+    assert emulator.violations == ()
+    assert distance_deg(unit, counts, path) <= 0.02
+    moving = np.flatnonzero(np.any(counts != counts[0], axis=1))
+    assert (times[moving[-1]] - times[moving[0]]) / 1e3 <= 1.02 * path.duration_s
+    top = np.array(unit.speed_registers) / 256.0  # counts/ms
+    for before, after in pairwise(moves):
+        assert before.path.end == after.path.start
+        passed = int(np.argmin(np.abs(counts - np.array(after.path.start)).max(axis=1)))
+        planned = np.abs(after.path.segments[0].derivative(0.0)) / 1e3
+        speed = np.abs(counts[passed + 10] - counts[passed - 10]) / 20.0
+        assert speed == pytest.approx(planned, rel=0.1, abs=0.2)
+        assert (speed / top).max() > 0.5
+    total = sum(r.sent.duration_s for r in results if r.sent is not None)
+    assert total <= 1.03 * path.duration_s + 0.2
+    assert [r.sent.path for r in results if r.sent is not None] == [m.path for m in moves]
+    assert abs(results[1].sent.duration_s - moves[1].path.duration_s) < 0.4  # type: ignore[union-attr]
+    assert {p.jaws for p in seen} <= {None, 0.0}
+    assert seen[-1].jaws == 0.0
 
 
 def test_a_wrong_unit_is_refused_over_the_same_wire(unit: Unit, clock: Clock) -> None:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import pytest
 
-from arm.errors import ExecutionStopped, ImpossibleError
+from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.motion import CountPath, Segment
 from arm.planfile import GripperStep, LookStep, Move, Step
 from arm.unit import Unit
 from driver.clock import Clock
 from driver.execute import execute
 from driver.mars import Mars
+from driver.stream import Progress, StreamOptions
 
+WATCHED = StreamOptions(watch_jaws=True)
 HOME = (-181650, -349, -12200, 99200, 33300, -96500)
 
 
@@ -98,9 +101,9 @@ def test_impossible_after_the_first_step_is_a_stop(mars: Mars) -> None:
     """Something has moved already, so it is no longer "nothing moved"."""
     first = move("out", HOME, (100, 200, 300, 0, 0, 0))
     elsewhere = move("back", (0,) * 6, (1, 1, 1, 1, 1, 1))
-    with pytest.raises(ExecutionStopped, match="step 2 of 2, back: the path starts") as stopped:
-        execute(mars, [first, elsewhere])
-    assert stopped.value.data["steps_done"] == 1
+    with pytest.raises(ExecutionStopped, match="step 3 of 3, back: the path starts") as stopped:
+        execute(mars, [first, LookStep("look"), elsewhere])
+    assert stopped.value.data["steps_done"] == 2
     assert stopped.value.data["state"]["counts"] == list(first.path.end)
 
 
@@ -109,3 +112,104 @@ def test_impossible_at_the_first_step_moves_nothing(mars: Mars, fake: Any) -> No
     with pytest.raises(ImpossibleError, match="the path reaches"):
         execute(mars, [far])
     assert not any(line.startswith("COORDSPLINET") for line in fake.lines)
+
+
+# -- moves that meet at speed are one motion
+
+
+def line(name: str, start: tuple[int, ...], segments: int) -> Move:
+    """At constant speed from its first count to its last."""
+    path = CountPath(start, tuple(Segment(100, ((100, 20, -30, 5, 0, 0),)) for _ in range(segments)))
+    return Move(name, "transit", 0, path, None, 0.05, 0.01, ("a", "b"))
+
+
+def three(*segments: int) -> list[Step]:
+    moves: list[Step] = []
+    at = HOME
+    for name, count in zip(("lift", "across", "lower"), segments, strict=True):
+        made = line(name, at, count)
+        moves.append(made)
+        at = made.path.end
+    return moves
+
+
+def test_moves_that_meet_go_as_one_stream_and_are_told_as_they_begin(mars: Mars, fake: Any) -> None:
+    steps = [*three(8, 10, 12), GripperStep("close", "close", 0, 1.0, 0.2)]
+    told: list[tuple[int, int]] = []  # step, segment that the unit runs
+    seen: list[tuple[str, int, int]] = []
+    names: list[str] = []
+    before = [0]
+
+    def begins(step: Step, index: int, total: int) -> None:
+        names.append(step.name)
+        before[0] = before[0] or fake.sequence
+        told.append((index, fake.sequence - max(len(fake.queue) - 1, 0) - before[0] - 1))
+
+    def look(progress: Progress) -> None:
+        seen.append((names[-1], progress.done, progress.total))
+        assert progress.planned_s == pytest.approx(0.1 * progress.done)
+
+    results = execute(mars, steps, begins, look)
+    assert [r.step for r in results] == steps
+    assert names == [s.name for s in steps]
+    assert [index for index, _ in told] == [0, 1, 2, 3]
+    assert (
+        9 <= told[1][1] <= 12
+    )  # of the unit's own numbers: 1 to 8 are the first move's, the next poll is not far
+    assert 19 <= told[2][1] <= 22
+    assert {(name, total) for name, _, total in seen} == {("lift", 8), ("across", 10), ("lower", 12)}
+    dwells = [x for x in fake.lines if x.startswith("COORDSPLINET") and set(x.split(",")[2:]) == {"0"}]
+    assert len(dwells) == 1
+    sent = [r.sent for r in results[:3]]
+    for part, step in zip(sent, steps, strict=False):
+        assert part is not None
+        assert isinstance(step, Move)
+        assert part.path == step.path
+        assert part.end_counts == step.path.end
+        assert 0.5 * step.path.duration_s < part.duration_s < 1.5 * step.path.duration_s + 0.3
+    for first, second in pairwise(results):
+        assert first.end_s == pytest.approx(second.start_s, abs=0.05)
+        assert first.start_s < first.end_s
+
+
+def test_moves_shorter_than_a_look_are_told_in_order(mars: Mars) -> None:
+    told: list[str] = []
+    results = execute(mars, three(1, 1, 1), lambda s, i, n: told.append(s.name))
+    assert told == ["lift", "across", "lower"]
+    assert [r.step.name for r in results] == told
+
+
+def test_the_phase_that_ran_is_named(mars: Mars, fake: Any) -> None:
+    def power(progress: Progress) -> None:
+        if names[-1] == "across":
+            fake.status_bits = 0x10000
+
+    names: list[str] = []
+    steps = three(8, 30, 8)
+    with pytest.raises(
+        ExecutionStopped, match=r"step 2 of 3, across: stream: segment .* arm power"
+    ) as stopped:
+        execute(mars, steps, lambda s, i, n: names.append(s.name), power)
+    assert stopped.value.data["step"] == "across"
+    assert stopped.value.data["steps_done"] == 1
+    assert stopped.value.data["state"]["at_rest"] is True
+
+
+def test_moves_that_do_not_meet_move_nothing(mars: Mars, fake: Any) -> None:
+    first, second, third = three(3, 3, 3)
+    fake.lines.clear()
+    with pytest.raises(InputError, match="path 1 of the chain starts at"):
+        execute(mars, [first, third, second])
+    assert fake.lines == []
+
+
+def test_jaws_may_be_watched_on_the_way(mars: Mars, fake: Any, unit: Unit) -> None:
+    fake.gripper_at = unit.gripper.adc(0.4)
+    seen: list[float | None] = []
+    execute(mars, three(5, 5, 5), on_progress=lambda p: seen.append(p.jaws))
+    assert set(seen) == {None}
+    execute(mars, [line("on", mars.counts(), 20)], None, lambda p: seen.append(p.jaws), None, WATCHED)
+    assert [j for j in seen if j is not None] == pytest.approx(
+        [0.4] * (len(seen) - seen.count(None)), abs=0.01
+    )
+    assert len([j for j in seen if j is not None]) > 10
