@@ -12,8 +12,6 @@ sharpest place everywhere; `Trajectory.method` says which it was.
 
 from __future__ import annotations
 
-import logging
-import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,12 +21,18 @@ from arm.errors import InputError
 from arm.se3 import Array, frozen
 from arm.unit import Limits
 from plan.line import JointPath
-from plan.paths import Path, blended, polyline, smooth_path
+from plan.paths import Joined, Path, blended, polyline, smooth_path
+from plan.topp import fastest, stages
 
 CORNERS = ("blend", "stop")
-GRID = 200  # fewer lose motion time: 100 intervals cost 2 %
+Caps = float | Array | None  # on the rate of the path parameter, for all of a path or for each piece of it
+
+GRID = 200  # intervals along all that is not straight; fewer lose motion time
 _BEND_GRID = 24  # intervals in a bend, however short
 _INSIDE = np.array([1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6])  # of an interval, where limits are measured
+_EASINGS = 4  # attempts at most
+_WORTH_EASING = 1.0005  # times an acceleration limit; what is less is left to stretching the whole
+_ROOM = 1.1  # times an excess, to be rid of it
 _SWITCH = 0.2  # of the acceleration limit: a jump this large is a place to start a new segment
 
 
@@ -49,7 +53,7 @@ class Trajectory:
         path: geometry, see `plan.paths`.
         times, s, rate: (k,) knots: time s, path parameter, and its rate per s.
         limits: that it was timed under.
-        method: ``trapezoid``, ``toppra`` or ``fallback``.
+        method: ``trapezoid`` or ``topp``.
         rate_cap: cap on the rate that it was timed under, or None.
         stretch: by which time was lengthened after timing, to keep limits; 1 if it was not.
     """
@@ -60,7 +64,7 @@ class Trajectory:
     rate: Array
     limits: Limits
     method: str
-    rate_cap: float | None = None
+    rate_cap: Caps = None
     stretch: float = 1.0
 
     @property
@@ -103,17 +107,30 @@ class Trajectory:
         jumps = (np.abs(after - before) / self.limits.acceleration).max(axis=-1, initial=0.0) > _SWITCH
         return np.asarray(self.times[1:-1][jumps])
 
-    def peaks(self) -> Peaks:
-        """Largest velocity and acceleration over their limits, measured inside every interval between knots."""
+    def loads(self) -> tuple[Array, Array]:
+        """Velocity and acceleration over their limits, the largest in every interval between knots; (k - 1,) each.
+
+        The rate's square is linear in s between knots, so on a path of order 3 acceleration is a quadratic in s: its
+        extreme follows from three values. Velocity is measured at five places.
+        """
         s = self.s[:-1, None] + _INSIDE * np.diff(self.s)[:, None]
         drive = self._drive()[:, None]
-        rate = np.sqrt(np.maximum(self.rate[:-1, None] ** 2 + 2 * drive * (s - self.s[:-1, None]), 0.0))
-        qd = self.path(s, 1) * rate[..., None]
-        qdd = self._acceleration(s, rate, np.broadcast_to(drive, s.shape))
-        return Peaks(
-            float((np.abs(qd) / self.limits.velocity).max()),
-            float((np.abs(qdd) / self.limits.acceleration).max()),
-        )
+        square = np.maximum(self.rate[:-1, None] ** 2 + 2 * drive * (s - self.s[:-1, None]), 0.0)
+        slope = self.path(s, 1)
+        velocity = np.abs(slope) * np.sqrt(square)[..., None] / self.limits.velocity
+        qdd = slope[:, ::2] * drive[..., None] + self.path(s[:, ::2], 2) * square[:, ::2, None]
+        first, middle, last = np.moveaxis(qdd / self.limits.acceleration, 1, 0)
+        tilt, bend = 4.0 * middle - 3.0 * first - last, 2.0 * (first + last - 2.0 * middle)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = np.nan_to_num(-tilt / (2.0 * bend), nan=0.0, posinf=0.0, neginf=0.0)
+        at = np.clip(at, 0.0, 1.0)
+        every = np.abs([first, middle, last, first + at * (tilt + at * bend)])
+        return velocity.max(axis=(1, 2)), every.max(axis=(0, 2))
+
+    def peaks(self) -> Peaks:
+        """The largest of `loads`."""
+        velocity, acceleration = self.loads()
+        return Peaks(float(velocity.max()), float(acceleration.max()))
 
     def _drive(self) -> Array:
         """Second derivative of s by time in every interval (k - 1,)."""
@@ -166,122 +183,53 @@ def time_line(path: JointPath, limits: Limits, tool_speed: float | None = None) 
     return time_curve(smooth_path(path.q, path.s), limits, tool_speed)
 
 
-def time_curve(path: Path, limits: Limits, rate_cap: float | None = None) -> Trajectory:
-    """Fastest motion along any path of `plan.paths`, from rest to rest, by TOPP-RA (see the module for its fallback).
+def time_joined(joined: Joined, limits: Limits) -> Trajectory:
+    """Fastest motion along lines and transits joined by `plan.paths.joined`, from rest to rest."""
+    return time_curve(joined.path, limits, joined.caps)
+
+
+def time_curve(path: Path, limits: Limits, rate_cap: Caps = None) -> Trajectory:
+    """Fastest motion along any path of `plan.paths`, from rest to rest, by TOPP-RA.
 
     Args:
         path: with continuous first derivative.
         limits: of velocity and acceleration.
-        rate_cap: cap on the path parameter's rate, its unit per s, or None.
+        rate_cap: cap on the path parameter's rate, its unit per s; one for all, one for each piece of the path
+            (inf where there is none), or None.
+
+    Raises:
+        InputError: a cap that is not positive, or a path along which no joint moves.
     """
-    if rate_cap is not None and not rate_cap > 0.0:
-        raise InputError(f"speed cap = {rate_cap:g}: must be positive", value=rate_cap)
-    grid = _grid(path)
-    rate = _toppra_rates(path, grid, limits, rate_cap)
-    trajectory = (
-        _slow_trapezoid(path, grid, limits, rate_cap)
-        if rate is None
-        else Trajectory(path, _times(grid, rate), frozen(grid), frozen(rate), limits, "toppra", rate_cap)
-    )
-    excess = trajectory.peaks().stretch()
+    caps = np.broadcast_to(np.asarray(np.inf if rate_cap is None else rate_cap, dtype=float), len(path.x) - 1)
+    if not (caps > 0.0).all():
+        raise InputError(f"speed cap = {caps.min():g}: must be positive", value=float(caps.min()))
+    stage = stages(path, _counts(path), caps)
+    ease = np.ones(len(stage.s) - 1)
+    for _ in range(_EASINGS):
+        s, rate = fastest(stage, limits, ease)
+        trajectory = Trajectory(path, _times(s, rate), frozen(s), frozen(rate), limits, "topp", rate_cap)
+        velocity, acceleration = trajectory.loads()
+        if acceleration.max() <= _WORTH_EASING:
+            break
+        which = np.clip(np.searchsorted(stage.s, s[:-1], side="right") - 1, 0, len(ease) - 1)
+        np.maximum.at(ease, which, ease[which] * (1.0 + _ROOM * np.maximum(0.0, acceleration - 1.0)))
+    # a speed found too high at `_INSIDE` may be a little higher between
+    velocity = 1.0 + _ROOM * (velocity - 1.0)
+    excess = Peaks(float(velocity.max()), float(acceleration.max())).stretch()
     return trajectory if excess <= 1.0 + 1e-12 else trajectory.stretched(excess * (1.0 + 1e-12))
 
 
-def _grid(path: Path) -> Array:
-    """At least `GRID` intervals, several in every bend, none across a jump of the path's second derivative.
-
-    toppra takes the derivative at a grid point for both intervals that meet there. So a point stands a little before
-    and one a little after each break, and the short interval between them is held by both sides.
-    """
-    step = (path.x[-1] - path.x[0]) / GRID
-    ends = 2 * path.c[-3, 1:] if path.c.shape[0] > 2 else np.zeros((len(path.x) - 2, path.c.shape[2]))
-    jump = np.abs(path(path.x[1:-1] - 1e-9 * step, 2) - ends).max(axis=-1, initial=0.0)
-    broken = np.concatenate([[False], jump > 1e-4 * np.abs(ends).max(initial=1e-12), [False]])
-    pieces = []
-    for i, (a, b) in enumerate(zip(path.x[:-1], path.x[1:], strict=True)):
-        bent = broken[i : i + 2].any() and np.abs(path.c[:-2, i]).max(initial=0.0) > 0.0
-        count = max(_BEND_GRID if bent else 1, int(np.ceil((b - a) / step - 1e-9)))
-        gap = 1e-3 * (b - a) / count
-        begin, end = a + gap * broken[i], b - gap * broken[i + 1]
-        points = np.linspace(begin, end, count + 1)
-        pieces.append(points if broken[i + 1] or i + 2 == len(path.x) else points[:-1])
-    return np.concatenate(pieces)
+def _counts(path: Path) -> npt.NDArray[np.int64]:
+    """Intervals for each piece: one where it is straight, which is exact; several in each bend, however short."""
+    straight = ~(path.c[:-2] != 0.0).any(axis=(0, 2))
+    length = np.diff(path.x)
+    step = max(float(length[~straight].sum()), 1e-12) / GRID
+    least = _BEND_GRID if path.c.shape[0] < 4 else 1  # a spline's pieces are many already
+    return np.where(straight, 1, np.maximum(least, np.ceil(length / step - 1e-9))).astype(np.int64)
 
 
 def _times(s: Array, rate: Array) -> Array:
     return frozen(np.concatenate([[0.0], np.cumsum(2 * np.diff(s) / (rate[:-1] + rate[1:]))]))
-
-
-def _toppra_rates(path: Path, grid: Array, limits: Limits, rate_cap: float | None) -> Array | None:
-    """Rates of s on the grid, or None where toppra finds none that can be used."""
-    # 2 s to import (it brings matplotlib): only who times a curve waits for it
-    with warnings.catch_warnings():
-        # where its bytecode is not cached yet (python -O), an escape in a docstring of toppra's warns
-        for category in (DeprecationWarning, SyntaxWarning):  # Python 3.11 and from 3.12 on
-            warnings.simplefilter("ignore", category)
-        import toppra
-        import toppra.algorithm as algorithm
-        import toppra.constraint as constraint
-
-    logging.getLogger("toppra").setLevel(logging.CRITICAL)
-    # toppra works with absolute tolerances: give it a parameter whose rate is near 1 per s
-    with np.errstate(divide="ignore"):
-        fastest = float((limits.velocity / np.abs(path(grid, 1)).max(axis=0)).min())
-    unit = min(fastest, rate_cap) if rate_cap is not None else fastest
-    caps = np.column_stack([-limits.velocity, limits.velocity])
-    pushes = np.column_stack([-limits.acceleration, limits.acceleration])
-    if rate_cap is not None:
-        caps = np.vstack([caps, [-rate_cap, rate_cap]])
-        pushes = np.vstack([pushes, [-1e3 * rate_cap, 1e3 * rate_cap]])
-    geometry = _ToppraPath(path, unit, rate_cap is not None)
-    try:
-        instance = algorithm.TOPPRA(
-            [
-                constraint.JointVelocityConstraint(caps),
-                constraint.JointAccelerationConstraint(
-                    pushes, discretization_scheme=constraint.DiscretizationType.Interpolation
-                ),
-            ],
-            geometry,
-            gridpoints=grid / unit,
-            solver_wrapper="seidel",
-        )
-        _, rates, _ = instance.compute_parameterization(0.0, 0.0)
-    except (ValueError, ArithmeticError, IndexError, toppra.exceptions.ToppraError):
-        return None
-    if rates is None or not np.isfinite(rates).all() or (rates[1:-1] <= 0.0).any():
-        return None
-    rate = np.asarray(rates, dtype=float) * unit
-    rate[0] = rate[-1] = 0.0
-    return rate
-
-
-class _ToppraPath:
-    """What toppra asks of a path; s in its own unit, and s itself as one more coordinate if its rate is capped."""
-
-    waypoints = None
-
-    def __init__(self, path: Path, unit: float, with_s: bool) -> None:
-        self._path, self._unit, self._with_s = path, unit, with_s
-        self.dof = path.c.shape[2] + with_s
-        self.path_interval = np.array([path.x[0], path.x[-1]]) / unit
-
-    def __call__(self, s: npt.ArrayLike, order: int = 0) -> Array:
-        s = np.asarray(s, dtype=float) * self._unit
-        value = self._path(s, order) * self._unit**order
-        if not self._with_s:
-            return np.asarray(value)
-        extra = (s, np.full_like(s, self._unit), np.zeros_like(s))[order]
-        return np.concatenate([value, extra[..., None]], axis=-1)
-
-    def eval(self, s: npt.ArrayLike) -> Array:
-        return self(s, 0)
-
-    def evald(self, s: npt.ArrayLike) -> Array:
-        return self(s, 1)
-
-    def evaldd(self, s: npt.ArrayLike) -> Array:
-        return self(s, 2)
 
 
 def _trapezoids(path: Path, limits: Limits) -> Trajectory:
@@ -311,18 +259,3 @@ def _append_trapezoid(
     times.append(times[-1] + top / push)
     s.append(end)
     rate.append(0.0)
-
-
-def _slow_trapezoid(path: Path, grid: Array, limits: Limits, rate_cap: float | None) -> Trajectory:
-    """One trapezoid along the whole path: half of each acceleration limit for the path's bends, half for the ramps."""
-    s = (grid[:-1, None] + _INSIDE * np.diff(grid)[:, None]).ravel()
-    slope, bend = np.abs(path(s, 1)).max(axis=0), np.abs(path(s, 2)).max(axis=0)
-    with np.errstate(divide="ignore"):
-        top = min(
-            float((limits.velocity / slope).min()), float(np.sqrt((0.5 * limits.acceleration / bend).min()))
-        )
-        push = float((0.5 * limits.acceleration / slope).min())
-    top = min(top, rate_cap) if rate_cap is not None else top
-    times, knots, rate = [0.0], [float(grid[0])], [0.0]
-    _append_trapezoid(times, knots, rate, float(grid[0]), float(grid[-1]), top, push)
-    return Trajectory(path, frozen(times), frozen(knots), frozen(rate), limits, "fallback", rate_cap)
