@@ -30,6 +30,7 @@ first lower bound of d; where that is enough, no distance is computed.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -199,9 +200,9 @@ class _Chain:
         edges = np.unique(np.linspace(0, count, min(wanted, count) + 1).astype(np.intp))
         m = len(edges) - 1
         pieces = self.covering(edges[:-1], edges[1:], np.full(m, -np.inf), np.ones((m, pairs), dtype=bool))
-        while len(pieces) * 2 <= wanted and not pieces.runs().any():
-            pieces = self.halves(pieces)
-        return pieces
+        if m < count or wanted < 2 * count:
+            return pieces
+        return _split(pieces, 1 << int(np.log2(wanted // count)))
 
     def covering(self, first: Indices, last: Indices, bound: Array, open_: Flags) -> _Pieces:
         """Pieces of whole cubics."""
@@ -219,7 +220,7 @@ class _Chain:
         runs = pieces.runs()
         made = []
         if not runs.all():
-            made.append(_cut_parts(pieces.where(~runs)))
+            made.append(_split(pieces.where(~runs), 2))
         if runs.any():
             some = pieces.where(runs)
             at = some.cuts().astype(np.intp)
@@ -230,16 +231,26 @@ class _Chain:
         return made[0] if len(made) == 1 else made[0].and_(made[1])
 
 
-def _cut_parts(parts: _Pieces) -> _Pieces:
-    b0, b1, b2, b3 = np.moveaxis(parts.control, 1, 0)
-    c0, c1, c2 = (b0 + b1) / 2.0, (b1 + b2) / 2.0, (b2 + b3) / 2.0  # de Casteljau
-    d0, d1 = (c0 + c1) / 2.0, (c1 + c2) / 2.0
-    e = (d0 + d1) / 2.0
-    control = np.stack([b0, c0, d0, e, e, d1, c2, b3], axis=1).reshape(-1, 4, b0.shape[1])
-    at = (parts.begin + parts.end) / 2.0
-    begin, end = np.stack([parts.begin, at], axis=1).ravel(), np.stack([at, parts.end], axis=1).ravel()
-    first, last, bound = np.repeat(parts.first, 2), np.repeat(parts.last, 2), np.repeat(parts.bound, 2)
-    return _Pieces(first, last, begin, end, control, bound, np.repeat(parts.open, 2, axis=0))
+def _split(parts: _Pieces, count: int) -> _Pieces:
+    """Parts of single cubics, each cut into `count`, a power of 2."""
+    control = (_split_matrix(count) @ parts.control[:, None]).reshape(-1, *parts.control.shape[1:])
+    edges = parts.begin[:, None] + (parts.end - parts.begin)[:, None] * np.linspace(0.0, 1.0, count + 1)
+    first, last, bound = (np.repeat(a, count) for a in (parts.first, parts.last, parts.bound))
+    open_ = np.repeat(parts.open, count, axis=0)
+    return _Pieces(first, last, edges[:, :-1].ravel(), edges[:, 1:].ravel(), control, bound, open_)
+
+
+@lru_cache(maxsize=8)
+def _split_matrix(count: int) -> Array:
+    """(count, 4, 4): from the control points of a cubic to those of its equal parts."""
+    if count == 1:
+        return np.eye(4)[None]
+    left = (
+        np.array([[8, 0, 0, 0], [4, 4, 0, 0], [2, 4, 2, 0], [1, 3, 3, 1]]) / 8.0
+    )  # de Casteljau at the middle
+    right = left[::-1, ::-1]
+    finer = _split_matrix(count // 2)
+    return np.concatenate([finer @ left, finer @ right])
 
 
 class _Search:

@@ -1,11 +1,12 @@
 """Ways through free space: straight in joint space where that is proved clear, else around what is in the way.
 
-The search has three stages, each with a budget counted in tries and random numbers from the given seed, so that the
-same request gives the same way-points:
+The search has stages, each with a budget counted in tries and random numbers from the given seed, so that the same
+request gives the same way-points:
 
-1. one corner: many candidates near the straight line, tried in the order of their travel time;
+1. one corner: the tool lifted or drawn in from where the straight move comes nearest, and random places about it, in
+   the order of their travel time;
 2. where no single corner does, RRT-Connect (J. Kuffner, S. LaValle, ICRA 2000) in joint space scaled by speed;
-3. shortcuts and small moves of the corners, kept where they save time.
+3. needless corners left out, then all corners moved for time by `plan.shorten`.
 
 Every edge that is used is proved by `plan.check`, never sampled.
 """
@@ -17,34 +18,40 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from arm.errors import ImpossibleError
+from arm.errors import ImpossibleError, InputError
 from arm.se3 import Array, frozen
 from arm.unit import Limits
-from plan.check import check_curve, curve_of_waypoints
+from plan.check import MoveCheck, check_curve, curve_of_waypoints
+from plan.ik import all_branches, nearest_turns
+from plan.rrt import RrtConnect
+from plan.shorten import Ends, Shortener
 from plan.travel import path_time, path_times
 from plan.world import World
 
 
 @dataclass(frozen=True)
 class TransitBudget:
-    """Tries of each stage. Costs are about 0.01 ms for a corner that is refused by itself, 1 ms for an edge.
+    """Tries of each stage. Costs are about 0.01 ms for a corner that is refused by itself, 0.5 ms for an edge.
 
     Attributes:
-        corners: single corners drawn; `corner_edges` of them, the fastest, have their edges proved.
+        corners: single corners drawn at random, besides those from lifting the tool.
+        corner_edges: corners, the fastest first, that are clear themselves and whose edges are looked at.
         rrt: samples of RRT-Connect.
-        improvements: tries to shorten what was found.
+        shortcuts: tries to cut corners of what RRT-Connect found.
+        steps: of sequential quadratic programming.
     """
 
-    corners: int = 3000
+    corners: int = 300
     corner_edges: int = 120
     rrt: int = 3000
-    improvements: int = 150
+    shortcuts: int = 40
+    steps: int = 16
 
 
 # Places on a line that are looked at before it is proved.
 _FIRST_LOOKS = (0.5, 0.25, 0.75, 0.125, 0.375, 0.625, 0.875)
-# Extension of an RRT tree, in seconds of travel at full speed.
-_RRT_STEP = 2.0
+# How far the tool is lifted, or drawn towards the base, to pass what is in the way, m.
+_LIFTS = (0.04, 0.08, 0.12, 0.17, 0.23, 0.3, 0.4)
 
 
 def plan_transit(
@@ -55,6 +62,7 @@ def plan_transit(
     clearance: float,
     seed: int,
     budget: TransitBudget | None = None,
+    ends: Ends | None = None,
 ) -> Array:
     """Way-points (m, n) rad from `q_from` to `q_to`; the straight joint lines between them keep the clearance, proved.
 
@@ -64,7 +72,8 @@ def plan_transit(
         limits: joint positions are kept; velocity and acceleration rank the ways.
         clearance: asked for between all checked pairs, m.
         seed: of all random choices.
-        budget: of the search; without improvements the way found is left to `improve_transit`.
+        budget: of the search.
+        ends: velocities with which the way is entered and left; default: at rest.
 
     Raises:
         ImpossibleError: an end is itself too near to something, or no way was found; data: pair, distance_m (of the
@@ -77,10 +86,9 @@ def plan_transit(
     straight = check_curve(world, curve_of_waypoints([start, goal]), clearance)
     if straight.proved:
         return frozen([start, goal])
-    search = _Search(world, limits, clearance, np.random.default_rng(seed), budget or TransitBudget())
-    found = search.one_corner(start, goal)
-    if found is None:
-        found = search.rrt_connect(start, goal)
+    budget = budget or TransitBudget()
+    search = Detours(world, limits, clearance, np.random.default_rng(seed), budget, ends)
+    found = search.around(start, goal, straight.time)
     if found is None:
         raise ImpossibleError(
             f"no way around {straight.pair[1]}: {straight.pair[0]} comes to {straight.seen * 1e3:.1f} mm of it on the "
@@ -91,20 +99,7 @@ def plan_transit(
             clearance_m=clearance,
             end=None,
         )
-    return frozen(search.improved(found))
-
-
-def improve_transit(
-    world: World,
-    waypoints: Array,
-    limits: Limits,
-    clearance: float,
-    seed: int,
-    budget: TransitBudget | None = None,
-) -> Array:
-    """Way-points of a faster transit near the given one, proved like it; see `plan_transit`."""
-    search = _Search(world, limits, clearance, np.random.default_rng(seed), budget or TransitBudget())
-    return frozen(search.improved(waypoints))
+    return frozen(found)
 
 
 def _end_blocked(world: World, end: str, q: Array, clearance: float) -> ImpossibleError:
@@ -120,35 +115,80 @@ def _end_blocked(world: World, end: str, q: Array, clearance: float) -> Impossib
     )
 
 
-class _Search:
+class Detours:
+    """Ways around what is in the way, in one world; corners that worked are tried first the next time.
+
+    Args:
+        world, limits, clearance: as in `plan_transit`.
+        rng: of all random choices.
+        budget: of the search.
+        ends: velocities at both ends; default: at rest.
+        known: corners (n,) that served other ways; those that this one uses are added.
+    """
+
     def __init__(
-        self, world: World, limits: Limits, clearance: float, rng: np.random.Generator, budget: TransitBudget
+        self,
+        world: World,
+        limits: Limits,
+        clearance: float,
+        rng: np.random.Generator,
+        budget: TransitBudget,
+        ends: Ends | None = None,
+        known: list[Array] | None = None,
     ) -> None:
         self.world, self.limits, self.clearance, self.rng, self.budget = world, limits, clearance, rng, budget
+        still = np.zeros(len(limits.velocity))
+        self.ends = ends or Ends(still, still)
+        self.known = [] if known is None else known
+
+    def around(self, start: Array, goal: Array, at: float) -> Array | None:
+        """A way, made as fast as the budget allows, or None; the straight one is blocked at fraction `at`."""
+        found = self.one_corner(start, goal, at)
+        if found is None:
+            tree = RrtConnect(self.limits, self.free, self.clear, self.rng)
+            found = tree.search(start, goal, self.budget.rrt)
+            if found is None:
+                return None
+            found = self.cut(self.without_needless_corners(found))
+        shortener = Shortener(self.world, self.limits, self.clearance, self.prove, self.ends)
+        found = shortener.shorten(self.without_needless_corners(found), self.budget.steps)
+        self.known += list(found[1:-1])
+        return found
+
+    def free(self, q: Array) -> bool:
+        """Whether a configuration keeps the clearance."""
+        return not self.world.in_collision(q, self.clearance)
+
+    def prove(self, a: Array, b: Array) -> MoveCheck:
+        """The certificate of the straight joint line between a and b."""
+        return check_curve(self.world, curve_of_waypoints([a, b]), self.clearance)
 
     def clear(self, a: Array, b: Array) -> bool:
         """Whether the straight joint line between a and b is proved."""
         # most lines that are tried are blocked: find that out the cheap way first
-        if any(self.world.in_collision(a + u * (b - a), self.clearance) for u in _FIRST_LOOKS):
-            return False
-        return check_curve(self.world, curve_of_waypoints([a, b]), self.clearance).proved
+        return all(self.free(a + u * (b - a)) for u in _FIRST_LOOKS) and self.prove(a, b).proved
 
-    def one_corner(self, start: Array, goal: Array) -> Array | None:
+    def time(self, way: Array) -> float:
+        """Estimate of the motion's time, s."""
+        return path_time(way, self.limits, self.ends.enter, self.ends.leave)
+
+    def one_corner(self, start: Array, goal: Array, at: float) -> Array | None:
         """The fastest of many ways with one corner, or None."""
-        n, count = len(start), self.budget.corners
-        along = self.rng.uniform(0.0, 1.0, (count, 1))
-        # offsets in seconds of travel, from a little to about the whole range of the slow joints
-        size = 8.0 * self.rng.uniform(0.0, 1.0, (count, 1)) ** 2
-        offset = self.rng.normal(size=(count, n)) * size * self.limits.velocity
-        corners = np.clip(start + along * (goal - start) + offset, self.limits.lower, self.limits.upper)
+        corners = np.concatenate(
+            [
+                np.array(self.known[-8:]).reshape(-1, len(start)),
+                self.lifted(start, goal, at),
+                self.drawn(start, goal),
+            ]
+        )
         ways = np.stack(
             [np.broadcast_to(start, corners.shape), corners, np.broadcast_to(goal, corners.shape)], axis=1
         )
-        times = path_times(ways, self.limits)
+        times = np.round(path_times(ways, self.limits, self.ends.enter, self.ends.leave), 6)
         tried = 0
         for index in np.argsort(times, kind="stable"):
             corner = corners[index]
-            if self.world.in_collision(corner, self.clearance):
+            if not self.free(corner):
                 continue
             if self.clear(start, corner) and self.clear(corner, goal):
                 return np.stack([start, corner, goal])
@@ -157,64 +197,55 @@ class _Search:
                 break
         return None
 
-    def rrt_connect(self, start: Array, goal: Array) -> Array | None:
-        """Two trees that grow towards random configurations and each other."""
-        trees = (_Tree(start, self.limits.velocity), _Tree(goal, self.limits.velocity))
-        for _ in range(self.budget.rrt):
-            target = self.rng.uniform(self.limits.lower, self.limits.upper)
-            grown = self.extend(trees[0], target)
-            if grown is not None:
-                reached = trees[0].nodes[grown]
-                met = self.connect(trees[1], reached)
-                if met is not None:
-                    first, second = trees[0].back_to_root(grown), trees[1].back_to_root(met)
-                    path = [*reversed(first), *second[1:]]
-                    if not np.array_equal(path[0], start):
-                        path.reverse()
-                    return np.stack(path)
-            trees = (trees[1], trees[0])
-        return None
-
-    def extend(self, tree: _Tree, target: Array) -> int | None:
-        """One step from the nearest node towards `target`; index of the new node, or None where it is blocked."""
-        near = tree.nearest(target)
-        step = target - tree.nodes[near]
-        reach = float((np.abs(step) / self.limits.velocity).max())
-        q = target if reach <= _RRT_STEP else tree.nodes[near] + step * (_RRT_STEP / reach)
-        if self.world.in_collision(q, self.clearance) or not self.clear(tree.nodes[near], q):
-            return None
-        return tree.add(q, near)
-
-    def connect(self, tree: _Tree, target: Array) -> int | None:
-        """Steps towards `target` until it is reached (index of its node) or something is in the way (None)."""
-        while True:
-            grown = self.extend(tree, target)
-            if grown is None or np.array_equal(tree.nodes[grown], target):
-                return grown
-
-    def improved(self, path: Array) -> Array:
-        """The path with corners cut out or moved, as long as that saves time."""
-        path = self.without_needless_corners(path)
-        best = path_time(path, self.limits)
-        for attempt in range(self.budget.improvements):
-            if len(path) < 3:
+    def lifted(self, start: Array, goal: Array, at: float) -> Array:
+        """Configurations (m, n) with the tool moved up, in, or both, from where the straight move is blocked."""
+        robot, limits = self.world.robot, self.limits
+        found = [np.zeros((0, len(start)))]
+        for u in (at, 0.5):
+            q = start + u * (goal - start)
+            T = robot.T_base_tool(q)
+            inward = -T[:3, 3] * (1.0, 1.0, 0.0)
+            inward /= max(float(np.linalg.norm(inward)), 1e-6)
+            up = np.array([0.0, 0.0, 1.0])
+            ways = np.stack([up, inward, up + inward, up + 0.5 * inward, -inward])
+            poses = np.tile(T, (len(ways) * len(_LIFTS), 1, 1))
+            poses[:, :3, 3] += (ways[:, None] * np.array(_LIFTS)[:, None]).reshape(-1, 3)
+            try:
+                raw = all_branches(robot, poses)
+            except InputError:  # an arm of another kind: random corners have to do
                 break
-            if len(path) > 3 and attempt % 2 == 0:
-                trial, changed = self.shortcut(path)
-            else:
-                shrink = 1.0 - attempt / self.budget.improvements
-                trial, changed = self.moved_corner(path, 2.0 * shrink**2 + 0.02)
-            time = path_time(trial, self.limits)
+            turned = nearest_turns(raw.q, q)
+            inside = raw.reached & ((turned >= limits.lower) & (turned <= limits.upper)).all(axis=-1)
+            found.append(turned[inside])
+        return np.concatenate(found)
+
+    def drawn(self, start: Array, goal: Array) -> Array:
+        """Random configurations (m, n) about the straight line."""
+        n, count = len(start), self.budget.corners
+        along = self.rng.uniform(0.0, 1.0, (count, 1))
+        # offsets in seconds of travel, from a little to about the whole range of the slow joints
+        size = 8.0 * self.rng.uniform(0.0, 1.0, (count, 1)) ** 2
+        offset = self.rng.normal(size=(count, n)) * size * self.limits.velocity
+        return np.clip(start + along * (goal - start) + offset, self.limits.lower, self.limits.upper)
+
+    def cut(self, path: Array) -> Array:
+        """The path with straight lines between random places on it, where they save time."""
+        best = self.time(path)
+        for _ in range(self.budget.shortcuts):
+            if len(path) < 4:
+                break
+            trial, changed = self.shortcut(path)
+            time = self.time(trial)
             if time < best - 1e-3 and all(self.clear(trial[i], trial[i + 1]) for i in changed):
-                path, best = trial, time
-        return self.without_needless_corners(path)
+                path, best = self.without_needless_corners(trial), time
+        return path
 
     def without_needless_corners(self, path: Array) -> Array:
         """Corners left out whose neighbours see each other, if that saves time."""
         index = 1
         while index < len(path) - 1:
             shorter = np.delete(path, index, axis=0)
-            faster = path_time(shorter, self.limits) <= path_time(path, self.limits)
+            faster = self.time(shorter) <= self.time(path)
             if faster and self.clear(path[index - 1], path[index + 1]):
                 path = shorter
             else:
@@ -230,41 +261,3 @@ class _Search:
         a = path[i] + (places[0] - i) * (path[i + 1] - path[i])
         b = path[j] + (places[1] - j) * (path[j + 1] - path[j])
         return np.concatenate([path[: i + 1], [a, b], path[j + 1 :]]), [i + 1]
-
-    def moved_corner(self, path: Array, size: float) -> tuple[Array, list[int]]:
-        """A random corner moved by about `size` seconds of travel; and which lines of it are new."""
-        index = int(self.rng.integers(1, len(path) - 1))
-        offset = self.rng.normal(size=path.shape[1]) * size * self.limits.velocity
-        trial = path.copy()
-        trial[index] = np.clip(path[index] + offset, self.limits.lower, self.limits.upper)
-        return trial, [index - 1, index]
-
-
-class _Tree:
-    """Configurations with their parents; nearness is in seconds of travel of the slowest joint."""
-
-    def __init__(self, root: Array, velocity: Array) -> None:
-        self.nodes = [root]
-        self._parent = [-1]
-        self._velocity = velocity
-        self._scaled = np.empty((64, len(root)))
-        self._scaled[0] = root / velocity
-
-    def add(self, q: Array, parent: int) -> int:
-        if len(self.nodes) == len(self._scaled):
-            self._scaled = np.concatenate([self._scaled, np.empty_like(self._scaled)])
-        self._scaled[len(self.nodes)] = q / self._velocity
-        self.nodes.append(q)
-        self._parent.append(parent)
-        return len(self.nodes) - 1
-
-    def nearest(self, q: Array) -> int:
-        away = np.abs(self._scaled[: len(self.nodes)] - q / self._velocity).max(axis=1)
-        return int(np.argmin(away))
-
-    def back_to_root(self, index: int) -> list[Array]:
-        way = []
-        while index >= 0:
-            way.append(self.nodes[index])
-            index = self._parent[index]
-        return way

@@ -23,21 +23,35 @@ def straight_time(step: npt.ArrayLike, limits: Limits) -> Array:
     return np.asarray(np.where(surge > cruise**2, 2.0 * np.sqrt(surge), trapezoid))
 
 
-def path_times(waypoints: npt.ArrayLike, limits: Limits) -> Array:
-    """Estimates (...) in s for straight joint lines through way-points (..., m, n) rad, from rest to rest.
+def path_times(
+    waypoints: npt.ArrayLike,
+    limits: Limits,
+    enter: Array | None = None,
+    leave: Array | None = None,
+) -> Array:
+    """Estimates (...) in s for straight joint lines through way-points (..., m, n) rad.
 
     Every line at full speed without stops between, and at each corner (and at both ends) half the time that the
-    change of velocity takes; for a single long line this is exact.
+    change of velocity takes; for a single long line from rest to rest this is exact.
+
+    Args:
+        waypoints: (..., m, n) rad.
+        limits: of velocity and acceleration.
+        enter, leave: velocities (..., n) rad/s before and after; default: at rest.
     """
     steps = np.diff(np.asarray(waypoints, dtype=float), axis=-2)
     times = (np.abs(steps) / limits.velocity).max(axis=-1)
     velocities = steps / np.maximum(times, 1e-12)[..., None]
     rest = np.zeros_like(velocities[..., :1, :])
-    jumps = np.abs(np.diff(np.concatenate([rest, velocities, rest], axis=-2), axis=-2))
+    before = rest if enter is None else rest + enter[..., None, :]
+    after = rest if leave is None else rest + leave[..., None, :]
+    jumps = np.abs(np.diff(np.concatenate([before, velocities, after], axis=-2), axis=-2))
     turning = (jumps / limits.acceleration).max(axis=-1)
     return np.asarray(times.sum(axis=-1) + 0.5 * turning.sum(axis=-1))
 
 
-def path_time(waypoints: npt.ArrayLike, limits: Limits) -> float:
+def path_time(
+    waypoints: npt.ArrayLike, limits: Limits, enter: Array | None = None, leave: Array | None = None
+) -> float:
     """`path_times` of one path (m, n)."""
-    return float(path_times(waypoints, limits))
+    return float(path_times(waypoints, limits, enter, leave))

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -74,6 +75,19 @@ class Volumes:
         """Largest distance of a point of each moving body from each joint's axis, (m, bodies, n); see `plan.check`."""
         R, t = self._axes.place(q)
         return self._hulls.radii(R, t, *self._axes.lines(R, t))
+
+    def distances(self, q: Array) -> Array:
+        """Lower bound (m, p) m of the distance of each pair at q (m, n); -inf where nothing is known."""
+        return self._apart.distances(*self._axes.place(q))
+
+    def axes(self, q: Array) -> tuple[Array, Array]:
+        """A point (m, n, 3) m and the direction (m, n, 3) of each joint's axis at q (m, n), base frame."""
+        return self._axes.lines(*self._axes.place(q))
+
+    @property
+    def turning(self) -> npt.NDArray[np.bool_]:
+        """Whether each joint turns (or slides), (n,)."""
+        return self._axes.turning
 
     def bounds(self, q: Array, delta: Array) -> tuple[Array, Array]:
         """`motion`, and a lower bound (m, p) m of the distance of each pair at q."""
@@ -224,6 +238,7 @@ class _Apart:
         return np.where(out > 0.0, out, -np.inf)
 
 
+@lru_cache(maxsize=1024)
 def hull(shape: Shape) -> tuple[Array, float]:
     """Points (n, 3) and a radius: the body lies in the hull of balls of that radius about the points."""
     match shape:
@@ -238,6 +253,7 @@ def hull(shape: Shape) -> tuple[Array, float]:
             return np.array(points), 0.0
 
 
+@lru_cache(maxsize=1024)
 def cover(shape: Shape) -> tuple[Array, float]:
     """Centres (n, 3) and a radius of equal balls that cover the body."""
     match shape:

@@ -33,6 +33,23 @@ UNKNOWN_DEPTH = -1.0
 
 
 @dataclass(frozen=True)
+class Near:
+    """Pairs that are near each other at some of several configurations; r of them.
+
+    Attributes:
+        row: (r,) which configuration.
+        pair: (r,) which pair.
+        distance: (r,) m.
+        gradient: (r, n) of the distance by the joints, m/rad (1 for a sliding joint along the normal).
+    """
+
+    row: Indices
+    pair: Indices
+    distance: Array
+    gradient: Array
+
+
+@dataclass(frozen=True)
 class Distance:
     """Smallest distance between two bodies.
 
@@ -144,6 +161,36 @@ class World:
         values = self.pair_distances(q, np.arange(len(self.pairs)))
         order = [int(i) for i in np.argsort(values, kind="stable") if values[i] < limit]
         return [self._witness(i, float(values[i])) for i in order]
+
+    def near(self, q: npt.ArrayLike, limit: float) -> Near:
+        """Every pair closer than `limit` m at configurations q (m, n) rad, with the gradient of its distance.
+
+        The distance changes by the normal's share of the motion of the outer body's witness point against the inner
+        body (what the bodies' curvature adds is of second order).
+        """
+        q = np.asarray(q, dtype=float)
+        asked = self.volumes.distances(q) - self.padding < limit
+        rows, pairs, distances, normals, points = [], [], [], [], []
+        for row in np.flatnonzero(asked.any(axis=1)).tolist():
+            index = np.flatnonzero(asked[row])
+            values = self.pair_distances(q[row], index)
+            for i, value in zip(index[values < limit].tolist(), values[values < limit].tolist(), strict=True):
+                result = self._distances.distanceResults[i]
+                rows.append(row)
+                pairs.append(i)
+                distances.append(value)
+                normals.append(result.normal)
+                points.append(result.getNearestPoint2())
+        which = np.array(rows, dtype=np.intp)
+        axis_point, axis = (a[which] for a in self.volumes.axes(q))
+        normal = np.array(normals).reshape(-1, 1, 3)
+        turned = np.cross(axis, np.array(points).reshape(-1, 1, 3) - axis_point)
+        motion = np.where(self.volumes.turning[:, None], turned, axis)
+        index = np.array(pairs, dtype=np.intp)
+        joint = np.arange(1, q.shape[1] + 1)
+        inner, outer = (self._joint[self.pairs[index, side]][:, None] for side in (0, 1))
+        gradient = np.where((joint > inner) & (joint <= outer), (motion * normal).sum(-1), 0.0)
+        return Near(which, index, np.array(distances), gradient)
 
     def in_collision(self, q: npt.ArrayLike, clearance: float = 0.0) -> bool:
         """Whether some pair is closer than `clearance` m at configuration q (n,) rad. Fast: coal's broadphase."""

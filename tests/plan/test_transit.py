@@ -13,7 +13,7 @@ from arm.robot import load_a465
 from arm.se3 import Array, transform
 from arm.unit import load_unit
 from plan.check import check_curve, curve_of_waypoints
-from plan.transit import TransitBudget, improve_transit, plan_transit
+from plan.transit import TransitBudget, plan_transit
 from plan.travel import path_time, path_times, straight_time
 from plan.world import World
 from task2_scene import POST, Q_START, TABLE, TOOL_LENGTH
@@ -66,17 +66,17 @@ def test_the_way_over_a_low_wall_costs_little() -> None:
     assert np.median(times) < 1.3 * float(straight_time(LEFT - RIGHT, LIMITS))
 
 
-def test_improvement_only_improves() -> None:
+def test_shortening_only_improves() -> None:
     world = world_with(LOW_WALL)
-    rough = plan_transit(world, RIGHT, LEFT, LIMITS, 0.011, 3, TransitBudget(corners=200, improvements=0))
-    better = improve_transit(world, rough, LIMITS, 0.011, 3)
+    rough = plan_transit(world, RIGHT, LEFT, LIMITS, 0.011, 3, TransitBudget(steps=0))
+    better = plan_transit(world, RIGHT, LEFT, LIMITS, 0.011, 3)
     assert path_time(better, LIMITS) < path_time(rough, LIMITS)
     assert check_curve(world, curve_of_waypoints(better), 0.011).proved
 
 
 def test_rrt_finds_a_way_alone() -> None:
     world = world_with(LOW_WALL)
-    way = plan_transit(world, RIGHT, LEFT, LIMITS, 0.011, 0, TransitBudget(corners=0))
+    way = plan_transit(world, RIGHT, LEFT, LIMITS, 0.011, 0, TransitBudget(corner_edges=0))
     assert np.array_equal(way[0], RIGHT)
     assert np.array_equal(way[-1], LEFT)
     assert check_curve(world, curve_of_waypoints(way), 0.011).proved
@@ -107,7 +107,7 @@ def test_no_way_says_what_is_in_it() -> None:
         Body("partition", Box((3.0, 0.02, 3.0)), transform(t=(1.62, 0.0, 1.5)), "wall"),
         Body("partition behind", Box((3.0, 0.02, 3.0)), transform(t=(-1.62, 0.0, 1.5)), "wall"),
     ]
-    budget = TransitBudget(corners=200, corner_edges=20, rrt=60, improvements=0)
+    budget = TransitBudget(corners=200, corner_edges=20, rrt=60)
     with pytest.raises(ImpossibleError, match=r"no way around partition: \w+ comes to") as caught:
         plan_transit(world_with(*walls), RIGHT, LEFT, LIMITS, 0.011, 0, budget)
     assert caught.value.data["pair"][1] == "partition"

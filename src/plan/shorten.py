@@ -1,0 +1,224 @@
+"""Shorter ways in time: the corners of a proved way are moved by sequential quadratic programming.
+
+A way is straight in joint space between its way-points. With y the moves of the inner way-points, in seconds of travel
+at each joint's full speed, tau the edges' times and sigma the times that the turns at way-points cost, each step solves
+
+    minimise    sum tau + sum sigma + mu xi + small |y|^2
+    subject to  |way of joint k on edge i| <= velocity_k tau_i
+                |jump of velocity of joint k at way-point i| <= 2 acceleration_k sigma_i       (linearised)
+                distance + gradient . motion >= clearance - xi                                (linearised)
+                joint limits, and a region of trust about the way so far
+
+where distances are signed and taken at places along the edges (J. Schulman et al., "Motion planning with sequential
+convex optimization and convex collision checking", IJRR 2014, with time as the objective). A step counts only if
+every edge that it moves is proved again by `plan.check`, so the answer is as sure as the way that it began with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import qpsolvers
+
+from arm.se3 import Array
+from arm.unit import Limits
+from plan.check import MoveCheck
+from plan.travel import path_time, straight_time
+from plan.world import World
+
+# Times at which a way is near enough to the straight move's, and gains that are worth a step, in parts of its time.
+_GOOD_ENOUGH = 1.002
+_WORTH = 1e-3
+# Pairs further than this beyond the clearance do not matter to a step, m.
+_INFLUENCE = 0.06
+# What is asked on top of the clearance where distances are linearised, m.
+_EXTRA = 3e-4
+_PENALTY = 1e3  # s per m of clearance that is missing
+_SMALL = 1e-3
+_SAMPLE_TRAVEL = 0.25  # rad summed over the joints between places that are looked at
+_REGION, _LEAST_REGION = 1.0, 0.02  # s of travel
+_MOST_CORNERS = 4
+
+
+@dataclass(frozen=True)
+class Ends:
+    """Velocities (n,) rad/s with which a way is entered and left; zero where it begins or ends at rest."""
+
+    enter: Array
+    leave: Array
+
+
+class Shortener:
+    """Makes ways through one world faster.
+
+    Args:
+        world: what is in the way.
+        limits: of the joints.
+        clearance: asked for, m.
+        prove: certificate of one straight edge.
+        ends: velocities at both ends of the way.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        limits: Limits,
+        clearance: float,
+        prove: Callable[[Array, Array], MoveCheck],
+        ends: Ends,
+    ) -> None:
+        self.world, self.limits, self.clearance, self.prove, self.ends = world, limits, clearance, prove, ends
+
+    def time(self, way: Array) -> float:
+        """Estimate in s, turns included."""
+        return path_time(way, self.limits, self.ends.enter, self.ends.leave)
+
+    def shorten(self, way: Array, steps: int) -> Array:
+        """The way (m, n) made faster in at most `steps` steps."""
+        floor = _GOOD_ENOUGH * float(straight_time(way[-1] - way[0], self.limits))
+        region, time = _REGION, self.time(way)
+        model: _Model | None = None
+        for _ in range(steps):
+            if len(way) < 3 or time <= floor:
+                break
+            if region < _LEAST_REGION:
+                finer = self.with_corner(way)
+                if finer is None:
+                    break
+                way, region, model = finer, _REGION / 4.0, None
+            model = model or _Model(self, way)
+            trial = model.step(region)
+            gained = 0.0 if trial is None else time - self.time(trial)
+            if trial is None or gained < _WORTH * time:
+                region = 0.0
+                continue
+            refuted = self.refuted(way, trial)
+            if refuted is None:
+                way, time, model = trial, time - gained, None
+                region *= 1.5
+            else:
+                model.look_at(*refuted)
+                region *= 0.4
+        return way
+
+    def refuted(self, way: Array, trial: Array) -> tuple[int, float] | None:
+        """The edge, and where on it (0 to 1), at which a moved way is not clear; None if all of it is proved."""
+        for i in range(len(trial) - 1):
+            if np.array_equal(trial[i : i + 2], way[i : i + 2]):
+                continue
+            check = self.prove(trial[i], trial[i + 1])
+            if not check.proved:
+                return i, check.time
+        return None
+
+    def with_corner(self, way: Array) -> Array | None:
+        """The same way with one more corner, in the middle of its longest edge."""
+        if len(way) >= _MOST_CORNERS + 2:
+            return None
+        times = (np.abs(np.diff(way, axis=0)) / self.limits.velocity).max(axis=1)
+        longest = int(np.argmax(np.round(times, 9)))
+        return np.insert(way, longest + 1, (way[longest] + way[longest + 1]) / 2.0, axis=0)
+
+
+class _Model:
+    """The way's neighbourhood: distances with gradients at places along its edges."""
+
+    def __init__(self, of: Shortener, way: Array) -> None:
+        self.of, self.way = of, way
+        steps = np.abs(np.diff(way, axis=0)).sum(axis=1)
+        counts = np.clip(np.ceil(steps / _SAMPLE_TRAVEL), 3, 10).astype(int)
+        # inner places of every edge, and the inner way-points at the end of each but the last
+        last = len(counts) - 1
+        places = [
+            (i, (j + 1) / (n + 1))
+            for i, n in enumerate(counts)
+            for j in range(int(n) + (1 if i < last else 0))
+        ]
+        self.edge = np.zeros(0, dtype=np.intp)
+        self.rows = np.zeros((0, (len(way) - 2) * way.shape[1]))
+        self.room = np.zeros(0)
+        self._look(np.array([i for i, _ in places]), np.array([u for _, u in places]))
+
+    def look_at(self, edge: int, place: float) -> None:
+        """Add a place that turned out to matter."""
+        self._look(np.array([edge]), np.array([place]))
+
+    def _look(self, edge: Array, place: Array) -> None:
+        way, n = self.way, self.way.shape[1]
+        u = place[:, None]
+        near = self.of.world.near((1 - u) * way[edge] + u * way[edge + 1], self.of.clearance + _INFLUENCE)
+        corners = len(way) - 2
+        rows = np.zeros((len(near.row), corners + 2, n))
+        index = np.arange(len(near.row))
+        e, f = edge[near.row], place[near.row][:, None]
+        rows[index, e] = -(1 - f) * near.gradient
+        rows[index, e + 1] = -f * near.gradient
+        inner = (rows[:, 1:-1] * self.of.limits.velocity).reshape(len(index), corners * n)
+        self.rows = np.concatenate([self.rows, inner])
+        self.room = np.concatenate([self.room, near.distance - (self.of.clearance + _EXTRA)])
+
+    def step(self, region: float) -> Array | None:
+        """The way after the best step within `region` s of travel of each joint; None if the solver finds none."""
+        way, limits, ends = self.way, self.of.limits, self.of.ends
+        v, a = limits.velocity, limits.acceleration
+        corners, n = len(way) - 2, way.shape[1]
+        edges, moves = corners + 1, corners * n
+        ways = np.diff(way, axis=0) / v  # s of travel
+        tau = np.maximum(np.abs(ways).max(axis=1), 1e-3)
+        size = moves + edges + (edges + 1) + 1
+        at_tau, at_sigma, at_xi = moves, moves + edges, size - 1
+
+        # way of every joint on every edge, as rows on y: (edges, n, moves)
+        D = np.zeros((edges, n, corners + 2, n))
+        joint = np.arange(n)
+        for i in range(edges):
+            D[i, joint, i + 1, joint] = 1.0
+            D[i, joint, i, joint] = -1.0
+        D = D[:, :, 1:-1].reshape(edges, n, moves)
+
+        G, h = [], []
+        for sign in (1.0, -1.0):
+            block = np.zeros((edges, n, size))
+            block[:, :, :moves] = sign * D
+            block[np.arange(edges), :, at_tau + np.arange(edges)] = -1.0
+            G.append(block.reshape(-1, size))
+            h.append((tau[:, None] - sign * ways).ravel())
+        # velocity on every edge over full speed, and its derivatives; the ways in and out are given
+        speed = np.vstack([ends.enter / v, ways / tau[:, None], ends.leave / v])
+        slope = np.zeros((edges + 2, n, size))
+        slope[1:-1, :, :moves] = D / tau[:, None, None]
+        slope[1 + np.arange(edges), :, at_tau + np.arange(edges)] = -ways / tau[:, None] ** 2
+        cost = 0.5 * v / a
+        jump, jump_slope = np.diff(speed, axis=0) * cost, np.diff(slope, axis=0) * cost[:, None]
+        sigma = np.abs(jump).max(axis=1)
+        for sign in (1.0, -1.0):
+            block = sign * jump_slope
+            block[np.arange(edges + 1), :, at_sigma + np.arange(edges + 1)] = -1.0
+            G.append(block.reshape(-1, size))
+            h.append((sigma[:, None] - sign * jump).ravel())
+        clear = np.zeros((len(self.rows), size))
+        clear[:, :moves], clear[:, at_xi] = self.rows, -1.0
+        G.append(clear)
+        h.append(self.room)
+
+        P = np.full(size, 1e-4)
+        P[:moves] = _SMALL
+        linear = np.ones(size)
+        linear[:moves], linear[at_xi] = 0.0, _PENALTY
+        low, high = np.full(size, -1e3), np.full(size, 1e3)
+        inner = way[1:-1]
+        low[:moves] = np.maximum((limits.lower - inner) / v, -region).ravel()
+        high[:moves] = np.minimum((limits.upper - inner) / v, region).ravel()
+        low[at_tau:at_sigma] = 1e-3 - tau
+        low[at_sigma:at_xi] = -sigma
+        low[at_xi] = 0.0
+        x = qpsolvers.solve_qp(
+            np.diag(P), linear, np.vstack(G), np.concatenate(h), lb=low, ub=high, solver="daqp"
+        )
+        if x is None:
+            return None
+        trial = way.copy()
+        trial[1:-1] = np.clip(inner + x[:moves].reshape(corners, n) * v, limits.lower, limits.upper)
+        return trial
