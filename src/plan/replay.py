@@ -1,31 +1,39 @@
 """Judging a plan file anew: its steps are replayed on its scene, and everything it would send is checked again.
 
-Nothing is believed that the file says of itself; the certificate is made a second time and compared.
+Nothing is believed that the file says of itself; the certificate is made a second time and compared. What it states of
+single segments is proved too, and refused where it does not hold, not lowered: a file with one false figure was made
+by something else than the planner, and then nothing in it deserves trust.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from arm.bodies import Body
 from arm.errors import ImpossibleError
-from arm.planfile import GripperStep, Move, Plan
+from arm.motion import CountPath, chain
+from arm.planfile import GripperStep, Motion, Move, Plan
 from arm.se3 import Array, angle_between, frozen, inverse
 from arm.unit import Limits, Unit
 from plan.check import MoveCheck, check_move
-from plan.extremes import SegmentExtremes, segment_extremes
+from plan.extremes import segment_extremes
 from plan.scene import Scene
 from plan.world import World
 
 # Lines to and from a station may come this near to what they serve, and moves may touch what the scene allows, m.
 STATED_SLACK = 1e-6
+# A bound of one segment may be this much above what is proved here: the bisection is another one, and ends at a
+# resolution of 20 um, m.
+SEGMENT_SLACK = 5e-5
 ON_LINES = ("approach", "retract")
 LIMIT_SLACK = 1e-9
 LINE_SAMPLE_S = 0.01
-LINE_ASIDE, LINE_TURN = 1e-4, np.radians(0.05)  # a line may be off by this
+LINE_ASIDE, LINE_TURN = 1e-4, np.radians(0.05)  # a line may be off by this,
+LINE_LENGTH = 5e-4  # and this much longer or shorter: it is entered or left at speed, at a whole millisecond
 VERTEX_S = (
     5e-3  # a join may step in velocity by what the acceleration limit gives in 5 ms (the controller's rule)
 )
@@ -111,29 +119,56 @@ def replay(
         asked: what the plan must keep besides what it states; None to hold it to its own word only.
 
     Raises:
-        ImpossibleError: a move comes nearer to something than the plan states, or breaks a limit at the plan's speed;
-            with step, pair or joint, and by how much.
+        InputError: a move does not start where the one before it ends.
+        ImpossibleError: a move comes nearer to something than the plan states, breaks a limit at the plan's speed, or
+            meets the next one, or rest, with a jump of velocity; with step, pair or joint, and by how much.
     """
-    scaled = limits.scaled(plan.speed)
+    scaled, joints = limits.scaled(plan.speed), scene.robot_open.joint_names
+    chain([move.path for move in plan.moves])
+    peaks = [_peaks(move, unit, scaled, joints) for move in plan.moves]
+    for motion in plan.motions:
+        _require_meetings(motion, unit, scaled, joints)
     replayed = []
-    for move, setting in settings(plan, scene, unit):
-        peaks = _peaks(move, unit, scaled, scene.robot_open.joint_names)
-        stated = max(move.clearance - STATED_SLACK, 0.0)
+    for (move, setting), peak in zip(settings(plan, scene, unit), peaks, strict=True):
         if asked is not None:
             _require_asked(move, asked)
             _require_line(move, scene, unit, asked.offset)
-        check = check_move(setting.world, move.path, unit, stated, tight=False)
-        if not check.proved:
-            raise ImpossibleError(
-                f"{move.name!r}: {check.pair[0]} comes to {check.seen * 1e3:.2f} mm of {check.pair[1]} after "
-                f"{check.time:.2f} s; the plan states {move.clearance * 1e3:.2f} mm; make the plan again",
-                step=move.name,
-                pair=list(check.pair),
-                distance_m=check.seen,
-                stated_m=move.clearance,
-            )
-        replayed.append(ReplayedMove(move, check, *peaks))
+        replayed.append(ReplayedMove(move, _proved(move, setting.world, unit), *peak))
     return tuple(replayed)
+
+
+def _proved(move: Move, world: World, unit: Unit) -> MoveCheck:
+    """The certificate of a move, made again: of the whole, and of every segment that is said to keep more."""
+    segments = move.path.segments
+    if move.clearances and len(move.clearances) != len(segments):
+        raise ImpossibleError(
+            f"{move.name!r} states {len(move.clearances)} clearances for {len(segments)} segments; "
+            "make the plan again",
+            step=move.name,
+        )
+    whole = check_move(world, move.path, unit, max(move.clearance - STATED_SLACK, 0.0), tight=False)
+    if not whole.proved:
+        raise _too_near(move, whole, move.clearance)
+    begin_s = 0.0
+    for start, segment, stated in zip(move.path.knots(), segments, move.clearances, strict=False):
+        if stated - SEGMENT_SLACK > whole.clearance:
+            part = CountPath(tuple(int(c) for c in start), (segment,))
+            check = check_move(world, part, unit, stated - SEGMENT_SLACK, tight=False)
+            if not check.proved:
+                raise _too_near(move, replace(check, time=begin_s + check.time), stated)
+        begin_s += segment.duration_ms / 1e3
+    return whole
+
+
+def _too_near(move: Move, check: MoveCheck, stated: float) -> ImpossibleError:
+    return ImpossibleError(
+        f"{move.name!r}: {check.pair[0]} comes to {check.seen * 1e3:.2f} mm of {check.pair[1]} after "
+        f"{check.time:.2f} s; the plan states {stated * 1e3:.2f} mm there; make the plan again",
+        step=move.name,
+        pair=list(check.pair),
+        distance_m=check.seen,
+        stated_m=stated,
+    )
 
 
 def _require_asked(move: Move, asked: Asked) -> None:
@@ -149,7 +184,7 @@ def _require_asked(move: Move, asked: Asked) -> None:
 
 
 def _require_line(move: Move, scene: Scene, unit: Unit, offset: float) -> None:
-    """Approach and retract run straight along the tool's own axis, over the whole offset."""
+    """Approach and retract run straight along the tool's own axis, over the whole offset, never past the station."""
     if move.role not in ON_LINES:
         return
     times = np.linspace(0.0, move.path.duration_s, max(3, int(move.path.duration_s / LINE_SAMPLE_S)))
@@ -158,13 +193,15 @@ def _require_line(move: Move, scene: Scene, unit: Unit, offset: float) -> None:
     relative = np.stack([inverse(station) @ T for T in poses])
     aside = float(np.hypot(relative[:, 0, 3], relative[:, 1, 3]).max())
     turned = max(angle_between(np.eye(3), T[:3, :3]) for T in relative)
-    length = float(-relative[:, 2, 3].min())
-    if aside > LINE_ASIDE or turned > LINE_TURN or abs(length - offset) > LINE_ASIDE:
+    length, past = float(-relative[:, 2, 3].min()), float(relative[:, 2, 3].max())
+    if max(aside, past) > LINE_ASIDE or turned > LINE_TURN or abs(length - offset) > LINE_LENGTH:
         raise ImpossibleError(
             f"{move.name!r} is no line of {offset * 1e3:g} mm along the tool's axis: {aside * 1e3:.3f} mm aside, "
-            f"{np.degrees(turned):.4f} deg turned, {length * 1e3:.2f} mm long; make the plan again",
+            f"{np.degrees(turned):.4f} deg turned, {length * 1e3:.2f} mm long, {past * 1e3:.3f} mm past its end; "
+            "make the plan again",
             step=move.name,
             aside_m=aside,
+            past_m=past,
             turned=turned,
             length_m=length,
         )
@@ -204,12 +241,30 @@ def _setting(
     return Setting(world, standing, cubes[held], T_tool_held)
 
 
-def _jumps(move: Move, extremes: SegmentExtremes, unit: Unit) -> Array:
-    """Velocity steps at joins and from and to rest at both ends, rad/s."""
-    segments = move.path.segments
+def _require_meetings(motion: Motion, unit: Unit, limits: Limits, joints: tuple[str, ...]) -> None:
+    """Velocities must agree where moves meet, and be those of rest at both ends, to the controller's vertex rule."""
     scale = np.abs(unit.counts_per_rad)
-    ends = np.stack([segments[0].derivative(0.0), segments[-1].derivative(1.0)]) / scale
-    return np.concatenate([np.abs(ends), extremes.jumps])
+    rest = np.zeros(len(scale))
+    left = [rest, *(m.path.segments[-1].derivative(1.0) / scale for m in motion.moves)]
+    entered = [*(m.path.segments[0].derivative(0.0) / scale for m in motion.moves), rest]
+    names = [repr(m.name) for m in motion.moves]
+    places = [
+        f"{names[0]} does not begin at rest",
+        *(f"{before} and {after} do not meet at one velocity" for before, after in pairwise(names)),
+        f"{names[-1]} does not end at rest",
+    ]
+    for place, before, after in zip(places, left, entered, strict=True):
+        excess = np.abs(after - before) - VERTEX_S * limits.acceleration
+        joint = int(np.argmax(excess))
+        if excess[joint] > LIMIT_SLACK:
+            raise ImpossibleError(
+                f"{place}: {joints[joint]} jumps by {np.degrees(abs(after - before)[joint]):.4f} deg/s, "
+                f"{np.degrees(excess[joint]):.4f} more than the controller's rule; make the plan again",
+                motion=[m.name for m in motion.moves],
+                joint=joints[joint],
+                limit="jump of velocity",
+                excess=float(excess[joint]),
+            )
 
 
 def _peaks(move: Move, unit: Unit, limits: Limits, joints: tuple[str, ...]) -> tuple[float, float]:
@@ -219,9 +274,9 @@ def _peaks(move: Move, unit: Unit, limits: Limits, joints: tuple[str, ...]) -> t
         ("upper limit", extremes.upper, limits.upper, "deg"),
         ("velocity", extremes.velocity, limits.velocity, "deg/s"),
         ("acceleration", extremes.acceleration, limits.acceleration, "deg/s2"),
-        ("jump of velocity at a join", _jumps(move, extremes, unit), VERTEX_S * limits.acceleration, "deg/s"),
+        ("jump of velocity at a join", extremes.jumps, VERTEX_S * limits.acceleration, "deg/s"),
     ):
-        excess = np.max(found - allowed, axis=0)
+        excess = np.max(found - allowed, axis=0, initial=-np.inf)
         joint = int(np.argmax(excess))
         if excess[joint] > LIMIT_SLACK:
             raise ImpossibleError(

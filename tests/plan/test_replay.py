@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from arm.bodies import Body, Box
-from arm.errors import ImpossibleError
+from arm.errors import ImpossibleError, InputError
 from arm.motion import CountPath, Segment
-from arm.planfile import GripperStep, Move, Plan, Step
+from arm.planfile import GripperStep, LookStep, Move, Plan, Step
 from arm.se3 import transform
 from arm.unit import load_unit
-from plan.replay import Asked, replay
+from plan.check import check_move
+from plan.replay import Asked, _require_line, replay, settings
 from plan.scene import Scene, scene_from_json
 from plan.task import plan_task
 from task2_scene import Q_START, Task2, task2
@@ -48,9 +49,33 @@ def _changed(plan: Plan, role: str, change: Callable[[Move], Move], last: bool =
     return replace(plan, steps=tuple(steps))
 
 
-def _faster(move: Move) -> Move:
-    segments = tuple(Segment(max(1, s.duration_ms * 8 // 10), s.coefficients) for s in move.path.segments)
+def _faster(move: Move, percent: int = 80) -> Move:
+    segments = tuple(
+        Segment(max(1, s.duration_ms * percent // 100), s.coefficients) for s in move.path.segments
+    )
     return replace(move, path=CountPath(move.path.start, segments))
+
+
+def _halves(move: Move) -> tuple[Move, Move]:
+    """The same motion as two moves that meet at speed, in the middle."""
+    path = move.path
+    at = len(path.segments) // 2
+    middle = tuple(int(c) for c in path.knots()[at])
+    return (
+        replace(move, name="first half", path=CountPath(path.start, path.segments[:at])),
+        replace(move, name="second half", path=CountPath(middle, path.segments[at:])),
+    )
+
+
+def _halved(plan: Plan, between: tuple[Step, ...] = (), second: Callable[[Move], Move] = lambda m: m) -> Plan:
+    """The plan with its first transit in two halves."""
+    index = next(i for i, s in enumerate(plan.steps) if isinstance(s, Move) and s.role == "transit")
+    move = plan.steps[index]
+    assert isinstance(move, Move)
+    before, after = _halves(move)
+    return replace(
+        plan, steps=(*plan.steps[:index], before, *between, second(after), *plan.steps[index + 1 :])
+    )
 
 
 def test_what_was_not_changed_holds(plan: Plan, scene: Scene) -> None:
@@ -80,10 +105,13 @@ ASKED = Asked(clearance=0.010, line_clearance=0.005, offset=0.100)
 
 def test_what_the_cell_asks_for_is_kept_or_told(plan: Plan, scene: Scene) -> None:
     replay(plan, scene, UNIT, LIMITS, ASKED)
+    for offset in (0.0996, 0.1004):  # a line may be left at speed, at the next whole millisecond
+        replay(plan, scene, UNIT, LIMITS, replace(ASKED, offset=offset))
     for asked, message in (
         (replace(ASKED, clearance=0.050), "50 mm are asked for"),
         (replace(ASKED, line_clearance=0.050), "50 mm are asked for"),
-        (replace(ASKED, offset=0.090), "is no line of 90 mm"),
+        (replace(ASKED, offset=0.0994), "is no line of 99.4 mm"),
+        (replace(ASKED, offset=0.1006), "is no line of 100.6 mm"),
     ):
         with pytest.raises(ImpossibleError, match=message):
             replay(plan, scene, UNIT, LIMITS, asked)
@@ -125,3 +153,88 @@ def test_lower_limits_are_kept_or_told(plan: Plan, scene: Scene) -> None:
     lower = replace(LIMITS, velocity=LIMITS.velocity * 0.5)
     with pytest.raises(ImpossibleError, match="over its velocity"):
         replay(plan, scene, UNIT, lower)
+
+
+def test_moves_that_meet_at_speed_hold(plan: Plan, scene: Scene) -> None:
+    halved = _halved(plan)
+    first, second = halved.motions[0].moves[:2]
+    speed = np.abs(first.path.segments[-1].derivative(1.0)) / np.abs(UNIT.counts_per_rad)
+    assert speed.max() > 0.1
+    assert second.path.start == first.path.end
+    assert len(replay(halved, scene, UNIT, LIMITS, ASKED)) == len(list(plan.moves)) + 1
+
+
+def test_moves_that_meet_with_a_jump_of_velocity_are_found(plan: Plan, scene: Scene) -> None:
+    """The second half alone keeps every limit, but the arm would have to be faster at once."""
+    with pytest.raises(ImpossibleError, match="'first half' and 'second half' do not meet at one") as found:
+        replay(_halved(plan, second=lambda m: _faster(m, 94)), scene, UNIT, LIMITS)
+    assert found.value.data["excess"] > 0.0
+    merged = _changed(plan, "transit", _hurried)
+    with pytest.raises(ImpossibleError, match="over its jump of velocity at a join"):
+        replay(merged, scene, UNIT, LIMITS)
+
+
+def test_moves_that_do_not_meet_at_all_are_found(plan: Plan, scene: Scene) -> None:
+    def aside(move: Move) -> Move:
+        start = (move.path.start[0] + 1, *move.path.start[1:])
+        return replace(move, path=CountPath(start, move.path.segments))
+
+    with pytest.raises(InputError, match="of the chain starts at"):
+        replay(_halved(plan, second=aside), scene, UNIT, LIMITS)
+
+
+def test_a_motion_is_at_rest_at_both_ends(plan: Plan, scene: Scene) -> None:
+    """Where the jaws act or the camera looks, and at the plan's ends."""
+    with pytest.raises(ImpossibleError, match="'first half' does not end at rest"):
+        replay(_halved(plan, between=(LookStep("look"),)), scene, UNIT, LIMITS)
+    halved = _halved(plan)
+    second = next(i for i, s in enumerate(halved.steps) if s.name == "second half")
+    with pytest.raises(ImpossibleError, match="'second half' does not begin at rest"):
+        replay(replace(halved, steps=halved.steps[second:]), scene, UNIT, LIMITS)
+
+
+def _with_clearances(plan: Plan, scene: Scene) -> Plan:
+    """The first transit with a proved bound for every segment."""
+    move, setting = next((m, s) for m, s in settings(plan, scene, UNIT) if m.role == "transit")
+    bounds = []
+    for start, segment in zip(move.path.knots(), move.path.segments, strict=False):
+        part = CountPath(tuple(int(c) for c in start), (segment,))
+        bounds.append(check_move(setting.world, part, UNIT, 0.0).clearance)
+    stated = replace(move, clearances=tuple(bounds), clearance=min(bounds))
+    return _changed(plan, "transit", lambda _: stated)
+
+
+def test_the_clearance_of_every_segment_is_proved_again(plan: Plan, scene: Scene) -> None:
+    stated = _with_clearances(plan, scene)
+    move = next(m for m in stated.moves if m.clearances)
+    assert max(move.clearances) > 2.0 * move.clearance
+    replay(stated, scene, UNIT, LIMITS)
+    widest = int(np.argmax(move.clearances))
+    for index in (0, widest, len(move.clearances) - 1):
+        bounds = list(move.clearances)
+        bounds[index] = 1.06 * bounds[index] + 1e-3  # a tight bound is within 5 % or 0.5 mm of the truth
+        false = _changed(stated, "transit", lambda m, b=tuple(bounds): replace(m, clearances=b))
+        with pytest.raises(ImpossibleError, match=f"the plan states {1e3 * bounds[index]:.2f} mm there"):
+            replay(false, scene, UNIT, LIMITS)
+    short = _changed(stated, "transit", lambda m: replace(m, clearances=m.clearances[:-1]))
+    with pytest.raises(ImpossibleError, match=r"states \d+ clearances for \d+ segments"):
+        replay(short, scene, UNIT, LIMITS)
+
+
+def test_a_line_that_goes_past_its_station_is_none(plan: Plan, scene: Scene) -> None:
+    """What is lifted off may touch what it stands on: it must not be pressed into it on the way."""
+    down = next(m for m in plan.moves if m.role == "approach")
+    knots = down.path.knots()
+    tail = CountPath(tuple(int(c) for c in knots[-3]), down.path.segments[-2:])
+    dip = replace(
+        down, role="retract", path=CountPath(tail.start, (*tail.segments, *down.path.reversed().segments))
+    )
+    heights = [scene.robot_open.T_base_tool(q)[2, 3] for q in UNIT.positions(knots[[0, -3]])]
+    normal = scene.robot_open.T_base_tool(UNIT.positions(knots[-1]))[2, 2]
+    length = (heights[0] - heights[1]) / -normal
+    with pytest.raises(ImpossibleError, match="is no line") as found:
+        _require_line(dip, scene, UNIT, length)
+    assert found.value.data["past_m"] > 3e-4
+    assert found.value.data["length_m"] == pytest.approx(length, abs=1e-4)
+    up = replace(down, role="retract", path=down.path.reversed())
+    _require_line(up, scene, UNIT, 0.1)
