@@ -67,6 +67,13 @@ def _halves(move: Move) -> tuple[Move, Move]:
     )
 
 
+def _hurried(move: Move) -> Move:
+    """The same motion, a little faster from its middle on."""
+    first, second = _halves(move)
+    segments = (*first.path.segments, *_faster(second, 94).path.segments)
+    return replace(move, path=CountPath(move.path.start, segments))
+
+
 def _halved(plan: Plan, between: tuple[Step, ...] = (), second: Callable[[Move], Move] = lambda m: m) -> Plan:
     """The plan with its first transit in two halves."""
     index = next(i for i, s in enumerate(plan.steps) if isinstance(s, Move) and s.role == "transit")
