@@ -84,7 +84,7 @@ def test_a_joint_limit_stops_the_line_and_is_named(robot: Robot, crs97: Unit) ->
     q, top = _start(robot, crs97), _up(GRASP, 0.1)
     free = follow_line(robot, q, GRASP, top, crs97.limits())
     joint = int(np.argmax(np.abs(free.q[-1] - q)))
-    stop = free.q[25, joint]  # way-point 25 of 50: 50 mm of 100
+    stop = free.q[10, joint]  # way-point 10 of 20: 50 mm of 100
     lower, upper = crs97.lower.copy(), crs97.upper.copy()
     (upper if free.q[-1, joint] > q[joint] else lower)[joint] = stop
     limits = Limits(lower, upper, *(getattr(crs97.limits(), n) for n in ("velocity", "acceleration")))
