@@ -1,7 +1,8 @@
 """The shape of a plan that may be executed: every cube fetched, carried and set down in order, nothing else.
 
 What is executed must be what was judged, so the order of the file is the order of execution, and nothing in it can
-be read in two ways.
+be read in two ways. Cubes come in the order of ``task.cubes``, whatever holes they stand in; the arm looks, if it does,
+where a cube's steps end.
 """
 
 from __future__ import annotations
@@ -24,9 +25,12 @@ def require_shape(plan: Plan) -> None:
     if not isinstance(cubes, list) or not all(_named(entry) for entry in cubes):
         raise _refused("task.cubes must list cube, from and to")
     groups: list[list[Step]] = [[] for _ in cubes]
-    at = -1
+    at, over = -1, False
     for number, step in enumerate(plan.steps):
         if isinstance(step, LookStep):
+            if cubes and not (groups[at] and _ended(groups[at])):
+                raise _refused(f"step {step.name!r} looks before a cube is set down and left")
+            over = True
             continue
         if step.cube is None:
             if number == 0 and isinstance(step, GripperStep) and step.action == "open":
@@ -36,7 +40,9 @@ def require_shape(plan: Plan) -> None:
             raise _refused(f"step {step.name!r} serves no cube")
         if step.cube not in (at, at + 1) or step.cube >= len(cubes):
             raise _refused(f"step {step.name!r} serves cube {step.cube} out of order")
-        at = step.cube
+        if over and step.cube == at:
+            raise _refused(f"step {step.name!r} serves cube {step.cube} after the look that ends it")
+        at, over = step.cube, False
         groups[at].append(step)
     for index, group in enumerate(groups):
         _require_group(index, group, str(cubes[index]["cube"]))
@@ -44,6 +50,12 @@ def require_shape(plan: Plan) -> None:
 
 def _named(entry: object) -> bool:
     return isinstance(entry, dict) and all(isinstance(entry.get(key), str) for key in ("cube", "from", "to"))
+
+
+def _ended(group: list[Step]) -> bool:
+    """Whether the cube was let go and the arm has moved away since."""
+    last = group[-1]
+    return isinstance(last, Move) and any(isinstance(s, GripperStep) and s.action == "open" for s in group)
 
 
 def _require_group(index: int, group: list[Step], cube: str) -> None:
