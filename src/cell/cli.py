@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from arm.errors import A465Error, ExecutionStopped, InputError
+from arm.errors import A465Error, ExecutionStopped, ImpossibleError, InputError
 
 if TYPE_CHECKING:
     from cell.console import Console
@@ -144,15 +144,29 @@ def plan(
 
 
 @app.command(
-    help="Check a plan file again: limits and clearance of everything it would send.",
-    epilog="Example: a465 check plan.json scenes/task2.toml",
+    help="Check a plan file again: limits and clearance of everything it would send. "
+    "Or a scene file: verdicts and distances against those it expects; with --q, "
+    "the closest pairs at any configuration.",
+    epilog="Example: a465 check plan.json scenes/task2.toml -- or: "
+    "a465 check scenes/fixtures/capsule.toml --q 0,10,-80,0,-60,0",
 )
-def check(plan: PlanFile, task: TaskFile, as_json: Json = False) -> None:
+def check(
+    file: Annotated[
+        Path,
+        typer.Argument(help="Plan file, or scene file such as scenes/fixtures/capsule.toml.", metavar="FILE"),
+    ],
+    task: Annotated[Path | None, typer.Argument(help="Task file of the plan.", metavar="TASK")] = None,
+    q: Annotated[str | None, typer.Option("--q", help="J1 to J6 in deg with commas.", metavar="Q")] = None,
+    as_json: Json = False,
+) -> None:
+    from cell.checkstep import check_step
     from cell.console import Console
-    from cell.steps import check_step
 
     console = Console(as_json)
-    console.result(check_step(plan, task, console))
+    report = check_step(file, task, q, console)
+    console.result(report)
+    if report.get("differing"):
+        _refuse(f"not as expected: {', '.join(report['differing'])}")
 
 
 @app.command(
@@ -234,6 +248,12 @@ def _finish(console: Console, report: dict[str, Any]) -> None:
             file=sys.stderr,
         )
         raise typer.Exit(ExecutionStopped.exit_code)
+
+
+def _refuse(message: str) -> None:
+    """End with "refused" after the report was printed."""
+    print(f"a465: {message}", file=sys.stderr)
+    raise typer.Exit(ImpossibleError.exit_code)
 
 
 def main() -> None:

@@ -137,24 +137,6 @@ def _move_to_json(move: Move) -> dict[str, Any]:
     }
 
 
-def check_step(plan_file: Path, task_file: Path, console: Console) -> dict[str, Any]:
-    """``a465 check``: everything the plan would send, judged anew."""
-    from cell.checking import check_plan
-
-    task, plan = read_task(task_file), read_plan(plan_file)
-    result = check_plan(task, plan)
-    console.table(
-        ("move", "mm stated", "mm proved", "closest"),
-        [(m["name"], m["stated_mm"], m["proved_mm"], " - ".join(m["closest"])) for m in result["moves"]],
-    )
-    console.say(
-        f"plan {plan.sha256[:12]}: {len(result['moves'])} moves hold; at most "
-        f"{100 * result['peak_velocity']:.1f} % of the velocity and {100 * result['peak_acceleration']:.1f} % of the "
-        f"acceleration limits at speed {plan.speed:g}"
-    )
-    return result
-
-
 def preview_step(plan_file: Path, task_file: Path, output: Path, console: Console) -> dict[str, Any]:
     """``a465 preview``."""
     from cell.checking import require_match
