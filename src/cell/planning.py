@@ -8,12 +8,13 @@ from typing import Any
 
 from arm.errors import ImpossibleError
 from arm.files import sha256
-from arm.planfile import Plan
+from arm.planfile import Move, Plan
 from arm.se3 import Array
 from cell.cellfile import Cell
 from cell.lookfile import Seen
 from cell.scenery import build_scene, free_table_stations, hole_station, transfers, unseen_scene
 from cell.taskfile import Task
+from plan.backout import plan_back_out
 from plan.options import PlanOptions
 from plan.reach import ReachTable, reach
 from plan.scene import Scene, Transfer
@@ -174,3 +175,15 @@ def plan_to_start(
         provenance(task),
         _named(task),
     )
+
+
+def back_out(task: Task, seen: Seen, approach: Move, speed: float, on_table: Mapping[str, Array]) -> Move:
+    """A move with empty jaws out of where `approach` has brought them.
+
+    Raises:
+        ImpossibleError: there is none; says what is in the way.
+    """
+    cell = task.cell
+    q = cell.unit.positions(approach.path.end)
+    scene, options = scene_of(task, seen, on_table), options_of(task, speed)
+    return plan_back_out(scene, q, cell.unit, cell.limits, options, cell.jaw_opening)

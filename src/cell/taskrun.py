@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -12,21 +11,21 @@ import numpy as np
 
 from arm.errors import A465Error, ExecutionStopped
 from arm.files import write_atomic
-from arm.planfile import GripperStep, LookStep, Move, Plan, Step, write_plan
+from arm.planfile import GripperStep, Plan, Step, write_plan
 from arm.se3 import Array, frozen
 from cell.connection import Connection
 from cell.console import Console
+from cell.holding import Held
 from cell.lookfile import Seen
 from cell.looking import look_and_save
 from cell.pages import write_page
-from cell.planning import plan_rest, plan_to_start, reach_of
+from cell.planning import back_out, plan_rest, plan_to_start, reach_of
 from cell.report import CubeRow, judge_release, print_rows
 from cell.scenery import T_base_cube_on_table, cube_name
 from cell.taskfile import Task
+from cell.visits import Visit, visits
 from driver.execute import StepResult, execute
-from driver.stream import Progress
-
-GRIP_CHANGE = 0.05  # of the stroke by which the jaws may move on a held cube
+from driver.stream import Progress, StreamOptions
 
 
 class TaskRun:
@@ -51,6 +50,7 @@ class TaskRun:
         self.rows: list[CubeRow] = []
         self.done: dict[str, str] = {}  # cube -> place
         self.on_table: dict[str, Array] = {}
+        self.held: Held | None = None
         self.given_up: set[int] = set()  # holes of the source board
         self.plans: list[Plan] = []
         self.remarks: list[str] = []
@@ -178,71 +178,64 @@ class TaskRun:
                 nothing sees it; the arm is at q_start.
         """
         planned = seen
-        for index, transfer in enumerate(plan.task["cubes"]):
+        behind: tuple[Step, ...] = ()  # away from the last place: one motion with those to the next cube
+        visited = visits(plan)
+        for transfer, visit in zip(plan.task["cubes"], visited, strict=True):
             row = CubeRow(transfer["from"], transfer["to"])
             self.rows.append(row)
-            steps = [s for s in plan.steps if getattr(s, "cube", None) == index]
-            grip = next(i for i, s in enumerate(steps) if isinstance(s, GripperStep) and s.action == "close")
-            held = self._execute(steps[: grip + 1])[-1].gripper
-            row.add_motion(steps[: grip + 1])
+            held = self._execute((*behind, *visit.fetch))[-1].gripper
+            row.add_motion(visit.fetch)
             if held is None or not held.stalled:
-                return self._missed(steps, grip, row, seen), True
-            self._carry(steps[grip + 1 :], transfer["cube"], held.fraction_closed)
-            row.add_motion(steps[grip + 1 :])
+                return self._missed(visit, row, seen), True
+            self._carry(visit.carry, transfer["cube"], held.fraction_closed)
+            row.add_motion((*visit.carry, *visit.leave))
             row.placed = True
             self._put_down(transfer, row)
-            seen = seen.with_moves({transfer["cube"]: transfer["to"]})
-            if not any(isinstance(s, LookStep) for s in plan.steps):
+            seen, behind = seen.with_moves({transfer["cube"]: transfer["to"]}), visit.leave
+            last = visit is visited[-1]
+            if last or visit.looks:
+                self._execute(behind)
+                behind = ()
+            if not visit.looks:
                 continue
             expected, seen = seen, self.look(f"after cube {len(self.rows)}")
             self._require_placed(seen, row)
             changes = seen.moved(planned, self.task.cell) + seen.changed(expected)
             for line in changes:
                 self._tell(line + "; the rest is planned anew")
-            if changes and index + 1 < len(plan.task["cubes"]):
+            if changes and not last:
                 return seen, True
         return seen, False
 
     def _carry(self, steps: Sequence[Step], cube: str, grip: float) -> None:
-        """Execute the steps of a cube in the jaws; it must be there before it is lowered, and gone after it was let go.
+        """Execute the steps of a cube in the jaws; it must be there all the way, and gone after it was let go.
 
         Raises:
             ExecutionStopped: it was lost on the way, or stays in the jaws, or a motion stopped.
         """
-        release = next(i for i, s in enumerate(steps) if isinstance(s, GripperStep))
+        self.held = Held(cube, grip)
         try:
-            self._execute(steps[: release - 1])
-            now = self.connection.mars.jaws()
-            if abs(now - grip) > GRIP_CHANGE:
-                self.connection.mars.stop()
-                raise ExecutionStopped(
-                    f"{cube} was lost on the way: the jaws were {100 * grip:.0f} % closed on it and are "
-                    f"{100 * now:.0f} % closed now; the arm stands over the place it was to go to",
-                    fraction_closed=now,
-                    index=release,
-                )
-            opened = self._execute(steps[release - 1 : release + 1])[-1].gripper
+            opened = self._execute(steps, StreamOptions(watch_jaws=True))[-1].gripper
             if opened is None or opened.stalled:
                 raise ExecutionStopped(
                     f"the jaws do not open to let go of {cube}; the arm stands at its place", index=0
                 )
         except ExecutionStopped as error:
-            if "holding" not in error.data and "lost" not in str(error):
+            if error.data.get("reason") != "lost":
                 raise ExecutionStopped(
                     f"{error}; {cube} is in the jaws", **error.data, holding=cube
                 ) from error
             raise
-        self._execute(steps[release + 1 :])
+        finally:
+            self.held = None
 
-    def _missed(self, steps: Sequence[Step], grip: int, row: CubeRow, seen: Seen) -> Seen:
+    def _missed(self, visit: Visit, row: CubeRow, seen: Seen) -> Seen:
         """The jaws closed on nothing: open, back out the way the jaws came, go to q_start, look."""
         self._tell(f"cube of {row.source} is not where it should be: the jaws closed on nothing")
         row.remarks.append("the jaws closed on nothing")
         self.given_up.add(int(row.source.rsplit("/", 1)[1]) - 1)
         self.connection.mars.gripper(0.0)
-        # the approach was certified with open jaws, so it holds the other way too; the lift-off was not
-        approach = next(s for s in steps[:grip] if isinstance(s, Move) and s.role == "approach")
-        self._execute([replace(approach, name="back out", role="retract", path=approach.path.reversed())])
+        self._execute([back_out(self.task, seen, visit.approach, self.speed, self.on_table)])
         self.go_to_start(seen)
         before, after = seen.state(row.source), self.look("after a missed cube")
         if before == "cube" and after.state(row.source) == "empty":
@@ -279,16 +272,20 @@ class TaskRun:
             f"{transfer['cube']} to {transfer['to']}" + ("" if row.placed else f": {'; '.join(row.remarks)}")
         )
 
-    def _execute(self, steps: Sequence[Step]) -> tuple[StepResult, ...]:
+    def _execute(self, steps: Sequence[Step], options: StreamOptions | None = None) -> tuple[StepResult, ...]:
         if not steps:
             return ()
-        return execute(self.connection.mars, steps, on_step=self._on_step, on_progress=self._on_progress)
+        return execute(self.connection.mars, steps, self._on_step, self._on_progress, options=options)
 
     def _on_step(self, step: Step, index: int, total: int) -> None:
         self._step_name = step.name
+        if self.held is not None and isinstance(step, GripperStep):
+            self.held.require(self.connection.mars.jaws(), looks=1)  # at rest a reading is sure
 
     def _on_progress(self, progress: Progress) -> None:
         self.console.progress(self._step_name, progress.done / max(progress.total, 1))
+        if self.held is not None and progress.jaws is not None:
+            self.held.require(progress.jaws)
 
     def _tell(self, text: str) -> None:
         self.remarks.append(text)

@@ -78,8 +78,8 @@ def execute(
         index = len(results)
         step = steps[index]
         phases = _Phases(mars, steps, index, runs.get(index), on_step, on_progress)
-        phases.enter(index)
         try:
+            phases.enter(index)
             match step:
                 case Move():
                     results += phases.results(stream(mars, paths[index], phases.take, options))

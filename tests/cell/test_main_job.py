@@ -203,6 +203,22 @@ def test_the_run_leaves_its_evidence(task2: WholeRun) -> None:
     assert {"plan.json", "preview.html", "wire.jsonl", "report.json", "look-1.png", "look-6.png"} <= names
 
 
+def test_without_looks_the_arm_stops_only_where_the_jaws_act(scenes: Path, tmp_path: Path) -> None:
+    task = scenes / "task2.toml"
+    task.write_text(task.read_text().replace('look_after = "each"', 'look_after = "never"'))
+    run = run_whole(task, tmp_path / "run")
+    assert run.error is None, run.said
+    assert [c["placed"] for c in run.report["cubes"]] == [True] * 4
+    assert max(c["error_mm"] for c in run.report["cubes"]) <= 1.0
+    plan = run.plan()
+    assert len(plan.motions) == 9  # four to a cube, four with it, and the way home
+    lines = [line.split(":")[1] for _, line in run.sent if line.startswith("COORDSPLINET")]
+    sent = [tuple(int(v) for v in line.split(",")) for line in lines]
+    dwells = [n for n in sent if not any(n[2:]) and n[0] == 300]
+    assert len(dwells) == 9 + len(run.plan("to-start").motions)
+    assert sum(c["motion_s"] for c in run.report["cubes"]) == pytest.approx(plan.duration_s, abs=0.01)
+
+
 def _plate(plan: Plan) -> np.ndarray:
     return np.array(next(b for b in plan.scene["bodies"] if b["name"] == "plate 01-02")["T_base_body"])
 

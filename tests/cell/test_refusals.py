@@ -322,8 +322,20 @@ def test_a_cube_taken_from_under_the_jaws_stops_the_run_with_the_arm_at_q_start(
 
 def test_a_cube_lost_on_the_way_and_jaws_that_stay_shut_stop_the_run(tmp_path: Path) -> None:
     def lose(connection: Connection) -> None:
-        emulator, mars = connection.emulator, connection.mars
+        """The jaws of the unit close further in the middle of the carrying motion."""
+        emulator, frames = connection.emulator, connection.mars.note
         assert emulator is not None
+
+        def note(kind: str, **data: object) -> None:
+            if kind == "step" and str(data["name"]).endswith("to 03-04/1"):
+                emulator.machine.jaws._at -= 100.0
+            frames(kind, **data)
+
+        connection.mars.note = note  # type: ignore[method-assign]
+
+    def slip(connection: Connection) -> None:
+        """They are found further closed where the cube is to be let go."""
+        mars = connection.mars
         read = mars.jaws
         mars.jaws = lambda: min(1.0, read() + 0.3)  # type: ignore[method-assign]
 
@@ -332,10 +344,16 @@ def test_a_cube_lost_on_the_way_and_jaws_that_stay_shut_stop_the_run(tmp_path: P
         assert simulated is not None
         simulated._open = lambda T, target: 1.0 - simulated.jaw_opening / simulated.cell.jaw_opening  # type: ignore
 
-    for meddle, words in ((lose, "was lost on the way"), (jam, "the jaws do not open to let go")):
-        run = run_whole(data_file("scenes/task2.toml"), tmp_path / words[:3], meddle=meddle)
+    for meddle, step, words in (
+        (lose, "to 03-04/1", "was lost on the way"),
+        (slip, "let go", "was lost on the way"),
+        (jam, "", "the jaws do not open to let go"),
+    ):
+        run = run_whole(data_file("scenes/task2.toml"), tmp_path / meddle.__name__, meddle=meddle)
         assert isinstance(run.error, ExecutionStopped), run.said
         assert words in str(run.error)
+        assert step in run.error.data.get("step", "")
+        assert ("is in the jaws" in str(run.error)) == (meddle is jam)
         report = json.loads((run.folder / "report.json").read_text())
         assert report["error"]["exit_code"] == 4
 
