@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from arm.bodies import body_from_json
+from arm.motion import CountPath
 from arm.planfile import Move
 from cell.preview.overlays import ExecutedMove
 from cell.preview.page import write_preview
@@ -158,6 +159,36 @@ def test_velocities_of_the_page_are_the_segments(browser, page_file, preview_cas
                     shown = page.evaluate("([t, order]) => a465.motion.q(t, order)", [start + 0.73, order])
                     expected = segment.derivative(0.3, order) / case.unit.counts_per_rad
                     assert shown == pytest.approx(expected, rel=1e-6, abs=1e-9)
+
+
+def test_moves_that_meet_at_speed_are_shown_without_a_break(browser, preview_case, tmp_path: Path) -> None:
+    """One move in two halves: velocities go on over the meeting, each segment shows its own bound."""
+    steps = preview_case.plan.steps
+    index = next(i for i, s in enumerate(steps) if isinstance(s, Move) and s.role == "transit")
+    move = steps[index]
+    at = len(move.path.segments) // 2
+    middle = tuple(int(c) for c in move.path.knots()[at])
+    bounds = tuple(move.clearance + 1e-3 * k for k in range(at))
+    halves = (
+        replace(move, path=CountPath(move.path.start, move.path.segments[:at]), clearances=bounds),
+        replace(move, path=CountPath(middle, move.path.segments[at:])),
+    )
+    plan = replace(preview_case.plan, steps=(*steps[:index], *halves, *steps[index + 1 :]))
+    _write(replace(preview_case, plan=plan), tmp_path / "plan.html", clearance_every_s=0.0)
+    meeting = timed_steps(plan)[index].end_s
+    with _open(browser, tmp_path / "plan.html") as page:
+        before, after = (
+            np.array(page.evaluate("(t) => a465.motion.q(t, 1)", t)) for t in (meeting - 1e-5, meeting + 1e-5)
+        )
+        assert np.abs(before).max() > 0.05
+        assert before == pytest.approx(after, abs=2e-3)
+        for k in (0, at - 1):
+            shown = page.evaluate(
+                "(t) => a465.motion.proved(t)", timed_steps(plan)[index].start_s + 0.1 * k + 0.05
+            )
+            assert shown == pytest.approx(bounds[k], abs=2e-6)
+        assert page.locator("#list button.joined").count() >= 1
+        assert page.locator("#clearance-chart .proved").count() == 1
 
 
 def test_cubes_are_drawn_where_the_plan_brings_them(browser, page_file, preview_case) -> None:

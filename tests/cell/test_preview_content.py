@@ -12,6 +12,7 @@ import pytest
 import arm.board
 from arm.bodies import Capsule, body_from_json, convex
 from arm.errors import InputError
+from arm.motion import CountPath
 from arm.planfile import GripperStep, Move
 from arm.se3 import inverse, rot_x, rot_z, rotation, transform
 from arm.unit import load_unit
@@ -45,6 +46,39 @@ def test_one_clock_without_gaps(preview_case) -> None:
         assert before.jaws[1] == after.jaws[0]
     waits = sum(s.settle_s for s in preview_case.plan.steps if isinstance(s, GripperStep))
     assert steps[-1].end_s == pytest.approx(preview_case.plan.duration_s + waits + 4 * LOOK_S)
+
+
+def test_moves_of_one_motion_follow_without_a_pause_and_bring_their_own_bounds(preview_case) -> None:
+    """A move cut in two in the middle of its way: the same motion, the same clock, what is held stays held."""
+    case = preview_case
+    index = next(i for i, s in enumerate(case.plan.steps) if isinstance(s, Move) and s.held)
+    move = case.plan.steps[index]
+    at = len(move.path.segments) // 2
+    middle = tuple(int(c) for c in move.path.knots()[at])
+    halves = (
+        replace(move, path=CountPath(move.path.start, move.path.segments[:at])),
+        replace(move, path=CountPath(middle, move.path.segments[at:])),
+    )
+    bounds = tuple(move.clearance + 1e-3 * k for k in range(len(halves[1].path.segments)))
+    halves = (halves[0], replace(halves[1], clearances=bounds))
+    plan = replace(case.plan, steps=(*case.plan.steps[:index], *halves, *case.plan.steps[index + 1 :]))
+    content, before = (
+        page_content(p, case.robot_open, case.robot_holding, case.unit) for p in (plan, case.plan)
+    )
+    assert content["motions"] == before["motions"] == len(plan.motions)
+    assert content["duration_s"] == pytest.approx(before["duration_s"])
+    assert [c["track"] for c in content["cubes"]] == [c["track"] for c in before["cubes"]]
+    first, second = content["steps"][index : index + 2]
+    assert first["end"] == second["start"]
+    assert (first["joined"], second["joined"]) == (before["steps"][index]["joined"], True)
+    assert first["clearances"] == []
+    assert second["clearances"] == pytest.approx(bounds, abs=1e-6)
+    assert max(s - b for s, b in zip(second["clearances"], bounds, strict=True)) <= 0.0
+    last = halves[0].path.segments[-1].derivative(1.0)
+    assert np.abs(last).max() > 1000.0  # counts/s: they meet at speed
+    assert last == pytest.approx(halves[1].path.segments[0].derivative(0.0), abs=20.0)
+    sampled = sample_clearance(plan, case.robot_open, case.robot_holding, case.unit, every_s=0.5)
+    assert sampled[index][-1].distance == pytest.approx(sampled[index + 1][0].distance, abs=1e-6)
 
 
 def test_jaws_are_closed_exactly_while_a_cube_is_held(preview_case) -> None:

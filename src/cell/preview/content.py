@@ -66,6 +66,7 @@ def page_content(
     bodies = [body_from_json(b) for b in plan.scene.get("bodies", [])]
     cubes = [body_from_json(c) for c in plan.scene.get("cubes", [])]
     tracks = cube_tracks(steps, cubes, robot_open, unit)
+    joined = {motion.first + k for motion in plan.motions for k in range(1, len(motion.moves))}
     return {
         "task": plan.task,
         "unit": plan.unit,
@@ -73,6 +74,7 @@ def page_content(
         "sha256": plan.sha256,
         "provenance": plan.provenance,
         "motion_s": plan.duration_s,
+        "motions": len(plan.motions),
         "duration_s": steps[-1].end_s,
         "joints": _joints(plan, robot_open, unit),
         "arm": _arm(robot_open, robot_holding),
@@ -98,7 +100,7 @@ def page_content(
         ],
         "boards": boards_to_json(boards, bodies, dictionary),
         "camera": None if camera is None else camera_to_json(camera),
-        "steps": [_step(timed) for timed in steps],
+        "steps": [_step(timed, i in joined) for i, timed in enumerate(steps)],
         "clearance": {str(i): clearance_to_json(s) for i, s in (clearance or {}).items()},
         "executed": [executed_to_json(move) for move in executed],
     }
@@ -154,7 +156,8 @@ def _axis(robot: Robot, zero: Array, joint: int) -> dict[str, Any]:
     return {"revolute": revolute, "axis": [float(v) + 0.0 for v in np.round(axis, 9)]}
 
 
-def _step(timed: TimedStep) -> dict[str, Any]:
+def _step(timed: TimedStep, joined: bool) -> dict[str, Any]:
+    """A step; `joined` says of a move that it goes on from the one before without a stop."""
     step = timed.step
     common = {
         "name": step.name,
@@ -172,6 +175,8 @@ def _step(timed: TimedStep) -> dict[str, Any]:
                 "segments": [[s.duration_ms, *map(list, s.coefficients)] for s in step.path.segments],
                 "held": step.held,
                 "clearance": step.clearance,
+                "clearances": [float(np.floor(c * 1e6)) / 1e6 for c in step.clearances],
+                "joined": joined,
                 "closest": list(step.closest),
                 "certified": step.certified,
             }

@@ -1,7 +1,7 @@
 """The plan on one clock, and where every cube is on it.
 
-A plan's moves carry their own durations; the jaws take at least `settle_s`; a look takes no arm time, so the page
-shows it for a stated moment.
+A plan's moves carry their own durations, and those of one motion follow each other without a pause; the jaws take at
+least `settle_s`; a look takes no arm time, so the page shows it for a stated moment.
 """
 
 from __future__ import annotations

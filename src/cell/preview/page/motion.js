@@ -42,13 +42,32 @@ class Motion {
     return low;
   }
 
+  // Index of a move's segment at time t; at a border the later one.
+  segmentAt(step, t) {
+    const index = step.ends.findIndex((end) => t < end);
+    return index < 0 ? step.ends.length - 1 : index;
+  }
+
+  // Clearance in m proved at time t: over the running segment where the plan has that, else over the whole move.
+  proved(t) {
+    const step = this.steps[this.stepAt(t)];
+    if (step.kind !== "move") return null;
+    return step.clearances.length ? step.clearances[this.segmentAt(step, t)] : step.clearance;
+  }
+
+  // The same over a whole move, in mm: [[t, mm], ..], level over each segment.
+  provedOver(step) {
+    const bounds = step.clearances.length ? step.clearances : [step.clearance];
+    const ends = step.clearances.length ? step.ends : [step.end];
+    return bounds.flatMap((c, i) => [[i ? ends[i - 1] : step.start, 1e3 * c], [ends[i], 1e3 * c]]);
+  }
+
   // Encoder counts (order 0) or their derivatives by time, at time t.
   counts(t, order = 0) {
     const step = this.steps[this.stepAt(t)];
     const still = step.counts.map((c) => (order ? 0 : c));
     if (step.kind !== "move" || !step.segments.length) return still;
-    let index = step.ends.findIndex((end) => t < end);
-    if (index < 0) index = step.ends.length - 1;
+    const index = this.segmentAt(step, t);
     const [ms, ...rows] = step.segments[index];
     const seconds = ms / 1e3;
     if (!seconds) return order ? still : step.knots[index + 1];

@@ -25,7 +25,7 @@ function fillHeading(content) {
   document.getElementById("summary").textContent = [
     content.unit,
     `${cubes} cube${cubes === 1 ? "" : "s"}`,
-    `${moves.length} moves, ${clockText(content.motion_s)} of motion at speed ${content.speed}`,
+    `${moves.length} moves in ${content.motions} motion${content.motions === 1 ? "" : "s"}, ${clockText(content.motion_s)} of motion at speed ${content.speed}`,
     `least clearance ${millimetres(1e3 * least)}`,
     content.executed.length ? "with what was executed" : "",
   ].filter(Boolean).join(" · ");
@@ -96,7 +96,8 @@ function fillSteps(content, onStep) {
       const mm = element("span", "figure", step.kind === "move" ? millimetres(1e3 * step.clearance) : "");
       if (step.kind === "move") {
         row.title = `${step.role}${step.held ? `, holding ${step.held}` : ""}; clearance ${step.certified ? "proved" : "sampled"}: `
-          + `${millimetres(1e3 * step.clearance)}, ${step.closest.join(" – ")}`;
+          + `${millimetres(1e3 * step.clearance)}, ${step.closest.join(" – ")}${step.joined ? "; goes on without a stop" : ""}`;
+        row.classList.toggle("joined", step.joined);
         mm.style.color = step.clearance < 0.005 ? clearanceColour(1e3 * step.clearance) : "";
       }
       row.append(stripe, element("span", "name", shortName(step, entry)), seconds, mm);

@@ -111,21 +111,28 @@ class Plots {
   drawClearance() {
     const chart = this.clearance;
     const series = [];
+    const proved = [];
     this.motion.steps.forEach((step, i) => {
-      if (step.kind !== "move") return series.push([step.start, null]);
+      if (step.kind !== "move") {
+        proved.push([step.start, null]);
+        return series.push([step.start, null]);
+      }
       const samples = this.content.clearance[i];
       if (samples && samples.time.length) {
         samples.time.forEach((time, k) => series.push([step.start + time, 1e3 * samples.distance[k]]));
+        proved.push(...this.motion.provedOver(step));
       } else {
-        // One figure holds for the whole move: a bar of its own.
-        series.push([step.start, null], [step.start, 1e3 * step.clearance], [step.end, 1e3 * step.clearance]);
+        // What is proved is all that is known: bars of their own.
+        series.push([step.start, null], ...this.motion.provedOver(step));
       }
     });
     const known = series.map(([, mm]) => mm).filter((mm) => mm !== null);
     const top = Math.min(500, Math.max(20, ...known));
     const inside = series.map(([t, mm]) => [t, mm === null ? null : Math.min(top, Math.max(0, mm))]);
+    const under = proved.map(([t, mm]) => [t, mm === null ? null : Math.min(top, Math.max(0, mm))]);
     const ticks = [0, 5, 10, 25, 50, 100, 200, 400].filter((mm) => mm <= top);
     chart.clear({ low: 0, high: 1.06 * top, map: Math.sqrt }, ticks.map((mm) => [mm, mm === 0 ? "0 mm" : String(mm)]));
+    chart.curve(under, "proved");
     // One stroke for each run of one colour: the curve is read like the trace.
     let run = [];
     let colour = "";

@@ -9,7 +9,7 @@ function clearanceAt(content, motion, t) {
   const step = motion.steps[index];
   if (step.kind !== "move") return null;
   const samples = content.clearance[index];
-  if (!samples || !samples.time.length) return { mm: 1e3 * step.clearance, pair: step.closest, points: null, sampled: false };
+  if (!samples || !samples.time.length) return { mm: 1e3 * motion.proved(t), pair: step.closest, points: null, sampled: false };
   let k = samples.time.findIndex((time) => time >= t - step.start);
   if (k < 0) k = samples.time.length - 1;
   if (k > 0 && t - step.start - samples.time[k - 1] < samples.time[k] - (t - step.start)) k -= 1;
