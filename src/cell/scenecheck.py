@@ -120,7 +120,10 @@ def check_scene(scene: SceneFile, console: Console) -> dict[str, Any]:
     if queries:
         console.table(("query", *header), [_row(a) for a in queries])
     if motions:
+        console.say()
         console.table(("motion", *header), [_row(a) for a in motions])
+    if any(a.seen < 0.0 for a in motions):
+        console.say("a motion that collides is left at the first overlap found; expected is the deepest")
     differing = [a.name for a in (*queries, *motions) if not a.agrees]
     console.say(
         f"{scene.file}: {len(queries) + len(motions) - len(differing)} as expected, {len(differing)} not"

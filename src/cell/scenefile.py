@@ -118,6 +118,12 @@ class SceneFile:
 def read_scene_file(path: Path) -> SceneFile:
     """Read a scene file.
 
+    Keys: `unit`, `tool_length_mm`, `jaw_opening_mm`, `padding_mm`, `allowed` (pairs of names that may touch; nothing
+    else may); `[[bodies]]` (see `cell.bodytable`); `[[cubes]]` and `[held]`, one cube in the jaws with its pose in the
+    tool frame (`name`, `size_mm`, `centre_mm`, `rpy_deg`); `[[queries]]` (`name`, `q_deg`) and `[[motions]]` (`name`,
+    `from_deg`, `to_deg`, `asked_mm`), each with `allowed` of its own and what is expected, none of it required:
+    `verdict`, `distance_mm` or `clearance_mm`, `pair`.
+
     Raises:
         InputError: with file, key, value, unit and rule.
     """

@@ -4,10 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from arm.bodies import Capsule, Convex, Cylinder, Sphere
 from arm.errors import InputError
 from arm.files import data_file
+from arm.toml_table import TomlTable
+from cell.bodytable import read_pose
 from cell.cellfile import read_cell
 from cell.taskfile import read_task
 from cell.worldfile import board_placement, read_world
@@ -223,6 +226,17 @@ def test_mistakes_in_walls_are_told(scenes: Path, old: str, new: str, message: s
     (scenes / "cell.toml").write_text((scenes / "cell.toml").read_text() + WALLS.replace(old, new, 1))
     with pytest.raises(InputError, match=message):
         read_cell(scenes / "cell.toml")
+
+
+def test_bodies_are_turned_as_in_urdf() -> None:
+    """By roll, pitch and yaw about fixed axes, which is what SciPy calls xyz in small letters."""
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        degrees = rng.uniform(-180.0, 180.0, 3)
+        table = TomlTable(Path("cell.toml"), {"centre_mm": [10, 20, 30], "rpy_deg": degrees.tolist()})
+        T = read_pose(table, "centre_mm")
+        assert T[:3, :3] == pytest.approx(Rotation.from_euler("xyz", degrees, degrees=True).as_matrix())
+        assert T[:3, 3] == pytest.approx([0.01, 0.02, 0.03])
 
 
 def test_a_flat_mesh_is_told(scenes: Path) -> None:

@@ -9,8 +9,9 @@ from arm.bodies import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, conv
 from arm.files import data_file
 from arm.se3 import Array, apply, inverse, rotation, transform
 from cell.render.first_hit import first_hits, in_view
+from cell.render.hulls import Hull
 from cell.render.light import Light
-from cell.render.rays import pixel_rays, subpixel_rays
+from cell.render.rays import Bundle, pixel_rays, subpixel_rays
 from cell.render.solids import BodySolid
 from cell.render.window import Window
 from vision.camera import Camera, read_camera
@@ -104,11 +105,19 @@ def test_a_hit_is_on_the_surface_and_nothing_is_before_it(seed: int, small: Came
 
 
 @pytest.mark.parametrize(
-    "shape", [Box((0.1, 0.1, 0.1)), Cylinder(0.08, 0.1), Sphere(0.1), Capsule(0.05, 0.1), SOLID_CUBE]
+    "shape",
+    [
+        Box((0.1, 0.1, 0.1)),
+        Cylinder(0.08, 0.1),
+        Sphere(0.1),
+        Capsule(0.05, 0.4),  # the camera between its balls
+        Capsule(0.05, 0.02),  # the camera in one of them
+        SOLID_CUBE,
+    ],
 )
 def test_a_solid_that_holds_the_camera_or_is_behind_it_is_not_seen(shape: Shape, small: Camera) -> None:
     x, y, z = small.T_base_camera[:3, 3]
-    for place in ((x + 0.01, y - 0.02, z + 0.015), (x, y, z + 0.5)):
+    for place in ((x + 0.01, y - 0.02, z + 0.015), (x + 0.01, y, z - 0.015), (x, y, z + 0.5)):
         solid = BodySolid(Body("thing", shape, transform(t=place), "wall"), Light())
         assert not np.isfinite(solid.cast(small.T_base_camera, pixel_rays(small)).depth).any()
 
@@ -196,6 +205,18 @@ def test_a_box_and_the_hull_of_its_corners_look_the_same(small: Camera) -> None:
         both &= np.isfinite(hull.depth)
         assert np.abs(box.depth[both] - hull.depth[both]).max() < 2e-6
         assert np.count_nonzero(np.abs(box.grey[both] - hull.grey[both]) > 0.01) <= 4  # rays along an edge
+
+
+def test_a_ray_along_a_face_meets_a_hull_only_if_it_is_not_above_it() -> None:
+    hull = Hull(SOLID_CUBE)
+    ones, zeros = np.ones(1, dtype=np.float32), np.zeros(1, dtype=np.float32)
+    for height, met in ((0.049, True), (0.051, False), (-0.051, False)):
+        bundle = Bundle(np.array([-1.0, 0.0, height]), ones, zeros, zeros)
+        depth, face = hull.enter(bundle, 1e-7)
+        assert np.isfinite(depth[0]) == met
+        if met:
+            assert depth[0] == pytest.approx(0.95)
+            assert hull.normals[face[0]] == pytest.approx([-1.0, 0.0, 0.0])
 
 
 def test_window_area_indexes_an_image() -> None:

@@ -174,6 +174,7 @@ def test_check_tells_a_table_and_ends_with_0(monkeypatch, capsys) -> None:
         ("clearance_mm = 16", "clearance_mm = 13", "past the high end"),
         ('pair = ["gripper", "rail"]\n\n[[m', 'pair = ["base", "rail"]\n\n[[m', "beyond its end"),
         ('clearance_mm = 16.3565\npair = ["gripper"', 'clearance_mm = 16.3565\npair = ["base"', "past the"),
+        ('clearance_mm = 16.3565\npair = ["gripper"', 'clearance_mm = 16.3565\npair = ["palm"', "past the"),
         ("radius_mm = 20", "radius_mm = 20.05", "over its middle"),
     ],
 )

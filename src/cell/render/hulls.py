@@ -39,7 +39,8 @@ class Hull:
             nx, ny, nz = normal.astype(np.float32)
             along = nx * rays.dx + ny * rays.dy + nz * rays.dz
             height = np.float32(offset - normal @ rays.origin)  # of the face over the ray's start
-            t = height / along
+            with np.errstate(divide="ignore", invalid="ignore"):  # rays along the face
+                t = height / along
             inwards = along < 0.0
             later = inwards & (t > entry)
             np.copyto(entry, t, where=later)
