@@ -9,6 +9,8 @@ from arm.errors import InputError
 from plan.transit import TransitBudget
 
 LOOKS = ("each", "never")
+CHOICES = ("free", "given")
+CERTIFICATES = ("tight", "decide")
 LEAST_CLEARANCE = 0.005  # m, that may be asked for in transits
 
 
@@ -28,7 +30,12 @@ class PlanOptions:
         fraction_closed: target of the jaws when gripping, 0 open to 1 shut.
         settle_s: least wait after the jaws moved, s.
         segment_ms: duration of a motion segment where nothing asks for less.
-        look: ``each``: home and look after every cube; ``never``: from cube to cube, home at the end.
+        look: ``each``: home and look after every cube; ``never``: from cube to cube, home at the end; or a number n:
+            home and look after every n cubes, and at the end.
+        order, assignment: ``free``: which cube is next, and to which of the places it goes, is chosen for time;
+            ``given``: as the transfers are given.
+        certificate: ``tight`` proves clearances close to the true ones, ``decide`` only that what is asked for is kept,
+            which is cheaper.
         seed: of every random choice.
         transit: tries of the transit search.
     """
@@ -43,7 +50,10 @@ class PlanOptions:
     fraction_closed: float = 0.9
     settle_s: float = 1.0
     segment_ms: int = 100
-    look: str = "each"
+    look: str | int = "each"
+    order: str = "free"
+    assignment: str = "free"
+    certificate: str = "tight"
     seed: int = 0
     transit: TransitBudget = field(default_factory=TransitBudget)
 
@@ -58,8 +68,26 @@ class PlanOptions:
         _within("fraction_closed", self.fraction_closed, 0.0, 1.0)
         _within("settle_s", self.settle_s, 0.0, 60.0, "s")
         _within("segment_ms", self.segment_ms, 40, 2000, "ms")
-        if self.look not in LOOKS:
-            raise InputError(f"look = {self.look!r}: must be one of {', '.join(LOOKS)}", value=self.look)
+        if self.look not in LOOKS and (
+            not isinstance(self.look, int) or isinstance(self.look, bool) or self.look < 1
+        ):
+            raise InputError(
+                f"look = {self.look!r}: must be one of {', '.join(LOOKS)}, or a number of cubes from 1 on",
+                value=self.look,
+            )
+        for name, known in (("order", CHOICES), ("assignment", CHOICES), ("certificate", CERTIFICATES)):
+            if getattr(self, name) not in known:
+                raise InputError(
+                    f"{name} = {getattr(self, name)!r}: must be one of {', '.join(known)}",
+                    name=name,
+                    value=getattr(self, name),
+                )
+
+    def looks_after(self, cubes: int) -> bool:
+        """Whether the arm goes home to look once this many cubes were moved, more being left."""
+        if self.look == "never":
+            return False
+        return self.look == "each" or cubes % int(self.look) == 0
 
     def to_json(self) -> dict[str, Any]:
         """All options as JSON types."""

@@ -31,7 +31,7 @@ class LineChoice:
         hole: its name.
         yaw: index into the hole's poses.
         branch: see `plan.ik.BRANCH_NAMES`.
-        q_hole, q_offset: (6,) rad at the hole and at the offset point, continuous along the line.
+        q_line: (m, 6) rad at even distances from the hole to the offset point, continuous.
         margin: rad that the joint nearest to its limits keeps; negative is how far it goes beyond.
         joint: that joint.
         outside: m by which the line leaves what the links reach; 0 if it does not.
@@ -41,12 +41,21 @@ class LineChoice:
     hole: str
     yaw: int
     branch: str
-    q_hole: Array
-    q_offset: Array
+    q_line: Array
     margin: float
     joint: str
     outside: float
     racing: str
+
+    @property
+    def q_hole(self) -> Array:
+        """(6,) rad at the hole."""
+        return np.asarray(self.q_line[0])
+
+    @property
+    def q_offset(self) -> Array:
+        """(6,) rad at the offset point."""
+        return np.asarray(self.q_line[-1])
 
     @property
     def ok(self) -> bool:
@@ -157,7 +166,7 @@ def reach(
         raise InputError("reach needs holes with a pose each", holes=list(grasps))
     if not offset_m > 0.0:
         raise InputError(f"offset = {offset_m:g} m: must be positive", offset_m=offset_m)
-    options = options or LineOptions()
+    options = options or LineOptions(step=_SAMPLE_STEP)
     heights = np.linspace(0.0, offset_m, max(2, int(np.ceil(offset_m / options.step - 1e-9)) + 1))
     poses = np.stack([T for hole in grasps.values() for T in hole])
     lines = np.repeat(poses[:, None], len(heights), axis=1)
@@ -211,8 +220,7 @@ class _Steps:
             hole=hole,
             yaw=yaw,
             branch=BRANCH_NAMES[branch],
-            q_hole=frozen(q[0]),
-            q_offset=frozen(q[-1]),
+            q_line=frozen(q),
             margin=float(room[joint]),
             joint=self.names[joint],
             outside=float(self.outside[line, :, branch].max()),

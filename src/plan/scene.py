@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -50,6 +50,10 @@ class Scene:
                 f"there are {', '.join(sorted(names))}",
                 names=unknown,
             )
+
+    def allowing(self, allowed: frozenset[Pair]) -> Scene:
+        """The same scene with these allowed contacts."""
+        return replace(self, allowed=allowed)
 
     def cube(self, name: str) -> Body:
         """The cube of that name.

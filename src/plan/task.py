@@ -3,34 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from arm.bodies import Box
 from arm.errors import ImpossibleError, InputError
-from arm.motion import CountPath
-from arm.planfile import GripperStep, LookStep, Move, Plan, Step
-from arm.robot import Robot
-from arm.se3 import Array, frozen
+from arm.planfile import GripperStep, LookStep, Plan, Step
+from arm.se3 import Array
 from arm.unit import Limits, Unit
-from plan.check import check_move
-from plan.line import JointPath
 from plan.options import PlanOptions
 from plan.reach import ReachTable, reach
 from plan.scene import Scene, Station, Transfer
-from plan.segments import LineTolerance, to_segments
+from plan.script import Script, Unprovable
+from plan.sequence import Found, TaskSearch
 from plan.stages import Stages
-from plan.timing import time_line, time_path
-from plan.transfer import Grip, Route, TransferSearch
-from plan.world import World
 
-# How far a motion may round the corners of its way-points, rad; the first that keeps its clearance is taken.
-_BLENDS = (0.1, 0.03, 0.01)
-_LIBRARIES = ("pin", "coal", "toppra", "numpy", "scipy")
+_LIBRARIES = ("pin", "coal", "numpy", "scipy")
+# How often the search may be asked again where the way that it chose could not be timed and proved.
+_ATTEMPTS = 8
 
 
 def plan_task(
@@ -42,21 +34,25 @@ def plan_task(
     options: PlanOptions | None = None,
     provenance: Mapping[str, Any] | None = None,
     task: Mapping[str, Any] | None = None,
+    places: Sequence[Station] = (),
 ) -> Plan:
-    """Plan all transfers in the order given, from `q_start` back to `q_start`.
+    """Plan all transfers, from `q_start` back to `q_start`.
 
-    Reach of every place is checked before anything is planned. Each move of the plan is proved to keep the asked
+    Order and target of the cubes, the way of gripping each and the branch of the arm are chosen together for the least
+    time (`plan.sequence`), unless the options give them. Reach of every place is checked before anything is planned.
+    Motion stops only where the gripper acts, at home and to look. Each move of the plan is proved to keep the asked
     clearance after it was timed and rounded to counts.
 
     Args:
         scene: bodies, cubes, and the arm with open and with closed jaws.
-        transfers: which cube from where to where.
+        transfers: which cube from where to where; with ``assignment`` free, where to is chosen among all places.
         q_start: where the arm stands, and looks from, (6,) rad.
         unit: the arm's counts and registers.
         limits: at speed 1; default: those of the unit's default registers.
         options: see `PlanOptions`.
         provenance: what else the plan rests on (calibration, files); JSON types.
         task: name and kind of the task, for the plan file; JSON types.
+        places: more places that cubes may go to.
 
     Raises:
         InputError: no transfers, an unknown cube, or a start outside limits.
@@ -66,23 +62,32 @@ def plan_task(
     limits = limits or unit.limits()
     planner = Planner(scene, np.asarray(q_start, dtype=float), unit, limits, options)
     planner.check_input(transfers)
-    tables = planner.reach(transfers)
-    steps: list[Step] = [GripperStep("open the gripper", "open", None, 0.0, options.settle_s)]
-    for index, transfer in enumerate(transfers):
-        steps += planner.transfer(index, transfer, *tables, last=index + 1 == len(transfers))
+    search = planner.search(transfers, places)
+    steps, found = planner.steps(search)
     allowed = scene.allowed | {
-        frozenset((t.cube, name)) for t in transfers for name in t.pick.touches | t.place.touches
+        frozenset((search.stages.cubes[s.visit.pick].name, name))
+        for s in found.stops
+        for name in search.stages.transfers[s.visit.pick].pick.touches
+        | search.stages.places[s.visit.place].touches
     }
-    cubes = [{"cube": t.cube, "from": t.pick.name, "to": t.place.name} for t in transfers]
-    return plan_of(
-        replace(scene, allowed=allowed),
+    cubes = [
+        {
+            "cube": search.stages.cubes[s.visit.pick].name,
+            "from": search.stages.transfers[s.visit.pick].pick.name,
+            "to": search.stages.places[s.visit.place].name,
+        }
+        for s in found.stops
+    ]
+    plan = plan_of(
+        scene.allowing(allowed),
         steps,
         unit,
         limits,
         options,
         {**(provenance or {}), "scene": scene.digest},
-        {**(task or {}), "cubes": cubes},
+        {**(task or {}), "cubes": cubes, "no_plan_is_faster_than_s": _rounded_down(found.bound)},
     )
+    return plan
 
 
 def plan_of(
@@ -126,10 +131,10 @@ def _registers(unit: Unit, limits: Limits) -> dict[str, tuple[int, ...]]:
 
 
 class Planner:
-    """Plans transfer after transfer; `scene` and `q` are where things stand by then.
+    """Searches, then writes the steps.
 
     Attributes:
-        q: where the arm stands, a whole number of counts, (6,) rad.
+        q_start: a whole number of counts, (6,) rad.
         sent: limits that hold on what is sent.
         planned: the part of them that motion is timed with.
     """
@@ -139,7 +144,7 @@ class Planner:
     ) -> None:
         self.scene, self.unit, self.options = scene, unit, options
         # a configuration that is a whole number of counts, so that moves meet to the count
-        self.q_start = self.q = unit.positions(unit.counts(q_start))
+        self.q_start = unit.positions(unit.counts(q_start))
         self.sent = limits.scaled(options.speed)
         self.planned = Limits(
             limits.lower,
@@ -153,8 +158,9 @@ class Planner:
             raise InputError("a task needs at least one cube to move", transfers=0)
         for transfer in transfers:
             self.scene.cube(transfer.cube)
+        names = self.scene.robot_open.joint_names
         for name, q, low, high in zip(
-            self.scene.robot_open.joint_names, self.q, self.planned.lower, self.planned.upper, strict=True
+            names, self.q_start, self.planned.lower, self.planned.upper, strict=True
         ):
             if not low <= q <= high:
                 raise InputError(
@@ -164,181 +170,64 @@ class Planner:
                     value=float(q),
                 )
 
-    def reach(self, transfers: Sequence[Transfer]) -> tuple[ReachTable, ReachTable]:
-        """Tables of the picks and the places; refused here if any cannot be served."""
-        robot, offset = self.scene.robot_open, self.options.offset
+    def search(self, transfers: Sequence[Transfer], more: Sequence[Station]) -> TaskSearch:
+        """The search for the task; refused here if a pick, or too many places, cannot be served."""
+        stations = [t.place for t in transfers]
+        if self.options.assignment == "free":
+            known = {station.name for station in stations}
+            stations += [station for station in more if station.name not in known]
         picks, places = (
-            reach(robot, self.planned, {s.name: s.T_base_tool for s in stations}, offset)
-            for stations in ([t.pick for t in transfers], [t.place for t in transfers])
+            reach(
+                self.scene.robot_open,
+                self.planned,
+                {s.name: s.T_base_tool for s in some},
+                self.options.offset,
+            )
+            for some in ([t.pick for t in transfers], stations)
         )
-        ReachTable((*picks.holes, *places.holes)).require()
-        return picks, places
-
-    def transfer(
-        self, index: int, transfer: Transfer, picks: ReachTable, places: ReachTable, last: bool
-    ) -> list[Step]:
-        """Steps of one cube; moves the cube in `scene` and the arm in `q`."""
-        options = self.options
-        go_home = last or options.look == "each"
-        stages = Stages(self.scene, transfer)
-        search = TransferSearch(
+        picks.require()
+        served = [station for station in stations if places[station.name].ok]
+        if self.options.assignment != "free" or len(served) < len(transfers):
+            ReachTable((*picks.holes, *places.holes)).require()
+        stages = Stages(self.scene, transfers, served)
+        return TaskSearch(
             stages,
-            picks[transfer.pick.name].serving(),
-            places[transfer.place.name].serving(),
-            self.q,
-            self.q_start if go_home else None,
+            [picks[t.pick.name].serving() for t in transfers],
+            [places[station.name].serving() for station in served],
+            self.q_start,
             self.planned,
-            options,
-        )
-        route = search.best()
-        executed = Stages(self.scene, self.as_executed(transfer, route))
-        steps = self.steps(index, transfer, executed, route)
-        placed = executed.placed(0, 0)
-        self.scene = replace(
-            self.scene, cubes=tuple(placed if c.name == placed.name else c for c in self.scene.cubes)
-        )
-        self.q = self.q_start if go_home else route.place.q_offset
-        if options.look == "each":
-            steps.append(LookStep(f"look after {transfer.cube}"))
-        return steps
-
-    def as_executed(self, transfer: Transfer, route: Route) -> Transfer:
-        """The transfer with the one tool pose at each end that whole counts of the route's grips give."""
-
-        def station(of: Station, grip: Grip) -> Station:
-            q = self.unit.positions(self.unit.counts(grip.path.q[0]))
-            return Station(of.name, (self.scene.robot_open.T_base_tool(q),), of.touches)
-
-        return Transfer(
-            transfer.cube, station(transfer.pick, route.pick), station(transfer.place, route.place)
+            self.options,
         )
 
-    def steps(self, index: int, transfer: Transfer, stages: Stages, route: Route) -> list[Step]:
-        """The moves of a route, timed and certified, with the gripper's steps between.
+    def steps(self, search: TaskSearch) -> tuple[list[Step], Found]:
+        """The task's steps, timed and certified, and the sequence that they follow."""
+        for attempt in range(_ATTEMPTS):
+            found = search.best()
+            try:
+                return self.written(search, found), found
+            except Unprovable as error:
+                if attempt + 1 == _ATTEMPTS:
+                    raise error.why from error
+                before = found.stops[error.stop - 1] if error.stop else None
+                search.forbid(found.stops[error.stop], before, error.which, error.why)
+        raise ImpossibleError("no sequence was tried", attempts=_ATTEMPTS)
 
-        `stages` are those of the transfer as executed: its stations have one tool pose each.
-        """
-        options, cube, pick, place = self.options, transfer.cube, route.pick, route.place
-        before, after, holding = stages.before(), stages.after(0, 0), stages.holding(0)
-        lifting = stages.holding(0, transfer.pick.touches)
-        lowering = stages.holding(0, transfer.place.touches)
-        to = _Job(index, cube)
-        steps: list[Step | None] = [
-            self.transit(to, f"to {pick.station}", "transit", before, route.out, held=False),
-            self.line(to, f"approach {pick.station}", "approach", before, pick, held=False),
-            GripperStep(f"{cube}: close on it", "close", index, options.fraction_closed, options.settle_s),
-            _touching(
-                self.line(to, f"lift off {pick.station}", "retract", lifting, pick, held=True), transfer.pick
-            ),
-            self.transit(to, f"to {place.station}", "transit", holding, route.across, held=True),
-            _touching(
-                self.line(to, f"approach {place.station}", "approach", lowering, place, held=True),
-                transfer.place,
-            ),
-            GripperStep(f"{cube}: let go", "open", index, 0.0, options.settle_s),
-            self.line(to, f"retract from {place.station}", "retract", after, place, held=False),
-        ]
-        if route.back is not None:
-            steps.append(self.transit(to, "home", "home", after, route.back, held=False))
-        return [step for step in steps if step is not None]
-
-    def way(self, name: str, world: World, waypoints: Array) -> Move | None:
-        """A timed transit that serves no cube, with empty jaws; None where there is no way to go."""
-        return self.transit(_Job(None, "arm"), name, "home", world, waypoints, held=False)
-
-    def transit(
-        self, job: _Job, name: str, role: str, world: World, waypoints: Array, held: bool
-    ) -> Move | None:
-        """A timed transit that keeps its clearance, or None where there is no way to go."""
-        q = self.unit.positions(self.unit.counts(waypoints))
-        if np.array_equal(q[0], q[-1]) and len(q) == 2:
-            return None
-        clearance = self.options.clearance
-        corners = [("blend", blend) for blend in _BLENDS] if len(q) > 2 else []
-        for style, blend in [*corners, ("stop", _BLENDS[-1])]:
-            trajectory = time_path(q, self.planned, corners=style, blend=blend)
-            path = to_segments(trajectory, self.unit, self.options.segment_ms, limits=self.sent)
-            check = check_move(world, path, self.unit, clearance, tight=False)
-            if check.proved:
-                break
-        return self.certified(job, name, role, world, path, clearance, held)
-
-    def line(self, job: _Job, name: str, role: str, world: World, grip: Grip, held: bool) -> Move:
-        """A timed line, away from the station (retract) or towards it (approach)."""
-        path = grip.path if role == "retract" else _reversed(grip.path)
-        trajectory = time_line(path, self.planned, self.options.approach_speed * self.options.speed)
-        segments = to_segments(
-            trajectory,
-            self.unit,
-            self.options.segment_ms,
-            limits=self.sent,
-            line=LineTolerance(self.scene.robot_open, grip.line),
-        )
-        return self.certified(job, name, role, world, segments, self.options.line_clearance, held)
-
-    def certified(
-        self, job: _Job, name: str, role: str, world: World, path: CountPath, clearance: float, held: bool
-    ) -> Move:
-        """The move, if it is proved to keep `clearance` as it will be sent.
+    def written(self, search: TaskSearch, found: Found) -> list[Step]:
+        """Steps of a sequence.
 
         Raises:
-            ImpossibleError: it does not; data: step, pair, distance_m, time_s.
+            Unprovable: a leg of it does not keep its clearance once it is timed.
         """
-        check = check_move(world, path, self.unit, clearance)
-        step = f"{job.cube}: {name}"
-        if not check.proved:
-            raise ImpossibleError(
-                f"step {step!r}: {check.pair[0]} comes to {check.seen * 1e3:.2f} mm of {check.pair[1]} after "
-                f"{check.time:.2f} s, {clearance * 1e3:g} mm are asked for (proved: {check.clearance * 1e3:.2f} mm); "
-                "ask for less clearance or move the bodies apart",
-                step=step,
-                pair=list(check.pair),
-                distance_m=check.seen,
-                proved_m=check.clearance,
-                clearance_m=clearance,
-                time_s=check.time,
-            )
-        return Move(
-            name=step,
-            role=role,
-            cube=job.index,
-            path=path,
-            held=job.cube if held else None,
-            jaw_opening=_jaw_opening(world.robot),
-            clearance=_rounded_down(check.clearance),
-            closest=check.pair,
-            certified=True,
-        )
+        options = self.options
+        script = Script(self.scene, self.unit, self.planned, self.sent, options, self.q_start)
+        steps: list[Step] = [GripperStep("open the gripper", "open", None, 0.0, options.settle_s)]
+        # home again and a look where they are asked for
+        for index, stop in enumerate(found.stops):
+            steps += script.stop(index, stop, search.stages)
+            if stop.home is not None and options.look != "never":
+                steps.append(LookStep(f"look after {search.stages.cubes[stop.visit.pick].name}"))
+        return steps
 
 
-@dataclass(frozen=True)
-class _Job:
-    """Which cube a step serves."""
-
-    index: int | None
-    cube: str
-
-
-def _touching(move: Move, station: Station) -> Move:
-    return replace(move, touching=tuple(sorted(station.touches)))
-
-
-def _rounded_down(clearance: float) -> float:
-    """To a tenth of a micrometre: the last bits differ between processors, and the files must not."""
-    return float(np.floor(clearance * 1e7)) / 1e7
-
-
-def _reversed(path: JointPath) -> JointPath:
-    return JointPath(frozen(path.q[::-1]), frozen(path.s[-1] - path.s[::-1]))
-
-
-def _jaw_opening(robot: Robot) -> float:
-    """Distance of the inner faces of the bodies finger_l and finger_r, m; 0 for an arm without them."""
-    fingers = {b.name: b for b in robot.bodies if b.name in ("finger_l", "finger_r")}
-    if len(fingers) < 2:
-        return 0.0
-    faces = []
-    for finger in fingers.values():
-        thickness = finger.shape.size[1] if isinstance(finger.shape, Box) else 0.0
-        faces.append(abs(float(finger.T_joint_body[1, 3])) - thickness / 2.0)
-    return round(sum(faces), 9)
+def _rounded_down(seconds: float) -> float:
+    return float(np.floor(seconds * 1e3)) / 1e3

@@ -10,10 +10,11 @@ import numpy.typing as npt
 
 from arm.planfile import Plan
 from arm.unit import Limits, Unit
+from plan.motion import Leg, Mover, Phase
 from plan.options import PlanOptions
 from plan.scene import Scene
+from plan.sequence import MARGIN
 from plan.task import Planner, plan_of
-from plan.transfer import MARGIN
 from plan.transit import plan_transit
 from plan.world import World
 
@@ -38,10 +39,18 @@ def plan_way(
     planner = Planner(scene, np.asarray(q_from, dtype=float), unit, limits, options)
     world = World(scene.robot_open, (*scene.bodies, *scene.cubes))
     goal = unit.positions(unit.counts(q_to))
-    waypoints = plan_transit(
-        world, planner.q, goal, planner.planned, options.clearance + MARGIN, options.seed
-    )
-    move = planner.way("to the start", world, waypoints)
-    if move is None:
+    if np.array_equal(goal, planner.q_start):
         return None
-    return plan_of(scene, (move,), unit, limits, options, provenance, {**(task or {}), "cubes": []})
+    waypoints = plan_transit(
+        world,
+        planner.q_start,
+        goal,
+        planner.planned,
+        options.clearance + MARGIN,
+        options.seed,
+        options.transit,
+    )
+    mover = Mover(scene.robot_open, unit, planner.planned, planner.sent, options)
+    phase = Phase("arm: to the start", "home", None, world, options.clearance)
+    moves = mover.run(Leg(None, phase, waypoints, None))
+    return plan_of(scene, moves, unit, limits, options, provenance, {**(task or {}), "cubes": []})

@@ -1,0 +1,468 @@
+"""A whole task as one problem: which way of gripping and which branch everywhere, which cube next, and to which place.
+
+Everything is ranked by estimates of time that know of no obstacle (`plan.legs`, `plan.order`). Only what the best
+sequence uses is proved: its lines, and its ways across, straight in joint space. What turns out to be blocked costs
+more from then on - for ever where a body that stands still is in the way, or as long as the cube that is in the way
+stands there - and the best sequence is asked for again. Where a straight way is blocked and still looks best, a way
+around is made, and its own time counts. The search ends when all of the best sequence is proved.
+
+The obstacle-free bounds of the legs give, by the same search over orders, a time that no plan can undercut.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm.errors import ImpossibleError
+from arm.se3 import Array, frozen
+from arm.unit import Limits
+from plan.check import MoveCheck, check_curve, curve_of_waypoints
+from plan.legs import LineEnds, leg_bounds, leg_times, line_ends, standing
+from plan.options import PlanOptions
+from plan.order import Costs, Done, Freedom, Ordered, Visit, best_order
+from plan.reach import LineChoice
+from plan.shorten import Ends
+from plan.stages import Stages, Standing
+from plan.transit import Detours
+from plan.travel import path_time
+from plan.world import World
+
+# Transits are searched with this much more clearance than is asked, for what timing and rounding change, m.
+MARGIN = 1e-3
+# Ways around that are made between one pick and one place (and more where there is none yet).
+_DETOURS, _DETOURS_AT_MOST = 3, 12
+# What a way around is taken to cost before one was made, in parts of the straight way and s.
+_OVERHEAD, _OVERHEAD_S = 0.02, 0.05
+_ROUNDS = 400
+_NOT_NOW = 1e9  # s; of a leg that is not tried for want of budget
+# Places on a line that are looked at before it is proved.
+_FIRST_LOOKS = (0.5, 0.25, 0.75)
+
+
+@dataclass(frozen=True)
+class Stop:
+    """One cube of a sequence.
+
+    Attributes:
+        visit: its numbers.
+        pick, place: the choices there.
+        before: what stands when the arm sets out for it, itself included.
+        out: way-points (m, n) rad to the pick, from where the arm was; from home if `home` of the stop before is set.
+        across: to the place.
+        home: from the place to where the task starts, or None where the arm goes straight on.
+    """
+
+    visit: Visit
+    pick: LineChoice
+    place: LineChoice
+    before: frozenset[Standing]
+    out: Array
+    across: Array
+    home: Array | None
+
+
+@dataclass(frozen=True)
+class Found:
+    """The best sequence: its stops, its estimated time and what no sequence undercuts, s."""
+
+    stops: tuple[Stop, ...]
+    time: float
+    bound: float
+
+
+@dataclass(frozen=True)
+class _Leg:
+    """A way across: its kind, the numbers of pick and place that it joins, and the choice at each end (or 0)."""
+
+    kind: str
+    numbers: tuple[int, ...]
+    ways: tuple[int, int]
+
+
+# Kinds of legs: from the start to a pick; with the cube to a place; from a place to a pick; from a place to the end.
+_BEGIN, _CARRY, _GO_ON, _END = "begin", "carry", "go on", "end"
+
+
+class TaskSearch:
+    """The search for one task.
+
+    Args:
+        stages: its collision worlds.
+        picks, places: choices that reach, per transfer and per place, from `plan.reach`.
+        q_home: where the arm starts and ends, (n,) rad.
+        limits: that motion is planned under.
+        options: clearances, lengths, seed, what may be chosen.
+    """
+
+    def __init__(
+        self,
+        stages: Stages,
+        picks: Sequence[Sequence[LineChoice]],
+        places: Sequence[Sequence[LineChoice]],
+        q_home: Array,
+        limits: Limits,
+        options: PlanOptions,
+    ) -> None:
+        self.stages, self.limits, self.options = stages, limits, options
+        # in an order that no rounding can change
+        self.picks, self.places = (
+            [sorted(choices, key=lambda c: (c.yaw, c.branch)) for choices in side] for side in (picks, places)
+        )
+        self.freedom = Freedom(
+            len(self.picks),
+            len(self.places),
+            order=options.order == "free",
+            assignment=options.assignment == "free" and stages.alike,
+        )
+        tool_speed = options.approach_speed * options.speed
+        ends = [
+            [line_ends([c.q_line for c in choices], options.offset, limits, tool_speed) for choices in side]
+            for side in (self.picks, self.places)
+        ]
+        self.pick_ends, self.place_ends, self.home = ends[0], ends[1], standing(q_home)
+        self.times = self._table(leg_times)
+        self.blocked: dict[
+            tuple[str, tuple[int, ...]], dict[tuple[int, int, Standing | None], float | None]
+        ] = {}
+        self.excess: dict[tuple[str, tuple[int, ...]], float] = {}
+        self.detours: dict[tuple[str, tuple[int, ...]], int] = {}
+        self.most_detours = _DETOURS
+        self.lines: dict[tuple[bool, int], dict[tuple[int, Standing | None], bool]] = {}
+        self.ways: dict[tuple[_Leg, frozenset[Standing]], Array] = {}
+        self.straight: dict[tuple[_Leg, frozenset[Standing]], MoveCheck] = {}
+        self.proved: set[tuple[object, ...]] = set()
+        self.known: dict[bool, list[Array]] = {False: [], True: []}
+        self.rejected: dict[str, ImpossibleError] = {}
+
+    def best(self) -> Found:
+        """The fastest sequence that was found.
+
+        Raises:
+            ImpossibleError: none; data: `rejected` says what stopped each choice and leg.
+        """
+        bound = best_order(self.freedom, self._costs(self._table(leg_bounds), free=True))
+        for _ in range(_ROUNDS):
+            ordered = best_order(self.freedom, self._costs(self.times, free=False))
+            if (ordered is None or ordered.time >= _NOT_NOW) and self.most_detours < _DETOURS_AT_MOST:
+                self._allow_more_detours()
+                continue
+            if ordered is None or ordered.time >= _NOT_NOW or bound is None:
+                break
+            stops = self._stops(ordered)
+            if stops is not None:
+                return Found(stops, ordered.time, bound.bound)
+        raise self._impossible()
+
+    def forbid(self, stop: Stop, before: Stop | None, which: str, error: ImpossibleError) -> None:
+        """Never use a leg of a stop again: ``out``, ``across`` or ``home``; it could not be timed and proved."""
+        visit = stop.visit
+        legs = {
+            "across": _Leg(_CARRY, (visit.pick, visit.place), (visit.pick_way, visit.place_way)),
+            "home": _Leg(_END, (visit.place,), (visit.place_way, 0)),
+            "out": _Leg(_BEGIN, (visit.pick,), (0, visit.pick_way)),
+        }
+        if before is not None and before.home is None:
+            came = before.visit
+            legs["out"] = _Leg(_GO_ON, (came.place, visit.pick), (came.place_way, visit.pick_way))
+        leg = legs[which]
+        self.blocked.setdefault((leg.kind, leg.numbers), {})[(*leg.ways, None)] = np.inf
+        self._reject(error)
+
+    def _table(self, times: Callable[[LineEnds, LineEnds, Limits], Array]) -> dict[str, list[list[Array]]]:
+        limits = self.limits
+        return {
+            _BEGIN: [[times(self.home, pick, limits)] for pick in self.pick_ends],
+            _CARRY: [[times(pick, place, limits) for place in self.place_ends] for pick in self.pick_ends],
+            _GO_ON: [[times(place, pick, limits) for pick in self.pick_ends] for place in self.place_ends],
+            _END: [[times(place, self.home, limits)] for place in self.place_ends],
+        }
+
+    def _costs(self, table: dict[str, list[list[Array]]], free: bool) -> Costs:
+        """Times of legs for `plan.order`; with nothing in the way if `free`."""
+
+        def begin(pick: int, done: Done) -> Array:
+            time = table[_BEGIN][pick][0]
+            return np.asarray((time if free else self._now(_BEGIN, (pick,), time, self.there(done)))[0])
+
+        def carry(pick: int, place: int, done: Done) -> Array:
+            time = table[_CARRY][pick][place]
+            if free:
+                return time
+            there = self.there(done)
+            carrying = there - {Standing(False, pick)}
+            time = self._now(_CARRY, (pick, place), time, carrying)
+            after = carrying | {Standing(True, place)}
+            closed = [
+                self._closed(False, pick, there | carrying),
+                self._closed(True, place, carrying | after),
+            ]
+            if not any(closed):
+                return time
+            time = np.array(time)
+            time[closed[0], :], time[:, closed[1]] = np.inf, np.inf
+            return time
+
+        def go_on(place: int, pick: int, done: Done) -> Array:
+            if self.options.looks_after(len(done.picks)):
+                return np.asarray(end(place, done)[:, None] + begin(pick, done)[None])
+            time = table[_GO_ON][place][pick]
+            return time if free else self._now(_GO_ON, (place, pick), time, self.there(done))
+
+        def end(place: int, done: Done) -> Array:
+            time = table[_END][place][0]
+            return np.asarray((time if free else self._now(_END, (place,), time, self.there(done)))[:, 0])
+
+        return Costs(begin, carry, go_on, end)
+
+    def there(self, done: Done) -> frozenset[Standing]:
+        """Which cubes stand, and where."""
+        left = (Standing(False, i) for i in range(self.freedom.picks) if i not in done.picks)
+        return frozenset(left) | frozenset(Standing(True, j) for j in done.places)
+
+    def _now(self, kind: str, numbers: tuple[int, ...], time: Array, there: frozenset[Standing]) -> Array:
+        """Times of legs with what is known to be in their way."""
+        known = self.blocked.get((kind, numbers))
+        if not known:
+            return time
+        now = np.array(time)
+        for (a, b, by), cost in known.items():
+            if by is None or by in there:
+                assumed = (
+                    time[a, b] + self._excess(kind, numbers, float(time[a, b])) if cost is None else cost
+                )
+                now[a, b] = max(now[a, b], assumed)
+        return now
+
+    def _excess(self, kind: str, numbers: tuple[int, ...], time: float) -> float:
+        """What a way around, not made yet, is taken to cost more than the straight one, s."""
+        return max(_OVERHEAD * time + _OVERHEAD_S, 0.7 * self.excess.get((kind, numbers), 0.0))
+
+    def _closed(self, placed: bool, number: int, there: frozenset[Standing]) -> list[int]:
+        """Choices of a station whose line is blocked."""
+        known = self.lines.get((placed, number), {})
+        return sorted({way for way, by in known if by is None or by in there})
+
+    def _stops(self, ordered: Ordered) -> tuple[Stop, ...] | None:
+        """The sequence with all that it uses proved, or None where something of it turned out to be blocked."""
+        stops: list[Stop] = []
+        done, last, whole = Done(frozenset(), frozenset()), None, True
+        for count, visit in enumerate(ordered.visits, start=1):
+            there = self.there(done)
+            carrying = there - {Standing(False, visit.pick)}
+            done = Done(done.picks | {visit.pick}, done.places | {visit.place})
+            after = self.there(done)
+            if not self._lines_proved(visit, there, carrying, after):
+                whole, last = False, None
+                continue
+            across = self._across(
+                _Leg(_CARRY, (visit.pick, visit.place), (visit.pick_way, visit.place_way)), carrying
+            )
+            out = None
+            if count == 1 or self.options.looks_after(count - 1):
+                out = self._across(_Leg(_BEGIN, (visit.pick,), (0, visit.pick_way)), there)
+            elif last is not None:
+                leg = _Leg(_GO_ON, (last.place, visit.pick), (last.place_way, visit.pick_way))
+                out = self._across(leg, there)
+            home, goes_home = None, count == len(ordered.visits) or self.options.looks_after(count)
+            if goes_home:
+                home = self._across(_Leg(_END, (visit.place,), (visit.place_way, 0)), after)
+            last = None if goes_home else visit
+            if out is None or across is None or (goes_home and home is None):
+                whole = False
+                continue
+            pick, place = (
+                self.picks[visit.pick][visit.pick_way],
+                self.places[visit.place][visit.place_way],
+            )
+            stops.append(Stop(visit, pick, place, there, out, across, home))
+        return tuple(stops) if whole else None
+
+    def _lines_proved(
+        self,
+        visit: Visit,
+        there: frozenset[Standing],
+        carrying: frozenset[Standing],
+        after: frozenset[Standing],
+    ) -> bool:
+        stages = self.stages
+        pick, place = stages.transfers[visit.pick].pick, stages.places[visit.place]
+        first = self._line_proved(
+            False, visit.pick, visit.pick_way, there,
+            lambda: (stages.empty(there), stages.holding(visit.pick, carrying, pick.touches)),
+        )  # fmt: skip
+        second = self._line_proved(
+            True, visit.place, visit.place_way, after,
+            lambda: (stages.holding(visit.pick, carrying, place.touches), stages.empty(after)),
+        )  # fmt: skip
+        return first and second
+
+    def _line_proved(
+        self,
+        placed: bool,
+        number: int,
+        way: int,
+        there: frozenset[Standing],
+        worlds: Callable[[], tuple[World, ...]],
+    ) -> bool:
+        key = (placed, number, way, there)
+        if key in self.proved:
+            return True
+        choice = (self.places if placed else self.picks)[number][way]
+        curve = curve_of_waypoints(choice.q_line)
+        for world in worlds():
+            check = check_curve(world, curve, self.options.line_clearance)
+            if not check.proved:
+                by = self._by(check, there, Standing(placed, number))
+                self.lines.setdefault((placed, number), {})[(way, by)] = True
+                self._reject(_line_blocked(choice, check, self.options.line_clearance))
+                return False
+        self.proved.add(key)
+        return True
+
+    def _across(self, leg: _Leg, there: frozenset[Standing]) -> Array | None:
+        """Way-points of a leg's way across, proved; None where it costs more than was thought, which is noted."""
+        if (leg, there) in self.ways:
+            return self.ways[leg, there]
+        out, into = self._ends(leg)
+        q_from, q_to = out.offset[0], into.offset[0]
+        world = self.stages.holding(leg.numbers[0], there) if leg.kind == _CARRY else self.stages.empty(there)
+        known = self.blocked.setdefault((leg.kind, leg.numbers), {})
+        if (leg, there) not in self.straight:
+            check = self._straight_check(world, q_from, q_to)
+            if check.proved:
+                self.ways[leg, there] = frozen([q_from, q_to])
+                return self.ways[leg, there]
+            self.straight[leg, there] = check
+            by = self._by(check, there, *self._own(leg))
+            if (*leg.ways, by) not in known:
+                known[(*leg.ways, by)] = None
+                return None
+        check = self.straight[leg, there]
+        by = self._by(check, there, *self._own(leg))
+        made = self.detours.get((leg.kind, leg.numbers), 0)
+        if made >= self.most_detours:
+            known[(*leg.ways, by)] = _NOT_NOW
+            return None
+        self.detours[leg.kind, leg.numbers] = made + 1
+        return self._around(leg, there, world, check, by)
+
+    def _around(
+        self, leg: _Leg, there: frozenset[Standing], world: World, check: MoveCheck, by: Standing | None
+    ) -> Array | None:
+        out, into = self._ends(leg)
+        ends = Ends(out.velocity[0], -into.velocity[0])
+        clearance = self.options.clearance + MARGIN
+        rng = np.random.default_rng(self.options.seed)
+        detours = Detours(
+            world, self.limits, clearance, rng, self.options.transit, ends, self.known[leg.kind == _CARRY]
+        )
+        way = None
+        if detours.free(out.offset[0]) and detours.free(into.offset[0]):
+            way = detours.around(out.offset[0], into.offset[0], check.time)
+        known = self.blocked[leg.kind, leg.numbers]
+        if way is None:
+            known[(*leg.ways, by)] = np.inf
+            self._reject(_leg_blocked(leg, check, clearance, self.stages))
+            return None
+        straight = float(leg_times(out, into, self.limits)[0, 0])
+        around = path_time(way, self.limits, ends.enter, ends.leave)
+        time = float(out.time[0] + out.start[0] + around + into.time[0] + into.start[0])
+        self.ways[leg, there] = frozen(way)
+        known[(*leg.ways, by)] = time
+        key = (leg.kind, leg.numbers)
+        self.excess[key] = min(self.excess.get(key, np.inf), max(time - straight, 0.0))
+        return None if time > straight + self._excess(*key, straight) else self.ways[leg, there]
+
+    def _straight_check(self, world: World, q_from: Array, q_to: Array) -> MoveCheck:
+        clearance = self.options.clearance + MARGIN
+        for u in _FIRST_LOOKS:
+            q = q_from + u * (q_to - q_from)
+            if world.in_collision(q, clearance):
+                seen = world.distance(q)
+                return MoveCheck(seen.value, seen.value, seen.pair, u, False, 1)
+        return check_curve(world, curve_of_waypoints([q_from, q_to]), clearance)
+
+    def _ends(self, leg: _Leg) -> tuple[LineEnds, LineEnds]:
+        """The two ends of a leg, one row each."""
+        a, b = leg.ways
+        match leg.kind:
+            case "begin":
+                return self.home, self.pick_ends[leg.numbers[0]].row(b)
+            case "carry":
+                return self.pick_ends[leg.numbers[0]].row(a), self.place_ends[leg.numbers[1]].row(b)
+            case "go on":
+                return self.place_ends[leg.numbers[0]].row(a), self.pick_ends[leg.numbers[1]].row(b)
+        return self.place_ends[leg.numbers[0]].row(a), self.home
+
+    def _own(self, leg: _Leg) -> tuple[Standing, ...]:
+        """Cubes that stand wherever the leg is used: at its own stations."""
+        match leg.kind:
+            case "begin":
+                return (Standing(False, leg.numbers[0]),)
+            case "go on":
+                return (Standing(True, leg.numbers[0]), Standing(False, leg.numbers[1]))
+            case "end":
+                return (Standing(True, leg.numbers[0]),)
+        return ()
+
+    def _by(self, check: MoveCheck, there: frozenset[Standing], *own: Standing) -> Standing | None:
+        """The cube that is in the way and may be gone another time; None for what is always there."""
+        for standing_ in sorted(there - set(own)):
+            if self.stages.body(standing_).name in check.pair:
+                return standing_
+        return None
+
+    def _allow_more_detours(self) -> None:
+        self.most_detours = _DETOURS_AT_MOST
+        for known in self.blocked.values():
+            for key, cost in known.items():
+                if cost == _NOT_NOW:
+                    known[key] = None
+
+    def _reject(self, error: ImpossibleError) -> None:
+        self.rejected.setdefault(str(error), error)
+
+    def _impossible(self) -> ImpossibleError:
+        reasons = list(self.rejected)
+        shown = "; ".join(reasons[:2]) + (f"; and {len(reasons) - 2} more" if len(reasons) > 2 else "")
+        names = ", ".join(t.cube for t in self.stages.transfers)
+        return ImpossibleError(
+            f"no way to bring {names} where they should go: {shown}",
+            cubes=[t.cube for t in self.stages.transfers],
+            rejected=[{"reason": str(e), **e.data} for e in self.rejected.values()],
+        )
+
+
+def _line_blocked(choice: LineChoice, check: MoveCheck, clearance: float) -> ImpossibleError:
+    return ImpossibleError(
+        f"on the line at {choice.hole} (yaw {choice.yaw}, {choice.branch}) {check.pair[0]} comes to "
+        f"{check.seen * 1e3:.1f} mm of {check.pair[1]} (asked: {clearance * 1e3:g} mm)",
+        station=choice.hole,
+        yaw=choice.yaw,
+        branch=choice.branch,
+        pair=list(check.pair),
+        distance_m=check.seen,
+    )
+
+
+def _leg_blocked(leg: _Leg, check: MoveCheck, clearance: float, stages: Stages) -> ImpossibleError:
+    picks, places = [t.pick.name for t in stages.transfers], [p.name for p in stages.places]
+    match leg.kind:
+        case "begin":
+            origin, goal = "the start", picks[leg.numbers[0]]
+        case "carry":
+            origin, goal = picks[leg.numbers[0]], places[leg.numbers[1]]
+        case "go on":
+            origin, goal = places[leg.numbers[0]], picks[leg.numbers[1]]
+        case _:
+            origin, goal = places[leg.numbers[0]], "the start"
+    return ImpossibleError(
+        f"no way around {check.pair[1]} from {origin} to {goal}: {check.pair[0]} comes to {check.seen * 1e3:.1f} mm "
+        f"of it on the straight move (asked: {clearance * 1e3:g} mm)",
+        **{"from": origin, "to": goal},
+        pair=list(check.pair),
+        distance_m=check.seen,
+    )
