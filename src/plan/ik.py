@@ -180,6 +180,15 @@ def nearest_turns(q: Array, reference: Array) -> Array:
     return q - 2 * np.pi * np.rint((q - reference) / (2 * np.pi))
 
 
+def has_closed_form(robot: Robot) -> bool:
+    """Whether the arm is of the kind that is solved here."""
+    try:
+        _wrist_arm(robot)
+    except InputError:
+        return False
+    return True
+
+
 def all_branches(robot: Robot, T_base_tool: npt.ArrayLike) -> RawBranches:
     """The 8 branches of poses (m, 4, 4) or (4, 4), with no regard to joint limits.
 
