@@ -1,17 +1,17 @@
 """From a timed motion to what the controller executes: integer cubics, one ``COORDSPLINET`` each.
 
-Every segment is the cubic with the planned positions and velocities at both ends (Hermite). In counts, with D the
-displacement, v0 and v1 the end velocities and T the duration, a1 = v0 T, a2 = 3 D - 2 v0 T - v1 T and
-a3 = v0 T + v1 T - 2 D. Only D, v0 T and v1 T are rounded: then all coefficients are integers and sum to D exactly,
-so the end of a chain of segments is known to the count.
+Every segment is near the cubic with the planned positions and velocities at both ends (Hermite), rounded so that
+limits hold exactly (`plan.rounding`); its coefficients are integers, so the end of a chain of segments is known to the
+count.
 
 Segments begin where the acceleration switches, else every ~100 ms, and are halved where the executed curve would
-leave the planned one. Rounding adds up to a few counts/T^2 to the acceleration, which matters for slow motions:
-those take longer segments. If a limit is still exceeded, the path is timed anew with that limit a little lower.
+leave the planned one. Where no rounding keeps the limits, the motion is made a little longer, and segments longer, on
+which counts weigh less. What is still exceeded then is timed anew with that limit a little lower.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -24,21 +24,25 @@ from arm.se3 import Array, frozen
 from arm.unit import Counts, Limits, Unit
 from plan.extremes import cubic_acceleration, cubic_speed
 from plan.line import Line
+from plan.rounding import round_chain
 from plan.screws import screw_arm
 from plan.timing import Trajectory
 
 SHORTEST_MS = 40  # the serial line sends about 25 cubics a second (fact sheet of the controller, section 3)
-_LONGER = (
-    1.5,
-    2.0,
-    3.0,
-    4.0,
-    6.0,
-    8.0,
-    12.0,
-    16.0,
-)  # times the asked duration, tried where rounding weighs too much
-_ROUNDING = 8.0  # counts/T^2, about what rounding D, v0 T and v1 T adds to an acceleration at the worst
+_LONGEST = 16  # times the asked duration, for segments on which rounding would weigh too much
+_ROUNDING = 8.0  # counts/T^2, about what nearest rounding adds to an acceleration at the worst
+# Times the duration, and times the segments' duration, tried one after the other; the first is tried as asked, and
+# suffices where the plan leaves room for rounding.
+_TRIES = (
+    (1.0, 1.0),
+    (1.0005, 1.0),
+    (1.001, 1.0),
+    (1.0015, 2.0),
+    (1.002, 1.0),
+    (1.003, 2.0),
+    (1.005, 1.0),
+    (1.008, 1.0),
+)
 _ROUNDS = 12  # of slowing down before giving up
 _SAMPLES = np.arange(1, 8) / 8.0  # of a segment, where it is compared with the plan
 
@@ -57,6 +61,19 @@ class LineTolerance:
     line: Line
     distance: float = 5e-5
     angle: float = 5.2e-4
+
+
+@dataclass(frozen=True)
+class Marked:
+    """Segments of a motion with marks on it.
+
+    Attributes:
+        path: the segments.
+        first: for every mark, the index of the first segment after it.
+    """
+
+    path: CountPath
+    first: tuple[int, ...]
 
 
 def to_segments(
@@ -86,17 +103,55 @@ def to_segments(
         InputError: `segment_ms` is below `SHORTEST_MS`.
         ImpossibleError: limits so small that rounding to counts alone exceeds them; data: axis.
     """
+    end = float(trajectory.s[-1])
+    return to_marked_segments(
+        trajectory,
+        unit,
+        segment_ms,
+        limits=limits or trajectory.limits,
+        marks=(end,),
+        lines=(line, None),
+        deviation=deviation,
+    ).path
+
+
+def to_marked_segments(
+    trajectory: Trajectory,
+    unit: Unit,
+    segment_ms: int = 100,
+    *,
+    limits: Limits,
+    marks: Sequence[float],
+    lines: tuple[LineTolerance | None, LineTolerance | None] = (None, None),
+    deviation: float = 2e-4,
+) -> Marked:
+    """`to_segments` of a motion that begins and ends with lines, with a join where each mark is passed.
+
+    Args:
+        trajectory, unit, segment_ms, limits, deviation: see `to_segments`.
+        marks: values of the path parameter, increasing, such as `plan.paths.Joined.marks`. The join is within 1 ms
+            of travel of the mark; of the last of several marks after it, of the others before it, so that nothing of a
+            transit is in a line. At an end of the path there is nothing to join.
+        lines: tolerance of the tool before the first mark, and after the last.
+
+    Raises:
+        InputError: `segment_ms` is below `SHORTEST_MS`, or marks are passed within less of each other or of an end.
+        ImpossibleError: limits so small that rounding to counts alone exceeds them; data: axis.
+    """
     if segment_ms < SHORTEST_MS:
         raise InputError(f"segment_ms = {segment_ms}: must be at least {SHORTEST_MS}", segment_ms=segment_ms)
-    fitter = _Fitter(unit, limits or trajectory.limits, deviation, line)
-    if fitter.calm_ms(1.0) > segment_ms * _LONGER[-1]:
+    fitter = _Fitter(unit, limits, deviation, tuple(marks), lines)
+    if fitter.calm_ms(1.0) > segment_ms * _LONGEST:
         raise _too_slow(unit, int(np.argmin(fitter.acceleration())))
+    calm = int(np.clip(fitter.calm_ms(0.025), segment_ms, segment_ms * _LONGEST))
     for _ in range(_ROUNDS):
-        total = max(2 * SHORTEST_MS, int(np.ceil(trajectory.duration * 1e3 - 1e-6)))
-        timed = trajectory.stretched(total / 1e3 / trajectory.duration)
-        fit = fitter.best(timed, total, segment_ms)
-        if fit.excess() <= 1.0:
-            return fit.path(unit.counts(timed.at([0.0]).q[0]))
+        for number, (longer, factor) in enumerate(_TRIES):
+            total = max(2 * SHORTEST_MS, int(np.ceil(trajectory.duration * 1e3 * longer - 1e-6)))
+            timed = trajectory.stretched(total / 1e3 / trajectory.duration)
+            segments = int(factor * calm) if number else segment_ms
+            fit = fitter.fit(timed, total, segments, careful=number > 0)
+            if fit.excess() <= 1.0:
+                return fit.marked(unit.counts(timed.at([0.0]).q[0]))
         trajectory = _slower(trajectory, fit)
     raise _too_slow(unit, int(np.argmax(fit.load().max(axis=0))))
 
@@ -132,6 +187,7 @@ class _Fit:
         coefficients: (3, k, n) int.
         velocity, acceleration: (k, n) largest over their limits.
         off: (k,) deviation over what is allowed.
+        first: for every mark, the index of the segment after it.
     """
 
     knots_ms: Counts
@@ -139,6 +195,7 @@ class _Fit:
     velocity: Array
     acceleration: Array
     off: Array
+    first: tuple[int, ...]
 
     def load(self) -> Array:
         return np.maximum(self.velocity, self.acceleration)
@@ -146,15 +203,16 @@ class _Fit:
     def excess(self) -> float:
         return float(self.load().max())
 
-    def path(self, start: Counts) -> CountPath:
+    def marked(self, start: Counts) -> Marked:
         rows = np.moveaxis(self.coefficients, 1, 0).tolist()
-        return CountPath(
+        path = CountPath(
             tuple(int(c) for c in start),
             tuple(
                 Segment(int(ms), tuple(tuple(row) for row in a))
                 for ms, a in zip(np.diff(self.knots_ms), rows, strict=True)
             ),
         )
+        return Marked(path, self.first)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,79 +220,96 @@ class _Fitter:
     unit: Unit
     limits: Limits
     deviation: float
-    line: LineTolerance | None
+    marks: tuple[float, ...]
+    lines: tuple[LineTolerance | None, LineTolerance | None]
 
-    def best(self, timed: Trajectory, total_ms: int, segment_ms: int) -> _Fit:
-        """Segments of the asked duration if they keep the limits, else longer ones that suffer less from rounding."""
-        found = self.fit(timed, total_ms, segment_ms)
-        for factor in _LONGER:
-            if found.excess() <= 1.0 or segment_ms * factor > self.calm_ms(0.005):
-                break
-            longer = self.fit(timed, total_ms, int(segment_ms * factor))
-            if longer.excess() < found.excess():
-                found = longer
-        return found
-
-    def fit(self, timed: Trajectory, total_ms: int, segment_ms: int) -> _Fit:
+    def fit(self, timed: Trajectory, total_ms: int, segment_ms: int, careful: bool) -> _Fit:
         """Halve segments that are off the plan or over a limit, while they may be halved."""
         calm = max(SHORTEST_MS, self.calm_ms(0.25))
-        knots = _first_knots(timed, total_ms, segment_ms, min(calm, segment_ms))
+        fixed = self.mark_ms(timed, total_ms)
+        knots = _first_knots(timed, (0, *(m for m in fixed if 0 < m < total_ms), total_ms), segment_ms, calm)
         while True:
-            fit = self._measured(timed, knots)
+            fit = self.measured(timed, knots, fixed, careful)
+            if not careful and fit.excess() > 1.0:
+                return fit
             length = np.diff(knots)
             # where a limit is exceeded, halving helps only while rounding weighs little in the halves
             split = (fit.off > 1.0) & (length >= 2 * SHORTEST_MS)
-            split |= (fit.load().max(axis=1) > 1.0) & (length >= 2 * calm)
+            split |= (fit.load().max(axis=1) > 1.05) & (length >= 2 * calm)
             if not split.any():
                 return fit
             knots = np.sort(np.concatenate([knots, knots[:-1][split] + length[split] // 2]))
 
     def calm_ms(self, share: float) -> float:
-        """Duration from which on rounding adds at most this share of any acceleration limit."""
+        """Duration from which on nearest rounding adds at most this share of any acceleration limit."""
         return float(1e3 * np.sqrt(_ROUNDING / (share * self.acceleration().min())))
 
     def acceleration(self) -> Array:
         return np.asarray(self.limits.acceleration * np.abs(self.unit.counts_per_rad))
 
-    def _measured(self, timed: Trajectory, knots: Counts) -> _Fit:
+    def mark_ms(self, timed: Trajectory, total_ms: int) -> tuple[int, ...]:
+        """Where to join for each mark, ms; on the side of the nearer end of the motion."""
+        s = np.array(self.marks)
+        # at rest at an end, the time of a place hangs on its last digits
+        near = 1e-9 * (timed.s[-1] - timed.s[0])
+        times = np.where(s >= timed.s[-1] - near, total_ms, 1e3 * timed.passed(s))
+        times = np.where(s <= timed.s[0] + near, 0.0, times)
+        found = []
+        for i, time in enumerate(times):
+            late = i == len(times) - 1 and i > 0
+            ms = int(np.ceil(time - 1e-6) if late else np.floor(time + 1e-6))
+            found.append(min(max(ms, 0), total_ms))
+        stops = [0, *(m for m in found if 0 < m < total_ms), total_ms]
+        if min(np.diff(stops)) < SHORTEST_MS:
+            raise InputError(
+                f"marks are passed at {found} ms of {total_ms}: must be {SHORTEST_MS} ms apart",
+                marks_ms=found,
+            )
+        return tuple(found)
+
+    def measured(self, timed: Trajectory, knots: Counts, fixed: tuple[int, ...], careful: bool) -> _Fit:
         unit = self.unit
         duration = np.diff(knots)[:, None] / 1e3
         ends = timed.at(knots / 1e3)
-        counts = unit.counts(ends.q)
-        speed = ends.qd * unit.counts_per_rad
-        D = np.diff(counts, axis=0)
-        v0 = np.rint(speed[:-1] * duration).astype(np.int64)
-        v1 = np.rint(speed[1:] * duration).astype(np.int64)
-        a = np.stack([v0, 3 * D - 2 * v0 - v1, v0 + v1 - 2 * D])
+        a = round_chain(unit, self.limits, knots, ends.q, ends.qd, careful)
+        steps = a.sum(axis=0)
+        starts = unit.counts(ends.q[0]) + np.cumsum(steps, axis=0) - steps
 
         scale = np.abs(unit.counts_per_rad)
-        velocity = cubic_speed(a.astype(float)) / duration / (self.limits.velocity * scale)
-        acceleration = cubic_acceleration(a.astype(float)) / duration**2 / self.acceleration()
+        velocity = cubic_speed(a.astype(float)) / duration / scale / self.limits.velocity
+        acceleration = cubic_acceleration(a.astype(float)) / duration**2 / scale / self.limits.acceleration
 
         u = _SAMPLES[:, None, None]
-        executed = counts[:-1] + u * (a[0] + u * (a[1] + u * a[2]))
+        executed = starts + u * (a[0] + u * (a[1] + u * a[2]))
         times = knots[:-1] / 1e3 + _SAMPLES[:, None] * duration[:, 0]
         planned = (
             unit.counts_at_zero + timed.at(times.ravel()).q.reshape(executed.shape) * unit.counts_per_rad
         )
         off = (np.abs(executed - planned) / (1.0 + self.deviation * scale)).max(axis=(0, 2))
-        if self.line is not None:
-            poses = screw_arm(self.line.robot).tool_poses(unit.positions(executed).reshape(-1, 6))
-            away = self.line.line.deviation(poses)
-            worst = np.maximum(away.distance / self.line.distance, away.angle / self.line.angle)
-            off = np.maximum(off, worst.reshape(len(_SAMPLES), -1).max(axis=0))
-        return _Fit(knots, a, velocity, acceleration, off)
+        first = tuple(int(np.searchsorted(knots, ms)) for ms in fixed)
+        parts = (slice(0, first[0] if first else len(off)), slice(first[-1] if first else 0, len(off)))
+        for line, part in zip(self.lines, parts, strict=True):
+            if line is not None and part.start < part.stop:
+                poses = screw_arm(line.robot).tool_poses(unit.positions(executed[:, part]).reshape(-1, 6))
+                away = line.line.deviation(poses)
+                worst = np.maximum(away.distance / line.distance, away.angle / line.angle)
+                off[part] = np.maximum(off[part], worst.reshape(len(_SAMPLES), -1).max(axis=0))
+        return _Fit(knots, a, velocity, acceleration, off, first)
 
 
-def _first_knots(timed: Trajectory, total_ms: int, segment_ms: int, apart_ms: float) -> Counts:
-    """Knots at the acceleration's switches and evenly between them; switches closer than `apart_ms` count as one."""
-    stops = [0]
-    for switch in np.rint(timed.switches() * 1e3).astype(int):
-        if switch - stops[-1] >= apart_ms and total_ms - switch >= apart_ms:
-            stops.append(int(switch))
-    stops.append(total_ms)
+def _first_knots(timed: Trajectory, fixed: Sequence[int], segment_ms: int, apart_ms: float) -> Counts:
+    """Knots at the fixed ones, at the acceleration's switches and evenly between them.
+
+    Switches closer than `apart_ms` count as one.
+    """
+    switches = np.rint(timed.switches() * 1e3).astype(int)
     knots = [0]
-    for begin, end in pairwise(stops):
-        parts = max(1, int(np.ceil((end - begin) / segment_ms)))
-        knots.extend(begin + (end - begin) * i // parts for i in range(1, parts + 1))
+    for begin, end in pairwise(fixed):
+        stops, apart = [begin], min(apart_ms, segment_ms)
+        for switch in switches[(switches > begin) & (switches < end)]:
+            if switch - stops[-1] >= apart and end - switch >= apart:
+                stops.append(int(switch))
+        for a, b in pairwise([*stops, end]):
+            parts = max(1, int(np.ceil((b - a) / segment_ms)))
+            knots.extend(a + (b - a) * i // parts for i in range(1, parts + 1))
     return np.array(knots, dtype=np.int64)

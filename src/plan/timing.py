@@ -28,7 +28,7 @@ CORNERS = ("blend", "stop")
 Caps = float | Array | None  # on the rate of the path parameter, for all of a path or for each piece of it
 
 GRID = 200  # intervals along all that is not straight; fewer lose motion time
-_BEND_GRID = 24  # intervals in a bend, however short
+_BEND_GRID = 12  # intervals in a bend, however short; where it is a parabola, limits hold between them too
 _INSIDE = np.array([1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6])  # of an interval, where limits are measured
 _EASINGS = 4  # attempts at most
 _WORTH_EASING = 1.0005  # times an acceleration limit; what is less is left to stretching the whole
@@ -82,6 +82,15 @@ class Trajectory:
         rate = np.maximum(self.rate[i] + drive * tau, 0.0)[:, None]
         first, second = self.path(s, 1), self.path(s, 2)
         return State(self.path(s), first * rate, second * rate**2 + first * drive[:, None])
+
+    def passed(self, s: npt.ArrayLike) -> Array:
+        """Times (m,) in s at which the motion passes places s (m,) of its path, clamped to it."""
+        places = np.clip(np.atleast_1d(np.asarray(s, dtype=float)), self.s[0], self.s[-1])
+        i = np.clip(np.searchsorted(self.s, places, side="right") - 1, 0, len(self.s) - 2)
+        way = places - self.s[i]
+        rate = np.sqrt(np.maximum(self.rate[i] ** 2 + 2.0 * self._drive()[i] * way, 0.0))
+        sum_ = np.maximum(self.rate[i] + rate, 1e-300)
+        return np.asarray(np.minimum(self.times[i] + 2.0 * way / sum_, self.times[i + 1]))
 
     def stretched(self, factor: float) -> Trajectory:
         """The same path in `factor` times the time."""

@@ -11,11 +11,13 @@ from arm.robot import Robot
 from arm.se3 import rot_x, rot_z, rotation, transform
 from arm.unit import Limits, Unit
 from plan.extremes import segment_extremes
-from plan.line import Line, follow_line
+from plan.line import JointPath, Line, follow_line
+from plan.paths import Joined, joined
 from plan.reach import reach
+from plan.rounding import VERTEX_S
 from plan.screws import screw_arm
-from plan.segments import SHORTEST_MS, LineTolerance, to_segments
-from plan.timing import time_line, time_path
+from plan.segments import SHORTEST_MS, LineTolerance, to_marked_segments, to_segments
+from plan.timing import time_joined, time_line, time_path
 
 
 def _planned(limits: Limits) -> Limits:
@@ -33,11 +35,12 @@ def _check_limits(path: CountPath, unit: Unit, limits: Limits) -> None:
     # independent of `extremes`: every millisecond, by differences
     q = unit.positions(path.sample(1e-3))
     assert (np.abs(np.diff(q, axis=0)) * 1e3 / limits.velocity).max() <= 1.0 + 1e-9
-    # two slopes rounded at a join are at most a count per segment apart, each
-    rounding = 1.0 / (SHORTEST_MS / 1e3) / np.abs(unit.counts_per_rad)
+    # the controller's vertex rule, or what rounding to counts per segment costs on both sides of a join
+    rounding = 1.5 / (SHORTEST_MS / 1e3) / np.abs(unit.counts_per_rad)
+    vertex = np.maximum(VERTEX_S * limits.acceleration, rounding)
     change = np.abs(np.diff(q, n=2, axis=0)) * 1e3
-    assert (change <= limits.acceleration * 1e-3 + rounding).all()
-    assert (worst.jumps <= rounding).all()
+    assert (change <= limits.acceleration * 1e-3 + vertex).all()
+    assert (worst.jumps <= vertex).all()
 
 
 def _check_chain(path: CountPath, unit: Unit, q_first: np.ndarray, q_last: np.ndarray) -> None:
@@ -114,6 +117,76 @@ def test_lines_stay_on_the_line_every_millisecond(robot: Robot, unit: Unit, spee
             _check_limits(path, unit, limits)
             count += 1
     assert count >= 12
+
+
+def _legs(robot: Robot, limits: Limits, count: int) -> list[tuple[Line, Joined, Line]]:
+    """Retract, transit and approach between random holes, some with a way-point between."""
+    rng, grasps = np.random.default_rng(8), {}
+    for k in range(6):
+        tilt = rotation(rng.uniform(-0.2, 0.2, 3) * (1, 1, 0))
+        place = (rng.uniform(0.38, 0.5), rng.uniform(-0.2, 0.2), rng.uniform(0.02, 0.12))
+        grasps[str(k)] = [transform(tilt @ rot_x(np.pi) @ rot_z(rng.uniform(-1, 1)), place)]
+    ways = []
+    for hole in reach(robot, limits, grasps, 0.1).holes:
+        T = grasps[hole.hole][0]
+        line = Line(T, transform(T[:3, :3], T[:3, 3] - 0.1 * T[:3, 2]))
+        for choice in hole.serving()[:2]:
+            ways.append((line, follow_line(robot, choice.q_hole, line.T_start, line.T_end, limits)))
+    legs = []
+    for k in range(count):
+        (first, out), (last, back) = (ways[i] for i in rng.permutation(len(ways))[:2])
+        approach = JointPath(back.q[::-1], back.s[-1] - back.s[::-1])
+        q = np.array([out.q[-1], approach.q[0]])
+        if k % 2:
+            q = np.insert(q, 1, q.mean(axis=0) + rng.normal(0, 0.1, 6), axis=0)
+        legs.append((first, joined(out, q, approach, limits, 0.1), Line(last.T_end, last.T_start)))
+    return legs
+
+
+@pytest.mark.parametrize("room", [1.0, 0.5])
+def test_joined_motions_have_joins_at_their_marks(robot: Robot, unit: Unit, room: float) -> None:
+    limits, arm, losses = unit.limits(), screw_arm(robot), []
+    planned = Limits(
+        limits.lower, limits.upper, limits.velocity * (0.4 + 0.6 * room), limits.acceleration * room
+    )
+    for before, leg, after in _legs(robot, planned, 12):
+        trajectory = time_joined(leg, planned)
+        tolerances = (LineTolerance(robot, before), LineTolerance(robot, after))
+        marked = to_marked_segments(trajectory, unit, limits=limits, marks=leg.marks, lines=tolerances)
+        path, (first, last) = marked.path, marked.first
+        _check_chain(path, unit, leg.path(leg.path.x[0]), leg.path(leg.path.x[-1]))
+        _check_limits(path, unit, limits)
+        losses.append(path.duration_s / trajectory.duration - 1.0)
+        # the joins are where the marks are, to a ms of travel and what positions may be off
+        knots = unit.positions(path.knots())
+        near = 2e-3 * limits.velocity + 2.5e-4 + 6.0 / np.abs(unit.counts_per_rad)
+        assert 0 < first < last < len(path.segments)
+        for index, mark in zip(marked.first, leg.marks, strict=True):
+            assert (np.abs(knots[index] - leg.path(mark)) <= near).all()
+        # both lines are lines, every millisecond, and stay inside their ends
+        ends = np.cumsum([s.duration_ms for s in path.segments])
+        q = unit.positions(path.sample(1e-3))
+        for line, part in ((before, q[: ends[first - 1] + 1]), (after, q[ends[last - 1] :])):
+            poses = arm.tool_poses(part)
+            away = line.deviation(poses)
+            assert away.distance.max() <= 1e-4
+            assert away.angle.max() <= np.radians(0.05)
+    assert np.median(losses) <= 0.003
+    assert max(losses) <= 0.01
+
+
+def test_marks_at_the_ends_need_no_join_and_none_fits_between_two_places(crs97: Unit) -> None:
+    limits, q = crs97.limits(), np.array([np.zeros(6), np.full(6, -0.3)])
+    trajectory = time_path(q, limits)
+    begin, end = trajectory.s[[0, -1]]
+    marked = to_marked_segments(trajectory, crs97, limits=limits, marks=(begin, end))
+    assert marked.first == (0, len(marked.path.segments))
+    assert marked.path == to_segments(trajectory, crs97)
+    middle = (begin + end) / 2
+    marked = to_marked_segments(trajectory, crs97, limits=limits, marks=(middle,))
+    assert 0 < marked.first[0] < len(marked.path.segments)
+    with pytest.raises(InputError, match="must be 40 ms apart"):
+        to_marked_segments(trajectory, crs97, limits=limits, marks=(middle, middle + 1e-3 * (end - begin)))
 
 
 def test_extremes_are_those_of_a_dense_sample(crs97: Unit) -> None:
