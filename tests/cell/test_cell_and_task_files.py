@@ -1,17 +1,19 @@
 """Cell, task and world files: the shipped ones are good, and every mistake is one line with file, key and value."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from arm.bodies import Capsule, Convex, Cylinder, Sphere
+from arm.bodies import Capsule, Convex, Cylinder, Sphere, convex, shape_from_json, shape_to_json
 from arm.errors import InputError
 from arm.files import data_file
 from arm.toml_table import TomlTable
 from cell.bodytable import read_pose
 from cell.cellfile import read_cell
+from cell.checking import _same_shape as same_shape
 from cell.taskfile import read_task
 from cell.worldfile import board_placement, read_world
 
@@ -237,6 +239,16 @@ def test_bodies_are_turned_as_in_urdf() -> None:
         T = read_pose(table, "centre_mm")
         assert T[:3, :3] == pytest.approx(Rotation.from_euler("xyz", degrees, degrees=True).as_matrix())
         assert T[:3, 3] == pytest.approx([0.01, 0.02, 0.03])
+
+
+def test_a_hull_in_a_plan_is_held_against_the_mesh_of_now() -> None:
+    points = np.random.default_rng(3).normal(size=(30, 3))
+    now = convex(points)
+    assert same_shape(shape_from_json(json.loads(json.dumps(shape_to_json(now)))), now)
+    corners = np.array(now.points)
+    assert not same_shape(convex(corners[:-1]), now)
+    assert not same_shape(convex(corners + [[1e-6, 0, 0]]), now)
+    assert not same_shape(Sphere(0.1), now)
 
 
 def test_a_flat_mesh_is_told(scenes: Path) -> None:
