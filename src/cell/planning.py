@@ -177,8 +177,10 @@ def plan_to_start(
     )
 
 
-def back_out(task: Task, seen: Seen, approach: Move, speed: float, on_table: Mapping[str, Array]) -> Move:
-    """A move with empty jaws out of where `approach` has brought them.
+def back_out(
+    task: Task, seen: Seen, approach: Move, speed: float, on_table: Mapping[str, Array]
+) -> tuple[Move, ...]:
+    """The way with empty jaws out of where `approach` has brought them.
 
     Raises:
         ImpossibleError: there is none; says what is in the way.
@@ -186,4 +188,4 @@ def back_out(task: Task, seen: Seen, approach: Move, speed: float, on_table: Map
     cell = task.cell
     q = cell.unit.positions(approach.path.end)
     scene, options = scene_of(task, seen, on_table), options_of(task, speed)
-    return plan_back_out(scene, q, cell.unit, cell.limits, options, cell.jaw_opening)
+    return plan_back_out(scene, q, cell.unit, cell.limits, options)

@@ -235,7 +235,7 @@ class TaskRun:
         row.remarks.append("the jaws closed on nothing")
         self.given_up.add(int(row.source.rsplit("/", 1)[1]) - 1)
         self.connection.mars.gripper(0.0)
-        self._execute([back_out(self.task, seen, visit.approach, self.speed, self.on_table)])
+        self._execute(back_out(self.task, seen, visit.approach, self.speed, self.on_table))
         self.go_to_start(seen)
         before, after = seen.state(row.source), self.look("after a missed cube")
         if before == "cube" and after.state(row.source) == "empty":

@@ -35,7 +35,7 @@ def q_place(case: Task2) -> np.ndarray:
 
 
 def test_straight_out_and_from_rest_to_rest(case: Task2, q_place: np.ndarray) -> None:
-    move = plan_back_out(case.scene, q_place, UNIT, UNIT.limits(), OPTIONS, JAW_OPENING)
+    (move,) = plan_back_out(case.scene, q_place, UNIT, UNIT.limits(), OPTIONS)
     assert move.path.start == tuple(UNIT.counts(q_place))
     for velocity in (move.path.segments[0].derivative(0.0), move.path.segments[-1].derivative(1.0)):
         assert np.abs(velocity).max() == 0.0
@@ -47,6 +47,8 @@ def test_straight_out_and_from_rest_to_rest(case: Task2, q_place: np.ndarray) ->
     assert (found.velocity <= allowed.velocity).all()
     assert (found.acceleration <= allowed.acceleration).all()
     assert move.certified
+    assert move.jaw_opening == JAW_OPENING
+    assert (move.role, move.held) == ("retract", None)
     assert move.clearance >= 0.0045
 
 
@@ -55,6 +57,6 @@ def test_something_in_the_way_is_told(case: Task2, q_place: np.ndarray) -> None:
     beside = (T @ transform(t=(0.0, 0.07, -0.17)))[:3, 3]
     box = Body("box", Box((0.05, 0.05, 0.05)), transform(t=beside), "box")
     scene = replace(case.scene, bodies=(*case.scene.bodies, box))
-    with pytest.raises(ImpossibleError, match=r"the jaws cannot back out: .* of box") as refused:
-        plan_back_out(scene, q_place, UNIT, UNIT.limits(), OPTIONS, JAW_OPENING)
+    with pytest.raises(ImpossibleError, match=r"'back out': .* of box") as refused:
+        plan_back_out(scene, q_place, UNIT, UNIT.limits(), OPTIONS)
     assert "box" in refused.value.data["pair"]
