@@ -62,6 +62,19 @@ def test_random_lines_are_straight_at_and_between_way_points(robot: Robot, unit:
     assert count > 40
 
 
+def test_steps_are_halved_until_the_spline_is_straight(robot: Robot, crs97: Unit) -> None:
+    q, top, arm = _start(robot, crs97), _up(GRASP, 0.1), screw_arm(robot)
+    coarse = follow_line(robot, q, GRASP, top, crs97.limits(), LineOptions(step=0.1))
+    fine = follow_line(robot, q, GRASP, top, crs97.limits(), LineOptions(step=0.1, tolerance=1e-8))
+    assert 5 <= len(coarse.q) < len(fine.q)
+    for path, tolerance in ((coarse, 1e-5), (fine, 1e-8)):
+        between = arm.tool_poses(smooth_path(path.q, path.s)(np.linspace(0, 0.1, 777)))
+        assert Line(GRASP, top).deviation(between).distance.max() < 1.05 * tolerance
+    with pytest.raises(ImpossibleError, match=r"between way-points .* mm apart the tool is") as caught:
+        follow_line(robot, q, GRASP, top, crs97.limits(), LineOptions(step=0.1, tolerance=1e-13))
+    assert caught.value.data["constraint"] == "smoothness"
+
+
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_solvers_agree(robot: Robot, crs97: Unit, solver: str) -> None:
     q, top = _start(robot, crs97), _up(GRASP, 0.1)
