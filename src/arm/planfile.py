@@ -40,7 +40,7 @@ class Move:
         certified: whether `clearance` is proved between the samples too.
         touching: names of bodies that the held cube may touch during the move: what it is lifted off or set upon.
         clearances: for every segment of the path a lower bound of the clearance over it, proved, m; their least is
-            `clearance`, but for rounding. Empty where none were made.
+            `clearance`, but for rounding. May be empty where the move is not certified.
     """
 
     name: str
@@ -312,6 +312,7 @@ class _PlanReader(JsonFields):
         closest = self.get(value, "closest", where, list, "two body names")
         if len(closest) != 2 or not all(isinstance(n, str) for n in closest):
             raise self.fail(where + "closest", closest, "must be two body names")
+        certified = self.get(value, "certified", where, bool, "true or false")
         return Move(
             name=name,
             role=self.choice(value, "role", where, ("home", "transit", "approach", "retract")),
@@ -326,19 +327,21 @@ class _PlanReader(JsonFields):
             jaw_opening=self.number(value, "jaw_opening", where, 0.0, 1.0),
             clearance=clearance,
             closest=(closest[0], closest[1]),
-            certified=self.get(value, "certified", where, bool, "true or false"),
+            certified=certified,
             touching=tuple(touching),
-            clearances=self.clearances(value, where, clearance, len(segments)),
+            clearances=self.clearances(value, where, clearance, len(segments), may_lack=not certified),
         )
 
-    def clearances(self, value: object, where: str, clearance: float, count: int) -> tuple[float, ...]:
-        """One for each segment, the least of them the move's; or none."""
+    def clearances(
+        self, value: object, where: str, clearance: float, count: int, may_lack: bool
+    ) -> tuple[float, ...]:
+        """One for each segment, the least of them the move's; a move that is not certified may lack them."""
         key = where + "clearances"
         found = self.get(value, "clearances", where, list, "numbers, one for each segment")
         if not all(isinstance(v, int | float) and not isinstance(v, bool) and abs(v) <= 1e9 for v in found):
             raise self.fail(key, found, "must be numbers in m, one for each segment")
-        if len(found) not in (0, count):
-            raise self.fail(key, len(found), f"must be as many as the move has segments, {count}, or none")
+        if len(found) != count and not (may_lack and not found):
+            raise self.fail(key, len(found), f"must be as many as the move has segments, {count}")
         if found and not clearance <= min(found) <= clearance + ROUNDING:
             raise self.fail(
                 key,

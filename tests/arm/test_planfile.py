@@ -30,7 +30,7 @@ def _plan() -> Plan:
                 "there", "transit", 0, first, None, 0.06, 0.0123456789, ("palm", "table"), clearances=BOUNDS
             ),
             GripperStep("close", "close", 0, 0.4, 1.0),
-            Move("back", "retract", 0, second, "cube 1", 0.04, 0.02, ("palm", "wall"), certified=True),
+            Move("back", "retract", 0, second, "cube 1", 0.04, 0.02, ("palm", "wall"), True, (), (0.02,)),
             LookStep("look"),
         ),
         provenance={"seed": 0},
@@ -43,6 +43,12 @@ def test_round_trip(tmp_path: Path) -> None:
     assert read_plan(path) == _plan()
     assert path.read_text() == _plan().to_json()
     assert read_plan(path).sha256 == _plan().sha256
+
+
+def test_a_move_that_is_not_certified_may_lack_clearances(tmp_path: Path) -> None:
+    path = tmp_path / "plan.json"
+    path.write_text(_damaged(lambda v: v["steps"][0].update(clearances=[])))
+    assert next(read_plan(path).moves).clearances == ()
 
 
 def test_figures_of_a_plan() -> None:
@@ -93,7 +99,12 @@ def _damaged(change: Any) -> str:
         (lambda v: v["steps"][0].update(role="jump"), "one of home, transit, approach, retract"),
         (lambda v: v["steps"][0].update(segments=[]), r"steps\[0\]\.segments = \[\]: must be at least one"),
         (lambda v: v["steps"][0].pop("clearances"), r"steps\[0\]\.clearances: is missing"),
-        (lambda v: v["steps"][0]["clearances"].pop(), r"steps\[0\]\.clearances = 1: .* segments, 2, or none"),
+        (lambda v: v["steps"][0]["clearances"].pop(), r"steps\[0\]\.clearances = 1: .* segments, 2"),
+        (lambda v: v["steps"][2].update(clearances=[]), r"steps\[2\]\.clearances = 0: .* segments, 1"),
+        (
+            lambda v: v["steps"][2].update(clearances=[0.02, 0.02]),
+            r"steps\[2\]\.clearances = 2: .* segments, 1",
+        ),
         (lambda v: v["steps"][0]["clearances"].__setitem__(0, "x"), "numbers in m, one for each segment"),
         (
             lambda v: v["steps"][0]["clearances"].__setitem__(1, 0.0123),
