@@ -144,8 +144,10 @@ class _Pieces:
     Attributes:
         first, last: cubics that each covers, `last` excluded.
         begin, end: where it begins and ends, in cubics from the start of the curve.
-        control: control points (m, 4, n); of a run only its middle and its extent matter, so those are stored
-            as middle, lowest, highest (and lowest again).
+        middle: (m, n) on the curve in the middle of each.
+        reach: (m, n) how far each joint goes from there.
+        control: control points (m, 4, n) of a part; of a run its ends, twice.
+        spread: (m, n) how far each joint strays from the hull of `control`; 0 for a part.
         bound: (m,) proved of the pairs that are open, m.
         open: (m, p) pairs that are not proved yet.
     """
@@ -154,7 +156,10 @@ class _Pieces:
     last: Indices
     begin: Array
     end: Array
+    middle: Array
+    reach: Array
     control: Array
+    spread: Array
     bound: Array
     open: Flags
 
@@ -163,12 +168,6 @@ class _Pieces:
 
     def runs(self) -> Flags:
         return np.asarray(self.last - self.first > 1)
-
-    def middles(self) -> tuple[Array, Array]:
-        """Configurations (m, n) on the curve in the middle of each, and how far each joint goes from there (m, n)."""
-        c = self.control
-        q = np.where(self.runs()[:, None], c[:, 0], (c[:, 0] + 3.0 * (c[:, 1] + c[:, 2]) + c[:, 3]) / 8.0)
-        return q, np.abs(c - q[:, None]).max(axis=1)
 
     def cuts(self) -> Array:
         """Where the middle of each is, in cubics from the start of the curve."""
@@ -206,14 +205,23 @@ class _Chain:
 
     def covering(self, first: Indices, last: Indices, bound: Array, open_: Flags) -> _Pieces:
         """Pieces of whole cubics."""
-        low, high = (
-            np.stack([f(bound[i:j], axis=0) for i, j in zip(first, last, strict=True)])
-            for f, bound in ((np.min, self.low), (np.max, self.high))
-        )
+        made = [self._covering(i, j) for i, j in zip(first.tolist(), last.tolist(), strict=True)]
+        middle, reach, control, spread = (np.stack(parts) for parts in zip(*made, strict=True))
+        begin, end = first.astype(float), last.astype(float)
+        return _Pieces(first, last, begin, end, middle, reach, control, spread, bound, open_)
+
+    def _covering(self, first: int, last: int) -> tuple[Array, Array, Array, Array]:
+        if last - first == 1:
+            control = self.control[first]
+            middle = (control[0] + 3.0 * (control[1] + control[2]) + control[3]) / 8.0
+            return middle, np.abs(control - middle).max(axis=0), control, np.zeros_like(middle)
         middle = self.control[first + (last - first) // 2, 0]
-        run = np.stack([middle, low, high, low], axis=1)
-        control = np.where((last - first > 1)[:, None, None], run, self.control[first])
-        return _Pieces(first, last, first.astype(float), last.astype(float), control, bound, open_)
+        low, high = self.low[first:last].min(axis=0), self.high[first:last].max(axis=0)
+        begin, end = self.control[first, 0], self.control[last - 1, 3]
+        points, way = self.control[first:last].reshape(-1, len(middle)), end - begin
+        along = np.clip((points - begin) @ way / max(float(way @ way), 1e-18), 0.0, 1.0)
+        spread = np.abs(points - begin - along[:, None] * way).max(axis=0)
+        return middle, np.maximum(high - middle, middle - low), np.stack([begin, end, begin, end]), spread
 
     def halves(self, pieces: _Pieces) -> _Pieces:
         """Every piece cut in its middle, in order of the curve."""
@@ -234,10 +242,22 @@ class _Chain:
 def _split(parts: _Pieces, count: int) -> _Pieces:
     """Parts of single cubics, each cut into `count`, a power of 2."""
     control = (_split_matrix(count) @ parts.control[:, None]).reshape(-1, *parts.control.shape[1:])
+    middle = (control[:, 0] + 3.0 * (control[:, 1] + control[:, 2]) + control[:, 3]) / 8.0
+    reach = np.abs(control - middle[:, None]).max(axis=1)
     edges = parts.begin[:, None] + (parts.end - parts.begin)[:, None] * np.linspace(0.0, 1.0, count + 1)
-    first, last, bound = (np.repeat(a, count) for a in (parts.first, parts.last, parts.bound))
-    open_ = np.repeat(parts.open, count, axis=0)
-    return _Pieces(first, last, edges[:, :-1].ravel(), edges[:, 1:].ravel(), control, bound, open_)
+    first, last = np.repeat(parts.first, count), np.repeat(parts.last, count)
+    return _Pieces(
+        first,
+        last,
+        edges[:, :-1].ravel(),
+        edges[:, 1:].ravel(),
+        middle,
+        reach,
+        control,
+        np.zeros_like(middle),
+        np.repeat(parts.bound, count),
+        np.repeat(parts.open, count, axis=0),
+    )
 
 
 @lru_cache(maxsize=8)
@@ -281,9 +301,9 @@ class _Search:
         pieces = chain.first_pieces(len(world.pairs))
         if self.tight and len(world.pairs):
             # a first distance that was really seen; without one, nothing is enough
-            middle = pieces.where(np.asarray(np.arange(len(pieces)) == len(pieces) // 2))
+            some = len(pieces) // 2
             every = np.arange(len(world.pairs))
-            self.note(world.pair_distances(middle.middles()[0][0], every), every, float(middle.cuts()[0]))
+            self.note(world.pair_distances(pieces.middle[some], every), every, float(pieces.cuts()[some]))
         while len(pieces) and not self.refuted() and self.evaluations < BUDGET:
             pieces = self.look(pieces)
             if len(pieces) and not self.refuted():
@@ -301,28 +321,37 @@ class _Search:
         )
 
     def look(self, pieces: _Pieces) -> _Pieces:
-        """Bounds in the middle of each piece; what they do not settle is returned."""
-        world = self.world
-        q, delta = pieces.middles()
-        motion, apart = world.volumes.bounds(q, delta)
-        bounds = apart - (motion + world.padding)
+        """Bounds around the middle of each piece; what they do not settle is returned."""
+        world, volumes = self.world, self.world.volumes
+        at = volumes.placed(pieces.middle)
+        motion = volumes.motion(at, pieces.reach)
+        bounds = volumes.distances(at) - (motion + world.padding)
         asked = pieces.open & (bounds < self.enough())
         cuts = pieces.cuts()
-        for row in np.flatnonzero(asked.any(axis=1)):
+        rows: list[Indices] = []
+        normals: list[Array] = []
+        for row in np.flatnonzero(asked.any(axis=1)).tolist():
             pairs = np.flatnonzero(asked[row])
-            distances = world.pair_distances(q[row], pairs)
+            distances, normal = world.pair_witnesses(pieces.middle[row], pairs)
             self.note(distances, pairs, float(cuts[row]))
             proved = distances - DISTANCE_ERROR - motion[row, pairs]
             bounds[row, pairs] = np.maximum(bounds[row, pairs], proved)
             if not self.tight and self.seen < self.clearance:
                 break
+            wanting = (proved < self.enough()) & (distances > 0.0)
+            rows.append(np.stack([np.full(int(wanting.sum()), row), pairs[wanting]]))
+            normals.append(normal[wanting])
         self.evaluations += len(pieces)
+        if rows and not self.refuted():
+            row, pair = np.concatenate(rows, axis=1)
+            planes = volumes.plane_distances(
+                at, row, pair, np.concatenate(normals), pieces.control, pieces.spread
+            )
+            bounds[row, pair] = np.maximum(bounds[row, pair], planes - world.padding)
         left = asked & (bounds < self.enough()) & (motion > RESOLUTION)
         self.settle(pieces, np.where(pieces.open & ~left, bounds, np.inf).min(axis=1, initial=np.inf))
-        unsettled = replace(
-            pieces, bound=np.where(left, bounds, np.inf).min(axis=1, initial=np.inf), open=left
-        )
-        return unsettled.where(np.asarray(left.any(axis=1)))
+        least = np.where(left, bounds, np.inf).min(axis=1, initial=np.inf)
+        return replace(pieces, bound=least, open=left).where(np.asarray(left.any(axis=1)))
 
     def note(self, distances: Array, pairs: Indices, at: float) -> None:
         """Remember the smallest distance."""

@@ -24,6 +24,7 @@ from arm.bodies import Box, Capsule, Convex, Cylinder, Shape, Sphere
 from arm.se3 import Array, skew
 
 Indices = npt.NDArray[np.intp]
+Flags = npt.NDArray[np.bool_]
 
 # Radii and bounds of distance are worsened by this, for rounding, m.
 ROUNDING = 1e-7
@@ -58,45 +59,98 @@ class Volumes:
         self._hulls = _Hulls([(parts[i], poses[i]) for i in moving], self._axes.turning)
         row = {body: r for r, body in enumerate(moving)}
         outer = [row[int(b)] for _, b in pairs]
-        self._pair_outer = np.array(outer, dtype=np.intp)
-        self._pair_shared = np.array([parts[a].joint for a, _ in pairs], dtype=np.intp)
+        self._outer = np.array(outer, dtype=np.intp)
+        self._shared, self._joints = (
+            np.array([parts[body].joint for body in side], dtype=np.intp) for side in pairs.T
+        )
+        self._pairs = pairs
+        self._supports = _Supports(parts, poses)
         self._apart = _Apart(parts, poses, pairs)
 
-    def motion(self, q: Array, delta: Array) -> Array:
-        """Bound (m, p) m on how far the bodies of each pair move against each other.
-
-        Args:
-            q: (m, n) rad.
-            delta: (m, n) how far each joint moves at most from there, rad, not negative.
-        """
-        return self.bounds(q, delta)[0]
-
-    def radii(self, q: Array) -> Array:
-        """Largest distance of a point of each moving body from each joint's axis, (m, bodies, n); see `plan.check`."""
-        R, t = self._axes.place(q)
-        return self._hulls.radii(R, t, *self._axes.lines(R, t))
-
-    def distances(self, q: Array) -> Array:
-        """Lower bound (m, p) m of the distance of each pair at q (m, n); -inf where nothing is known."""
-        return self._apart.distances(*self._axes.place(q))
-
-    def axes(self, q: Array) -> tuple[Array, Array]:
-        """A point (m, n, 3) m and the direction (m, n, 3) of each joint's axis at q (m, n), base frame."""
-        return self._axes.lines(*self._axes.place(q))
-
     @property
-    def turning(self) -> npt.NDArray[np.bool_]:
+    def turning(self) -> Flags:
         """Whether each joint turns (or slides), (n,)."""
         return self._axes.turning
 
-    def bounds(self, q: Array, delta: Array) -> tuple[Array, Array]:
-        """`motion`, and a lower bound (m, p) m of the distance of each pair at q."""
+    def placed(self, q: Array) -> Placed:
+        """Everything at configurations q (m, n) rad."""
         R, t = self._axes.place(q)
-        radii = self._hulls.radii(R, t, *self._axes.lines(R, t))
-        steps = np.zeros((*radii.shape[:2], radii.shape[2] + 1))
-        np.cumsum(radii * delta[:, None, :], axis=2, out=steps[:, :, 1:])
-        motion = steps[:, self._pair_outer, -1] - steps[:, self._pair_outer, self._pair_shared]
-        return motion, self._apart.distances(R, t)
+        point, axis = self._axes.lines(R, t)
+        return Placed(q, R, t, point, axis, self._hulls.radii(R, t, point, axis))
+
+    def motion(self, at: Placed, delta: Array) -> Array:
+        """Bound (m, p) m on how far the bodies of each pair move against each other.
+
+        Args:
+            at: m configurations.
+            delta: (m, n) how far each joint moves at most from there, rad, not negative.
+        """
+        steps = np.zeros((*at.radii.shape[:2], at.radii.shape[2] + 1))
+        np.cumsum(at.radii * delta[:, None, :], axis=2, out=steps[:, :, 1:])
+        return np.asarray(steps[:, self._outer, -1] - steps[:, self._outer, self._shared])
+
+    def distances(self, at: Placed) -> Array:
+        """Lower bound (m, p) m of the distance of each pair; -inf where nothing is known."""
+        return self._apart.distances(at.R, at.t)
+
+    def plane_distances(
+        self, at: Placed, rows: Indices, pairs: Indices, normals: Array, hulls: Array, spread: Array
+    ) -> Array:
+        """Lower bounds (k,) m of distance over a whole motion, by planes that stay between two bodies.
+
+        Derived in `plan.check`. Any unit normal gives a bound; the one between the nearest points gives a good one.
+
+        Args:
+            at: m configurations.
+            rows, pairs: (k,) which configuration and which pair.
+            normals: (k, 3) from the body with the lower joint to the other.
+            hulls: (m, c, n) configurations around whose hull the motion stays, each joint within `spread` (m, n).
+        """
+        n = at.axis.shape[1]
+        joints = np.arange(n)
+        low, high = self._shared[pairs], self._joints[pairs]
+        between = (joints >= low[:, None]) & (joints < high[:, None])
+        axis, point = at.axis[rows], at.point[rows]
+        turning = self._axes.turning
+        lever = np.where((between & turning)[..., None], np.cross(normals[:, None], axis), 0.0)
+        moves = hulls[rows] - at.q[rows, None]
+        # n . motion of a point p for a small turn is lever . (p - o), and for a slide n . axis
+        at_zero = np.where(
+            turning, -(lever * point).sum(-1), np.where(between, (axis * normals[:, None]).sum(-1), 0.0)
+        )
+        tilted = normals[:, None] + moves @ lever
+        shift = (moves @ at_zero[..., None])[..., 0]
+        outer = -self._supports.of(self._pairs[pairs, 1], -tilted, at.R, at.t, rows)
+        inner = self._supports.of(self._pairs[pairs, 0], normals[:, None], at.R, at.t, rows)[:, 0]
+        first_order = (outer + shift).min(axis=1) - inner
+        # what the linear form leaves out: points on circles, and axes that are themselves moved
+        radius = np.where(between, at.radii[rows, self._outer[pairs]], 0.0)
+        stray = spread[rows]
+        delta = np.where(between, np.abs(moves).max(axis=1) + stray, 0.0)
+        reach = delta * radius
+        beyond = reach.sum(axis=1, keepdims=True) - np.cumsum(reach, axis=1)
+        inside = np.cumsum(delta, axis=1) - 0.5 * delta
+        second_order = ((radius + beyond) * delta * inside).sum(axis=1)
+        return np.asarray(first_order - (radius * stray).sum(axis=1) - second_order - ROUNDING)
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Bodies and axes at m configurations, base frame.
+
+    Attributes:
+        q: (m, n) rad.
+        R, t: of the product of exponentials up to each joint, (m, n + 1, 3, 3) and (m, n + 1, 3) m.
+        point, axis: a point (m, n, 3) m and the direction (m, n, 3) of each joint's axis.
+        radii: largest distance of a point of each moving body from each axis, (m, bodies, n) m; see `plan.check`.
+    """
+
+    q: Array
+    R: Array
+    t: Array
+    point: Array
+    axis: Array
+    radii: Array
 
 
 class _Axes:
@@ -109,7 +163,7 @@ class _Axes:
         self.poses_at_zero = np.stack([M.homogeneous for M in data.oMi])
         velocity, direction = np.array(J[:3]).T, np.array(J[3:]).T
         turning = np.linalg.norm(direction, axis=1) > 0.5
-        self.turning = turning
+        self.turning: Flags = turning
         self.point = np.where(turning[:, None], np.cross(direction, velocity), 0.0)
         self.direction = np.where(turning[:, None], direction, velocity)
         eye = np.eye(3)
@@ -142,7 +196,7 @@ class _Axes:
 class _Hulls:
     """Each moving body lies in the hull of equal balls: its corners, or the ends of its axis."""
 
-    def __init__(self, bodies: Sequence[tuple[Part, Array]], turning: npt.NDArray[np.bool_]) -> None:
+    def __init__(self, bodies: Sequence[tuple[Part, Array]], turning: Flags) -> None:
         hulls = [hull(part.shape) for part, _ in bodies]
         self.ball = np.array([radius for _, radius in hulls])
         points = [
@@ -187,13 +241,13 @@ class _Apart:
         self.centres, self.joint = np.array(centres).reshape(-1, 3), np.array(joint, dtype=np.intp)
         still = [i for i, part in enumerate(parts) if part.joint == 0]
         column = {body: c for c, body in enumerate(still)}
-        boxes = [_box(parts[i].shape) for i in still]
+        boxes = [_rounded_box(parts[i].shape) for i in still]
         turn = [poses[i][:3, :3] for i in still]
         self.turn = np.concatenate(turn, axis=1) if turn else np.zeros((3, 0))
         middles = [poses[i][:3, 3] @ poses[i][:3, :3] + B[0] for i, B in zip(still, boxes, strict=True)]
         self.middle = np.array(middles).reshape(-1, 3)
-        self.half = np.array([B[1] for B in boxes]).reshape(-1, 3)
-        extra = np.array([B[2] for B in boxes])
+        self.half = np.array([B[1] + (B[2], B[2], 0.0) for B in boxes]).reshape(-1, 3)
+        extra = np.array([B[3] for B in boxes])
 
         # rows of (ball, box) and (ball, ball), pair by pair
         box_rows: list[tuple[int, int]] = []
@@ -236,6 +290,29 @@ class _Apart:
         out -= ROUNDING
         # inside each other, balls and boxes say nothing of the depth
         return np.where(out > 0.0, out, -np.inf)
+
+
+class _Supports:
+    """How far each body reaches in a direction: the largest d . p over its points p."""
+
+    def __init__(self, parts: Sequence[Part], poses: Sequence[Array]) -> None:
+        sizes = [_rounded_box(part.shape) for part in parts]
+        self.joint = np.array([part.joint for part in parts], dtype=np.intp)
+        self.R = np.stack([T[:3, :3] for T in poses])
+        self.middle = np.stack([T[:3, :3] @ s[0] + T[:3, 3] for T, s in zip(poses, sizes, strict=True)])
+        self.half = np.stack([s[1] for s in sizes])
+        self.tube, self.ball = np.array([s[2] for s in sizes]), np.array([s[3] for s in sizes])
+
+    def of(self, bodies: Indices, directions: Array, R: Array, t: Array, rows: Indices) -> Array:
+        """(k, c) m for bodies (k,) and directions (k, c, 3), at configurations `rows` (k,) of R and t."""
+        joint = self.joint[bodies]
+        turn = R[rows, joint]
+        middle = (turn @ self.middle[bodies][..., None])[..., 0] + t[rows, joint]
+        local = directions @ (turn @ self.R[bodies])
+        reach = (np.abs(local) * self.half[bodies][:, None]).sum(-1)
+        reach += self.tube[bodies][:, None] * np.hypot(local[..., 0], local[..., 1])
+        reach += self.ball[bodies][:, None] * np.sqrt((local * local).sum(-1))
+        return np.asarray(reach + (directions * middle[:, None]).sum(-1))
 
 
 @lru_cache(maxsize=1024)
@@ -282,19 +359,20 @@ def _row(size: Array, radius: float | None) -> tuple[Array, float]:
     return centres, float(np.hypot(across, part / 2.0))
 
 
-def _box(shape: Shape) -> tuple[Array, Array, float]:
-    """Centre and half sizes (3,) of a box such that the body lies within a radius of it."""
+@lru_cache(maxsize=1024)
+def _rounded_box(shape: Shape) -> tuple[Array, Array, float, float]:
+    """Middle and half sizes (3,) of a box, a radius across z and one all round: their sum is or holds the body."""
     middle = np.zeros(3)
     match shape:
         case Box(size):
-            return middle, np.array(size) / 2.0, 0.0
+            return middle, np.array(size) / 2.0, 0.0, 0.0
         case Cylinder(radius, length):
-            return middle, np.array([radius, radius, length / 2.0]), 0.0
+            return middle, np.array([0.0, 0.0, length / 2.0]), radius, 0.0
         case Capsule(radius, length):
-            return middle, np.array([0.0, 0.0, length / 2.0]), radius
+            return middle, np.array([0.0, 0.0, length / 2.0]), 0.0, radius
         case Sphere(radius):
-            return middle, np.zeros(3), radius
+            return middle, np.zeros(3), 0.0, radius
         case Convex(points):
             corners = np.array(points)
             low, high = corners.min(axis=0), corners.max(axis=0)
-            return (low + high) / 2.0, (high - low) / 2.0, 0.0
+            return (low + high) / 2.0, (high - low) / 2.0, 0.0, 0.0

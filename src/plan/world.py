@@ -137,6 +137,12 @@ class World:
         values = [compute(geometry, data, i).min_distance for i in pairs.tolist()]
         return np.maximum(values, UNKNOWN_DEPTH) - self.padding
 
+    def pair_witnesses(self, q: npt.ArrayLike, pairs: Indices) -> tuple[Array, Array]:
+        """`pair_distances`, and the unit normals (k, 3) from the body nearer to the base to the other."""
+        values = self.pair_distances(q, pairs)
+        results = self._distances.distanceResults
+        return values, np.array([results[i].normal for i in pairs.tolist()]).reshape(-1, 3)
+
     def joint_of(self, name: str) -> int:
         """Index of the joint that a body moves with, 1 to n; 0 for a body that stands still."""
         return int(self._joint[self.names.index(name)])
@@ -147,7 +153,7 @@ class World:
         Entry (b, k) is the largest distance of a point of body b from the axis of joint k at configuration q, and 0
         for joints beyond the body. See `plan.check` for what is proved with it.
         """
-        return np.asarray(self.volumes.radii(np.asarray(q, dtype=float)[None])[0])
+        return np.asarray(self.volumes.placed(np.asarray(q, dtype=float)[None]).radii[0])
 
     def distance(self, q: npt.ArrayLike) -> Distance:
         """The smallest distance over all pairs at configuration q (n,) rad; infinite where there is no pair."""
@@ -169,7 +175,8 @@ class World:
         body (what the bodies' curvature adds is of second order).
         """
         q = np.asarray(q, dtype=float)
-        asked = self.volumes.distances(q) - self.padding < limit
+        at = self.volumes.placed(q)
+        asked = self.volumes.distances(at) - self.padding < limit
         rows, pairs, distances, normals, points = [], [], [], [], []
         for row in np.flatnonzero(asked.any(axis=1)).tolist():
             index = np.flatnonzero(asked[row])
@@ -182,7 +189,7 @@ class World:
                 normals.append(result.normal)
                 points.append(result.getNearestPoint2())
         which = np.array(rows, dtype=np.intp)
-        axis_point, axis = (a[which] for a in self.volumes.axes(q))
+        axis_point, axis = at.point[which], at.axis[which]
         normal = np.array(normals).reshape(-1, 1, 3)
         turned = np.cross(axis, np.array(points).reshape(-1, 1, 3) - axis_point)
         motion = np.where(self.volumes.turning[:, None], turned, axis)

@@ -182,7 +182,7 @@ def test_pair_distance_drops_by_no_more_than_the_pair_motion() -> None:
     every = np.arange(len(world.pairs))
     for q in random_q(robot, rng, 200):
         delta = rng.uniform(0.0, 0.2, 6)
-        motion = world.volumes.motion(q[None], delta[None])[0]
+        motion = world.volumes.motion(world.volumes.placed(q[None]), delta[None])[0]
         before = world.pair_distances(q, every)
         after = world.pair_distances(q + delta * rng.uniform(-1.0, 1.0, 6), every)
         clear = (before > 0.0) & (after > 0.0)
@@ -193,7 +193,7 @@ def test_bodies_of_the_arm_move_only_with_the_joints_between_them() -> None:
     robot = load_a465(TOOL_LENGTH, 0.06)
     world = World(robot, [TABLE])
     first = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    motion = world.volumes.motion(np.full((1, 6), 0.3), first[None])[0]
+    motion = world.volumes.motion(world.volumes.placed(np.full((1, 6), 0.3)), first[None])[0]
     for i in range(len(world.pairs)):
         names = world.pair_names(i)
         still = "table" in names or "base" in names
