@@ -1,13 +1,11 @@
 """Timing of joint paths under velocity and acceleration limits, from rest to rest.
 
 A straight piece in joint space has constant limits along it, so its fastest timing is a trapezoid, exact and
-without iteration. Any other path is timed by TOPP-RA (H. Pham, Q.-C. Pham, "A new approach to time-optimal path
-parameterization based on reachability analysis", IEEE T-RO 2018; library toppra) on at least 200 intervals.
+without iteration. Any other path is timed by reachability analysis (`plan.topp`).
 
-toppra gives nothing or exceeds limits between its grid points now and then, so its answer is measured on a grid
-five times as dense, inside every interval on both sides of each grid point. What exceeds is stretched in time by
-just that much. If toppra gives nothing, a trapezoid along the path takes its place, slow enough for the path's
-sharpest place everywhere; `Trajectory.method` says which it was.
+Between grid points acceleration can exceed its limit a little where the path is of third order. So every answer is
+measured inside every interval; where it exceeds by much, that interval is timed with a lower limit, and what is left
+is stretched in time as a whole.
 """
 
 from __future__ import annotations
@@ -53,7 +51,7 @@ class Trajectory:
         path: geometry, see `plan.paths`.
         times, s, rate: (k,) knots: time s, path parameter, and its rate per s.
         limits: that it was timed under.
-        method: ``trapezoid`` or ``topp``.
+        method: ``trapezoid``, ``topp`` or ``ruckig`` (`plan.jerk`).
         rate_cap: cap on the rate that it was timed under, or None.
         stretch: by which time was lengthened after timing, to keep limits; 1 if it was not.
     """
@@ -192,8 +190,18 @@ def time_line(path: JointPath, limits: Limits, tool_speed: float | None = None) 
     return time_curve(smooth_path(path.q, path.s), limits, tool_speed)
 
 
-def time_joined(joined: Joined, limits: Limits) -> Trajectory:
-    """Fastest motion along lines and transits joined by `plan.paths.joined`, from rest to rest."""
+def time_joined(joined: Joined, limits: Limits, jerk: Array | None = None) -> Trajectory:
+    """Fastest motion along lines and transits joined by `plan.paths.joined`, from rest to rest.
+
+    Args:
+        joined: the path.
+        limits: of velocity and acceleration.
+        jerk: limits (n,) in rad/s^3 for a motion that rests where lines and blends begin, see `plan.jerk`; or None.
+    """
+    if jerk is not None:
+        from plan.jerk import time_smooth  # which builds on this module
+
+        return time_smooth(joined.path, limits, jerk, joined.caps)
     return time_curve(joined.path, limits, joined.caps)
 
 
@@ -209,10 +217,7 @@ def time_curve(path: Path, limits: Limits, rate_cap: Caps = None) -> Trajectory:
     Raises:
         InputError: a cap that is not positive, or a path along which no joint moves.
     """
-    caps = np.broadcast_to(np.asarray(np.inf if rate_cap is None else rate_cap, dtype=float), len(path.x) - 1)
-    if not (caps > 0.0).all():
-        raise InputError(f"speed cap = {caps.min():g}: must be positive", value=float(caps.min()))
-    stage = stages(path, _counts(path), caps)
+    stage = stages(path, _counts(path), rate_caps(path, rate_cap))
     ease = np.ones(len(stage.s) - 1)
     for _ in range(_EASINGS):
         s, rate = fastest(stage, limits, ease)
@@ -226,6 +231,18 @@ def time_curve(path: Path, limits: Limits, rate_cap: Caps = None) -> Trajectory:
     velocity = 1.0 + _ROOM * (velocity - 1.0)
     excess = Peaks(float(velocity.max()), float(acceleration.max())).stretch()
     return trajectory if excess <= 1.0 + 1e-12 else trajectory.stretched(excess * (1.0 + 1e-12))
+
+
+def rate_caps(path: Path, rate_cap: Caps) -> Array:
+    """The cap in every piece of a path, inf where there is none.
+
+    Raises:
+        InputError: one is not positive.
+    """
+    caps = np.broadcast_to(np.asarray(np.inf if rate_cap is None else rate_cap, dtype=float), len(path.x) - 1)
+    if not (caps > 0.0).all():
+        raise InputError(f"speed cap = {caps.min():g}: must be positive", value=float(caps.min()))
+    return caps
 
 
 def _counts(path: Path) -> npt.NDArray[np.int64]:
