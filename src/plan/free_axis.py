@@ -8,9 +8,10 @@ alone can be missed by less than 0.1 mrad of joint angle).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
 from itertools import product
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +27,6 @@ _JUMP = 0.3  # rad: a joint that turns further from one sample to the next has n
 _REFINEMENTS = 3
 _PARTS = 12  # of a gap between samples, when it is refined or narrowed
 _NARROWINGS = 6
-_SINGULAR = 1e-5  # sine at a refined minimum that counts as zero
 _SLACK = 1e-12  # rad, of limits
 
 
@@ -41,7 +41,7 @@ class FreeInterval:
         q: (s, 6) rad, at each of them.
         stops: what ends the interval at its start and at its end, such as "J4 upper limit"; "reach" where the links
             end; "singular" where a joint jumps; "" where a whole circle closes in itself.
-        singular: angles of singular configurations inside it or at its ends.
+        singular: angles of singular configurations; they are ends, because two branches meet there.
         least_sine: the smallest `RawBranches.sine` over the samples; 0 if it is singular throughout.
     """
 
@@ -123,10 +123,9 @@ def free_sets(
         np.asarray(lower, dtype=float),
         np.asarray(upper, dtype=float),
     )
-    found: list[FreeInterval] = []
-    for branch in range(len(BRANCH_NAMES)):
-        found += _joined([circle.interval(branch, piece) for piece in circle.pieces(branch)])
-    return tuple(found)
+    pieces = circle.run([s for branch in range(len(BRANCH_NAMES)) for s in circle.pieces(branch)])
+    found = [circle.interval(branch, piece) for branch, piece in pieces]
+    return tuple(i for name in BRANCH_NAMES for i in _joined([i for i in found if i.branch == name]))
 
 
 def sample_free(
@@ -153,6 +152,11 @@ def sample_free(
     rows = np.arange(len(angle))
     q = nearest_turns(raw.q[rows, branch], near)
     return FreeSamples(frozen(T), frozen(q), frozen(angle), interval_of, raw.singular[rows, branch])
+
+
+Result = TypeVar("Result")
+_Search = Generator[Array, RawBranches, Result]
+"""A search that asks for the branches at angles, is sent them, and returns what it found."""
 
 
 @dataclass(frozen=True)
@@ -188,8 +192,8 @@ class _Circle:
         self.angles = merged[order]
         self.raw = RawBranches(
             *(
-                np.concatenate([getattr(self.raw, name), getattr(more, name)])[order]
-                for name in ("q", "reached", "singular", "outside", "sine")
+                np.concatenate([getattr(self.raw, f.name), getattr(more, f.name)])[order]
+                for f in fields(RawBranches)
             )
         )
 
@@ -227,21 +231,47 @@ class _Circle:
             gaps.append(run.start + np.flatnonzero(graze & turns))
         return np.concatenate(gaps)
 
-    def pieces(self, branch: int) -> Iterator[_Piece]:
-        """The parts within limits of all curves of a branch, ends narrowed down."""
+    def run(self, searches: Sequence[_Search[Result]]) -> list[Result]:
+        """The results of searches, run side by side: the angles that all of them ask for are solved at once."""
+        results: dict[int, Result] = {}
+        asked: dict[int, Array] = {}
+        answers: dict[int, RawBranches | None] = dict.fromkeys(range(len(searches)))
+        while answers:
+            for k, answer in answers.items():
+                try:
+                    asked[k] = next(searches[k]) if answer is None else searches[k].send(answer)
+                except StopIteration as done:
+                    results[k] = done.value
+            answers = {}
+            if asked:
+                raw = self.solved(np.concatenate(list(asked.values())))
+                stops = np.cumsum([len(a) for a in asked.values()])
+                answers = {
+                    k: _rows(raw, slice(stop - len(asked[k]), stop))
+                    for k, stop in zip(asked, stops.tolist(), strict=True)
+                }
+                asked = {}
+        return [results[k] for k in range(len(searches))]
+
+    def pieces(self, branch: int) -> Iterator[_Search[tuple[int, _Piece]]]:
+        """Searches for the parts within limits of all curves of a branch, ends narrowed down."""
         for run, curve in self.curves(branch):
             inside = self.margin(curve) >= 0.0
             for start, stop in _runs(inside, inside[1:] & inside[:-1]):
-                angles, q = self.angles[run][start:stop], curve[start:stop]
-                first = self.end(branch, run.start + start, q[0], -1)
-                last = self.end(branch, run.start + stop - 1, q[-1], +1)
-                yield _Piece(
-                    np.concatenate([first[0], angles, last[0]]),
-                    np.concatenate([first[1], q, last[1]]),
-                    (first[2], last[2]),
-                )
+                yield self.piece(branch, run.start + start, curve[start:stop])
 
-    def end(self, branch: int, sample: int, q: Array, side: int) -> tuple[Array, Array, str]:
+    def piece(self, branch: int, start: int, q: Array) -> _Search[tuple[int, _Piece]]:
+        """Samples from `start` on, with their ends narrowed down."""
+        stop = start + len(q)
+        first = yield from self.end(branch, start, q[0], -1)
+        last = yield from self.end(branch, stop - 1, q[-1], +1)
+        return branch, _Piece(
+            np.concatenate([first[0], self.angles[start:stop], last[0]]),
+            np.concatenate([first[1], q, last[1]]),
+            (first[2], last[2]),
+        )
+
+    def end(self, branch: int, sample: int, q: Array, side: int) -> _Search[tuple[Array, Array, str]]:
         """Beyond a last sample inside: the furthest angle and q still inside, if further, and what stops it there."""
         beyond = sample + side
         if not 0 <= beyond < len(self.angles):
@@ -249,11 +279,10 @@ class _Circle:
         inner, outer, moved, stop = self.angles[sample], self.angles[beyond], False, "singular"
         for _ in range(_NARROWINGS):
             angles = inner + (outer - inner) * np.arange(1, _PARTS + 1) / _PARTS
-            raw = self.solved(angles)
+            raw = yield angles
             for angle, solution, reached in zip(
-                angles, raw.q[:, branch], raw.reached[:, branch], strict=True
+                angles, nearest_turns(raw.q[:, branch], q), raw.reached[:, branch], strict=True
             ):
-                solution = nearest_turns(solution, q)
                 stop = self.stop(solution, q, bool(reached))
                 if stop:
                     outer = angle
@@ -280,34 +309,21 @@ class _Circle:
         return f"{self.robot.joint_names[joint]} {side} limit"
 
     def interval(self, branch: int, piece: _Piece) -> FreeInterval:
-        """A piece with its singular angles."""
+        """A piece with its singular angles: where two branches meet, both end."""
         inside = (self.angles >= piece.angles[0]) & (self.angles <= piece.angles[-1])
-        angles, sine = self.angles[inside], self.raw.sine[inside, branch]
-        singular = [
-            float(a)
-            for a, stop in zip(piece.angles[[0, -1]], piece.stops, strict=True)
-            if stop in ("reach", "singular")
-        ]
-        low = np.flatnonzero((sine[1:-1] <= sine[:-2]) & (sine[1:-1] <= sine[2:]) & (sine[1:-1] < 0.05)) + 1
-        for k in low if sine.max(initial=0.0) > _SINGULAR else ():
-            singular += self.minimum(branch, float(angles[k - 1]), float(angles[k + 1]))
+        ends = zip(piece.angles[[0, -1]].tolist(), piece.stops, strict=True)
         return FreeInterval(
             BRANCH_NAMES[branch],
             frozen(piece.angles),
             frozen(np.clip(piece.q, self.lower, self.upper)),
             piece.stops,
-            tuple(sorted(singular)),
-            float(sine.min(initial=0.0 if not len(sine) else np.inf)),
+            tuple(angle for angle, stop in ends if stop in ("reach", "singular")),
+            float(self.raw.sine[inside, branch].min()),
         )
 
-    def minimum(self, branch: int, start: float, stop: float) -> list[float]:
-        """The angle between two others at which the branch is singular, if it is."""
-        for _ in range(_NARROWINGS + 1):
-            angles = np.linspace(start, stop, 2 * _PARTS + 1)
-            sine = self.solved(angles).sine[:, branch]
-            k = min(max(int(np.argmin(sine)), 1), len(angles) - 2)
-            start, stop, least = float(angles[k - 1]), float(angles[k + 1]), float(sine[k])
-        return [0.5 * (start + stop)] if least < _SINGULAR else []
+
+def _rows(raw: RawBranches, rows: slice) -> RawBranches:
+    return RawBranches(*(getattr(raw, f.name)[rows] for f in fields(RawBranches)))
 
 
 def _runs(on: npt.NDArray[np.bool_], linked: npt.NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
