@@ -31,17 +31,19 @@ from plan.timing import Trajectory
 SHORTEST_MS = 40  # the serial line sends about 25 cubics a second (fact sheet of the controller, section 3)
 _LONGEST = 16  # times the asked duration, for segments on which rounding would weigh too much
 _ROUNDING = 8.0  # counts/T^2, about what nearest rounding adds to an acceleration at the worst
-# Times the duration, and times the segments' duration, tried one after the other; the first is tried as asked, and
-# suffices where the plan leaves room for rounding.
+# Times the duration, times the segments' duration, and times the least distance of knots from switches, tried one
+# after the other; the first, as asked, is for plans that leave room for rounding.
 _TRIES = (
-    (1.0, 1.0),
-    (1.0005, 1.0),
-    (1.001, 1.0),
-    (1.0015, 2.0),
-    (1.002, 1.0),
-    (1.003, 2.0),
-    (1.005, 1.0),
-    (1.008, 1.0),
+    (1.0, 1.0, 1.0),
+    (1.0005, 1.0, 1.0),
+    (1.001, 1.0, 2.0),
+    (1.0015, 2.0, 1.0),
+    (1.002, 1.0, 1.0),
+    (1.003, 2.0, 2.0),
+    (1.005, 1.0, 1.0),
+    (1.008, 1.5, 2.0),
+    (1.012, 1.0, 1.0),
+    (1.02, 2.0, 2.0),
 )
 _ROUNDS = 12  # of slowing down before giving up
 _SAMPLES = np.arange(1, 8) / 8.0  # of a segment, where it is compared with the plan
@@ -145,15 +147,25 @@ def to_marked_segments(
         raise _too_slow(unit, int(np.argmin(fitter.acceleration())))
     calm = int(np.clip(fitter.calm_ms(0.025), segment_ms, segment_ms * _LONGEST))
     for _ in range(_ROUNDS):
-        for number, (longer, factor) in enumerate(_TRIES):
+        for number, (longer, factor, apart) in enumerate(_TRIES):
+            if number == 0 and not _roomy(trajectory.limits, limits):
+                continue
             total = max(2 * SHORTEST_MS, int(np.ceil(trajectory.duration * 1e3 * longer - 1e-6)))
             timed = trajectory.stretched(total / 1e3 / trajectory.duration)
             segments = int(factor * calm) if number else segment_ms
-            fit = fitter.fit(timed, total, segments, careful=number > 0)
+            fit = fitter.fit(timed, total, segments, apart, careful=number > 0)
             if fit.excess() <= 1.0:
                 return fit.marked(unit.counts(timed.at([0.0]).q[0]))
         trajectory = _slower(trajectory, fit)
     raise _too_slow(unit, int(np.argmax(fit.load().max(axis=0))))
+
+
+def _roomy(planned: Limits, sent: Limits) -> bool:
+    """Whether what was planned leaves a thousandth of what may be sent, so that plain rounding can do."""
+    return bool(
+        (planned.velocity < 0.999 * sent.velocity).all()
+        and (planned.acceleration < 0.999 * sent.acceleration).all()
+    )
 
 
 def _too_slow(unit: Unit, joint: int) -> ImpossibleError:
@@ -223,11 +235,13 @@ class _Fitter:
     marks: tuple[float, ...]
     lines: tuple[LineTolerance | None, LineTolerance | None]
 
-    def fit(self, timed: Trajectory, total_ms: int, segment_ms: int, careful: bool) -> _Fit:
+    def fit(self, timed: Trajectory, total_ms: int, segment_ms: int, apart: float, careful: bool) -> _Fit:
         """Halve segments that are off the plan or over a limit, while they may be halved."""
         calm = max(SHORTEST_MS, self.calm_ms(0.25))
         fixed = self.mark_ms(timed, total_ms)
-        knots = _first_knots(timed, (0, *(m for m in fixed if 0 < m < total_ms), total_ms), segment_ms, calm)
+        knots = _first_knots(
+            timed, (0, *(m for m in fixed if 0 < m < total_ms), total_ms), segment_ms, apart * calm
+        )
         while True:
             fit = self.measured(timed, knots, fixed, careful)
             if not careful and fit.excess() > 1.0:
@@ -300,15 +314,17 @@ class _Fitter:
 def _first_knots(timed: Trajectory, fixed: Sequence[int], segment_ms: int, apart_ms: float) -> Counts:
     """Knots at the fixed ones, at the acceleration's switches and evenly between them.
 
-    Switches closer than `apart_ms` count as one.
+    Knots are at least `apart_ms` apart.
     """
     switches = np.rint(timed.switches() * 1e3).astype(int)
     knots = [0]
     for begin, end in pairwise(fixed):
         stops, apart = [begin], min(apart_ms, segment_ms)
         for switch in switches[(switches > begin) & (switches < end)]:
-            if switch - stops[-1] >= apart and end - switch >= apart:
-                stops.append(int(switch))
+            # a switch too near to another knot has its own as near as may be: a short segment for it alone
+            knot = int(min(max(switch, np.ceil(stops[-1] + apart)), np.floor(end - apart)))
+            if knot - stops[-1] >= apart:
+                stops.append(knot)
         for a, b in pairwise([*stops, end]):
             parts = max(1, int(np.ceil((b - a) / segment_ms)))
             knots.extend(a + (b - a) * i // parts for i in range(1, parts + 1))
