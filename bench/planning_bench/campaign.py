@@ -24,10 +24,10 @@ from planning_bench.seed import Seed
 Record = dict[str, Any]
 
 
-def _roboplan(step: float, name: str) -> Any:
+def _roboplan(step: float, name: str, restarts: int = 1) -> Any:
     from planning_bench.roboplan_peer import Roboplan
 
-    return Roboplan(name, step)
+    return Roboplan(name, step, restarts)
 
 
 def _ompl(fraction: float, name: str) -> Any:
@@ -40,13 +40,14 @@ PLANNERS: dict[str, Callable[[], Any]] = {
     "ours": Ours,
     "roboplan-native": lambda: _roboplan(0.05, "roboplan-native"),
     "roboplan-fine": lambda: _roboplan(0.01, "roboplan-fine"),
+    "roboplan-fine-best-of-5": lambda: _roboplan(0.01, "roboplan-fine-best-of-5", 5),
     "ompl-default": lambda: _ompl(0.01, "ompl-default"),
     "ompl-fine": lambda: _ompl(0.002, "ompl-fine"),
     "seed": lambda: Seed(retract=False),
     "seed+retract": lambda: Seed(retract=True),
 }
 GROUPS = {
-    "roboplan": ("roboplan-native", "roboplan-fine"),
+    "roboplan": ("roboplan-native", "roboplan-fine", "roboplan-fine-best-of-5"),
     "ompl": ("ompl-default", "ompl-fine"),
     "seed": ("seed", "seed+retract"),
 }
