@@ -18,9 +18,8 @@ from arm.unit import Limits
 from plan.ik import BRANCH_NAMES, RawBranches, all_branches, nearest_turns
 from plan.line import LineOptions
 
-_SAMPLE_STEP = (
-    0.01  # m between poses tried along a line; joints move smoothly in between, away from singularities
-)
+# m between poses tried along a line; joints move smoothly in between, away from singularities
+_SAMPLE_STEP = 0.005
 
 
 @dataclass(frozen=True)
