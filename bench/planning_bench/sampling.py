@@ -8,10 +8,10 @@ import numpy as np
 
 from arm.se3 import Array, frozen, inverse
 from arm.unit import Limits
+from plan.scene import Station
 from planning_bench.choices import pairs
 from planning_bench.grips import GripLine
 from planning_bench.query import Answer, PlannerFailed, Query, Stretch, Timed
-from plan.scene import Station
 
 
 class Kit(Protocol):

@@ -1,0 +1,100 @@
+"""CPU of planning against the number of still bodies and of cubes."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from arm.bodies import Body, Box
+from arm.se3 import frozen, transform
+from plan.scene import Scene, Transfer
+from planning_bench.ours import Ours
+from planning_bench.query import Query
+from planning_bench.scenes import draw
+from planning_bench.tables import markdown
+
+BODIES = (10, 20, 50, 100, 200, 300)
+CUBES = (1, 2, 3, 4, 6, 8, 10, 12)
+REPEATS = 3
+
+
+def scaling_row(seed: int, plot: Path | None) -> str:
+    """Both rows, their exponents, and an SVG if asked for."""
+    planner = Ours()
+    bodies = [(n, _cpu(planner, with_bodies(draw("easy", seed).query(0), n, seed))) for n in BODIES]
+    cubes = [(n, _cpu(planner, with_cubes(draw("easy", seed).whole(), n))) for n in CUBES]
+    rows = []
+    for name, found in (("still bodies", bodies), ("cubes", cubes)):
+        rows.append([name, ", ".join(f"{n}: {t:.3f}" for n, t in found), f"{exponent(found):.2f}"])
+    if plot is not None:
+        plot.write_text(svg({"still bodies": bodies, "cubes": cubes}))
+    return markdown(["against", "CPU s", "exponent (log-log fit)"], rows)
+
+
+def with_bodies(query: Query, count: int, seed: int) -> Query:
+    """Small boxes far from everything until `count` bodies stand."""
+    rng = np.random.default_rng([seed, 15])
+    have = list(query.scene.bodies)
+    for i in range(len(have), count):
+        angle, radius = rng.uniform(0.6 * np.pi, 1.4 * np.pi), rng.uniform(1.3, 1.8)
+        at = (radius * np.cos(angle), radius * np.sin(angle), rng.uniform(0.1, 1.2))
+        have.append(Body(f"far {i}", Box((0.05, 0.05, 0.05)), transform(t=at), "box"))
+    return replace(query, scene=replace(query.scene, bodies=tuple(have)))
+
+
+def with_cubes(query: Query, count: int) -> Query:
+    """One to four cubes as they are; more are the same four carried there and back, as many times as it takes."""
+    transfers: list[Transfer] = []
+    holes = []
+    for n in range(count):
+        t, (a, b) = query.transfers[n % 4], query.holes[n % 4]
+        there = (n // 4) % 2 == 0
+        transfers.append(t if there else Transfer(t.cube, t.place, t.pick))
+        holes.append((a, b) if there else (b, a))
+    plates = {name for t in query.transfers for name in t.pick.touches | t.place.touches}
+    allowed = query.scene.allowed | {frozenset((t.cube, p)) for t in query.transfers for p in plates}
+    scene: Scene = replace(query.scene, allowed=frozenset(allowed))
+    return replace(query, scene=scene, transfers=tuple(transfers), holes=tuple(holes))
+
+
+def _cpu(planner: Ours, query: Query) -> float:
+    times = []
+    for _ in range(REPEATS):
+        began = time.process_time()
+        planner.plan(query)
+        times.append(time.process_time() - began)
+    return float(np.median(times))
+
+
+def exponent(points: list[tuple[int, float]]) -> float:
+    """Slope of a straight line through the logarithms."""
+    n, t = np.log(np.array(points, dtype=float)).T
+    return float(np.polyfit(n, t, 1)[0])
+
+
+def svg(series: dict[str, list[tuple[int, float]]]) -> str:
+    """Log-log plots side by side."""
+    width, height, margin = 320, 260, 46
+    parts = []
+    for k, (name, points) in enumerate(series.items()):
+        n, t = np.log10(np.array(points, dtype=float)).T
+        x0 = k * width
+        low, high = float(t.min()) - 0.1, float(t.max()) + 0.1
+        x = x0 + margin + (n - n.min()) / np.ptp(n) * (width - 2 * margin)
+        y = height - margin - (t - low) / (high - low) * (height - 2 * margin)
+        line = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+        parts.append(f'<polyline fill="none" stroke="#1f5fa8" stroke-width="1.5" points="{line}"/>')
+        for a, b, (count, seconds) in zip(x, y, points, strict=True):
+            parts.append(f'<circle cx="{a:.1f}" cy="{b:.1f}" r="3" fill="#1f5fa8"/>')
+            parts.append(f'<text x="{a:.1f}" y="{b - 8:.1f}" text-anchor="middle">{seconds:.2f}</text>')
+            parts.append(f'<text x="{a:.1f}" y="{height - margin + 16}" text-anchor="middle">{count}</text>')
+        title = f"CPU s against {name}, exponent {exponent(points):.2f}"
+        parts.append(f'<text x="{x0 + width / 2}" y="18" text-anchor="middle">{title}</text>')
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" width="{width * len(series)}" height="{height}"'
+    return head + ' font-family="sans-serif" font-size="10">\n' + "\n".join(parts) + "\n</svg>\n"
+
+
+__all__ = ["exponent", "frozen", "scaling_row", "svg", "with_bodies", "with_cubes"]
