@@ -244,13 +244,14 @@ def _geometry_model(parts: Sequence[Part], pairs: Indices) -> Any:
     model = pin.GeometryModel()
     for p in parts:
         pose = pin.SE3(np.array(p.T_joint_body[:3, :3]), np.array(p.T_joint_body[:3, 3]))
-        model.addGeometryObject(pin.GeometryObject(p.name, p.joint, pose, _coal_shape(p.shape)))
+        model.addGeometryObject(pin.GeometryObject(p.name, p.joint, pose, coal_shape(p.shape)))
     for a, b in pairs.tolist():
         model.addCollisionPair(pin.CollisionPair(a, b))
     return model
 
 
-def _coal_shape(shape: Shape) -> Any:
+def coal_shape(shape: Shape) -> Any:
+    """The shape as coal has it, in its own frame."""
     match shape:
         case Box(size):
             return coal.Box(*size)
