@@ -33,7 +33,7 @@ from plan.world import World
 # Transits are searched with this much more clearance than is asked, for what timing and rounding change, m.
 MARGIN = 1e-3
 # Ways around that are made between one pick and one place (and more where there is none yet).
-_DETOURS, _DETOURS_AT_MOST = 3, 12
+_DETOURS, _DETOURS_AT_MOST = 2, 12
 # What a way around is taken to cost before one was made, in parts of the straight way and s.
 _OVERHEAD, _OVERHEAD_S = 0.02, 0.05
 _ROUNDS = 400
@@ -238,7 +238,7 @@ class TaskSearch:
 
     def _excess(self, kind: str, numbers: tuple[int, ...], time: float) -> float:
         """What a way around, not made yet, is taken to cost more than the straight one, s."""
-        return max(_OVERHEAD * time + _OVERHEAD_S, 0.7 * self.excess.get((kind, numbers), 0.0))
+        return max(_OVERHEAD * time + _OVERHEAD_S, 0.85 * self.excess.get((kind, numbers), 0.0))
 
     def _closed(self, placed: bool, number: int, there: frozenset[Standing]) -> list[int]:
         """Choices of a station whose line is blocked."""
