@@ -16,9 +16,11 @@ from arm.se3 import Array, frozen, transform
 from arm.toml_table import TomlTable
 from arm.unit import UNITS, Limits, Unit, load_unit
 from cell.bodytable import read_body
+from plan.options import PlanOptions
 from vision.camera import Camera, read_camera
 
 DICTIONARIES = ("DICT_4X4_50", "DICT_4X4_100", "DICT_5X5_100", "DICT_6X6_250")
+FRACTIONS = (0.01, 1.0)
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,7 @@ class Cell:
         moved, turned: how far a board may shift (m) or turn (rad) before the rest is planned anew.
         offset, clearance, approach_speed: m, m, m/s at speed 1.
         speed: default factor of velocities.
+        velocity_fraction, acceleration_fraction: of the limits at a speed that motion is planned for.
         speed_registers, acceleration_registers: of the controller while it works.
         digest: SHA-256 of the file.
     """
@@ -68,6 +71,8 @@ class Cell:
     clearance: float
     approach_speed: float
     speed: float
+    velocity_fraction: float
+    acceleration_fraction: float
     speed_registers: tuple[int, ...]
     acceleration_registers: tuple[int, ...]
     digest: str
@@ -153,6 +158,12 @@ def read_cell(path: Path) -> Cell:
         clearance=motion.number("clearance_mm", "mm", 5, 100) / 1e3,
         approach_speed=motion.number("approach_mm_s", "mm/s", 1, 250) / 1e3,
         speed=motion.number("speed", "", 0.01, 1.0),
+        velocity_fraction=motion.number(
+            "velocity_fraction", "", *FRACTIONS, default=PlanOptions.velocity_fraction
+        ),
+        acceleration_fraction=motion.number(
+            "acceleration_fraction", "", *FRACTIONS, default=PlanOptions.acceleration_fraction
+        ),
         speed_registers=speed_registers,
         acceleration_registers=acceleration_registers,
         digest=sha256(path.read_bytes()),

@@ -12,12 +12,12 @@ from arm.planfile import Move, Plan
 from arm.se3 import Array
 from cell.cellfile import Cell
 from cell.lookfile import Seen
-from cell.scenery import build_scene, free_table_stations, hole_station, transfers, unseen_scene
+from cell.scenery import Work, build_scene, free_table_stations, hole_station, unseen_scene, work
 from cell.taskfile import Task
 from plan.backout import plan_back_out
 from plan.options import PlanOptions
 from plan.reach import ReachTable, reach
-from plan.scene import Scene, Transfer
+from plan.scene import Scene
 from plan.task import plan_task
 from plan.way import plan_way
 
@@ -27,11 +27,15 @@ def options_of(task: Task, speed: float) -> PlanOptions:
     cell = task.cell
     return PlanOptions(
         speed=speed,
+        velocity_fraction=cell.velocity_fraction,
+        acceleration_fraction=cell.acceleration_fraction,
         clearance=cell.clearance,
         offset=cell.offset,
         approach_speed=cell.approach_speed,
         settle_s=cell.settle_s,
         look=task.look_after,
+        order=task.order,
+        assignment=task.assignment,
         seed=task.seed,
     )
 
@@ -77,9 +81,7 @@ def reachable_places(task: Task, seen: Seen) -> tuple[str, ...]:
     return tuple(s.name for s in stations if table[s.name].ok)
 
 
-def transfers_of(
-    task: Task, seen: Seen, done: Mapping[str, str], skip: Iterable[int] = ()
-) -> tuple[Transfer, ...]:
+def work_left(task: Task, seen: Seen, done: Mapping[str, str], skip: Iterable[int] = ()) -> Work:
     """What is left to do.
 
     Args:
@@ -99,7 +101,7 @@ def transfers_of(
     holding = [i for i in source.holes("cube", "unsure") if i not in emptied | set(skip)]
     filled = {int(place.rsplit("/", 1)[1]) - 1 for place in done.values()} if target is not None else set()
     occupied = filled | (set(target.holes("cube", "unsure")) if target is not None else set())
-    return transfers(
+    return work(
         task,
         seen.poses,
         holding,
@@ -140,19 +142,20 @@ def plan_rest(
     Raises:
         ImpossibleError: with step, hole, joint or pair of bodies and how much.
     """
-    left = transfers_of(task, seen, done, skip)
-    if not left:
+    left = work_left(task, seen, done, skip)
+    if not left.transfers:
         return None
     scene = scene_of(task, seen, on_table)
     return plan_task(
         scene,
-        left,
+        left.transfers,
         q_from,
         task.cell.unit,
         task.cell.limits,
         options_of(task, speed),
         provenance(task),
         _named(task),
+        left.spare,
     )
 
 

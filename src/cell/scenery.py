@@ -6,6 +6,7 @@ Grip frames: the tool's z points into the plate, its jaws move along y; a cube c
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -116,7 +117,20 @@ def unseen_scene(cell: Cell) -> Scene:
     return Scene(cell.robot(), cell.robot(cell.cube_size), (*cell.fixed, cell.zone), ())
 
 
-def transfers(
+@dataclass(frozen=True)
+class Work:
+    """What is to be done.
+
+    Attributes:
+        transfers: a cube each, in the order of the holes, to the first free places.
+        spare: free places that none of them needs.
+    """
+
+    transfers: tuple[Transfer, ...]
+    spare: tuple[Station, ...]
+
+
+def work(
     task: Task,
     poses: Iterable[BoardPose],
     holding: Iterable[int],
@@ -124,7 +138,7 @@ def transfers(
     taken_places: Iterable[str] = (),
     reachable_places: Iterable[str] | None = None,
     notes: Sequence[str] = (),
-) -> tuple[Transfer, ...]:
+) -> Work:
     """What the task asks for, given what was seen.
 
     Args:
@@ -169,9 +183,12 @@ def transfers(
             cubes=len(picks),
             places=[g.name for g in goals],
         )
-    return tuple(
-        Transfer(cube_name(h.name), hole_station(cell, source.board.name, h.name, h.T_base_hole), goal)
-        for h, goal in zip(picks, goals, strict=False)
+    return Work(
+        tuple(
+            Transfer(cube_name(h.name), hole_station(cell, source.board.name, h.name, h.T_base_hole), goal)
+            for h, goal in zip(picks, goals, strict=False)
+        ),
+        tuple(goals[len(picks) :]),
     )
 
 

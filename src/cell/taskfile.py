@@ -11,9 +11,9 @@ from arm.board import Board
 from arm.files import sha256
 from arm.toml_table import TomlTable
 from cell.cellfile import Cell, read_cell
+from plan.options import CHOICES, LOOKS
 
 KINDS = ("clear-board", "board-to-board")
-LOOKS = ("each", "never")
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,9 @@ class Task:
         to_board: that gets them (Task 2).
         places: on the table (Task 1).
         board_height: of the plate's top above the table (Task 1), m.
-        look_after: each cube, or never.
+        look_after: ``each`` cube, ``never``, or a number: after that many cubes each time.
+        order, assignment: ``free``: which cube is next, and which place it goes to, is chosen for time; ``given``:
+            cubes in the order of their holes, each to the next free place.
         seed: of every random choice.
         digest: SHA-256 over task and cell file.
     """
@@ -53,7 +55,9 @@ class Task:
     to_board: Board | None
     places: TablePlaces | None
     board_height: float | None
-    look_after: str
+    look_after: str | int
+    order: str
+    assignment: str
     seed: int
     digest: str
 
@@ -86,7 +90,8 @@ def read_task(path: Path) -> Task:
     else:
         places = _places(root.table("places"), cell)
         height = root.number("board_height_mm", "mm", 15, 1000) / 1e3
-    look_after = root.text("look_after", choices=LOOKS, default="each")
+    look_after = _look_after(root)
+    order, assignment = (root.text(key, choices=CHOICES, default="free") for key in ("order", "assignment"))
     seed = root.integer("seed", 0, 2**31 - 1, default=0)
     root.finish()
     return Task(
@@ -98,9 +103,21 @@ def read_task(path: Path) -> Task:
         places=places,
         board_height=height,
         look_after=look_after,
+        order=order,
+        assignment=assignment,
         seed=seed,
         digest=sha256(sha256(path.read_bytes()) + cell.digest),
     )
+
+
+def _look_after(root: TomlTable) -> str | int:
+    if "look_after" not in root:
+        return "each"
+    rule = f"one of {', '.join(LOOKS)}, or a number of cubes from 1 on"
+    value = root.value("look_after", rule)
+    if value in LOOKS or (isinstance(value, int) and not isinstance(value, bool) and value >= 1):
+        return value  # type: ignore[no-any-return]
+    raise root.error("look_after", f"must be {rule}")
 
 
 def _board(root: TomlTable, cell: Cell, key: str) -> Board:

@@ -14,6 +14,7 @@ from arm.toml_table import TomlTable
 from cell.bodytable import read_pose
 from cell.cellfile import read_cell
 from cell.checking import _same_shape as same_shape
+from cell.planning import options_of
 from cell.taskfile import read_task
 from cell.worldfile import board_placement, read_world
 
@@ -31,6 +32,23 @@ def test_the_shipped_tasks_can_be_read(scenes: Path) -> None:
         assert task.cell.tool_length == pytest.approx(0.134112)
         assert np.degrees(task.cell.q_start) == pytest.approx([-60, -40, -80, 0, -60, 0])
         assert task.cell.fraction_closed(task.cell.cube_size) == pytest.approx(1 / 3)
+
+
+def test_what_may_be_chosen_is_the_files(scenes: Path) -> None:
+    """Free where a file says nothing; what it says reaches the planner."""
+    task = scenes / "task2.toml"
+    optional = ("look_after", "order", "assignment")
+    lines = task.read_text().splitlines(keepends=True)
+    task.write_text("".join(line for line in lines if not line.startswith(optional)))
+    options = options_of(read_task(task), 0.25)
+    assert (options.look, options.order, options.assignment) == ("each", "free", "free")
+    assert (options.velocity_fraction, options.acceleration_fraction, options.speed) == (0.9, 0.5, 0.25)
+    task.write_text(task.read_text() + 'look_after = 2\norder = "given"\nassignment = "given"\n')
+    _change(scenes / "cell.toml", "# velocity_fraction = 0.9", "velocity_fraction = 0.8")
+    _change(scenes / "cell.toml", "# acceleration_fraction = 0.5", "acceleration_fraction = 0.4")
+    options = options_of(read_task(task), 0.25)
+    assert (options.look, options.order, options.assignment) == (2, "given", "given")
+    assert (options.velocity_fraction, options.acceleration_fraction) == (0.8, 0.4)
 
 
 def test_the_shipped_world_stands_where_the_fact_sheet_says() -> None:
@@ -120,6 +138,21 @@ def test_placement_puts_the_plates_centre_and_leans_where_it_is_told() -> None:
         ("task2.toml", "to_board = [3, 4]", "to_board = [1, 2]", "another board"),
         ("task2.toml", "board-to-board", "board2board", "must be one of clear-board, board-to-board"),
         ("task2.toml", "cell.toml", "cel.toml", "not there"),
+        (
+            "task2.toml",
+            'look_after = "each"',
+            "look_after = 0",
+            "look_after = 0: must be one of each, never, or a number of cubes from 1 on",
+        ),
+        ("task2.toml", 'look_after = "each"', "look_after = true", "look_after = True: must be one of each"),
+        ("task2.toml", 'order = "free"', 'order = "fre"', "order = 'fre': must be one of free, given"),
+        ("task2.toml", 'assignment = "free"', "assignment = 1", "assignment = 1: must be one of free, given"),
+        (
+            "cell.toml",
+            "# acceleration_fraction = 0.5",
+            "acceleration_fraction = 1.5",
+            "motion.acceleration_fraction = 1.5: must be a number from 0.01 to 1",
+        ),
         ("task1.toml", "count = [3, 3]", "count = [1, 3]", "at least four"),
         ("task1.toml", "step_mm = [75, 75]", "step_mm = [45, 75]", "places.step_mm"),
     ],
