@@ -125,8 +125,7 @@ class ReachTable:
             return
         raise ImpossibleError(
             "out of reach: "
-            + "; ".join(f"hole {c.hole}: best branch {c.branch}, {c.reason()}" for c in failing)
-            + "; move the board or turn it",
+            + "; ".join(f"hole {c.hole}: best branch {c.branch}, {c.reason()}" for c in failing),
             holes=[_failure(c) for c in failing],
         )
 

@@ -13,6 +13,7 @@ from arm.errors import ImpossibleError, InputError
 from arm.planfile import GripperStep, LookStep, Plan, Step
 from arm.se3 import Array
 from arm.unit import Limits, Unit
+from plan.cause import explained
 from plan.options import PlanOptions
 from plan.reach import ReachTable, reach
 from plan.scene import Scene, Station, Transfer
@@ -56,14 +57,19 @@ def plan_task(
 
     Raises:
         InputError: no transfers, an unknown cube, or a start outside limits.
-        ImpossibleError: a place is out of reach, or no clear way was found; says which, by how much, and what helps.
+        ImpossibleError: a place is out of reach, or no clear way was found; says which and by how much; data: failure,
+            see `plan.failure`. What would help is found by `plan.advice`.
     """
     options = options or PlanOptions()
     limits = limits or unit.limits()
     planner = Planner(scene, np.asarray(q_start, dtype=float), unit, limits, options)
     planner.check_input(transfers)
-    search = planner.search(transfers, places)
-    steps, found = planner.steps(search)
+    try:
+        search = planner.search(transfers, places)
+        steps, found = planner.steps(search)
+    except ImpossibleError as error:
+        table = planner.reach((*(t.pick for t in transfers), *planner.stations(transfers, places)))
+        raise explained(error, scene, transfers, planner.q_start, options, table) from error
     allowed = scene.allowed | {
         frozenset((search.stages.cubes[s.visit.pick].name, name))
         for s in found.stops
@@ -172,19 +178,8 @@ class Planner:
 
     def search(self, transfers: Sequence[Transfer], more: Sequence[Station]) -> TaskSearch:
         """The search for the task; refused here if a pick, or too many places, cannot be served."""
-        stations = [t.place for t in transfers]
-        if self.options.assignment == "free":
-            known = {station.name for station in stations}
-            stations += [station for station in more if station.name not in known]
-        picks, places = (
-            reach(
-                self.scene.robot_open,
-                self.planned,
-                {s.name: s.T_base_tool for s in some},
-                self.options.offset,
-            )
-            for some in ([t.pick for t in transfers], stations)
-        )
+        stations = self.stations(transfers, more)
+        picks, places = (self.reach(some) for some in ([t.pick for t in transfers], stations))
         picks.require()
         served = [station for station in stations if places[station.name].ok]
         if self.options.assignment != "free" or len(served) < len(transfers):
@@ -198,6 +193,19 @@ class Planner:
             self.planned,
             self.options,
         )
+
+    def stations(self, transfers: Sequence[Transfer], more: Sequence[Station]) -> list[Station]:
+        """Places where cubes may go."""
+        stations = [t.place for t in transfers]
+        if self.options.assignment == "free":
+            known = {station.name for station in stations}
+            stations += [station for station in more if station.name not in known]
+        return stations
+
+    def reach(self, stations: Sequence[Station]) -> ReachTable:
+        """Reach of these places."""
+        robot = self.scene.robot_open
+        return reach(robot, self.planned, {s.name: s.T_base_tool for s in stations}, self.options.offset)
 
     def steps(self, search: TaskSearch) -> tuple[list[Step], Found]:
         """The task's steps, timed and certified, and the sequence that they follow."""
