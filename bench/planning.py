@@ -107,11 +107,13 @@ def conditions(options: argparse.Namespace, planners: tuple[str, ...]) -> str:
             f"rows {', '.join(options.rows)}",
             f"  planners: {', '.join(planners)}",
             "  unit crs93 at its default registers, speed 1, velocity and acceleration fractions 1.0, asked clearance "
-            f"{CLEARANCE * 1e3:g} mm (peers cannot be asked), lines of 100 mm, home only at both ends, no looks",
+            f"{CLEARANCE * 1e3:g} mm (peers cannot be asked), lines of 100 mm, home only at both ends, no looks; "
+            "whole tasks: order and assignment free in ours and in both bounds, as given for the peers",
             "  CPU: process time over all threads from scene and query in memory to the timed plan (ours: certified), "
             "after one query to warm up",
             "  judge: MuJoCo each 1 ms; a cube may touch a plate only inside its own pocket; clearance each 20 ms, "
-            "at most 60 mm; peaks: ours exact inside segments, others by differences of 1 ms",
+            "at most 60 mm; peaks: ours exact inside segments, seed by differences of 1 ms, "
+            "others at their own samples of 10 ms",
         ]
     )
 

@@ -11,8 +11,9 @@ stops wherever its direction turns, because a turn beyond a forced value only ma
 
 from __future__ import annotations
 
-import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise, permutations, product
 
 import numpy as np
 
@@ -33,35 +34,77 @@ class Bounds:
     LB0: float
 
 
-def bounds(query: Query) -> Bounds:
-    """Both bounds, best over yaws and branches along the whole chain of transfers."""
+def bounds(query: Query, free: bool = True) -> Bounds:
+    """Both bounds, best over yaws and branches along the whole chain of transfers.
+
+    Args:
+        query: whose transfers.
+        free: whether order and assignment are free too (every cube to every place, in every order).
+    """
     robot, limits = query.scene.robot_open, query.limits
-    sides = [(grip_lines(robot, t.pick, limits), grip_lines(robot, t.place, limits)) for t in query.transfers]
-    at_lines = [g for pair in sides for g in pair]
+    picks = [grip_lines(robot, t.pick, limits) for t in query.transfers]
+    places = [grip_lines(robot, t.place, limits) for t in query.transfers]
+
+    def rest_times(a: Lines, b: Lines) -> Array:
+        return straight_time(_offsets(b)[None] - _offsets(a)[:, None], limits)
+
+    def free_times(a: Lines, b: Lines) -> Array:
+        return np.array([[_free_time(np.vstack([x.q, y.q[::-1]]), limits) for y in b] for x in a])
+
+    def line_times(lines: Lines) -> Array:
+        return 2.0 * np.array([_line_time(one, limits) for one in lines])
+
+    home = [GripLine(0, query.q_start[None])]
     return Bounds(
-        _chain(
-            query.q_start,
-            at_lines,
-            lambda q, g: straight_time(_offsets(g) - q, limits),
-            lambda a, b: straight_time(_offsets(b)[None] - _offsets(a)[:, None], limits),
-            lambda g: 2.0 * np.array([_line_time(one, limits) for one in g]),
-        ),
-        _chain(
-            query.q_start,
-            at_lines,
-            lambda q, g: np.array([_free_time(np.vstack([q, one.q[::-1]]), limits) for one in g]),
-            lambda a, b: np.array([[_free_time(np.vstack([x.q, y.q[::-1]]), limits) for y in b] for x in a]),
-            lambda g: np.zeros(len(g)),
-        ),
+        _best(_Legs(home, picks, places, rest_times, line_times), free),
+        _best(_Legs(home, picks, places, free_times, lambda lines: np.zeros(len(lines))), free),
     )
 
 
-def _chain(q_home, at_lines, end_time, between, stay) -> float:  # type: ignore[no-untyped-def]
-    """Dynamic programming over the choices at each station in turn."""
-    cost = end_time(q_home, at_lines[0]) + stay(at_lines[0])
-    for before, after in itertools.pairwise(at_lines):
-        cost = (cost[:, None] + between(before, after)).min(axis=0) + stay(after)
-    return float((cost + end_time(q_home, at_lines[-1])).min())
+Lines = list[GripLine]
+
+
+class _Legs:
+    """Times between the grips of any two stations, computed when first asked for."""
+
+    def __init__(
+        self,
+        home: Lines,
+        picks: list[Lines],
+        places: list[Lines],
+        between: Callable[[Lines, Lines], Array],
+        stay: Callable[[Lines], Array],
+    ) -> None:
+        self.count = len(picks)
+        self._between = between
+        self._lines = {("home", 0): home}
+        self._lines |= {("pick", i): lines for i, lines in enumerate(picks)}
+        self._lines |= {("place", j): lines for j, lines in enumerate(places)}
+        self._stay = {k: stay(v) if k[0] != "home" else np.zeros(1) for k, v in self._lines.items()}
+        self._known: dict[tuple[Stop, Stop], Array] = {}
+
+    def __call__(self, a: Stop, b: Stop) -> Array:
+        if (a, b) not in self._known:
+            self._known[a, b] = self._between(self._lines[a], self._lines[b]) + self._stay[b]
+        return self._known[a, b]
+
+
+Stop = tuple[str, int]
+
+
+def _best(legs: _Legs, free: bool) -> float:
+    """Dynamic programming over the choices at each station in turn, for each order and assignment that is allowed."""
+    every = [tuple(range(legs.count))]
+    orders = list(permutations(range(legs.count))) if free else every
+    home: Stop = ("home", 0)
+    best = np.inf
+    for order, targets in product(orders, orders):
+        stops = [stop for i, j in zip(order, targets, strict=True) for stop in (("pick", i), ("place", j))]
+        cost = np.zeros(1)
+        for a, b in pairwise([home, *stops, home]):
+            cost = (cost[:, None] + legs(a, b)).min(axis=0)
+        best = min(best, float(cost[0]))
+    return best
 
 
 def _offsets(lines: list[GripLine]) -> Array:

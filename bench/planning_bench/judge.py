@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
@@ -169,6 +169,7 @@ def judge(query: Query, answer: Answer) -> Verdict:
     """
     if len(answer.stretches) != 2 * len(query.transfers) + 1:
         raise ValueError(f"{len(answer.stretches)} stretches for {len(query.transfers)} transfers")
+    query = _as_done(query, answer)
     apart = query.scene.robot_open.touching
     cubes = {c.name: c for c in query.scene.cubes}
     held: tuple[Body, Array] | None = None
@@ -215,6 +216,20 @@ def judge(query: Query, answer: Answer) -> Verdict:
         acceleration=answer.peaks[1] if answer.peaks else max(m.acceleration for m in measured),
         join=float("nan") if answer.joins is None else answer.joins,
         path=sum(m.path for m in measured),
+    )
+
+
+def _as_done(query: Query, answer: Answer) -> Query:
+    """The query with cubes and places in the order of the answer; every cube and every place once."""
+    if answer.order is None:
+        return query
+    asked = range(len(query.transfers))
+    if sorted(i for i, _ in answer.order) != [*asked] or sorted(j for _, j in answer.order) != [*asked]:
+        raise ValueError(f"cubes and places {answer.order} are not each of those asked for, once")
+    return replace(
+        query,
+        transfers=tuple(replace(query.transfers[i], place=query.transfers[j].place) for i, j in answer.order),
+        holes=tuple((query.holes[i][0], query.holes[j][1]) for i, j in answer.order),
     )
 
 

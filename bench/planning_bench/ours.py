@@ -64,15 +64,27 @@ class Ours:
                     gripped = not gripped
                     parts.append([])
         moves = list(plan.moves)
-        peaks = [_peaks(m.path, query) for m in moves]
+        # moves between two actions of the gripper are one motion: they may meet at speed
+        peaks = [
+            _peaks(CountPath(p[0].path.start, tuple(s for m in p for s in m.path.segments)), query)
+            for p in parts
+        ]
         transits = [m.clearance for m in moves if m.certified and m.role in ("transit", "home")]
         return Answer(
             tuple(Stretch(tuple(p)) for p in parts),
             peaks=(max(p[0] for p in peaks), max(p[1] for p in peaks)),
             joins=max(p[2] for p in peaks),
             certified=min(transits) if transits and all(m.certified for m in moves) else None,
+            order=_order(query, plan),
             notes=dict(plan.task.get("bound", {})) if isinstance(plan.task.get("bound"), dict) else {},
         )
+
+
+def _order(query: Query, plan: Plan) -> tuple[tuple[int, int], ...]:
+    """Which cube went where, in the order it was done."""
+    cubes = [t.cube for t in query.transfers]
+    places = [t.place.name for t in query.transfers]
+    return tuple((cubes.index(c["cube"]), places.index(c["to"])) for c in plan.task["cubes"])
 
 
 def _peaks(path: CountPath, query: Query) -> tuple[float, float, float]:

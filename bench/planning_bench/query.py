@@ -100,12 +100,14 @@ class Answer:
             be computed exactly; else None, and the judge differentiates.
         joins: largest velocity step at joins over what the controller's vertex rule allows, or None.
         certified: proved clearance of transits, m, or None.
+        order: per transfer made, indices of the transfers that its cube and its place are of; None as asked.
     """
 
     stretches: tuple[Stretch, ...]
     peaks: tuple[float, float] | None = None
     joins: float | None = None
     certified: float | None = None
+    order: tuple[tuple[int, int], ...] | None = None
     notes: dict[str, Any] = field(default_factory=dict)
 
 

@@ -66,7 +66,9 @@ def plan_chain(kit: Kit, query: Query) -> Answer:
 
 def peaks(motion: Timed, limits: Limits) -> tuple[float, float]:
     """At a peer's own samples: its velocities, and their mean change from one sample to the next."""
-    push = np.diff(motion.qd, axis=0) / np.diff(motion.times)[:, None]
+    gaps = np.diff(motion.times)
+    whole = gaps > 0.5 * np.median(gaps)  # the last sample stands anywhere after the one before
+    push = (np.diff(motion.qd, axis=0) / gaps[:, None])[whole]
     return float((np.abs(motion.qd) / limits.velocity).max()), float(
         (np.abs(push) / limits.acceleration).max()
     )

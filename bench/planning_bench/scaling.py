@@ -8,12 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
+from arm.board import CUBE_SEAT_DEPTH
 from arm.bodies import Body, Box
-from arm.se3 import frozen, transform
-from plan.scene import Scene, Transfer
+from arm.se3 import frozen, rot_x, rot_z, transform
+from cell.furniture import cube_body
+from plan.scene import Scene, Station, Transfer
 from planning_bench.ours import Ours
 from planning_bench.query import Query
-from planning_bench.scenes import draw
+from planning_bench.scenes import RELEASE_GAP, cell_file, draw, q_start
 from planning_bench.tables import markdown
 
 BODIES = (10, 20, 50, 100, 200, 300)
@@ -25,7 +27,7 @@ def scaling_row(seed: int, plot: Path | None) -> str:
     """Both rows, their exponents, and an SVG if asked for."""
     planner = Ours()
     bodies = [(n, _cpu(planner, with_bodies(draw("easy", seed).query(0), n, seed))) for n in BODIES]
-    cubes = [(n, _cpu(planner, with_cubes(draw("easy", seed).whole(), n))) for n in CUBES]
+    cubes = [(n, _cpu(planner, grid(n))) for n in CUBES]
     rows = []
     for name, found in (("still bodies", bodies), ("cubes", cubes)):
         rows.append([name, ", ".join(f"{n}: {t:.3f}" for n, t in found), f"{exponent(found):.2f}"])
@@ -45,19 +47,34 @@ def with_bodies(query: Query, count: int, seed: int) -> Query:
     return replace(query, scene=replace(query.scene, bodies=tuple(have)))
 
 
-def with_cubes(query: Query, count: int) -> Query:
-    """One to four cubes as they are; more are the same four carried there and back, as many times as it takes."""
-    transfers: list[Transfer] = []
-    holes = []
+def grid(count: int) -> Query:
+    """Cubes on the table in an arc on the arm's left, 70 mm apart, to go to the mirrored places on its right."""
+    cell = cell_file()
+    cubes, transfers, holes = [], [], []
     for n in range(count):
-        t, (a, b) = query.transfers[n % 4], query.holes[n % 4]
-        there = (n // 4) % 2 == 0
-        transfers.append(t if there else Transfer(t.cube, t.place, t.pick))
-        holes.append((a, b) if there else (b, a))
-    plates = {name for t in query.transfers for name in t.pick.touches | t.place.touches}
-    allowed = query.scene.allowed | {frozenset((t.cube, p)) for t in query.transfers for p in plates}
-    scene: Scene = replace(query.scene, allowed=frozenset(allowed))
-    return replace(query, scene=scene, transfers=tuple(transfers), holes=tuple(holes))
+        radius, angle = 0.42 + 0.07 * (n % 3), np.radians(20.0 + 14.0 * (n // 3))
+        ends = []
+        for side, gap in ((1.0, 0.0), (-1.0, RELEASE_GAP)):
+            at = transform(rot_z(side * angle)) @ transform(t=(radius, 0.0, 0.0))
+            height = cell.grip_height + CUBE_SEAT_DEPTH + gap
+            tools = [
+                at @ transform(rot_x(np.pi) @ rot_z(k * np.pi / 2), (0.0, 0.0, height)) for k in range(4)
+            ]
+            name = f"{'left' if side > 0 else 'right'}/{n + 1}"
+            ends.append((Station(name, tuple(map(frozen, tools)), frozenset(("table",))), at))
+        standing = ends[0][1] @ transform(t=(0.0, 0.0, cell.cube_size / 2))
+        cubes.append(cube_body(f"cube {n + 1}", cell.cube_size, standing))
+        transfers.append(Transfer(f"cube {n + 1}", ends[0][0], ends[1][0]))
+        holes.append((ends[0][1], ends[1][1]))
+    scene = Scene(
+        cell.robot(),
+        cell.robot(cell.cube_size),
+        tuple(cell.fixed),
+        tuple(cubes),
+        frozenset(frozenset((c.name, "table")) for c in cubes),
+    )
+    name = f"grid {count}"
+    return Query(name, scene, tuple(transfers), q_start(cell), cell.unit, cell.limits, tuple(holes), 0)
 
 
 def _cpu(planner: Ours, query: Query) -> float:
@@ -95,6 +112,3 @@ def svg(series: dict[str, list[tuple[int, float]]]) -> str:
         parts.append(f'<text x="{x0 + width / 2}" y="18" text-anchor="middle">{title}</text>')
     head = f'<svg xmlns="http://www.w3.org/2000/svg" width="{width * len(series)}" height="{height}"'
     return head + ' font-family="sans-serif" font-size="10">\n' + "\n".join(parts) + "\n</svg>\n"
-
-
-__all__ = ["exponent", "frozen", "scaling_row", "svg", "with_bodies", "with_cubes"]
