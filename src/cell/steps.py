@@ -113,7 +113,9 @@ def plan_step(
         "plan": str(output),
         "plan_sha256": plan.sha256,
         "motion_s": plan.duration_s,
+        "no_plan_is_faster_than_s": plan.task["no_plan_is_faster_than_s"],
         "min_clearance_mm": 1e3 * min(m.clearance for m in plan.moves),
+        "cubes": plan.task["cubes"],
         "moves": [_move_to_json(m) for m in plan.moves],
     }
 
@@ -124,7 +126,10 @@ def _print_plan(plan: Plan, console: Console) -> None:
         for m in plan.moves
     ]
     console.table(("move", "s", "segments", "mm", "closest"), rows)
-    console.say(f"{len(rows)} moves, {plan.duration_s:.1f} s of motion at speed {plan.speed:g}")
+    console.say(
+        f"{len(rows)} moves in {len(plan.motions)} motions, {plan.duration_s:.1f} s at speed {plan.speed:g}; "
+        f"no plan takes less than {plan.task['no_plan_is_faster_than_s']:.1f} s"
+    )
 
 
 def _move_to_json(move: Move) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from arm.unit import load_unit
 from mujoco_cell import MujocoCell
 from plan.extremes import segment_extremes
 from plan.options import PlanOptions
-from plan.replay import replay
+from plan.replay import VERTEX_S, replay
 from plan.scene import Transfer, scene_from_json
 from plan.task import plan_task
 from plan.travel import straight_time
@@ -53,6 +53,11 @@ def walled_plan(walled: Task2) -> Plan:
     return plan_task(walled.scene, walled.transfers, Q_START, UNIT)
 
 
+@pytest.fixture(scope="module")
+def direct(case: Task2) -> Plan:
+    return plan_task(case.scene, case.transfers, Q_START, UNIT, options=PlanOptions(look="never"))
+
+
 def roles(plan: Plan) -> list[str]:
     return [
         step.role if isinstance(step, Move) else step.action if isinstance(step, GripperStep) else "look"
@@ -74,23 +79,56 @@ def test_every_cube_is_fetched_carried_and_looked_at(plan: Plan) -> None:
         "look",
     ]
     assert roles(plan) == ["open", *once * 4]
-    assert [c["to"] for c in plan.task["cubes"]] == ["03-04/1", "03-04/2", "03-04/3", "03-04/4"]
-    holding = [step.held for step in plan.moves if step.cube == 1]
-    assert holding == [None, None, "cube 2", "cube 2", "cube 2", None, None]
+    cubes = plan.task["cubes"]
+    assert {(c["cube"], c["from"]) for c in cubes} == {(f"cube {i}", f"01-02/{i}") for i in (1, 2, 3, 4)}
+    assert {c["to"] for c in cubes} == {f"03-04/{i}" for i in (1, 2, 3, 4)}
+    for number, cube in enumerate(cubes):
+        holding = [step.held for step in plan.moves if step.cube == number]
+        assert holding == [None, None, *[cube["cube"]] * 3, None, None]
     assert {step.jaw_opening for step in plan.moves if step.held} == {0.04}
     assert {step.jaw_opening for step in plan.moves if not step.held} == {0.06}
 
 
-def test_moves_meet_to_the_count_and_rest_between(plan: Plan) -> None:
-    moves = list(plan.moves)
-    assert plan.start == tuple(int(c) for c in UNIT.counts(Q_START))
-    assert moves[-1].path.end == plan.start
-    for before, after in itertools.pairwise(moves):
-        assert before.path.end == after.path.start
-    for move in moves:
-        first, last = move.path.segments[0], move.path.segments[-1]
-        assert np.abs(first.derivative(0.0)).max() == 0.0
-        assert np.abs(last.derivative(1.0)).max() == 0.0
+def test_moves_meet_to_the_count_and_at_speed(plan: Plan, direct: Plan, walled_plan: Plan) -> None:
+    """The arm is at rest where the jaws act, where it looks and at home; elsewhere it goes on, by the vertex rule."""
+    jump = VERTEX_S * LIMITS.scaled(plan.speed).acceleration
+    scale = np.abs(UNIT.counts_per_rad)
+    for made in (plan, direct, walled_plan):
+        moves = list(made.moves)
+        assert made.start == moves[-1].path.end == tuple(int(c) for c in UNIT.counts(Q_START))
+        for before, after in itertools.pairwise(moves):
+            assert before.path.end == after.path.start
+        for motion in made.motions:
+            first, last = motion.moves[0].path.segments[0], motion.moves[-1].path.segments[-1]
+            assert np.all(np.abs(first.derivative(0.0)) / scale <= jump)
+            assert np.all(np.abs(last.derivative(1.0)) / scale <= jump)
+            for before, after in itertools.pairwise(motion.moves):
+                left, entered = before.path.segments[-1], after.path.segments[0]
+                velocity = [x / scale for x in (left.derivative(1.0), entered.derivative(0.0))]
+                assert np.all(np.abs(velocity[1] - velocity[0]) <= jump)
+                # the line's end is passed at the tool's own speed, or what the way across allows
+                assert np.abs(velocity[0]).max() > 0.02, (before.name, after.name)
+
+
+def test_the_arm_rests_only_where_something_is_done(plan: Plan, direct: Plan) -> None:
+    to, across, back = ["transit", "approach"], ["retract", "transit", "approach"], ["retract", "home"]
+    on = ["retract", "transit", "approach"]
+    assert [[m.role for m in motion.moves] for motion in plan.motions] == [to, across, back] * 4
+    assert [[m.role for m in motion.moves] for motion in direct.motions] == [
+        to,
+        across,
+        *[on, across] * 3,
+        back,
+    ]
+
+
+def test_no_motion_comes_to_a_stop_on_its_way(plan: Plan, direct: Plan) -> None:
+    """Also inside moves: but for its first and last 0.2 s some joint is always moving."""
+    for motion in (*plan.motions, *direct.motions):
+        q = UNIT.positions(motion.path.sample(1e-3))
+        fastest = np.abs(np.diff(q, axis=0)).max(axis=1) / 1e-3
+        over_20_ms = np.convolve(fastest, np.full(20, 1 / 20), mode="valid")
+        assert over_20_ms[200:-200].min() > 0.01, [m.name for m in motion.moves]
 
 
 def test_limits_hold_on_what_is_sent(plan: Plan) -> None:
@@ -148,8 +186,11 @@ def test_lines_follow_the_boards_normal(case: Task2, plan: Plan) -> None:
         assert speed <= PlanOptions().approach_speed * plan.speed * 1.05
 
 
-def test_motion_is_near_the_bound_without_obstacles(case: Task2, plan: Plan) -> None:
-    """The straight joint moves between the ends that were chosen, at the planned fractions, from rest to rest."""
+def test_motion_is_near_the_bound_without_obstacles(plan: Plan, direct: Plan, walled_plan: Plan) -> None:
+    """The straight joint moves between the ends that were chosen, at the planned fractions, from rest to rest.
+
+    Moves that meet at speed may take less; no plan takes less than it says that no plan can.
+    """
     options = PlanOptions()
     scaled = LIMITS.scaled(options.speed)
     planned = replace(
@@ -161,8 +202,11 @@ def test_motion_is_near_the_bound_without_obstacles(case: Task2, plan: Plan) -> 
         float(straight_time(UNIT.positions(m.path.end) - UNIT.positions(m.path.start), planned))
         for m in plan.moves
     )
-    assert plan.duration_s <= 1.02 * bound
-    assert plan.duration_s <= 120.0  # the fact sheet's 92 s are for the whole of the limits
+    assert plan.duration_s <= bound
+    assert plan.duration_s <= 115.0  # the fact sheet's 92 s are for the whole of the limits
+    for made in (plan, direct, walled_plan):
+        assert 0.8 * made.duration_s < made.task["no_plan_is_faster_than_s"] <= made.duration_s
+    assert walled_plan.task["no_plan_is_faster_than_s"] == plan.task["no_plan_is_faster_than_s"]
 
 
 def test_a_wall_in_the_straight_way_is_gone_around(plan: Plan, walled_plan: Plan) -> None:
@@ -238,8 +282,9 @@ def test_every_processor_gives_the_same_bytes(plan: Plan) -> None:
         "print(p.sha256)"
     )
     path = os.pathsep.join([*sys.path, str(Path(__file__).parents[1] / "support")])
-    for core in ("Nehalem", "Haswell"):
-        environment = {**os.environ, "OPENBLAS_CORETYPE": core, "PYTHONPATH": path}
+    for core, threads in (("Nehalem", "1"), ("Haswell", "2")):
+        counts = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), threads)
+        environment = {**os.environ, "OPENBLAS_CORETYPE": core, "PYTHONPATH": path, **counts}
         run = [sys.executable, "-c", program]
         done = subprocess.run(run, env=environment, capture_output=True, text=True, check=True, timeout=120)
         assert done.stdout.strip() == plan.sha256, core
@@ -251,12 +296,60 @@ def test_planning_the_whole_task_is_quick(case: Task2) -> None:
     assert time.process_time() - begin <= 15.0
 
 
-def test_without_looks_the_arm_goes_from_cube_to_cube(case: Task2, plan: Plan) -> None:
-    direct = plan_task(case.scene, case.transfers[:2], Q_START, UNIT, options=PlanOptions(look="never"))
+def test_without_looks_the_arm_goes_from_cube_to_cube(plan: Plan, direct: Plan) -> None:
     assert not any(isinstance(step, LookStep) for step in direct.steps)
     assert roles(direct).count("home") == 1
-    looking = plan_task(case.scene, case.transfers[:2], Q_START, UNIT)
-    assert direct.duration_s < looking.duration_s
+    assert direct.duration_s < plan.duration_s
+
+
+def test_a_look_after_every_second_cube(case: Task2, plan: Plan, direct: Plan) -> None:
+    some = plan_task(case.scene, case.transfers, Q_START, UNIT, options=PlanOptions(look=2))
+    ends = [i for i, step in enumerate(some.steps) if isinstance(step, LookStep)]
+    assert [some.steps[i - 1].role for i in ends] == ["home"] * 2  # type: ignore[union-attr]
+    assert [some.steps[i - 1].cube for i in ends] == [1, 3]  # type: ignore[union-attr]
+    assert direct.duration_s < some.duration_s < plan.duration_s
+
+
+@pytest.mark.parametrize("look", ["each", "never"])
+def test_what_is_given_is_kept_and_is_not_faster(look: str, case: Task2, plan: Plan, direct: Plan) -> None:
+    """Cubes turned round, so that neither the free order nor that of the names is meant by chance."""
+    free = plan if look == "each" else direct
+    places = [t.place for t in case.transfers]
+    mixed = [replace(case.transfers[i], place=places[j]) for i, j in ((2, 0), (0, 3), (3, 1), (1, 2))]
+    asked = [(t.cube, t.place.name) for t in mixed]
+    made = {("free", "free"): free.duration_s}
+    for order, assignment in (("free", "given"), ("given", "free"), ("given", "given")):
+        options = PlanOptions(look=look, order=order, assignment=assignment)
+        found = plan_task(case.scene, mixed, Q_START, UNIT, options=options)
+        went = [(c["cube"], c["to"]) for c in found.task["cubes"]]
+        if order == "given":
+            assert [cube for cube, _ in went] == [cube for cube, _ in asked]
+        if assignment == "given":
+            assert set(went) == set(asked)
+        made[order, assignment] = found.duration_s
+    assert made["free", "free"] <= 1.01 * min(made.values())
+    assert max(made["free", "given"], made["given", "free"]) <= 1.01 * made["given", "given"]
+
+
+def test_the_order_in_which_cubes_are_listed_says_nothing(case: Task2, direct: Plan) -> None:
+    options = PlanOptions(look="never")
+    turned = plan_task(case.scene, case.transfers[::-1], Q_START, UNIT, options=options)
+    assert turned.duration_s == pytest.approx(direct.duration_s, rel=1e-3)
+    assert turned.task["no_plan_is_faster_than_s"] == direct.task["no_plan_is_faster_than_s"]
+
+
+def test_spare_places_are_used_where_that_saves_time(case: Task2) -> None:
+    far, near = case.transfers[0].place, [t.place for t in case.transfers[1:]]
+    asked = (replace(case.transfers[0], place=far),)
+    alone = plan_task(case.scene, asked, Q_START, UNIT)
+    spare = plan_task(case.scene, asked, Q_START, UNIT, places=near)
+    assert [c["to"] for c in alone.task["cubes"]] == [far.name]
+    each = [
+        plan_task(case.scene, (replace(asked[0], place=place),), Q_START, UNIT).duration_s for place in near
+    ]
+    assert spare.duration_s == pytest.approx(min(alone.duration_s, *each), rel=1e-3)
+    kept = plan_task(case.scene, asked, Q_START, UNIT, options=PlanOptions(assignment="given"), places=near)
+    assert [c["to"] for c in kept.task["cubes"]] == [far.name]
 
 
 def test_a_lower_speed_is_the_same_way_slower(case: Task2) -> None:
@@ -265,7 +358,14 @@ def test_a_lower_speed_is_the_same_way_slower(case: Task2) -> None:
         for speed in (0.5, 0.25)
     )
     assert slow.duration_s == pytest.approx(2 * fast.duration_s, rel=0.03)
-    assert [m.path.end for m in slow.moves] == [m.path.end for m in fast.moves]
+    # at rest to the count; where moves meet at speed, the nearest whole millisecond: 0.5 ms of 50 mm/s
+    ends = [[motion.path.end for motion in made.motions] for made in (fast, slow)]
+    assert ends[0] == ends[1]
+    tools = [
+        [case.scene.robot_open.T_base_tool(UNIT.positions(m.path.end))[:3, 3] for m in made.moves]
+        for made in (fast, slow)
+    ]
+    assert np.linalg.norm(np.subtract(*tools), axis=1).max() <= 1e-4
 
 
 def test_a_hole_out_of_reach_is_refused_before_anything_is_planned(case: Task2) -> None:
@@ -286,12 +386,10 @@ def test_a_blocked_hole_is_named_with_what_blocks_it(case: Task2) -> None:
         "wall",
     )
     blocked = task2(extra=[over_hole])
-    with pytest.raises(
-        ImpossibleError, match=r"no way to bring cube 2 from 01-02/2 to 03-04/2: .* of crate"
-    ) as caught:
+    with pytest.raises(ImpossibleError, match=r"01-02/2.* of crate") as caught:
         plan_task(blocked.scene, blocked.transfers, Q_START, UNIT)
-    assert caught.value.data["from"] == "01-02/2"
-    assert any("crate" in entry["pair"] for entry in caught.value.data["rejected"])
+    blocking = [e for e in caught.value.data["rejected"] if "crate" in e["pair"]]
+    assert {e["station"] for e in blocking if "station" in e} == {"01-02/2"}
 
 
 def test_wrong_requests_are_refused(case: Task2) -> None:
