@@ -22,6 +22,8 @@ from arm.se3 import Array
 # Dynamic programming is used up to about this many sets of picks and places, times the pairs to go on with.
 _MOST_STATES = 1500
 _TIE = 1e-9
+# What an infinite time counts in sums that are compared, s: an order with fewer legs that cannot be is still better.
+_BLOCKED = 1e10
 
 
 @dataclass(frozen=True)
@@ -86,18 +88,19 @@ class Freedom:
 
     def states(self) -> int:
         """How many expansions dynamic programming would make, roughly."""
-        if not self.order:
-            return self.picks * (self.places if self.assignment else 1)
         total = 0
         for k in range(self.picks):
             filled = comb(self.places, k) if self.assignment else 1
-            total += comb(self.picks, k) * filled * (self.picks - k)
+            total += filled * (comb(self.picks, k) * (self.picks - k) if self.order else 1)
         return total
 
 
 @dataclass(frozen=True)
 class Ordered:
-    """Visits in order, their time, and a bound that no other choice undercuts, s."""
+    """Visits in order, their time, and a bound that no other choice undercuts, s.
+
+    Where exchanges were used, the bound holds if a leg's time depends on no more than how many cubes were moved before.
+    """
 
     visits: tuple[Visit, ...]
     time: float
@@ -221,59 +224,102 @@ def _along(pairs: Sequence[tuple[int, int]], costs: Costs) -> Ordered | None:
 
 def _improved(freedom: Freedom, costs: Costs) -> Ordered | None:
     """Exchanges of order and places, from the assignment with the shortest carries."""
-    nothing = Done(frozenset(), frozenset())
-    table = _Least(freedom, costs, nothing)
-    pairs = table.chained()
+    costs = _finite(costs)
+    table = _Least(freedom, costs)
+    best: Ordered | None = None
+    for first in table.firsts():
+        found = _exchanged(table.chained(first), freedom, costs, table)
+        if found is not None and (best is None or found.time < best.time - 1e-6):
+            best = found
+        if best is not None and best.time < _BLOCKED:
+            return Ordered(best.visits, best.time, min(table.bound(), best.time))
+    return None
+
+
+def _exchanged(pairs: list[tuple[int, int]], freedom: Freedom, costs: Costs, table: _Least) -> Ordered | None:
+    """Order and places after every exchange that helps."""
     best = _along(pairs, costs)
-    improving = True
+    improving = best is not None
     while improving:
         improving = False
         for trial in _exchanges(pairs, freedom):
-            if table.time(trial) >= table.time(pairs) - _TIE:
+            # the table has every leg at its best: what it finds too slow is
+            if best is None or table.time(trial) >= best.time - 1e-6:
                 continue
             found = _along(trial, costs)
-            if found is not None and (best is None or found.time < best.time - 1e-6):
-                best, pairs, improving = found, list(trial), True
+            if found is not None and found.time < best.time - 1e-6:
+                best, pairs, improving = found, trial, True
                 break
-    if best is None:
-        return None
-    return Ordered(best.visits, best.time, min(table.bound(), best.time))
+    return best
+
+
+def _finite(costs: Costs) -> Costs:
+    """The same times, with `_BLOCKED` for infinite ones."""
+
+    def capped(time: Array) -> Array:
+        return np.minimum(time, _BLOCKED)
+
+    return Costs(
+        lambda pick, done: capped(costs.begin(pick, done)),
+        lambda pick, place, done: capped(costs.carry(pick, place, done)),
+        lambda place, pick, done: capped(costs.go_on(place, pick, done)),
+        lambda place, done: capped(costs.end(place, done)),
+    )
 
 
 class _Least:
-    """Least times of each leg over all ways, with nothing done: what ranks orders, and bounds them."""
+    """Least times of each leg over all ways, with no other cube in the way: what ranks orders, and bounds them."""
 
-    def __init__(self, freedom: Freedom, costs: Costs, done: Done) -> None:
+    def __init__(self, freedom: Freedom, costs: Costs) -> None:
         self.freedom = freedom
         picks, places = range(freedom.picks), range(freedom.places)
-        self.begin = np.array([costs.begin(i, done).min() for i in picks])
+        nothing: frozenset[int] = frozenset()
+        every = frozenset(picks)
+        self.begin = np.array([costs.begin(i, Done(nothing, nothing)).min() for i in picks])
         self.carry = np.array(
             [
-                [costs.carry(i, j, done).min() if freedom.assignment or i == j else np.inf for j in places]
+                [
+                    costs.carry(i, j, Done(every - {i}, nothing)).min()
+                    if freedom.assignment or i == j
+                    else _BLOCKED
+                    for j in places
+                ]
                 for i in picks
             ]
         )
-        self.go_on = np.array([[costs.go_on(j, i, done).min() for i in picks] for j in places])
-        self.end = np.array([costs.end(j, done).min() for j in places])
+        # whether the arm goes home between two cubes depends on how many were moved
+        self.go_on = np.array(
+            [[min(costs.go_on(j, i, d).min() for d in self._before(i, j)) for i in picks] for j in places]
+        )
+        self.end = np.array([costs.end(j, Done(every, frozenset((j,)))).min() for j in places])
+
+    def _before(self, pick: int, place: int) -> Iterator[Done]:
+        """One case for each number of cubes that may have been moved when `place` is left for `pick`."""
+        others = [i for i in range(self.freedom.picks) if i != pick]
+        for count in range(1, len(others) + 1):
+            yield Done(frozenset(others[:count]), frozenset((place,)))
 
     def time(self, pairs: Sequence[tuple[int, int]]) -> float:
         total = self.begin[pairs[0][0]] + self.end[pairs[-1][1]]
         total += sum(self.carry[i, j] for i, j in pairs)
         return float(total + sum(self.go_on[a[1], b[0]] for a, b in pairwise(pairs)))
 
-    def chained(self) -> list[tuple[int, int]]:
+    def firsts(self) -> list[int]:
+        """Picks to begin with, the nearest first."""
+        if not self.freedom.order:
+            return [0]
+        return sorted(range(self.freedom.picks), key=lambda i: (round(float(self.begin[i]), 6), i))
+
+    def chained(self, first: int) -> list[tuple[int, int]]:
         """The assignment with the shortest carries, each time on to the nearest pick."""
-        finite = np.where(np.isfinite(self.carry), self.carry, 1e6)
-        _, place_of = linear_sum_assignment(finite)
-        left = set(range(self.freedom.picks))
-        pairs: list[tuple[int, int]] = []
+        _, place_of = linear_sum_assignment(np.round(self.carry, 6))
+        left = set(range(self.freedom.picks)) - {first}
+        pairs = [(first, int(place_of[first]))]
         while left:
             if not self.freedom.order:
                 pick = min(left)
-            elif pairs:
-                pick = min(left, key=lambda i: (round(float(self.go_on[pairs[-1][1], i]), 6), i))
             else:
-                pick = min(left, key=lambda i: (round(float(self.begin[i]), 6), i))
+                pick = min(left, key=lambda i: (round(float(self.go_on[pairs[-1][1], i]), 6), i))
             left.remove(pick)
             pairs.append((pick, int(place_of[pick])))
         return pairs
@@ -281,13 +327,12 @@ class _Least:
     def bound(self) -> float:
         """No order and assignment take less: shortest carries, and shortest ways to all picks and to the end."""
         n, m = self.freedom.picks, self.freedom.places
-        carries = np.where(np.isfinite(self.carry), self.carry, 1e6)
-        rows, columns = linear_sum_assignment(carries)
+        rows, columns = linear_sum_assignment(self.carry)
         # every pick is come to from the start or from a place, and the end from a place, each left once
-        ways = np.full((m + 1, n + 1), 1e6)
+        ways = np.full((m + 1, n + 1), _BLOCKED)
         ways[0, :n], ways[1:, :n], ways[1:, n] = self.begin, self.go_on, self.end
         back_rows, back_columns = linear_sum_assignment(ways)
-        return float(carries[rows, columns].sum() + ways[back_rows, back_columns].sum())
+        return float(self.carry[rows, columns].sum() + ways[back_rows, back_columns].sum())
 
 
 def _exchanges(pairs: Sequence[tuple[int, int]], freedom: Freedom) -> Iterator[list[tuple[int, int]]]:
