@@ -146,15 +146,7 @@ class _Cause:
         return "a cube", "to"
 
     def _worlds_at(self, station: str) -> tuple[World, ...]:
-        """What the line at a place goes through, other cubes left out."""
-        for t in self.transfers:
-            if station in (t.pick.name, t.place.name):
-                stages = Stages(self.scene, [t], [t.place])
-                pick, place = Standing(False, 0), Standing(True, 0)
-                if station == t.pick.name:
-                    return stages.empty(frozenset([pick])), stages.holding(0, frozenset(), t.pick.touches)
-                return stages.holding(0, frozenset(), t.place.touches), stages.empty(frozenset([place]))
-        return ()
+        return worlds_at(self.scene, self.transfers, station)
 
     def _across(self) -> Failure | None:
         legs = [entry for entry in self.rejected if "from" in entry]
@@ -239,3 +231,19 @@ def _nearest(
             if closest.value < known[1] - 1e-9:
                 known = closest.pair, closest.value
     return known
+
+
+def worlds_at(scene: Scene, transfers: Sequence[Transfer], station: str) -> tuple[World, ...]:
+    """What the line at a place goes through, other cubes that move left out; none if no transfer uses the place."""
+    for t in transfers:
+        if station in (t.pick.name, t.place.name):
+            others = {other.cube for other in transfers} - {t.cube}
+            left = replace(
+                scene, cubes=tuple(c for c in scene.cubes if c.name not in others), allowed=frozenset()
+            )
+            stages = Stages(left, [t], [t.place])
+            pick, place = Standing(False, 0), Standing(True, 0)
+            if station == t.pick.name:
+                return stages.empty(frozenset([pick])), stages.holding(0, frozenset(), t.pick.touches)
+            return stages.holding(0, frozenset(), t.place.touches), stages.empty(frozenset([place]))
+    return ()
