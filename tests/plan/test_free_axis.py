@@ -13,13 +13,13 @@ from plan.free_axis import FreeInterval, free_sets, sample_free, turned_poses
 from plan.ik import BRANCH_NAMES, all_branches, inverse_kinematics, nearest_turns
 from plan.screws import screw_arm
 
-POSES = 6
+POSES = 4
 AXES = ("x", "y", "z")
 
 
 def _cases(robot: Robot, unit: Unit, lower: np.ndarray, upper: np.ndarray, seed: int):  # type: ignore[no-untyped-def]
     q = np.random.default_rng(seed).uniform(
-        unit.lower, unit.upper, (3 if lower[0] < unit.lower[0] else POSES, 6)
+        unit.lower, unit.upper, (POSES // 2 if lower[0] < unit.lower[0] else POSES, 6)
     )
     for k, T in enumerate(screw_arm(robot).tool_poses(q)):
         yield T, AXES[k % 3], free_sets(robot, T, lower, upper, AXES[k % 3])
