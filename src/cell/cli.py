@@ -63,6 +63,9 @@ Images = Annotated[
 TimeScale = Annotated[
     float, typer.Option("--time-scale", help="Emulated seconds per wall second (simulated cell only).")
 ]
+Advice = Annotated[
+    bool, typer.Option("--advice/--no-advice", help="After a refusal, try what would help, with the planner.")
+]
 Output = Annotated[
     Path | None, typer.Option("-o", "--output", help="File to write; it replaces an older one.")
 ]
@@ -83,13 +86,14 @@ def run(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="New folder of the run; default: runs/TASK-1, -2 ..")
     ] = None,
+    advice: Advice = True,
     as_json: Json = False,
 ) -> None:
     from cell.console import Console
     from cell.run import run_task
 
     console = Console(as_json)
-    _finish(console, run_task(task, console, port, world, images, speed, time_scale, output))
+    _finish(console, run_task(task, console, port, world, images, speed, time_scale, output, advice))
 
 
 @app.command(
@@ -117,12 +121,12 @@ def look(
     help="Say for every hole whether the arm can serve it, on which branches, and by how much not.",
     epilog="Example: a465 reach scenes/task2.toml --look look.json",
 )
-def reach(task: TaskFile, look: LookFile, as_json: Json = False) -> None:
+def reach(task: TaskFile, look: LookFile, advice: Advice = True, as_json: Json = False) -> None:
     from cell.console import Console
     from cell.steps import reach_step
 
     console = Console(as_json)
-    console.result(reach_step(task, look, console))
+    console.result(reach_step(task, look, console, advice))
 
 
 @app.command(
@@ -134,13 +138,14 @@ def plan(
     look: LookFile,
     output: Annotated[Path, typer.Option("-o", "--output", help="Plan file to write.")] = Path("plan.json"),
     speed: Speed = None,
+    advice: Advice = True,
     as_json: Json = False,
 ) -> None:
     from cell.console import Console
     from cell.steps import plan_step
 
     console = Console(as_json)
-    console.result(plan_step(task, look, output, speed, console))
+    console.result(plan_step(task, look, output, speed, console, advice))
 
 
 @app.command(

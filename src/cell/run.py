@@ -26,8 +26,9 @@ def run_task(
     speed: float | None = None,
     time_scale: float = 10.0,
     folder: Path | None = None,
+    advice: bool = False,
 ) -> dict[str, Any]:
-    """Do a whole task; its report as JSON types.
+    """Do a whole task; its report as JSON types. With `advice`, a refusal to plan says what would help.
 
     Raises:
         InputError: a file, value or port is wrong.
@@ -39,6 +40,7 @@ def run_task(
     speed = task.cell.speed if speed is None else speed
     task.cell.limits.scaled(speed)
     with _opened(task, console, port, world, images, speed, time_scale, folder) as run:
+        run.advice = advice
         before = run.try_look("before anything moves")
         if before is not None and not run.foresee(before):
             return run.report()

@@ -70,8 +70,10 @@ def _print_look(seen: Seen, console: Console) -> None:
         )
 
 
-def reach_step(task_file: Path, look_file: Path, console: Console) -> dict[str, Any]:
+def reach_step(task_file: Path, look_file: Path, console: Console, advice: bool = False) -> dict[str, Any]:
     """``a465 reach``."""
+    from cell.explaining import explained
+
     task = read_task(task_file)
     seen = read_seen(look_file, task.cell.boards)
     seen.require(task)
@@ -80,7 +82,8 @@ def reach_step(task_file: Path, look_file: Path, console: Console) -> dict[str, 
         ("hole", "choices", "best branch", "yaw", "what limits it"),
         [(h.hole, len(h.serving()), h.best.branch, h.best.yaw, h.best.reason()) for h in table.holes],
     )
-    table.require()
+    with explained(task, seen, task.cell.q_start, task.cell.speed, advice, every_hole=True):
+        table.require()
     return {
         "holes": [
             {
@@ -97,13 +100,22 @@ def reach_step(task_file: Path, look_file: Path, console: Console) -> dict[str, 
 
 
 def plan_step(
-    task_file: Path, look_file: Path, output: Path, speed: float | None, console: Console
+    task_file: Path,
+    look_file: Path,
+    output: Path,
+    speed: float | None,
+    console: Console,
+    advice: bool = False,
 ) -> dict[str, Any]:
     """``a465 plan``: from q_start, all cubes that were seen."""
+    from cell.explaining import explained
+
     task = read_task(task_file)
     seen = read_seen(look_file, task.cell.boards)
     seen.require(task)
-    plan = plan_rest(task, seen, task.cell.q_start, task.cell.speed if speed is None else speed, {}, {})
+    speed, q_start = task.cell.speed if speed is None else speed, task.cell.q_start
+    with explained(task, seen, q_start, speed, advice):
+        plan = plan_rest(task, seen, q_start, speed, {}, {})
     if plan is None:
         raise ImpossibleError(f"board {task.from_board.name} holds no cube, so there is nothing to plan")
     write_plan(output, plan)

@@ -15,6 +15,7 @@ from arm.planfile import GripperStep, Plan, Step, write_plan
 from arm.se3 import Array, frozen
 from cell.connection import Connection
 from cell.console import Console
+from cell.explaining import explained
 from cell.holding import Held
 from cell.lookfile import Seen
 from cell.looking import look_and_save
@@ -54,6 +55,7 @@ class TaskRun:
         self.given_up: set[int] = set()  # holes of the source board
         self.plans: list[Plan] = []
         self.remarks: list[str] = []
+        self.advice = False  # whether a refusal to plan is followed by advice
         self._looks = count(1)
 
     # -- the stages
@@ -101,7 +103,9 @@ class TaskRun:
             ImpossibleError: naming each that is not, and by how much.
         """
         table = reach_of(self.task, seen)
-        table.require()
+        q_start, rest = self.task.cell.q_start, (self.done, self.on_table, self.given_up)
+        with explained(self.task, seen, q_start, self.speed, self.advice, *rest, every_hole=True):
+            table.require()
         least = min(float(np.degrees(h.best.margin)) for h in table.holes)
         self.console.step(f"reach: all {len(table.holes)} holes, at least {least:.1f} deg from every limit")
 
@@ -115,7 +119,9 @@ class TaskRun:
             ImpossibleError: with step, hole, joint or pair of bodies and how much.
         """
         self.check_reach(seen)
-        plan = plan_rest(self.task, seen, self.task.cell.q_start, self.speed, {}, {})
+        q_start = self.task.cell.q_start
+        with explained(self.task, seen, q_start, self.speed, self.advice, every_hole=True):
+            plan = plan_rest(self.task, seen, q_start, self.speed, {}, {})
         if plan is None:
             self.console.step(f"board {self.task.from_board.name} holds no cube: nothing to do")
             return False
@@ -152,7 +158,9 @@ class TaskRun:
             plan = self._plan_rest(seen) if again else None
 
     def _plan_rest(self, seen: Seen) -> Plan | None:
-        plan = plan_rest(self.task, seen, self._q_now(), self.speed, self.done, self.on_table, self.given_up)
+        q_now, rest = self._q_now(), (self.done, self.on_table, self.given_up)
+        with explained(self.task, seen, q_now, self.speed, self.advice, *rest):
+            plan = plan_rest(self.task, seen, q_now, self.speed, *rest)
         if plan is None:
             return None
         self.console.step(
@@ -302,7 +310,8 @@ class TaskRun:
     def record(self, error: A465Error) -> None:
         """Write the report of a run that ended by an error."""
         kind = {"kind": type(error).__name__, "message": str(error), "exit_code": error.exit_code}
-        write_atomic(self.folder / "report.json", _json({**self._as_json(), "error": kind}))
+        known = {key: error.data[key] for key in ("failure", "advice") if key in error.data}
+        write_atomic(self.folder / "report.json", _json({**self._as_json(), "error": {**kind, **known}}))
 
     def _as_json(self) -> dict[str, Any]:
         whole = [p for p in self.plans if p.task["cubes"]]

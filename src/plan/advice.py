@@ -8,7 +8,7 @@ plans is used up. Budgets are counted, never timed: the same request gives the s
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
@@ -204,16 +204,13 @@ class _Trial:
                 return advice
         return best
 
-    def skipping(self, change: Change) -> Advice | None:
+    def skipping(self, change: Change | None) -> Advice | None:
         """Cubes left out, and more of them where that shows another place that fails."""
         while isinstance(change, Skipped):
             advice, failure = self.tried(change)
             if advice is not None or failure is None:
                 return advice
-            more = skipped_for(self.request, failure, change.cubes)
-            if more is None:
-                return None
-            change = replace(more, stations=change.stations | more.stations)
+            change = skipped_for(self.request, failure, change.cubes)
         return None
 
     def plan(self, change: Change) -> Advice | None:

@@ -162,7 +162,7 @@ def skipped_for(request: Request, failure: Failure, already: frozenset[str] = fr
     if not cubes - already or len(cubes) >= len(request.transfers):
         return None
     names = ", ".join(t.cube for t in request.transfers if t.cube in cubes)
-    return Skipped(f"leave {names} out", cubes, failing)
+    return Skipped(f"leave {names} out", cubes)
 
 
 def _moves(

@@ -68,17 +68,10 @@ class _Cause:
 
     def found(self) -> Failure:
         if "holes" in self.error.data:
-            return self._out_of_reach()
+            return out_of_reach(self.error, self.table)
         if "proved_m" in self.error.data:
             return self._after_timing({"reason": str(self.error), **self.error.data})
         return self._start() or self._lines() or self._across() or self._search_ended()
-
-    def _out_of_reach(self) -> Failure:
-        failing = {entry["hole"] for entry in self.error.data["holes"]}
-        holes = [h for h in self.table.holes if h.hole in failing]
-        ways = tuple(of_choice(c) for h in holes for c in h.choices)
-        names = tuple(h.hole for h in holes)
-        return Failure(OUT_OF_REACH, f"line at {names[0]}", names, str(self.error), ways)
 
     def _start(self) -> Failure | None:
         world = World(self.scene.robot_open, (*self.scene.bodies, *self.scene.cubes))
@@ -91,11 +84,17 @@ class _Cause:
 
     def _lines(self) -> Failure | None:
         """A place whose every way that reaches is blocked: by what stands still, or else by other cubes."""
+        picks = {t.pick.name for t in self.transfers}
         for with_cubes in (False, True):
-            for hole in self.table.holes:
-                entries = self._blocked_at(hole.hole, with_cubes)
-                if hole.ok and set(entries) >= {(c.yaw, c.branch) for c in hole.serving()}:
-                    return self._line(hole.hole, entries)
+            entries = {h.hole: self._blocked_at(h.hole, with_cubes) for h in self.table.holes if h.ok}
+            closed = [
+                h for h in entries if set(entries[h]) >= {(c.yaw, c.branch) for c in self.table[h].serving()}
+            ]
+            open_places = set(entries) - set(closed) - picks
+            enough = self.options.assignment == "free" and len(open_places) >= len(self.transfers)
+            for name in closed:
+                if name in picks or not enough:
+                    return self._line(name, entries[name])
         return None
 
     def _blocked_at(self, station: str, with_cubes: bool) -> dict[tuple[int, str], dict[str, Any]]:
@@ -231,6 +230,14 @@ def _nearest(
             if closest.value < known[1] - 1e-9:
                 known = closest.pair, closest.value
     return known
+
+
+def out_of_reach(error: ImpossibleError, table: ReachTable) -> Failure:
+    """The failure in an error of `plan.reach.ReachTable.require`."""
+    failing = {entry["hole"] for entry in error.data["holes"]}
+    ways = tuple(of_choice(c) for h in table.holes if h.hole in failing for c in h.choices)
+    names = tuple(h.hole for h in table.holes if h.hole in failing)
+    return Failure(OUT_OF_REACH, f"line at {names[0]}", names, str(error), ways)
 
 
 def worlds_at(scene: Scene, transfers: Sequence[Transfer], station: str) -> tuple[World, ...]:

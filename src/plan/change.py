@@ -232,17 +232,13 @@ class Elsewhere(Change):
 
 @dataclass(frozen=True)
 class Skipped(Change):
-    """Cubes left where they are; places that need not be served any more."""
+    """Cubes left where they are."""
 
     cubes: frozenset[str]
-    stations: frozenset[str] = frozenset()
 
     def apply(self, request: Request) -> Request:
-        return replace(
-            request,
-            transfers=tuple(t for t in request.transfers if t.cube not in self.cubes),
-            required=tuple(s for s in request.required if s.name not in self.stations),
-        )
+        left = tuple(t for t in request.transfers if t.cube not in self.cubes)
+        return replace(request, transfers=left)
 
     def to_json(self) -> dict[str, Any]:
         return {"change": "skip", "cubes": sorted(self.cubes)}
