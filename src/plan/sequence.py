@@ -17,29 +17,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm.errors import ImpossibleError
-from arm.se3 import Array, frozen
+from arm.se3 import Array
 from arm.unit import Limits
-from plan.check import MoveCheck, check_curve, curve_of_waypoints
+from plan.check import MoveCheck
 from plan.legs import LineEnds, leg_bounds, leg_times, line_ends, standing
 from plan.options import PlanOptions
 from plan.order import Costs, Done, Freedom, Ordered, Visit, best_order
+from plan.proofs import Blocked, Crossing, Proofs
 from plan.reach import LineChoice
 from plan.shorten import Ends
 from plan.stages import Stages, Standing
-from plan.transit import Detours
 from plan.travel import path_time
-from plan.world import World
 
-# Transits are searched with this much more clearance than is asked, for what timing and rounding change, m.
-MARGIN = 1e-3
 # Ways around that are made between one pick and one place (and more where there is none yet).
 _DETOURS, _DETOURS_AT_MOST = 2, 12
 # What a way around is taken to cost before one was made, in parts of the straight way and s.
 _OVERHEAD, _OVERHEAD_S = 0.02, 0.05
 _ROUNDS = 400
 _NOT_NOW = 1e9  # s; of a leg that is not tried for want of budget
-# Places on a line that are looked at before it is proved.
-_FIRST_LOOKS = (0.5, 0.25, 0.75)
+_SAME = 1e-9  # s
 
 
 @dataclass(frozen=True)
@@ -128,13 +124,10 @@ class TaskSearch:
             tuple[str, tuple[int, ...]], dict[tuple[int, int, Standing | None], float | None]
         ] = {}
         self.excess: dict[tuple[str, tuple[int, ...]], float] = {}
-        self.detours: dict[tuple[str, tuple[int, ...]], int] = {}
+        self.detours: dict[tuple[str, tuple[int, ...], Standing | None], int] = {}
         self.most_detours = _DETOURS
-        self.lines: dict[tuple[bool, int], dict[tuple[int, Standing | None], bool]] = {}
-        self.ways: dict[tuple[_Leg, frozenset[Standing]], Array] = {}
-        self.straight: dict[tuple[_Leg, frozenset[Standing]], MoveCheck] = {}
-        self.proved: set[tuple[object, ...]] = set()
-        self.known: dict[bool, list[Array]] = {False: [], True: []}
+        self.lines: dict[tuple[bool, int], set[tuple[int, Standing | None]]] = {}
+        self.proofs = Proofs(stages, limits, options)
         self.rejected: dict[str, ImpossibleError] = {}
 
     def best(self) -> Found:
@@ -242,7 +235,7 @@ class TaskSearch:
 
     def _closed(self, placed: bool, number: int, there: frozenset[Standing]) -> list[int]:
         """Choices of a station whose line is blocked."""
-        known = self.lines.get((placed, number), {})
+        known = self.lines.get((placed, number), set())
         return sorted({way for way, by in known if by is None or by in there})
 
     def _stops(self, ordered: Ordered) -> tuple[Stop, ...] | None:
@@ -254,7 +247,7 @@ class TaskSearch:
             carrying = there - {Standing(False, visit.pick)}
             done = Done(done.picks | {visit.pick}, done.places | {visit.place})
             after = self.there(done)
-            if not self._lines_proved(visit, there, carrying, after):
+            if not self._lines_proved(visit, there, after):
                 whole, last = False, None
                 continue
             across = self._across(
@@ -280,110 +273,68 @@ class TaskSearch:
             stops.append(Stop(visit, pick, place, there, out, across, home))
         return tuple(stops) if whole else None
 
-    def _lines_proved(
-        self,
-        visit: Visit,
-        there: frozenset[Standing],
-        carrying: frozenset[Standing],
-        after: frozenset[Standing],
-    ) -> bool:
-        stages = self.stages
-        pick, place = stages.transfers[visit.pick].pick, stages.places[visit.place]
-        first = self._line_proved(
-            False, visit.pick, visit.pick_way, there,
-            lambda: (stages.empty(there), stages.holding(visit.pick, carrying, pick.touches)),
-        )  # fmt: skip
-        second = self._line_proved(
-            True, visit.place, visit.place_way, after,
-            lambda: (stages.holding(visit.pick, carrying, place.touches), stages.empty(after)),
-        )  # fmt: skip
-        return first and second
+    def _lines_proved(self, visit: Visit, there: frozenset[Standing], after: frozenset[Standing]) -> bool:
+        proved = True
+        for placed, number, way, now in (
+            (False, visit.pick, visit.pick_way, there),
+            (True, visit.place, visit.place_way, after),
+        ):
+            choice = (self.places if placed else self.picks)[number][way]
+            blocked = self.proofs.line(choice, Standing(placed, number), visit.pick, now)
+            if blocked is not None:
+                self.lines.setdefault((placed, number), set()).add((way, blocked.by))
+                self._reject(_line_blocked(choice, blocked.check, self.options.line_clearance))
+                proved = False
+        return proved
 
-    def _line_proved(
-        self,
-        placed: bool,
-        number: int,
-        way: int,
-        there: frozenset[Standing],
-        worlds: Callable[[], tuple[World, ...]],
-    ) -> bool:
-        key = (placed, number, way, there)
-        if key in self.proved:
-            return True
-        choice = (self.places if placed else self.picks)[number][way]
-        curve = curve_of_waypoints(choice.q_line)
-        for world in worlds():
-            check = check_curve(world, curve, self.options.line_clearance)
-            if not check.proved:
-                by = self._by(check, there, Standing(placed, number))
-                self.lines.setdefault((placed, number), {})[(way, by)] = True
-                self._reject(_line_blocked(choice, check, self.options.line_clearance))
-                return False
-        self.proved.add(key)
-        return True
-
-    def _across(self, leg: _Leg, there: frozenset[Standing]) -> Array | None:
+    def _across(self, leg: _Leg, now: frozenset[Standing]) -> Array | None:
         """Way-points of a leg's way across, proved; None where it costs more than was thought, which is noted."""
-        if (leg, there) in self.ways:
-            return self.ways[leg, there]
         out, into = self._ends(leg)
-        q_from, q_to = out.offset[0], into.offset[0]
-        world = self.stages.holding(leg.numbers[0], there) if leg.kind == _CARRY else self.stages.empty(there)
-        known = self.blocked.setdefault((leg.kind, leg.numbers), {})
-        if (leg, there) not in self.straight:
-            check = self._straight_check(world, q_from, q_to)
-            if check.proved:
-                self.ways[leg, there] = frozen([q_from, q_to])
-                return self.ways[leg, there]
-            self.straight[leg, there] = check
-            by = self._by(check, there, *self._own(leg))
-            if (*leg.ways, by) not in known:
-                known[(*leg.ways, by)] = None
-                return None
-        check = self.straight[leg, there]
-        by = self._by(check, there, *self._own(leg))
-        made = self.detours.get((leg.kind, leg.numbers), 0)
-        if made >= self.most_detours:
-            known[(*leg.ways, by)] = _NOT_NOW
-            return None
-        self.detours[leg.kind, leg.numbers] = made + 1
-        return self._around(leg, there, world, check, by)
-
-    def _around(
-        self, leg: _Leg, there: frozenset[Standing], world: World, check: MoveCheck, by: Standing | None
-    ) -> Array | None:
-        out, into = self._ends(leg)
-        ends = Ends(out.velocity[0], -into.velocity[0])
-        clearance = self.options.clearance + MARGIN
-        rng = np.random.default_rng(self.options.seed)
-        detours = Detours(
-            world, self.limits, clearance, rng, self.options.transit, ends, self.known[leg.kind == _CARRY]
+        crossing = Crossing(
+            out.offset[0],
+            into.offset[0],
+            Ends(out.velocity[0], -into.velocity[0]),
+            leg.numbers[0] if leg.kind == _CARRY else None,
+            self._own(leg),
         )
-        way = None
-        if detours.free(out.offset[0]) and detours.free(into.offset[0]):
-            way = detours.around(out.offset[0], into.offset[0], check.time)
-        known = self.blocked[leg.kind, leg.numbers]
-        if way is None:
-            known[(*leg.ways, by)] = np.inf
-            self._reject(_leg_blocked(leg, check, clearance, self.stages))
+        found = self.proofs.straight(leg, crossing, now)
+        if not isinstance(found, Blocked):
+            return found
+        known = self.blocked.setdefault((leg.kind, leg.numbers), {})
+        key = (*leg.ways, found.by)
+        if found.end:
+            known[key] = np.inf
+            self._reject(_leg_blocked(leg, found, self.options.clearance, self.stages))
             return None
-        straight = float(leg_times(out, into, self.limits)[0, 0])
-        around = path_time(way, self.limits, ends.enter, ends.leave)
-        time = float(out.time[0] + out.start[0] + around + into.time[0] + into.start[0])
-        self.ways[leg, there] = frozen(way)
-        known[(*leg.ways, by)] = time
-        key = (leg.kind, leg.numbers)
-        self.excess[key] = min(self.excess.get(key, np.inf), max(time - straight, 0.0))
-        return None if time > straight + self._excess(*key, straight) else self.ways[leg, there]
+        if key not in known:
+            known[key] = None
+            return None
+        if known[key] is None:
+            made = self.detours.get((leg.kind, leg.numbers, found.by), 0)
+            if made >= self.most_detours:
+                known[key] = _NOT_NOW
+                return None
+            self.detours[leg.kind, leg.numbers, found.by] = made + 1
+        way = self.proofs.around(leg, crossing, now, thorough=self.most_detours > _DETOURS)
+        if way is None:
+            known[key] = np.inf
+            self._reject(_leg_blocked(leg, found, self.options.clearance, self.stages))
+            return None
+        return way if self._noted(leg, key, out, into, way) else None
 
-    def _straight_check(self, world: World, q_from: Array, q_to: Array) -> MoveCheck:
-        clearance = self.options.clearance + MARGIN
-        for u in _FIRST_LOOKS:
-            q = q_from + u * (q_to - q_from)
-            if world.in_collision(q, clearance):
-                seen = world.distance(q)
-                return MoveCheck(seen.value, seen.value, seen.pair, u, False, 1)
-        return check_curve(world, curve_of_waypoints([q_from, q_to]), clearance)
+    def _noted(
+        self, leg: _Leg, key: tuple[int, int, Standing | None], out: LineEnds, into: LineEnds, way: Array
+    ) -> bool:
+        """Put down what a way around takes; whether that is no more than was thought."""
+        known, group = self.blocked[leg.kind, leg.numbers], (leg.kind, leg.numbers)
+        straight = float(leg_times(out, into, self.limits)[0, 0])
+        around = path_time(way, self.limits, out.velocity[0], -into.velocity[0])
+        time = float(out.time[0] + out.start[0] + around + into.time[0] + into.start[0])
+        before = known[key]
+        assumed = straight + self._excess(*group, straight) if before is None else before
+        known[key] = time
+        self.excess[group] = min(self.excess.get(group, np.inf), max(time - straight, 0.0))
+        return time <= assumed + _SAME
 
     def _ends(self, leg: _Leg) -> tuple[LineEnds, LineEnds]:
         """The two ends of a leg, one row each."""
@@ -397,23 +348,16 @@ class TaskSearch:
                 return self.place_ends[leg.numbers[0]].row(a), self.pick_ends[leg.numbers[1]].row(b)
         return self.place_ends[leg.numbers[0]].row(a), self.home
 
-    def _own(self, leg: _Leg) -> tuple[Standing, ...]:
+    def _own(self, leg: _Leg) -> frozenset[Standing]:
         """Cubes that stand wherever the leg is used: at its own stations."""
         match leg.kind:
             case "begin":
-                return (Standing(False, leg.numbers[0]),)
+                return frozenset((Standing(False, leg.numbers[0]),))
             case "go on":
-                return (Standing(True, leg.numbers[0]), Standing(False, leg.numbers[1]))
+                return frozenset((Standing(True, leg.numbers[0]), Standing(False, leg.numbers[1])))
             case "end":
-                return (Standing(True, leg.numbers[0]),)
-        return ()
-
-    def _by(self, check: MoveCheck, there: frozenset[Standing], *own: Standing) -> Standing | None:
-        """The cube that is in the way and may be gone another time; None for what is always there."""
-        for standing_ in sorted(there - set(own)):
-            if self.stages.body(standing_).name in check.pair:
-                return standing_
-        return None
+                return frozenset((Standing(True, leg.numbers[0]),))
+        return frozenset()
 
     def _allow_more_detours(self) -> None:
         self.most_detours = _DETOURS_AT_MOST
@@ -448,7 +392,8 @@ def _line_blocked(choice: LineChoice, check: MoveCheck, clearance: float) -> Imp
     )
 
 
-def _leg_blocked(leg: _Leg, check: MoveCheck, clearance: float, stages: Stages) -> ImpossibleError:
+def _leg_blocked(leg: _Leg, blocked: Blocked, clearance: float, stages: Stages) -> ImpossibleError:
+    check = blocked.check
     picks, places = [t.pick.name for t in stages.transfers], [p.name for p in stages.places]
     match leg.kind:
         case "begin":
@@ -459,6 +404,15 @@ def _leg_blocked(leg: _Leg, check: MoveCheck, clearance: float, stages: Stages) 
             origin, goal = places[leg.numbers[0]], picks[leg.numbers[1]]
         case _:
             origin, goal = places[leg.numbers[0]], "the start"
+    if blocked.end:
+        at = origin if check.time == 0.0 else goal
+        return ImpossibleError(
+            f"{at} is itself too near for a move from or to it: {check.pair[0]} and {check.pair[1]} are "
+            f"{check.seen * 1e3:.1f} mm apart there (asked: {clearance * 1e3:g} mm)",
+            **{"from": origin, "to": goal, "end": "from" if check.time == 0.0 else "to"},
+            pair=list(check.pair),
+            distance_m=check.seen,
+        )
     return ImpossibleError(
         f"no way around {check.pair[1]} from {origin} to {goal}: {check.pair[0]} comes to {check.seen * 1e3:.1f} mm "
         f"of it on the straight move (asked: {clearance * 1e3:g} mm)",

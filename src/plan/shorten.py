@@ -37,7 +37,8 @@ _PENALTY = 1e3  # s per m of clearance that is missing
 _SMALL = 1e-3
 _SAMPLE_TRAVEL = 0.3  # rad summed over the joints between places that a step looks at
 _CHECK_TRAVEL = 0.08  # and between those where its outcome is sampled
-_REGION, _LEAST_REGION = 1.0, 0.02  # s of travel
+_MOST_SAMPLES = 6  # not clear, that a step is told at once
+_REGION, _LEAST_REGION = 0.5, 0.03  # s of travel
 _MOST_CORNERS = 4
 
 
@@ -78,7 +79,7 @@ class Shortener:
                 finer = self.with_corner(way)
                 if finer is None:
                     break
-                way, region, model = finer, _REGION / 4.0, None
+                way, region, model = finer, _REGION / 2.0, None
             model = model or _Model(self, way)
             trial = model.step(region)
             gained = 0.0 if trial is None else time - self.time(trial)
@@ -86,16 +87,17 @@ class Shortener:
                 region = 0.0
                 continue
             blocked = self.blocked(way, trial)
-            if blocked is None:
+            if not blocked:
                 way, time, model = trial, time - gained, None
                 region *= 1.5
             else:
-                model.look_at(*blocked)
-                region *= 0.4
+                model.look_at(blocked)
+                region *= 0.5
         return way
 
-    def blocked(self, way: Array, trial: Array) -> tuple[int, float] | None:
-        """The edge of a moved way, and the place on it (0 to 1), where a sample is not clear; None if all are."""
+    def blocked(self, way: Array, trial: Array) -> list[tuple[int, float]]:
+        """Samples of the moved edges that are not clear: edge, and place on it (0 to 1)."""
+        found = []
         for i in range(len(trial) - 1):
             a, b = trial[i], trial[i + 1]
             if np.array_equal(trial[i : i + 2], way[i : i + 2]):
@@ -103,8 +105,10 @@ class Shortener:
             count = int(np.clip(np.ceil(np.abs(b - a).sum() / _CHECK_TRAVEL), 2, 40))
             for j in range(1, count + (i < len(trial) - 2)):
                 if self.world.in_collision(a + (j / count) * (b - a), self.clearance):
-                    return i, j / count
-        return None
+                    found.append((i, j / count))
+                    if len(found) >= _MOST_SAMPLES:
+                        return found
+        return found
 
     def with_corner(self, way: Array) -> Array | None:
         """The same way with one more corner, in the middle of its longest edge."""
@@ -134,9 +138,9 @@ class _Model:
         self.room = np.zeros(0)
         self._look(np.array([i for i, _ in places]), np.array([u for _, u in places]))
 
-    def look_at(self, edge: int, place: float) -> None:
-        """Add a place that turned out to matter."""
-        self._look(np.array([edge]), np.array([place]))
+    def look_at(self, places: list[tuple[int, float]]) -> None:
+        """Add places that turned out to matter."""
+        self._look(np.array([i for i, _ in places]), np.array([u for _, u in places]))
 
     def _look(self, edge: Array, place: Array) -> None:
         way, n = self.way, self.way.shape[1]

@@ -13,7 +13,7 @@ from arm.unit import Limits, Unit
 from plan.motion import Leg, Mover, Phase
 from plan.options import PlanOptions
 from plan.scene import Scene
-from plan.sequence import MARGIN
+from plan.proofs import MARGIN
 from plan.task import Planner, plan_of
 from plan.transit import plan_transit
 from plan.world import World

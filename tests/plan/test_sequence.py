@@ -19,7 +19,8 @@ from plan.check import check_curve, curve_of_waypoints
 from plan.options import PlanOptions
 from plan.order import best_order
 from plan.scene import Scene, Station, Transfer
-from plan.sequence import MARGIN, Found, Stop, TaskSearch
+from plan.proofs import MARGIN
+from plan.sequence import Found, Stop, TaskSearch
 from plan.task import Planner, plan_task
 from plan.world import World
 from task2_scene import CUBE, JAW_OPENING, Q_START, TABLE, TOOL_LENGTH, WALL, Task2, task2
