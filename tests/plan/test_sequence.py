@@ -18,8 +18,8 @@ from arm.unit import load_unit
 from plan.check import check_curve, curve_of_waypoints
 from plan.options import PlanOptions
 from plan.order import best_order
-from plan.scene import Scene, Station, Transfer
 from plan.proofs import MARGIN
+from plan.scene import Scene, Station, Transfer
 from plan.sequence import Found, Stop, TaskSearch
 from plan.task import Planner, plan_task
 from plan.world import World
