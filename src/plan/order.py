@@ -205,8 +205,8 @@ def _traced(end: _Node) -> tuple[Visit, ...]:
     )
 
 
-def _along(pairs: Sequence[tuple[int, int]], costs: Costs) -> Ordered | None:
-    """The best ways for a given order and assignment."""
+def best_ways(pairs: Sequence[tuple[int, int]], costs: Costs) -> Ordered | None:
+    """The best ways for a given order and assignment: pairs of pick and place; None where all are infinite."""
     done = Done(frozenset(), frozenset())
     node: _Node | None = None
     for pick, place in pairs:
@@ -238,7 +238,7 @@ def _improved(freedom: Freedom, costs: Costs) -> Ordered | None:
 
 def _exchanged(pairs: list[tuple[int, int]], freedom: Freedom, costs: Costs, table: _Least) -> Ordered | None:
     """Order and places after every exchange that helps."""
-    best = _along(pairs, costs)
+    best = best_ways(pairs, costs)
     improving = best is not None
     while improving:
         improving = False
@@ -246,7 +246,7 @@ def _exchanged(pairs: list[tuple[int, int]], freedom: Freedom, costs: Costs, tab
             # the table has every leg at its best: what it finds too slow is
             if best is None or table.time(trial) >= best.time - 1e-6:
                 continue
-            found = _along(trial, costs)
+            found = best_ways(trial, costs)
             if found is not None and found.time < best.time - 1e-6:
                 best, pairs, improving = found, trial, True
                 break

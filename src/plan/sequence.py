@@ -22,7 +22,7 @@ from arm.unit import Limits
 from plan.check import MoveCheck
 from plan.legs import LineEnds, leg_bounds, leg_times, line_ends, standing
 from plan.options import PlanOptions
-from plan.order import Costs, Done, Freedom, Ordered, Visit, best_order
+from plan.order import Costs, Done, Freedom, Ordered, Visit, best_order, best_ways
 from plan.proofs import Blocked, Crossing, Proofs
 from plan.reach import LineChoice
 from plan.shorten import Ends
@@ -36,6 +36,8 @@ _OVERHEAD, _OVERHEAD_S = 0.02, 0.05
 _ROUNDS = 400
 _NOT_NOW = 1e9  # s; of a leg that is not tried for want of budget
 _SAME = 1e-9  # s
+# A sequence that could at best be this much faster, in parts, is not looked for.
+_GOOD_ENOUGH = 0.003
 
 
 @dataclass(frozen=True)
@@ -137,17 +139,33 @@ class TaskSearch:
             ImpossibleError: none; data: `rejected` says what stopped each choice and leg.
         """
         bound = best_order(self.freedom, self._costs(self._table(leg_bounds), free=True))
+        costs = self._costs(self.times, free=False)
+        best: Found | None = None
         for _ in range(_ROUNDS):
-            ordered = best_order(self.freedom, self._costs(self.times, free=False))
-            if (ordered is None or ordered.time >= _NOT_NOW) and self.most_detours < _DETOURS_AT_MOST:
+            ordered = best_order(self.freedom, costs)
+            enough = np.inf if best is None else best.time * (1.0 - _GOOD_ENOUGH)
+            if ordered is None or bound is None or ordered.time >= min(enough, _NOT_NOW):
+                if best is not None:
+                    return best
+                if self.most_detours >= _DETOURS_AT_MOST:
+                    break
                 self._allow_more_detours()
                 continue
-            if ordered is None or ordered.time >= _NOT_NOW or bound is None:
-                break
-            stops = self._stops(ordered)
-            if stops is not None:
-                return Found(stops, ordered.time, bound.bound)
+            best = self._proved(ordered, costs, best, bound.bound)
+        if best is not None:
+            return best
         raise self._impossible()
+
+    def _proved(self, ordered: Ordered, costs: Costs, best: Found | None, bound: float) -> Found | None:
+        """The best ways that can be proved for the order and places of `ordered`, or `best` if that is faster."""
+        pairs = [(visit.pick, visit.place) for visit in ordered.visits]
+        current: Ordered | None = ordered
+        while current is not None and current.time < _NOT_NOW and (best is None or current.time < best.time):
+            stops = self._stops(current)
+            if stops is not None:
+                return Found(stops, current.time, bound)
+            current = best_ways(pairs, costs)
+        return best
 
     def forbid(self, stop: Stop, before: Stop | None, which: str, error: ImpossibleError) -> None:
         """Never use a leg of a stop again: ``out``, ``across`` or ``home``; it could not be timed and proved."""

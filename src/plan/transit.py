@@ -3,9 +3,9 @@
 The search has stages, each with a budget counted in tries and random numbers from the given seed, so that the same
 request gives the same way-points:
 
-1. one corner: the tool lifted or drawn in from where the straight move comes nearest, and random places about it, in
-   the order of their travel time;
-2. where no single corner does, RRT-Connect (J. Kuffner, S. LaValle, ICRA 2000) in joint space scaled by speed;
+1. one or two corners: the tool lifted or drawn in from the straight move, and random places about it, in the order of
+   their travel time; the first few that differ;
+2. where no such way is clear, RRT-Connect (J. Kuffner, S. LaValle, ICRA 2000) in joint space scaled by speed;
 3. needless corners left out, then all corners moved for time by `plan.shorten`.
 
 Every edge that is used is proved by `plan.check`, never sampled.
@@ -53,6 +53,8 @@ class TransitBudget:
 
 # Places on a line that are looked at before it is proved.
 _FIRST_LOOKS = (0.5, 0.25, 0.75, 0.125, 0.375, 0.625, 0.875)
+# How many ways are remembered, and how densely they are looked at, rad summed over the joints.
+_REMEMBERED, _LOOK_TRAVEL = 6, 0.2
 # Corners nearer to each other than this lead to the same way, s of travel.
 _DIFFERENT = 0.7
 # How far the tool is lifted, or drawn towards the base, to pass what is in the way, m.
@@ -128,7 +130,7 @@ class Detours:
         rng: of all random choices.
         budget: of the search.
         ends: velocities at both ends; default: at rest.
-        known: corners (n,) that served other ways; those that this one uses are added.
+        known: corners (c, n) of other ways, which are tried first; those of the way that is found are added.
     """
 
     def __init__(
@@ -150,10 +152,14 @@ class Detours:
         """A way, made as fast as the budget allows, or None; the straight one is blocked at fraction `at`."""
         shortener = Shortener(self.world, self.limits, self.clearance, self.ends)
         budget = self.budget
-        rough = [shortener.shorten(way, budget.steps // 4) for way in self.one_corner(start, goal, at)]
+        trodden = self.trodden(start, goal)
+        rough = [
+            shortener.shorten(way, budget.steps // 4)
+            for way in ([] if trodden is None else [trodden]) + self.few_corners(start, goal, at)
+        ]
         for way in sorted(rough, key=lambda w: round(self.time(w), 6)):
             found = shortener.shorten(way, budget.steps)
-            for trial in (found, way, np.stack([start, way[1], goal])):
+            for trial in (found, way):
                 if self.proved(trial):
                     return self.noted(trial)
         tree = RrtConnect(self.limits, self.free, self.clear, self.rng)
@@ -166,8 +172,20 @@ class Detours:
 
     def noted(self, way: Array) -> Array:
         """The way, its corners remembered."""
-        self.known += list(way[1:-1])
+        self.known.append(way[1:-1])
         return way
+
+    def trodden(self, start: Array, goal: Array) -> Array | None:
+        """The fastest way through corners that served another one, if it looks clear."""
+        ways = [np.concatenate([start[None], corners, goal[None]]) for corners in self.known[-_REMEMBERED:]]
+        for way in sorted(ways, key=lambda w: round(self.time(w), 6)):
+            if all(
+                self.free(a + u * (b - a))
+                for a, b in pairwise(way)
+                for u in np.linspace(0.0, 1.0, 1 + int(np.ceil(np.abs(b - a).sum() / _LOOK_TRAVEL)))
+            ):
+                return way
+        return None
 
     def proved(self, way: Array) -> bool:
         """Whether every edge is."""
@@ -190,58 +208,72 @@ class Detours:
         """Estimate of the motion's time, s."""
         return path_time(way, self.limits, self.ends.enter, self.ends.leave)
 
-    def one_corner(self, start: Array, goal: Array, at: float) -> list[Array]:
-        """A few fast ways with one corner that differ from each other and are clear where they were looked at."""
-        corners = np.concatenate(
-            [
-                np.array(self.known[-8:]).reshape(-1, len(start)),
-                self.lifted(start, goal, at),
-                self.drawn(start, goal),
-            ]
-        )
-        ways = np.stack(
-            [np.broadcast_to(start, corners.shape), corners, np.broadcast_to(goal, corners.shape)], axis=1
-        )
-        times = np.round(path_times(ways, self.limits, self.ends.enter, self.ends.leave), 6)
+    def few_corners(self, start: Array, goal: Array, at: float) -> list[Array]:
+        """A few fast ways with one or two corners that differ from each other and look clear."""
+        single = np.concatenate([*self.lifted(start, goal, (at, 0.5)), self.drawn(start, goal)])[:, None]
+        double = self.lifted_twice(start, goal)
+        ways = [np.concatenate([start[None], c, goal[None]]) for corners in (single, double) for c in corners]
+        times = np.concatenate([self.times(start, corners, goal) for corners in (single, double)])
         found: list[Array] = []
         tried = 0
         for index in np.argsort(times, kind="stable"):
-            corner = corners[index]
+            way = ways[index]
             if tried >= self.budget.corner_edges or len(found) >= self.budget.starts:
                 break
             if found and times[index] > 2.0 * self.time(found[0]):
                 break
-            near = (np.abs(way[1] - corner) / self.limits.velocity for way in found)
-            if any(float(away.max()) < _DIFFERENT for away in near) or not self.free(corner):
+            if any(self.alike(way, other) for other in found) or not all(self.free(q) for q in way[1:-1]):
                 continue
             tried += 1
-            if all(
-                self.free(end + u * (corner - end)) for u in reversed(_FIRST_LOOKS) for end in (start, goal)
-            ):
-                found.append(np.stack([start, corner, goal]))
+            if all(self.free(a + u * (b - a)) for u in reversed(_FIRST_LOOKS) for a, b in pairwise(way)):
+                found.append(way)
         return found
 
-    def lifted(self, start: Array, goal: Array, at: float) -> Array:
-        """Configurations (m, n) with the tool moved up, in, or both, from where the straight move is blocked."""
+    def times(self, start: Array, corners: Array, goal: Array) -> Array:
+        """Estimates (m,) of ways through corners (m, c, n), s; rounded, to rank alike on every processor."""
+        shape = (len(corners), 1, len(start))
+        ways = np.concatenate([np.broadcast_to(start, shape), corners, np.broadcast_to(goal, shape)], axis=1)
+        return np.round(path_times(ways, self.limits, self.ends.enter, self.ends.leave), 6)
+
+    def alike(self, way: Array, other: Array) -> bool:
+        """Whether two ways have their corners at about the same places."""
+        if len(way) != len(other):
+            return False
+        return float((np.abs(way - other) / self.limits.velocity).max()) < _DIFFERENT
+
+    def lifted(self, start: Array, goal: Array, places: tuple[float, ...]) -> list[Array]:
+        """For each place (0 to 1) on the straight way, configurations (m, n) with the tool moved up, in, or both."""
         robot, limits = self.world.robot, self.limits
-        found = [np.zeros((0, len(start)))]
-        for u in (at, 0.5):
+        found = []
+        for u in places:
             q = start + u * (goal - start)
-            T = robot.T_base_tool(q)
-            inward = -T[:3, 3] * (1.0, 1.0, 0.0)
-            inward /= max(float(np.linalg.norm(inward)), 1e-6)
-            up = np.array([0.0, 0.0, 1.0])
-            ways = np.stack([up, inward, up + inward, up + 0.5 * inward, -inward])
-            poses = np.tile(T, (len(ways) * len(_LIFTS), 1, 1))
-            poses[:, :3, 3] += (ways[:, None] * np.array(_LIFTS)[:, None]).reshape(-1, 3)
             try:
-                raw = all_branches(robot, poses)
+                raw = all_branches(robot, _lifts(robot.T_base_tool(q)))
             except InputError:  # an arm of another kind: random corners have to do
-                break
+                return [np.zeros((0, len(start)))]
             turned = nearest_turns(raw.q, q)
             inside = raw.reached & ((turned >= limits.lower) & (turned <= limits.upper)).all(axis=-1)
             found.append(turned[inside])
-        return np.concatenate(found)
+        return found
+
+    def lifted_twice(self, start: Array, goal: Array) -> Array:
+        """Corners (m, 2, n): the tool moved alike at two places, on the branch that is nearest there."""
+        robot, limits = self.world.robot, self.limits
+        pairs = []
+        for u in (0.25, 0.75):
+            q = start + u * (goal - start)
+            try:
+                raw = all_branches(robot, _lifts(robot.T_base_tool(q)))
+            except InputError:
+                return np.zeros((0, 2, len(start)))
+            turned = nearest_turns(raw.q, q)
+            inside = raw.reached & ((turned >= limits.lower) & (turned <= limits.upper)).all(axis=-1)
+            away = np.where(inside, (np.abs(turned - q) / limits.velocity).max(axis=-1), np.inf)
+            best = np.argmin(np.round(away, 9), axis=1)
+            index = np.arange(len(turned))
+            pairs.append((turned[index, best], inside[index, best]))
+        both = pairs[0][1] & pairs[1][1]
+        return np.stack([pairs[0][0][both], pairs[1][0][both]], axis=1)
 
     def drawn(self, start: Array, goal: Array) -> Array:
         """Random configurations (m, n) about the straight line."""
@@ -285,3 +317,14 @@ class Detours:
         a = path[i] + (places[0] - i) * (path[i + 1] - path[i])
         b = path[j] + (places[1] - j) * (path[j + 1] - path[j])
         return np.concatenate([path[: i + 1], [a, b], path[j + 1 :]]), [i + 1]
+
+
+def _lifts(T_base_tool: Array) -> Array:
+    """Poses (m, 4, 4) of a tool that is moved up, towards the base, both, or away from the base, by `_LIFTS`."""
+    inward = -T_base_tool[:3, 3] * (1.0, 1.0, 0.0)
+    inward /= max(float(np.linalg.norm(inward)), 1e-6)
+    up = np.array([0.0, 0.0, 1.0])
+    ways = np.stack([up, inward, up + inward, up + 0.5 * inward, -inward])
+    poses = np.tile(T_base_tool, (len(ways) * len(_LIFTS), 1, 1))
+    poses[:, :3, 3] += (ways[:, None] * np.array(_LIFTS)[:, None]).reshape(-1, 3)
+    return poses
