@@ -22,6 +22,8 @@ from arm.errors import FileInputError, InputError
 from arm.files import read_text, sha256
 from arm.se3 import Array, frozen, transform
 
+_TURNS = 2.0 * np.pi  # rad each way, of a continuous joint
+
 
 @dataclass(frozen=True)
 class LinkBody:
@@ -110,6 +112,8 @@ def load_robot(
 ) -> Robot:
     """Read an arm from URDF (and pairs not to check from SRDF, by default the file of the same stem).
 
+    A continuous joint is one with a range of a turn each way, which limits may narrow.
+
     A collision mesh is taken as its convex hull, which is never smaller than the mesh: what is proved for the hull
     holds for the mesh. Mesh files are looked for beside the URDF and up to two folders above it (``package://`` too).
     A cylinder that ``<collision_checking><capsule name=.../>`` names is a capsule, as Pinocchio has it.
@@ -130,10 +134,13 @@ def load_robot(
     text = read_text(urdf)
     locked = dict(locked or {})
     try:
-        full = pin.buildModelFromXML(text)
+        bounded = _bounded(text)
+        full = pin.buildModelFromXML(bounded)
         folders = [str(folder) for folder in urdf.resolve().parents[:3]]
-        geometry = pin.buildGeomFromUrdfString(full, text, pin.GeometryType.COLLISION, package_dirs=folders)
-    except (ValueError, RuntimeError) as error:
+        geometry = pin.buildGeomFromUrdfString(
+            full, bounded, pin.GeometryType.COLLISION, package_dirs=folders
+        )
+    except (ValueError, RuntimeError, ElementTree.ParseError) as error:
         raise FileInputError(urdf, "", None, f"is not a URDF: {error}") from error
     wanted = len(ElementTree.fromstring(text).findall("./link/collision"))
     if wanted != geometry.ngeoms:
@@ -173,6 +180,20 @@ def load_robot(
         touching=_touching(srdf, srdf_text),
         digest=sha256(identity),
     )
+
+
+def _bounded(text: str) -> str:
+    """The URDF with continuous joints as turning ones, for which Pinocchio has one number and not a cosine and sine."""
+    root = ElementTree.fromstring(text)
+    endless = [joint for joint in root.findall("joint") if joint.get("type") == "continuous"]
+    for joint in endless:
+        joint.set("type", "revolute")
+        limit = joint.find("limit")
+        if limit is None:
+            limit = ElementTree.SubElement(joint, "limit", {"effort": "0", "velocity": "0"})
+        limit.set("lower", str(-_TURNS))
+        limit.set("upper", str(_TURNS))
+    return ElementTree.tostring(root, encoding="unicode") if endless else text
 
 
 def _link_body(urdf: Path, geometry: Any) -> LinkBody:

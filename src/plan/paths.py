@@ -6,7 +6,9 @@ places where the second derivative may jump.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,6 +43,31 @@ class Joined:
     marks: tuple[float, float]
     caps: Array
     deviation: float
+
+
+@dataclass(frozen=True, eq=False)
+class Chained:
+    """Lines and transits in turn as one path, over tau as in `joined`.
+
+    Attributes:
+        path: over tau, s, with continuous first derivative.
+        edges: (parts + 1,) tau where each part begins, and the end.
+        caps: (pieces,) as of `Joined`.
+        deviation: as of `Joined`, the largest of all transits.
+    """
+
+    path: Path
+    edges: Array
+    caps: Array
+    deviation: float
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A line that is part of a chain, and the cap on the speed along it (its unit of s per s), or None."""
+
+    path: JointPath
+    tool_speed: float | None = None
 
 
 def smooth_path(q: npt.ArrayLike, s: npt.ArrayLike) -> Path:
@@ -138,32 +165,64 @@ def joined(
         InputError: fewer than two different way-points, lines that do not meet them, `blend` or `tool_speed` out of
             range.
     """
+    parts: list[Stretch | npt.ArrayLike] = [waypoints]
+    if before is not None:
+        parts.insert(0, Stretch(before, tool_speed))
+    if after is not None:
+        parts.append(Stretch(after, tool_speed))
+    chain = chained(parts, limits, blend)
+    return Joined(
+        chain.path,
+        (
+            0.0 if before is None else float(chain.edges[1]),
+            float(chain.edges[-1] if after is None else chain.edges[-2]),
+        ),
+        chain.caps,
+        chain.deviation,
+    )
+
+
+def chained(parts: Sequence[Stretch | npt.ArrayLike], limits: Limits, blend: float = 1.0) -> Chained:
+    """Lines and way-points (m, n) rad of transits in turn, as one path without stops; see `joined`.
+
+    Raises:
+        InputError: two lines or two transits follow each other, or as `joined`.
+    """
     if not 0.0 < blend <= 1.0:
         raise InputError(f"blend = {blend:g}: must be above 0 and at most 1", value=blend)
-    if tool_speed is not None and not tool_speed > 0.0:
-        raise InputError(f"speed cap = {tool_speed:g}: must be positive", value=tool_speed)
-    points = _distinct(waypoints)
-    first = None if before is None else _line(before, points[0], "before", -1, limits, tool_speed)
-    last = None if after is None else _line(after, points[-1], "after", 0, limits, tool_speed)
-    transit = _transit(
-        points,
-        None if first is None else first.path(first.path.x[-1], 1),
-        None if last is None else last.path(last.path.x[0], 1),
-        limits,
-        blend,
-    )
-    parts = [part for part in (first, transit, last) if part is not None]
-    lengths = [float(part.path.x[-1]) for part in parts]
-    starts = np.concatenate([[0.0], np.cumsum(lengths)])
-    x = np.concatenate([[0.0], *(b + part.path.x[1:] for b, part in zip(starts, parts, strict=False))])
-    path = PPoly(np.concatenate([_cubic(part.path.c) for part in parts], axis=1), x)
-    caps = np.concatenate([np.full(part.path.c.shape[1], part.cap) for part in parts])
-    return Joined(
-        path,
-        (0.0 if first is None else float(starts[1]), float(starts[-1] if last is None else starts[-2])),
-        frozen(caps),
-        _farthest(transit.path, points),
-    )
+    straight = [isinstance(part, Stretch) for part in parts]
+    if any(a == b for a, b in pairwise(straight)) or not parts:
+        raise InputError("a chain is made of lines and transits in turn", parts=len(parts))
+    ways = [None if isinstance(part, Stretch) else _distinct(part) for part in parts]
+    made: list[_Part | None] = [None] * len(parts)
+    for i, part in enumerate(parts):
+        if isinstance(part, Stretch):
+            if not (part.tool_speed is None or part.tool_speed > 0.0):
+                raise InputError(
+                    f"speed cap = {part.tool_speed:g}: must be positive", value=float(part.tool_speed)
+                )
+            ends = (ways[i - 1] if i else None), (ways[i + 1] if i + 1 < len(parts) else None)
+            meets = (None if ends[0] is None else ends[0][-1], None if ends[1] is None else ends[1][0])
+            made[i] = _line(part.path, meets, limits, part.tool_speed)
+    deviation = 0.0
+    for i, points in enumerate(ways):
+        if points is not None:
+            before, after = made[i - 1] if i else None, made[i + 1] if i + 1 < len(parts) else None
+            way = _transit(
+                points,
+                None if before is None else before.path(before.path.x[-1], 1),
+                None if after is None else after.path(after.path.x[0], 1),
+                limits,
+                blend,
+            )
+            deviation = max(deviation, _farthest(way.path, points))
+            made[i] = way
+    found = [part for part in made if part is not None]
+    starts = np.concatenate([[0.0], np.cumsum([float(part.path.x[-1]) for part in found])])
+    x = np.concatenate([[0.0], *(b + part.path.x[1:] for b, part in zip(starts, found, strict=False))])
+    path = PPoly(np.concatenate([_cubic(part.path.c) for part in found], axis=1), x)
+    caps = np.concatenate([np.full(part.path.c.shape[1], part.cap) for part in found])
+    return Chained(path, frozen(starts), frozen(caps), deviation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,14 +236,15 @@ def _cubic(c: Array) -> Array:
 
 
 def _line(
-    line: JointPath, meets: Array, name: str, end: int, limits: Limits, tool_speed: float | None
+    line: JointPath, meets: tuple[Array | None, Array | None], limits: Limits, tool_speed: float | None
 ) -> _Part:
-    """A line over its nominal time."""
-    off = float(np.abs(line.q[end] - meets).max())
-    if off > 1e-6:
-        raise InputError(
-            f"line {name}: ends {off:.3g} rad from the transit's way-point; must meet it", off_rad=off
-        )
+    """A line over its nominal time; it `meets` way-points of transits before and after it."""
+    for name, end, point in (("after", 0, meets[0]), ("before", -1, meets[1])):
+        off = 0.0 if point is None else float(np.abs(line.q[end] - point).max())
+        if off > 1e-6:
+            raise InputError(
+                f"line {name}: ends {off:.3g} rad from the transit's way-point; must meet it", off_rad=off
+            )
     path = smooth_path(line.q, line.s - line.s[0])
     x = path.x
     places = np.linspace(x[:-1], x[1:], 3).ravel()

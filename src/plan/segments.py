@@ -126,6 +126,7 @@ def to_marked_segments(
     marks: Sequence[float],
     lines: tuple[LineTolerance | None, LineTolerance | None] = (None, None),
     deviation: float = 2e-4,
+    late: Sequence[bool] | None = None,
 ) -> Marked:
     """`to_segments` of a motion that begins and ends with lines, with a join where each mark is passed.
 
@@ -135,6 +136,7 @@ def to_marked_segments(
             of travel of the mark; of the last of several marks after it, of the others before it, so that nothing of a
             transit is in a line. At an end of the path there is nothing to join.
         lines: tolerance of the tool before the first mark, and after the last.
+        late: for every mark, whether its join is not before it; default: of the last of several.
 
     Raises:
         InputError: `segment_ms` is below `SHORTEST_MS`, or marks are passed within less of each other or of an end.
@@ -142,7 +144,9 @@ def to_marked_segments(
     """
     if segment_ms < SHORTEST_MS:
         raise InputError(f"segment_ms = {segment_ms}: must be at least {SHORTEST_MS}", segment_ms=segment_ms)
-    fitter = _Fitter(unit, limits, deviation, tuple(marks), lines)
+    if late is None:
+        late = [i > 0 and i == len(marks) - 1 for i in range(len(marks))]
+    fitter = _Fitter(unit, limits, deviation, tuple(marks), tuple(late), lines)
     if fitter.calm_ms(1.0) > segment_ms * _LONGEST:
         raise _too_slow(unit, int(np.argmin(fitter.acceleration())))
     calm = int(np.clip(fitter.calm_ms(0.025), segment_ms, segment_ms * _LONGEST))
@@ -233,6 +237,7 @@ class _Fitter:
     limits: Limits
     deviation: float
     marks: tuple[float, ...]
+    late: tuple[bool, ...]
     lines: tuple[LineTolerance | None, LineTolerance | None]
 
     def fit(self, timed: Trajectory, total_ms: int, segment_ms: int, apart: float, careful: bool) -> _Fit:
@@ -269,8 +274,7 @@ class _Fitter:
         times = np.where(s >= timed.s[-1] - near, total_ms, 1e3 * timed.passed(s))
         times = np.where(s <= timed.s[0] + near, 0.0, times)
         found = []
-        for i, time in enumerate(times):
-            late = i == len(times) - 1 and i > 0
+        for time, late in zip(times.tolist(), self.late, strict=True):
             ms = int(np.ceil(time - 1e-6) if late else np.floor(time + 1e-6))
             found.append(min(max(ms, 0), total_ms))
         stops = [0, *(m for m in found if 0 < m < total_ms), total_ms]

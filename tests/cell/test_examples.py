@@ -13,6 +13,9 @@ SAYS = {
     "03_a_certified_move.py": "nowhere nearer than 1",
     "04_the_controller_alone.py": "planner loaded: False",
     "05_from_image_to_plan.py": "28 moves",
+    "06_any_arm.py": "through these solutions nothing is faster than",
+    "07_a_list_of_poses.py": "approach to rim 0 .. retract from rim 9",
+    "08_scene_check.py": "10 mm are kept",
 }
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from arm.errors import InputError
-from arm.unit import Limits, load_unit
+from arm.unit import Limits, Unit, load_unit
 from plan.line import JointPath
-from plan.paths import Joined, blended, joined, polyline, smooth_path
+from plan.paths import Joined, Stretch, blended, chained, joined, polyline, smooth_path
 
 
 def test_a_polyline_passes_its_points_with_unit_slope() -> None:
@@ -151,3 +151,35 @@ def test_what_cannot_be_joined_is_refused() -> None:
         joined(before, q, after, limits, -1.0)
     with pytest.raises(InputError, match="two different way-points"):
         joined(None, q[[0, 0]], None, limits)
+
+
+def test_a_chain_is_what_joins_one_by_one_make(unit: Unit) -> None:
+    """Line, way, line, way, line: smooth everywhere, lines kept; and of three parts the same as `joined`."""
+    limits = unit.limits()
+    rng = np.random.default_rng(8)
+    lines = []
+    for _ in range(3):
+        a, b = rng.uniform(-0.5, 0.5, (2, 6))
+        s = np.linspace(0.0, 0.1, 9)
+        lines.append(JointPath(a + (s / 0.1)[:, None] * (b - a) + 0.1 * np.sin(20 * s)[:, None], s))
+    parts = [
+        Stretch(lines[0], 0.05),
+        np.stack([lines[0].q[-1], lines[1].q[0]]),
+        Stretch(lines[1]),
+        np.stack([lines[1].q[-1], rng.uniform(-0.5, 0.5, 6), lines[2].q[0]]),
+        Stretch(lines[2], 0.08),
+    ]
+    chain = chained(parts, limits)
+    assert len(chain.edges) == 6
+    inner = chain.path.x[1:-1]
+    for order in (0, 1):
+        jump = np.abs(chain.path(inner - 1e-9, order) - chain.path(inner + 1e-9, order))
+        assert jump.max() < 1e-6
+    for line, begin, end in zip(lines, chain.edges[::2], chain.edges[1::2], strict=True):
+        np.testing.assert_allclose(chain.path([begin, end]), line.q[[0, -1]], atol=1e-9)
+    three = joined(lines[0], parts[1], lines[1], limits, 0.05)
+    again = chained([Stretch(lines[0], 0.05), parts[1], Stretch(lines[1], 0.05)], limits)
+    np.testing.assert_array_equal(three.path.c, again.path.c)
+    assert three.marks == tuple(again.edges[1:3])
+    with pytest.raises(InputError, match="in turn"):
+        chained([parts[0], parts[2]], limits)
