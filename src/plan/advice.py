@@ -21,9 +21,9 @@ from plan.candidates import Family, families, skipped_for
 from plan.cause import worlds_at
 from plan.change import Change, Displaced, Groups, Request, Skipped, groups_of
 from plan.failure import AFTER_TIMING, LINE_BLOCKED, NO_WAY_ACROSS, START_BLOCKED, Failure, failure_in
+from plan.proofs import MARGIN
 from plan.reach import LineChoice, ReachTable
 from plan.scene import Scene, Station
-from plan.sequence import MARGIN
 from plan.world import World, coal_shape
 
 BUDGET, WANTED = 12, 3
@@ -154,7 +154,7 @@ class _Trial:
         table = changed.planner().reach(changed.stations())
         if not self.reaches(changed, table):
             return False
-        failing = self.failure.stations if kind == LINE_BLOCKED else ()
+        failing = self.failure.stations if kind in (LINE_BLOCKED, NO_WAY_ACROSS) else ()
         if len(changed.places) > len(self.request.places):
             failing = ()
         lines = [*failing]
@@ -247,12 +247,16 @@ def _start_free(request: Request) -> bool:
 
 
 def _line_open(request: Request, choices: Sequence[LineChoice], station: str) -> bool:
-    """Whether some way to serve a place keeps its clearance at the samples of reach."""
-    worlds, clearance = worlds_at(request.scene, request.transfers, station), request.options.line_clearance
-    return any(
-        not any(world.in_collision(q, clearance) for world in worlds for q in choice.q_line)
-        for choice in choices
-    )
+    """Whether some way to serve a place keeps its clearance at the samples of reach, and at its outer end."""
+    worlds, options = worlds_at(request.scene, request.transfers, station), request.options
+
+    def keeps(choice: LineChoice) -> bool:
+        outer = any(w.in_collision(choice.q_offset, options.clearance + MARGIN) for w in worlds)
+        return not outer and not any(
+            w.in_collision(q, options.line_clearance) for w in worlds for q in choice.q_line
+        )
+
+    return any(map(keeps, choices))
 
 
 def _stands_free(before: Scene, after: Scene, moved: frozenset[str]) -> bool:

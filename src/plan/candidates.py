@@ -19,6 +19,7 @@ from plan.scene import Station
 STEP, STEPS = 0.010, 12  # m, of moves that are tried, and how many
 TURNS = tuple(float(np.radians(d)) for d in (15.0, -15.0, 30.0, -30.0, 45.0, -45.0, 90.0, -90.0))
 FIXED = ("table", "post")  # kinds of bodies that nobody moves: cameras and tables are calibrated
+_ASLANT = tuple(float(np.radians(d)) for d in (20.0, 45.0))  # off the way to the base
 _CLEARANCES = (0.008, 0.006, LEAST_CLEARANCE)
 _TILTED = np.radians(3.0)  # boards that lean more can also be turned about their own normal
 _UP = np.array([0.0, 0.0, 1.0])
@@ -132,18 +133,18 @@ def _turns(request: Request, board: str, names: frozenset[str], station: Station
         return
     about = tuple(float(v) for v in plates[0].T_base_body[:3, 3])
     normal = -station.T_base_tool[0][:3, 2]
-    ways = [("about the vertical", _UP, names)]
+    ways = [("about the vertical, seen from above", _UP, names)]
     if np.arccos(np.clip(abs(normal[2]), 0.0, 1.0)) > _TILTED:
         # turned on its stand, which stays where it is
         stands = {b.name for b in request.scene.bodies if b.kind == "stand"}
-        ways.append(("about its own normal, on its stand", normal, names - stands))
+        ways.append(("about its own normal, seen from its front", normal, names - stands))
     for words, axis, bodies in ways:
         along = tuple(float(v) for v in np.round(axis, 12))
         yield Family(
             4,
             tuple(
                 Displaced(
-                    f"turn {board} by {np.degrees(turn):+.0f} deg {words}",
+                    f"turn {board} by {abs(np.degrees(turn)):.0f} deg {_hand(turn)} {words}",
                     board,
                     bodies,
                     turn=turn,
@@ -153,6 +154,10 @@ def _turns(request: Request, board: str, names: frozenset[str], station: Station
                 for turn in TURNS
             ),
         )
+
+
+def _hand(turn: float) -> str:
+    return "counter-clockwise" if turn > 0.0 else "clockwise"
 
 
 def skipped_for(request: Request, failure: Failure, already: frozenset[str] = frozenset()) -> Skipped | None:

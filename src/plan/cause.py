@@ -26,7 +26,7 @@ from plan.failure import (
 from plan.options import PlanOptions
 from plan.reach import ReachTable
 from plan.scene import Scene, Transfer
-from plan.sequence import MARGIN
+from plan.proofs import MARGIN
 from plan.stages import Stages, Standing
 from plan.world import World
 
