@@ -210,8 +210,8 @@ def test_no_plan_is_faster_than_the_bound(name: str) -> None:
 
 
 def beside_each_other(hemmed: int) -> Task2:
-    """Two cubes 15 mm apart; the jaws must go between them to grip cube `hemmed`, and not to grip the other."""
-    places = [np.array([0.42, -0.0275, CUBE / 2]), np.array([0.42, 0.0275, CUBE / 2])]
+    """Two cubes 17 mm apart: the open jaws do not fit between them, as they must to grip cube `hemmed` only."""
+    places = [np.array([0.42, -0.0285, CUBE / 2]), np.array([0.42, 0.0285, CUBE / 2])]
     cubes = [Body(f"cube {i}", Box((CUBE,) * 3), transform(t=t), "cube") for i, t in enumerate(places)]
     targets = [np.array([0.35, -0.3, CUBE / 2 + 1e-3]), np.array([0.35, 0.3, CUBE / 2 + 1e-3])]
 
