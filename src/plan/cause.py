@@ -24,9 +24,9 @@ from plan.failure import (
     of_choice,
 )
 from plan.options import PlanOptions
+from plan.proofs import MARGIN
 from plan.reach import ReachTable
 from plan.scene import Scene, Transfer
-from plan.proofs import MARGIN
 from plan.stages import Stages, Standing
 from plan.world import World
 
