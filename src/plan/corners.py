@@ -10,6 +10,7 @@ from plan.chains import LineStep
 from plan.targets import Target
 
 _MOST = 0.4  # of a line that a cut may take at each end
+_BACK = -0.98  # cosine of a change of direction that is a way back, where there is no corner to cut
 _FLATTEST = 0.05  # sine of half the change of direction below which a corner is taken for one of this
 
 
@@ -17,7 +18,8 @@ def cut_length(before: LineStep, after: LineStep, targets: Sequence[Target]) -> 
     """How far from the corner of two lines a straight way across passes it at its target's `within`; m, 0 for none.
 
     From a points' distance r before the corner to one r after it the way passes the corner at r sin(turn / 2).
-    A corner at which the tool only turns is not cut, nor one at which it has to be at rest, or what may touch changes.
+    A corner at which the tool only turns is not cut, nor one at which it has to be at rest or
+    turns back, or what may touch changes.
     """
     # the corner at the far end of an approach or a retract belongs to that target
     target = targets[before.target if after.role != "approach" else after.target]
@@ -32,6 +34,8 @@ def cut_length(before: LineStep, after: LineStep, targets: Sequence[Target]) -> 
         return 0.0
     one = (before.line.T_end - before.line.T_start)[:3, 3] / before.line.length
     two = (after.line.T_end - after.line.T_start)[:3, 3] / after.line.length
+    if one @ two < _BACK:
+        return 0.0
     sine = float(np.sin(0.5 * np.arccos(np.clip(one @ two, -1.0, 1.0))))
     return float(
         min(target.within / max(sine, _FLATTEST), _MOST * before.line.length, _MOST * after.line.length)

@@ -1,7 +1,8 @@
 """A grid of counts for arms without a known controller, so fine that it does not matter.
 
 Timing ends in whole counts, because only those can be sent, stored and proved to the bit. An arm without a `Unit` gets
-counts of 10 nrad (10 nm for sliding joints); nothing that is made on them can be streamed.
+counts of 1 urad (1 um for sliding joints), far below what any arm repeats, and far above the last digits in which
+processors differ, so that plans are the same everywhere. Nothing that is made on them can be streamed.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ from arm.robot import Robot
 from arm.se3 import frozen
 from arm.unit import GripperAxis, Limits, Unit
 
-PER_RAD = 1e8
+PER_RAD = 1e6
 
 
 def fine_grid(robot: Robot, limits: Limits) -> Unit:
-    """Counts of 1e-8 rad or m for every joint of an arm; axes are called as its joints."""
+    """Counts of 1e-6 rad or m for every joint of an arm; axes are called as its joints."""
     n = len(robot.joint_names)
     at_zero = np.zeros(n, dtype=np.int64)
     at_zero.flags.writeable = False

@@ -179,8 +179,10 @@ class _Problem:
             )
             try:
                 found, motions, pauses = self.moved(search)
-            except ImpossibleError:
-                if width >= candidates.most or widening == _WIDENINGS[-1]:
+            except ImpossibleError as error:
+                # where many ways around were looked for in vain, more solutions are little hope and much work
+                spent = bool(error.data.get("detours_spent"))
+                if spent or width >= candidates.most or widening == _WIDENINGS[-1]:
                     raise
                 continue
             return self.plan(search, found, motions, pauses)

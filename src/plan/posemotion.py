@@ -104,7 +104,7 @@ class PoseMover:
         self.robot, self.unit, self.planned, self.sent = robot, unit, planned, sent
         self.options, self.targets = options, targets
         # on a fine grid the motion is followed to what lines are asked to keep
-        self.deviation = 2e-6 if unit.counts_per_rad[0] == PER_RAD else 5e-5
+        self.deviation = 1e-6 if unit.counts_per_rad[0] == PER_RAD else 5e-5
 
     def run(self, pieces: Sequence[Piece], joins: Sequence[Join]) -> list[list[Move]]:
         """Moves of each motion, from rest to rest; `joins` (k - 1) are between the k pieces.

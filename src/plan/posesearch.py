@@ -162,7 +162,8 @@ class PoseSearch:
         """The fastest sequence.
 
         Raises:
-            ImpossibleError: there is none; data of the last refusal in the layer where most ended, and `refused`.
+            ImpossibleError: there is none; data of the nearest miss in the deepest layer that was tried, `refused`, and
+                `detours_spent`: whether the budget of ways around was used up there.
         """
         start = _State(0, 0, self.worlds.start, 0.0, ())
         # estimated total, deeper first, then by indices: no tie is left to chance
@@ -298,7 +299,12 @@ class PoseSearch:
         tried = len(self.layers[number].chains)
         return ImpossibleError(
             f"no way on to {self.layers[number].name}, which has {tried} solutions: {reasons}. Nearest miss: {example}",
-            **{**example.data, "refused": dict(sorted(refused.items())), "solutions": tried},
+            **{
+                **example.data,
+                "refused": dict(sorted(refused.items())),
+                "solutions": tried,
+                "detours_spent": self._made[number] >= self.most_detours,
+            },
         )
 
 
