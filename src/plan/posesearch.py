@@ -213,11 +213,12 @@ class PoseSearch:
         number = state.layer + 1
         layer = self.layers[number]
         chain = layer.chains[index]
-        way = self._way(state, number, index)
-        if way is None:
-            return None
+        # lines are proved cheaply, and no way around is wasted on a chain that is blocked itself
         after = self._through(state.situation, number, index, chain)
         if after is None:
+            return None
+        way = self._way(state, number, index)
+        if way is None:
             return None
         cost = state.cost + way[0] + layer.times[index].inner
         return _State(number, index, after, cost, (*state.legs, Leg(index, chain, way[1], state.situation)))
