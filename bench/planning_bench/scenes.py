@@ -262,10 +262,29 @@ def _unfit(scene: BenchScene, lines: list[FreeLines]) -> str | None:
         start = World(query.scene.robot_open, scene.obstacles)
         if not still.picks or not still.places or not _clear(start, query.q_start[None]):
             return "obstacle blocks a line"
+        if not _turns_past(start, query.q_start, still):
+            return "the arm cannot turn past the obstacle"
         left.append(still)
     if not all(_blocked(scene.query(i), free) for i, free in enumerate(left)):
         return "a straight move is free"
     return None
+
+
+def _turns_past(world: World, q_start: Array, lines: FreeLines) -> bool:
+    """Whether turret and shoulder, which only joint 1 moves, keep the clearance from the start to some grips.
+
+    The shoulder is a cylinder about axis 2. Joint 1 goes through all values on the way, whatever the others do.
+    """
+    bodies = {"turret", "shoulder"}
+    pairs = np.flatnonzero([bool(bodies & set(world.pair_names(i))) for i in range(len(world.pairs))])
+
+    def reached(q: Array) -> bool:
+        turns = np.linspace(q_start[0], q[0], 2 + int(abs(q[0] - q_start[0]) / np.radians(0.5)))
+        at = np.tile(q_start, (len(turns), 1))
+        at[:, 0] = turns
+        return all(float(world.pair_distances(x, pairs).min()) >= CLEARANCE for x in at)
+
+    return all(any(reached(grip.q[-1]) for grip in side) for side in (lines.picks, lines.places))
 
 
 def _past(query: Query, obstacles: Sequence[Body], lines: FreeLines) -> FreeLines:

@@ -163,6 +163,14 @@ def load_robot(
     model, geometry = pin.buildReducedModel(full, geometry, [full.getJointId(n) for n in locked], reference)
     if model.nq != model.njoints - 1:
         raise FileInputError(urdf, "joint", None, "every moving joint must have one degree of freedom")
+    branching = [model.names[k] for k in range(1, model.njoints) if model.parents[k] != k - 1]
+    if branching:
+        raise FileInputError(
+            urdf,
+            f"joint {branching[0]}",
+            None,
+            "branches off; lock all moving joints that are not on the way to the tool",
+        )
 
     srdf = srdf or urdf.with_suffix(".srdf")
     srdf_text = read_text(srdf) if srdf.is_file() else ""

@@ -21,7 +21,7 @@ from plan.reach import LineChoice
 from plan.shorten import Ends
 from plan.stages import Stages, Standing
 from plan.transit import Detours
-from plan.world import World
+from plan.world import Indices, World
 
 # Transits are searched with this much more clearance than is asked, for what timing and rounding change, m; less where
 # an end itself is nearer to something.
@@ -30,6 +30,12 @@ MARGIN = 1e-3
 _FIRST_LOOKS = (0.5, 0.25, 0.75)
 # Samples of RRT-Connect as long as other ways may do.
 _FEW_SAMPLES = 300
+# Steps of the first joint at which bodies that move with it alone are looked at, rad.
+_PASSING = np.radians(0.25)
+_UNCHANGED = 1e-5  # m
+_LINE_CHORDS = 5  # of a line, while searching
+# Where nothing leads around with the whole margin, this much of it is tried, m.
+_LEAST_MARGIN = 1e-4
 
 Moment = frozenset[Standing]
 
@@ -41,7 +47,8 @@ class Blocked:
     Attributes:
         by: a cube that may be gone another time, or None for what is always there.
         check: where it was found.
-        end: whether an end of the way itself is too near to it, so that nothing leads around.
+        end: whether nothing leads around: an end of the way is itself too near, or what moves with the first joint
+            alone has to pass there.
     """
 
     by: Standing | None
@@ -86,6 +93,12 @@ class Proofs:
         self._straight: dict[tuple[object, ...], MoveCheck | Blocked] = {}
         self._ways: dict[tuple[object, ...], Array] = {}
         self._corners: dict[bool, list[Array]] = {False: [], True: []}
+        self.margin = MARGIN
+
+    def least_margin(self) -> None:
+        """From now on ways are searched with hardly more than the asked clearance; what was blocked is asked again."""
+        self.margin = _LEAST_MARGIN
+        self._straight.clear()
 
     def line(self, choice: LineChoice, station: Standing, pick: int, now: Moment) -> Blocked | None:
         """What is in the way of a line that is run with the cube of `pick` and without it; None if nothing is.
@@ -96,10 +109,12 @@ class Proofs:
             pick: number of the transfer.
             now: what stands there with the jaws open: the cube included.
         """
-        curve = curve_of_waypoints(choice.q_line)
+        # a few chords are near enough to the line to choose by; what is sent is proved again
+        every = -(-(len(choice.q_line) - 1) // _LINE_CHORDS)
+        curve = curve_of_waypoints(np.concatenate([choice.q_line[:-1:every], choice.q_line[-1:]]))
         blocked: Blocked | None = None
         for moment in self._moments(now, frozenset()):
-            key = (choice.hole, choice.yaw, choice.branch, pick, moment)
+            key = (station, choice.yaw, choice.branch, pick, moment)
             if key in self._clear_lines:
                 return None
             blocked = None
@@ -166,7 +181,7 @@ class Proofs:
     def clearance(self, crossing: Crossing, world: World) -> float:
         """What a way is searched with, m: the asked clearance and a margin, or half of what the ends leave of it."""
         asked = self.options.clearance
-        margin = MARGIN
+        margin = self.margin
         for q in (crossing.q_from, crossing.q_to):
             if world.in_collision(q, asked + margin):
                 margin = min(margin, max((world.distance(q).value - asked) / 2.0, 0.0))
@@ -186,16 +201,51 @@ class Proofs:
         others = moment - crossing.own
         for u, q in ((0.0, q_from), (1.0, q_to)):
             if world.in_collision(q, self.options.clearance):
-                check = _seen(world, q, u)
-                return Blocked(self._by(check, others), check, end=True)
+                seen = _seen(world, q, u)
+                return Blocked(self._by(seen, others), seen, end=True)
         clearance = self.clearance(crossing, world)
+        check: MoveCheck | None = None
         for u in _FIRST_LOOKS:
             q = q_from + u * (q_to - q_from)
-            if world.in_collision(q, clearance):
+            if check is None and world.in_collision(q, clearance):
                 check = _seen(world, q, u)
-                return Blocked(self._by(check, others), check)
-        check = check_curve(world, curve_of_waypoints([q_from, q_to]), clearance)
-        return check if check.proved else Blocked(self._by(check, others), check)
+        check = check or check_curve(world, curve_of_waypoints([q_from, q_to]), clearance)
+        if check.proved:
+            return check
+        by = self._by(check, others)
+        passed = None if by is not None else self._passed(crossing, world, check)
+        return Blocked(by, check) if passed is None else Blocked(None, passed, end=True)
+
+    def _passed(self, crossing: Crossing, world: World, check: MoveCheck) -> MoveCheck | None:
+        """Where every way is blocked: a body that only the first joint moves has to pass by what stands.
+
+        The first joint goes through all values between its two, whatever the others do. A body behind the second
+        joint counts too where turning that makes no difference, such as a cylinder about its axis.
+        """
+        if sorted(map(world.joint_of, check.pair))[0] > 0 or max(map(world.joint_of, check.pair)) > 2:
+            return None
+        names = [world.pair_names(i) for i in range(len(world.pairs))]
+        pairs = np.flatnonzero([set(pair) == set(check.pair) for pair in names])
+        way = crossing.q_to - crossing.q_from
+        worst, at = np.inf, 0.0
+        for u in np.linspace(0.0, 1.0, 2 + int(abs(way[0]) / _PASSING)):
+            distance = float(world.pair_distances(crossing.q_from + u * way, pairs).min())
+            if distance < worst:
+                worst, at = distance, float(u)
+        if worst >= self.options.clearance or not self._whatever_the_others(
+            world, crossing.q_from + at * way, pairs, worst
+        ):
+            return None
+        return MoveCheck(worst, worst, check.pair, at, False, 1)
+
+    def _whatever_the_others(self, world: World, q: Array, pairs: Indices, distance: float) -> bool:
+        """Whether a distance stays the same as the joints behind the first turn."""
+        for second in np.linspace(self.limits.lower[1], self.limits.upper[1], 7):
+            turned = np.array(q)
+            turned[1] = second
+            if abs(float(world.pair_distances(turned, pairs).min()) - distance) > _UNCHANGED:
+                return False
+        return True
 
     def _around(self, crossing: Crossing, moment: Moment, blocked: Blocked, thorough: bool) -> Array | None:
         world = self._world(crossing, moment)

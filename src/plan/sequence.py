@@ -379,9 +379,10 @@ class TaskSearch:
 
     def _allow_more_detours(self) -> None:
         self.most_detours = _DETOURS_AT_MOST
+        self.proofs.least_margin()
         for known in self.blocked.values():
             for key, cost in known.items():
-                if cost == _NOT_NOW:
+                if cost in (_NOT_NOW, np.inf):
                     known[key] = None
 
     def _reject(self, error: ImpossibleError) -> None:
@@ -422,6 +423,14 @@ def _leg_blocked(leg: _Leg, blocked: Blocked, clearance: float, stages: Stages) 
             origin, goal = places[leg.numbers[0]], picks[leg.numbers[1]]
         case _:
             origin, goal = places[leg.numbers[0]], "the start"
+    if blocked.end and 0.0 < check.time < 1.0:
+        return ImpossibleError(
+            f"nothing leads from {origin} to {goal}: joint 1 has to pass where {check.pair[0]} is "
+            f"{check.seen * 1e3:.1f} mm from {check.pair[1]} (asked: {clearance * 1e3:g} mm)",
+            **{"from": origin, "to": goal},
+            pair=list(check.pair),
+            distance_m=check.seen,
+        )
     if blocked.end:
         at = origin if check.time == 0.0 else goal
         return ImpossibleError(

@@ -36,9 +36,9 @@ _EXTRA = 1e-3
 _PENALTY = 1e3  # s per m of clearance that is missing
 _SMALL = 1e-3
 _SAMPLE_TRAVEL = 0.3  # rad summed over the joints between places that a step looks at
-_CHECK_TRAVEL = 0.08  # and between those where its outcome is sampled
+_CHECK_TRAVEL = 0.15  # and between those where its outcome is sampled
 _MOST_SAMPLES = 6  # not clear, that a step is told at once
-_REGION, _LEAST_REGION = 0.5, 0.03  # s of travel
+_REGION, _LEAST_REGION = 1.0, 0.03  # s of travel
 _MOST_CORNERS = 4
 
 

@@ -13,6 +13,7 @@ Every edge that is used is proved by `plan.check`, never sampled.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -40,15 +41,15 @@ class TransitBudget:
         rrt: samples of RRT-Connect.
         shortcuts: tries to cut corners of what RRT-Connect found.
         starts: ways with one corner that are made faster; the fastest is taken.
-        steps: of sequential quadratic programming, for the fastest; the others have a quarter.
+        steps: of sequential quadratic programming, for the fastest; the others have a third.
     """
 
     corners: int = 300
     corner_edges: int = 120
     rrt: int = 3000
     shortcuts: int = 40
-    starts: int = 3
-    steps: int = 12
+    starts: int = 2
+    steps: int = 6
 
 
 # Places on a line that are looked at before it is proved.
@@ -57,6 +58,8 @@ _FIRST_LOOKS = (0.5, 0.25, 0.75, 0.125, 0.375, 0.625, 0.875)
 _REMEMBERED, _LOOK_TRAVEL = 6, 0.2
 # Corners nearer to each other than this lead to the same way, s of travel.
 _DIFFERENT = 0.7
+# Ways slower than the fastest that was found by more than this are not followed up.
+_WORSE = 1.5
 # How far the tool is lifted, or drawn towards the base, to pass what is in the way, m.
 _LIFTS = (0.04, 0.08, 0.12, 0.17, 0.23, 0.3, 0.4)
 
@@ -154,7 +157,7 @@ class Detours:
         budget = self.budget
         trodden = self.trodden(start, goal)
         rough = [
-            shortener.shorten(way, budget.steps // 4)
+            shortener.shorten(way, max(budget.steps // 3, 2))
             for way in ([] if trodden is None else [trodden]) + self.few_corners(start, goal, at)
         ]
         for way in sorted(rough, key=lambda w: round(self.time(w), 6)):
@@ -210,22 +213,23 @@ class Detours:
 
     def few_corners(self, start: Array, goal: Array, at: float) -> list[Array]:
         """A few fast ways with one or two corners that differ from each other and look clear."""
-        single = np.concatenate([*self.lifted(start, goal, (at, 0.5)), self.drawn(start, goal)])[:, None]
-        double = self.lifted_twice(start, goal)
+        lifted, double = self.lifted(start, goal, at)
+        single = np.concatenate([lifted, self.drawn(start, goal)[:, None]])
         ways = [np.concatenate([start[None], c, goal[None]]) for corners in (single, double) for c in corners]
         times = np.concatenate([self.times(start, corners, goal) for corners in (single, double)])
         found: list[Array] = []
         tried = 0
+        looks = _Looks()
         for index in np.argsort(times, kind="stable"):
             way = ways[index]
             if tried >= self.budget.corner_edges or len(found) >= self.budget.starts:
                 break
-            if found and times[index] > 2.0 * self.time(found[0]):
+            if found and times[index] > _WORSE * self.time(found[0]):
                 break
             if any(self.alike(way, other) for other in found) or not all(self.free(q) for q in way[1:-1]):
                 continue
             tried += 1
-            if all(self.free(a + u * (b - a)) for u in reversed(_FIRST_LOOKS) for a, b in pairwise(way)):
+            if looks.clear(way, self.free):
                 found.append(way)
         return found
 
@@ -241,39 +245,29 @@ class Detours:
             return False
         return float((np.abs(way - other) / self.limits.velocity).max()) < _DIFFERENT
 
-    def lifted(self, start: Array, goal: Array, places: tuple[float, ...]) -> list[Array]:
-        """For each place (0 to 1) on the straight way, configurations (m, n) with the tool moved up, in, or both."""
-        robot, limits = self.world.robot, self.limits
-        found = []
-        for u in places:
-            q = start + u * (goal - start)
-            try:
-                raw = all_branches(robot, _lifts(robot.T_base_tool(q)))
-            except InputError:  # an arm of another kind: random corners have to do
-                return [np.zeros((0, len(start)))]
-            turned = nearest_turns(raw.q, q)
-            inside = raw.reached & ((turned >= limits.lower) & (turned <= limits.upper)).all(axis=-1)
-            found.append(turned[inside])
-        return found
+    def lifted(self, start: Array, goal: Array, at: float) -> tuple[Array, Array]:
+        """Corners with the tool moved up, towards the base, or both: one (m, 1, n), or two moved alike (m, 2, n).
 
-    def lifted_twice(self, start: Array, goal: Array) -> Array:
-        """Corners (m, 2, n): the tool moved alike at two places, on the branch that is nearest there."""
-        robot, limits = self.world.robot, self.limits
-        pairs = []
-        for u in (0.25, 0.75):
-            q = start + u * (goal - start)
-            try:
-                raw = all_branches(robot, _lifts(robot.T_base_tool(q)))
-            except InputError:
-                return np.zeros((0, 2, len(start)))
-            turned = nearest_turns(raw.q, q)
-            inside = raw.reached & ((turned >= limits.lower) & (turned <= limits.upper)).all(axis=-1)
-            away = np.where(inside, (np.abs(turned - q) / limits.velocity).max(axis=-1), np.inf)
-            best = np.argmin(np.round(away, 9), axis=1)
-            index = np.arange(len(turned))
-            pairs.append((turned[index, best], inside[index, best]))
-        both = pairs[0][1] & pairs[1][1]
-        return np.stack([pairs[0][0][both], pairs[1][0][both]], axis=1)
+        One corner is moved from the middle of the straight way or from `at` on it, to any branch; two are moved from
+        a quarter and three quarters, to the branch that is nearest there.
+        """
+        robot, limits, n = self.world.robot, self.limits, len(start)
+        q = start + np.array([at, 0.5, 0.25, 0.75])[:, None] * (goal - start)
+        try:
+            raw = all_branches(robot, np.concatenate([_lifts(robot.T_base_tool(place)) for place in q]))
+        except InputError:  # an arm of another kind: random corners have to do
+            return np.zeros((0, 1, n)), np.zeros((0, 2, n))
+        branches = raw.q.shape[1]
+        straight = q[:, None, None, :]
+        turned = nearest_turns(raw.q.reshape(len(q), -1, branches, n), straight)
+        inside = raw.reached.reshape(turned.shape[:3])
+        inside = inside & ((turned >= limits.lower) & (turned <= limits.upper)).all(axis=-1)
+        one = turned[:2][inside[:2]]
+        away = np.where(inside, (np.abs(turned - straight) / limits.velocity).max(axis=-1), np.inf)[2:]
+        nearest = np.argmin(np.round(away, 9), axis=-1)[..., None]
+        two = np.take_along_axis(turned[2:], nearest[..., None], axis=2)[:, :, 0]
+        both = np.isfinite(np.take_along_axis(away, nearest, axis=2)[..., 0]).all(axis=0)
+        return one[:, None], np.swapaxes(two, 0, 1)[both]
 
     def drawn(self, start: Array, goal: Array) -> Array:
         """Random configurations (m, n) about the straight line."""
@@ -317,6 +311,22 @@ class Detours:
         a = path[i] + (places[0] - i) * (path[i + 1] - path[i])
         b = path[j] + (places[1] - j) * (path[j + 1] - path[j])
         return np.concatenate([path[: i + 1], [a, b], path[j + 1 :]]), [i + 1]
+
+
+class _Looks:
+    """Looks at ways; where ways were blocked before is looked at first."""
+
+    def __init__(self) -> None:
+        self.hits = {(edge, u): 0 for u in _FIRST_LOOKS for edge in range(3)}
+
+    def clear(self, way: Array, free: Callable[[Array], bool]) -> bool:
+        """Whether all places that are looked at are free."""
+        for look in sorted(self.hits, key=lambda look: -self.hits[look]):
+            edge, u = look
+            if edge < len(way) - 1 and not free(way[edge] + u * (way[edge + 1] - way[edge])):
+                self.hits[look] += 1
+                return False
+        return True
 
 
 def _lifts(T_base_tool: Array) -> Array:

@@ -12,8 +12,8 @@ from arm.planfile import Plan
 from arm.unit import Limits, Unit
 from plan.motion import Leg, Mover, Phase
 from plan.options import PlanOptions
-from plan.scene import Scene
 from plan.proofs import MARGIN
+from plan.scene import Scene
 from plan.task import Planner, plan_of
 from plan.transit import plan_transit
 from plan.world import World

@@ -186,8 +186,9 @@ class World:
                 rows.append(row)
                 pairs.append(i)
                 distances.append(value)
-                normals.append(result.normal)
-                points.append(result.getNearestPoint2())
+                # copies: the results' memory is written over when the pair is looked at again
+                normals.append(np.array(result.normal))
+                points.append(np.array(result.getNearestPoint2()))
         which = np.array(rows, dtype=np.intp)
         axis_point, axis = at.point[which], at.axis[which]
         normal = np.array(normals).reshape(-1, 1, 3)

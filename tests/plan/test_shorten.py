@@ -98,9 +98,6 @@ def test_the_same_query_has_the_same_way() -> None:
             assert np.array_equal(again, known)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="World.near keeps views of coal's normals, which the next look overwrites"
-)
 @pytest.mark.parametrize("name", ARMS)
 def test_gradients_of_distance_are_its_slopes(name: str) -> None:
     """Against central differences; left out where both sides differ, because the nearest points are not unique."""
