@@ -295,7 +295,7 @@ def test_a_seven_joint_arm_carries_a_body_past_a_mesh(tmp_path: Path) -> None:
         assert step.held == held
         allowed = frozenset(map(frozenset, touching)) if step.role != "transit" else frozenset()
         times = np.append(np.arange(0.0, step.path.duration_s, 0.1), step.path.duration_s)
-            for x in plan.unit.positions(step.path.at(times)):
+        for x in plan.unit.positions(step.path.at(times)):
             T = robot.T_base_tool(x) @ T_tool_held if held else T
             assert judge.least(x, held, {"stone": T}, allowed) >= min(step.clearance, 0.1) - 2e-6
     np.testing.assert_allclose(T[:3, 3], (0.35, 0.3, 0.15), atol=1e-5)
