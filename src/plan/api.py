@@ -11,6 +11,7 @@ from arm.planfile import Plan
 from arm.robot import Robot, load_a465, load_robot
 from arm.se3 import inverse, rot_x, rot_y, rot_z, rotation, transform
 from arm.unit import Limits, Unit, load_unit
+from plan.budget import TransitBudget
 from plan.check import check_curve, check_move, curve_of_waypoints
 from plan.ik import explain_pose, inverse_kinematics
 from plan.ik_numeric import SearchOptions, solve_ik
@@ -21,7 +22,7 @@ from plan.poseplan import Pause, Reached
 from plan.reach import reach
 from plan.scene import Scene, Station, Transfer
 from plan.task import plan_task
-from plan.transit import TransitBudget, plan_transit
+from plan.transit import plan_transit
 from plan.way import plan_way
 from plan.world import World
 

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from arm.errors import InputError
-from plan.transit import TransitBudget
+from plan.budget import TransitBudget
 
 LOOKS = ("each", "never")
 CHOICES = ("free", "given")

@@ -428,6 +428,7 @@ def _leg_blocked(leg: _Leg, blocked: Blocked, clearance: float, stages: Stages) 
             f"nothing leads from {origin} to {goal}: joint 1 has to pass where {check.pair[0]} is "
             f"{check.seen * 1e3:.1f} mm from {check.pair[1]} (asked: {clearance * 1e3:g} mm)",
             **{"from": origin, "to": goal},
+            ways=list(leg.ways),
             pair=list(check.pair),
             distance_m=check.seen,
         )
@@ -436,6 +437,7 @@ def _leg_blocked(leg: _Leg, blocked: Blocked, clearance: float, stages: Stages) 
         return ImpossibleError(
             f"{at} is itself too near for a move from or to it: {check.pair[0]} and {check.pair[1]} are "
             f"{check.seen * 1e3:.1f} mm apart there (asked: {clearance * 1e3:g} mm)",
+            ways=list(leg.ways),
             **{"from": origin, "to": goal, "end": "from" if check.time == 0.0 else "to"},
             pair=list(check.pair),
             distance_m=check.seen,
@@ -444,6 +446,7 @@ def _leg_blocked(leg: _Leg, blocked: Blocked, clearance: float, stages: Stages) 
         f"no way around {check.pair[1]} from {origin} to {goal}: {check.pair[0]} comes to {check.seen * 1e3:.1f} mm "
         f"of it on the straight move (asked: {clearance * 1e3:g} mm)",
         **{"from": origin, "to": goal},
+        ways=list(leg.ways),
         pair=list(check.pair),
         distance_m=check.seen,
     )

@@ -14,7 +14,6 @@ Every edge that is used is proved by `plan.check`, never sampled.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -23,34 +22,13 @@ import numpy.typing as npt
 from arm.errors import ImpossibleError, InputError
 from arm.se3 import Array, frozen
 from arm.unit import Limits
+from plan.budget import TransitBudget
 from plan.check import MoveCheck, check_curve, curve_of_waypoints
 from plan.ik import all_branches, nearest_turns
 from plan.rrt import RrtConnect
 from plan.shorten import Ends, Shortener
 from plan.travel import path_time, path_times
 from plan.world import World
-
-
-@dataclass(frozen=True)
-class TransitBudget:
-    """Tries of each stage. Costs are about 0.01 ms for a corner that is refused by itself, 0.5 ms for an edge.
-
-    Attributes:
-        corners: single corners drawn at random, besides those from lifting the tool.
-        corner_edges: corners, the fastest first, that are clear themselves and whose edges are looked at.
-        rrt: samples of RRT-Connect.
-        shortcuts: tries to cut corners of what RRT-Connect found.
-        starts: ways with one corner that are made faster; the fastest is taken.
-        steps: of sequential quadratic programming, for the fastest; the others have a third.
-    """
-
-    corners: int = 300
-    corner_edges: int = 120
-    rrt: int = 3000
-    shortcuts: int = 40
-    starts: int = 2
-    steps: int = 6
-
 
 # Places on a line that are looked at before it is proved.
 _FIRST_LOOKS = (0.5, 0.25, 0.75, 0.125, 0.375, 0.625, 0.875)

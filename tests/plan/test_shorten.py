@@ -13,9 +13,10 @@ from arm.errors import ImpossibleError
 from arm.se3 import Array, rotation, transform
 from arm.unit import load_unit
 from grazing import ARMS, OBSTACLES, arm, obstacle, world_of
+from plan.budget import TransitBudget
 from plan.check import check_curve, curve_of_waypoints
 from plan.shorten import Ends
-from plan.transit import TransitBudget, plan_transit
+from plan.transit import plan_transit
 from plan.travel import path_time
 from plan.world import World
 from task2_scene import TABLE

@@ -12,8 +12,9 @@ from arm.errors import ImpossibleError
 from arm.robot import load_a465
 from arm.se3 import Array, transform
 from arm.unit import load_unit
+from plan.budget import TransitBudget
 from plan.check import check_curve, curve_of_waypoints
-from plan.transit import TransitBudget, plan_transit
+from plan.transit import plan_transit
 from plan.travel import path_time, path_times, straight_time
 from plan.world import World
 from task2_scene import POST, Q_START, TABLE, TOOL_LENGTH

@@ -10,9 +10,9 @@ import numpy as np
 from arm.bodies import Body, Box
 from arm.se3 import Array, frozen, rotation, transform
 from arm.unit import Limits, load_unit
+from plan.budget import TransitBudget
 from plan.change import Request
 from plan.options import PlanOptions
-from plan.transit import TransitBudget
 from task2_scene import BOARD_A, BOARD_B, POST, Q_START, TABLE, PlacedBoard, Task2, placed_board, task2
 
 UNIT = load_unit("crs93")
