@@ -19,9 +19,10 @@ from arm.robot import Robot
 from arm.se3 import Array, frozen
 from arm.unit import Limits, Unit
 from plan.check import MoveCheck, check_move
+from plan.jerk import time_smooth
 from plan.line import JointPath, Line
 from plan.options import PlanOptions
-from plan.paths import joined
+from plan.paths import joined, polyline, smooth_path
 from plan.segments import LineTolerance, to_marked_segments, to_segments
 from plan.timing import time_joined, time_line, time_path
 from plan.world import World
@@ -107,7 +108,7 @@ class Mover:
         Raises:
             ImpossibleError: it cannot be proved; data: step, pair, distance_m, time_s.
         """
-        for blend in _BLENDS:
+        for blend in () if self.options.jerk_time else _BLENDS:
             moves = self.flowing(leg, blend)
             if moves is not None:
                 return moves
@@ -159,7 +160,11 @@ class Mover:
             parts.append((leg.retract[0], self.line(leg.retract[1].path, leg.retract[1])))
         q = self.unit.positions(self.unit.counts(leg.waypoints))
         if len(q) > 2 or not np.array_equal(q[0], q[-1]):
-            trajectory = time_path(q, self.planned, corners="stop")
+            trajectory = (
+                time_path(q, self.planned, corners="stop")
+                if self.jerk is None
+                else time_smooth(polyline(q), self.planned, self.jerk)
+            )
             across = to_segments(trajectory, self.unit, self.options.segment_ms, limits=self.sent)
             parts.append((leg.transit, across))
         if leg.approach:
@@ -174,8 +179,13 @@ class Mover:
 
     def line(self, path: JointPath, grip: Grip) -> CountPath:
         """A line alone, from rest to rest."""
+        trajectory = (
+            time_line(path, self.planned, self.tool_speed)
+            if self.jerk is None
+            else time_smooth(smooth_path(path.q, path.s), self.planned, self.jerk, self.tool_speed)
+        )
         return to_segments(
-            time_line(path, self.planned, self.tool_speed),
+            trajectory,
             self.unit,
             self.options.segment_ms,
             limits=self.sent,
@@ -186,6 +196,12 @@ class Mover:
         """The certificate of a phase as it will be sent."""
         tight = self.options.certificate == "tight"
         return check_move(phase.world, path, self.unit, phase.clearance, tight)
+
+    @property
+    def jerk(self) -> Array | None:
+        """Limits (n,) rad/s^3, or None."""
+        time = self.options.jerk_time
+        return self.planned.acceleration / time if time else None
 
     @property
     def tool_speed(self) -> float:

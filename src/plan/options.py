@@ -28,6 +28,8 @@ class PlanOptions:
         offset: length of approach and retract, m.
         approach_speed: of the tool on approach and retract at speed 1, m/s.
         fraction_closed: target of the jaws when gripping, 0 open to 1 shut.
+        jerk_time: s in which an acceleration builds up to its limit; 0 for none: acceleration may step. With a limit on
+            jerk the arm also rests at every corner and at the offset points (`plan.jerk`).
         settle_s: least wait after the jaws moved, s.
         segment_ms: duration of a motion segment where nothing asks for less.
         look: ``each``: home and look after every cube; ``never``: from cube to cube, home at the end; or a number n:
@@ -48,6 +50,7 @@ class PlanOptions:
     offset: float = 0.1
     approach_speed: float = 0.1
     fraction_closed: float = 0.9
+    jerk_time: float = 0.0
     settle_s: float = 1.0
     segment_ms: int = 100
     look: str | int = "each"
@@ -65,6 +68,7 @@ class PlanOptions:
         _within("line_clearance", self.line_clearance, 0.0, 0.1, "m")
         _within("offset", self.offset, 1e-3, 1.0, "m")
         _within("approach_speed", self.approach_speed, 1e-3, 2.0, "m/s")
+        _within("jerk_time", self.jerk_time, 0.0, 2.0, "s")
         _within("fraction_closed", self.fraction_closed, 0.0, 1.0)
         _within("settle_s", self.settle_s, 0.0, 60.0, "s")
         _within("segment_ms", self.segment_ms, 40, 2000, "ms")

@@ -416,3 +416,26 @@ def test_wrong_requests_are_refused(case: Task2) -> None:
 def test_wrong_options_are_refused(key: str, value: object, message: str) -> None:
     with pytest.raises(InputError, match=message):
         PlanOptions(**{key: value})  # type: ignore[arg-type]
+
+
+def test_jerk_is_limited_where_that_is_asked(case: Task2) -> None:
+    """Ramps of acceleration take their time: within a segment, and from segment to segment."""
+    ramp = 0.2
+    options = PlanOptions(look="never", jerk_time=ramp)
+    plan = plan_task(case.scene, case.transfers[:1], Q_START, UNIT, options=options)
+    free = plan_task(case.scene, case.transfers[:1], Q_START, UNIT, options=PlanOptions(look="never"))
+    assert 1.0 < plan.duration_s / free.duration_s < 1.4
+    allowed = LIMITS.scaled(plan.speed).acceleration * options.acceleration_fraction / ramp
+    worst = {}
+    for name, some in (("limited", plan), ("free", free)):
+        steps = []
+        for move in some.moves:
+            # accelerations 0.2 s apart, so that rounding to counts weighs little
+            times = np.arange(0.0, move.path.duration_s, ramp / 2)
+            q = UNIT.positions(move.path.at(times))
+            if len(q) > 4:
+                speed = np.diff(q, axis=0) / (ramp / 2)
+                steps.append(np.abs(np.diff(speed, 2, axis=0)) / (ramp / 2) ** 2 / allowed)
+        worst[name] = float(np.concatenate(steps).max())
+    assert worst["limited"] < 1.2
+    assert worst["free"] > 1.5
