@@ -35,7 +35,8 @@ _DETOURS, _DETOURS_AT_MOST = 2, 12
 _OVERHEAD, _OVERHEAD_S = 0.02, 0.05
 _ROUNDS = 400
 _NOT_NOW = 1e9  # s; of a leg that is not tried for want of budget
-_SAME = 1e-9  # s
+# A way around that takes this much longer than was thought, in parts, is not a reason to ask again.
+_NEAR = 0.03
 # A sequence that could at best be this much faster, in parts, is not looked for.
 _GOOD_ENOUGH = 0.003
 
@@ -352,7 +353,7 @@ class TaskSearch:
         assumed = straight + self._excess(*group, straight) if before is None else before
         known[key] = time
         self.excess[group] = min(self.excess.get(group, np.inf), max(time - straight, 0.0))
-        return time <= assumed + _SAME
+        return time <= assumed * (1.0 + _NEAR)
 
     def _ends(self, leg: _Leg) -> tuple[LineEnds, LineEnds]:
         """The two ends of a leg, one row each."""
