@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -121,10 +122,15 @@ def plan_of(
             "robot_holding": scene.robot_holding.digest,
             "unit": unit.digest,
             "options": options.to_json(),
-            "versions": {name: version(name) for name in _LIBRARIES},
+            "versions": dict(_versions()),
         },
         scene=scene.to_json(),
     )
+
+
+@cache
+def _versions() -> dict[str, str]:
+    return {name: version(name) for name in _LIBRARIES}
 
 
 def _registers(unit: Unit, limits: Limits) -> dict[str, tuple[int, ...]]:

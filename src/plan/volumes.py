@@ -46,13 +46,13 @@ class Volumes:
     """Balls, boxes and hulls of the bodies of one world.
 
     Args:
-        model: Pinocchio model; every joint turns about or slides along one axis.
+        axes: of the arm.
         parts: all bodies; the moving ones have joints above 0.
         pairs: (p, 2) indices into `parts`, the one with the lower joint first.
     """
 
-    def __init__(self, model: Any, parts: Sequence[Part], pairs: Indices) -> None:
-        self._axes = _Axes(model)
+    def __init__(self, axes: Axes, parts: Sequence[Part], pairs: Indices) -> None:
+        self._axes = axes
         moving = [i for i, part in enumerate(parts) if part.joint > 0]
         at_zero = self._axes.poses_at_zero
         poses = [at_zero[part.joint] @ part.T_joint_body for part in parts]
@@ -153,8 +153,12 @@ class Placed:
     radii: Array
 
 
-class _Axes:
-    """The joints' axes at q = 0, and where the product of exponentials takes them."""
+class Axes:
+    """An arm's axes at q = 0, and where the product of exponentials takes them.
+
+    Args:
+        model: Pinocchio model of a chain; every joint turns about or slides along one axis.
+    """
 
     def __init__(self, model: Any) -> None:
         data = model.createData()

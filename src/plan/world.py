@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import coal
@@ -20,7 +21,7 @@ from arm.bodies import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere
 from arm.errors import InputError
 from arm.robot import Robot
 from arm.se3 import Array, frozen
-from plan.volumes import Part, Volumes
+from plan.volumes import Axes, Part, Volumes
 
 Indices = npt.NDArray[np.intp]
 
@@ -122,7 +123,7 @@ class World:
         request.gjk_tolerance = request.epa_tolerance = GJK_TOLERANCE
         for i in range(len(self.pairs)):
             self._distances.distanceRequests[i] = request
-        self.volumes = Volumes(robot.model, parts, self.pairs)
+        self.volumes = Volumes(_axes(robot), parts, self.pairs)
         self._broadphase: dict[float, Any] = {}
 
     def pair_names(self, index: int) -> tuple[str, str]:
@@ -231,14 +232,23 @@ class World:
         return Distance(value, self.pair_names(index), points)
 
 
+@lru_cache(maxsize=32)
+def _axes(robot: Robot) -> Axes:
+    return Axes(robot.model)
+
+
 def _pairs(parts: Sequence[Part], excluded: frozenset[frozenset[str]]) -> Indices:
-    found = []
-    for i, a in enumerate(parts):
-        for j in range(i + 1, len(parts)):
-            b = parts[j]
-            if a.joint != b.joint and frozenset((a.name, b.name)) not in excluded:
-                found.append((i, j) if a.joint < b.joint else (j, i))
-    return np.array(found, dtype=np.intp).reshape(-1, 2)
+    joint = np.array([part.joint for part in parts])
+    first, second = np.triu_indices(len(parts), k=1)
+    apart = joint[first] != joint[second]
+    first, second = first[apart], second[apart]
+    number = {part.name: i for i, part in enumerate(parts)}
+    left_out = {tuple(sorted(number.get(name, -1) for name in pair)) for pair in excluded}
+    kept = [pair not in left_out for pair in zip(first.tolist(), second.tolist(), strict=True)]
+    pairs = np.stack([first, second], axis=1)[kept]
+    swapped = joint[pairs[:, 0]] > joint[pairs[:, 1]]
+    pairs[swapped] = pairs[swapped, ::-1]
+    return np.asarray(pairs, dtype=np.intp)
 
 
 def _geometry_model(parts: Sequence[Part], pairs: Indices) -> Any:
