@@ -55,14 +55,13 @@ class Volumes:
         self._axes = axes
         moving = [i for i, part in enumerate(parts) if part.joint > 0]
         at_zero = self._axes.poses_at_zero
-        poses = [at_zero[part.joint] @ part.T_joint_body for part in parts]
+        placed = np.stack([part.T_joint_body for part in parts]) if parts else np.zeros((0, 4, 4))
+        poses = at_zero[[part.joint for part in parts]] @ placed
         self._hulls = _Hulls([(parts[i], poses[i]) for i in moving], self._axes.turning)
-        row = {body: r for r, body in enumerate(moving)}
-        outer = [row[int(b)] for _, b in pairs]
-        self._outer = np.array(outer, dtype=np.intp)
-        self._shared, self._joints = (
-            np.array([parts[body].joint for body in side], dtype=np.intp) for side in pairs.T
-        )
+        joints = np.array([part.joint for part in parts], dtype=np.intp)
+        row = np.cumsum(joints > 0) - 1  # of each moving body among the moving ones
+        self._outer = row[pairs[:, 1]]
+        self._shared, self._joints = joints[pairs].T
         self._pairs = pairs
         self._supports = _Supports(parts, poses)
         self._apart = _Apart(parts, poses, pairs)
@@ -230,51 +229,46 @@ class _Hulls:
 class _Apart:
     """Lower bounds of distance: balls around moving bodies against boxes around still ones, and against balls."""
 
-    def __init__(self, parts: Sequence[Part], poses: Sequence[Array], pairs: Indices) -> None:
-        covers = {i: cover(part.shape) for i, part in enumerate(parts) if part.joint > 0}
-        centres: list[Array] = []
-        radius: list[float] = []
-        joint: list[int] = []
-        slots: dict[int, range] = {}
-        for i, (points, ball) in covers.items():
-            slots[i] = range(len(centres), len(centres) + len(points))
-            for p in points:
-                centres.append(poses[i][:3, :3] @ p + poses[i][:3, 3])
-                radius.append(ball)
-                joint.append(parts[i].joint)
-        self.centres, self.joint = np.array(centres).reshape(-1, 3), np.array(joint, dtype=np.intp)
-        still = [i for i, part in enumerate(parts) if part.joint == 0]
-        column = {body: c for c, body in enumerate(still)}
-        boxes = [_rounded_box(parts[i].shape) for i in still]
-        turn = [poses[i][:3, :3] for i in still]
-        self.turn = np.concatenate(turn, axis=1) if turn else np.zeros((3, 0))
-        middles = [poses[i][:3, 3] @ poses[i][:3, :3] + B[0] for i, B in zip(still, boxes, strict=True)]
+    def __init__(self, parts: Sequence[Part], poses: Array, pairs: Indices) -> None:
+        joints = np.array([part.joint for part in parts], dtype=np.intp)
+        moving, still = np.flatnonzero(joints > 0), np.flatnonzero(joints == 0)
+        covers = [cover(parts[i].shape) for i in moving.tolist()]
+        counts = np.array([len(points) for points, _ in covers], dtype=np.intp)
+        body = np.repeat(moving, counts)  # that each ball is of
+        local = np.concatenate([points for points, _ in covers]) if covers else np.zeros((0, 3))
+        self.centres = (poses[body, :3, :3] @ local[..., None])[..., 0] + poses[body, :3, 3]
+        self.joint = joints[body]
+        size = np.repeat([radius for _, radius in covers], counts)
+
+        boxes = [_rounded_box(parts[i].shape) for i in still.tolist()]
+        self.turn = np.concatenate([poses[i, :3, :3] for i in still], axis=1) if boxes else np.zeros((3, 0))
+        middles = [poses[i, :3, 3] @ poses[i, :3, :3] + B[0] for i, B in zip(still, boxes, strict=True)]
         self.middle = np.array(middles).reshape(-1, 3)
         self.half = np.array([B[1] + (B[2], B[2], 0.0) for B in boxes]).reshape(-1, 3)
         extra = np.array([B[3] for B in boxes])
 
-        # rows of (ball, box) and (ball, ball), pair by pair
-        box_rows: list[tuple[int, int]] = []
-        ball_rows: list[tuple[int, int]] = []
-        first_box, first_ball, self.box_pairs, self.ball_pairs = [], [], [], []
-        for p, (a, b) in enumerate(pairs.tolist()):
-            if a in column:
-                first_box.append(len(box_rows))
-                self.box_pairs.append(p)
-                box_rows += [(s, column[a]) for s in slots[b]]
-            else:
-                first_ball.append(len(ball_rows))
-                self.ball_pairs.append(p)
-                ball_rows += [(s, r) for s in slots[b] for r in slots[a]]
-        self.first_box, self.first_ball = (
-            np.array(first_box, dtype=np.intp),
-            np.array(first_ball, dtype=np.intp),
+        # for each pair, rows of its balls and box, or of all its balls against all
+        first_ball, ball_count, column = (np.zeros(len(parts), dtype=np.intp) for _ in range(3))
+        first_ball[moving], ball_count[moving] = np.cumsum(counts) - counts, counts
+        column[still] = np.arange(len(still))
+        is_box = joints[pairs[:, 0]] == 0
+        self.box_pairs, self.ball_pairs = np.flatnonzero(is_box), np.flatnonzero(~is_box)
+        inner, outer = pairs[self.box_pairs].T
+        ball, self.first_box = _runs(first_ball[outer], ball_count[outer])
+        self.box_rows = np.stack([ball, np.repeat(column[inner], ball_count[outer])])
+        inner, outer = pairs[self.ball_pairs].T
+        first, self.first_ball = _runs(np.zeros_like(inner), ball_count[inner] * ball_count[outer])
+        of = np.repeat(np.arange(len(inner)), ball_count[inner] * ball_count[outer])
+        self.ball_rows = np.stack(
+            [
+                first_ball[outer][of] + first // ball_count[inner][of],
+                first_ball[inner][of] + first % ball_count[inner][of],
+            ]
         )
-        self.box_rows = np.array(box_rows, dtype=np.intp).reshape(-1, 2).T
-        self.ball_rows = np.array(ball_rows, dtype=np.intp).reshape(-1, 2).T
-        size = np.array(radius)
-        self.box_gap = size[self.box_rows[0]] + extra[self.box_rows[1]] if box_rows else np.zeros(0)
-        self.ball_gap = size[self.ball_rows[0]] + size[self.ball_rows[1]] if ball_rows else np.zeros(0)
+        self.box_gap = (
+            size[self.box_rows[0]] + extra[self.box_rows[1]] if len(inner) or boxes else np.zeros(0)
+        )
+        self.ball_gap = size[self.ball_rows[0]] + size[self.ball_rows[1]]
         self.count = len(pairs)
 
     def distances(self, R: Array, t: Array) -> Array:
@@ -299,13 +293,14 @@ class _Apart:
 class _Supports:
     """How far each body reaches in a direction: the largest d . p over its points p."""
 
-    def __init__(self, parts: Sequence[Part], poses: Sequence[Array]) -> None:
+    def __init__(self, parts: Sequence[Part], poses: Array) -> None:
         sizes = [_rounded_box(part.shape) for part in parts]
         self.joint = np.array([part.joint for part in parts], dtype=np.intp)
-        self.R = np.stack([T[:3, :3] for T in poses])
-        self.middle = np.stack([T[:3, :3] @ s[0] + T[:3, 3] for T, s in zip(poses, sizes, strict=True)])
-        self.half = np.stack([s[1] for s in sizes])
-        self.tube, self.ball = np.array([s[2] for s in sizes]), np.array([s[3] for s in sizes])
+        self.R = poses[:, :3, :3]
+        middle = np.array([size[0] for size in sizes]).reshape(-1, 3, 1)
+        self.middle = (self.R @ middle)[..., 0] + poses[:, :3, 3]
+        self.half = np.array([size[1] for size in sizes]).reshape(-1, 3)
+        self.tube, self.ball = np.array([size[2] for size in sizes]), np.array([size[3] for size in sizes])
 
     def of(self, bodies: Indices, directions: Array, R: Array, t: Array, rows: Indices) -> Array:
         """(k, c) m for bodies (k,) and directions (k, c, 3), at configurations `rows` (k,) of R and t."""
@@ -317,6 +312,13 @@ class _Supports:
         reach += self.tube[bodies][:, None] * np.hypot(local[..., 0], local[..., 1])
         reach += self.ball[bodies][:, None] * np.sqrt((local * local).sum(-1))
         return np.asarray(reach + (directions * middle[:, None]).sum(-1))
+
+
+def _runs(first: Indices, counts: Indices) -> tuple[Indices, Indices]:
+    """`counts` numbers from each `first` on, one run behind the other, and where each run begins."""
+    begin = np.cumsum(counts) - counts
+    total = int(counts.sum())
+    return np.arange(total) - np.repeat(begin, counts) + np.repeat(first, counts), begin
 
 
 @lru_cache(maxsize=1024)

@@ -121,8 +121,9 @@ class World:
         # would depend on what was asked earlier
         request = coal.DistanceRequest()
         request.gjk_tolerance = request.epa_tolerance = GJK_TOLERANCE
+        requests = self._distances.distanceRequests
         for i in range(len(self.pairs)):
-            self._distances.distanceRequests[i] = request
+            requests[i] = request
         self.volumes = Volumes(_axes(robot), parts, self.pairs)
         self._broadphase: dict[float, Any] = {}
 
