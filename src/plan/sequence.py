@@ -11,7 +11,7 @@ The obstacle-free bounds of the legs give, by the same search over orders, a tim
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,23 +20,18 @@ from arm.errors import ImpossibleError
 from arm.se3 import Array
 from arm.unit import Limits
 from plan.check import MoveCheck
-from plan.legs import LineEnds, leg_bounds, leg_times, line_ends, standing
+from plan.leg_costs import BEGIN, CARRY, END, GO_ON, NOT_NOW, Leg, LegCosts
+from plan.legs import line_ends, standing
 from plan.options import PlanOptions
 from plan.order import Costs, Done, Freedom, Ordered, Visit, best_order, best_ways
 from plan.proofs import Blocked, Crossing, Proofs
 from plan.reach import LineChoice
 from plan.shorten import Ends
 from plan.stages import Stages, Standing
-from plan.travel import path_time
 
 # Ways around that are made between one pick and one place (and more where there is none yet).
 _DETOURS, _DETOURS_AT_MOST = 2, 12
-# What a way around is taken to cost before one was made, in parts of the straight way and s.
-_OVERHEAD, _OVERHEAD_S = 0.02, 0.05
 _ROUNDS = 400
-_NOT_NOW = 1e9  # s; of a leg that is not tried for want of budget
-# A way around that takes this much longer than was thought, in parts, is not a reason to ask again.
-_NEAR = 0.03
 # A sequence that could at best be this much faster, in parts, is not looked for.
 _GOOD_ENOUGH = 0.003
 
@@ -70,19 +65,6 @@ class Found:
     stops: tuple[Stop, ...]
     time: float
     bound: float
-
-
-@dataclass(frozen=True)
-class _Leg:
-    """A way across: its kind, the numbers of pick and place that it joins, and the choice at each end (or 0)."""
-
-    kind: str
-    numbers: tuple[int, ...]
-    ways: tuple[int, int]
-
-
-# Kinds of legs: from the start to a pick; with the cube to a place; from a place to a pick; from a place to the end.
-_BEGIN, _CARRY, _GO_ON, _END = "begin", "carry", "go on", "end"
 
 
 class TaskSearch:
@@ -121,15 +103,9 @@ class TaskSearch:
             [line_ends([c.q_line for c in choices], options.offset, limits, tool_speed) for choices in side]
             for side in (self.picks, self.places)
         ]
-        self.pick_ends, self.place_ends, self.home = ends[0], ends[1], standing(q_home)
-        self.times = self._table(leg_times)
-        self.blocked: dict[
-            tuple[str, tuple[int, ...]], dict[tuple[int, int, Standing | None], float | None]
-        ] = {}
-        self.excess: dict[tuple[str, tuple[int, ...]], float] = {}
+        self.costs = LegCosts(ends[0], ends[1], standing(q_home), limits, options)
         self.detours: dict[tuple[str, tuple[int, ...], Standing | None], int] = {}
         self.most_detours = _DETOURS
-        self.lines: dict[tuple[bool, int], set[tuple[int, Standing | None]]] = {}
         self.proofs = Proofs(stages, limits, options)
         self.rejected: dict[str, ImpossibleError] = {}
 
@@ -139,18 +115,20 @@ class TaskSearch:
         Raises:
             ImpossibleError: none; data: `rejected` says what stopped each choice and leg.
         """
-        bound = best_order(self.freedom, self._costs(self._table(leg_bounds), free=True))
-        costs = self._costs(self.times, free=False)
+        bound = best_order(self.freedom, self.costs.bounds())
+        costs = self.costs.now()
         best: Found | None = None
         for _ in range(_ROUNDS):
             ordered = best_order(self.freedom, costs)
             enough = np.inf if best is None else best.time * (1.0 - _GOOD_ENOUGH)
-            if ordered is None or bound is None or ordered.time >= min(enough, _NOT_NOW):
+            if ordered is None or bound is None or ordered.time >= min(enough, NOT_NOW):
                 if best is not None:
                     return best
                 if self.most_detours >= _DETOURS_AT_MOST:
                     break
-                self._allow_more_detours()
+                self.most_detours = _DETOURS_AT_MOST
+                self.proofs.least_margin()
+                self.costs.ask_again()
                 continue
             best = self._proved(ordered, costs, best, bound.bound)
         if best is not None:
@@ -161,7 +139,7 @@ class TaskSearch:
         """The best ways that can be proved for the order and places of `ordered`, or `best` if that is faster."""
         pairs = [(visit.pick, visit.place) for visit in ordered.visits]
         current: Ordered | None = ordered
-        while current is not None and current.time < _NOT_NOW and (best is None or current.time < best.time):
+        while current is not None and current.time < NOT_NOW and (best is None or current.time < best.time):
             stops = self._stops(current)
             if stops is not None:
                 return Found(stops, current.time, bound)
@@ -172,115 +150,40 @@ class TaskSearch:
         """Never use a leg of a stop again: ``out``, ``across`` or ``home``; it could not be timed and proved."""
         visit = stop.visit
         legs = {
-            "across": _Leg(_CARRY, (visit.pick, visit.place), (visit.pick_way, visit.place_way)),
-            "home": _Leg(_END, (visit.place,), (visit.place_way, 0)),
-            "out": _Leg(_BEGIN, (visit.pick,), (0, visit.pick_way)),
+            "across": Leg(CARRY, (visit.pick, visit.place), (visit.pick_way, visit.place_way)),
+            "home": Leg(END, (visit.place,), (visit.place_way, 0)),
+            "out": Leg(BEGIN, (visit.pick,), (0, visit.pick_way)),
         }
         if before is not None and before.home is None:
             came = before.visit
-            legs["out"] = _Leg(_GO_ON, (came.place, visit.pick), (came.place_way, visit.pick_way))
-        leg = legs[which]
-        self.blocked.setdefault((leg.kind, leg.numbers), {})[(*leg.ways, None)] = np.inf
+            legs["out"] = Leg(GO_ON, (came.place, visit.pick), (came.place_way, visit.pick_way))
+        self.costs.block(legs[which], None, np.inf)
         self._reject(error)
-
-    def _table(self, times: Callable[[LineEnds, LineEnds, Limits], Array]) -> dict[str, list[list[Array]]]:
-        limits = self.limits
-        return {
-            _BEGIN: [[times(self.home, pick, limits)] for pick in self.pick_ends],
-            _CARRY: [[times(pick, place, limits) for place in self.place_ends] for pick in self.pick_ends],
-            _GO_ON: [[times(place, pick, limits) for pick in self.pick_ends] for place in self.place_ends],
-            _END: [[times(place, self.home, limits)] for place in self.place_ends],
-        }
-
-    def _costs(self, table: dict[str, list[list[Array]]], free: bool) -> Costs:
-        """Times of legs for `plan.order`; with nothing in the way if `free`."""
-
-        def begin(pick: int, done: Done) -> Array:
-            time = table[_BEGIN][pick][0]
-            return np.asarray((time if free else self._now(_BEGIN, (pick,), time, self.there(done)))[0])
-
-        def carry(pick: int, place: int, done: Done) -> Array:
-            time = table[_CARRY][pick][place]
-            if free:
-                return time
-            there = self.there(done)
-            carrying = there - {Standing(False, pick)}
-            time = self._now(_CARRY, (pick, place), time, carrying)
-            after = carrying | {Standing(True, place)}
-            closed = [
-                self._closed(False, pick, there | carrying),
-                self._closed(True, place, carrying | after),
-            ]
-            if not any(closed):
-                return time
-            time = np.array(time)
-            time[closed[0], :], time[:, closed[1]] = np.inf, np.inf
-            return time
-
-        def go_on(place: int, pick: int, done: Done) -> Array:
-            if self.options.looks_after(len(done.picks)):
-                return np.asarray(end(place, done)[:, None] + begin(pick, done)[None])
-            time = table[_GO_ON][place][pick]
-            return time if free else self._now(_GO_ON, (place, pick), time, self.there(done))
-
-        def end(place: int, done: Done) -> Array:
-            time = table[_END][place][0]
-            return np.asarray((time if free else self._now(_END, (place,), time, self.there(done)))[:, 0])
-
-        return Costs(begin, carry, go_on, end)
-
-    def there(self, done: Done) -> frozenset[Standing]:
-        """Which cubes stand, and where."""
-        left = (Standing(False, i) for i in range(self.freedom.picks) if i not in done.picks)
-        return frozenset(left) | frozenset(Standing(True, j) for j in done.places)
-
-    def _now(self, kind: str, numbers: tuple[int, ...], time: Array, there: frozenset[Standing]) -> Array:
-        """Times of legs with what is known to be in their way."""
-        known = self.blocked.get((kind, numbers))
-        if not known:
-            return time
-        now = np.array(time)
-        for (a, b, by), cost in known.items():
-            if by is None or by in there:
-                assumed = (
-                    time[a, b] + self._excess(kind, numbers, float(time[a, b])) if cost is None else cost
-                )
-                now[a, b] = max(now[a, b], assumed)
-        return now
-
-    def _excess(self, kind: str, numbers: tuple[int, ...], time: float) -> float:
-        """What a way around, not made yet, is taken to cost more than the straight one, s."""
-        return max(_OVERHEAD * time + _OVERHEAD_S, 0.85 * self.excess.get((kind, numbers), 0.0))
-
-    def _closed(self, placed: bool, number: int, there: frozenset[Standing]) -> list[int]:
-        """Choices of a station whose line is blocked."""
-        known = self.lines.get((placed, number), set())
-        return sorted({way for way, by in known if by is None or by in there})
 
     def _stops(self, ordered: Ordered) -> tuple[Stop, ...] | None:
         """The sequence with all that it uses proved, or None where something of it turned out to be blocked."""
         stops: list[Stop] = []
         done, last, whole = Done(frozenset(), frozenset()), None, True
         for count, visit in enumerate(ordered.visits, start=1):
-            there = self.there(done)
+            there = self.costs.there(done)
             carrying = there - {Standing(False, visit.pick)}
             done = Done(done.picks | {visit.pick}, done.places | {visit.place})
-            after = self.there(done)
+            after = self.costs.there(done)
             if not self._lines_proved(visit, there, after):
                 whole, last = False, None
                 continue
             across = self._across(
-                _Leg(_CARRY, (visit.pick, visit.place), (visit.pick_way, visit.place_way)), carrying
+                Leg(CARRY, (visit.pick, visit.place), (visit.pick_way, visit.place_way)), carrying
             )
             out = None
             if count == 1 or self.options.looks_after(count - 1):
-                out = self._across(_Leg(_BEGIN, (visit.pick,), (0, visit.pick_way)), there)
+                out = self._across(Leg(BEGIN, (visit.pick,), (0, visit.pick_way)), there)
             elif last is not None:
-                leg = _Leg(_GO_ON, (last.place, visit.pick), (last.place_way, visit.pick_way))
+                leg = Leg(GO_ON, (last.place, visit.pick), (last.place_way, visit.pick_way))
                 out = self._across(leg, there)
             home, goes_home = None, count == len(ordered.visits) or self.options.looks_after(count)
             if goes_home:
-                home = self._across(_Leg(_END, (visit.place,), (visit.place_way, 0)), after)
+                home = self._across(Leg(END, (visit.place,), (visit.place_way, 0)), after)
             last = None if goes_home else visit
             if out is None or across is None or (goes_home and home is None):
                 whole = False
@@ -301,73 +204,49 @@ class TaskSearch:
             choice = (self.places if placed else self.picks)[number][way]
             blocked = self.proofs.line(choice, Standing(placed, number), visit.pick, now)
             if blocked is not None:
-                self.lines.setdefault((placed, number), set()).add((way, blocked.by))
+                self.costs.close_line(Standing(placed, number), way, blocked.by)
                 self._reject(_line_blocked(choice, blocked.check, self.options.line_clearance))
                 proved = False
         return proved
 
-    def _across(self, leg: _Leg, now: frozenset[Standing]) -> Array | None:
+    def _across(self, leg: Leg, now: frozenset[Standing]) -> Array | None:
         """Way-points of a leg's way across, proved; None where it costs more than was thought, which is noted."""
-        out, into = self._ends(leg)
+        out, into = self.costs.ends(leg)
         crossing = Crossing(
             out.offset[0],
             into.offset[0],
             Ends(out.velocity[0], -into.velocity[0]),
-            leg.numbers[0] if leg.kind == _CARRY else None,
+            leg.numbers[0] if leg.kind == CARRY else None,
             self._own(leg),
         )
         found = self.proofs.straight(leg, crossing, now)
         if not isinstance(found, Blocked):
             return found
-        known = self.blocked.setdefault((leg.kind, leg.numbers), {})
-        key = (*leg.ways, found.by)
+        by = found.by
         if found.end:
-            known[key] = np.inf
-            self._reject(_leg_blocked(leg, found, self.options.clearance, self.stages))
+            self._give_up(leg, found)
             return None
-        if key not in known:
-            known[key] = None
+        if not self.costs.is_blocked(leg, by):
+            self.costs.block(leg, by, None)
             return None
-        if known[key] is None:
-            made = self.detours.get((leg.kind, leg.numbers, found.by), 0)
+        if self.costs.time(leg, by) is None:
+            made = self.detours.get((leg.kind, leg.numbers, by), 0)
             if made >= self.most_detours:
-                known[key] = _NOT_NOW
+                self.costs.block(leg, by, NOT_NOW)
                 return None
-            self.detours[leg.kind, leg.numbers, found.by] = made + 1
+            self.detours[leg.kind, leg.numbers, by] = made + 1
         way = self.proofs.around(leg, crossing, now, thorough=self.most_detours > _DETOURS)
         if way is None:
-            known[key] = np.inf
-            self._reject(_leg_blocked(leg, found, self.options.clearance, self.stages))
+            self._give_up(leg, found)
             return None
-        return way if self._noted(leg, key, out, into, way) else None
+        return way if self.costs.found(leg, by, way) else None
 
-    def _noted(
-        self, leg: _Leg, key: tuple[int, int, Standing | None], out: LineEnds, into: LineEnds, way: Array
-    ) -> bool:
-        """Put down what a way around takes; whether that is no more than was thought."""
-        known, group = self.blocked[leg.kind, leg.numbers], (leg.kind, leg.numbers)
-        straight = float(leg_times(out, into, self.limits)[0, 0])
-        around = path_time(way, self.limits, out.velocity[0], -into.velocity[0])
-        time = float(out.time[0] + out.start[0] + around + into.time[0] + into.start[0])
-        before = known[key]
-        assumed = straight + self._excess(*group, straight) if before is None else before
-        known[key] = time
-        self.excess[group] = min(self.excess.get(group, np.inf), max(time - straight, 0.0))
-        return time <= assumed * (1.0 + _NEAR)
+    def _give_up(self, leg: Leg, blocked: Blocked) -> None:
+        """There is no way for a leg."""
+        self.costs.block(leg, blocked.by, np.inf)
+        self._reject(_leg_blocked(leg, blocked, self.options.clearance, self.stages))
 
-    def _ends(self, leg: _Leg) -> tuple[LineEnds, LineEnds]:
-        """The two ends of a leg, one row each."""
-        a, b = leg.ways
-        match leg.kind:
-            case "begin":
-                return self.home, self.pick_ends[leg.numbers[0]].row(b)
-            case "carry":
-                return self.pick_ends[leg.numbers[0]].row(a), self.place_ends[leg.numbers[1]].row(b)
-            case "go on":
-                return self.place_ends[leg.numbers[0]].row(a), self.pick_ends[leg.numbers[1]].row(b)
-        return self.place_ends[leg.numbers[0]].row(a), self.home
-
-    def _own(self, leg: _Leg) -> frozenset[Standing]:
+    def _own(self, leg: Leg) -> frozenset[Standing]:
         """Cubes that stand wherever the leg is used: at its own stations."""
         match leg.kind:
             case "begin":
@@ -377,14 +256,6 @@ class TaskSearch:
             case "end":
                 return frozenset((Standing(True, leg.numbers[0]),))
         return frozenset()
-
-    def _allow_more_detours(self) -> None:
-        self.most_detours = _DETOURS_AT_MOST
-        self.proofs.least_margin()
-        for known in self.blocked.values():
-            for key, cost in known.items():
-                if cost in (_NOT_NOW, np.inf):
-                    known[key] = None
 
     def _reject(self, error: ImpossibleError) -> None:
         self.rejected.setdefault(str(error), error)
@@ -412,7 +283,7 @@ def _line_blocked(choice: LineChoice, check: MoveCheck, clearance: float) -> Imp
     )
 
 
-def _leg_blocked(leg: _Leg, blocked: Blocked, clearance: float, stages: Stages) -> ImpossibleError:
+def _leg_blocked(leg: Leg, blocked: Blocked, clearance: float, stages: Stages) -> ImpossibleError:
     check = blocked.check
     picks, places = [t.pick.name for t in stages.transfers], [p.name for p in stages.places]
     match leg.kind:

@@ -86,7 +86,7 @@ Ways = tuple[tuple[int, int], tuple[int, int], tuple[int, ...]]
 def every_sequence(search: TaskSearch) -> Iterator[tuple[float, Ways]]:
     """Times of all orders, places, yaws and branches, the least first, as if nothing were in the way."""
     heap: list[tuple[float, Ways]] = []
-    t, looks = search.times, search.options.look == "each"
+    t, looks = search.costs.free, search.options.look == "each"
     for (i, k), (j, m) in product(permutations(range(2)), repeat=2):
         sizes = [len(search.picks[i]), len(search.places[j]), len(search.picks[k]), len(search.places[m])]
         a = t["begin"][i][0][0][:, None] + t["carry"][i][j]
@@ -111,7 +111,7 @@ def straight_and_clear(search: TaskSearch, truth: Truth, ways: Ways) -> bool:
     pick_1, place_1 = search.picks[i][a].q_line, search.places[j][b].q_line
     pick_2, place_2 = search.picks[k][c].q_line, search.places[m][d].q_line
     none: frozenset[str] = frozenset()
-    home = search.home.offset[0]
+    home = search.costs.home.offset[0]
     w = truth.world
     legs = [
         (
@@ -245,7 +245,7 @@ def test_a_cube_in_the_way_of_a_line_goes_first() -> None:
         # the jaws move along the tool's y: across the gap or along it
         assert abs(apply(q, (0.0, 1.0, 0.0))[1] - q[1, 3]) > 0.9
         search = search_of(case, OPTIONS)
-        free = best_order(search.freedom, search._costs(search.times, free=True))
+        free = best_order(search.freedom, search.costs.without_obstacles())
         found = search.best()
         assert free is not None
         assert [s.visit.pick for s in found.stops] == [1 - hemmed, hemmed]
