@@ -14,7 +14,8 @@ class TransitBudget:
         corner_edges: corners, the fastest first, that are clear themselves and whose edges are looked at.
         rrt: samples of RRT-Connect.
         shortcuts: tries to cut corners of what RRT-Connect found.
-        starts: ways with one corner that are made faster; the fastest is taken.
+        starts: ways with few corners that are made faster; the fastest is taken.
+        more_starts: further ones, where that is still much slower than the straight way.
         steps: of sequential quadratic programming, for the fastest; the others have a third.
     """
 
@@ -23,4 +24,5 @@ class TransitBudget:
     rrt: int = 3000
     shortcuts: int = 40
     starts: int = 2
+    more_starts: int = 4
     steps: int = 6

@@ -26,6 +26,8 @@ NOT_NOW = 1e9
 # What a way around is taken to cost before one was made, in parts of the straight way and s; and in parts of the least
 # that one between the same stations was found to cost.
 _OVERHEAD, _OVERHEAD_S, _ALIKE = 0.02, 0.05, 0.85
+# A way around that costs this much more than the straight one, in parts, is worth more tries.
+_POOR = 0.15
 # A way around that takes this much longer than was thought, in parts, is not a reason to ask again.
 _NEAR = 0.03
 
@@ -130,6 +132,12 @@ class LegCosts:
         self.block(leg, by, time)
         self._excess[group] = min(self._excess.get(group, np.inf), max(time - straight, 0.0))
         return time <= assumed * (1.0 + _NEAR)
+
+    def is_poor(self, leg: Leg) -> bool:
+        """Whether ways around between the stations of a leg cost much more than the straight one."""
+        out, into = self.ends(leg)
+        straight = float(leg_times(out, into, self.limits)[0, 0])
+        return self._excess.get((leg.kind, leg.numbers), 0.0) > _POOR * straight
 
     def ask_again(self) -> None:
         """Forget that there was no way, or no budget, for legs."""

@@ -31,6 +31,8 @@ from plan.stages import Stages, Standing
 
 # Ways around that are made between one pick and one place (and more where there is none yet).
 _DETOURS, _DETOURS_AT_MOST = 2, 12
+# As many times more, where the best of them still costs much more than the straight way.
+_MORE = 3
 _ROUNDS = 400
 # A sequence that could at best be this much faster, in parts, is not looked for.
 _GOOD_ENOUGH = 0.003
@@ -231,7 +233,7 @@ class TaskSearch:
             return None
         if self.costs.time(leg, by) is None:
             made = self.detours.get((leg.kind, leg.numbers, by), 0)
-            if made >= self.most_detours:
+            if made >= self.most_detours * (_MORE if self.costs.is_poor(leg) else 1):
                 self.costs.block(leg, by, NOT_NOW)
                 return None
             self.detours[leg.kind, leg.numbers, by] = made + 1

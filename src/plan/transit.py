@@ -13,8 +13,8 @@ Every edge that is used is proved by `plan.check`, never sampled.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from itertools import pairwise
+from collections.abc import Callable, Iterator
+from itertools import islice, pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +32,8 @@ from plan.world import World
 
 # Places on a line that are looked at before it is proved.
 _FIRST_LOOKS = (0.5, 0.25, 0.75, 0.125, 0.375, 0.625, 0.875)
+# A way that takes this much longer than the straight one is worth more tries.
+_POOR = 1.25
 # How many ways are remembered, and how densely they are looked at, rad summed over the joints.
 _REMEMBERED, _LOOK_TRAVEL = 6, 0.2
 # Corners nearer to each other than this lead to the same way, s of travel.
@@ -128,28 +130,37 @@ class Detours:
         still = np.zeros(len(limits.velocity))
         self.ends = ends or Ends(still, still)
         self.known = [] if known is None else known
+        self.shortener = Shortener(world, limits, clearance, self.ends)
 
     def around(self, start: Array, goal: Array, at: float) -> Array | None:
         """A way, made as fast as the budget allows, or None; the straight one is blocked at fraction `at`."""
-        shortener = Shortener(self.world, self.limits, self.clearance, self.ends)
-        budget = self.budget
         trodden = self.trodden(start, goal)
-        rough = [
-            shortener.shorten(way, max(budget.steps // 3, 2))
-            for way in ([] if trodden is None else [trodden]) + self.few_corners(start, goal, at)
-        ]
-        for way in sorted(rough, key=lambda w: round(self.time(w), 6)):
-            found = shortener.shorten(way, budget.steps)
-            for trial in (found, way):
-                if self.proved(trial):
-                    return self.noted(trial)
+        ways = self.few_corners(start, goal, at)
+        first = ([] if trodden is None else [trodden]) + list(islice(ways, self.budget.starts))
+        best = self.fastest(first)
+        if best is None or self.time(best) > _POOR * self.time(np.stack([start, goal])):
+            more = self.fastest(list(islice(ways, self.budget.more_starts)))
+            if more is not None and (best is None or self.time(more) < self.time(best)):
+                best = more
+        if best is not None:
+            return self.noted(best)
         tree = RrtConnect(self.limits, self.free, self.clear, self.rng)
-        rooted = tree.search(start, goal, budget.rrt)
+        rooted = tree.search(start, goal, self.budget.rrt)
         if rooted is None:
             return None
         way = self.without_needless_corners(self.cut(self.without_needless_corners(rooted)))
-        found = shortener.shorten(way, budget.steps)
+        found = self.shortener.shorten(way, self.budget.steps)
         return self.noted(found if self.proved(found) else way)
+
+    def fastest(self, ways: list[Array]) -> Array | None:
+        """The fastest that comes of making ways faster, proved; None where nothing is."""
+        steps = self.budget.steps
+        rough = [self.shortener.shorten(way, max(steps // 3, 2)) for way in ways]
+        for way in sorted(rough, key=lambda w: round(self.time(w), 6)):
+            for trial in (self.shortener.shorten(way, steps), way):
+                if self.proved(trial):
+                    return trial
+        return None
 
     def noted(self, way: Array) -> Array:
         """The way, its corners remembered."""
@@ -189,8 +200,8 @@ class Detours:
         """Estimate of the motion's time, s."""
         return path_time(way, self.limits, self.ends.enter, self.ends.leave)
 
-    def few_corners(self, start: Array, goal: Array, at: float) -> list[Array]:
-        """A few fast ways with one or two corners that differ from each other and look clear."""
+    def few_corners(self, start: Array, goal: Array, at: float) -> Iterator[Array]:
+        """Fast ways with one or two corners that differ from each other and look clear."""
         lifted, double = self.lifted(start, goal, at)
         single = np.concatenate([lifted, self.drawn(start, goal)[:, None]])
         ways = [np.concatenate([start[None], c, goal[None]]) for corners in (single, double) for c in corners]
@@ -200,16 +211,14 @@ class Detours:
         looks = _Looks()
         for index in np.argsort(times, kind="stable"):
             way = ways[index]
-            if tried >= self.budget.corner_edges or len(found) >= self.budget.starts:
-                break
-            if found and times[index] > _WORSE * self.time(found[0]):
+            if tried >= self.budget.corner_edges or (found and times[index] > _WORSE * self.time(found[0])):
                 break
             if any(self.alike(way, other) for other in found) or not all(self.free(q) for q in way[1:-1]):
                 continue
             tried += 1
             if looks.clear(way, self.free):
                 found.append(way)
-        return found
+                yield way
 
     def times(self, start: Array, corners: Array, goal: Array) -> Array:
         """Estimates (m,) of ways through corners (m, c, n), s; rounded, to rank alike on every processor."""
