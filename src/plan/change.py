@@ -5,6 +5,7 @@ A board is moved with all that belongs to it (`groups_of`): its plate, its stand
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -84,7 +85,7 @@ def groups_of(scene: Scene, stations: Sequence[Station]) -> dict[str, frozenset[
 
 
 @dataclass(frozen=True)
-class Change:
+class Change(ABC):
     """One change of a request.
 
     Attributes:
@@ -93,13 +94,13 @@ class Change:
 
     text: str
 
+    @abstractmethod
     def apply(self, request: Request) -> Request:
         """The request with the change made."""
-        raise NotImplementedError
 
+    @abstractmethod
     def to_json(self) -> dict[str, Any]:
         """JSON types; lengths in mm, angles in deg."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True)

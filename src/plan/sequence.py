@@ -297,30 +297,19 @@ def _leg_blocked(leg: Leg, blocked: Blocked, clearance: float, stages: Stages) -
             origin, goal = places[leg.numbers[0]], picks[leg.numbers[1]]
         case _:
             origin, goal = places[leg.numbers[0]], "the start"
-    if blocked.end and 0.0 < check.time < 1.0:
-        return ImpossibleError(
-            f"nothing leads from {origin} to {goal}: joint 1 has to pass where {check.pair[0]} is "
-            f"{check.seen * 1e3:.1f} mm from {check.pair[1]} (asked: {clearance * 1e3:g} mm)",
-            **{"from": origin, "to": goal},
-            ways=list(leg.ways),
-            pair=list(check.pair),
-            distance_m=check.seen,
-        )
-    if blocked.end:
-        at = origin if check.time == 0.0 else goal
-        return ImpossibleError(
-            f"{at} is itself too near for a move from or to it: {check.pair[0]} and {check.pair[1]} are "
-            f"{check.seen * 1e3:.1f} mm apart there (asked: {clearance * 1e3:g} mm)",
-            ways=list(leg.ways),
-            **{"from": origin, "to": goal, "end": "from" if check.time == 0.0 else "to"},
-            pair=list(check.pair),
-            distance_m=check.seen,
-        )
+    names, seen = check.pair, f"{check.seen * 1e3:.1f} mm"
+    data: dict[str, object] = {"from": origin, "to": goal}
+    if not blocked.end:
+        text = f"no way around {names[1]} from {origin} to {goal}: {names[0]} is {seen} from it on the straight move"
+    elif 0.0 < check.time < 1.0:
+        text = f"nothing leads from {origin} to {goal}: joint 1 has to pass where {names[0]} is {seen} from {names[1]}"
+    else:
+        at, data["end"] = (origin, "from") if check.time == 0.0 else (goal, "to")
+        text = f"{at} is itself too near for a move from or to it: {names[0]} and {names[1]} are {seen} apart there"
     return ImpossibleError(
-        f"no way around {check.pair[1]} from {origin} to {goal}: {check.pair[0]} comes to {check.seen * 1e3:.1f} mm "
-        f"of it on the straight move (asked: {clearance * 1e3:g} mm)",
-        **{"from": origin, "to": goal},
+        f"{text} (asked: {clearance * 1e3:g} mm)",
+        **data,
         ways=list(leg.ways),
-        pair=list(check.pair),
+        pair=list(names),
         distance_m=check.seen,
     )
