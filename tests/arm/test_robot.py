@@ -150,3 +150,9 @@ def test_bodies_move_with_their_joints() -> None:
     assert isinstance(palm.shape, Box)
     assert placed["palm"].T_base_body == pytest.approx(data.oMi[6].homogeneous @ palm.T_joint_body, abs=1e-12)
     assert placed["base"].T_base_body == pytest.approx(transform(t=(0, 0, 0.1)), abs=1e-12)
+
+
+def test_an_arm_that_branches_is_refused() -> None:
+    """With both jaws moving the chain ends in two; its motion bounds would be wrong."""
+    with pytest.raises(FileInputError, match="branches off; lock all moving joints"):
+        load_robot(data_file("urdf/a465/a465.urdf"), "flange", transform(t=(0.0, 0.0, 0.134112)))

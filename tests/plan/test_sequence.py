@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from arm.bodies import Body, Box
+from arm.errors import ImpossibleError
 from arm.robot import load_a465
 from arm.se3 import Array, apply, frozen, inverse, rot_x, rot_z, transform
 from arm.unit import load_unit
@@ -252,3 +253,21 @@ def test_a_cube_in_the_way_of_a_line_goes_first() -> None:
         changed.append(free.visits[0].pick == hemmed)
         assert found.time >= free.time - 1e-9
     assert any(changed)  # for one of the two, the order is another than without the cube in the way
+
+
+def test_what_joint_1_cannot_pass_is_said_and_not_searched_for() -> None:
+    """A post beside the turret, as high as the shoulder's rim: its corner comes by, whatever the other joints do."""
+    way = np.radians(28.0)
+    wall = Body(
+        "low post",
+        Box((0.03, 0.02, 0.28)),
+        transform(rot_z(way), (0.122 * np.cos(way), 0.122 * np.sin(way), 0.14)),
+        "wall",
+    )
+    case = task2(extra=[wall], cubes=1)
+    with pytest.raises(ImpossibleError) as caught:
+        plan_task(case.scene, case.transfers, Q_START, load_unit("crs93"), options=PlanOptions(look="never"))
+    said = [entry["reason"] for entry in caught.value.data["rejected"]]
+    assert any("joint 1 has to pass where shoulder" in reason and "low post" in reason for reason in said), (
+        said
+    )
