@@ -20,8 +20,8 @@ distance of the pair at q, it is at least d - m at every q' with |q'_k - q_k| <=
 **The pieces.** A motion is a chain of cubics. Each is written by its four Bernstein control points, between whose
 least and greatest values it stays. A piece is a run of whole cubics, or a part of one; q is the point on the curve in
 its middle, and delta_k the farthest that a control point lies from q in joint k. A piece that is not proved for all
-pairs is cut in two; pairs that are proved need not be looked at again in its halves. Every distance is counted as
-`plan.world.DISTANCE_ERROR` shorter than it was computed.
+pairs is cut (a run in two, a cubic in four); pairs that are proved need not be looked at again in its parts. Every
+distance is counted as `plan.world.DISTANCE_ERROR` shorter than it was computed.
 
 Pieces of one depth are looked at together. For each pair, balls and boxes around the bodies (`plan.volumes`) give a
 first lower bound of d; where that is enough, no distance is computed.
@@ -52,6 +52,8 @@ BUDGET = 20_000
 # A curve is first cut into pieces of about this travel, rad summed over the joints, and at most so many.
 _FIRST_TRAVEL = 0.4
 _FIRST_PIECES = 16
+# A cubic, or a part of one, that is not proved is cut into so many: fewer rounds of more pieces each are faster.
+_PARTS_OF_A_CUBIC = 4
 
 
 @dataclass(frozen=True)
@@ -176,12 +178,14 @@ class _Pieces:
 
     def where(self, rows: Flags) -> _Pieces:
         """Those with a flag in `rows` (m,)."""
-        return _Pieces(*(getattr(self, f.name)[rows] for f in fields(self)))
+        return _Pieces(*(getattr(self, name)[rows] for name in _PARTS))
 
     def and_(self, more: _Pieces) -> _Pieces:
         """These and those."""
-        both = (np.concatenate([getattr(self, f.name), getattr(more, f.name)]) for f in fields(self))
-        return _Pieces(*both)
+        return _Pieces(*(np.concatenate([getattr(self, name), getattr(more, name)]) for name in _PARTS))
+
+
+_PARTS = tuple(field.name for field in fields(_Pieces))
 
 
 class _Chain:
@@ -223,12 +227,12 @@ class _Chain:
         spread = np.abs(points - begin - along[:, None] * way).max(axis=0)
         return middle, np.maximum(high - middle, middle - low), np.stack([begin, end, begin, end]), spread
 
-    def halves(self, pieces: _Pieces) -> _Pieces:
-        """Every piece cut in its middle, in order of the curve."""
+    def finer(self, pieces: _Pieces) -> _Pieces:
+        """Runs cut in their middle, and single cubics (or parts of one) in equal parts."""
         runs = pieces.runs()
         made = []
         if not runs.all():
-            made.append(_split(pieces.where(~runs), 2))
+            made.append(_split(pieces.where(~runs), _PARTS_OF_A_CUBIC))
         if runs.any():
             some = pieces.where(runs)
             at = some.cuts().astype(np.intp)
@@ -244,7 +248,7 @@ def _split(parts: _Pieces, count: int) -> _Pieces:
     control = (_split_matrix(count) @ parts.control[:, None]).reshape(-1, *parts.control.shape[1:])
     middle = (control[:, 0] + 3.0 * (control[:, 1] + control[:, 2]) + control[:, 3]) / 8.0
     reach = np.abs(control - middle[:, None]).max(axis=1)
-    edges = parts.begin[:, None] + (parts.end - parts.begin)[:, None] * np.linspace(0.0, 1.0, count + 1)
+    edges = parts.begin[:, None] + (parts.end - parts.begin)[:, None] * (np.arange(count + 1) / count)
     first, last = np.repeat(parts.first, count), np.repeat(parts.last, count)
     return _Pieces(
         first,
@@ -303,11 +307,13 @@ class _Search:
             # a first distance that was really seen; without one, nothing is enough
             some = len(pieces) // 2
             every = np.arange(len(world.pairs))
-            self.note(world.pair_distances(pieces.middle[some], every), every, float(pieces.cuts()[some]))
+            at = np.full(len(every), pieces.cuts()[some])
+            self.note(world.pair_distances(pieces.middle[some], every), every, at)
+        first = True
         while len(pieces) and not self.refuted() and self.evaluations < BUDGET:
-            pieces = self.look(pieces)
+            pieces, first = self.look(pieces, first), False
             if len(pieces) and not self.refuted():
-                pieces = chain.halves(pieces)
+                pieces = chain.finer(pieces)
         self.settle(pieces, pieces.bound)
         lower = min(float(self.bounds.min(initial=np.inf)), self.seen)
         return MoveCheck(
@@ -320,44 +326,52 @@ class _Search:
             bounds=tuple(self.bounds.tolist()),
         )
 
-    def look(self, pieces: _Pieces) -> _Pieces:
-        """Bounds around the middle of each piece; what they do not settle is returned."""
-        world, volumes = self.world, self.world.volumes
-        at = volumes.placed(pieces.middle)
-        motion = volumes.motion(at, pieces.reach)
-        bounds = volumes.distances(at) - (motion + world.padding)
-        asked = pieces.open & (bounds < self.enough())
-        cuts = pieces.cuts()
-        rows: list[Indices] = []
-        normals: list[Array] = []
-        for row in np.flatnonzero(asked.any(axis=1)).tolist():
-            pairs = np.flatnonzero(asked[row])
-            distances, normal = world.pair_witnesses(pieces.middle[row], pairs)
-            self.note(distances, pairs, float(cuts[row]))
-            proved = distances - DISTANCE_ERROR - motion[row, pairs]
-            bounds[row, pairs] = np.maximum(bounds[row, pairs], proved)
-            if not self.tight and self.seen < self.clearance:
-                break
-            wanting = (proved < self.enough()) & (distances > 0.0)
-            rows.append(np.stack([np.full(int(wanting.sum()), row), pairs[wanting]]))
-            normals.append(normal[wanting])
-        self.evaluations += len(pieces)
-        if rows and not self.refuted():
-            row, pair = np.concatenate(rows, axis=1)
-            planes = volumes.plane_distances(
-                at, row, pair, np.concatenate(normals), pieces.control, pieces.spread
-            )
-            bounds[row, pair] = np.maximum(bounds[row, pair], planes - world.padding)
-        left = asked & (bounds < self.enough()) & (motion > RESOLUTION)
-        self.settle(pieces, np.where(pieces.open & ~left, bounds, np.inf).min(axis=1, initial=np.inf))
-        least = np.where(left, bounds, np.inf).min(axis=1, initial=np.inf)
-        return replace(pieces, bound=least, open=left).where(np.asarray(left.any(axis=1)))
+    def look(self, pieces: _Pieces, first: bool) -> _Pieces:
+        """Bounds around the middle of each piece; what they do not settle is returned.
 
-    def note(self, distances: Array, pairs: Indices, at: float) -> None:
+        Balls and boxes are asked the first time only: what they left open then, they rarely settle in smaller pieces.
+        """
+        world, volumes, enough = self.world, self.world.volumes, self.enough()
+        at = volumes.placed(pieces.middle)
+        settled = np.full(len(pieces), np.inf)
+        if first:
+            rough = volumes.distances(at) - (volumes.motion(at, pieces.reach) + world.padding)
+            open_ = rough < enough
+            settled = np.where(open_, np.inf, rough).min(axis=1, initial=np.inf)
+        else:
+            open_ = pieces.open
+        row, pair = np.nonzero(open_)
+        bound = rough[row, pair] if first else np.full(len(row), -np.inf)
+        motion = volumes.motion_of(at, pieces.reach, row, pair)
+        seen = world.witnesses(pieces.middle, row, pair, -np.inf if self.tight else self.clearance)
+        self.evaluations += len(pieces)
+        count = len(seen.distance)
+        self.note(seen.distance, pair[:count], pieces.cuts()[row[:count]])
+        proved = seen.distance - DISTANCE_ERROR - motion[:count]
+        bound[:count] = np.maximum(bound[:count], proved)
+        if not self.refuted():
+            enough = self.enough()
+            wanting = np.flatnonzero((bound < enough) & (seen.distance > 0.0))
+            planes = volumes.plane_distances(
+                at, row[wanting], pair[wanting], seen.normal[wanting], pieces.control, pieces.spread
+            )
+            bound[wanting] = np.maximum(bound[wanting], planes - world.padding)
+        left = (bound < enough) & (motion > RESOLUTION)
+        np.minimum.at(settled, row[~left], bound[~left])
+        self.settle(pieces, settled)
+        least, open_ = np.full(len(pieces), np.inf), np.zeros_like(open_)
+        np.minimum.at(least, row[left], bound[left])
+        open_[row[left], pair[left]] = True
+        return replace(pieces, bound=least, open=open_).where(np.asarray(open_.any(axis=1)))
+
+    def note(self, distances: Array, pairs: Indices, at: Array) -> None:
         """Remember the smallest distance."""
+        if not len(distances):
+            return
         closest = int(np.argmin(distances))
         if distances[closest] < self.seen:
-            self.seen, self.seen_pair, self.seen_at = float(distances[closest]), int(pairs[closest]), at
+            self.seen, self.seen_pair = float(distances[closest]), int(pairs[closest])
+            self.seen_at = float(at[closest])
 
     def settle(self, pieces: _Pieces, bound: Array) -> None:
         """Lower the bounds (m,) of the cubics that the pieces are of."""

@@ -181,7 +181,7 @@ class Detours:
 
     def proved(self, way: Array) -> bool:
         """Whether every edge is."""
-        return all(self.prove(a, b).proved for a, b in pairwise(way))
+        return check_curve(self.world, curve_of_waypoints(way), self.clearance).proved
 
     def free(self, q: Array) -> bool:
         """Whether a configuration keeps the clearance."""
@@ -204,20 +204,23 @@ class Detours:
         """Fast ways with one or two corners that differ from each other and look clear."""
         lifted, double = self.lifted(start, goal, at)
         single = np.concatenate([lifted, self.drawn(start, goal)[:, None]])
-        ways = [np.concatenate([start[None], c, goal[None]]) for corners in (single, double) for c in corners]
-        times = np.concatenate([self.times(start, corners, goal) for corners in (single, double)])
-        found: list[Array] = []
-        tried = 0
-        looks = _Looks()
-        for index in np.argsort(times, kind="stable"):
-            way = ways[index]
-            if tried >= self.budget.corner_edges or (found and times[index] > _WORSE * self.time(found[0])):
+        groups = single, double
+        times = [self.times(start, corners, goal) for corners in groups]
+        alike = [np.zeros(len(corners), dtype=bool) for corners in groups]
+        best, tried, looks = np.inf, 0, _Looks()
+        for index in np.argsort(np.concatenate(times), kind="stable").tolist():
+            group, i = (0, index) if index < len(single) else (1, index - len(single))
+            time, corners = times[group][i], groups[group][i]
+            if tried >= self.budget.corner_edges or time > _WORSE * best:
                 break
-            if any(self.alike(way, other) for other in found) or not all(self.free(q) for q in way[1:-1]):
+            if alike[group][i] or not all(self.free(q) for q in corners):
                 continue
             tried += 1
+            way = np.concatenate([start[None], corners, goal[None]])
             if looks.clear(way, self.free):
-                found.append(way)
+                best = min(best, time)
+                away = np.abs(groups[group] - corners) / self.limits.velocity
+                alike[group] |= away.max(axis=(1, 2)) < _DIFFERENT
                 yield way
 
     def times(self, start: Array, corners: Array, goal: Array) -> Array:
@@ -225,12 +228,6 @@ class Detours:
         shape = (len(corners), 1, len(start))
         ways = np.concatenate([np.broadcast_to(start, shape), corners, np.broadcast_to(goal, shape)], axis=1)
         return np.round(path_times(ways, self.limits, self.ends.enter, self.ends.leave), 6)
-
-    def alike(self, way: Array, other: Array) -> bool:
-        """Whether two ways have their corners at about the same places."""
-        if len(way) != len(other):
-            return False
-        return float((np.abs(way - other) / self.limits.velocity).max()) < _DIFFERENT
 
     def lifted(self, start: Array, goal: Array, at: float) -> tuple[Array, Array]:
         """Corners with the tool moved up, towards the base, or both: one (m, 1, n), or two moved alike (m, 2, n).
@@ -241,7 +238,8 @@ class Detours:
         robot, limits, n = self.world.robot, self.limits, len(start)
         q = start + np.array([at, 0.5, 0.25, 0.75])[:, None] * (goal - start)
         try:
-            raw = all_branches(robot, np.concatenate([_lifts(robot.T_base_tool(place)) for place in q]))
+            poses = np.concatenate([_lifts(robot.T_base_tool(place)) for place in q])
+            raw = all_branches(robot, poses, exact=False)
         except InputError:  # an arm of another kind: random corners have to do
             return np.zeros((0, 1, n)), np.zeros((0, 2, n))
         branches = raw.q.shape[1]

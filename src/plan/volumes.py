@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from arm.bodies import Box, Capsule, Convex, Cylinder, Shape, Sphere
-from arm.se3 import Array, skew
+from arm.se3 import Array, cross, skew
 
 Indices = npt.NDArray[np.intp]
 Flags = npt.NDArray[np.bool_]
@@ -75,7 +75,7 @@ class Volumes:
         """Everything at configurations q (m, n) rad."""
         R, t = self._axes.place(q)
         point, axis = self._axes.lines(R, t)
-        return Placed(q, R, t, point, axis, self._hulls.radii(R, t, point, axis))
+        return Placed(q, R, t, point, axis, self._hulls)
 
     def motion(self, at: Placed, delta: Array) -> Array:
         """Bound (m, p) m on how far the bodies of each pair move against each other.
@@ -87,6 +87,11 @@ class Volumes:
         steps = np.zeros((*at.radii.shape[:2], at.radii.shape[2] + 1))
         np.cumsum(at.radii * delta[:, None, :], axis=2, out=steps[:, :, 1:])
         return np.asarray(steps[:, self._outer, -1] - steps[:, self._outer, self._shared])
+
+    def motion_of(self, at: Placed, delta: Array, rows: Indices, pairs: Indices) -> Array:
+        """`motion` of some pairs (k,) at some of the configurations, rows (k,); (k,) m."""
+        own = np.arange(at.radii.shape[2]) >= self._shared[pairs][:, None]
+        return np.asarray((at.radii[rows, self._outer[pairs]] * delta[rows] * own).sum(axis=1))
 
     def distances(self, at: Placed) -> Array:
         """Lower bound (m, p) m of the distance of each pair; -inf where nothing is known."""
@@ -111,7 +116,7 @@ class Volumes:
         between = (joints >= low[:, None]) & (joints < high[:, None])
         axis, point = at.axis[rows], at.point[rows]
         turning = self._axes.turning
-        lever = np.where((between & turning)[..., None], np.cross(normals[:, None], axis), 0.0)
+        lever = np.where((between & turning)[..., None], cross(normals[:, None], axis), 0.0)
         moves = hulls[rows] - at.q[rows, None]
         # n . motion of a point p for a small turn is lever . (p - o), and for a slide n . axis
         at_zero = np.where(
@@ -141,7 +146,7 @@ class Placed:
         q: (m, n) rad.
         R, t: of the product of exponentials up to each joint, (m, n + 1, 3, 3) and (m, n + 1, 3) m.
         point, axis: a point (m, n, 3) m and the direction (m, n, 3) of each joint's axis.
-        radii: largest distance of a point of each moving body from each axis, (m, bodies, n) m; see `plan.check`.
+        hulls: of the moving bodies.
     """
 
     q: Array
@@ -149,7 +154,12 @@ class Placed:
     t: Array
     point: Array
     axis: Array
-    radii: Array
+    hulls: _Hulls
+
+    @cached_property
+    def radii(self) -> Array:
+        """Largest distance of a point of each moving body from each axis, (m, bodies, n) m; see `plan.check`."""
+        return self.hulls.radii(self.R, self.t, self.point, self.axis)
 
 
 class Axes:
@@ -247,15 +257,15 @@ class _Apart:
         self.half = np.array([B[1] + (B[2], B[2], 0.0) for B in boxes]).reshape(-1, 3)
         extra = np.array([B[3] for B in boxes])
 
-        # for each pair, rows of its balls and box, or of all its balls against all
-        first_ball, ball_count, column = (np.zeros(len(parts), dtype=np.intp) for _ in range(3))
+        # for each pair, a body's row of balls against a box, or of all its balls against all
+        first_ball, ball_count, column, row = (np.zeros(len(parts), dtype=np.intp) for _ in range(4))
         first_ball[moving], ball_count[moving] = np.cumsum(counts) - counts, counts
-        column[still] = np.arange(len(still))
+        column[still], row[moving] = np.arange(len(still)), np.arange(len(moving))
+        self.first, self.size, self.extra = first_ball[moving], size[:, None], extra
         is_box = joints[pairs[:, 0]] == 0
         self.box_pairs, self.ball_pairs = np.flatnonzero(is_box), np.flatnonzero(~is_box)
         inner, outer = pairs[self.box_pairs].T
-        ball, self.first_box = _runs(first_ball[outer], ball_count[outer])
-        self.box_rows = np.stack([ball, np.repeat(column[inner], ball_count[outer])])
+        self.boxes = row[outer], column[inner]
         inner, outer = pairs[self.ball_pairs].T
         first, self.first_ball = _runs(np.zeros_like(inner), ball_count[inner] * ball_count[outer])
         of = np.repeat(np.arange(len(inner)), ball_count[inner] * ball_count[outer])
@@ -265,9 +275,6 @@ class _Apart:
                 first_ball[inner][of] + first % ball_count[inner][of],
             ]
         )
-        self.box_gap = (
-            size[self.box_rows[0]] + extra[self.box_rows[1]] if len(inner) or boxes else np.zeros(0)
-        )
         self.ball_gap = size[self.ball_rows[0]] + size[self.ball_rows[1]]
         self.count = len(pairs)
 
@@ -275,19 +282,23 @@ class _Apart:
         m = len(R)
         centres = (R[:, self.joint] @ self.centres[..., None])[..., 0] + t[:, self.joint]
         out = np.empty((m, self.count))
-        if len(self.first_box):
-            local = (centres @ self.turn).reshape(m, len(self.joint), -1, 3) - self.middle
-            outside = np.maximum(np.abs(local) - self.half, 0.0)
-            apart = np.sqrt((outside * outside).sum(-1))
-            rows = apart[:, self.box_rows[0], self.box_rows[1]] - self.box_gap
-            out[:, self.box_pairs] = np.minimum.reduceat(rows, self.first_box, axis=1)
+        if len(self.box_pairs):
+            local = (centres @ self.turn).reshape(m, len(self.joint), -1, 3)
+            local -= self.middle
+            np.abs(local, out=local)
+            local -= self.half
+            np.maximum(local, 0.0, out=local)
+            apart = np.sqrt(np.einsum("mbsi,mbsi->mbs", local, local)) - self.size
+            apart = np.minimum.reduceat(apart, self.first, axis=1) - self.extra
+            out[:, self.box_pairs] = apart[:, *self.boxes]
         if len(self.first_ball):
             between = centres[:, self.ball_rows[0]] - centres[:, self.ball_rows[1]]
-            rows = np.sqrt((between * between).sum(-1)) - self.ball_gap
+            rows = np.sqrt(np.einsum("mbi,mbi->mb", between, between)) - self.ball_gap
             out[:, self.ball_pairs] = np.minimum.reduceat(rows, self.first_ball, axis=1)
         out -= ROUNDING
         # inside each other, balls and boxes say nothing of the depth
-        return np.where(out > 0.0, out, -np.inf)
+        out[out <= 0.0] = -np.inf
+        return out
 
 
 class _Supports:

@@ -20,7 +20,7 @@ import pinocchio as pin
 from arm.bodies import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere
 from arm.errors import InputError
 from arm.robot import Robot
-from arm.se3 import Array, frozen
+from arm.se3 import Array, cross, frozen
 from plan.volumes import Axes, Part, Volumes
 
 Indices = npt.NDArray[np.intp]
@@ -31,6 +31,23 @@ GJK_TOLERANCE = 1e-7
 DISTANCE_ERROR = 1e-5
 # In a few of a million configurations coal cannot tell how deep two bodies overlap; that counts as this deep, m.
 UNKNOWN_DEPTH = -1.0
+# Up to so many bodies, boxes around all of them are compared faster than they are sorted; a tree is slower than either.
+_FEW_BODIES = 60
+
+
+@dataclass(frozen=True)
+class Witnesses:
+    """Distances of k pairs, and between which points they are.
+
+    Attributes:
+        distance: (k,) m, negative by the depth where the bodies overlap.
+        normal: (k, 3) unit vectors from the body nearer to the base to the other.
+        point: (k, 3) m, on the other.
+    """
+
+    distance: Array
+    normal: Array
+    point: Array
 
 
 @dataclass(frozen=True)
@@ -139,11 +156,34 @@ class World:
         values = [compute(geometry, data, i).min_distance for i in pairs.tolist()]
         return np.maximum(values, UNKNOWN_DEPTH) - self.padding
 
-    def pair_witnesses(self, q: npt.ArrayLike, pairs: Indices) -> tuple[Array, Array]:
-        """`pair_distances`, and the unit normals (k, 3) from the body nearer to the base to the other."""
-        values = self.pair_distances(q, pairs)
-        results = self._distances.distanceResults
-        return values, np.array([results[i].normal for i in pairs.tolist()]).reshape(-1, 3)
+    def witnesses(
+        self, q: npt.ArrayLike, rows: Indices, pairs: Indices, stop_below: float = -np.inf
+    ) -> Witnesses:
+        """Signed distances, less the padding, of pairs at some of several configurations.
+
+        Args:
+            q: (m, n) rad.
+            rows, pairs: (k,) which configuration, in order, and which pair.
+            stop_below: the first distance below this, m, is the last that is looked at.
+        """
+        q = np.asarray(q, dtype=float)
+        geometry, data, results = self._geometry, self._distances, self._distances.distanceResults
+        least, compute, placed = stop_below + self.padding, pin.computeDistance, -1
+        values, normals, points = [], np.empty((len(rows), 3)), np.empty((len(rows), 3))
+        for i, (row, pair) in enumerate(zip(rows.tolist(), pairs.tolist(), strict=True)):
+            if row != placed:
+                self._place(q[row])
+                placed = row
+            compute(geometry, data, pair)
+            # copied: the result's memory is written over when the pair is looked at again
+            result = results[pair]
+            normals[i], points[i] = result.normal, result.getNearestPoint2()
+            values.append(result.min_distance)
+            if values[-1] < least:
+                break
+        count = len(values)
+        distances = np.maximum(values, UNKNOWN_DEPTH) - self.padding
+        return Witnesses(np.asarray(distances), normals[:count], points[:count])
 
     def joint_of(self, name: str) -> int:
         """Index of the joint that a body moves with, 1 to n; 0 for a body that stands still."""
@@ -179,28 +219,17 @@ class World:
         q = np.asarray(q, dtype=float)
         at = self.volumes.placed(q)
         asked = self.volumes.distances(at) - self.padding < limit
-        rows, pairs, distances, normals, points = [], [], [], [], []
-        for row in np.flatnonzero(asked.any(axis=1)).tolist():
-            index = np.flatnonzero(asked[row])
-            values = self.pair_distances(q[row], index)
-            for i, value in zip(index[values < limit].tolist(), values[values < limit].tolist(), strict=True):
-                result = self._distances.distanceResults[i]
-                rows.append(row)
-                pairs.append(i)
-                distances.append(value)
-                # copies: the results' memory is written over when the pair is looked at again
-                normals.append(np.array(result.normal))
-                points.append(np.array(result.getNearestPoint2()))
-        which = np.array(rows, dtype=np.intp)
-        axis_point, axis = at.point[which], at.axis[which]
-        normal = np.array(normals).reshape(-1, 1, 3)
-        turned = np.cross(axis, np.array(points).reshape(-1, 1, 3) - axis_point)
-        motion = np.where(self.volumes.turning[:, None], turned, axis)
-        index = np.array(pairs, dtype=np.intp)
+        row, pair = np.nonzero(asked)
+        found = self.witnesses(q, row, pair)
+        close = found.distance < limit
+        row, pair = row[close], pair[close]
+        normal, point = found.normal[close][:, None], found.point[close][:, None]
+        axis_point, axis = at.point[row], at.axis[row]
+        motion = np.where(self.volumes.turning[:, None], cross(axis, point - axis_point), axis)
         joint = np.arange(1, q.shape[1] + 1)
-        inner, outer = (self._joint[self.pairs[index, side]][:, None] for side in (0, 1))
+        inner, outer = (self._joint[self.pairs[pair, side]][:, None] for side in (0, 1))
         gradient = np.where((joint > inner) & (joint <= outer), (motion * normal).sum(-1), 0.0)
-        return Near(which, index, np.array(distances), gradient)
+        return Near(row, pair, found.distance[close], gradient)
 
     def in_collision(self, q: npt.ArrayLike, clearance: float = 0.0) -> bool:
         """Whether some pair is closer than `clearance` m at configuration q (n,) rad. Fast: coal's broadphase."""
@@ -220,7 +249,12 @@ class World:
         request.gjk_tolerance = request.epa_tolerance = GJK_TOLERANCE
         for i in range(len(self.pairs)):
             data.collisionRequests[i] = request
-        return pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(self.robot.model, self._geometry, data)
+        kind = (
+            pin.BroadPhaseManager_NaiveCollisionManager
+            if len(self.names) <= _FEW_BODIES
+            else pin.BroadPhaseManager_SSaPCollisionManager
+        )
+        return kind(self.robot.model, self._geometry, data)
 
     def _place(self, q: npt.ArrayLike) -> None:
         pin.updateGeometryPlacements(

@@ -71,8 +71,14 @@ def has_closed_form(robot: Robot) -> bool:
     return True
 
 
-def all_branches(robot: Robot, T_base_tool: npt.ArrayLike) -> RawBranches:
+def all_branches(robot: Robot, T_base_tool: npt.ArrayLike, exact: bool = True) -> RawBranches:
     """The 8 branches of poses (m, 4, 4) or (4, 4), with no regard to joint limits.
+
+    Args:
+        robot: the arm.
+        T_base_tool: the poses.
+        exact: compare with forward kinematics, and follow a model that is off the ideal geometry; without it, which
+            takes half the time, `reached` says what the ideal geometry reaches.
 
     Raises:
         InputError: the arm is of another kind than this method solves, or a pose is not finite.
@@ -84,7 +90,8 @@ def all_branches(robot: Robot, T_base_tool: npt.ArrayLike) -> RawBranches:
     parts = []
     for first in range(0, max(len(T), 1), _CHUNK):
         some = T[first : first + _CHUNK]
-        parts.append(_polished(geometry.arm, some, _closed_form(geometry, some)))
+        raw = _closed_form(geometry, some)
+        parts.append(_polished(geometry.arm, some, raw) if exact else raw)
     if len(parts) == 1:
         return parts[0]
     return RawBranches(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(RawBranches)))

@@ -123,7 +123,8 @@ def test_planes_stay_between_the_bodies_over_the_whole_motion(name: str) -> None
         size = rng.choice([0.003, 0.03, 0.2]) * rng.integers(0, 2, n)
         hull_of = q + size * rng.normal(size=(4, n))
         stray = rng.choice([0.0, 1e-3, 1e-2]) * rng.uniform(size=n)
-        values, normals = world.pair_witnesses(q[0], every)
+        found = world.witnesses(q, 0 * every, every)
+        values, normals = found.distance, found.normal
         apart = np.flatnonzero(values > 0.0)
         wild = rng.normal(size=normals.shape)
         wild /= np.linalg.norm(wild, axis=1)[:, None]
@@ -154,7 +155,8 @@ def test_the_gap_between_planes_shows_how_far_coals_distances_may_be_wrong() -> 
         every = np.arange(len(world.pairs))
         nothing = np.zeros((1, robot.model.nq))
         for q in some_q(world, rng, 30):
-            values, normals = world.pair_witnesses(q, every)
+            found = world.witnesses(q[None], 0 * every, every)
+            values, normals = found.distance, found.normal
             apart = np.flatnonzero(values > 0.0)
             planes = world.volumes.plane_distances(
                 world.volumes.placed(q[None]), 0 * apart, apart, normals[apart], q[None, None], nothing

@@ -208,11 +208,13 @@ def beside(name: str, curve: Curve, shape: Shape, wanted: float, rng: np.random.
         world = world_of(name, [body])
         # only what concerns the body: other pairs are as near as they are
         mine = np.flatnonzero((world.pairs == world.names.index("body")).any(axis=1))
-        found = [world.pair_witnesses(at_q, mine) for at_q in samples(curve, count)]
-        values = np.array([v for v, _ in found])
+        at = samples(curve, count)
+        rows, pairs = (x.ravel() for x in np.indices((len(at), len(mine))))
+        found = world.witnesses(at, rows, mine[pairs])
+        values = found.distance.reshape(len(at), -1)
         row, pair = np.unravel_index(int(np.argmin(values)), values.shape)
         short = wanted - float(values[row, pair])
-        normal = found[int(row)][1][int(pair)]
+        normal = found.normal[int(row) * len(mine) + int(pair)]
         if abs(short) < 1e-4 or not np.isfinite(normal).all():
             break
         # the still body comes first in a pair, so that its normal points to the arm
