@@ -20,7 +20,7 @@ class TransitBudget:
     """
 
     corners: int = 300
-    corner_edges: int = 120
+    corner_edges: int = 90
     rrt: int = 3000
     shortcuts: int = 40
     starts: int = 2

@@ -106,7 +106,7 @@ class Mover:
         """The leg's moves; none where it goes nowhere.
 
         Raises:
-            ImpossibleError: it cannot be proved; data: step, pair, distance_m, time_s.
+            ImpossibleError: it cannot be proved; data: step, role, pair, distance_m, time_s.
         """
         for blend in () if self.options.jerk_time else _BLENDS:
             moves = self.flowing(leg, blend)
@@ -235,6 +235,7 @@ def _unproved(phase: Phase, check: MoveCheck) -> ImpossibleError:
         f"{check.time:.2f} s, {phase.clearance * 1e3:g} mm are asked for (proved: {check.clearance * 1e3:.2f} mm); "
         "ask for less clearance or move the bodies apart",
         step=phase.name,
+        role=phase.role,
         pair=list(check.pair),
         distance_m=check.seen,
         proved_m=check.clearance,

@@ -26,14 +26,15 @@ from plan.world import Indices, World
 # Transits are searched with this much more clearance than is asked, for what timing and rounding change, m; less where
 # an end itself is nearer to something.
 MARGIN = 1e-3
-# Places on a line that are looked at before it is proved.
-_FIRST_LOOKS = (0.5, 0.25, 0.75)
+# Part of the margin that the proof of a way may lack: it is searched by samples.
+_SLACK = 0.5
+# Places on a straight way that are looked at before it is proved.
+_FIRST_LOOKS = (0.5, 0.25, 0.75, 0.375, 0.625, 0.125, 0.875)
 # Samples of RRT-Connect as long as other ways may do.
-_FEW_SAMPLES = 300
+_FEW_SAMPLES = 150
 # Steps of the first joint at which bodies that move with it alone are looked at, rad.
 _PASSING = np.radians(0.25)
 _UNCHANGED = 1e-5  # m
-_LINE_CHORDS = 5  # of a line, while searching
 # Where nothing leads around with the whole margin, this much of it is tried, m.
 _LEAST_MARGIN = 1e-4
 
@@ -103,15 +104,14 @@ class Proofs:
     def line(self, choice: LineChoice, station: Standing, pick: int, now: Moment) -> Blocked | None:
         """What is in the way of a line that is run with the cube of `pick` and without it; None if nothing is.
 
+        A line is short and its samples are near each other: they are enough to choose by. What is sent is proved.
+
         Args:
             choice: the line.
             station: where it is: the pick, or the place as it is once the cube stands there.
             pick: number of the transfer.
             now: what stands there with the jaws open: the cube included.
         """
-        # a few chords are near enough to the line to choose by; what is sent is proved again
-        every = -(-(len(choice.q_line) - 1) // _LINE_CHORDS)
-        curve = curve_of_waypoints(np.concatenate([choice.q_line[:-1:every], choice.q_line[-1:]]))
         blocked: Blocked | None = None
         for moment in self._moments(now, frozenset()):
             key = (station, choice.yaw, choice.branch, pick, moment)
@@ -119,8 +119,8 @@ class Proofs:
                 return None
             blocked = None
             for world in self._line_worlds(station, pick, moment):
-                check = check_curve(world, curve, self.options.line_clearance)
-                if not check.proved:
+                check = _blocking(world, choice.q_line, self.options.line_clearance)
+                if check is not None:
                     blocked = Blocked(self._by(check, moment - {station}), check)
                     break
             if blocked is None:
@@ -252,14 +252,16 @@ class Proofs:
         budget = self.options.transit
         if not thorough:
             budget = replace(budget, rrt=min(budget.rrt, _FEW_SAMPLES))
+        clearance = self.clearance(crossing, world)
         detours = Detours(
             world,
             self.limits,
-            self.clearance(crossing, world),
+            clearance,
             np.random.default_rng(self.options.seed),
             budget,
             crossing.ends,
             self._corners[crossing.pick is not None],
+            slack=_SLACK * (clearance - self.options.clearance),
         )
         return detours.around(crossing.q_from, crossing.q_to, blocked.check.time)
 
@@ -268,6 +270,13 @@ class Proofs:
             if self.stages.body(standing).name in check.pair:
                 return standing
         return None
+
+
+def _blocking(world: World, q_line: Array, clearance: float) -> MoveCheck | None:
+    """What is too near at samples (m, n) rad of a line, where that begins or ends; None where nothing is."""
+    hits = [i for i, q in enumerate(q_line) if world.in_collision(q, clearance)]
+    found = [_seen(world, q_line[i], float(i)) for i in sorted({*hits[:1], *hits[-1:]})]
+    return min(found, key=lambda check: check.seen, default=None)
 
 
 def _seen(world: World, q: Array, at: float) -> MoveCheck:

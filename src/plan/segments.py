@@ -35,8 +35,8 @@ _ROUNDING = 8.0  # counts/T^2, about what nearest rounding adds to an accelerati
 # after the other; the first, as asked, is for plans that leave room for rounding.
 _TRIES = (
     (1.0, 1.0, 1.0),
-    (1.0005, 1.0, 1.0),
-    (1.001, 1.0, 2.0),
+    (1.0005, 2.0, 1.0),
+    (1.001, 1.5, 1.0),
     (1.0015, 2.0, 1.0),
     (1.002, 1.0, 1.0),
     (1.003, 2.0, 2.0),

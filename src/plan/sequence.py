@@ -149,17 +149,28 @@ class TaskSearch:
         return best
 
     def forbid(self, stop: Stop, before: Stop | None, which: str, error: ImpossibleError) -> None:
-        """Never use a leg of a stop again: ``out``, ``across`` or ``home``; it could not be timed and proved."""
-        visit = stop.visit
+        """Never use a leg of a stop again: ``out``, ``across`` or ``home``; it could not be timed and proved.
+
+        Where that is for one of its lines (data: role), the line is not used again in any leg.
+        """
+        visit, role = stop.visit, error.data.get("role")
+        pick = Standing(False, visit.pick), visit.pick_way
+        place = Standing(True, visit.place), visit.place_way
+        went_on = before is not None and before.home is None
+        came = (Standing(True, before.visit.place), before.visit.place_way) if before and went_on else place
+        lines = {"out": (came, pick), "across": (pick, place), "home": (place, place)}
         legs = {
             "across": Leg(CARRY, (visit.pick, visit.place), (visit.pick_way, visit.place_way)),
             "home": Leg(END, (visit.place,), (visit.place_way, 0)),
-            "out": Leg(BEGIN, (visit.pick,), (0, visit.pick_way)),
+            "out": Leg(GO_ON, (came[0].number, visit.pick), (came[1], visit.pick_way))
+            if went_on
+            else Leg(BEGIN, (visit.pick,), (0, visit.pick_way)),
         }
-        if before is not None and before.home is None:
-            came = before.visit
-            legs["out"] = Leg(GO_ON, (came.place, visit.pick), (came.place_way, visit.pick_way))
-        self.costs.block(legs[which], None, np.inf)
+        if role in ("retract", "approach"):
+            station, way = lines[which][role == "approach"]
+            self.costs.close_line(station, way, None)
+        else:
+            self.costs.block(legs[which], None, np.inf)
         self._reject(error)
 
     def _stops(self, ordered: Ordered) -> tuple[Stop, ...] | None:

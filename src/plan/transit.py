@@ -114,6 +114,7 @@ class Detours:
         budget: of the search.
         ends: velocities at both ends; default: at rest.
         known: corners (c, n) of other ways, which are tried first; those of the way that is found are added.
+        slack: a way is proved to keep this much less than `clearance`, m: samples miss a little.
     """
 
     def __init__(
@@ -125,11 +126,13 @@ class Detours:
         budget: TransitBudget,
         ends: Ends | None = None,
         known: list[Array] | None = None,
+        slack: float = 0.0,
     ) -> None:
         self.world, self.limits, self.clearance, self.rng, self.budget = world, limits, clearance, rng, budget
         still = np.zeros(len(limits.velocity))
         self.ends = ends or Ends(still, still)
         self.known = [] if known is None else known
+        self.slack = slack
         self.shortener = Shortener(world, limits, clearance, self.ends)
 
     def around(self, start: Array, goal: Array, at: float) -> Array | None:
@@ -181,7 +184,7 @@ class Detours:
 
     def proved(self, way: Array) -> bool:
         """Whether every edge is."""
-        return check_curve(self.world, curve_of_waypoints(way), self.clearance).proved
+        return check_curve(self.world, curve_of_waypoints(way), self.clearance - self.slack).proved
 
     def free(self, q: Array) -> bool:
         """Whether a configuration keeps the clearance."""
