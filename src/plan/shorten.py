@@ -17,11 +17,12 @@ judged by samples, which is cheap and nearly always right; whoever uses the outc
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import qpsolvers
 
-from arm.se3 import Array
+from arm.se3 import Array, frozen
 from arm.unit import Limits
 from plan.travel import path_time, straight_time
 from plan.world import World
@@ -167,38 +168,28 @@ class _Model:
         size = moves + edges + (edges + 1) + 1
         at_tau, at_sigma, at_xi = moves, moves + edges, size - 1
 
-        # way of every joint on every edge, as rows on y: (edges, n, moves)
-        difference = np.zeros((edges, n, corners + 2, n))
-        joint = np.arange(n)
-        for i in range(edges):
-            difference[i, joint, i + 1, joint] = 1.0
-            difference[i, joint, i, joint] = -1.0
-        D = difference[:, :, 1:-1].reshape(edges, n, moves)
-
-        G, h = [], []
-        for sign in (1.0, -1.0):
-            block = np.zeros((edges, n, size))
-            block[:, :, :moves] = sign * D
-            block[np.arange(edges), :, at_tau + np.arange(edges)] = -1.0
-            G.append(block.reshape(-1, size))
-            h.append((tau[:, None] - sign * ways).ravel())
         # velocity on every edge over full speed, and its derivatives; the ways in and out are given
-        speed = np.vstack([ends.enter / v, ways / tau[:, None], ends.leave / v])
+        D, edge_rows, turn_rows = _constant_rows(edges, n, size)
+        speed = np.concatenate([[ends.enter / v], ways / tau[:, None], [ends.leave / v]])
         slope = np.zeros((edges + 2, n, size))
         slope[1:-1, :, :moves] = D / tau[:, None, None]
-        slope[1 + np.arange(edges), :, at_tau + np.arange(edges)] = -ways / tau[:, None] ** 2
+        every = np.arange(edges)
+        slope[1 + every, :, at_tau + every] = -ways / tau[:, None] ** 2
         cost = 0.5 * v / a
-        jump, jump_slope = np.diff(speed, axis=0) * cost, np.diff(slope, axis=0) * cost[:, None]
+        jump = (speed[1:] - speed[:-1]) * cost
+        jump_slope = ((slope[1:] - slope[:-1]) * cost[:, None]).reshape(-1, size)
         sigma = np.abs(jump).max(axis=1)
-        for sign in (1.0, -1.0):
-            block = sign * jump_slope
-            block[np.arange(edges + 1), :, at_sigma + np.arange(edges + 1)] = -1.0
-            G.append(block.reshape(-1, size))
-            h.append((sigma[:, None] - sign * jump).ravel())
-        clear = np.zeros((len(self.rows), size))
-        clear[:, :moves], clear[:, at_xi] = self.rows, -1.0
-        G.append(clear)
-        h.append(self.room)
+
+        counts = np.cumsum([0, len(edge_rows), 2 * len(jump_slope), len(self.rows)])
+        G, h = np.zeros((counts[-1], size)), np.empty(counts[-1])
+        G[: counts[1]] = edge_rows
+        h[: counts[1]] = np.concatenate([tau[:, None] - ways, tau[:, None] + ways]).ravel()
+        turns = G[counts[1] : counts[2]].reshape(2, -1, size)
+        turns[0], turns[1] = jump_slope, -jump_slope
+        turns += turn_rows
+        h[counts[1] : counts[2]] = np.concatenate([sigma[:, None] - jump, sigma[:, None] + jump]).ravel()
+        G[counts[2] :, :moves], G[counts[2] :, at_xi] = self.rows, -1.0
+        h[counts[2] :] = self.room
 
         P = np.full(size, 1e-4)
         P[:moves] = _SMALL
@@ -211,11 +202,32 @@ class _Model:
         low[at_tau:at_sigma] = 1e-3 - tau
         low[at_sigma:at_xi] = -sigma
         low[at_xi] = 0.0
-        x = qpsolvers.solve_qp(
-            np.diag(P), linear, np.vstack(G), np.concatenate(h), lb=low, ub=high, solver="daqp"
-        )
+        x = qpsolvers.solve_qp(np.diag(P), linear, G, h, lb=low, ub=high, solver="daqp")
         if x is None:
             return None
         trial = way.copy()
         trial[1:-1] = np.clip(inner + x[:moves].reshape(corners, n) * v, limits.lower, limits.upper)
         return trial
+
+
+@lru_cache(maxsize=32)
+def _constant_rows(edges: int, n: int, size: int) -> tuple[Array, Array, Array]:
+    """Parts of the constraints that hang on the number of edges and joints alone.
+
+    Returns:
+        way of every joint on every edge as rows on y, (edges, n, moves); rows ``|way| <= tau``, (2 edges n, size);
+        and where each sigma stands in the rows of the turns, ((edges + 1) n, size).
+    """
+    moves = (edges - 1) * n
+    difference = np.zeros((edges, n, edges + 1, n))
+    joint, every = np.arange(n), np.arange(edges)
+    for i in range(edges):
+        difference[i, joint, i + 1, joint] = 1.0
+        difference[i, joint, i, joint] = -1.0
+    D = difference[:, :, 1:-1].reshape(edges, n, moves)
+    ways = np.zeros((2, edges, n, size))
+    ways[0, ..., :moves], ways[1, ..., :moves] = D, -D
+    ways[:, every, :, moves + every] = -1.0
+    turns = np.zeros((edges + 1, n, size))
+    turns[np.arange(edges + 1), :, moves + edges + np.arange(edges + 1)] = -1.0
+    return frozen(D), frozen(ways.reshape(-1, size)), frozen(turns.reshape(-1, size))

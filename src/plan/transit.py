@@ -302,17 +302,17 @@ class Detours:
 
 
 class _Looks:
-    """Looks at ways; where ways were blocked before is looked at first."""
+    """Looks at ways; where the last one was blocked is looked at first."""
 
     def __init__(self) -> None:
-        self.hits = {(edge, u): 0 for u in _FIRST_LOOKS for edge in range(3)}
+        self.places = [(edge, u) for u in _FIRST_LOOKS for edge in range(3)]
 
     def clear(self, way: Array, free: Callable[[Array], bool]) -> bool:
         """Whether all places that are looked at are free."""
-        for look in sorted(self.hits, key=lambda look: -self.hits[look]):
-            edge, u = look
-            if edge < len(way) - 1 and not free(way[edge] + u * (way[edge + 1] - way[edge])):
-                self.hits[look] += 1
+        steps = way[1:] - way[:-1]
+        for index, (edge, u) in enumerate(self.places):
+            if edge < len(steps) and not free(way[edge] + u * steps[edge]):
+                self.places.insert(0, self.places.pop(index))
                 return False
         return True
 

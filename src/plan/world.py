@@ -131,6 +131,10 @@ class World:
 
         self.pairs = _pairs(parts, robot.touching | frozenset(allowed))
         self._joint = np.array([p.joint for p in parts])
+        # which joints move the bodies of a pair against each other
+        joint = np.arange(1, robot.model.nq + 1)
+        inner, outer = self._joint[self.pairs].T[..., None]
+        self._between = (joint > inner) & (joint <= outer)
         self._geometry = _geometry_model(parts, self.pairs)
         self._data = robot.model.createData()
         self._distances = pin.GeometryData(self._geometry)
@@ -226,9 +230,7 @@ class World:
         normal, point = found.normal[close][:, None], found.point[close][:, None]
         axis_point, axis = at.point[row], at.axis[row]
         motion = np.where(self.volumes.turning[:, None], cross(axis, point - axis_point), axis)
-        joint = np.arange(1, q.shape[1] + 1)
-        inner, outer = (self._joint[self.pairs[pair, side]][:, None] for side in (0, 1))
-        gradient = np.where((joint > inner) & (joint <= outer), (motion * normal).sum(-1), 0.0)
+        gradient = np.where(self._between[pair], (motion * normal).sum(-1), 0.0)
         return Near(row, pair, found.distance[close], gradient)
 
     def in_collision(self, q: npt.ArrayLike, clearance: float = 0.0) -> bool:
