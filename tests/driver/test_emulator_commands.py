@@ -66,7 +66,7 @@ def test_decimals_are_taken_where_whole_numbers_are_meant() -> None:
     unit.take("REGMSA:5000.0")
     unit.take("REGACCA:51.0")
     unit.take("GG:471.5")
-    assert unit.ignored == []
+    assert not unit.ignored
     assert unit.machine.registers["REGMSA"] == 5000
 
 
@@ -251,4 +251,4 @@ def test_the_public_client_s_opening_is_understood_but_for_its_misspelling() -> 
         assert unit.take(line) == []
     assert finish(unit) == ["R!"]
     assert [text for _, text in unit.ignored] == ["COORDISCONT:5"]
-    assert unit.machine.violations == []
+    assert not unit.machine.violations

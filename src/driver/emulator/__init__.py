@@ -1,8 +1,9 @@
 """The emulated MARS-8 controller with its arm: what `driver.mars` talks to when there is no hardware."""
 
 from driver.emulator.emulator import Emulator
-from driver.emulator.machine import Plant
+from driver.emulator.faults import Fault, FaultEvent, When
 from driver.emulator.options import EmulatorOptions
+from driver.emulator.plant import Plant
 from driver.emulator.record import Record, Violation
 
-__all__ = ["Emulator", "EmulatorOptions", "Plant", "Record", "Violation"]
+__all__ = ["Emulator", "EmulatorOptions", "Fault", "FaultEvent", "Plant", "Record", "Violation", "When"]

@@ -7,11 +7,13 @@ where whole ones are meant (ctu_crs sends ``REGMSA:7680.0``); what is not unders
 from __future__ import annotations
 
 import re
+from collections import deque
 
 from driver.emulator.machine import Machine
 
 _LINE = re.compile(r"([A-Z][A-Z0-9]*?)(\?:?|:)(.*)")
 _INT32 = 2**31
+_MOST_WAITS = 100  # a client that asks for more is out of its mind
 _AXIS_NAMES = (
     "REGACC", "REGMODE", "REGTYPE", "REGCFG", "REGME", "REGMS", "REGS1", "REGS2", "REGP", "REGI", "REGD",
     "ANAXSETUP", "SPDFG", "SPDT", "SPD", "PWM", "HH", "AP", "ST", "STOP", "RELEASE", "PURGE", "R", "G",
@@ -28,15 +30,15 @@ class Interpreter:
 
     Attributes:
         echo: characters are sent back; on after power-up.
-        lines: everything received, in order, with its emulated ms.
-        ignored: those of them that were not understood.
+        lines: everything received, in order, with its emulated ms; the newest `EmulatorOptions.keep_lines`.
+        ignored: those of them that were not understood, likewise.
     """
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
         self.echo = True
-        self.lines: list[tuple[int, str]] = []
-        self.ignored: list[tuple[int, str]] = []
+        self.lines: deque[tuple[int, str]] = deque(maxlen=machine.options.keep_lines)
+        self.ignored: deque[tuple[int, str]] = deque(maxlen=machine.options.keep_lines)
         self._waits: list[str] = []
 
     def take(self, line: str) -> list[str]:
@@ -52,6 +54,11 @@ class Interpreter:
             return ["FAIL!"] if self.machine.options.unknown == "fail" else []
         return answers + self.ready()
 
+    def power_up(self) -> None:
+        """Switched on: echo on, nobody waits."""
+        self.echo = True
+        self._waits.clear()
+
     @property
     def waiting(self) -> bool:
         """Somebody waits for ``R!``."""
@@ -60,9 +67,16 @@ class Interpreter:
     def ready(self) -> list[str]:
         """``R!``, ``Rx!`` or ``FAIL!`` for every wait that is over."""
         answers, still = [], []
+        defects = self.machine.defects
         for axis in self._waits:
-            if self.machine.faulty:
+            if defects.fail_replies:
+                defects.fail_replies -= 1
                 answers.append("FAIL!")
+            elif self.machine.faulty:
+                answers.append("FAIL!")
+            elif defects.early_ready:
+                defects.early_ready -= 1
+                answers.append(f"R{axis}!")
             elif self.machine.axis_busy(axis) if axis else self.machine.busy:
                 still.append(axis)
             else:
@@ -135,7 +149,7 @@ class Interpreter:
         axes = tuple(a.strip() for a in rest.split(",") if a.strip())
         if len(set(axes)) != len(axes) or any(a not in self.machine.unit.axes for a in axes):
             raise NotUnderstoodError
-        if self.machine.path.queue:
+        if self.machine.coordinated:
             self.machine.violate("group changed while it moves")
             return
         self.machine.group = axes
@@ -165,6 +179,12 @@ class Interpreter:
             raise NotUnderstoodError
         return [] if taken or machine.options.overflow == "drop" else ["FAIL!"]
 
+    def _wait(self, axis: str) -> None:
+        if len(self._waits) < _MOST_WAITS:
+            self._waits.append(axis)
+        else:
+            self.machine.violate(f"more than {_MOST_WAITS} waits outstanding")
+
     def _obey_axis(self, name: str, axis: str, rest: str) -> None:
         machine = self.machine
         if name in ("STOP", "PURGE", "RELEASE", "R"):
@@ -178,7 +198,7 @@ class Interpreter:
                 case "RELEASE":
                     machine.release(axis)
                 case _:
-                    self._waits.append(axis)
+                    self._wait(axis)
             return
         if not axis:
             raise NotUnderstoodError

@@ -5,14 +5,10 @@ Controller's fact sheet, section 4.3, is what it must do. Nothing runs while not
 
 from __future__ import annotations
 
-import contextlib
 import math
 import os
-import pty
 import select
-import socket
 import threading
-import tty
 from pathlib import Path
 from types import TracebackType
 
@@ -20,10 +16,15 @@ from arm.errors import A465Error
 from arm.unit import Unit
 from driver.clock import Clock
 from driver.emulator.commands import Interpreter
-from driver.emulator.machine import Machine, Plant
+from driver.emulator.faults import Fault, FaultEvent
+from driver.emulator.machine import Machine
 from driver.emulator.options import EmulatorOptions
+from driver.emulator.plant import Plant
+from driver.emulator.ports import Ports
 from driver.emulator.record import Record, Violation
+from driver.emulator.trouble import Trouble
 from driver.emulator.wire import Wire
+from driver.wirelog import WireLog
 
 _BATCH_WALL_S = 0.004  # how late, in wall time, motion and R! may be seen
 _BATCH_MS = 20  # while somebody waits for R!, look this often
@@ -33,27 +34,40 @@ _CLOSE_S = 5.0
 class Emulator:
     """An emulated controller with an arm and a gripper. A context manager; runs in its own thread.
 
+    What it remembers is bounded by `EmulatorOptions.keep_lines` and `keep_ms`, generously for a test, so that a
+    session may last for days.
+
     Args:
         unit: which arm and controller.
         clock: its time; share it with the driver.
         plant: what the gripper acts upon.
-        options: behaviour.
+        options: behaviour, and faults to come.
+        log: takes every line received and answered, every fault and violation, each with its emulated ``ms``.
+
+    Attributes:
+        failure: why the thread has ended by itself, or None.
     """
 
     def __init__(
-        self, unit: Unit, clock: Clock, plant: Plant | None = None, options: EmulatorOptions | None = None
+        self,
+        unit: Unit,
+        clock: Clock,
+        plant: Plant | None = None,
+        options: EmulatorOptions | None = None,
+        log: WireLog | None = None,
     ) -> None:
         self.clock = clock
+        self.log = log
+        self.failure: OSError | A465Error | None = None
         self.machine = Machine(unit, plant, options or EmulatorOptions())
         self.interpreter = Interpreter(self.machine)
-        self._wires: list[Wire] = []
-        self._sockets: dict[int, socket.socket] = {}
-        self._listeners: list[socket.socket] = []
-        self._slaves: list[int] = []
-        self._links: list[Path] = []
+        self._ports = Ports(self.machine.options.paced)
+        self._trouble = Trouble(self.interpreter, self._ports, self._tell_fault)
         self._waiting: list[Wire] = []
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self._closing = False
+        self._logged_violations = 0
+        self._spoken_to = False
         self._wake_read, self._wake_write = os.pipe()
         self.machine.now_ms = self._clock_ms()
         self._seen = (self.machine.now_ms, self.machine.true_counts())
@@ -79,32 +93,22 @@ class Emulator:
         Raises:
             A465Error: `link` exists already.
         """
-        master, slave = pty.openpty()
-        tty.setraw(slave)
-        os.set_blocking(master, False)
-        path = os.ttyname(slave)
-        if link is not None:
-            try:
-                link.symlink_to(path)
-            except OSError as error:
-                os.close(master)
-                os.close(slave)
-                raise A465Error(f"{link}: cannot be made a link to {path}: {error.strerror}") from error
-            self._links.append(link)
         with self._lock:
-            self._slaves.append(slave)  # open for ever: else reading ends when a client leaves
-            self._wires.append(Wire(master, self.machine.options.paced))
+            path = self._ports.open_pty(link)
         self._wake()
         return path
 
     def open_tcp(self, port: int = 0) -> str:
         """Serve a TCP port of this machine alone (0: any free one); the URL that a driver opens."""
-        listener = socket.create_server(("127.0.0.1", port))
-        listener.setblocking(False)
         with self._lock:
-            self._listeners.append(listener)
+            url = self._ports.open_tcp(port)
         self._wake()
-        return f"socket://127.0.0.1:{listener.getsockname()[1]}"
+        return url
+
+    def paths(self) -> tuple[str, ...]:
+        """Of its pseudo-terminals now; another one after `port_gone`."""
+        with self._lock:
+            return self._ports.paths()
 
     def close(self) -> None:
         """Stop serving; what was recorded stays readable."""
@@ -113,14 +117,8 @@ class Emulator:
         self._closing = True
         self._wake()
         self._thread.join(_CLOSE_S)
-        for path in self._links:
-            path.unlink(missing_ok=True)
-        for connection in (*self._sockets.values(), *self._listeners):
-            connection.close()
-        for wire in self._wires:
-            if wire.descriptor not in self._sockets:
-                os.close(wire.descriptor)
-        for descriptor in (*self._slaves, self._wake_read, self._wake_write):
+        self._ports.close()
+        for descriptor in (self._wake_read, self._wake_write):
             os.close(descriptor)
 
     # -- what a test or a camera may look at, from any thread
@@ -140,42 +138,63 @@ class Emulator:
     @property
     def violations(self) -> tuple[Violation, ...]:
         """What a careful driver never does, so far."""
-        return tuple(self.machine.violations)
+        with self._lock:
+            return tuple(self.machine.violations)
 
     @property
     def lines(self) -> tuple[tuple[int, str], ...]:
         """Every line received: emulated ms and text."""
-        return tuple(self.interpreter.lines)
+        with self._lock:
+            return tuple(self.interpreter.lines)
 
     @property
     def ignored(self) -> tuple[tuple[int, str], ...]:
         """Every line that was not understood: emulated ms and text."""
-        return tuple(self.interpreter.ignored)
+        with self._lock:
+            return tuple(self.interpreter.ignored)
+
+    @property
+    def faults(self) -> tuple[FaultEvent, ...]:
+        """Every fault that happened or was over."""
+        with self._lock:
+            return tuple(self._trouble.events)
 
     # -- faults to order
 
+    def inject(self, fault: Fault) -> None:
+        """Let a fault happen: at once, `When.after_ms` from now, or at a line or segment to come.
+
+        One that is to happen at once has happened when this returns, but for ``port_gone``, which is a matter of
+        milliseconds.
+        """
+        with self._lock:
+            self._advance(self._clock_ms())
+            self._trouble.schedule.inject(fault, self.machine.now_ms)
+            self._trouble.watch_segments()
+            self._trouble.apply_due(self.machine.now_ms)
+        self._wake()
+
     def set_power(self, on: bool) -> None:
         """Arm power; off makes the brakes hold at once."""
-        with self._lock:
-            self.machine.power = on
-            self._fault()
+        self._switch(Fault("power_off"), over=on)
 
     def set_motion_stop(self, pressed: bool) -> None:
         """The red button."""
-        with self._lock:
-            self.machine.motion_stop = pressed
-            self._fault()
+        self._switch(Fault("motion_stop"), over=not pressed)
 
     def fail_axis(self, axis: str) -> None:
         """An axis goes into error, until PURGE."""
-        with self._lock:
-            self.machine.axis_errors.add(axis)
-            self._fault()
+        self._switch(Fault("axis_error", axis=axis), over=False)
 
-    def _fault(self) -> None:
-        if self.machine.faulty:
-            self.machine.freeze()
+    def _switch(self, fault: Fault, over: bool) -> None:
+        with self._lock:
+            self._advance(self._clock_ms())
+            self._trouble.apply(fault, over)
         self._wake()
+
+    def _tell_fault(self, event: FaultEvent) -> None:
+        if self.log is not None:
+            self.log.note("fault", ms=event.time_ms, fault=event.kind, over=event.over)
 
     # -- the thread
 
@@ -186,23 +205,31 @@ class Emulator:
         os.write(self._wake_write, b"x")
 
     def _run(self) -> None:
-        while not self._closing:
-            self._wait()
-            with self._lock:
-                now = self._clock_ms()
-                self._accept()
-                self._read(now)
-                self._advance(now)
+        try:
+            while not self._closing:
+                self._wait()
+                with self._lock:
+                    self._trouble.serve_ports()  # ordered by another thread
+                    now = self._clock_ms()
+                    self._ports.accept()
+                    self._read(now)
+                    self._advance(now)
+                    self._trouble.serve_ports()
+        except (OSError, A465Error) as error:
+            self.failure = error
 
     def _wait(self) -> None:
         """Until something arrives, or is due; for ever if nothing is."""
         with self._lock:
-            now = self.clock.now() * 1e3
-            due = [t for w in self._wires for t in (w.next_line_at(), w.next_answer_at()) if t is not None]
-            listen = [w.descriptor for w in self._wires if not w.gone and w.wants_bytes(now)]
-            due += [w.room_at() for w in self._wires if not w.gone and not w.wants_bytes(now)]
-            listen += [listener.fileno() for listener in self._listeners] + [self._wake_read]
-            timeout = _BATCH_WALL_S if self.machine.busy else None
+            now, wires = self.clock.now() * 1e3, self._ports.wires
+            due = [t for w in wires for t in (w.next_line_at(), w.next_answer_at()) if t is not None]
+            due += [w.room_at() for w in wires if not w.gone and not w.wants_bytes(now)]
+            if math.isfinite(fault_at := self._trouble.schedule.next_at()):
+                due.append(fault_at)
+            listen = [w.descriptor for w in wires if not w.gone and not w.cut and w.wants_bytes(now)]
+            listen += [listener.fileno() for listener in self._ports.listeners] + [self._wake_read]
+            moving = self.machine.busy or self.machine.following.active
+            timeout = _BATCH_WALL_S if moving else None
         if due:
             soon = max(self.clock.wall((math.ceil(min(due)) - now) / 1e3), 0.0)
             timeout = soon if timeout is None else min(soon, timeout)
@@ -210,60 +237,83 @@ class Emulator:
         if self._wake_read in ready:
             os.read(self._wake_read, 64)
 
-    def _accept(self) -> None:
-        for listener in self._listeners:
-            with contextlib.suppress(BlockingIOError):
-                connection, _ = listener.accept()
-                connection.setblocking(False)
-                connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                self._sockets[connection.fileno()] = connection
-                self._wires.append(Wire(connection.fileno(), self.machine.options.paced))
-
     def _read(self, now: int) -> None:
-        for wire in list(self._wires):
+        for wire in list(self._ports.wires):
             if not wire.gone and wire.wants_bytes(now) and not wire.receive(now):
                 wire.gone = True  # what it sent before is still obeyed
+            if wire.heard and not self._spoken_to:
+                self._spoken_to = True
+                self._trouble.schedule.first_byte(now)
             if wire.gone and wire.next_line_at() is None:
-                self._wires.remove(wire)
-                self._sockets.pop(wire.descriptor).close()
+                self._ports.drop(wire)
 
     def _advance(self, now: int) -> None:
-        """Execute everything up to `now`, in order: motion, complete lines, ends of waits."""
-        machine = self.machine
+        """Execute everything up to `now`, in order: motion, complete lines, ends of waits, faults."""
+        machine, trouble = self.machine, self._trouble
         while True:
-            wire, due = self._next_line()
-            until = min(now, due)
-            while machine.now_ms < until:
-                left = until - machine.now_ms
-                machine.run(min(left, _BATCH_MS) if self.interpreter.waiting and machine.busy else left)
-                self._tell_ready()
-            if wire is None or due > now:
+            trouble.watch_segments()
+            wire, line_at = self._next_line()
+            fault_at = trouble.schedule.next_at()
+            self._move(min(now, line_at, math.ceil(fault_at) if fault_at < now else now))
+            if machine.path.begun >= machine.halt_at_segment:
+                continue
+            if fault_at <= machine.now_ms:
+                trouble.apply_due(machine.now_ms)
+            elif wire is not None and line_at <= now:
+                self._arrive(wire)
+            else:
                 break
-            self._obey(wire, wire.take_line())
         self._tell_ready()
         self._seen = (machine.now_ms, machine.true_counts())  # before anybody learns that it has ended
-        for wire in self._wires:
-            wire.flush(now)
+        self._log_violations()
+        for each in self._ports.wires:
+            each.flush(now)
+
+    def _move(self, until: float) -> None:
+        """Motion up to a time, or to the segment that sets off a fault."""
+        machine = self.machine
+        while machine.now_ms < until and machine.path.begun < machine.halt_at_segment:
+            left = int(until) - machine.now_ms
+            machine.run(min(left, _BATCH_MS) if self.interpreter.waiting and machine.busy else left)
+            self._tell_ready()
 
     def _next_line(self) -> tuple[Wire | None, int]:
         first: Wire | None = None
         due = math.inf
-        for wire in self._wires:
+        for wire in self._ports.wires:
             at = wire.next_line_at()
             if at is not None and at < due:
                 first, due = wire, at
         return first, math.ceil(due) if first is not None else 2**62
 
+    def _arrive(self, wire: Wire) -> None:
+        """The next line of a wire, as it comes out of the line."""
+        due, data, treated = wire.take_line()
+        if not treated:
+            late, data = self._trouble.line.to_unit(data)
+            if late > 0.0:
+                wire.put_back(due + late, data)
+                return
+        for line in wire.assemble(data):
+            self._obey(wire, line)
+
     def _obey(self, wire: Wire, data: bytes) -> None:
-        machine, now = self.machine, self.machine.now_ms
+        machine, trouble, text = self.machine, self._trouble, data.decode("latin-1")
+        now = machine.now_ms
+        if self.log is not None and text.strip():
+            self.log.note("line", ms=now, text=text.rstrip("\r\n"))
+        trouble.schedule.line(text, now)
+        trouble.apply_due(now)
+        if trouble.dark:
+            return
         if wire.fresh:
             wire.fresh = False
             if machine.options.noise:
                 wire.answer(machine.options.noise, now)
         if self.interpreter.echo:
-            wire.answer(data, now)
-        for text in self.interpreter.take(data.decode("latin-1")):
-            self._answer(wire, text)
+            self._send(wire, data, now, echo=True)
+        for answer in self.interpreter.take(text):
+            self._answer(wire, answer)
         if self.interpreter.waiting and wire not in self._waiting:
             self._waiting = [wire]
 
@@ -273,5 +323,18 @@ class Emulator:
                 self._answer(wire, text)
 
     def _answer(self, wire: Wire, text: str) -> None:
+        if self.log is not None:
+            self.log.note("answer", ms=self.machine.now_ms, text=text)
         thought = self.machine.now_ms + self.machine.options.reply_delay_ms
-        wire.answer(text.encode("latin-1") + b"\r\n", thought)
+        self._send(wire, text.encode("latin-1") + b"\r\n", thought)
+
+    def _send(self, wire: Wire, data: bytes, now: float, echo: bool = False) -> None:
+        for late, piece in self._trouble.line.to_host(data, echo):
+            wire.answer(piece, now, late)
+
+    def _log_violations(self) -> None:
+        new = self.machine.violated - self._logged_violations
+        self._logged_violations += new
+        if self.log is not None and new:
+            for violation in list(self.machine.violations)[-new:]:
+                self.log.note("violation", ms=violation.time_ms, text=violation.what)

@@ -10,29 +10,21 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from arm.unit import Unit
 from driver.emulator.axes import AxisMove, GripperJaws
+from driver.emulator.defects import Defects
+from driver.emulator.following import Following
 from driver.emulator.options import EmulatorOptions
 from driver.emulator.path_generator import PathGenerator
+from driver.emulator.plant import Plant
 from driver.emulator.record import Recorder, Violation
 from driver.emulator.segment import QueuedSegment
 
 _GRIPPER_ACCELERATION = 51  # counts/256 per ms^2 until told otherwise
 _ROOM_BIT = 50  # ST bit 7 is 0 only if more positions are free
-
-
-class Plant(Protocol):
-    """What the gripper acts upon."""
-
-    def jaws(self, counts: tuple[int, ...], from_adc: int, to_adc: int) -> int:
-        """The jaws start from one position to another; where they stop, ADC counts.
-
-        Called in the emulator's thread, with the arm's true counts in the homed convention.
-        """
 
 
 @dataclass(frozen=True)
@@ -58,7 +50,10 @@ class Machine:
         group: axes of the coordinated group, empty if not formed.
         axis_errors: axes in error.
         power, motion_stop: as the cabinet's lamps show.
-        violations: what a careful driver never does.
+        following, defects: what is wrong with the arm and with the unit.
+        halt_at_segment: `run` returns early when so many segments have begun since power-up.
+        violations: what a careful driver never does; the newest `EmulatorOptions.keep_lines`.
+        violated: how many there were in all.
     """
 
     def __init__(self, unit: Unit, plant: Plant | None, options: EmulatorOptions) -> None:
@@ -74,22 +69,31 @@ class Machine:
         self._homing: set[int] = set()
         self._held: deque[_Held] = deque()
         self.jaws = GripperJaws(unit.gripper.open_adc, unit.gripper.closed_adc)
-        self.registers: dict[str, float] = {"COORDDISCONT": options.vertex_steps}
-        for axis, speed, acceleration in zip(
-            unit.axes, unit.speed_registers, unit.acceleration_registers, strict=True
-        ):
-            self.registers[f"REGMS{axis}"], self.registers[f"REGACC{axis}"] = speed, acceleration
+        self.registers = self._power_up_registers()
         self.group: tuple[str, ...] = ()
         self.axis_errors: set[str] = set()
         self.power = True
         self.motion_stop = False
-        self.violations: list[Violation] = []
-        self.recorder = Recorder(len(true))
+        self.following = Following(unit.axes)
+        self.defects = Defects()
+        self.halt_at_segment = math.inf
+        self.violations: deque[Violation] = deque(maxlen=options.keep_lines)
+        self.violated = 0
+        self.recorder = Recorder(len(true), options.keep_ms)
         self._numbers = 0
         self._random = np.random.default_rng(options.seed)
         self._static = (0,) * len(true)
         self._limits = _count_limits(unit)
         self._outside: set[int] = set()
+
+    def _power_up_registers(self) -> dict[str, float]:
+        registers: dict[str, float] = {"COORDDISCONT": self.options.vertex_steps}
+        unit = self.unit
+        for axis, speed, acceleration in zip(
+            unit.axes, unit.speed_registers, unit.acceleration_registers, strict=True
+        ):
+            registers[f"REGMS{axis}"], registers[f"REGACC{axis}"] = speed, acceleration
+        return registers
 
     # -- asking
 
@@ -99,14 +103,20 @@ class Machine:
         return self.path.at
 
     def actual(self) -> tuple[int, ...]:
-        """What the unit reads: reference and, at rest, the static error."""
+        """What the unit reads: the reference, what does not follow it and, at rest, the static error."""
+        at = self.following.apply(self.path.at)
         if self.arm_busy or not self.options.static_error:
-            return self.path.at
-        return tuple(a + e for a, e in zip(self.path.at, self._static, strict=True))
+            return at
+        return tuple(a + e for a, e in zip(at, self._static, strict=True))
 
     def true_counts(self) -> tuple[int, ...]:
         """Where the arm is, homed convention."""
         return tuple(a + o for a, o in zip(self.actual(), self.offset, strict=True))
+
+    @property
+    def coordinated(self) -> bool:
+        """Segments of the group run, or wait to."""
+        return bool(self.path.queue or self._held)
 
     @property
     def arm_busy(self) -> bool:
@@ -124,7 +134,7 @@ class Machine:
             return self.jaws.move is not None
         if axis not in self.unit.axes:
             return False
-        in_group = bool(self.path.queue or self._held) and axis in self.group
+        in_group = self.coordinated and axis in self.group
         return in_group or self.unit.axes.index(axis) in self.moves
 
     @property
@@ -134,7 +144,7 @@ class Machine:
 
     def status(self) -> int:
         """The status word."""
-        free = self.options.queue - len(self.path.queue) - len(self._held)
+        free = self.queue_limit - len(self.path.queue) - len(self._held)
         bits = (
             (bool(self.axis_errors), 0x8),
             (self.busy, 0x10),
@@ -144,8 +154,14 @@ class Machine:
         )
         return sum(mask for on, mask in bits if on)
 
+    @property
+    def queue_limit(self) -> int:
+        """Segments that the unit holds at the moment."""
+        return self.options.queue if self.defects.queue is None else self.defects.queue
+
     def violate(self, what: str) -> None:
         """Note something that a careful driver never does."""
+        self.violated += 1
         self.violations.append(Violation(self.now_ms, what))
 
     # -- being told
@@ -162,9 +178,12 @@ class Machine:
         if self.faulty:
             self.violate("motion asked for while a fault stands")
             return True
-        if len(self.path.queue) + len(self._held) >= self.options.queue:
-            self.violate(f"segment beyond the queue's {self.options.queue}")
+        if len(self.path.queue) + len(self._held) >= self.queue_limit:
+            self.violate(f"segment beyond the queue's {self.queue_limit}")
             return False
+        if self.defects.drop_segments:
+            self.defects.drop_segments -= 1
+            return True
         self._held.append(_Held(least_ms, rows, absolute))
         self._admit()
         return True
@@ -202,7 +221,8 @@ class Machine:
         if axis in self.unit.axes:
             index = self.unit.axes.index(axis)
             speed = self.registers[f"REGMS{axis}"] / 256.0 * self.options.homing_speed
-            if self._start_axis(axis, -float(self.offset[index]), speed):
+            mark = -float(self.offset[index]) - self.following.off(index)
+            if self._start_axis(axis, mark, speed):
                 self._homing.add(index)
 
     def _start_axis(
@@ -231,8 +251,13 @@ class Machine:
             self.violate("gripper told to move while a fault stands")
             return
         reach = self.jaws.within_stroke(target)
-        stop = reach if self.plant is None else self.plant.jaws(self.true_counts(), self.jaws.adc, reach)
-        axis = self.unit.gripper.axis
+        axis, gripper = self.unit.gripper.axis, self.unit.gripper
+        closing = (reach - self.jaws.adc) * (gripper.closed_adc - gripper.open_adc) > 0
+        if closing and self.defects.miss_grasps:
+            self.defects.miss_grasps -= 1
+            stop = reach
+        else:
+            stop = reach if self.plant is None else self.plant.jaws(self.true_counts(), self.jaws.adc, reach)
         speed = self.registers.get(f"REGMS{axis}", self.unit.gripper.registers["REGMS"]) / 256.0
         acceleration = self.registers.get(f"REGACC{axis}", _GRIPPER_ACCELERATION) / 256.0
         self.jaws.go(target, stop, speed, acceleration)
@@ -273,12 +298,25 @@ class Machine:
         self._held.clear()
         self.jaws.release()
 
+    def power_cycle(self) -> None:
+        """Switched off and on: every axis counts from 0 where it stands, nothing that was told is remembered."""
+        self.freeze()
+        self.offset = self.true_counts()
+        self.homed = [False] * len(self.offset)
+        self.path = PathGenerator((0,) * len(self.offset))
+        self.following.forget()
+        self._static = (0,) * len(self.offset)
+        self.registers = self._power_up_registers()
+        self.group = ()
+        self.axis_errors.clear()
+        self._numbers = 0
+
     # -- time
 
     def run(self, ticks: int) -> None:
-        """Let that many ms pass; only motion is computed."""
+        """Let that many ms pass; only motion is computed. Ends early at `halt_at_segment`."""
         until = self.now_ms + ticks
-        while self.busy and self.now_ms < until:
+        while self.busy and self.now_ms < until and self.path.begun < self.halt_at_segment:
             self.now_ms += 1
             moving = self.arm_busy
             if self.moves:
@@ -288,11 +326,14 @@ class Machine:
             if self._held:
                 self._admit()
             self.jaws.tick()
+            self.following.run(self.path.at, 1.0)
             if moving:
                 if not self.arm_busy:
                     self._settle()
                 self.recorder.add(self.now_ms, self.true_counts())
-        self.now_ms = until
+        if self.path.begun < self.halt_at_segment:
+            self.following.run(self.path.at, until - self.now_ms)
+            self.now_ms = until
         self._watch_limits()
 
     def _tick_axes(self) -> None:
@@ -300,7 +341,7 @@ class Machine:
         for index, move in list(self.moves.items()):
             move.tick()
             at[index] = round(move.at)
-            if move.done:
+            if move.done and not (index in self._homing and self.following.is_stuck(index)):
                 del self.moves[index]
                 if index in self._homing:
                     self._homing.discard(index)
@@ -309,6 +350,7 @@ class Machine:
 
     def _mark(self, index: int) -> int:
         self.homed[index] = True
+        self.following.mark(index)
         self.offset = tuple(0 if i == index else o for i, o in enumerate(self.offset))
         return 0
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from driver.emulator.faults import Fault
+
 
 @dataclass(frozen=True)
 class EmulatorOptions:
@@ -25,7 +27,10 @@ class EmulatorOptions:
         static_error: most counts that an axis at rest is off its reference, drawn with `seed`; 0 is exact.
         paced: bytes take their time at 19200 baud.
         reply_delay_ms: the unit thinks that long before an answer.
-        seed: of everything random.
+        seed: of everything random but the faults, which have their own.
+        faults: what goes wrong, in any order.
+        keep_lines: how many lines, faults and violations are remembered, the newest each; None remembers all.
+        keep_ms: how many ms of motion are recorded, the newest; the default is 30 min, 60 MB. None records all.
     """
 
     power_up_deg: tuple[float, ...] = (-60.0, -20.0, -60.0, 0.0, -60.0, 0.0)
@@ -41,3 +46,6 @@ class EmulatorOptions:
     paced: bool = True
     reply_delay_ms: float = 0.0
     seed: int = 0
+    faults: tuple[Fault, ...] = ()
+    keep_lines: int | None = 100_000
+    keep_ms: int | None = 1_800_000

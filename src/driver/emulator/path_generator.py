@@ -24,6 +24,7 @@ class PathGenerator:
         stopping: braking on the path; whatever is left is dropped at rest.
         number: of the segment being executed, or of the last one.
         u: parameter within it, 0 when idle.
+        begun: how many segments have begun to be executed.
     """
 
     def __init__(self, at: tuple[int, ...]) -> None:
@@ -32,6 +33,7 @@ class PathGenerator:
         self.stopping = False
         self.number = 0
         self.u = 0.0
+        self.begun = 0
         self._rate = 0.0
 
     @property
@@ -54,6 +56,7 @@ class PathGenerator:
         self._backward_pass()
         if len(self.queue) == 1:  # the first millisecond adds one gain
             self.u, self.number = 0.0, segment.number
+            self.begun += 1
             self._rate = max(segment.vertex[1] - segment.gain, 0.0)
 
     def stop(self) -> None:
@@ -107,6 +110,7 @@ class PathGenerator:
 
     def _enter(self, segment: QueuedSegment, rate: float) -> None:
         self.u, self.number = 0.0, segment.number
+        self.begun += 1
         self._rate = min(rate, segment.rate)
         if math.isfinite(segment.gain):
             self._rate = min(self._rate, braking_rate(segment.gain, 1.0, segment.leave))

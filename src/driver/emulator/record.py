@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from array import array
 from dataclasses import dataclass
 
@@ -9,6 +10,8 @@ import numpy as np
 
 from arm.se3 import Array
 from arm.unit import Counts
+
+_INT32 = 2**31
 
 
 @dataclass(frozen=True)
@@ -43,21 +46,41 @@ class Record:
 
 
 class Recorder:
-    """Collects samples compactly."""
+    """Collects samples compactly.
 
-    def __init__(self, axes: int) -> None:
+    Args:
+        axes: numbers of a sample.
+        keep: how many samples, at least; the oldest beyond are forgotten. None keeps all (32 bytes each).
+    """
+
+    def __init__(self, axes: int, keep: int | None = None) -> None:
         self._axes = axes
+        self._keep = keep
         self._time = array("q")
         self._counts = array("i")
+        self._lock = threading.Lock()
+
+    def __len__(self) -> int:
+        return len(self._time)
 
     def add(self, time_ms: int, counts: tuple[int, ...]) -> None:
-        """One sample."""
-        self._counts.extend(counts)
-        self._time.append(time_ms)  # last: a reader takes as many samples as there are times
+        """One sample; counts beyond 32 bits are told as the nearest that fit."""
+        with self._lock:
+            try:
+                sample = array("i", counts)
+            except OverflowError:
+                sample = array("i", [min(max(c, -_INT32), _INT32 - 1) for c in counts])
+            self._counts.extend(sample)
+            self._time.append(time_ms)
+            if self._keep is not None and len(self._time) > self._keep + self._keep // 8 + 1:
+                old = len(self._time) - self._keep
+                del self._time[:old]
+                del self._counts[: old * self._axes]
 
     def record(self) -> Record:
-        """A copy of everything so far. May be called from another thread."""
-        time = np.array(self._time[:], dtype=np.int64)
-        counts = np.array(self._counts[: len(time) * self._axes], dtype=np.int64).reshape(-1, self._axes)
+        """A copy of everything kept. May be called from another thread."""
+        with self._lock:
+            time = np.array(self._time, dtype=np.int64)
+            counts = np.array(self._counts, dtype=np.int64).reshape(-1, self._axes)
         time.flags.writeable = counts.flags.writeable = False
         return Record(time, counts)

@@ -8,37 +8,48 @@ from collections import deque
 BYTES_PER_MS = 1.92  # 19200 baud, 8N1
 _AHEAD_BYTES = 64  # read from the host before the line would have carried them; the rest waits in the host
 _LONGEST = 1024  # a line this long is noise
+_BACKLOG_BYTES = 4096  # answers not yet sent; beyond, the unit holds the host back as RTS does
 
 
 class Wire:
-    """Paces one client's bytes. Times are emulated ms.
+    """Paces one client's bytes. Times are emulated ms. Holds a bounded number of bytes, whatever the client does.
 
     Args:
         descriptor: of the pseudo-terminal's master or of a socket, non-blocking.
         paced: False: bytes take no time.
 
     Attributes:
-        fresh: nothing has been received yet.
+        fresh: no line has been taken yet.
+        heard: a byte has been received.
         gone: the client has left; what it sent may still be on the line.
+        cut: the port is gone: nothing comes or goes any more.
     """
 
     def __init__(self, descriptor: int, paced: bool) -> None:
         self.descriptor = descriptor
         self._paced = paced
         self._partial = b""
+        self._torn = b""
         self._received_until = 0.0
         self._sent_until = 0.0
-        self._lines: deque[tuple[float, bytes]] = deque()
+        self._lines: deque[tuple[float, bytes, bool]] = deque()
         self._answers: deque[tuple[float, bytes]] = deque()
+        self._backlog = 0
         self.fresh = True
+        self.heard = False
         self.gone = False
+        self.cut = False
 
     def wants_bytes(self, now_ms: float) -> bool:
-        """Whether the line has carried what was read so far."""
-        return (self._received_until - now_ms) * BYTES_PER_MS < _AHEAD_BYTES
+        """Whether the line has carried what was read so far, and answers are not piling up."""
+        return (
+            self._backlog < _BACKLOG_BYTES and (self._received_until - now_ms) * BYTES_PER_MS < _AHEAD_BYTES
+        )
 
     def room_at(self) -> float:
-        """When `wants_bytes` is true again."""
+        """When `wants_bytes` may be true again."""
+        if self._backlog >= _BACKLOG_BYTES:
+            return self._answers[0][0]
         return self._received_until - (_AHEAD_BYTES - 1) / BYTES_PER_MS
 
     def receive(self, now_ms: float) -> bool:
@@ -51,11 +62,12 @@ class Wire:
             return False
         if not data:
             return False
+        self.heard = True
         begin = max(self._received_until, now_ms)
         *lines, rest = data.split(b"\n")
         for line in lines:
             begin += self._time(len(line) + 1)
-            self._lines.append((begin, self._partial + line + b"\n"))
+            self._lines.append((begin, self._partial + line + b"\n", False))
             self._partial = b""
         self._received_until = begin + self._time(len(rest))
         self._partial = (self._partial + rest)[-_LONGEST:]
@@ -68,14 +80,34 @@ class Wire:
         """When the next received line is complete."""
         return self._lines[0][0] if self._lines else None
 
-    def take_line(self) -> bytes:
-        """The next received line, with its end."""
-        return self._lines.popleft()[1]
+    def take_line(self) -> tuple[float, bytes, bool]:
+        """The next received line with its end: when it was complete, and whether it was put back before."""
+        return self._lines.popleft()
 
-    def answer(self, data: bytes, now_ms: float) -> None:
-        """Send when the line has carried it."""
+    def put_back(self, at_ms: float, data: bytes) -> None:
+        """A line that comes later than it was sent; those behind it wait."""
+        self._lines.appendleft((at_ms, data, True))
+
+    def assemble(self, data: bytes) -> list[bytes]:
+        """Whole lines, with their ends, from what arrived; a line that has lost its end runs into the next."""
+        *lines, rest = (self._torn + data).split(b"\n")
+        self._torn = rest[-_LONGEST:]
+        return [line + b"\n" for line in lines]
+
+    def forget(self) -> None:
+        """The unit was switched off: what it received and what it had to say is lost."""
+        self._lines.clear()
+        self._answers.clear()
+        self._partial, self._torn, self._backlog = b"", b"", 0
+
+    def answer(self, data: bytes, now_ms: float, late_ms: float = 0.0) -> None:
+        """Send when the line has carried it; order is kept."""
+        if self.cut:
+            return
         self._sent_until = max(self._sent_until, now_ms) + self._time(len(data))
-        self._answers.append((self._sent_until, data))
+        before = self._answers[-1][0] if self._answers else 0.0
+        self._answers.append((max(self._sent_until + late_ms, before), data))
+        self._backlog += len(data)
 
     def next_answer_at(self) -> float | None:
         """When the next answer is through."""
@@ -85,7 +117,8 @@ class Wire:
         """Write every answer that is through, one write a line. What nobody reads is lost, as on a real line."""
         while self._answers and self._answers[0][0] <= now_ms:
             _, data = self._answers.popleft()
+            self._backlog -= len(data)
             try:
                 os.write(self.descriptor, data)
             except OSError:  # full, or the client has gone
-                return
+                continue

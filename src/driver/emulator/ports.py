@@ -1,0 +1,123 @@
+"""The ports of an emulated unit: pseudo-terminals with their links, TCP listeners and connections."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pty
+import socket
+import tty
+from dataclasses import dataclass
+from pathlib import Path
+
+from arm.errors import A465Error
+from driver.emulator.wire import Wire
+
+
+@dataclass
+class _Terminal:
+    wire: Wire
+    slave: int  # open for ever: else reading ends when a client leaves
+    link: Path | None
+
+
+class Ports:
+    """Opens, closes, loses and restores ports. Not thread-safe: the emulator's lock guards it.
+
+    Args:
+        paced: see `Wire`.
+
+    Attributes:
+        wires: one a pseudo-terminal and one a connected client.
+        listeners: of TCP.
+    """
+
+    def __init__(self, paced: bool) -> None:
+        self._paced = paced
+        self.wires: list[Wire] = []
+        self.listeners: list[socket.socket] = []
+        self._sockets: dict[int, socket.socket] = {}
+        self._terminals: list[_Terminal] = []
+        self._lost_links: list[Path | None] = []
+        self._lost_ports: list[int] = []
+
+    def open_pty(self, link: Path | None) -> str:
+        """A raw pseudo-terminal; its path. `link` becomes a symbolic link to it.
+
+        Raises:
+            A465Error: `link` exists already.
+        """
+        master, slave = pty.openpty()
+        tty.setraw(slave)
+        os.set_blocking(master, False)
+        path = os.ttyname(slave)
+        if link is not None:
+            try:
+                link.symlink_to(path)
+            except OSError as error:
+                os.close(master)
+                os.close(slave)
+                raise A465Error(f"{link}: cannot be made a link to {path}: {error.strerror}") from error
+        wire = Wire(master, self._paced)
+        self._terminals.append(_Terminal(wire, slave, link))
+        self.wires.append(wire)
+        return path
+
+    def open_tcp(self, port: int) -> str:
+        """A listener on the loopback, 0 any free port; its URL."""
+        listener = socket.create_server(("127.0.0.1", port))
+        listener.setblocking(False)
+        self.listeners.append(listener)
+        return f"socket://127.0.0.1:{listener.getsockname()[1]}"
+
+    def paths(self) -> tuple[str, ...]:
+        """Of the pseudo-terminals that are there now."""
+        return tuple(os.ttyname(t.slave) for t in self._terminals)
+
+    def accept(self) -> None:
+        """Take waiting clients."""
+        for listener in self.listeners:
+            with contextlib.suppress(BlockingIOError):
+                connection, _ = listener.accept()
+                connection.setblocking(False)
+                connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                self._sockets[connection.fileno()] = connection
+                self.wires.append(Wire(connection.fileno(), self._paced))
+
+    def drop(self, wire: Wire) -> None:
+        """A client's connection that is over."""
+        self.wires.remove(wire)
+        self._sockets.pop(wire.descriptor).close()
+
+    def lose(self) -> None:
+        """Everything goes: connections, listeners, pseudo-terminals and links."""
+        self._lost_ports += [listener.getsockname()[1] for listener in self.listeners]
+        self._lost_links += [terminal.link for terminal in self._terminals]
+        self.close()
+
+    def restore(self) -> None:
+        """What was lost is there again: a listener on the same port, a new pseudo-terminal behind the same link.
+
+        Raises:
+            OSError: the TCP port has been taken by another program.
+            A465Error: the link has been made by another program.
+        """
+        for port in self._lost_ports:
+            self.open_tcp(port)
+        for link in self._lost_links:
+            self.open_pty(link)
+        self._lost_ports, self._lost_links = [], []
+
+    def close(self) -> None:
+        """Close everything and remove the links."""
+        for connection in (*self._sockets.values(), *self.listeners):
+            connection.close()
+        for terminal in self._terminals:
+            if terminal.link is not None:
+                terminal.link.unlink(missing_ok=True)
+            os.close(terminal.wire.descriptor)
+            os.close(terminal.slave)
+        self._sockets.clear()
+        self.wires.clear()
+        self.listeners.clear()
+        self._terminals.clear()

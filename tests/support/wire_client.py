@@ -1,0 +1,69 @@
+"""A raw client of an emulated unit: bytes out, bytes in, by pseudo-terminal or TCP."""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import time
+
+
+class Client:
+    """Opens a device path or a ``socket://host:port``."""
+
+    def __init__(self, url: str) -> None:
+        self._socket: socket.socket | None = None
+        if url.startswith("socket://"):
+            host, port = url.removeprefix("socket://").split(":")
+            self._socket = socket.create_connection((host, int(port)), timeout=5.0)
+            self.descriptor = self._socket.fileno()
+        else:
+            self.descriptor = os.open(url, os.O_RDWR | os.O_NOCTTY)
+
+    def send(self, *lines: str) -> None:
+        """Lines, each with its end, in one write."""
+        self.write("".join(line + "\n" for line in lines).encode("latin-1"))
+
+    def write(self, data: bytes) -> None:
+        os.write(self.descriptor, data)
+
+    def read_until(self, ends: bytes, wall_s: float = 10.0) -> bytes:
+        """Bytes until they end like that; what has come so far if they do not in time."""
+        data, deadline = b"", time.monotonic() + wall_s
+        while not data.endswith(ends) and time.monotonic() < deadline:
+            if select.select([self.descriptor], [], [], 0.05)[0]:
+                more = os.read(self.descriptor, 4096)
+                if not more:
+                    raise OSError("closed by the other side")
+                data += more
+        return data
+
+    def ask(self, line: str) -> str:
+        """The one line that answers it."""
+        self.send(line)
+        return self.read_until(b"\n").decode("latin-1").strip()
+
+    def read_for(self, wall_s: float) -> bytes:
+        """Whatever comes within a time."""
+        return self.read_until(b"never, for sure", wall_s)
+
+    def close(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+        else:
+            os.close(self.descriptor)
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def wait_for(condition: object, wall_s: float = 10.0) -> None:
+    """Until a function says yes; it must within that wall time."""
+    assert callable(condition)
+    deadline = time.monotonic() + wall_s
+    while not condition():
+        assert time.monotonic() < deadline, "not in time"
+        time.sleep(0.002)
