@@ -149,10 +149,7 @@ def _record(line: bytes) -> dict[str, Any] | None:
     """A record, or None if the line is none."""
     try:
         value = json.loads(line)
-    except (
-        ValueError,
-        RecursionError,
-    ):  # not UTF-8, not JSON, a number of too many digits, nested too deeply
+    except (ValueError, RecursionError):  # no UTF-8, no JSON, nested too deeply
         return None
     if not isinstance(value, dict) or not isinstance(value.get("kind"), str):
         return None

@@ -181,6 +181,7 @@ def test_a_torn_or_damaged_line_is_counted_and_the_rest_is_read(
     [
         (b"", "line 1: is empty, so it is no wire log"),
         (b'{"format":"a465-plan/2"}\n', 'line 1: must be the record of kind "open"'),
+        (b'{"t":0,"kind":"sent","data":""}\n', 'line 1: must be the record of kind "open"'),
         (b"\xff\xd8\xff", 'line 1: must be the record of kind "open"'),
         (
             b'{"t":0,"kind":"open","time_scale":0}\n',
