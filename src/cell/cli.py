@@ -207,8 +207,9 @@ def execute(
 
 
 @app.command(
-    help="Be a MARS-8 controller with an arm on a pseudo-terminal, until interrupted.",
-    epilog="Example: a465 emulate --unit crs93 --link mars",
+    help="Be a MARS-8 controller with an arm on a pseudo-terminal, until interrupted. "
+    "With --fault, one on which things go wrong as told.",
+    epilog="Example: a465 emulate --unit crs93 --link mars --fault scenes/faults/noisy-line.toml --log unit.jsonl",
 )
 def emulate(
     unit: Annotated[str, typer.Option("--unit", help="crs93 or crs97.")] = "crs93",
@@ -218,11 +219,19 @@ def emulate(
     tcp: Annotated[
         int | None, typer.Option("--tcp", help="Listen on this port of the loopback too; 0 takes any.")
     ] = None,
+    fault: Annotated[
+        Path | None,
+        typer.Option("--fault", help="File of faults to come, such as scenes/faults/bad-day.toml."),
+    ] = None,
+    log: Annotated[
+        Path | None,
+        typer.Option("--log", help="File for every line received and answered, faults and violations."),
+    ] = None,
     time_scale: TimeScale = 1.0,
 ) -> None:
     from cell.steps import emulate_step
 
-    emulate_step(unit, link, tcp, time_scale)
+    emulate_step(unit, link, tcp, time_scale, fault, log)
 
 
 @app.command(

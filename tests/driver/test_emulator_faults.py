@@ -314,7 +314,9 @@ def test_the_same_seed_goes_wrong_the_same_way(unit: Unit) -> None:
     first = answers(1)
     assert first == answers(1)
     assert first != answers(2)
-    assert 700 <= len(first) <= 1300
+    assert (
+        30 <= first.count(b"\nSTAMP=1") <= 90
+    )  # of 100: a line of 10 bytes is spared with 0.95^10 = 60 %, twice
 
 
 def test_every_kind_can_be_injected_while_the_arm_moves(unit: Unit) -> None:
