@@ -15,8 +15,11 @@ import numpy as np
 from arm.errors import A465Error, ExecutionStopped, ImpossibleError
 from arm.motion import CountPath
 from arm.planfile import GripperStep, LookStep, Motion, Move, Step, motions
+from driver.control import Control
 from driver.gripper import GripperResult
+from driver.hold import hold_between_steps
 from driver.mars import POSITION_TOLERANCE, Mars
+from driver.override import stretched_ms
 from driver.rest import farthest
 from driver.stream import Progress, Sent, StreamOptions, stream
 
@@ -50,6 +53,7 @@ def execute(
     on_progress: OnProgress | None = None,
     on_look: Callable[[LookStep], bool] | None = None,
     options: StreamOptions | None = None,
+    control: Control | None = None,
 ) -> tuple[StepResult, ...]:
     """Run steps in order on an initialised arm.
 
@@ -60,6 +64,8 @@ def execute(
         on_look: called at each `LookStep`, at rest; looking is the caller's business. False ends the execution
             there, before the next step. By default look steps are passed over.
         options: of streaming.
+        control: pauses, slows down or aborts the execution from elsewhere. Its override holds from the next motion
+            on; a pause between steps waits before the next one, and the arm is watched.
 
     Returns:
         The steps done, look steps included; fewer than `steps` if `on_look` ended it.
@@ -67,36 +73,40 @@ def execute(
     Raises:
         InputError: consecutive moves do not meet to the count; nothing moved.
         ImpossibleError: the arm is not at the first move's start; nothing moved.
-        ExecutionStopped: a step failed; with ``step``, its ``index``, ``steps_done`` and the state.
+        ExecutionStopped: a step failed or an abort was asked for; with ``step``, its ``index``, ``steps_done`` and
+            the state.
     """
+    control = control or Control()
     found = motions(steps)
     paths = {motion.first: motion.path for motion in found}  # refused here, before anything moves
     runs = {motion.first: motion for motion in found}
-    require_start(mars, steps)
     results: list[StepResult] = []
-    while len(results) < len(steps):
-        index = len(results)
-        step = steps[index]
-        phases = _Phases(mars, steps, index, runs.get(index), on_step, on_progress)
-        try:
-            phases.enter(index)
-            match step:
-                case Move():
-                    results += phases.results(stream(mars, paths[index], phases.take, options))
-                case GripperStep():
-                    jaws = mars.gripper(step.fraction_closed)
-                    with mars.guarded("gripper"):
-                        mars.clock.sleep(step.settle_s)
-                    results.append(StepResult(step, None, jaws, phases.entered[0], mars.clock.now()))
-                case LookStep():
-                    results.append(StepResult(step, None, None, phases.entered[0], mars.clock.now()))
-        except A465Error as error:
-            if index == 0 and not isinstance(error, ExecutionStopped):
-                error.data.update(step=step.name, index=index, steps_done=0)
-                raise
-            raise _stopped(mars, error, steps, phases.index) from error
-        if isinstance(step, LookStep) and on_look is not None and not on_look(step):
-            break
+    with control.attached(mars.link):
+        require_start(mars, steps)
+        while len(results) < len(steps):
+            index = len(results)
+            step = steps[index]
+            phases = _Phases(mars, steps, index, runs.get(index), on_step, on_progress)
+            try:
+                hold_between_steps(mars, control)
+                phases.enter(index)
+                match step:
+                    case Move():
+                        results += phases.results(stream(mars, paths[index], phases.take, options, control))
+                    case GripperStep():
+                        jaws = mars.gripper(step.fraction_closed)
+                        with mars.guarded("gripper"):
+                            mars.link.wait(step.settle_s)
+                        results.append(StepResult(step, None, jaws, phases.entered[0], mars.clock.now()))
+                    case LookStep():
+                        results.append(StepResult(step, None, None, phases.entered[0], mars.clock.now()))
+            except A465Error as error:
+                if index == 0 and not isinstance(error, ExecutionStopped):
+                    error.data.update(step=step.name, index=index, steps_done=0)
+                    raise
+                raise _stopped(mars, error, steps, phases.index) from error
+            if isinstance(step, LookStep) and on_look is not None and not on_look(step):
+                break
     return tuple(results)
 
 
@@ -139,7 +149,8 @@ class _Phases:
         if self.on_progress is not None:
             move, start = self.moves[running - self.first], self.starts[running - self.first]
             done = progress.done - start
-            planned_s = sum(s.duration_ms for s in move.path.segments[:done]) / 1e3
+            durations = (stretched_ms(s.duration_ms, progress.override) for s in move.path.segments[:done])
+            planned_s = sum(durations) / 1e3
             total = len(move.path.segments)
             self.on_progress(replace(progress, done=done, total=total, planned_s=planned_s))
 

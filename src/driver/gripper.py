@@ -59,7 +59,7 @@ def _rest(link: Link, axis: str) -> int:
     deadline = link.deadline(GRIPPER_S)
     last = parse_integer(link.ask("AP", axis))
     while link.clock.now() < deadline:
-        link.clock.sleep(SAMPLE_S)
+        link.wait(SAMPLE_S)
         now = parse_integer(link.ask("AP", axis))
         if abs(now - last) < STILL_ADC:
             return now

@@ -14,6 +14,7 @@ import select
 import threading
 import time
 from collections import deque
+from dataclasses import dataclass
 
 from arm.errors import A465Error, ExecutionStopped
 from driver.clock import Clock
@@ -39,6 +40,7 @@ UNSENT_BYTES = 64  # never more are on their way, so that a stop is never behind
 CHUNK_BYTES = 32
 LONGEST_LINE = 1024  # received without a line end: noise
 UNREAD_LINES = 1000  # noise beyond this is dropped if nobody reads
+UNREAD_ANSWERS = 10_000  # a unit that sends more lines than that which nobody asked for is no MARS
 
 
 class NoAnswer(ExecutionStopped):
@@ -47,6 +49,15 @@ class NoAnswer(ExecutionStopped):
 
 class LinkLost(ExecutionStopped):
     """The port is gone."""
+
+
+class Aborted(ExecutionStopped):
+    """Whoever drives the arm was asked to end at once (`driver.control.Control`)."""
+
+
+@dataclass(frozen=True)
+class _Wake:
+    """Put among the received lines, so that a waiting thread looks up."""
 
 
 class Link:
@@ -74,8 +85,9 @@ class Link:
         self.identified = False
         self.events: deque[Ready | Failed] = deque(maxlen=64)
         self._port = open_port(url, write_timeout_s=max(clock.wall(ANSWER_S), LEAST_WALL_S))
-        self._inbox: queue.SimpleQueue[Reply | LinkLost] = queue.SimpleQueue()
+        self._inbox: queue.SimpleQueue[Reply | LinkLost | _Wake] = queue.SimpleQueue()
         self._lost: LinkLost | None = None
+        self._interrupted = False
         self._stamp = (
             time.monotonic_ns() // 1_000_000 % STAMP_RANGE
         )  # a stale answer of an earlier user differs
@@ -94,12 +106,29 @@ class Link:
         """The controller time when `patience(seconds)` from now is over."""
         return self.clock.now() + self.patience(seconds)
 
+    # -- requests of another thread or a signal handler
+
+    def wake(self) -> None:
+        """Let a waiting `receive` return now. May be called from anywhere: the queue's put is reentrant."""
+        self._inbox.put(_Wake())
+
+    def interrupt(self) -> None:
+        """Let `send` or `receive`, running or next, raise `Aborted` once. May be called from anywhere."""
+        self._interrupted = True
+        self.wake()
+
+    def _heed(self) -> None:
+        if self._interrupted:
+            self._interrupted = False
+            raise Aborted("aborted on request", reason="aborted")
+
     # -- writing
 
     def send(self, line: str) -> None:
         """Send one line, in pieces, as fast as the line carries them and no faster.
 
         Raises:
+            Aborted: `interrupt` was called; a piece of the line may have gone, `send_stop` ends it.
             LinkLost: the port is gone, or takes no bytes (a unit that is off holds CTS low).
             ExecutionStopped: the wire log cannot be written.
         """
@@ -112,6 +141,7 @@ class Link:
         for begin in range(0, len(data), CHUNK_BYTES):
             chunk = data[begin : begin + CHUNK_BYTES]
             self._await_room(len(chunk))
+            self._heed()
             self._write(chunk)
 
     def send_stop(self) -> None:
@@ -122,6 +152,7 @@ class Link:
         Raises:
             LinkLost: the port is gone.
         """
+        self._interrupted = False  # this is what it asked for
         if not self.identified:
             return
         if self.log is not None and self.log.failed:
@@ -162,13 +193,15 @@ class Link:
     # -- reading
 
     def receive(self, until: float) -> Reply | None:
-        """The next received line, or None when controller time `until` has come.
+        """The next received line, or None when controller time `until` has come, or before that on `wake`.
 
         `Ready` and `Failed` are also kept in `events`.
 
         Raises:
+            Aborted: `interrupt` was called.
             LinkLost: the port is gone and every line received before has been handed out.
         """
+        self._heed()
         wait = self.clock.wall(until - self.clock.now())
         try:
             item = self._inbox.get(timeout=wait) if wait > 0.0 else self._inbox.get_nowait()
@@ -176,12 +209,25 @@ class Link:
             if self._lost is not None:
                 raise self._lost from None
             return None
+        if isinstance(item, _Wake):
+            self._heed()
+            return None
         if isinstance(item, LinkLost):
             self._lost = item
             raise item
         if isinstance(item, Ready | Failed):
             self.events.append(item)
         return item
+
+    def wait(self, seconds: float) -> None:
+        """Let that many controller seconds pass; what is received meanwhile is dropped, `events` kept.
+
+        Raises:
+            Aborted, LinkLost: at once, as `receive`.
+        """
+        until = self.clock.now() + seconds
+        while self.clock.now() < until:
+            self.receive(until)
 
     def await_answer(self, key: str, timeout: float = ANSWER_S) -> str:
         """The text of the next answer with that key; other lines are passed over, `events` kept.
@@ -266,7 +312,7 @@ class Link:
                     )
 
     def _read(self) -> None:
-        """The reader thread: bytes to lines, until the link is closed or lost."""
+        """The reader thread: bytes to lines, until the link is closed, lost or flooded."""
         rest = b""
         try:
             descriptor = self._port.fileno()
@@ -284,6 +330,8 @@ class Link:
                     rest = b""
                 for line in lines:
                     self._hand_over(line)
+                if self._inbox.qsize() > UNREAD_ANSWERS:
+                    raise OSError(f"more than {UNREAD_ANSWERS} lines that nobody asked for")
         except OSError as error:
             self._inbox.put(LinkLost(f"{self.url}: the link is lost: {error}", url=self.url, reason="link"))
 

@@ -202,10 +202,10 @@ class Mars:
         Raises:
             NoAnswer: still moving after SETTLE_S.
         """
-        deadline = self.link.deadline(SETTLE_S)
         last = self.counts()
+        deadline = self.link.deadline(SETTLE_S)
         while self.clock.now() < deadline:
-            self.clock.sleep(SAMPLE_S)
+            self.link.wait(SAMPLE_S)
             now = self.counts()
             if farthest(last, now) <= tolerance:
                 return now

@@ -6,7 +6,6 @@ progress is read from its own segment numbers, never from the clock (fact sheet,
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,10 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
-from arm.motion import CountPath, Segment
+from arm.motion import CountPath
 from arm.unit import Counts
+from driver.control import Control
+from driver.extremes import extremes
+from driver.hold import Hold
 from driver.link import ANSWER_S, NoAnswer
 from driver.mars import POSITION_TOLERANCE, Mars
+from driver.override import stretched
 from driver.protocol import (
     SEQUENCE_RANGE,
     VERTEX_STEPS,
@@ -73,8 +76,9 @@ class Progress:
     Attributes:
         done: segments finished.
         total: segments of the path.
-        planned_s: planned time of the finished ones.
+        planned_s: time of the finished ones, as sent.
         position: the unit's own sample.
+        override: factor of velocities that the motion was sent with.
         jaws: how far the jaws were closed at the last look, 0 open to 1 closed; None where they are not watched.
     """
 
@@ -82,6 +86,7 @@ class Progress:
     total: int
     planned_s: float
     position: Position
+    override: float = 1.0
     jaws: float | None = None
 
 
@@ -90,7 +95,7 @@ class Sent:
     """What was really sent, and how it ended.
 
     Attributes:
-        path: the segments as sent (without the dwell).
+        path: the segments as sent (without the dwell): those that were asked for, longer under an override.
         start_s: end of the dwell, controller clock.
         duration_s: from there until the unit was ready, controller seconds.
         end_counts: where the arm settled, (6,).
@@ -111,59 +116,51 @@ def stream(
     path: CountPath,
     on_progress: Callable[[Progress], None] | None = None,
     options: StreamOptions | None = None,
+    control: Control | None = None,
 ) -> Sent:
     """Send a path from where the arm is, and wait until it has settled at its end.
+
+    A segment of order 1 goes as a straight one (COORDMVT), any other as COORDSPLINET.
+
+    Args:
+        on_progress: called at every look, also while the arm stands in a pause.
+        control: its override now stretches the segments in time, the path stays; a pause ends the feeding, so that
+            the arm comes to rest on the path at most the look-ahead later, and what is left goes when the pause ends.
 
     Raises:
         InputError: a segment cannot be sent (duration 0, order above 3, line too long); nothing moved.
         ImpossibleError: the path leaves the unit's limits, or starts more than 25 counts from the arm; nothing moved.
-        ExecutionStopped: a fault, a silent or lost link, an interrupt, an axis that does not follow, an end that is
-            not the path's; with the state and how many segments were done.
+        ExecutionStopped: a fault, a silent or lost link, an interrupt, an abort, an axis that does not follow, an arm
+            that was displaced in a pause, an end that is not the path's; with the state and how many segments were
+            done.
     """
     if not path.segments:
         raise InputError("a path without segments moves nothing")
+    control = control or Control()
+    override = control.override
+    path = stretched(path, override)
     knots = path.knots()
     lines = [encode_segment(s, end) for s, end in zip(path.segments, knots[1:].tolist(), strict=True)]
     for corner in extremes(path):
         mars.refuse_outside(corner.tolist(), "the path reaches")
     with mars.guarded("stream"):
-        here = mars.require_ready()
-    if farthest(here, path.start) > POSITION_TOLERANCE:
-        raise ImpossibleError(
-            f"the path starts {farthest(here, path.start)} counts from the arm, at most {POSITION_TOLERANCE}",
-            counts=list(here),
-            start=list(path.start),
-        )
-    if mars.reference != path.start:
-        mars.anchor(path.start)
-    with mars.guarded("stream"):
-        return _Stream(mars, path, knots, lines, on_progress, options or StreamOptions()).run()
-
-
-def extremes(path: CountPath) -> tuple[Counts, Counts]:
-    """Lowest and highest counts of every axis over the whole path, (6,) each; exact up to rounding outwards."""
-    knots = path.knots()
-    low, high = knots.min(axis=0).astype(float), knots.max(axis=0).astype(float)
-    for begin, segment in zip(knots[:-1], path.segments, strict=True):
-        for u in _turning_points(segment):
-            counts = begin + segment.displacement(u)
-            low, high = np.minimum(low, counts), np.maximum(high, counts)
-    return np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64)
-
-
-def _turning_points(segment: Segment) -> list[float]:
-    """Parameters strictly inside a segment where some axis turns: roots of a1 + 2 a2 u + 3 a3 u^2."""
-    a1, a2, a3 = (*segment.coefficients, *([(0,) * len(segment.coefficients[0])] * 2))[:3]
-    roots: list[float] = []
-    for c, half_b, a in zip(a1, a2, (3 * v for v in a3), strict=True):
-        discriminant = half_b * half_b - a * c
-        if discriminant < 0:
-            continue
-        # the form without cancellation: w is as far from zero as it can be, and a = 0 needs no case of its own
-        w = -(half_b + math.copysign(math.sqrt(discriminant), half_b))
-        roots += [w / a] if a else []
-        roots += [c / w] if w else []
-    return [u for u in roots if 0.0 < u < 1.0]
+        control.require()
+    with control.attached(mars.link):
+        with mars.guarded("stream"):
+            here = mars.require_ready()
+        if farthest(here, path.start) > POSITION_TOLERANCE:
+            raise ImpossibleError(
+                f"the path starts {farthest(here, path.start)} counts from the arm, at most {POSITION_TOLERANCE}",
+                counts=list(here),
+                start=list(path.start),
+            )
+        if mars.reference != path.start:
+            mars.anchor(path.start)
+        with mars.guarded("stream"):
+            run = _Stream(
+                mars, path, knots, lines, on_progress, options or StreamOptions(), control, override
+            )
+            return run.run()
 
 
 class _Stream:
@@ -177,6 +174,8 @@ class _Stream:
         lines: list[str],
         on_progress: Callable[[Progress], None] | None,
         options: StreamOptions,
+        control: Control,
+        override: float,
     ) -> None:
         self.mars = mars
         self.link = mars.link
@@ -185,6 +184,9 @@ class _Stream:
         self.lines = lines
         self.on_progress = on_progress
         self.options = options
+        self.control = control
+        self.override = override
+        self.hold: Hold | None = None  # while paused
         self.durations: list[float] = [s.duration_ms / 1e3 for s in path.segments]
         self.sent = 0
         self.begun = 0  # 0 while the dwell runs, then the number of segments begun
@@ -282,12 +284,28 @@ class _Stream:
         return dwell + sum(self.durations[self.done : self.sent])
 
     def _may_send(self) -> bool:
-        if self.sent == self.total:
+        if self.sent == self.total or self._holds():
             return False
         held = self.sent + 1 - self.begun  # not done, the dwell included
         if held >= self.options.queue:
             return False
         return held <= 1 or self._ahead() + self.durations[self.sent] <= self.options.ahead_s
+
+    @property
+    def _dry(self) -> bool:
+        """All that was sent is done, and more is to come."""
+        return self.sent < self.total and self.begun > self.sent
+
+    def _holds(self) -> bool:
+        """Whether a pause holds the next segment back."""
+        if self.hold is None and self.control.paused:
+            self.hold = Hold(self.mars, self.control, self.path.start)
+            self.hold.begin(self._ahead())
+        elif self.hold is not None and self.hold.over(self._dry):
+            self.hold.end(self.sent)
+            self.hold = None
+            self.begun_at = self.link.clock.now()
+        return self.hold is not None
 
     def _poll(self, now: float) -> None:
         self.link.send(encode_query("COORDAP"))
@@ -327,6 +345,8 @@ class _Stream:
             if self.counted > self.begun:
                 self._begin(self.counted)
         self.samples += 1
+        if self.hold is not None and self._dry:
+            self.hold.take(position.counts, tuple(int(c) for c in self.knots[self.sent]))
         window = self.knots[max(self.begun - 1 - LAG_SEGMENTS, 0) : self.sent + 1]
         outside = np.maximum(window.min(axis=0) - position.counts, position.counts - window.max(axis=0))
         worst = int(np.argmax(outside))
@@ -341,7 +361,7 @@ class _Stream:
             )
         if self.on_progress is not None:
             planned_s = sum(self.durations[: self.done])
-            self.on_progress(Progress(self.done, self.total, planned_s, position, self.jaws))
+            self.on_progress(Progress(self.done, self.total, planned_s, position, self.override, self.jaws))
 
     def _begin(self, begun: int) -> None:
         self.begun = begun
@@ -358,6 +378,8 @@ class _Stream:
             )
         if now > self.heard_at + link.patience(ANSWER_S):
             raise NoAnswer(f"no sound answer from the unit for {ANSWER_S:g} s", reason="silent")
+        if self.hold is not None and self._dry:
+            return  # it waits for us, and its own deadline is the hold's
         running = self.durations[self.begun - 1] if 0 < self.begun <= self.total else self.dwell_s
         if now > self.begun_at + link.patience(running + STALL_S):
             raise NoAnswer(

@@ -15,9 +15,10 @@ from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.motion import CountPath, Segment
 from arm.unit import Unit
 from driver.clock import Clock
+from driver.extremes import extremes
 from driver.link import Link
 from driver.mars import Mars
-from driver.stream import Progress, StreamOptions, extremes, stream
+from driver.stream import Progress, StreamOptions, stream
 
 HOME = (-181650, -349, -12200, 99200, 33300, -96500)
 
