@@ -252,6 +252,29 @@ def render(
     console.result(render_step(task, world, output or Path("photographs"), count, console))
 
 
+@app.command(
+    help="Write what a log holds in another form: a table of samples, a ROS 2 JointTrajectory, or MCAP.",
+    epilog="Example: a465 export runs/task2-1/wire.jsonl --format csv -o samples.csv",
+)
+def export(
+    log: Annotated[Path, typer.Argument(help="Log of a run, such as runs/task2-1/wire.jsonl.", metavar="LOG")],
+    form: Annotated[str, typer.Option("--format", help="csv, trajectory or mcap.")] = "csv",
+    output: Output = None,
+    planned: Annotated[
+        bool, typer.Option("--planned", help="Of a trajectory: what was sent, not where the arm was seen.")
+    ] = False,
+    unit: Annotated[
+        str | None, typer.Option("--unit", help="crs93 or crs97; default: what the log tells.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    from cell.console import Console
+    from cell.export import export_step
+
+    console = Console(as_json)
+    console.result(export_step(log, form, output, planned, unit, console))
+
+
 def _finish(console: Console, report: dict[str, Any]) -> None:
     """Print the report of a run; a run that left a cube behind does not end with 0."""
     console.result(report)

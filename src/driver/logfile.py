@@ -82,6 +82,7 @@ class Session:
         statuses: status words, where they change.
         jaws: answers to the gripper's AP.
         notes: of the driver.
+        ready: times of ``R!``.
         failures: times of ``FAIL!``.
         version: what the unit answered to VER, or "".
         records: read.
@@ -97,6 +98,7 @@ class Session:
     statuses: tuple[LoggedStatus, ...]
     jaws: tuple[LoggedJaws, ...]
     notes: tuple[LoggedNote, ...]
+    ready: tuple[float, ...]
     failures: tuple[float, ...]
     version: str
     records: int
@@ -107,6 +109,15 @@ class Session:
     def stops(self) -> tuple[float, ...]:
         """When STOP was sent."""
         return tuple(line.time_s for line in self.sent if line.text == "STOP:")
+
+    @property
+    def homed_s(self) -> float:
+        """When the last homing had ended: positions of before are counted from elsewhere.
+
+        Minus infinity if the log holds no homing, infinity if the last one did not end.
+        """
+        last_s = max((line.time_s for line in self.sent if line.text.startswith("HH")), default=-math.inf)
+        return min((t for t in self.ready if t > last_s), default=math.inf) if last_s > -math.inf else last_s
 
     @property
     def faults(self) -> tuple[LoggedStatus, ...]:
@@ -178,6 +189,7 @@ class _Reader:
     statuses: list[LoggedStatus] = field(default_factory=list)
     jaws: list[LoggedJaws] = field(default_factory=list)
     notes: list[LoggedNote] = field(default_factory=list)
+    ready: list[float] = field(default_factory=list)
     failures: list[float] = field(default_factory=list)
     version: str = ""
     records: int = 0
@@ -210,6 +222,7 @@ class _Reader:
             statuses=tuple(self.statuses),
             jaws=tuple(self.jaws),
             notes=tuple(self.notes),
+            ready=tuple(self.ready),
             failures=tuple(self.failures),
             version=self.version,
             records=self.records,
@@ -270,6 +283,7 @@ class _Reader:
             case Answer():
                 pass
             case Ready(axis):
+                self.ready += [] if axis else [time_s]
                 self.motions.ready(time_s, axis)
             case Failed():
                 self.failures.append(time_s)

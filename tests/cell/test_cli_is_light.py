@@ -20,7 +20,7 @@ HEAVY = {
     "rich",
     "matplotlib",
 }
-VERBS = ("run", "look", "reach", "plan", "check", "preview", "execute", "emulate", "render")
+VERBS = ("run", "look", "reach", "plan", "check", "preview", "execute", "emulate", "render", "export")
 
 
 def _imported_by(arguments: list[str]) -> set[str]:

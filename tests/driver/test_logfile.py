@@ -67,9 +67,10 @@ def test_samples_are_where_the_arm_was_at_the_units_own_time(session: Session, r
     unit_ms = np.rint(1e3 * (times - times[0])).astype(int) + session.samples[0].position.time_ms
     assert [int(v) % 65536 for v in unit_ms] == [s.position.time_ms for s in session.samples]
     rows = np.searchsorted(run.record.time_ms, unit_ms, side="right") - 1
-    for sampled, row in zip(
-        counts[4:], rows[4:], strict=True
-    ):  # the first are of homing, which sets counts anew
+    homed = np.flatnonzero([s.heard_s > session.homed_s for s in session.samples])[
+        1:
+    ]  # which set counts anew
+    for sampled, row in zip(counts[homed], rows[homed], strict=True):
         around = run.record.counts[max(row - 1, 0) : row + 2]
         assert np.any(np.all(around == sampled, axis=1)), (sampled, around)
 
@@ -102,6 +103,14 @@ def test_jaws_status_version_and_notes_are_there(session: Session) -> None:
     assert (session.damaged, len(session.stops)) == (0, 2)  # one of them takes the unit into use
     assert session.sent[0].text == "ECHO:0"
     assert is_log(session.file)
+
+
+def test_homing_is_over_when_the_unit_says_so(session: Session, tmp_path: Path) -> None:
+    last = max(line.time_s for line in session.sent if line.text.startswith("HH"))
+    assert last < session.homed_s < session.motions[0].sent_s
+    assert read_log(write(tmp_path / "none.jsonl")).homed_s == -np.inf
+    started = {"t": 1.0, "kind": "sent", "data": "HHA:\n"}
+    assert read_log(write(tmp_path / "started.jsonl", started)).homed_s == np.inf
 
 
 def test_the_units_clock_wraps_and_the_hosts_delays_are_not_seen(tmp_path: Path) -> None:

@@ -1,0 +1,115 @@
+"""ROS 2 messages as JSON values, with the field names of their definitions: JointTrajectory and JointState.
+
+Source: trajectory_msgs/msg/JointTrajectory, JointTrajectoryPoint, sensor_msgs/msg/JointState, builtin_interfaces.
+Positions in rad, velocities in rad/s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from arm.se3 import Array
+
+NS = 1_000_000_000
+DIGITS = 9  # of an angle in rad: a thousandth of a count
+
+
+def nanoseconds(time_s: float) -> int:
+    """Whole nanoseconds of a time, rounded to a microsecond, which is what a log holds."""
+    return round(time_s * 1e6) * 1000
+
+
+def stamp(time_s: float) -> dict[str, int]:
+    """builtin_interfaces/Time or Duration: whole seconds, and nanoseconds from 0 to 999999999."""
+    sec, nanosec = divmod(nanoseconds(time_s), NS)
+    return {"sec": sec, "nanosec": nanosec}
+
+
+def header(time_s: float) -> dict[str, Any]:
+    """std_msgs/Header."""
+    return {"stamp": stamp(time_s), "frame_id": ""}
+
+
+def joint_trajectory(
+    names: Sequence[str], time_s: Array, q: Array, velocity: Array | None, start_s: float
+) -> dict[str, Any]:
+    """trajectory_msgs/JointTrajectory that begins at `start_s`.
+
+    Args:
+        names: of the joints.
+        time_s: (m,), strictly increasing, none before `start_s`.
+        q: (m, n) rad.
+        velocity: (m, n) rad/s, or None to leave it out.
+    """
+    return {
+        "header": header(start_s),
+        "joint_names": list(names),
+        "points": [
+            {
+                "positions": _numbers(q[i]),
+                "velocities": [] if velocity is None else _numbers(velocity[i]),
+                "accelerations": [],
+                "effort": [],
+                "time_from_start": stamp(float(time_s[i]) - start_s),
+            }
+            for i in range(len(time_s))
+        ],
+    }
+
+
+def joint_state(names: Sequence[str], time_s: float, q: Array, velocity: Array) -> dict[str, Any]:
+    """sensor_msgs/JointState."""
+    return {
+        "header": header(time_s),
+        "name": list(names),
+        "position": _numbers(q),
+        "velocity": _numbers(velocity),
+        "effort": [],
+    }
+
+
+def _numbers(values: Array) -> list[float]:
+    return [round(float(v), DIGITS) + 0.0 for v in values]
+
+
+_STAMP = {
+    "type": "object",
+    "properties": {"sec": {"type": "integer"}, "nanosec": {"type": "integer"}},
+}
+_HEADER = {"type": "object", "properties": {"stamp": _STAMP, "frame_id": {"type": "string"}}}
+_NAMES = {"type": "array", "items": {"type": "string"}}
+_NUMBERS = {"type": "array", "items": {"type": "number"}}
+
+JOINT_STATE_SCHEMA: dict[str, Any] = {
+    "title": "sensor_msgs/msg/JointState",
+    "type": "object",
+    "properties": {
+        "header": _HEADER,
+        "name": _NAMES,
+        "position": _NUMBERS,
+        "velocity": _NUMBERS,
+        "effort": _NUMBERS,
+    },
+}
+JOINT_TRAJECTORY_SCHEMA: dict[str, Any] = {
+    "title": "trajectory_msgs/msg/JointTrajectory",
+    "type": "object",
+    "properties": {
+        "header": _HEADER,
+        "joint_names": _NAMES,
+        "points": {
+            "type": "array",
+            "items": {
+                "type": "object",
+                "properties": {
+                    "positions": _NUMBERS,
+                    "velocities": _NUMBERS,
+                    "accelerations": _NUMBERS,
+                    "effort": _NUMBERS,
+                    "time_from_start": _STAMP,
+                },
+            },
+        },
+    },
+}
