@@ -27,6 +27,19 @@ class Client:
     def write(self, data: bytes) -> None:
         os.write(self.descriptor, data)
 
+    def write_all(self, data: bytes) -> None:
+        """However long the other side takes."""
+        while data:
+            data = data[os.write(self.descriptor, data) :]
+
+    def drain_until(self, ends: bytes, wall_s: float) -> bytes:
+        """As `read_until`, but only the newest bytes are kept."""
+        data, deadline = b"", time.monotonic() + wall_s
+        while ends not in data and time.monotonic() < deadline:
+            if select.select([self.descriptor], [], [], 0.05)[0]:
+                data = (data + os.read(self.descriptor, 65536))[-70_000:]
+        return data
+
     def read_until(self, ends: bytes, wall_s: float = 10.0) -> bytes:
         """Bytes until they end like that; what has come so far if they do not in time."""
         data, deadline = b"", time.monotonic() + wall_s
