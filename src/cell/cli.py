@@ -229,7 +229,7 @@ def emulate(
     ] = None,
     time_scale: TimeScale = 1.0,
 ) -> None:
-    from cell.steps import emulate_step
+    from cell.emulating import emulate_step
 
     emulate_step(unit, link, tcp, time_scale, fault, log)
 

@@ -86,10 +86,7 @@ class Following:
         """Actual counts at a reference."""
         if not self.active:
             return reference
-        return tuple(
-            round(self._stuck[i]) if i in self._stuck else r + round(o)
-            for i, (r, o) in enumerate(zip(reference, self._off, strict=True))
-        )
+        return tuple(r + round(o) for r, o in zip(reference, self._off, strict=True))
 
     def run(self, reference: tuple[int, ...], ms: float) -> None:
         """Time passes; the reference is now there."""
