@@ -18,6 +18,7 @@ from cell.lookfile import Seen
 from cell.planning import limits_digest, options_of
 from cell.scenery import T_base_cube_on_table, build_scene, cube_name
 from cell.taskfile import Task
+from driver.mars import POSITION_TOLERANCE
 from plan.replay import Asked, ReplayedMove, replay
 from plan.scene import Scene, scene_from_json
 from plan.shape import require_shape
@@ -42,13 +43,58 @@ def require_match(task: Task, plan: Plan) -> None:
     }
     then = {**plan.provenance, "unit": plan.unit}
     differing = [key for key in now if then.get(key) != now[key]]
+    registers = _other_registers(cell, plan)
+    if registers:
+        differing = [*(key for key in differing if key != "limits"), "limits"]
     if differing:
-        shown = "; ".join(f"{key} {str(then.get(key))[:12]}, now {now[key][:12]}" for key in differing)
+        shown = "; ".join(
+            f"limits: {', '.join(registers)}"
+            if key == "limits" and registers
+            else f"{key} {str(then.get(key))[:12]}, now {now[key][:12]}"
+            for key in differing
+        )
         raise ImpossibleError(
             f"the plan is not for the cell of now: {shown}; plan again",
             differing=differing,
             plan={key: then.get(key) for key in differing},
             now={key: now[key] for key in differing},
+        )
+
+
+def _other_registers(cell: Cell, plan: Plan) -> list[str]:
+    """The speed and acceleration registers that the plan has otherwise than the cell, and by how much."""
+    sides = (
+        ("speed", plan.speed_registers, cell.speed_registers),
+        ("acceleration", plan.acceleration_registers, cell.acceleration_registers),
+    )
+    return [
+        f"{name} register of axis {axis} {then}, now {now} ({100.0 * (now - then) / max(then, 1):+.1f} %)"
+        for name, planned, of_cell in sides
+        for axis, then, now in zip(cell.unit.axes, planned, of_cell, strict=True)
+        if then != now
+    ]
+
+
+def require_start_at(task: Task, plan: Plan) -> None:
+    """The plan must begin where the cell's work begins, at q_start: that is where the arm goes before it.
+
+    Raises:
+        ImpossibleError: by how much each axis is off; nothing moved.
+    """
+    unit = task.cell.unit
+    begin, q_start = next(plan.moves).path.start, unit.counts(task.cell.q_start)
+    off = [int(b - c) for b, c in zip(begin, q_start, strict=True)]
+    if max(map(abs, off)) > POSITION_TOLERANCE:
+        degrees = np.degrees(unit.positions(begin) - task.cell.q_start)
+        shown = ", ".join(
+            f"{axis} {counts:+d} counts ({turn:+.2f} deg)"
+            for axis, counts, turn in zip(unit.axes, off, degrees, strict=True)
+            if abs(counts) > POSITION_TOLERANCE
+        )
+        raise ImpossibleError(
+            f"the plan starts elsewhere than at the cell's q_start: off by {shown}; plan again, "
+            "or go on from where the arm is with --resume",
+            off_counts=off,
         )
 
 
@@ -163,11 +209,6 @@ def replayed(task: Task, plan: Plan) -> tuple[ReplayedMove, ...]:
     require_match(task, plan)
     require_shape(plan)
     cell = task.cell
-    registers = (cell.speed_registers, cell.acceleration_registers)
-    if (plan.speed_registers, plan.acceleration_registers) != registers:
-        raise ImpossibleError(
-            "the plan is for other speed or acceleration registers than the cell's; plan again"
-        )
     asked = Asked(cell.clearance, options_of(task, plan.speed).line_clearance, cell.offset)
     return replay(plan, scene_of_now(task, plan), cell.unit, cell.limits, asked)
 

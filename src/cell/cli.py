@@ -175,20 +175,34 @@ def check(
 
 
 @app.command(
-    help="Write a page that shows the plan in 3D; it opens in any browser without a network.",
-    epilog="Example: a465 preview plan.json scenes/task2.toml -o plan.html",
+    help="Write a page that shows a plan in 3D, or what a log says was executed over what was planned; "
+    "it opens in any browser without a network.",
+    epilog="Example: a465 preview plan.json scenes/task2.toml -o plan.html -- or: "
+    "a465 preview runs/task2-1/wire.jsonl",
 )
-def preview(plan: PlanFile, task: TaskFile, output: Output = None, as_json: Json = False) -> None:
+def preview(
+    file: Annotated[
+        Path,
+        typer.Argument(help="Plan file, or log of a run such as runs/task2-1/wire.jsonl.", metavar="FILE"),
+    ],
+    task: Annotated[
+        Path | None,
+        typer.Argument(help="Task file of the plan; that of a log is found by what it says.", metavar="TASK"),
+    ] = None,
+    output: Output = None,
+    as_json: Json = False,
+) -> None:
     from cell.console import Console
-    from cell.steps import preview_step
+    from cell.previewstep import preview_file
 
     console = Console(as_json)
-    console.result(preview_step(plan, task, output or plan.with_suffix(".html"), console))
+    console.result(preview_file(file, task, output, console))
 
 
 @app.command(
-    help="Execute a plan file, if it matches the cell of now: in the simulated cell, or on the arm with --port.",
-    epilog="Example: a465 execute plan.json scenes/task2.toml",
+    help="Execute a plan file, if it matches the cell of now: in the simulated cell, or on the arm with --port. "
+    "On a terminal: space pauses, + and - change the speed, q or Ctrl-C aborts.",
+    epilog="Example: a465 execute plan.json scenes/task2.toml --speed 0.5",
 )
 def execute(
     plan: PlanFile,
@@ -196,6 +210,10 @@ def execute(
     port: Port = None,
     world: WorldFile = None,
     images: Images = None,
+    speed: Annotated[
+        float,
+        typer.Option("--speed", help="Factor of the plan's velocities, 0 < s <= 1; it only lowers them."),
+    ] = 1.0,
     time_scale: TimeScale = 10.0,
     as_json: Json = False,
 ) -> None:
@@ -203,7 +221,7 @@ def execute(
     from cell.run import execute_plan
 
     console = Console(as_json)
-    _finish(console, execute_plan(plan, task, console, port, world, images, time_scale))
+    _finish(console, execute_plan(plan, task, console, port, world, images, time_scale, None, speed))
 
 
 @app.command(
@@ -257,7 +275,9 @@ def render(
     epilog="Example: a465 export runs/task2-1/wire.jsonl --format csv -o samples.csv",
 )
 def export(
-    log: Annotated[Path, typer.Argument(help="Log of a run, such as runs/task2-1/wire.jsonl.", metavar="LOG")],
+    log: Annotated[
+        Path, typer.Argument(help="Log of a run, such as runs/task2-1/wire.jsonl.", metavar="LOG")
+    ],
     form: Annotated[str, typer.Option("--format", help="csv, trajectory or mcap.")] = "csv",
     output: Output = None,
     planned: Annotated[

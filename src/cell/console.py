@@ -34,14 +34,15 @@ class Console:
         """One line with the wall time since the start."""
         self.say(f"[{time.monotonic() - self._started:5.1f} s] {text}")
 
-    def progress(self, text: str, fraction: float) -> None:
-        """A bar that redraws itself on a terminal; silent elsewhere."""
+    def progress(self, text: str, fraction: float, hint: str = "") -> None:
+        """A bar that redraws itself on a terminal, with a hint behind it; silent elsewhere."""
         if not self._live:
             return
-        room = WIDTH - 30
+        hint = f"  {hint:<20}" if hint else ""
+        room = WIDTH - 30 - len(hint)
         done = round(room * min(max(fraction, 0.0), 1.0))
         bar = "#" * done + "." * (room - done)
-        print(f"\r{text[:22]:<22} {bar} {100 * fraction:4.0f}%", end="", file=self._stream, flush=True)
+        print(f"\r{text[:22]:<22} {bar} {100 * fraction:4.0f}%{hint}", end="", file=self._stream, flush=True)
         self._open_line = True
 
     def table(self, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:

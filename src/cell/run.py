@@ -9,12 +9,14 @@ from typing import Any
 
 from arm.errors import A465Error, ExecutionStopped, InputError
 from arm.planfile import read_plan
-from cell.checking import replayed, require_scene
+from cell.checking import replayed, require_scene, require_start_at
 from cell.connection import open_cell
 from cell.console import Console
 from cell.interrupt import interruptible
+from cell.keyboard import HELP, hint, keyboard
 from cell.taskfile import Task, read_task
 from cell.taskrun import TaskRun
+from driver.control import Control
 
 
 def run_task(
@@ -39,7 +41,7 @@ def run_task(
     task = read_task(task_file)
     speed = task.cell.speed if speed is None else speed
     task.cell.limits.scaled(speed)
-    with _opened(task, console, port, world, images, speed, time_scale, folder) as run:
+    with _opened(task, console, port, world, images, speed, time_scale, folder, Control()) as run:
         run.advice = advice
         before = run.try_look("before anything moves")
         if before is not None and not run.foresee(before):
@@ -61,8 +63,12 @@ def execute_plan(
     images: Path | None = None,
     time_scale: float = 10.0,
     folder: Path | None = None,
+    speed: float = 1.0,
 ) -> dict[str, Any]:
     """Execute a plan file if it holds and matches the cell of now; its report as JSON types.
+
+    Args:
+        speed: override of the whole execution, 0 to 1: velocities are those of the plan, or lower by this.
 
     Raises:
         InputError: a file, value or port is wrong.
@@ -70,10 +76,12 @@ def execute_plan(
             the arm stands, at most moved to q_start.
         ExecutionStopped: motion stopped, or something changed on the way; the state is in the error's data.
     """
+    control = Control(ceiling=speed)
     task, plan = read_task(task_file), read_plan(plan_file)
     moves = replayed(task, plan)
+    require_start_at(task, plan)
     console.step(f"plan {plan.sha256[:12]}: {len(moves)} moves hold and match this cell")
-    with _opened(task, console, port, world, images, plan.speed, time_scale, folder) as run:
+    with _opened(task, console, port, world, images, plan.speed, time_scale, folder, control) as run:
         before = run.try_look("before anything moves")
         if before is not None:
             require_scene(task.cell, plan, before)
@@ -99,15 +107,22 @@ def _opened(
     speed: float,
     time_scale: float,
     asked: Path | None,
+    control: Control,
 ) -> Iterator[TaskRun]:
     """A run on an open cell; however it ends, its folder tells how."""
     folder = run_folder(asked, task.name)
     with (
         interruptible(),
+        keyboard(control) as keys,
         open_cell(task, port, world, images, time_scale, folder / "wire.jsonl") as connection,
     ):
-        run = TaskRun(task, connection, console, speed, folder)
+        control.tell = console.step
+        run = TaskRun(
+            task, connection, console, speed, folder, control, lambda: hint(control) if keys else ""
+        )
         try:
+            if keys:
+                console.say(HELP)
             run.introduce()
             yield run
         except KeyboardInterrupt:

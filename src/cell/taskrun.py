@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from cell.report import CubeRow, judge_release, print_rows
 from cell.scenery import T_base_cube_on_table, cube_name
 from cell.taskfile import Task
 from cell.visits import Visit, visits
+from driver.control import Control
 from driver.execute import StepResult, execute
 from driver.stream import Progress, StreamOptions
 
@@ -38,16 +39,27 @@ class TaskRun:
         console: where progress is told.
         speed: factor of velocities.
         folder: where plans, pictures and the report go.
+        control: what may be asked for while it runs.
+        hint: the end of the status line.
     """
 
     def __init__(
-        self, task: Task, connection: Connection, console: Console, speed: float, folder: Path
+        self,
+        task: Task,
+        connection: Connection,
+        console: Console,
+        speed: float,
+        folder: Path,
+        control: Control | None = None,
+        hint: Callable[[], str] = str,
     ) -> None:
         self.task = task
         self.connection = connection
         self.console = console
         self.speed = speed
         self.folder = folder
+        self.control = control or Control()
+        self.hint = hint
         self.rows: list[CubeRow] = []
         self.done: dict[str, str] = {}  # cube -> place
         self.on_table: dict[str, Array] = {}
@@ -283,7 +295,8 @@ class TaskRun:
     def _execute(self, steps: Sequence[Step], options: StreamOptions | None = None) -> tuple[StepResult, ...]:
         if not steps:
             return ()
-        return execute(self.connection.mars, steps, self._on_step, self._on_progress, options=options)
+        mars, control = self.connection.mars, self.control
+        return execute(mars, steps, self._on_step, self._on_progress, options=options, control=control)
 
     def _on_step(self, step: Step, index: int, total: int) -> None:
         self._step_name = step.name
@@ -291,7 +304,7 @@ class TaskRun:
             self.held.require(self.connection.mars.jaws(), looks=1)  # at rest a reading is sure
 
     def _on_progress(self, progress: Progress) -> None:
-        self.console.progress(self._step_name, progress.done / max(progress.total, 1))
+        self.console.progress(self._step_name, progress.done / max(progress.total, 1), self.hint())
         if self.held is not None and progress.jaws is not None:
             self.held.require(progress.jaws)
 
@@ -324,6 +337,7 @@ class TaskRun:
             "plans_sha256": [p.sha256 for p in whole],
             "motion_s": round(sum(p.duration_s for p in whole), 3),
             "speed": self.speed,
+            "override": self.control.ceiling,
             "time_scale": self.connection.time_scale,
             "simulated": self.connection.simulated is not None,
             "remarks": self.remarks,
