@@ -35,7 +35,7 @@ def identify(link: Link, firmware: str) -> str:
             port=link.url,
             version=version,
         )
-    link.identified = True
+    link.identified, link.restarted = True, False
     return version
 
 

@@ -73,6 +73,8 @@ class Link:
 
     Attributes:
         events: received `Ready` and `Failed`, oldest first; the newest 64 are kept.
+        restarted: a line came back as an echo after the unit was identified and told not to: it was switched off and
+            on since, and has lost its positions.
 
     Raises:
         InputError: the port is not there, is no serial line, or is in use.
@@ -84,6 +86,8 @@ class Link:
         self.log = log
         self.identified = False
         self.events: deque[Ready | Failed] = deque(maxlen=64)
+        self.restarted = False
+        self._recent: deque[str] = deque(maxlen=8)  # lines sent since the unit was identified
         self._port = open_port(url, write_timeout_s=max(clock.wall(ANSWER_S), LEAST_WALL_S))
         self._inbox: queue.SimpleQueue[Reply | LinkLost | _Wake] = queue.SimpleQueue()
         self._lost: LinkLost | None = None
@@ -137,6 +141,8 @@ class Link:
             raise A465Error(f"{line!r} refused: the unit on {self.url} has not identified itself", line=line)
         if self.log is not None:
             self.log.check()
+        if line and self.identified:
+            self._recent.append(line)
         data = line.encode("ascii") + b"\n"
         for begin in range(0, len(data), CHUNK_BYTES):
             chunk = data[begin : begin + CHUNK_BYTES]
@@ -217,6 +223,8 @@ class Link:
             raise item
         if isinstance(item, Ready | Failed):
             self.events.append(item)
+        if isinstance(item, Other) and item.text in self._recent:
+            self.restarted = True
         return item
 
     def wait(self, seconds: float) -> None:

@@ -134,18 +134,32 @@ class Mars:
 
     def _home(self) -> None:
         for group in self.unit.homing:
-            self._send(*(encode("HH", axis=axis) for axis in group))
-            wait_ready(self.link, f"axes {', '.join(group)}", HOMING_S)
-            counts = self.counts()
-            for axis in group:
-                found = counts[self.unit.axes.index(axis)]
-                if abs(found) > HOMING_TOLERANCE:
-                    raise ExecutionStopped(
-                        f"axis {axis} reads {found} counts at its mark, expected 0",
-                        axis=axis,
-                        counts=list(counts),
-                        reason="homing",
-                    )
+            unmoved = self._home_axes(group)
+            if unmoved:  # at its mark before, or its line was lost: to tell, home it once more
+                self._home_axes(unmoved)
+
+    def _home_axes(self, group: Sequence[str]) -> tuple[str, ...]:
+        """Home some axes together; those whose counts were not seen to change."""
+        seen = [self.counts()]
+        self._send(*(encode("HH", axis=axis) for axis in group))
+        wait_ready(
+            self.link, f"axes {', '.join(group)}", HOMING_S, on_look=lambda: seen.append(self.counts())
+        )
+        seen.append(self.counts())
+        unmoved = []
+        for axis in group:
+            index = self.unit.axes.index(axis)
+            found = seen[-1][index]
+            if abs(found) > HOMING_TOLERANCE:
+                raise ExecutionStopped(
+                    f"axis {axis} reads {found} counts at its mark, expected 0",
+                    axis=axis,
+                    counts=list(seen[-1]),
+                    reason="homing",
+                )
+            if all(abs(counts[index] - seen[0][index]) <= STILL_COUNTS for counts in seen):
+                unmoved.append(axis)
+        return tuple(unmoved)
 
     def _refuse_faults(self) -> None:
         status = self.status()
@@ -356,7 +370,7 @@ class Mars:
     def stop(self) -> RestState:
         """STOP at once, wait until the arm stands, and say where. Never raises for anything the link does."""
         self.reference = None
-        state = bring_to_rest(self.link, len(self.unit.axes) if self._group_formed else 0)
+        state = bring_to_rest(self.link, self.unit.axes if self._group_formed else ())
         self.note("stop", **state.to_json())
         return state
 

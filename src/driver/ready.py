@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from arm.errors import ExecutionStopped
 from driver.link import Link, NoAnswer
 from driver.protocol import Failed, Ready, Status, encode
 from driver.rest import read_status
 
 POLL_S = 0.25
+IDLE_POLLS = 4  # looks in a row at an idle unit that has not said R!
 
 
-def wait_ready(link: Link, what: str, timeout: float, axis: str = "") -> None:
+def wait_ready(
+    link: Link, what: str, timeout: float, axis: str = "", on_look: Callable[[], None] | None = None
+) -> None:
     """Wait for ``R!`` (or ``Rx!``) and for the status to agree.
 
     ``R!`` alone is not trusted: one that an earlier, abandoned wait asked for may still be on its way. Nor does it
@@ -20,35 +25,49 @@ def wait_ready(link: Link, what: str, timeout: float, axis: str = "") -> None:
         what: is waited for, for the message.
         timeout: controller seconds.
         axis: to wait for, or "" for all.
+        on_look: called at each look at the status, four times a second.
 
     Raises:
         ExecutionStopped: FAIL!, a fault in the status, no end in time, or the link is lost.
     """
-    link.synchronise()
+    link.synchronise(attempts=2)  # noise may spoil one
     link.events.clear()
     link.send(encode("R", axis=axis))
     deadline = link.deadline(timeout)
-    ready = False
+    ready, idle = False, 0
     while True:
         until = min(deadline, link.clock.now() + POLL_S)
         while link.clock.now() < until and (ready or not link.events):
             link.receive(until)
         status = read_status(link)
         refuse_failure(link, status, what)
+        if on_look is not None:
+            on_look()
         ready = ready or any(isinstance(e, Ready) and e.axis == axis for e in link.events)
         link.events.clear()
         if ready and not status.busy:
             return
+        idle = 0 if status.busy else idle + 1
+        if (
+            idle == IDLE_POLLS
+        ):  # the question or its answer was lost on the line: it costs nothing to ask again
+            idle = 0
+            link.send(encode("R", axis=axis))
         if link.clock.now() >= deadline:
             raise NoAnswer(f"{what}: not finished within {timeout:.1f} s", timeout=timeout, reason="deadline")
 
 
 def refuse_failure(link: Link, status: Status, what: str) -> None:
-    """Refuse to go on when the status has a fault or ``FAIL!`` has come.
+    """Refuse to go on when the status has a fault, ``FAIL!`` has come, or the unit was switched off and on.
 
     Raises:
-        ExecutionStopped: with the reason ``fault``.
+        ExecutionStopped: with the reason ``fault`` or ``restarted``.
     """
+    if link.restarted:
+        raise ExecutionStopped(
+            f"{what}: the unit was switched off and on, so its positions are lost; initialise it again, with homing",
+            reason="restarted",
+        )
     if status.fault or any(isinstance(e, Failed) for e in link.events):
         why = " and ".join(status.faults()) or "the unit answered FAIL!"
         raise ExecutionStopped(f"{what}: {why}", status=status.word, reason="fault")

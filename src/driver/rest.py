@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from arm.errors import ExecutionStopped
 from arm.unit import Unit
 from driver.link import Link, NoAnswer
-from driver.protocol import MalformedAnswer, Position, Status, parse_position, parse_status
+from driver.protocol import MalformedAnswer, Position, Status, parse_integer, parse_position, parse_status
 
 _T = TypeVar("_T")
 
@@ -41,7 +41,9 @@ class RestState:
         parts = ["the arm stands still under power"]
         if self.status is not None and self.status.fault:
             parts = ["the arm stands still", *self.status.faults()]
-        if self.counts is not None:
+        if self.note:
+            parts.append(self.note)
+        elif self.counts is not None:
             degrees = ", ".join(f"{d:.2f}" for d in _degrees(unit, self.counts))
             parts.append(f"at [{degrees}] deg")
         return ", ".join(parts)
@@ -92,14 +94,23 @@ def farthest(a: tuple[int, ...], b: tuple[int, ...]) -> int:
     return max(abs(x - y) for x, y in zip(a, b, strict=True))
 
 
-def bring_to_rest(link: Link, axes: int, timeout: float = STOP_S) -> RestState:
+def _counts(link: Link, axes: Sequence[str]) -> tuple[int, ...]:
+    """Counts of the group, or of each of its axes where the unit does not answer for the group."""
+    text = link.ask_optional("COORDAP")
+    if text is not None:
+        return parse_position(text, len(axes)).counts
+    return tuple(parse_integer(link.ask("AP", axis)) for axis in axes)
+
+
+def bring_to_rest(link: Link, axes: Sequence[str], timeout: float = STOP_S) -> RestState:
     """Send STOP at once and wait until the arm stands still.
 
     Never raises for anything the link does, nor for a second interrupt: what could not be learnt is in the note.
     The arm stays powered and holds (STOP, never RELEASE: without current it would sag).
 
     Args:
-        axes: of the coordinated group; 0 if none is formed yet, then only the status is watched.
+        axes: of the coordinated group; none if it is not formed yet, then only the status is watched. Where the unit
+            does not answer for the group any more (it was switched off and on), each axis is asked.
         timeout: controller seconds until it is told that the arm was not seen to stand.
     """
     status: Status | None = None
@@ -112,7 +123,7 @@ def bring_to_rest(link: Link, axes: int, timeout: float = STOP_S) -> RestState:
             before = counts
             try:
                 status = read_status(link)
-                counts = read_position(link, axes).counts if axes else None
+                counts = _counts(link, axes) if axes else None
             except MalformedAnswer:
                 counts = None  # damaged on the line; the next sample counts
             still = not axes or (
@@ -120,7 +131,8 @@ def bring_to_rest(link: Link, axes: int, timeout: float = STOP_S) -> RestState:
             )
             if status is not None and (not status.busy or status.fault) and still:
                 link.events.clear()
-                return RestState(True, counts, status)
+                note = "the unit has lost its positions: home it again" if link.restarted else ""
+                return RestState(True, counts, status, note)
             link.clock.sleep(SAMPLE_S)
         return RestState(False, counts, status, f"still moving or busy {timeout:g} s after STOP")
     except ExecutionStopped as error:  # NoAnswer, LinkLost, a log that cannot be written

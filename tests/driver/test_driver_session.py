@@ -19,7 +19,7 @@ from arm.motion import CountPath, Segment
 from arm.planfile import GripperStep, Move
 from arm.unit import Unit, load_unit
 from driver.clock import Clock
-from driver.emulator import Emulator, EmulatorOptions
+from driver.emulator import Emulator, EmulatorOptions, Fault, When
 from driver.execute import execute
 from driver.mars import Mars
 from driver.stream import Progress, StreamOptions, stream
@@ -102,6 +102,19 @@ def test_a_session_from_power_up_to_a_gripped_object(name: str, clock: Clock, tm
         assert not mars.gripper(1.0).stalled
         assert emulator.violations == ()
     assert "FAIL!" not in (tmp_path / "wire.jsonl").read_text()
+
+
+def test_a_homing_line_that_is_lost_is_made_good(unit: Unit, clock: Clock) -> None:
+    """The unit reads 0 where it was switched on, so without a look at the motion it would pass for homed."""
+    # the line behind the first question where the arm stands
+    lost = Fault("lost_bytes", When(command="COORDAP"), direction="to_unit", line=1)
+    with Emulator(unit, clock, options=EmulatorOptions(faults=(lost,))) as emulator:
+        with Mars(emulator.open_pty(), unit, clock) as mars:
+            mars.identify()
+            mars.initialise(soft_home=False)
+        assert emulator.machine.homed == [True] * 6
+        told = [line for _, line in emulator.lines if line.startswith("HH")]
+        assert told.count("HHD:") == 1  # it was seen to move
 
 
 def test_the_arm_keeps_the_path_and_the_time(mars: Mars, emulator: Emulator, unit: Unit) -> None:

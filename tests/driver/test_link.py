@@ -189,6 +189,18 @@ def test_a_flood_of_noise_takes_bounded_memory(fake: Any, link: Link) -> None:
     link.synchronise(attempts=2)
 
 
+def test_a_flood_of_answers_ends_the_link(fake: Any, link: Link) -> None:
+    """Answers are kept while they are few; a unit that sends thousands that nobody asked for is told as lost."""
+    from driver.link import UNREAD_ANSWERS
+
+    for _ in range(0, UNREAD_ANSWERS + 2000, 500):
+        fake.write(b"ST=0\r\n" * 500)
+        time.sleep(0.002)
+    with pytest.raises(LinkLost, match="nobody asked for"):
+        while link.receive(link.clock.now() + 1.0) is not None:
+            pass
+
+
 def test_socket_urls_are_links_too(clock: Clock, tmp_path: Path) -> None:
     server = socket.create_server(("127.0.0.1", 0))
 
