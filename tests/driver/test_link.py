@@ -33,6 +33,11 @@ def send_many(link: Link, line: str) -> None:
         link.send(line)
 
 
+def read_all(link: Link) -> None:
+    while link.receive(link.clock.now() + 1.0) is not None:
+        pass
+
+
 @pytest.mark.parametrize(
     "line", ["ST?", "STOP:", "PURGE:", "R:", "COORDMV:1,2,3,4,5,6", "garbage", "RELEASE:"]
 )
@@ -197,8 +202,7 @@ def test_a_flood_of_answers_ends_the_link(fake: Any, link: Link) -> None:
         fake.write(b"ST=0\r\n" * 500)
         time.sleep(0.002)
     with pytest.raises(LinkLost, match="nobody asked for"):
-        while link.receive(link.clock.now() + 1.0) is not None:
-            pass
+        read_all(link)
 
 
 def test_socket_urls_are_links_too(clock: Clock, tmp_path: Path) -> None:
