@@ -10,7 +10,7 @@ from array import array
 
 import hypothesis.strategies as st
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 
 from arm.unit import Unit, load_unit
 from driver.clock import Clock
@@ -47,6 +47,11 @@ lines = st.one_of(
 )
 
 
+@example(
+    [(f"REG{name}A:2147483647", 0) for name in ("MS", "ACC")]
+    + [("COORDRELMVT:1,2147483647,0,0,0,0,0", 900)] * 2
+)
+@example([("GA:nan", 1), ("COORDMV:inf,0,0,0,0,0", 1), ("SPDA:1e300", 1), ("REGMSA:nan", 1)])
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(st.lists(st.tuples(lines, st.integers(0, 60)), max_size=40))
 def test_any_lines_at_any_time_leave_a_unit_that_answers(script: list[tuple[str, int]]) -> None:

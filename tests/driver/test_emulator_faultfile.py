@@ -115,6 +115,8 @@ def test_every_kind_has_its_fields() -> None:
     assert all(set(needed) <= set(USED[kind]) for kind, needed in NEEDED.items())
     told = {line.split()[0] for line in (Fault.__doc__ or "").splitlines() if line.strip()}
     assert set(KINDS) <= told
+    page = (Path(__file__).parents[2] / "docs" / "emulator.md").read_text()
+    assert all(f"`{name}`" in page for kind in KINDS for name in (kind, *USED[kind]))
 
 
 def test_a_field_of_another_kind_is_refused() -> None:

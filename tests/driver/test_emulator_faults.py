@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import time
 from collections.abc import Iterator
@@ -173,7 +174,7 @@ def test_a_stuck_axis_never_finds_its_mark(unit: Unit) -> None:
     with session(unit, Fault("stuck_axis", axis="A")) as (emulator, client):
         client.send("HHA:", "HHB:", "RB:")
         assert client.read_until(b"!\r\n", 20.0) == b"RB!\r\n"
-        wait_for(lambda: emulator.now_ms() > 15_000)
+        wait_for(lambda: emulator.now_ms() > 25_000)  # at 15 counts/ms it would have been there after 16.6 s
         assert status(client) == 0x10
         assert position(client)[3:5] == [0, 0]
         client.send("STOP:", "R:")
@@ -192,6 +193,8 @@ def test_an_axis_creeps_away_and_homing_finds_it_again(unit: Unit) -> None:
         client.send("HHE:", "R:")
         assert client.read_until(b"!\r\n") == b"R!\r\n"
         assert position(client)[7] == emulator.counts()[4] == 0
+        steps = emulator.record().counts[:, 4]
+        assert max(abs(b - a) for a, b in itertools.pairwise(steps)) < 100  # it went there
 
 
 def test_jaws_miss_what_is_there_once(unit: Unit) -> None:

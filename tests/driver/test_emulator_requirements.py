@@ -165,13 +165,15 @@ def test_5_coordap_is_three_numbers_and_the_axes_in_the_order_of_the_group(unit:
 
 
 def test_5_axes_are_homed_with_the_group_formed_and_coordap_tells_it(unit: Unit) -> None:
-    with connected(unit) as (_, client):
-        client.send("COORDGRP:A,B,C,D,E,F", "HHB:", "R:")
-        assert client.read_until(b"!\r\n", 20.0) == b"R!\r\n"
-        assert client.ask("COORDAP?").split(",")[3:] == ["0"] * 6
-        client.send("COORDMV:0,700,0,0,0,0", "R:")
+    with connected(unit) as (emulator, client):
+        client.send("COORDGRP:A,B,C,D,E,F", "COORDMV:0,700,0,0,0,0", "R:")
         assert client.read_until(b"!\r\n") == b"R!\r\n"
         assert client.ask("COORDAP?").split(",")[3:] == ["0", "700", "0", "0", "0", "0"]
+        assert emulator.counts()[1] not in (0, 700)
+        client.send("HHB:", "R:")
+        assert client.read_until(b"!\r\n", 20.0) == b"R!\r\n"
+        assert client.ask("COORDAP?").split(",")[3:] == ["0"] * 6
+        assert emulator.counts()[1] == 0
 
 
 # -- 6: clearing

@@ -16,6 +16,7 @@ from arm.errors import A465Error
 from arm.unit import Unit
 from driver.clock import Clock
 from driver.emulator.commands import Interpreter
+from driver.emulator.exchange import Exchange
 from driver.emulator.faults import Fault, FaultEvent
 from driver.emulator.machine import Machine
 from driver.emulator.options import EmulatorOptions
@@ -23,7 +24,6 @@ from driver.emulator.plant import Plant
 from driver.emulator.ports import Ports
 from driver.emulator.record import Record, Violation
 from driver.emulator.trouble import Trouble
-from driver.emulator.wire import Wire
 from driver.wirelog import WireLog
 
 _BATCH_WALL_S = 0.004  # how late, in wall time, motion and R! may be seen
@@ -63,10 +63,9 @@ class Emulator:
         self.interpreter = Interpreter(self.machine)
         self._ports = Ports(self.machine.options.paced)
         self._trouble = Trouble(self.interpreter, self._ports, self._tell_fault)
-        self._waiting: list[Wire] = []
+        self._exchange = Exchange(self.interpreter, self._ports, self._trouble, log)
         self._lock = threading.RLock()
         self._closing = False
-        self._logged_violations = 0
         self._spoken_to = False
         self._wake_read, self._wake_write = os.pipe()
         self.machine.now_ms = self._clock_ms()
@@ -252,7 +251,7 @@ class Emulator:
         machine, trouble = self.machine, self._trouble
         while True:
             trouble.watch_segments()
-            wire, line_at = self._next_line()
+            wire, line_at = self._exchange.next_line()
             fault_at = trouble.schedule.next_at()
             self._move(min(now, line_at, math.ceil(fault_at) if fault_at < now else now))
             if machine.path.begun >= machine.halt_at_segment:
@@ -260,12 +259,12 @@ class Emulator:
             if fault_at <= machine.now_ms:
                 trouble.apply_due(machine.now_ms)
             elif wire is not None and line_at <= now:
-                self._arrive(wire)
+                self._exchange.arrive(wire)
             else:
                 break
-        self._tell_ready()
+        self._exchange.tell_ready()
         self._seen = (machine.now_ms, machine.true_counts())  # before anybody learns that it has ended
-        self._log_violations()
+        self._exchange.log_violations()
         for each in self._ports.wires:
             each.flush(now)
 
@@ -275,66 +274,4 @@ class Emulator:
         while machine.now_ms < until and machine.path.begun < machine.halt_at_segment:
             left = int(until) - machine.now_ms
             machine.run(min(left, _BATCH_MS) if self.interpreter.waiting and machine.busy else left)
-            self._tell_ready()
-
-    def _next_line(self) -> tuple[Wire | None, int]:
-        first: Wire | None = None
-        due = math.inf
-        for wire in self._ports.wires:
-            at = wire.next_line_at()
-            if at is not None and at < due:
-                first, due = wire, at
-        return first, math.ceil(due) if first is not None else 2**62
-
-    def _arrive(self, wire: Wire) -> None:
-        """The next line of a wire, as it comes out of the line."""
-        due, data, treated = wire.take_line()
-        if not treated:
-            late, data = self._trouble.line.to_unit(data)
-            if late > 0.0:
-                wire.put_back(due + late, data)
-                return
-        for line in wire.assemble(data):
-            self._obey(wire, line)
-
-    def _obey(self, wire: Wire, data: bytes) -> None:
-        machine, trouble, text = self.machine, self._trouble, data.decode("latin-1")
-        now = machine.now_ms
-        if self.log is not None and text.strip():
-            self.log.note("line", ms=now, text=text.rstrip("\r\n"))
-        trouble.schedule.line(text, now)
-        trouble.apply_due(now)
-        if trouble.dark:
-            return
-        if wire.fresh:
-            wire.fresh = False
-            if machine.options.noise:
-                wire.answer(machine.options.noise, now)
-        if self.interpreter.echo:
-            self._send(wire, data, now, echo=True)
-        for answer in self.interpreter.take(text):
-            self._answer(wire, answer)
-        if self.interpreter.waiting and wire not in self._waiting:
-            self._waiting = [wire]
-
-    def _tell_ready(self) -> None:
-        for text in self.interpreter.ready():
-            for wire in self._waiting:
-                self._answer(wire, text)
-
-    def _answer(self, wire: Wire, text: str) -> None:
-        if self.log is not None:
-            self.log.note("answer", ms=self.machine.now_ms, text=text)
-        thought = self.machine.now_ms + self.machine.options.reply_delay_ms
-        self._send(wire, text.encode("latin-1") + b"\r\n", thought)
-
-    def _send(self, wire: Wire, data: bytes, now: float, echo: bool = False) -> None:
-        for late, piece in self._trouble.line.to_host(data, echo):
-            wire.answer(piece, now, late)
-
-    def _log_violations(self) -> None:
-        new = self.machine.violated - self._logged_violations
-        self._logged_violations += new
-        if self.log is not None and new:
-            for violation in list(self.machine.violations)[-new:]:
-                self.log.note("violation", ms=violation.time_ms, text=violation.what)
+            self._exchange.tell_ready()

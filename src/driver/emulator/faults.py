@@ -118,7 +118,7 @@ class Fault:
     garbled_bytes    the same, one bit of the byte flipped
     delayed_bytes    lines come `delay_ms` late, in order: each with `probability`, or the `line`-th alone
     split_bytes      lines come in two pieces, the second `delay_ms` later (0: at once, but a write of its own)
-    noise            the unit sends `count` random bytes (default 16)
+    noise            the unit sends `count` random bytes
     stray_line       the unit sends `text` and a line end, unasked
     port_gone        connection, listener, pseudo-terminal and link vanish; there again after `back_after_s`, 0 never
     stuck_axis       `axis` stays where it is, its generator goes on (``for_ms``; it then follows again)

@@ -17,6 +17,7 @@ from arm.unit import Unit
 from driver.emulator.axes import AxisMove, GripperJaws
 from driver.emulator.defects import Defects
 from driver.emulator.following import Following
+from driver.emulator.limitwatch import LimitWatch
 from driver.emulator.options import EmulatorOptions
 from driver.emulator.path_generator import PathGenerator
 from driver.emulator.plant import Plant
@@ -83,8 +84,7 @@ class Machine:
         self._numbers = 0
         self._random = np.random.default_rng(options.seed)
         self._static = (0,) * len(true)
-        self._limits = _count_limits(unit)
-        self._outside: set[int] = set()
+        self._limits = LimitWatch(unit)
 
     def _power_up_registers(self) -> dict[str, float]:
         registers: dict[str, float] = {"COORDDISCONT": self.options.vertex_steps}
@@ -334,7 +334,8 @@ class Machine:
         if self.path.begun < self.halt_at_segment:
             self.following.run(self.path.at, until - self.now_ms)
             self.now_ms = until
-        self._watch_limits()
+        for axis, value, low, high in self._limits.newly_outside(self.true_counts()):
+            self.violate(f"axis {axis} at {value} counts, allowed {low} to {high}")
 
     def _tick_axes(self) -> None:
         at = list(self.path.at)
@@ -357,17 +358,3 @@ class Machine:
     def _settle(self) -> None:
         if most := self.options.static_error:
             self._static = tuple(int(e) for e in self._random.integers(-most, most + 1, len(self.offset)))
-
-    def _watch_limits(self) -> None:
-        for index, (value, (low, high)) in enumerate(zip(self.true_counts(), self._limits, strict=True)):
-            if low <= value <= high:
-                self._outside.discard(index)
-            elif index not in self._outside:
-                self._outside.add(index)
-                self.violate(f"axis {self.unit.axes[index]} at {value} counts, allowed {low} to {high}")
-
-
-def _count_limits(unit: Unit) -> list[tuple[int, int]]:
-    """The unit's joint limits in counts, rounded outwards; C to F run backwards."""
-    lower, upper = unit.counts(unit.lower), unit.counts(unit.upper)
-    return [(int(min(a, b)) - 1, int(max(a, b)) + 1) for a, b in zip(lower, upper, strict=True)]

@@ -1,0 +1,98 @@
+"""What is said between clients and the unit: lines as they come out of the line, and answers as they go into it."""
+
+from __future__ import annotations
+
+import math
+
+from driver.emulator.commands import Interpreter
+from driver.emulator.ports import Ports
+from driver.emulator.trouble import Trouble
+from driver.emulator.wire import Wire
+from driver.wirelog import WireLog
+
+_NEVER = 2**62
+
+
+class Exchange:
+    """Takes lines to the interpreter and its answers back. Not thread-safe: the emulator's lock guards it.
+
+    Args:
+        interpreter: of the unit.
+        ports: with the clients' wires.
+        trouble: what is wrong with the line.
+        log: takes every line, answer and violation, if given.
+    """
+
+    def __init__(self, interpreter: Interpreter, ports: Ports, trouble: Trouble, log: WireLog | None) -> None:
+        self._interpreter = interpreter
+        self._machine = interpreter.machine
+        self._ports = ports
+        self._trouble = trouble
+        self._log = log
+        self._logged_violations = 0
+        self._waiting: list[Wire] = []  # to whom ``R!`` is told
+
+    def next_line(self) -> tuple[Wire | None, int]:
+        """The wire whose next line is complete first, and the ms when it is."""
+        first: Wire | None = None
+        due = math.inf
+        for wire in self._ports.wires:
+            at = wire.next_line_at()
+            if at is not None and at < due:
+                first, due = wire, at
+        return first, math.ceil(due) if first is not None else _NEVER
+
+    def arrive(self, wire: Wire) -> None:
+        """The next line of a wire comes out of the line, as far as it does."""
+        due, data, treated = wire.take_line()
+        if not treated:
+            late, data = self._trouble.line.to_unit(data)
+            if late > 0.0:
+                wire.put_back(due + late, data)
+                return
+        for line in wire.assemble(data):
+            self._obey(wire, line)
+
+    def _obey(self, wire: Wire, data: bytes) -> None:
+        machine, trouble, text = self._machine, self._trouble, data.decode("latin-1")
+        now = machine.now_ms
+        if self._log is not None and text.strip():
+            self._log.note("line", ms=now, text=text.rstrip("\r\n"))
+        trouble.schedule.line(text, now)
+        trouble.apply_due(now)
+        if trouble.dark:
+            return
+        if wire.fresh:
+            wire.fresh = False
+            if machine.options.noise:
+                wire.answer(machine.options.noise, now)
+        if self._interpreter.echo:
+            self._send(wire, data, now, echo=True)
+        for answer in self._interpreter.take(text):
+            self._answer(wire, answer)
+        if self._interpreter.waiting and wire not in self._waiting:
+            self._waiting = [wire]
+
+    def tell_ready(self) -> None:
+        """Answer the waits that are over."""
+        for text in self._interpreter.ready():
+            for wire in self._waiting:
+                self._answer(wire, text)
+
+    def _answer(self, wire: Wire, text: str) -> None:
+        if self._log is not None:
+            self._log.note("answer", ms=self._machine.now_ms, text=text)
+        thought = self._machine.now_ms + self._machine.options.reply_delay_ms
+        self._send(wire, text.encode("latin-1") + b"\r\n", thought)
+
+    def _send(self, wire: Wire, data: bytes, now: float, echo: bool = False) -> None:
+        for late, piece in self._trouble.line.to_host(data, echo):
+            wire.answer(piece, now, late)
+
+    def log_violations(self) -> None:
+        """Those that are new."""
+        new = self._machine.violated - self._logged_violations
+        self._logged_violations += new
+        if self._log is not None and new:
+            for violation in list(self._machine.violations)[-new:]:
+                self._log.note("violation", ms=violation.time_ms, text=violation.what)
