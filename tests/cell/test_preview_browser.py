@@ -18,9 +18,12 @@ import pytest
 from arm.bodies import body_from_json
 from arm.motion import CountPath
 from arm.planfile import Move
+from cell.console import Console
+from cell.logpages import preview_log
 from cell.preview.overlays import ExecutedMove
 from cell.preview.page import write_preview
 from cell.preview.timeline import cube_tracks, timed_steps
+from logged_session import logged_run
 
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
 DEADLINE_MS = 20_000
@@ -341,6 +344,29 @@ def test_executed_is_drawn_over_planned(browser, preview_case, tmp_path: Path) -
     with _open(browser, tmp_path / "log.html") as page:
         assert page.locator("#joint-chart .executed").count() == 18
         assert "executed" in page.locator("#legend").inner_text()
+        assert page.locator("#difference-chart .off").count() == 18
+        farthest = page.evaluate("a465.motion.farthest")  # 40 counts at the joint with fewest to a degree
+        assert farthest["degrees"] == pytest.approx(40.0 / 555.556, rel=0.02)
+        assert farthest["joint"] == 4
+        page.evaluate("(t) => a465.seek(t)", timed_steps(preview_case.plan)[moves[0][0]].start_s + 0.5)
+        assert page.locator("#off").inner_text().startswith("J5 ")
+
+
+def test_without_a_log_there_is_no_difference(browser, page_file) -> None:
+    with _open(browser, page_file) as page:
+        assert not page.locator("#difference").is_visible()
+
+
+def test_a_log_alone_is_shown_without_clearance(browser, tmp_path: Path) -> None:
+    run = logged_run(tmp_path / "wire.jsonl")
+    told = preview_log(run.log, None, tmp_path / "log.html", Console(as_json=True))
+    assert told["plan"] is None
+    with _open(browser, tmp_path / "log.html", at="#t=3") as page:
+        page.get_by_role("button", name="clearance").click()
+        assert page.locator("#closest").inner_text() == "not known"
+        assert "clearance" not in page.locator("#summary").inner_text()
+        assert page.evaluate("a465.motion.farthest.degrees") == pytest.approx(told["farthest_deg"], abs=2e-4)
+        assert _canvas(page).std() > 5
 
 
 def test_a_scene_without_boards_or_cubes_is_shown(browser, preview_case, tmp_path: Path) -> None:

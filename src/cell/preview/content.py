@@ -66,7 +66,12 @@ def page_content(
     bodies = [body_from_json(b) for b in plan.scene.get("bodies", [])]
     cubes = [body_from_json(c) for c in plan.scene.get("cubes", [])]
     tracks = cube_tracks(steps, cubes, robot_open, unit)
-    joined = {motion.first + k for motion in plan.motions for k in range(1, len(motion.moves))}
+    joined = {
+        motion.first + k
+        for motion in plan.motions
+        for k in range(1, len(motion.moves))
+        if _planned(motion.moves[k])
+    }
     return {
         "task": plan.task,
         "unit": plan.unit,
@@ -74,7 +79,7 @@ def page_content(
         "sha256": plan.sha256,
         "provenance": plan.provenance,
         "motion_s": plan.duration_s,
-        "motions": len(plan.motions),
+        "motions": len(list(plan.moves)) - len(joined),
         "duration_s": steps[-1].end_s,
         "joints": _joints(plan, robot_open, unit),
         "arm": _arm(robot_open, robot_holding),
@@ -104,6 +109,11 @@ def page_content(
         "clearance": {str(i): clearance_to_json(s) for i, s in (clearance or {}).items()},
         "executed": [executed_to_json(move) for move in executed],
     }
+
+
+def _planned(move: Move) -> bool:
+    """Whether the planner made the move; one that was read from a log has no closest pair, and ends at rest."""
+    return any(move.closest)
 
 
 def _joints(plan: Plan, robot: Robot, unit: Unit) -> dict[str, Any]:
@@ -174,7 +184,7 @@ def _step(timed: TimedStep, joined: bool) -> dict[str, Any]:
                 "counts": list(step.path.start),
                 "segments": [[s.duration_ms, *map(list, s.coefficients)] for s in step.path.segments],
                 "held": step.held,
-                "clearance": step.clearance,
+                "clearance": step.clearance if _planned(step) else None,
                 "clearances": [float(np.floor(c * 1e6)) / 1e6 for c in step.clearances],
                 "joined": joined,
                 "closest": list(step.closest),

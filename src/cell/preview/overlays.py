@@ -158,6 +158,6 @@ def executed_to_json(move: ExecutedMove) -> dict[str, Any]:
     """One executed move, in columns; whole counts."""
     return {
         "step": move.step,
-        "time": np.round(move.time_s, 4).tolist(),
+        "time": np.round(move.time_s, 6).tolist(),  # at 100 deg/s that is 0.0001 deg
         "counts": np.rint(move.counts).astype(int).tolist(),
     }

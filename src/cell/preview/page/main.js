@@ -4,6 +4,7 @@
 (() => {
   const content = JSON.parse(document.getElementById("content").textContent);
   const motion = new Motion(content);
+  motion.addExecuted(content.executed);
   const root = document.documentElement;
   const slider = document.getElementById("slider");
   const now = document.getElementById("now");
@@ -30,7 +31,7 @@
   const trace = stage && new Trace(content, motion, stage.scene);
 
   // ---- the page
-  fillHeading(content);
+  fillHeading(content, motion);
   fillProvenance(content);
   const rows = fillSteps(content, (index) => seek(motion.steps[index].start));
   const parts = fillBar(content);

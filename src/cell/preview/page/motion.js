@@ -118,6 +118,34 @@ class Motion {
     return pose.multiply(this.T_end_tool);
   }
 
+  // What was executed: joint positions on the plan's clock, and how far they are from the plan there.
+  addExecuted(executed) {
+    this.farthest = { degrees: 0, joint: 0 };
+    this.executed = executed.map(({ step, time, counts }) => {
+      const times = time.map((t) => this.steps[step].start + t);
+      const q = counts.map((c) => this.positions(c));
+      const off = q.map((v, i) => {
+        const planned = this.q(Math.min(times[i], this.duration));
+        return v.map((value, j) => ((value - planned[j]) * 180) / Math.PI);
+      });
+      off.forEach((row) => row.forEach((degrees, joint) => {
+        if (Math.abs(degrees) > this.farthest.degrees) this.farthest = { degrees: Math.abs(degrees), joint };
+      }));
+      return { times, q, off };
+    });
+  }
+
+  // The executed sample nearest to time t, off the plan in degrees; null further than a second from any.
+  offAt(t) {
+    let best = null;
+    for (const { times, off } of this.executed) {
+      times.forEach((time, i) => {
+        if (Math.abs(time - t) < (best ? Math.abs(best.time - t) : 1)) best = { time, off: off[i] };
+      });
+    }
+    return best && best.off;
+  }
+
   // Greatest |derivative| of every joint over the whole plan, from five places of each segment.
   peaks(order) {
     const peak = this.joints.names.map(() => 0);

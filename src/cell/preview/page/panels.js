@@ -15,19 +15,19 @@ function button(text, onClick) {
   return made;
 }
 
-function fillHeading(content) {
+function fillHeading(content, motion) {
   const title = content.task.name || content.task.kind || content.task.task || "plan";
   document.title = `${title} · a465 plan ${content.sha256.slice(0, 8)}`;
   document.getElementById("title").textContent = title;
   const cubes = content.cubes.length;
   const moves = content.steps.filter((step) => step.kind === "move");
-  const least = Math.min(...moves.map((step) => step.clearance));
+  const known = moves.map((step) => step.clearance).filter((c) => c !== null);
   document.getElementById("summary").textContent = [
     content.unit,
     `${cubes} cube${cubes === 1 ? "" : "s"}`,
     `${moves.length} moves in ${content.motions} motion${content.motions === 1 ? "" : "s"}, ${clockText(content.motion_s)} of motion at speed ${content.speed}`,
-    `least clearance ${millimetres(1e3 * least)}`,
-    content.executed.length ? "with what was executed" : "",
+    known.length ? `least clearance ${millimetres(1e3 * Math.min(...known))}` : "",
+    content.executed.length ? `executed within ${motion.farthest.degrees.toFixed(3)}° of the plan` : "",
   ].filter(Boolean).join(" · ");
   const code = document.getElementById("code");
   const hash = content.sha256;
@@ -93,12 +93,15 @@ function fillSteps(content, onStep) {
       stripe.style.background = `var(--${step.role})`;
       const entry = taskEntry(content, step.cube);
       const seconds = element("span", "figure", step.kind === "look" ? "" : `${(step.end - step.start).toFixed(1)} s`);
-      const mm = element("span", "figure", step.kind === "move" ? millimetres(1e3 * step.clearance) : "");
+      const known = step.kind === "move" && step.clearance !== null;
+      const mm = element("span", "figure", known ? millimetres(1e3 * step.clearance) : "");
       if (step.kind === "move") {
-        row.title = `${step.role}${step.held ? `, holding ${step.held}` : ""}; clearance ${step.certified ? "proved" : "sampled"}: `
-          + `${millimetres(1e3 * step.clearance)}, ${step.closest.join(" – ")}${step.joined ? "; goes on without a stop" : ""}`;
+        const clearance = known
+          ? `; clearance ${step.certified ? "proved" : "sampled"}: ${millimetres(1e3 * step.clearance)}, ${step.closest.join(" – ")}`
+          : "";
+        row.title = `${step.role}${step.held ? `, holding ${step.held}` : ""}${clearance}${step.joined ? "; goes on without a stop" : ""}`;
         row.classList.toggle("joined", step.joined);
-        mm.style.color = step.clearance < 0.005 ? clearanceColour(1e3 * step.clearance) : "";
+        mm.style.color = known && step.clearance < 0.005 ? clearanceColour(1e3 * step.clearance) : "";
       }
       row.append(stripe, element("span", "name", shortName(step, entry)), seconds, mm);
       list.append(row);
@@ -151,7 +154,7 @@ function fillLegend(content, mode) {
   if (content.executed.length) {
     const label = element("span");
     const line = element("i");
-    line.style.background = "var(--ink)";
+    line.style.background = "var(--executed)";
     label.append(line, "executed");
     legend.append(label);
   }

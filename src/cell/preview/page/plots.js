@@ -25,6 +25,7 @@ class Plots {
     this.makeReadout();
     this.show(0);
     this.drawClearance();
+    this.drawDifference(onSeek);
   }
 
   limits(order) {
@@ -76,12 +77,24 @@ class Plots {
   }
 
   drawExecuted() {
-    for (const { step, time, counts } of this.content.executed) {
-      const start = this.motion.steps[step].start;
-      const q = counts.map((c) => this.motion.positions(c));
+    for (const { times, q } of this.motion.executed) {
       this.motion.joints.names.forEach((_, j) =>
-        this.chart.curve(q.map((v, i) => [start + time[i], this.share(0, j, v[j])]), "executed"));
+        this.chart.curve(q.map((v, i) => [times[i], this.share(0, j, v[j])]), "executed"));
     }
+  }
+
+  // Executed less planned, in degrees, joint by joint.
+  drawDifference(onSeek) {
+    if (!this.motion.executed.length) return;
+    document.getElementById("difference").hidden = false;
+    this.off = document.getElementById("off");
+    this.difference = new Chart(document.getElementById("difference-chart"), this.motion.duration, onSeek);
+    const top = Math.max(1e-3, 1.1 * this.motion.farthest.degrees);
+    const tick = roundDown(0.9 * top);
+    this.difference.clear({ low: -top, high: top }, [-tick, 0, tick].map((v) => [v, v ? `${signed(v, 4).replace(/\.?0+$/, "")}°` : "0"]));
+    this.motion.joints.names.forEach((_, j) => this.motion.executed.forEach(({ times, off }) =>
+      this.difference.curve(times.map((t, i) => [t, off[i][j]]), "off", JOINT_COLOURS[j % JOINT_COLOURS.length])));
+    this.difference.finish();
   }
 
   makeReadout() {
@@ -113,7 +126,7 @@ class Plots {
     const series = [];
     const proved = [];
     this.motion.steps.forEach((step, i) => {
-      if (step.kind !== "move") {
+      if (step.kind !== "move" || step.clearance === null) {
         proved.push([step.start, null]);
         return series.push([step.start, null]);
       }
@@ -160,6 +173,12 @@ class Plots {
     this.time = t;
     this.chart.at(t);
     this.clearance.at(t);
+    if (this.difference) {
+      this.difference.at(t);
+      const off = this.motion.offAt(t);
+      const worst = off && off.reduce((best, v, j) => (Math.abs(v) > Math.abs(off[best]) ? j : best), 0);
+      this.off.textContent = off ? `${this.motion.joints.names[worst]} ${signed(off[worst], 4)}°` : "no sample here";
+    }
     const values = this.motion.q(t, this.order);
     const digits = this.order === 0 ? 2 : 1;
     this.rows.forEach(({ value, knob }, j) => {
@@ -168,7 +187,7 @@ class Plots {
       knob.style.left = `${100 * Math.min(1, Math.max(0, this.order ? 0.5 + share / 2 : share))}%`;
     });
     if (now !== undefined) {
-      this.closest.textContent = now ? `${millimetres(now.mm)} · ${now.pair.join(" – ")}` : "at rest";
+      this.closest.textContent = now ? `${millimetres(now.mm)} · ${now.pair.join(" – ")}` : this.motion.steps[this.motion.stepAt(t)].kind === "move" ? "not known" : "at rest";
     }
   }
 }
@@ -177,6 +196,12 @@ class Plots {
 function signed(value, digits) {
   const text = value.toFixed(digits);
   return Number(text) === 0 ? text.replace("-", "") : text.replace("-", "−");
+}
+
+// The greatest of 1, 2, 5 times a power of ten that is not above a value.
+function roundDown(value) {
+  const decade = 10 ** Math.floor(Math.log10(value));
+  return decade * [5, 2, 1].find((n) => n * decade <= value * (1 + 1e-9));
 }
 
 // The smaller of two clearances in steps of 20 %, so that a curve has few colours and few strokes.

@@ -8,6 +8,7 @@ function clearanceAt(content, motion, t) {
   const index = motion.stepAt(t);
   const step = motion.steps[index];
   if (step.kind !== "move") return null;
+  if (step.clearance === null) return null;
   const samples = content.clearance[index];
   if (!samples || !samples.time.length) return { mm: 1e3 * motion.proved(t), pair: step.closest, points: null, sampled: false };
   let k = samples.time.findIndex((time) => time >= t - step.start);
@@ -64,7 +65,7 @@ class Trace {
     for (const t of this.times) {
       const hex = mode === "role"
         ? roles[this.motion.steps[this.motion.stepAt(t)].role]
-        : clearanceColour(clearanceAt(this.content, this.motion, t).mm);
+        : clearanceColour((clearanceAt(this.content, this.motion, t) || { mm: NaN }).mm);
       if (!found.has(hex)) found.set(hex, new THREE.Color(hex).toArray());
       colours.push(...found.get(hex));
     }
@@ -101,5 +102,9 @@ function executedLine(content, motion) {
     const path = counts.map((c) => position(motion.toolPose(motion.positions(c))));
     for (let i = 1; i < path.length; i++) points.push(...path[i - 1], ...path[i]);
   }
-  return thickSegments(points, styleColour("ink"), 1.4, 0.9);
+  const made = thickSegments(points, styleColour("executed"), 1.6);
+  // It mostly lies in the planned line, and is drawn upon it.
+  Object.assign(made.material, { polygonOffset: true, polygonOffsetFactor: -4, polygonOffsetUnits: -4, transparent: true });
+  made.renderOrder = 1;
+  return made;
 }

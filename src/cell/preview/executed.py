@@ -1,0 +1,155 @@
+"""What a log says was executed, laid on the plan's clock: each sample at the place of its motion that is nearest to it.
+
+The controller keeps the path and only stretches time (fact sheet of the controller, section 2, row 14). So a sample
+is compared with the nearest point of the planned path, near the segment that the unit said it was on; how late it was
+there is told by the motion's duration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm.motion import CountPath, Segment
+from arm.planfile import GripperStep, LookStep, Move, Plan
+from arm.se3 import Array, frozen
+from arm.unit import Unit
+from cell.preview.overlays import ExecutedMove
+from driver.logfile import Session
+from driver.logmotions import LoggedMotion
+
+STEP_S = (
+    0.005  # of the planned path that samples are compared with; between two steps it is taken as straight
+)
+LAG_SEGMENTS = 3  # the arm follows its reference by regulators that lag
+BLIND_S = 3.0  # how far a sample is looked for where the unit did not say its segment
+
+
+@dataclass(frozen=True)
+class MatchedMotion:
+    """A motion of the log and where it is in the plan.
+
+    Attributes:
+        number: of the session's motion.
+        step: index of the plan's step where it begins.
+        executed: its samples on the clock of that step.
+        difference: (m, 6) rad, executed less planned at the nearest point.
+        planned_s: duration of the segments that were sent.
+        lasted_s: from the first segment to the unit's answer that it was done; None where it never came.
+    """
+
+    number: int
+    step: int
+    executed: ExecutedMove
+    difference: Array
+    planned_s: float
+    lasted_s: float | None
+
+
+def match(session: Session, plan: Plan, unit: Unit) -> tuple[MatchedMotion, ...]:
+    """The motions of a log that are those of a plan: same start, same segments, or the first of them if it was stopped.
+
+    Durations may differ: an override stretches them.
+    """
+    known: dict[tuple[int, ...], list[tuple[int, CountPath]]] = {}
+    for motion in plan.motions:
+        known.setdefault(motion.path.start, []).append((motion.first, motion.path))
+    found = []
+    for number, logged in enumerate(session.motions):
+        for step, path in known.get(logged.start or (), []):
+            if logged.segments and _begins(path.segments, logged.segments):
+                found.append(_matched(number, step, logged, path, unit))
+                break
+    return tuple(found)
+
+
+def plan_of(session: Session, unit: Unit) -> tuple[Plan, tuple[MatchedMotion, ...]]:
+    """A plan of nothing but what was sent, for a log whose plan is not at hand; every motion is a step of its own."""
+    steps: list[Move | GripperStep | LookStep] = []
+    matched = []
+    for number, logged in enumerate(session.motions):
+        path = _sent_path(logged)
+        if path is None or path.duration_s <= 0.0:
+            continue
+        matched.append(_matched(number, len(steps), logged, path, unit))
+        name = f"motion {number + 1}"
+        steps.append(Move(name, "transit", None, path, None, 0.0, 0.0, ("", "")))
+    plan = Plan(
+        task={"name": f"log {session.file.name}"},
+        unit=unit.name,
+        speed=1.0,
+        speed_registers=unit.speed_registers,
+        acceleration_registers=unit.acceleration_registers,
+        steps=tuple(steps),
+        provenance={"log": session.file.name, "planned": "the lines that were sent; no plan file was found"},
+    )
+    return plan, tuple(matched)
+
+
+def _begins(planned: Sequence[Segment], sent: Sequence[Segment]) -> bool:
+    return len(sent) <= len(planned) and all(
+        p.coefficients == s.coefficients for p, s in zip(planned, sent, strict=False)
+    )
+
+
+def _sent_path(logged: LoggedMotion) -> CountPath | None:
+    """What was sent, as segments; an absolute motion as one straight segment of the time that it took."""
+    start, target, ready_s = logged.start, logged.target, logged.ready_s
+    if target is None or start is None:
+        return logged.path
+    if ready_s is None or start == target:
+        return None
+    way = tuple(b - a for a, b in zip(start, target, strict=True))
+    return CountPath(start, (Segment(max(1, round(1e3 * (ready_s - logged.sent_s))), (way,)),))
+
+
+def _matched(number: int, step: int, logged: LoggedMotion, path: CountPath, unit: Unit) -> MatchedMotion:
+    counts = np.array([s.position.counts for s in logged.samples], dtype=np.int64).reshape(-1, 6)
+    places = [None if logged.target else logged.segment_of(s) for s in logged.samples]
+    time_s, nearest = _nearest(path, unit.positions(counts), places, unit)
+    begin_s = logged.sent_s if logged.target else logged.begin_s
+    return MatchedMotion(
+        number,
+        step,
+        ExecutedMove(step, frozen(time_s), frozen(counts)),
+        frozen(unit.positions(counts) - nearest),
+        sum(s.duration_ms for s in logged.segments or path.segments) / 1e3,
+        None if logged.ready_s is None else logged.ready_s - begin_s,
+    )
+
+
+def _nearest(path: CountPath, q: Array, places: Sequence[int | None], unit: Unit) -> tuple[Array, Array]:
+    """Per sample the time (m,) on the path's clock and the joint positions (m, 6) of the nearest point; never back."""
+    count = max(1, int(np.ceil(path.duration_s / STEP_S)))
+    grid = np.linspace(0.0, path.duration_s, count + 1)
+    planned = unit.positions(path.at(grid))
+    ends = np.concatenate([[0.0], np.cumsum([s.duration_ms for s in path.segments]) / 1e3])
+    times, points = np.zeros(len(q)), np.zeros((len(q), 6))
+    last = 0
+    for i, (here, place) in enumerate(zip(q, places, strict=True)):
+        first, end_s = last, grid[last] + BLIND_S
+        if place is not None:
+            end_s = ends[min(max(place + 1, 0), len(ends) - 1)]
+            first = max(first, int(np.searchsorted(grid, ends[max(place - LAG_SEGMENTS, 0)])) - 1)
+        stop = max(first + 1, int(np.searchsorted(grid, end_s, side="right")))
+        index, share = _on_lines(planned[first : stop + 1], here)
+        low, high = first + index, min(first + index + 1, count)
+        times[i] = grid[low] + share * (grid[high] - grid[low])
+        points[i] = planned[low] + share * (planned[high] - planned[low])
+        last = low
+    return times, points
+
+
+def _on_lines(knots: Array, here: Array) -> tuple[int, float]:
+    """Which line between neighbouring knots is nearest to a point, and where on it, 0 to 1; the first of equals."""
+    if len(knots) < 2:
+        return 0, 0.0
+    begin, way = knots[:-1], np.diff(knots, axis=0)
+    length2 = np.einsum("ij,ij->i", way, way)
+    along = np.einsum("ij,ij->i", here - begin, way)
+    share = np.clip(np.divide(along, length2, out=np.zeros_like(along), where=length2 > 0.0), 0.0, 1.0)
+    off = begin + share[:, None] * way - here
+    index = int(np.argmin(np.einsum("ij,ij->i", off, off)))
+    return index, float(share[index])
