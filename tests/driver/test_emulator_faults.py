@@ -335,3 +335,32 @@ def test_every_kind_can_be_injected_while_the_arm_moves(unit: Unit) -> None:
             assert events(emulator) == [(kind, False)]
             time.sleep(0.01)
             assert emulator.failure is None
+
+
+def test_a_link_that_somebody_else_has_made_meanwhile_ends_the_emulator_and_says_why(
+    unit: Unit, tmp_path: Path
+) -> None:
+    link = tmp_path / "mars"
+    with emulated(unit) as emulator:
+        emulator.open_pty(link)
+        emulator.inject(Fault("port_gone", back_after_s=4.0))
+        wait_for(lambda: not os.path.lexists(link))
+        link.write_text("mine")
+        wait_for(lambda: emulator.failure is not None)
+        assert "cannot be made a link" in str(emulator.failure)
+    assert link.read_text() == "mine"
+
+
+def test_a_fault_may_be_ordered_while_the_jaws_act(unit: Unit) -> None:
+    class Trap:
+        def jaws(self, counts: tuple[int, ...], from_adc: int, to_adc: int) -> int:
+            emulator.inject(Fault("motion_stop"))
+            return to_adc
+
+    with (
+        Emulator(unit, Clock(20.0), Trap()) as emulator,
+        Client(emulator.open_pty()) as client,
+    ):
+        client.send("ECHO:0", "GG:103", "RG:", "STAMP:1")
+        assert client.read_until(b"=1\r\n") == b"ECHO:0\nFAIL!\r\nSTAMP=1\r\n"
+        assert client.ask("APG?") == "APG=840"

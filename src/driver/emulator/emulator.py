@@ -66,6 +66,7 @@ class Emulator:
         self._exchange = Exchange(self.interpreter, self._ports, self._trouble, log)
         self._lock = threading.RLock()
         self._closing = False
+        self._advancing = False
         self._spoken_to = False
         self._wake_read, self._wake_write = os.pipe()
         self.machine.now_ms = self._clock_ms()
@@ -248,6 +249,15 @@ class Emulator:
 
     def _advance(self, now: int) -> None:
         """Execute everything up to `now`, in order: motion, complete lines, ends of waits, faults."""
+        if self._advancing:  # the plant has ordered a fault
+            return
+        self._advancing = True
+        try:
+            self._execute(now)
+        finally:
+            self._advancing = False
+
+    def _execute(self, now: int) -> None:
         machine, trouble = self.machine, self._trouble
         while True:
             trouble.watch_segments()

@@ -258,6 +258,8 @@ class Machine:
             stop = reach
         else:
             stop = reach if self.plant is None else self.plant.jaws(self.true_counts(), self.jaws.adc, reach)
+        if self.faulty:  # the plant let something go wrong
+            return
         speed = self.registers.get(f"REGMS{axis}", self.unit.gripper.registers["REGMS"]) / 256.0
         acceleration = self.registers.get(f"REGACC{axis}", _GRIPPER_ACCELERATION) / 256.0
         self.jaws.go(target, stop, speed, acceleration)
@@ -326,7 +328,8 @@ class Machine:
             if self._held:
                 self._admit()
             self.jaws.tick()
-            self.following.run(self.path.at, 1.0)
+            if self.following.active:
+                self.following.run(self.path.at, 1.0)
             if moving:
                 if not self.arm_busy:
                     self._settle()
