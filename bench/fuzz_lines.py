@@ -118,7 +118,7 @@ class Unit:
     valid = COMMANDS
 
     def __init__(self) -> None:
-        self.machine = Machine(load_unit("crs93"), None, EmulatorOptions())
+        self.machine = Machine(load_unit("crs93"), None, EmulatorOptions(keep_lines=1000, keep_ms=10_000))
         self.interpreter = Interpreter(self.machine)
         self.count = 0
 

@@ -16,6 +16,7 @@ class Client:
         if url.startswith("socket://"):
             host, port = url.removeprefix("socket://").split(":")
             self._socket = socket.create_connection((host, int(port)), timeout=5.0)
+            self._socket.settimeout(None)  # reads are guarded by select
             self.descriptor = self._socket.fileno()
         else:
             self.descriptor = os.open(url, os.O_RDWR | os.O_NOCTTY)
