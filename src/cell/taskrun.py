@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from itertools import count
 from pathlib import Path
@@ -75,6 +76,8 @@ class TaskRun:
     def introduce(self) -> None:
         """Say what is about to happen and where, and make sure that a controller of the right kind listens."""
         self.console.step(f"task {self.task.name}: {self.task.kind} on {self._where()}, speed {self.speed:g}")
+        task_file = os.path.relpath(self.task.file, self.folder)
+        self.connection.mars.note("run", task=task_file, digest=self.task.digest, unit=self.task.cell.unit.name)
         self.console.step(f"controller: {self.connection.mars.identify()}")
 
     def _where(self) -> str:
@@ -186,6 +189,7 @@ class TaskRun:
         """Write a plan into the folder, with its preview if it moves cubes."""
         self.plans.append(plan)
         write_plan(self.folder / f"{name}.json", plan)
+        self.connection.mars.note("plan", file=f"{name}.json", sha256=plan.sha256)
         if name.startswith("plan"):
             page = self.folder / name.replace("plan", "preview")
             write_page(self.task, plan, page.with_suffix(".html"))

@@ -12,7 +12,10 @@ from arm.bodies import Body, Box
 from arm.files import data_file
 from arm.planfile import GripperStep, Move, Plan
 from arm.se3 import apply, inverse, transform
+from cell.console import Console
 from cell.furniture import plate_body, plate_name, stand_body
+from cell.logpages import preview_log
+from driver.logfile import read_log
 from mujoco_cell import MujocoCell
 from whole_run import WholeRun, executed, homed_ms, run_whole
 
@@ -212,6 +215,22 @@ def test_the_order_of_steps_is_the_tasks(task2: WholeRun) -> None:
 def test_the_run_leaves_its_evidence(task2: WholeRun) -> None:
     names = {p.name for p in task2.folder.iterdir()}
     assert {"plan.json", "preview.html", "wire.jsonl", "report.json", "look-1.png", "look-6.png"} <= names
+
+
+def test_the_log_tells_task_and_plan_and_is_shown_over_it(task2: WholeRun, tmp_path: Path) -> None:
+    session = read_log(task2.folder / "wire.jsonl")
+    (noted,) = session.noted("run")
+    assert (noted.data["digest"], noted.data["unit"]) == (task2.task.digest, "crs93")
+    assert [note.data["sha256"] for note in session.noted("plan")] == [
+        task2.plan(name).sha256 for name in ("to-start", "plan")
+    ]
+    assert session.damaged == 0
+    told = preview_log(session.file, None, tmp_path / "log.html", Console(as_json=True))
+    assert told["plan_sha256"] == task2.plan().sha256
+    assert Path(told["task"]).resolve() == task2.task.file.resolve()
+    assert told["streams_shown"] == len(task2.plan().motions) == told["streams"] - 1  # the way to q_start
+    assert told["farthest_deg"] <= 0.02
+    assert sum(m["planned_s"] for m in told["motions"]) == pytest.approx(task2.plan().duration_s)
 
 
 def test_without_looks_the_arm_stops_only_where_the_jaws_act(scenes: Path, tmp_path: Path) -> None:
