@@ -139,7 +139,7 @@ def scene_of_now(task: Task, plan: Plan) -> Scene:
     """
     cell = task.cell
     stated = scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
-    poses = [_pose(cell, body) for body in stated.bodies if body.name.startswith(plate_name(""))]
+    poses = [pose_of_plate(cell, body) for body in stated.bodies if body.name.startswith(plate_name(""))]
     cubes_in: dict[str, list[int]] = {}
     on_table: dict[str, Array] = {}
     for cube in stated.cubes:
@@ -151,7 +151,7 @@ def scene_of_now(task: Task, plan: Plan) -> Scene:
         else:
             cubes_in.setdefault(place, []).append(int(number) - 1)
     now = build_scene(cell, poses, cubes_in, on_table)
-    served = {frozenset((e["cube"], _under(e[end]))) for e in plan.task["cubes"] for end in ("from", "to")}
+    served = {frozenset((e["cube"], under(e[end]))) for e in plan.task["cubes"] for end in ("from", "to")}
     now = replace(now, allowed=now.allowed | served)
     differing = _differing(stated, now)
     if differing:
@@ -162,13 +162,18 @@ def scene_of_now(task: Task, plan: Plan) -> Scene:
     return now
 
 
-def _under(place: str) -> str:
+def under(place: str) -> str:
     """The body that a cube at a place stands on or in."""
     board = place.rpartition("/")[0]
     return "table" if board == "table" else plate_name(board)
 
 
-def _pose(cell: Cell, plate: Body) -> BoardPose:
+def pose_of_plate(cell: Cell, plate: Body) -> BoardPose:
+    """Where the board of a plate stands.
+
+    Raises:
+        ImpossibleError: the cell file has no such board.
+    """
     name = plate.name.removeprefix(plate_name(""))
     for board in cell.boards:
         if board.name == name:

@@ -214,13 +214,19 @@ def execute(
         float,
         typer.Option("--speed", help="Factor of the plan's velocities, 0 < s <= 1; it only lowers them."),
     ] = 1.0,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="After a stop: plan what is left anew, from where the arm is.")
+    ] = False,
     time_scale: TimeScale = 10.0,
     as_json: Json = False,
 ) -> None:
     from cell.console import Console
-    from cell.run import execute_plan
+    from cell.run import execute_plan, resume_plan
 
     console = Console(as_json)
+    if resume:
+        _finish(console, resume_plan(plan, task, console, port, images, None, speed))
+        return
     _finish(console, execute_plan(plan, task, console, port, world, images, time_scale, None, speed))
 
 

@@ -9,11 +9,12 @@ from typing import Any
 
 from arm.errors import A465Error, ExecutionStopped, InputError
 from arm.planfile import read_plan
-from cell.checking import replayed, require_scene, require_start_at
+from cell.checking import replayed, require_match, require_scene, require_start_at
 from cell.connection import open_cell
 from cell.console import Console
 from cell.interrupt import interruptible
 from cell.keyboard import HELP, hint, keyboard
+from cell.resume import resume
 from cell.taskfile import Task, read_task
 from cell.taskrun import TaskRun
 from driver.control import Control
@@ -97,6 +98,33 @@ def execute_plan(
     return report
 
 
+def resume_plan(
+    plan_file: Path,
+    task_file: Path,
+    console: Console,
+    port: str | None,
+    images: Path | None = None,
+    folder: Path | None = None,
+    speed: float = 1.0,
+) -> dict[str, Any]:
+    """Go on after a stop, from where the arm is: what the plan was to do and is not done is planned anew.
+
+    Raises:
+        InputError: a file, value or port is wrong.
+        ImpossibleError: the plan is for another cell, the unit lost its positions, or there is no certified way.
+        ExecutionStopped: motion stopped; the state is in the error's data.
+    """
+    if port is None:
+        raise InputError("--resume needs --port: a simulated cell begins anew with every command", port=port)
+    control = Control(ceiling=speed)
+    task, plan = read_task(task_file), read_plan(plan_file)
+    require_match(task, plan)
+    with _opened(task, console, port, None, images, plan.speed, 1.0, folder, control) as run:
+        run.followed = plan_file
+        resume(run, plan)
+        return run.report()
+
+
 @contextmanager
 def _opened(
     task: Task,
@@ -130,6 +158,9 @@ def _opened(
             run.record(error)
             raise error from None
         except A465Error as error:
+            if isinstance(error, ExecutionStopped) and run.followed is not None and port is not None:
+                error.data["resume_with"] = str(run.followed)
+                console.say(f"to go on: a465 execute {run.followed} {task.file} --port {port} --resume")
             run.record(error)
             raise
 

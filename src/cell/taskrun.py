@@ -68,6 +68,7 @@ class TaskRun:
         self.given_up: set[int] = set()  # holes of the source board
         self.plans: list[Plan] = []
         self.remarks: list[str] = []
+        self.followed: Path | None = None  # the plan file that is executed, once cubes are moved
         self.advice = False  # whether a refusal to plan is followed by advice
         self._looks = count(1)
 
@@ -76,8 +77,6 @@ class TaskRun:
     def introduce(self) -> None:
         """Say what is about to happen and where, and make sure that a controller of the right kind listens."""
         self.console.step(f"task {self.task.name}: {self.task.kind} on {self._where()}, speed {self.speed:g}")
-        task_file = os.path.relpath(self.task.file, self.folder)
-        self.connection.mars.note("run", task=task_file, digest=self.task.digest, unit=self.task.cell.unit.name)
         self.console.step(f"controller: {self.connection.mars.identify()}")
 
     def _where(self) -> str:
@@ -94,20 +93,21 @@ class TaskRun:
         Raises:
             ImpossibleError: one is not, or not where the task allows it.
         """
-        seen = self._see(why)
+        seen = self.see(why)
         seen.require(self.task)
         return seen
 
     def try_look(self, why: str) -> Seen | None:
         """Look while the arm may stand in view; None if that hides a board."""
-        seen = self._see(why)
+        seen = self.see(why)
         if seen.missing_of(self.task) or seen.half_seen:
             self.console.step("the arm may stand in view: reach is checked from q_start")
             return None
         seen.require(self.task)
         return seen
 
-    def _see(self, why: str) -> Seen:
+    def see(self, why: str) -> Seen:
+        """Look from where the arm is, whatever is found."""
         picture = self.folder / f"look-{next(self._looks)}.png"
         return look_and_save(self.task, self.connection.frames, picture, self.console, why)
 
@@ -157,12 +157,13 @@ class TaskRun:
 
     def go_to_start(self, seen: Seen | None) -> None:
         """Go to q_start, around what was seen, or around all that may stand there."""
-        plan = plan_to_start(self.task, seen, self._q_now(), self.speed, self.on_table)
+        plan = plan_to_start(self.task, seen, self.q_now(), self.speed, self.on_table)
         if plan is not None:
             self.keep(plan, "to-start")
-            self._execute(plan.steps)
+            self.execute(plan.steps)
 
-    def _q_now(self) -> Array:
+    def q_now(self) -> Array:
+        """Where the arm stands, (6,) rad."""
         return frozen(self.task.cell.unit.positions(self.connection.mars.settled_counts()))
 
     def move_cubes(self, seen: Seen) -> None:
@@ -173,7 +174,7 @@ class TaskRun:
             plan = self._plan_rest(seen) if again else None
 
     def _plan_rest(self, seen: Seen) -> Plan | None:
-        q_now, rest = self._q_now(), (self.done, self.on_table, self.given_up)
+        q_now, rest = self.q_now(), (self.done, self.on_table, self.given_up)
         with explained(self.task, seen, q_now, self.speed, self.advice, *rest):
             plan = plan_rest(self.task, seen, q_now, self.speed, *rest)
         if plan is None:
@@ -188,7 +189,10 @@ class TaskRun:
     def keep(self, plan: Plan, name: str) -> None:
         """Write a plan into the folder, with its preview if it moves cubes."""
         self.plans.append(plan)
-        write_plan(self.folder / f"{name}.json", plan)
+        file = self.folder / f"{name}.json"
+        write_plan(file, plan)
+        if plan.task["cubes"]:
+            self.followed = file
         self.connection.mars.note("plan", file=f"{name}.json", sha256=plan.sha256)
         if name.startswith("plan"):
             page = self.folder / name.replace("plan", "preview")
@@ -207,7 +211,7 @@ class TaskRun:
         for transfer, visit in zip(plan.task["cubes"], visited, strict=True):
             row = CubeRow(transfer["from"], transfer["to"])
             self.rows.append(row)
-            held = self._execute((*behind, *visit.fetch))[-1].gripper
+            held = self.execute((*behind, *visit.fetch))[-1].gripper
             row.add_motion(visit.fetch)
             if held is None or not held.stalled:
                 return self._missed(visit, row, seen), True
@@ -218,7 +222,7 @@ class TaskRun:
             seen, behind = seen.with_moves({transfer["cube"]: transfer["to"]}), visit.leave
             last = visit is visited[-1]
             if last or visit.looks:
-                self._execute(behind)
+                self.execute(behind)
                 behind = ()
             if not visit.looks:
                 continue
@@ -239,7 +243,7 @@ class TaskRun:
         """
         self.held = Held(cube, grip)
         try:
-            opened = self._execute(steps, StreamOptions(watch_jaws=True))[-1].gripper
+            opened = self.execute(steps, StreamOptions(watch_jaws=True))[-1].gripper
             if opened is None or opened.stalled:
                 raise ExecutionStopped(
                     f"the jaws do not open to let go of {cube}; the arm stands at its place", index=0
@@ -259,7 +263,7 @@ class TaskRun:
         row.remarks.append("the jaws closed on nothing")
         self.given_up.add(int(row.source.rsplit("/", 1)[1]) - 1)
         self.connection.mars.gripper(0.0)
-        self._execute(back_out(self.task, seen, visit.approach, self.speed, self.on_table))
+        self.execute(back_out(self.task, seen, visit.approach, self.speed, self.on_table))
         self.go_to_start(seen)
         before, after = seen.state(row.source), self.look("after a missed cube")
         if before == "cube" and after.state(row.source) == "empty":
@@ -296,7 +300,23 @@ class TaskRun:
             f"{transfer['cube']} to {transfer['to']}" + ("" if row.placed else f": {'; '.join(row.remarks)}")
         )
 
-    def _execute(self, steps: Sequence[Step], options: StreamOptions | None = None) -> tuple[StepResult, ...]:
+    def finish_carry(
+        self,
+        carry: Sequence[Step],
+        leave: Sequence[Step],
+        transfer: dict[str, Any],
+        grip: float,
+        row: CubeRow,
+    ) -> None:
+        """Execute steps that begin with a cube in the jaws, closed by `grip`, and those away from where it was put."""
+        self._carry(carry, transfer["cube"], grip)
+        row.add_motion((*carry, *leave))
+        row.placed = True
+        self._put_down(transfer, row)
+        self.execute(leave)
+
+    def execute(self, steps: Sequence[Step], options: StreamOptions | None = None) -> tuple[StepResult, ...]:
+        """Execute steps, with what may be asked for meanwhile."""
         if not steps:
             return ()
         mars, control = self.connection.mars, self.control
