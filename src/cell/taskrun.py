@@ -77,6 +77,10 @@ class TaskRun:
     def introduce(self) -> None:
         """Say what is about to happen and where, and make sure that a controller of the right kind listens."""
         self.console.step(f"task {self.task.name}: {self.task.kind} on {self._where()}, speed {self.speed:g}")
+        task_file = os.path.relpath(self.task.file, self.folder)
+        self.connection.mars.note(
+            "run", task=task_file, digest=self.task.digest, unit=self.task.cell.unit.name
+        )
         self.console.step(f"controller: {self.connection.mars.identify()}")
 
     def _where(self) -> str:
