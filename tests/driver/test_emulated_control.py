@@ -1,0 +1,120 @@
+"""Pauses and overrides on the emulated unit, judged by what its arm did in every millisecond."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from arm.errors import ExecutionStopped
+from arm.motion import CountPath, Segment
+from arm.unit import Unit
+from driver.clock import Clock
+from driver.control import Control
+from driver.emulator import Emulator
+from driver.mars import Mars
+from driver.stream import Progress, stream
+
+
+@pytest.fixture
+def emulator(unit: Unit, clock: Clock) -> Iterator[Emulator]:
+    with Emulator(unit, clock) as emulator:
+        yield emulator
+
+
+@pytest.fixture
+def mars(emulator: Emulator, unit: Unit, clock: Clock) -> Iterator[Mars]:
+    with Mars(emulator.open_pty(), unit, clock) as mars:
+        mars.identify()
+        mars.initialise()
+        yield mars
+
+
+def sweep(unit: Unit, start: tuple[int, ...], seconds: float = 6.0, fraction: float = 0.8) -> CountPath:
+    """From rest to rest, at `fraction` of the default speeds in the middle, as 100 ms cubics."""
+    n = round(seconds * 10)
+    top = fraction * np.array(unit.speed_registers) / 256.0  # counts/ms
+    way = np.array([1, 1, -1, -0.8, -0.6, 0.3]) * top * seconds * 1e3 / 1.5
+    t = np.linspace(0.0, 1.0, n + 1)
+    knots = np.rint(np.array(start) + np.outer(t**2 * (3 - 2 * t), way)).astype(int)
+    slopes = np.rint(np.outer(6 * t * (1 - t) / n, way)).astype(int)
+    cubics = []
+    for d, v0, v1 in zip(np.diff(knots, axis=0), slopes[:-1], slopes[1:], strict=True):
+        a3 = v0 + v1 - 2 * d
+        cubics.append(Segment(100, tuple(tuple(int(c) for c in row) for row in (v0, d - v0 - a3, a3))))
+    return CountPath(start, tuple(cubics))
+
+
+def executed_since(emulator: Emulator, time_ms: int) -> np.ndarray:
+    """Counts in every millisecond, (m, 6)."""
+    record = emulator.record()
+    return np.asarray(record.counts[record.time_ms >= time_ms])
+
+
+def distance_deg(unit: Unit, executed: np.ndarray, path: CountPath) -> float:
+    ideal = np.degrees(unit.positions(path.sample(2.5e-4)))
+    distance, _ = cKDTree(ideal).query(np.degrees(unit.positions(executed)), p=np.inf)
+    return float(np.max(distance))
+
+
+def test_a_pause_keeps_the_path_in_every_millisecond(mars: Mars, emulator: Emulator, unit: Unit) -> None:
+    path, control = sweep(unit, mars.counts()), Control()
+    begin, stood, asked = emulator.now_ms(), [], []
+
+    def script(progress: Progress) -> None:
+        if progress.done >= 25 and not asked:
+            asked.append(emulator.now_ms())
+            control.pause()
+        if control.standing:
+            stood.append(emulator.now_ms())
+            if stood[-1] > stood[0] + 3000:
+                control.go_on()
+
+    sent = stream(mars, path, script, None, control)
+    assert sent.path == path
+    assert sent.end_counts == path.end == emulator.counts()
+    assert distance_deg(unit, executed_since(emulator, begin), path) <= 0.02
+    record = emulator.record()
+    while_standing = (record.time_ms >= stood[0]) & (record.time_ms < stood[0] + 3000)
+    before = record.counts[record.time_ms < stood[0]][-1]  # milliseconds at rest need not be in the record
+    assert (record.counts[while_standing] == before).all()
+    assert any(np.array_equal(before, knot) for knot in path.knots())
+    assert record.time_ms[-1] > stood[0] + 3000
+    assert stood[0] - asked[0] < 1000 * (1.5 + 1.5)  # the look-ahead, braking, and two looks
+    assert emulator.violations == ()
+
+
+@pytest.mark.parametrize("override", [0.85, 0.4])
+def test_an_override_keeps_the_path_and_takes_its_time(
+    mars: Mars, emulator: Emulator, unit: Unit, override: float
+) -> None:
+    path = sweep(unit, mars.counts(), 3.0)
+    begin = emulator.now_ms()
+    sent = stream(mars, path, control=Control(override))
+    assert distance_deg(unit, executed_since(emulator, begin), path) <= 0.02
+    assert sent.duration_s >= path.duration_s / override
+    assert sent.end_counts == path.end
+    assert emulator.violations == ()
+
+
+def test_an_abort_in_full_motion_leaves_a_state_that_is_known(
+    mars: Mars, emulator: Emulator, unit: Unit
+) -> None:
+    path, control = sweep(unit, mars.counts()), Control()
+    asked: list[int] = []
+
+    def script(progress: Progress) -> None:
+        if progress.done >= 25 and not asked:
+            asked.append(emulator.now_ms())
+            control.abort()
+
+    with pytest.raises(ExecutionStopped) as stopped:
+        stream(mars, path, script, None, control)
+    state = stopped.value.data["state"]
+    assert state["at_rest"] is True
+    assert tuple(state["counts"]) == emulator.counts()
+    stops = [time_ms for time_ms, line in emulator.lines if line == "STOP:" and time_ms >= asked[0]]
+    assert stops[0] - asked[0] <= 100
+    assert not [line for time_ms, line in emulator.lines if time_ms > stops[0] and line.startswith("COORDS")]
