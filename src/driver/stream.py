@@ -45,6 +45,7 @@ DWELL_ATTEMPTS = 4  # each twice as long: a host that is asleep misses a short o
 STALL_S = 5.0  # a segment may take this much longer than planned
 REPEAT_S = 0.5  # a sample that was asked for and lost on the line is asked for again after this,
 REPEAT_WALL_S = 0.1  # and not before this much wall time
+IDLE_LOOKS = 5  # at an idle unit that has not said R!, before it is asked again
 LAG_SEGMENTS = 3  # the arm follows its reference by regulators that lag
 
 
@@ -204,6 +205,7 @@ class _Stream:
         self.waiting = False  # R: is sent
         self.ready_at: float | None = None
         self.idle = False
+        self.idle_looks = 0  # in a row, without R!
 
     @property
     def total(self) -> int:
@@ -326,6 +328,7 @@ class _Stream:
                     sent_then = self.polls.popleft() if self.polls else 0
                     self.heard_at = self.link.clock.now()
                     self.idle = not status.busy and sent_then == self.total
+                    self._ask_again()
                     if not status.busy and sent_then + 1 > self.begun:
                         self._begin(sent_then + 1)  # all that it had been sent is done
                 case Answer(name, text) if name == f"AP{self.mars.unit.gripper.axis}":
@@ -337,6 +340,13 @@ class _Stream:
                     pass
         except MalformedAnswer as error:  # the next look will tell; too long without one is an error
             self.mars.note("damaged", text=str(error))
+
+    def _ask_again(self) -> None:
+        """R: or its answer was lost on the line: an idle unit that says nothing is asked once more."""
+        unanswered = self.idle and self.waiting and self.ready_at is None
+        self.idle_looks = self.idle_looks + 1 if unanswered else 0
+        if self.idle_looks >= IDLE_LOOKS:
+            self.idle_looks, self.waiting = 0, False
 
     def _locate(self, position: Position) -> None:
         advance = (position.segment - self.sequence) % SEQUENCE_RANGE
