@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +10,13 @@ import numpy as np
 from arm.board import Board, read_board_csv
 from arm.bodies import Body, Box
 from arm.errors import InputError
-from arm.files import sha256
+from arm.files import canonical_json, sha256
 from arm.robot import Robot, load_a465
 from arm.se3 import Array, frozen, transform
 from arm.toml_table import TomlTable
 from arm.unit import UNITS, Limits, Unit, load_unit
 from cell.bodytable import read_body
+from cell.inputs import LEFT_OUT, Inputs, inputs_of
 from plan.options import PlanOptions
 from vision.camera import Camera, read_camera
 
@@ -45,7 +46,9 @@ class Cell:
         speed: default factor of velocities.
         velocity_fraction, acceleration_fraction: of the limits at a speed that motion is planned for.
         speed_registers, acceleration_registers: of the controller while it works.
-        digest: SHA-256 of the file.
+        jerk_time: s in which an acceleration builds up; 0: acceleration may step.
+        inputs: what the file says, key by key; see `cell.inputs`.
+        digest: SHA-256 of that.
     """
 
     file: Path
@@ -75,6 +78,8 @@ class Cell:
     acceleration_fraction: float
     speed_registers: tuple[int, ...]
     acceleration_registers: tuple[int, ...]
+    jerk_time: float
+    inputs: Inputs
     digest: str
 
     def robot(self, jaw_opening: float | None = None) -> Robot:
@@ -166,14 +171,17 @@ def read_cell(path: Path) -> Cell:
         ),
         speed_registers=speed_registers,
         acceleration_registers=acceleration_registers,
-        digest=sha256(path.read_bytes()),
+        jerk_time=motion.number("jerk_time_s", "s", 0, 2, default=PlanOptions.jerk_time),
+        inputs={},
+        digest="",
     )
     if cell.cube_size >= cell.jaw_opening:
         raise tool.error("jaw_opening_mm", f"must be more than the cube's {cell.cube_size * 1e3:g} mm")
     cell.robot()  # the tool's length must be that of the fingers
     for table in (tool, boards_table, look, motion, cube, root):
         table.finish()
-    return cell
+    inputs = inputs_of(root.value_dict(), LEFT_OUT, cell.boards)
+    return replace(cell, inputs=inputs, digest=sha256(canonical_json(inputs)))
 
 
 def _registers(

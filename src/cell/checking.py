@@ -14,6 +14,7 @@ from arm.poses import BoardPose
 from arm.se3 import Array, angle_between, frozen, inverse, transform
 from cell.cellfile import Cell
 from cell.furniture import plate_body, plate_name
+from cell.inputs import changes, shortened
 from cell.lookfile import Seen
 from cell.planning import limits_digest, options_of
 from cell.scenery import T_base_cube_on_table, build_scene, cube_name
@@ -27,10 +28,10 @@ SAME = 1e-9  # bodies of one scene written twice differ by less, m
 
 
 def require_match(task: Task, plan: Plan) -> None:
-    """The plan's unit, arm, limits and calibration must be those of the cell of now.
+    """The plan's unit, arm, limits, calibration, task and cell must be those of now.
 
     Raises:
-        ImpossibleError: naming each that differs; nothing moved.
+        ImpossibleError: naming each that differs, of task and cell file key by key; nothing moved.
     """
     cell = task.cell
     now = {
@@ -47,18 +48,36 @@ def require_match(task: Task, plan: Plan) -> None:
     if registers:
         differing = [*(key for key in differing if key != "limits"), "limits"]
     if differing:
-        shown = "; ".join(
+        changed = _changed_inputs(task, plan) if "task" in differing else {}
+        # a changed file says it all: the arm is made from it
+        hashes = [
+            key for key in differing if not (changed and key in ("task", "robot_open", "robot_holding"))
+        ]
+        shown = [f"{file}: {shortened(words)}" for file, words in changed.items()]
+        shown += [
             f"limits: {', '.join(registers)}"
             if key == "limits" and registers
             else f"{key} {str(then.get(key))[:12]}, now {now[key][:12]}"
-            for key in differing
-        )
+            + (f" ({cell.camera_file.name})" if key == "calibration" else "")
+            for key in hashes
+        ]
         raise ImpossibleError(
-            f"the plan is not for the cell of now: {shown}; plan again",
+            f"the plan is not for the cell of now: {'; '.join(shown)}; plan again",
             differing=differing,
+            changed=changed,
             plan={key: then.get(key) for key in differing},
             now={key: now[key] for key in differing},
         )
+
+
+def _changed_inputs(task: Task, plan: Plan) -> dict[str, list[str]]:
+    """Per file, what it said when the plan was made and does not say now; empty where the plan does not tell."""
+    then = plan.provenance.get("inputs")
+    files = (("task", task.file.name, task.inputs), ("cell", task.cell.file.name, task.cell.inputs))
+    if not isinstance(then, dict) or not all(isinstance(then.get(key), dict) for key, _, _ in files):
+        return {}
+    told = {name: changes(then[key], inputs) for key, name, inputs in files}
+    return {name: words for name, words in told.items() if words}
 
 
 def _other_registers(cell: Cell, plan: Plan) -> list[str]:

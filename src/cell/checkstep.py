@@ -13,11 +13,11 @@ from cell.console import Console
 def check_step(
     file: Path, task_file: Path | None, configuration: str | None, console: Console
 ) -> dict[str, Any]:
-    """``a465 check``: a plan (which is JSON) with its task, or a scene file; told by what is in it."""
+    """``a465 check``: a plan (which is JSON) with its task, or a scene file; with --q also a cell or task file."""
     if not read_text(file).lstrip().startswith("{"):
         return _check_scene(file, task_file, configuration, console)
     if configuration is not None:
-        raise InputError(f"{file} is a plan; --q asks about a scene file", file=str(file))
+        raise InputError(f"{file} is a plan; --q asks about a scene, cell or task file", file=str(file))
     if task_file is None:
         raise InputError(
             f"{file} is a plan, which is checked against its task: a465 check {file} TASK", file=str(file)
@@ -29,14 +29,13 @@ def _check_scene(
     file: Path, task_file: Path | None, configuration: str | None, console: Console
 ) -> dict[str, Any]:
     from cell.scenecheck import check_scene, closest_pairs
-    from cell.scenefile import read_scene_file
+    from cell.scenefile import read_scene_file, read_surroundings
 
     if task_file is not None:
         raise InputError(f"{file} is no plan, so it needs no task; leave out {task_file}", file=str(file))
-    scene = read_scene_file(file)
-    return (
-        check_scene(scene, console) if configuration is None else closest_pairs(scene, configuration, console)
-    )
+    if configuration is None:
+        return check_scene(read_scene_file(file), console)
+    return closest_pairs(read_surroundings(file), configuration, console)
 
 
 def _check_plan(plan_file: Path, task_file: Path, console: Console) -> dict[str, Any]:

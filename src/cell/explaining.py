@@ -10,17 +10,16 @@ import numpy as np
 
 from arm.bodies import Box
 from arm.errors import ImpossibleError
-from arm.poses import hole_poses
 from arm.se3 import Array
 from cell.console import Console
 from cell.lookfile import Seen
-from cell.planning import options_of, reach_of, scene_of, work_left
-from cell.scenery import Work, hole_station
+from cell.planning import hole_stations, options_of, reach_of, scene_of, work_left
+from cell.scenery import Work
 from cell.taskfile import Task
 from plan.advice import Advice, advise
 from plan.cause import out_of_reach
 from plan.change import Request
-from plan.failure import Failure, Rejected, failure_in
+from plan.failure import START_BLOCKED, Failure, Rejected, failure_in
 
 # Rows of the table of ways: for each place, and in all.
 _ROWS_A_PLACE, _ROWS = 3, 12
@@ -50,7 +49,7 @@ def explained(
     except ImpossibleError as error:
         if "advice" not in error.data:
             if "failure" not in error.data and "holes" in error.data:
-                error.data["failure"] = out_of_reach(error, reach_of(task, seen)).to_json()
+                error.data["failure"] = out_of_reach(error, reach_of(task, seen, speed)).to_json()
             failure = failure_in(error)
             if failure is not None:
                 console = Console(as_json=True)  # standard error
@@ -58,7 +57,22 @@ def explained(
                 request = _request(task, seen, q_from, speed, done or {}, on_table or {}, skip, every_hole)
                 advice = _advice(console, task, request, error) if wanted else ()
                 error.data["advice"] = [a.to_json() for a in advice]
+                keys = _keys(task, failure)
+                if keys:
+                    raise ImpossibleError(f"{error}; {'; '.join(keys)}", **error.data) from error
         raise
+
+
+def _keys(task: Task, failure: Failure) -> list[str]:
+    """What of the cell file may be wrong, where its own values are against each other."""
+    cell = task.cell
+    if failure.kind != START_BLOCKED:
+        return []
+    start = f"q_start_deg = [{', '.join(f'{v:g}' for v in np.round(np.degrees(cell.q_start), 3))}]"
+    other = f"the place of {failure.body}" if failure.body else "what is in its way"
+    if failure.body == "table":
+        other = f"table.top_z_mm = {cell.table_z * 1e3:g}"
+    return [f"in {cell.file.name}, {start} or {other} has to change"]
 
 
 def print_failure(console: Console, failure: Failure) -> None:
@@ -108,17 +122,11 @@ def _request(
     skip: Iterable[int],
     every_hole: bool,
 ) -> Request:
-    cell, names = task.cell, {b.name for b in task.boards}
+    cell = task.cell
     try:
-        left = work_left(task, seen, done, skip)
+        left = work_left(task, seen, done, skip, speed)
     except ImpossibleError:  # more cubes than places that can be reached: then reach alone is looked at
         left = Work((), ())
-    holes = (
-        hole_station(cell, board.name, hole.name, hole.T_base_hole)
-        for board in seen.boards
-        if board.name in names
-        for hole in hole_poses(board.pose)
-    )
     return Request(
         scene_of(task, seen, on_table),
         left.transfers,
@@ -127,7 +135,7 @@ def _request(
         cell.limits,
         options_of(task, speed),
         left.spare,
-        tuple(holes) if every_hole else (),
+        hole_stations(task, seen) if every_hole else (),
     )
 
 

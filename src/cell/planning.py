@@ -9,17 +9,28 @@ from typing import Any
 from arm.errors import ImpossibleError
 from arm.files import sha256
 from arm.planfile import Move, Plan
+from arm.poses import hole_poses
 from arm.se3 import Array
 from cell.cellfile import Cell
 from cell.lookfile import Seen
-from cell.scenery import Work, build_scene, free_table_stations, hole_station, unseen_scene, work
+from cell.scenery import (
+    RELEASE_GAP,
+    Work,
+    build_scene,
+    free_table_stations,
+    hole_station,
+    unseen_scene,
+    work,
+)
 from cell.taskfile import Task
 from plan.backout import plan_back_out
+from plan.failure import nearness
 from plan.options import PlanOptions
 from plan.reach import ReachTable, reach
-from plan.scene import Scene
-from plan.task import plan_task
+from plan.scene import Scene, Station
+from plan.task import plan_task, planned_limits
 from plan.way import plan_way
+from plan.world import World
 
 
 def options_of(task: Task, speed: float) -> PlanOptions:
@@ -32,6 +43,7 @@ def options_of(task: Task, speed: float) -> PlanOptions:
         clearance=cell.clearance,
         offset=cell.offset,
         approach_speed=cell.approach_speed,
+        jerk_time=cell.jerk_time,
         settle_s=cell.settle_s,
         look=task.look_after,
         order=task.order,
@@ -47,41 +59,84 @@ def limits_digest(cell: Cell) -> str:
 
 
 def provenance(task: Task) -> dict[str, Any]:
-    """What a plan rests on, as hashes; execution compares them with the cell of now."""
+    """What a plan rests on: hashes, and task and cell file key by key; execution compares them with those of now."""
     return {
         "a465": version("a465"),
         "limits": limits_digest(task.cell),
         "calibration": task.cell.camera.digest,
         "task": task.digest,
+        "inputs": {"task": dict(task.inputs), "cell": dict(task.cell.inputs)},
         "seed": task.seed,
     }
 
 
-def reach_of(task: Task, seen: Seen) -> ReachTable:
-    """Reach of every hole of the task's boards, over all branches and the cube's four yaws."""
-    from arm.poses import hole_poses
+def require_above_table(task: Task, seen: Seen) -> None:
+    """Holes are in the top of a plate, so where they were seen has to be above the table.
 
+    Raises:
+        ImpossibleError: naming those that are not, by how much, and the keys of the cell file; data: below_mm.
+    """
     cell = task.cell
-    grasps = {
-        hole.name: hole_station(cell, board.name, hole.name, hole.T_base_hole).T_base_tool
+    below = {
+        hole.name: 1e3 * (cell.table_z - float(hole.T_base_hole[2, 3]))
         for board in seen.boards
         if board.name in {b.name for b in task.boards}
         for hole in hole_poses(board.pose)
+        if hole.T_base_hole[2, 3] < cell.table_z
     }
-    return reach(cell.robot(), cell.limits, grasps, cell.offset)
+    if not below:
+        return
+    closest = World(cell.robot(), cell.fixed).distance(cell.q_start)
+    start = ""
+    if "table" in closest.pair and closest.value < cell.clearance:
+        start = f"; {nearness(closest.pair, closest.value, cell.clearance)} also where the arm starts (q_start_deg)"
+    shown = ", ".join(f"{name} by {depth:.1f} mm" for name, depth in below.items())
+    raise ImpossibleError(
+        f"holes were seen below the table's top, {shown}: table.top_z_mm = {cell.table_z * 1e3:g} in {cell.file.name}, "
+        f"or the camera's place, is wrong{start}",
+        below_mm=below,
+    )
 
 
-def reachable_places(task: Task, seen: Seen) -> tuple[str, ...]:
-    """Names of the table places that no board covers and the arm can serve (Task 1), in the order of preference."""
+def hole_stations(task: Task, seen: Seen) -> tuple[Station, ...]:
+    """Every hole of the task's boards, as the planner serves it: cubes are let go a little above the target's holes."""
+    gaps = {b.name: 0.0 if b is task.from_board else RELEASE_GAP for b in task.boards}
+    return tuple(
+        hole_station(task.cell, board.name, hole.name, hole.T_base_hole, gaps[board.name])
+        for board in seen.boards
+        if board.name in gaps
+        for hole in hole_poses(board.pose)
+    )
+
+
+def reach_of(task: Task, seen: Seen, speed: float | None = None) -> ReachTable:
+    """Reach of every hole of the task's boards, over all branches and the cube's four yaws: the planner's own table.
+
+    Args:
+        speed: that is planned for, which decides whether joints keep up near singular configurations; default: the
+            cell's.
+    """
+    return _reach(task, hole_stations(task, seen), speed)
+
+
+def _reach(task: Task, stations: Iterable[Station], speed: float | None) -> ReachTable:
     cell = task.cell
+    limits = planned_limits(cell.limits, options_of(task, cell.speed if speed is None else speed))
+    return reach(cell.robot(), limits, {s.name: s.T_base_tool for s in stations}, cell.offset)
+
+
+def reachable_places(task: Task, seen: Seen, speed: float | None = None) -> tuple[str, ...]:
+    """Names of the table places that no board covers and the arm can serve (Task 1), in the order of preference."""
     stations = free_table_stations(task, seen.poses)
     if not stations:
         return ()
-    table = reach(cell.robot(), cell.limits, {s.name: s.T_base_tool for s in stations}, cell.offset)
+    table = _reach(task, stations, speed)
     return tuple(s.name for s in stations if table[s.name].ok)
 
 
-def work_left(task: Task, seen: Seen, done: Mapping[str, str], skip: Iterable[int] = ()) -> Work:
+def work_left(
+    task: Task, seen: Seen, done: Mapping[str, str], skip: Iterable[int] = (), speed: float | None = None
+) -> Work:
     """What is left to do.
 
     Args:
@@ -89,6 +144,7 @@ def work_left(task: Task, seen: Seen, done: Mapping[str, str], skip: Iterable[in
         seen: the last look.
         done: per cube that was moved, the place where it is now.
         skip: holes of the source board (0 to 3) whose cube is not to be tried again.
+        speed: see `reach_of`.
 
     Raises:
         ImpossibleError: more cubes than places.
@@ -107,7 +163,7 @@ def work_left(task: Task, seen: Seen, done: Mapping[str, str], skip: Iterable[in
         holding,
         occupied,
         taken_places=done.values(),
-        reachable_places=reachable_places(task, seen) if task.places is not None else None,
+        reachable_places=reachable_places(task, seen, speed) if task.places is not None else None,
         notes=[]
         if target is None
         else [_taken(target.name, i, target.occupancy[i]) for i in sorted(occupied)],
@@ -142,7 +198,8 @@ def plan_rest(
     Raises:
         ImpossibleError: with step, hole, joint or pair of bodies and how much.
     """
-    left = work_left(task, seen, done, skip)
+    require_above_table(task, seen)
+    left = work_left(task, seen, done, skip, speed)
     if not left.transfers:
         return None
     scene = scene_of(task, seen, on_table)

@@ -10,7 +10,16 @@ import numpy.typing as npt
 
 from arm.errors import InputError
 from cell.console import Console
-from cell.scenefile import MOTION_VERDICTS, QUERY_VERDICTS, Expected, Motion, Pair, Query, SceneFile
+from cell.scenefile import (
+    MOTION_VERDICTS,
+    QUERY_VERDICTS,
+    Expected,
+    Motion,
+    Pair,
+    Query,
+    SceneFile,
+    beyond_limits,
+)
 from plan.check import check_curve, curve_of_waypoints
 from plan.world import World
 
@@ -25,8 +34,9 @@ class Answer:
     Attributes:
         name, expected: of the question.
         verdict: of the question's kind.
-        proved, seen: the distance lies between them, m; for a query they are the same. A motion that collides is left
-            at the first overlap, so `proved` may then be far below.
+        proved, seen: the distance lies between them, m: the lower bound that was proved, and the smallest that was
+            computed on the way; for a query they are the same. A motion that collides is left at the first overlap, so
+            `proved` may then be far below.
         pair: the closest two bodies.
         agrees: whether nothing differs from what is expected.
     """
@@ -48,7 +58,7 @@ def answer_query(scene: SceneFile, query: Query) -> Answer:
     verdict = free if distance.value > 0.0 else collides
     expected = query.expected
     agrees = (
-        expected.verdict in (None, verdict)
+        _as_told(expected, verdict, free)
         and _same(expected.distance, distance.value, distance.value)
         and _as_close(world, query.q, expected, distance.value)
     )
@@ -62,11 +72,20 @@ def answer_motion(scene: SceneFile, motion: Motion) -> Answer:
     clear, too_close = MOTION_VERDICTS
     verdict = clear if check.proved else too_close
     agrees = (
-        motion.expected.verdict in (None, verdict)
+        _as_told(motion.expected, verdict, clear)
         and _same(motion.expected.distance, check.clearance, check.seen)
         and _closest_on_the_way(scene, motion, check.seen)
     )
     return Answer(motion.name, motion.expected, verdict, check.clearance, check.seen, check.pair, agrees)
+
+
+def _as_told(expected: Expected, verdict: str, good: str) -> bool:
+    """Whether a verdict is the one that is expected; where nothing is, only a good one is."""
+    return (
+        verdict == expected.verdict
+        if expected.verdict is not None
+        else expected != Expected() or verdict == good
+    )
 
 
 def _same(expected: float | None, low: float, high: float) -> bool:
@@ -116,12 +135,14 @@ def check_scene(scene: SceneFile, console: Console) -> dict[str, Any]:
         )
     queries = [answer_query(scene, q) for q in scene.queries]
     motions = [answer_motion(scene, m) for m in scene.motions]
-    header = ("expected", "found", "mm exp.", "mm", "closest", "as expected")
+    before, after = ("expected", "found", "mm exp."), ("closest", "as expected")
     if queries:
-        console.table(("query", *header), [_row(a) for a in queries])
+        console.table(("query", *before, "mm", *after), [_row(a, (a.seen,)) for a in queries])
     if motions:
         console.say()
-        console.table(("motion", *header), [_row(a) for a in motions])
+        header = ("motion", *before, "mm proved", "mm seen", *after)
+        console.table(header, [_row(a, (_down(a.proved), _up(a.seen))) for a in motions])
+        console.say("proved: the clearance is at least this, over the whole motion; seen: it is at most this")
     if any(a.seen < 0.0 for a in motions):
         console.say("a motion that collides is left at the first overlap found; expected is the deepest")
     differing = [a.name for a in (*queries, *motions) if not a.agrees]
@@ -133,18 +154,26 @@ def check_scene(scene: SceneFile, console: Console) -> dict[str, Any]:
         "as_expected": not differing,
         "differing": differing,
         "queries": [_to_json(a, "distance_mm") for a in queries],
-        "motions": [_to_json(a, "clearance_mm") | {"proved_mm": _finite(a.proved)} for a in motions],
+        "motions": [
+            _to_json(a, "clearance_mm")
+            | {
+                "clearance_mm": _finite(a.proved),
+                "proved_mm": _finite(a.proved),
+                "seen_mm": _finite(a.seen),
+            }
+            for a in motions
+        ],
     }
 
 
-def _row(answer: Answer) -> tuple[object, ...]:
+def _row(answer: Answer, distances: tuple[float, ...]) -> tuple[object, ...]:
     expected = answer.expected
     return (
         answer.name,
         expected.verdict or "-",
         answer.verdict,
         None if expected.distance is None else 1e3 * expected.distance,
-        _finite(answer.seen),
+        *map(_finite, distances),
         " - ".join(answer.pair),
         answer.agrees,
     )
@@ -171,11 +200,20 @@ def _finite(distance: float) -> float | None:
     return 1e3 * distance if np.isfinite(distance) else None
 
 
+def _down(distance: float) -> float:
+    """To 0.01 mm, as the table shows it: what is proved must not look like more."""
+    return float(np.floor(distance * 1e5 + 1e-6)) / 1e5
+
+
+def _up(distance: float) -> float:
+    return float(np.ceil(distance * 1e5 - 1e-6)) / 1e5
+
+
 def closest_pairs(scene: SceneFile, configuration: str, console: Console) -> dict[str, Any]:
     """The closest pairs at a configuration that is written as six angles in deg with commas.
 
     Raises:
-        InputError: it is not that.
+        InputError: it is not that, or beyond the joints' limits.
     """
     try:
         degrees = [float(v) for v in configuration.split(",")]
@@ -186,10 +224,16 @@ def closest_pairs(scene: SceneFile, configuration: str, console: Console) -> dic
             f"q = {configuration!r}: must be six angles in deg, J1 to J6, such as 0,10,-80,0,-60,0",
             q=configuration,
         )
+    rule = beyond_limits(np.radians(degrees), scene.unit)
+    if rule:
+        raise InputError(f"q = {configuration!r}: {rule}", q=configuration)
     found = scene.world().distances_below(np.radians(degrees), float("inf"))[:CLOSEST]
     console.table(("closest", "mm"), [(" - ".join(d.pair), 1e3 * d.value) for d in found])
+    verdict = QUERY_VERDICTS[bool(found) and found[0].value <= 0.0]
+    console.say(f"{scene.file}: {verdict}")
     return {
         "scene": str(scene.file),
         "q_deg": degrees,
+        "verdict": verdict,
         "closest": [{"pair": list(d.pair), "distance_mm": 1e3 * d.value} for d in found],
     }

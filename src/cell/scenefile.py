@@ -12,11 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from arm.bodies import Body, Box
+from arm.errors import InputError
 from arm.robot import Robot, load_a465
 from arm.se3 import Array, frozen, transform
 from arm.toml_table import TomlTable
 from arm.unit import UNITS, Unit, load_unit
 from cell.bodytable import read_body, read_pose
+from cell.cellfile import Cell, read_cell
+from cell.taskfile import read_task
 from plan.world import World
 
 Pair = frozenset[str]
@@ -27,7 +30,7 @@ MOTION_VERDICTS = ("clear", "too close")
 
 @dataclass(frozen=True)
 class Expected:
-    """What a question is expected to give; None where nothing is expected.
+    """What a question is expected to give; None where nothing is expected. Where all are None, nothing may be too near.
 
     Attributes:
         verdict: of `QUERY_VERDICTS` or `MOTION_VERDICTS`.
@@ -82,6 +85,7 @@ class SceneFile:
 
     Attributes:
         file: where it was read.
+        unit: whose limits hold.
         robot: the arm, jaws where they are.
         jaw_opening: m.
         bodies: that stand still, cubes included.
@@ -93,6 +97,7 @@ class SceneFile:
     """
 
     file: Path
+    unit: Unit
     robot: Robot
     jaw_opening: float
     bodies: tuple[Body, ...]
@@ -122,12 +127,18 @@ def read_scene_file(path: Path) -> SceneFile:
     else may); `[[bodies]]` (see `cell.bodytable`); `[[cubes]]` and `[held]`, one cube in the jaws with its pose in the
     tool frame (`name`, `size_mm`, `centre_mm`, `rpy_deg`); `[[queries]]` (`name`, `q_deg`) and `[[motions]]` (`name`,
     `from_deg`, `to_deg`, `asked_mm`), each with `allowed` of its own and what is expected, none of it required:
-    `verdict`, `distance_mm` or `clearance_mm`, `pair`.
+    `verdict`, `distance_mm` or `clearance_mm`, `pair`. Where nothing is, `free` or `clear` is. See `docs/scenes.md`.
 
     Raises:
         InputError: with file, key, value, unit and rule.
     """
     root = TomlTable.read(path)
+    if "task" in root or "q_start_deg" in root:
+        raise InputError(
+            f"{path}: is a {'task' if 'task' in root else 'cell'} file, which asks nothing; give a configuration with "
+            "--q, or a scene file (docs/scenes.md)",
+            file=str(path),
+        )
     unit = load_unit(root.text("unit", choices=UNITS))
     jaw_opening = root.number("jaw_opening_mm", "mm", 1, 100) / 1e3
     robot = load_a465(root.number("tool_length_mm", "mm", 1, 1000) / 1e3, jaw_opening)
@@ -146,6 +157,7 @@ def read_scene_file(path: Path) -> SceneFile:
         names.add(body.name)
     scene = SceneFile(
         file=path,
+        unit=unit,
         robot=robot,
         jaw_opening=jaw_opening,
         bodies=tuple(bodies),
@@ -194,13 +206,40 @@ def _motion(table: TomlTable, unit: Unit, names: set[str]) -> Motion:
 
 def _configuration(table: TomlTable, key: str, unit: Unit) -> Array:
     q = np.radians(table.numbers(key, 6, "deg", -360, 360))
+    rule = beyond_limits(q, unit)
+    if rule:
+        raise table.error(key, rule)
+    return frozen(q)
+
+
+def beyond_limits(q: Array, unit: Unit) -> str:
+    """The rule that a configuration (6,) rad breaks, or ""."""
     for joint, (value, low, high) in enumerate(zip(q, unit.lower, unit.upper, strict=True), start=1):
         if not low <= value <= high:
-            raise table.error(
-                key,
-                f"J{joint} must be from {np.degrees(low):.1f} to {np.degrees(high):.1f} deg on {unit.name}",
-            )
-    return frozen(q)
+            return f"J{joint} must be from {np.degrees(low):.1f} to {np.degrees(high):.1f} deg on {unit.name}"
+    return ""
+
+
+def read_surroundings(path: Path) -> SceneFile:
+    """A scene file; or a cell file, or a task file with its cell, as a scene without boards and cubes: they are seen.
+
+    Raises:
+        InputError: it is none of them, or has a mistake.
+    """
+    root = TomlTable.read(path)
+    if "task" in root:
+        return _of_cell(read_task(path).cell)
+    if "q_start_deg" in root or "camera" in root:
+        return _of_cell(read_cell(path))
+    return read_scene_file(path)
+
+
+def _of_cell(cell: Cell) -> SceneFile:
+    """Jaws open."""
+    none: frozenset[Pair] = frozenset()
+    return SceneFile(
+        cell.file, cell.unit, cell.robot(), cell.jaw_opening, cell.fixed, None, transform(), none, 0.0, (), ()
+    )
 
 
 def _expected(table: TomlTable, verdicts: tuple[str, ...], distance_key: str, names: set[str]) -> Expected:

@@ -12,7 +12,7 @@ from arm.files import canonical_json, write_atomic
 from arm.planfile import Move, Plan, read_plan, write_plan
 from cell.console import Console
 from cell.lookfile import Seen, read_seen, seen_to_json
-from cell.planning import plan_rest, reach_of
+from cell.planning import plan_rest, reach_of, require_above_table
 from cell.taskfile import Task, read_task
 
 
@@ -75,6 +75,7 @@ def reach_step(task_file: Path, look_file: Path, console: Console, advice: bool 
     task = read_task(task_file)
     seen = read_seen(look_file, task.cell.boards)
     seen.require(task)
+    require_above_table(task, seen)
     table = reach_of(task, seen)
     console.table(
         ("hole", "choices", "best branch", "yaw", "what limits it"),
@@ -153,15 +154,26 @@ def _move_to_json(move: Move) -> dict[str, Any]:
 
 
 def preview_step(plan_file: Path, task_file: Path, output: Path, console: Console) -> dict[str, Any]:
-    """``a465 preview``."""
+    """``a465 preview``; a plan that is not for the cell of now is shown with a warning."""
     from cell.checking import require_match
     from cell.pages import write_page
 
     task, plan = read_task(task_file), read_plan(plan_file)
-    require_match(task, plan)
+    warning = None
+    try:
+        require_match(task, plan)
+    except ImpossibleError as error:
+        if "unit" in error.data["differing"]:  # counts mean other angles on it
+            raise
+        warning = str(error)
     write_page(task, plan, output)
+    if warning is not None:
+        console.say(
+            f"WARNING: {warning}; the page shows it, in the cell of now, but it would not be executed"
+        )
     console.say(f"open {output} in a browser")
-    return {"page": str(output), "plan_sha256": plan.sha256, "bytes": output.stat().st_size}
+    told = {"page": str(output), "plan_sha256": plan.sha256, "bytes": output.stat().st_size}
+    return told if warning is None else {**told, "warning": warning}
 
 
 def render_step(

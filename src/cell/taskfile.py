@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from arm.board import Board
-from arm.files import sha256
+from arm.files import canonical_json, sha256
 from arm.toml_table import TomlTable
 from cell.cellfile import Cell, read_cell
+from cell.inputs import Inputs, inputs_of
 from plan.options import CHOICES, LOOKS
 
 KINDS = ("clear-board", "board-to-board")
@@ -45,7 +46,8 @@ class Task:
         order, assignment: ``free``: which cube is next, and which place it goes to, is chosen for time; ``given``:
             cubes in the order of their holes, each to the next free place.
         seed: of every random choice.
-        digest: SHA-256 over task and cell file.
+        inputs: what the file says, key by key; see `cell.inputs`.
+        digest: SHA-256 of what task and cell file say.
     """
 
     file: Path
@@ -59,6 +61,7 @@ class Task:
     order: str
     assignment: str
     seed: int
+    inputs: Inputs
     digest: str
 
     @property
@@ -94,6 +97,7 @@ def read_task(path: Path) -> Task:
     order, assignment = (root.text(key, choices=CHOICES, default="free") for key in ("order", "assignment"))
     seed = root.integer("seed", 0, 2**31 - 1, default=0)
     root.finish()
+    inputs = inputs_of(root.value_dict(), left_out=("cell",))
     return Task(
         file=path,
         kind=kind,
@@ -106,7 +110,8 @@ def read_task(path: Path) -> Task:
         order=order,
         assignment=assignment,
         seed=seed,
-        digest=sha256(sha256(path.read_bytes()) + cell.digest),
+        inputs=inputs,
+        digest=sha256(sha256(canonical_json(inputs)) + cell.digest),
     )
 
 

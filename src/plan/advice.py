@@ -21,7 +21,6 @@ from plan.candidates import Family, families, skipped_for
 from plan.cause import worlds_at
 from plan.change import Change, Displaced, Groups, Request, Skipped, groups_of
 from plan.failure import AFTER_TIMING, LINE_BLOCKED, NO_WAY_ACROSS, START_BLOCKED, Failure, failure_in
-from plan.proofs import MARGIN
 from plan.reach import LineChoice, ReachTable
 from plan.scene import Scene, Station
 from plan.world import World, coal_shape
@@ -179,6 +178,8 @@ class _Trial:
         changes = family.changes
         if isinstance(changes[first], Skipped):
             return self.skipping(changes[first])
+        if family.anchors:
+            return self.by_halves(family, first, most)
         if self.blind:
             return self.from_the_largest(changes, first, most)
         index: int | None = first
@@ -190,6 +191,30 @@ class _Trial:
                 return advice
             index = self.next_good(family, 2 * index + 1)
         return None
+
+    def by_halves(self, family: Family, first: int, most: int) -> Advice | None:
+        """The smallest change that plans, if more of it always helps more: an anchor that does, then halving."""
+        best: Advice | None = None
+        fails, plans = first - 1, len(family.changes)
+        trials = [i for i in family.anchors if i >= first] or [len(family.changes) - 1]
+        left = most
+        while left > 0 and plans - fails > 1:
+            if best is None:
+                index = next((i for i in trials if fails < i < plans), None)
+                if index is None:
+                    return None
+            else:
+                index = (fails + plans) // 2
+            if not self.looks_good(family.changes[index]):
+                fails = index
+                continue
+            left -= 1
+            advice = self.plan(family.changes[index])
+            if advice is None:
+                fails = index
+            else:
+                best, plans = advice, index
+        return best
 
     def from_the_largest(self, changes: Sequence[Change], first: int, most: int) -> Advice | None:
         """The largest change shows whether the sort helps at all; then smaller ones are tried."""
@@ -243,7 +268,7 @@ def _others(count: int) -> str:
 
 def _start_free(request: Request) -> bool:
     world = World(request.scene.robot_open, (*request.scene.bodies, *request.scene.cubes))
-    return not world.in_collision(request.q_start, request.options.clearance + MARGIN)
+    return not world.in_collision(request.q_start, request.options.clearance)
 
 
 def _line_open(request: Request, choices: Sequence[LineChoice], station: str) -> bool:
@@ -251,7 +276,7 @@ def _line_open(request: Request, choices: Sequence[LineChoice], station: str) ->
     worlds, options = worlds_at(request.scene, request.transfers, station), request.options
 
     def keeps(choice: LineChoice) -> bool:
-        outer = any(w.in_collision(choice.q_offset, options.clearance + MARGIN) for w in worlds)
+        outer = any(w.in_collision(choice.q_offset, options.clearance) for w in worlds)
         return not outer and not any(
             w.in_collision(q, options.line_clearance) for w in worlds for q in choice.q_line
         )

@@ -13,14 +13,13 @@ import numpy as np
 from arm.se3 import Array
 from plan.change import Asked, Change, Displaced, Elsewhere, Groups, Removed, Request, Skipped
 from plan.failure import AFTER_TIMING, LINE_BLOCKED, NO_WAY_ACROSS, OUT_OF_REACH, START_BLOCKED, Failure
-from plan.options import LEAST_CLEARANCE
+from plan.options import LEAST_CLEARANCE, PlanOptions
 from plan.scene import Station
 
 STEP, STEPS = 0.010, 12  # m, of moves that are tried, and how many
 TURNS = tuple(float(np.radians(d)) for d in (15.0, -15.0, 30.0, -30.0, 45.0, -45.0, 90.0, -90.0))
 FIXED = ("table", "post")  # kinds of bodies that nobody moves: cameras and tables are calibrated
 _ASLANT = tuple(float(np.radians(d)) for d in (20.0, 45.0))  # off the way to the base
-_CLEARANCES = (0.008, 0.006, LEAST_CLEARANCE)
 _TILTED = np.radians(3.0)  # boards that lean more can also be turned about their own normal
 _UP = np.array([0.0, 0.0, 1.0])
 
@@ -32,10 +31,13 @@ class Family:
     Attributes:
         rank: families of a lower rank cost a person less.
         changes: of growing size.
+        anchors: where more of a change helps more surely: numbers of the changes to begin with, in this order; the
+            smallest change that helps is then looked for by halving.
     """
 
     rank: int
     changes: tuple[Change, ...]
+    anchors: tuple[int, ...] = ()
 
 
 def families(
@@ -76,10 +78,28 @@ def _options(request: Request, failure: Failure, spare: Sequence[Station]) -> It
         speeds = [s for s in (0.25, 0.5, 0.75, 1.0) if s > options.speed]
         yield Family(0, tuple(Asked(f"ask for speed {s:g}", (("speed", s),)) for s in speeds))
     if failure.kind in (NO_WAY_ACROSS, START_BLOCKED, AFTER_TIMING):
-        less = [c for c in _CLEARANCES if c < options.clearance - 1e-9]
-        text = "ask for {:g} mm of clearance instead of {:g} mm"
-        now = options.clearance * 1e3
-        yield Family(0, tuple(Asked(text.format(c * 1e3, now), (("clearance", c),)) for c in less))
+        yield from _less_clearance(options.clearance, failure)
+
+
+def _less_clearance(clearance: float, failure: Failure) -> Iterator[Family]:
+    """Whole millimetres below what is asked.
+
+    First what was seen, if no way can keep more: where a way across begins or ends. Then the default, then the least.
+    """
+    now, least, usual = clearance * 1e3, round(LEAST_CLEARANCE * 1e3), round(PlanOptions.clearance * 1e3)
+    sizes = range(int(np.ceil(now - 1e-9)) - 1, least - 1, -1)
+    if not sizes:
+        return
+    ends = [
+        w.distance_mm for w in failure.ways if w.distance_mm is not None and not w.where.startswith("from ")
+    ]
+    first = [int(max(ends))] if ends else []
+    text = "ask for {:g} mm of clearance instead of {:g} mm"
+    yield Family(
+        0,
+        tuple(Asked(text.format(c, now), (("clearance", c / 1e3),)) for c in sizes),
+        tuple(dict.fromkeys(sizes.index(c) for c in (*first, usual, least) if c in sizes)),
+    )
 
 
 def _obstacle(request: Request, failure: Failure, groups: Groups) -> Iterator[Family]:

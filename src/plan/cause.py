@@ -21,10 +21,11 @@ from plan.failure import (
     START_BLOCKED,
     Failure,
     Rejected,
+    nearness,
     of_choice,
+    short_of,
 )
 from plan.options import PlanOptions
-from plan.proofs import MARGIN
 from plan.reach import ReachTable
 from plan.scene import Scene, Transfer
 from plan.stages import Stages, Standing
@@ -64,7 +65,6 @@ class _Cause:
         self.q_start, self.options, self.table = q_start, options, table
         self.moved = {t.cube for t in transfers}
         self.rejected: list[dict[str, Any]] = error.data.get("rejected", [])
-        self.asked_across = options.clearance + MARGIN
 
     def found(self) -> Failure:
         if "holes" in self.error.data:
@@ -76,7 +76,7 @@ class _Cause:
     def _start(self) -> Failure | None:
         world = World(self.scene.robot_open, (*self.scene.bodies, *self.scene.cubes))
         closest = world.distance(self.q_start)
-        if closest.value >= self.asked_across:
+        if closest.value >= self.options.clearance:
             return None
         way = self._blocked("start", closest.pair, closest.value, self.options.clearance)
         headline = f"the arm cannot leave its start, where {way.reason}"
@@ -166,9 +166,7 @@ class _Cause:
                 body = self._most_named(w.pair for w in tight if w.pair)
                 return Failure(NO_WAY_ACROSS, step, (name,), headline, tight, body)
         ways = tuple(
-            self._blocked(
-                f"from {e['from']} to {e['to']}", tuple(e["pair"]), e["distance_m"], self.options.clearance
-            )
+            self._blocked(_where(e), tuple(e["pair"]), e["distance_m"], self.options.clearance)
             for e in (entry, *(e for e in legs if e is not entry))
         )
         return Failure(NO_WAY_ACROSS, step, stations, entry["reason"], ways, body)
@@ -181,7 +179,7 @@ class _Cause:
             if (choice.yaw, choice.branch) in closed:
                 continue
             pair, value = _nearest(self._worlds_at(name), choice.q_line[-1:], (("", ""), float("inf")))
-            if value >= self.asked_across:
+            if value >= self.options.clearance:
                 return ()
             way = self._blocked(f"{name}, outer end of the line", pair, value, self.options.clearance)
             rows.append(replace(way, yaw=choice.yaw, branch=choice.branch))
@@ -190,7 +188,15 @@ class _Cause:
     def _after_timing(self, entry: Mapping[str, Any]) -> Failure:
         pair = tuple(entry["pair"])
         way = self._blocked(entry["step"], pair, entry["distance_m"], entry["clearance_m"])
-        return Failure(AFTER_TIMING, entry["step"], (), entry["reason"], (way,), self._body(pair))
+        if entry["distance_m"] >= entry["clearance_m"]:
+            proved = short_of(entry["proved_m"], entry["clearance_m"])
+            asked = f"(asked: {entry['clearance_m'] * 1e3:g} mm)"
+            way = replace(way, reason=f"only {proved} mm between {pair[0]} and {pair[1]} are proved {asked}")
+        headline = (
+            f"step {entry['step']!r}, as it would be sent: {way.reason}; ask for less clearance or move the "
+            "bodies apart"
+        )
+        return Failure(AFTER_TIMING, entry["step"], (), headline, (way,), self._body(pair))
 
     def _search_ended(self) -> Failure:
         for entry in self.rejected:
@@ -200,7 +206,7 @@ class _Cause:
 
     def _blocked(self, where: str, pair: Sequence[str], distance: float, asked: float) -> Rejected:
         first, second = pair
-        reason = f"{first} comes to {distance * 1e3:.1f} mm of {second} (asked: {asked * 1e3:g} mm)"
+        reason = nearness(pair, distance, asked)
         return Rejected(where, reason, pair=(first, second), distance_mm=distance * 1e3, asked_mm=asked * 1e3)
 
     def _body(self, pair: Iterable[str]) -> str | None:
@@ -213,6 +219,11 @@ class _Cause:
     def _most_named(self, pairs: Iterable[Iterable[str]]) -> str | None:
         count = Counter(body for pair in pairs if (body := self._body(pair)) is not None)
         return min(count, key=lambda name: (-count[name], name)) if count else None
+
+
+def _where(leg: Mapping[str, Any]) -> str:
+    """The end of a leg that is itself too near, or the leg."""
+    return f"{leg[leg['end']]}" if "end" in leg else f"from {leg['from']} to {leg['to']}"
 
 
 def _own_name(name: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,7 +28,7 @@ class Rejected:
         yaw, branch: of the way, where it is one of a place.
         joint: that goes `excess_deg` beyond its limit, or that would have to turn too fast (`excess_deg` is None).
         outside_mm: by how much the line leaves what the links reach.
-        pair: the two bodies that come nearest, `distance_mm` apart (negative: by how much they overlap).
+        pair: the two bodies that come nearest, `distance_mm` apart (negative: they overlap).
         asked_mm: of clearance.
     """
 
@@ -47,6 +47,29 @@ class Rejected:
         """What is known, as JSON types."""
         known = {key: value for key, value in vars(self).items() if value is not None}
         return {**known, "pair": list(self.pair)} if self.pair else known
+
+
+def nearness(pair: Sequence[str], distance: float, asked: float) -> str:
+    """How near two bodies come, in words; lengths in m.
+
+    How deep they overlap is not said: the shortest way out may be through the far side. Digits are enough to show that
+    the distance is below what is asked.
+    """
+    first, second = pair
+    wanted = f"(asked: {asked * 1e3:g} mm)"
+    if distance <= 0.0:
+        return f"{first} is inside {second} {wanted}"
+    return f"{first} comes to {short_of(distance, asked)} mm of {second} {wanted}"
+
+
+def short_of(distance: float, asked: float) -> str:
+    """A distance in mm with as many digits as show that it is less than `asked`, where it is; both in m."""
+    value, limit = distance * 1e3, asked * 1e3
+    for digits in range(1, 6):
+        shown = f"{value:.{digits}f}"
+        if value >= limit or float(shown) < limit:
+            return shown
+    return f"less than {limit:g}"
 
 
 @dataclass(frozen=True)

@@ -93,7 +93,7 @@ def follow_line(
         f"line cannot be kept after {done * 1e3:.1f} of {length * 1e3:.1f} mm: between way-points "
         f"{path.s[1] * 1e3:.2g} mm apart the tool is {off.distance[worst] * 1e6:.1f} um and "
         f"{np.degrees(off.angle[worst]):.2g} deg off; the arm is close to a singular configuration there, or a "
-        "barrier bends its way sharply; another branch or yaw may do",
+        "barrier bends its way sharply; another configuration, or the tool turned otherwise, may do",
         constraint="smoothness",
         joint=None,
         done_m=done,

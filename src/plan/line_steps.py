@@ -235,7 +235,7 @@ class Follower:
             shown = f"{np.degrees(done):.2f} of {np.degrees(self.length):.2f} deg"
         apart = None if row is None or barrier.distance is None else float(barrier.distance[row])
         raise ImpossibleError(
-            f"line stops after {shown}: {text}; another branch or yaw may do, or another place of the board",
+            f"line stops after {shown}: {text}; another configuration, turn of the tool or place may do",
             constraint=constraint,
             joint=name,
             distance_m=apart,

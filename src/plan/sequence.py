@@ -20,6 +20,7 @@ from arm.errors import ImpossibleError
 from arm.se3 import Array
 from arm.unit import Limits
 from plan.check import MoveCheck
+from plan.failure import nearness, short_of
 from plan.leg_costs import BEGIN, CARRY, END, GO_ON, NOT_NOW, Leg, LegCosts
 from plan.legs import line_ends, standing
 from plan.options import PlanOptions
@@ -148,12 +149,15 @@ class TaskSearch:
             current = best_ways(pairs, costs)
         return best
 
-    def forbid(self, stop: Stop, before: Stop | None, which: str, error: ImpossibleError) -> None:
-        """Never use a leg of a stop again: ``out``, ``across`` or ``home``; it could not be timed and proved.
+    def forbid(self, stops: Sequence[Stop], index: int, which: str, error: ImpossibleError) -> None:
+        """Do not use a leg of a stop again: ``out``, ``across`` or ``home``; it could not be timed and proved.
 
-        Where that is for one of its lines (data: role), the line is not used again in any leg.
+        Where that is for one of its lines (data: role), the line is not used again in any leg. Where a cube is in the
+        way (data: pair) that may be gone another time, this holds as long as a cube stands there.
         """
+        stop, before = stops[index], stops[index - 1] if index else None
         visit, role = stop.visit, error.data.get("role")
+        by = self._in_the_way(stops, index, which, error.data.get("pair", ()))
         pick = Standing(False, visit.pick), visit.pick_way
         place = Standing(True, visit.place), visit.place_way
         went_on = before is not None and before.home is None
@@ -168,10 +172,25 @@ class TaskSearch:
         }
         if role in ("retract", "approach"):
             station, way = lines[which][role == "approach"]
-            self.costs.close_line(station, way, None)
+            self.costs.close_line(station, way, by)
         else:
-            self.costs.block(legs[which], None, np.inf)
+            self.costs.block(legs[which], by, np.inf)
         self._reject(error)
+
+    def _in_the_way(
+        self, stops: Sequence[Stop], index: int, which: str, pair: Sequence[str]
+    ) -> Standing | None:
+        """The cube of a pair that stands there only for a while; None where neither is one.
+
+        Cubes at the leg's own stations stand there whenever it is used.
+        """
+        stop, cubes = stops[index], self.stages.cubes
+        at = {cubes[s.number].name: s for s in stop.before if not s.placed}
+        at |= {cubes[s.visit.pick].name: Standing(True, s.visit.place) for s in stops[:index]}
+        own = {cubes[stop.visit.pick].name}
+        if which == "out" and index and stops[index - 1].home is None:
+            own.add(cubes[stops[index - 1].visit.pick].name)
+        return next((at[name] for name in pair if name in at and name not in own), None)
 
     def _stops(self, ordered: Ordered) -> tuple[Stop, ...] | None:
         """The sequence with all that it uses proved, or None where something of it turned out to be blocked."""
@@ -286,8 +305,8 @@ class TaskSearch:
 
 def _line_blocked(choice: LineChoice, check: MoveCheck, clearance: float) -> ImpossibleError:
     return ImpossibleError(
-        f"on the line at {choice.hole} (yaw {choice.yaw}, {choice.branch}) {check.pair[0]} comes to "
-        f"{check.seen * 1e3:.1f} mm of {check.pair[1]} (asked: {clearance * 1e3:g} mm)",
+        f"on the line at {choice.hole} (yaw {choice.yaw}, {choice.branch}) "
+        f"{nearness(check.pair, check.seen, clearance)}",
         station=choice.hole,
         yaw=choice.yaw,
         branch=choice.branch,
@@ -308,15 +327,20 @@ def _leg_blocked(leg: Leg, blocked: Blocked, clearance: float, stages: Stages) -
             origin, goal = places[leg.numbers[0]], picks[leg.numbers[1]]
         case _:
             origin, goal = places[leg.numbers[0]], "the start"
-    names, seen = check.pair, f"{check.seen * 1e3:.1f} mm"
+    names, seen = check.pair, f"{short_of(check.seen, clearance)} mm"
     data: dict[str, object] = {"from": origin, "to": goal}
     if not blocked.end:
-        text = f"no way around {names[1]} from {origin} to {goal}: {names[0]} is {seen} from it on the straight move"
+        near = f"is {seen} from it" if check.seen > 0.0 else "would go through it"
+        text = f"no way around {names[1]} from {origin} to {goal}: {names[0]} {near} on the straight move"
     elif 0.0 < check.time < 1.0:
-        text = f"nothing leads from {origin} to {goal}: joint 1 has to pass where {names[0]} is {seen} from {names[1]}"
+        near = f"is {seen} from" if check.seen > 0.0 else "is inside"
+        text = (
+            f"nothing leads from {origin} to {goal}: joint 1 has to pass where {names[0]} {near} {names[1]}"
+        )
     else:
         at, data["end"] = (origin, "from") if check.time == 0.0 else (goal, "to")
-        text = f"{at} is itself too near for a move from or to it: {names[0]} and {names[1]} are {seen} apart there"
+        near = f"are {seen} apart" if check.seen > 0.0 else "overlap"
+        text = f"{at} is itself too near for a move from or to it: {names[0]} and {names[1]} {near} there"
     return ImpossibleError(
         f"{text} (asked: {clearance * 1e3:g} mm)",
         **data,

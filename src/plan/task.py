@@ -23,8 +23,9 @@ from plan.sequence import Found, TaskSearch
 from plan.stages import Stages
 
 _LIBRARIES = ("pin", "coal", "numpy", "scipy")
-# How often the search may be asked again where the way that it chose could not be timed and proved.
-_ATTEMPTS = 8
+# The search may be asked again, where what it chose could not be timed and proved, as often as there are ways to serve
+# all places (each time one of them, or a leg, is given up), but so often at most.
+_ATTEMPTS = 100
 
 
 def plan_task(
@@ -142,6 +143,17 @@ def _registers(unit: Unit, limits: Limits) -> dict[str, tuple[int, ...]]:
     }
 
 
+def planned_limits(limits: Limits, options: PlanOptions) -> Limits:
+    """The part of the limits (at speed 1) that motion is planned under."""
+    sent = limits.scaled(options.speed)
+    return Limits(
+        limits.lower,
+        limits.upper,
+        sent.velocity * options.velocity_fraction,
+        sent.acceleration * options.acceleration_fraction,
+    )
+
+
 class Planner:
     """Searches, then writes the steps.
 
@@ -158,12 +170,7 @@ class Planner:
         # a configuration that is a whole number of counts, so that moves meet to the count
         self.q_start = unit.positions(unit.counts(q_start))
         self.sent = limits.scaled(options.speed)
-        self.planned = Limits(
-            limits.lower,
-            limits.upper,
-            self.sent.velocity * options.velocity_fraction,
-            self.sent.acceleration * options.acceleration_fraction,
-        )
+        self.planned = planned_limits(limits, options)
 
     def check_input(self, transfers: Sequence[Transfer]) -> None:
         if not transfers:
@@ -215,16 +222,17 @@ class Planner:
 
     def steps(self, search: TaskSearch) -> tuple[list[Step], Found]:
         """The task's steps, timed and certified, and the sequence that they follow."""
-        for attempt in range(_ATTEMPTS):
+        ways = sum(map(len, (*search.picks, *search.places)))
+        left = min(ways, _ATTEMPTS)
+        while True:
             found = search.best()
             try:
                 return self.written(search, found), found
             except Unprovable as error:
-                if attempt + 1 == _ATTEMPTS:
+                left -= 1
+                if left <= 0:
                     raise error.why from error
-                before = found.stops[error.stop - 1] if error.stop else None
-                search.forbid(found.stops[error.stop], before, error.which, error.why)
-        raise ImpossibleError("no sequence was tried", attempts=_ATTEMPTS)
+                search.forbid(found.stops, error.stop, error.which, error.why)
 
     def written(self, search: TaskSearch, found: Found) -> list[Step]:
         """Steps of a sequence.

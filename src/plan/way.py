@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from arm.errors import ImpossibleError
 from arm.planfile import Plan
 from arm.unit import Limits, Unit
+from plan.failure import nearness
 from plan.motion import Leg, Mover, Phase
 from plan.options import PlanOptions
 from plan.proofs import MARGIN
@@ -32,7 +34,8 @@ def plan_way(
     """Plan the way from rest at `q_from` to rest at `q_to` (6,) rad; None if they are the same to the count.
 
     Raises:
-        ImpossibleError: there is no clear way; says what is in it and by how much.
+        ImpossibleError: there is no clear way; says what is in it and by how much; data: pair, distance_m, clearance_m,
+            and end (``from``, ``to``, or None where it is on the way).
     """
     options = options or PlanOptions()
     limits = limits or unit.limits()
@@ -41,16 +44,34 @@ def plan_way(
     goal = unit.positions(unit.counts(q_to))
     if np.array_equal(goal, planner.q_start):
         return None
-    waypoints = plan_transit(
-        world,
-        planner.q_start,
-        goal,
-        planner.planned,
-        options.clearance + MARGIN,
-        options.seed,
-        options.transit,
-    )
+    asked = options.clearance
+    for end, q in (("from", planner.q_start), ("to", goal)):
+        closest = world.distance(q)
+        if closest.value < asked:
+            raise _refused(closest.pair, closest.value, asked, end)
+    room = min(world.distance(q).value for q in (planner.q_start, goal)) - asked
+    try:
+        waypoints = plan_transit(
+            world,
+            planner.q_start,
+            goal,
+            planner.planned,
+            asked + min(MARGIN, room / 2.0),
+            options.seed,
+            options.transit,
+        )
+    except ImpossibleError as error:  # it was asked for more than the caller asked for
+        raise _refused(error.data["pair"], error.data["distance_m"], asked, None) from error
     mover = Mover(scene.robot_open, unit, planner.planned, planner.sent, options)
     phase = Phase("arm: to the start", "home", None, world, options.clearance)
     moves = mover.run(Leg(None, phase, waypoints, None))
     return plan_of(scene, moves, unit, limits, options, provenance, {**(task or {}), "cubes": []})
+
+
+def _refused(pair: Sequence[str], distance: float, asked: float, end: str | None) -> ImpossibleError:
+    near = nearness(pair, distance, asked)
+    if end is None:
+        text = f"no way around {pair[1]} was found; on the straight one {near}; less clearance may help"
+    else:
+        text = f"the {'start' if end == 'from' else 'end'} of the way is itself too near: {near}"
+    return ImpossibleError(text, pair=list(pair), distance_m=distance, clearance_m=asked, end=end)

@@ -14,6 +14,7 @@ from arm.toml_table import TomlTable
 from cell.bodytable import read_pose
 from cell.cellfile import read_cell
 from cell.checking import _same_shape as same_shape
+from cell.inputs import changes
 from cell.planning import options_of
 from cell.taskfile import read_task
 from cell.worldfile import board_placement, read_world
@@ -49,6 +50,52 @@ def test_what_may_be_chosen_is_the_files(scenes: Path) -> None:
     options = options_of(read_task(task), 0.25)
     assert (options.look, options.order, options.assignment) == (2, "given", "given")
     assert (options.velocity_fraction, options.acceleration_fraction) == (0.8, 0.4)
+
+
+def test_how_an_acceleration_builds_up_is_the_cell_files(scenes: Path) -> None:
+    task = scenes / "task2.toml"
+    assert options_of(read_task(task), 0.5).jerk_time == 0.0
+    _change(scenes / "cell.toml", "[motion]", "[motion]\njerk_time_s = 0.15")
+    assert options_of(read_task(task), 0.5).jerk_time == 0.15
+    _change(scenes / "cell.toml", "jerk_time_s = 0.15", "jerk_time_s = -1")
+    with pytest.raises(InputError, match="jerk_time_s = -1: must be a number in s from 0 to 2"):
+        read_task(task)
+
+
+def test_only_what_is_meant_counts(scenes: Path) -> None:
+    """Comments, the way a number is written, and what a plan does not rest on: still the same task."""
+    task = read_task(scenes / "task2.toml")
+    _change(scenes / "cell.toml", "clearance_mm = 10 ", "clearance_mm = 10.0 # ten")
+    _change(scenes / "cell.toml", "speed = 0.5", "speed = 0.25")
+    _change(scenes / "cell.toml", "photographs = 5", "photographs = 7")
+    _change(scenes / "task2.toml", "seed = 0", "seed = 0 # no choice")
+    same = read_task(scenes / "task2.toml")
+    assert same.cell.speed == 0.25
+    assert same.digest == task.digest
+    assert changes(task.cell.inputs, same.cell.inputs) == []
+    for file, old, new, told in (
+        ("cell.toml", "clearance_mm = 10.0", "clearance_mm = 12", "motion.clearance_mm 10, now 12"),
+        (
+            "cell.toml",
+            "[930, 0, 600]",
+            "[930, 0, 610]",
+            "walls[camera post].centre_mm [930, 0, 600], now [930, 0, 610]",
+        ),
+        ("cell.toml", 'name = "camera post"', 'name = "pole"', "walls[camera post] is gone"),
+        ("boards/positions_plate_03-04.csv", "80,60", "80,61", "board 03-04 "),
+        ("cell.toml", "[motion]", "[motion]\njerk_time_s = 0.1", "motion.jerk_time_s is new"),
+    ):
+        before = (scenes / file).read_text()
+        if old not in before:
+            old = before.splitlines()[2]
+            new = old.split(",")[0] + ",61.5"
+        _change(scenes / file, old, new)
+        other = read_task(scenes / "task2.toml")
+        assert other.digest != task.digest
+        assert any(words.startswith(told) for words in changes(task.cell.inputs, other.cell.inputs)), told
+        (scenes / file).write_text(before)
+    _change(scenes / "task2.toml", 'look_after = "each"', "look_after = 2")
+    assert changes(task.inputs, read_task(scenes / "task2.toml").inputs) == ["look_after each, now 2"]
 
 
 def test_the_shipped_world_stands_where_the_fact_sheet_says() -> None:

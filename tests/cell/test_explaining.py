@@ -44,7 +44,7 @@ def test_a_refused_plan_shows_what_rejects_each_way_and_advice_that_holds(
     told = capsys.readouterr()
     assert told.out == ""
     assert "line blocked: line at 03-04/4" in told.err
-    assert "gripper comes to" in told.err
+    assert "gripper is inside slab (asked: 5 mm)" in told.err
     body: dict[str, Any] = json.loads(json.dumps(error.data))
     assert body["failure"]["body"] == "slab"
     first = body["advice"][0]
@@ -68,6 +68,16 @@ def test_without_advice_the_refusal_is_quick_and_still_explained(
     assert "slab" in told
     assert "what would help" not in told
     assert error.data["advice"] == []
+
+
+def test_a_start_in_the_table_names_the_keys_of_the_cell_file(scenes: Path) -> None:
+    look_step(scenes / "task2.toml", None, None, scenes / "look.json", None, Console(True))
+    cell = scenes / "cell.toml"
+    start = "q_start_deg = [-60, -85, -80, 0, -60, 0]"
+    cell.write_text(cell.read_text().replace("q_start_deg = [-60, -40, -80, 0, -60, 0]", start))
+    told = str(refusal(scenes, advice=False))
+    assert "is inside table (asked: 10 mm)" in told
+    assert told.endswith(f"in cell.toml, {start} or table.top_z_mm = 0 has to change")
 
 
 def test_holes_out_of_reach_are_explained_by_reach_alone(

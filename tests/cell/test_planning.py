@@ -8,14 +8,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from arm.errors import ImpossibleError
 from arm.files import data_file
 from arm.planfile import Plan
+from arm.poses import hole_poses
 from cell.checking import check_plan
 from cell.lookfile import Seen
-from cell.planning import plan_rest, reachable_places, work_left
+from cell.planning import (
+    options_of,
+    plan_rest,
+    reach_of,
+    reachable_places,
+    require_above_table,
+    scene_of,
+    work_left,
+)
 from cell.scenery import T_base_cube_on_table
 from cell.taskfile import TablePlaces, Task, read_task
 from cell.visits import visits
+from plan.change import Request
 from true_look import true_look
 
 
@@ -51,6 +62,40 @@ def test_places_on_the_table_are_chosen_for_time_unless_they_are_given(task1: Ta
     assert free_plan.duration_s < 0.95 * given_plan.duration_s
     for task, plan in ((task1, free_plan), (given, given_plan)):
         assert check_plan(task, plan)["holds"]
+
+
+@pytest.mark.parametrize("speed", [0.1, 1.0])
+def test_reach_and_plan_name_the_same_best_branches(task2: Task, speed: float) -> None:
+    """Same table, same ranking, whatever the speed: joints keep up with lines or do not."""
+    seen = true_look(task2)
+    told = reach_of(task2, seen, speed)
+    left = work_left(task2, seen, {}, speed=speed)
+    request = Request(
+        scene_of(task2, seen, {}),
+        left.transfers,
+        task2.cell.q_start,
+        task2.cell.unit,
+        task2.cell.limits,
+        options_of(task2, speed),
+        left.spare,
+    )
+    for hole in request.planner().reach(request.stations()).holes:
+        mine = told[hole.hole]
+        assert [(c.yaw, c.branch, c.margin, c.ok) for c in hole.choices] == [
+            (c.yaw, c.branch, c.margin, c.ok) for c in mine.choices
+        ]
+
+
+def test_holes_below_the_table_are_told(task2: Task) -> None:
+    seen = true_look(task2)
+    lowest = min(float(h.T_base_hole[2, 3]) for p in seen.poses for h in hole_poses(p))
+    assert require_above_table(task2, seen) is None
+    high = replace(task2, cell=replace(task2.cell, table_z=lowest + 0.0123))
+    with pytest.raises(
+        ImpossibleError, match=r"below the table's top, .* by 12.3 mm.*table.top_z_mm = "
+    ) as caught:
+        plan_rest(high, seen, high.cell.q_start, 0.5, {}, {})
+    assert max(caught.value.data["below_mm"].values()) == pytest.approx(12.3)
 
 
 def test_what_was_moved_stays_where_it_is(task1: Task) -> None:

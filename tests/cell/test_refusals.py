@@ -160,7 +160,12 @@ def test_a_cell_that_got_another_wall_refuses_the_plan(scenes: Path) -> None:
     (scenes / "cell.toml").write_text((scenes / "cell.toml").read_text() + wall)
     for verb in ("check", "execute"):
         told = _refused(verb, plan, scenes / "task2.toml", code=3, cwd=scenes)
-        assert "not for the cell of now" in told
+        assert "not for the cell of now: cell.toml: walls[new] is new; plan again" in told
+    # an old plan can still be looked at
+    out, warned = _a465("preview", plan, scenes / "task2.toml", "-o", scenes / "old.html", "--json")
+    assert "WARNING: the plan is not for the cell of now: cell.toml: walls[new] is new" in warned
+    assert json.loads(out)["warning"].startswith("the plan is not for the cell of now")
+    assert (scenes / "old.html").stat().st_size > 100_000
     value = json.loads(plan.read_text())  # even if somebody makes the file say that it is for this cell
     value["provenance"]["task"] = read_task(scenes / "task2.toml").digest
     plan.write_text(json.dumps(value))

@@ -256,13 +256,69 @@ def test_any_configuration_of_a_scene(monkeypatch, capsys) -> None:
         assert "must be six angles in deg" in capsys.readouterr().err
 
 
+def test_a_configuration_beyond_the_limits_is_refused_as_in_the_file(monkeypatch, capsys) -> None:
+    for file in (FOLDER / "capsule.toml", data_file("scenes/cell.toml"), data_file("scenes/task2.toml")):
+        assert _run(["check", str(file), "--q", "0,-140,-80,0,-60,0"], monkeypatch) == 2
+        assert "J2 must be from -88.7 to 89.0 deg on crs93" in capsys.readouterr().err
+
+
+def test_any_configuration_of_a_cell(monkeypatch, capsys) -> None:
+    """A cell or task file is the same scene: arm, table, walls."""
+    reports = []
+    for name in ("cell", "task2"):
+        path = str(data_file(f"scenes/{name}.toml"))
+        assert _run(["check", path, "--q", "0,-85,-80,0,-60,0", "--json"], monkeypatch) == 0
+        reports.append(json.loads(capsys.readouterr().out))
+        assert _run(["check", path], monkeypatch) == 2
+        assert "asks nothing; give a configuration with --q" in capsys.readouterr().err
+    assert reports[0] == reports[1]
+    assert reports[0]["verdict"] == "collides"
+    assert "table" in reports[0]["closest"][0]["pair"]
+
+
+def test_the_table_shows_the_proved_clearance_beside_the_smallest_seen(capsys) -> None:
+    scene = read_scene_file(FOLDER / "padding.toml")
+    report = check_scene(scene, Console())
+    motion = report["motions"][0]
+    assert motion["clearance_mm"] == motion["proved_mm"]
+    assert motion["proved_mm"] <= motion["expected"]["clearance_mm"] <= motion["seen_mm"]
+    out = capsys.readouterr().out.splitlines()
+    header = next(line for line in out if line.startswith("motion"))
+    row = next(line for line in out if line.startswith("down to 5 mm"))
+    at = header.index("mm proved"), header.index("mm seen")
+    proved, seen = (float(row[i : i + 9].split()[0]) for i in at)
+    assert proved <= motion["proved_mm"] < proved + 0.01
+    assert seen - 0.01 < motion["seen_mm"] <= seen
+
+
+@pytest.mark.parametrize("kind", ["queries", "motions"])
+def test_what_collides_and_is_expected_nowhere_is_not_as_expected(
+    kind, monkeypatch, capsys, tmp_path
+) -> None:
+    path = tmp_path / "scene.toml"
+    head = (FOLDER / "padding.toml").read_text().split("[[queries]]")[0]
+    low, high = (
+        "[6.789, -43.615, -96.28, 0, -40.105, -173.211]",
+        "[6.789, -35.846, -96.391, 0, -47.764, -173.211]",
+    )
+    question = {
+        "queries": f'[[queries]]\nname = "bare"\nq_deg = {low}\n',
+        "motions": f'[[motions]]\nname = "bare"\nfrom_deg = {high}\nto_deg = {low}\nasked_mm = 0\n',
+    }[kind]
+    path.write_text(head + question)
+    assert _run(["check", str(path)], monkeypatch) == 3
+    assert "not as expected: bare" in capsys.readouterr().err
+    path.write_text((head + question).replace(low, high))
+    assert _run(["check", str(path)], monkeypatch) == 0
+
+
 def test_plans_and_scenes_are_told_apart(monkeypatch, capsys, tmp_path: Path) -> None:
     plan = tmp_path / "plan.json"
     plan.write_text('{"kind": "plan"}')
     assert _run(["check", str(plan)], monkeypatch) == 2
     assert "is checked against its task: a465 check" in capsys.readouterr().err
     assert _run(["check", str(plan), "--q", "0,0,0,0,0,0"], monkeypatch) == 2
-    assert "--q asks about a scene file" in capsys.readouterr().err
+    assert "--q asks about a scene, cell or task file" in capsys.readouterr().err
     scene, task = str(FOLDER / "capsule.toml"), str(data_file("scenes/task2.toml"))
     assert _run(["check", scene, task], monkeypatch) == 2
     assert "is no plan, so it needs no task" in capsys.readouterr().err

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from arm.bodies import Body, Box
 from arm.errors import ImpossibleError
-from arm.se3 import Array, frozen, inverse
+from arm.se3 import Array, frozen, inverse, transform
 from plan.advice import Advice, advise
 from plan.cause import explained
 from plan.change import Displaced, Request, groups_of
@@ -20,9 +22,12 @@ from plan.failure import (
     OUT_OF_REACH,
     START_BLOCKED,
     Failure,
+    Rejected,
     failure_from_json,
     failure_in,
+    nearness,
 )
+from plan.options import PlanOptions
 from plan.stages import Stages, Standing
 from plan.task import plan_task
 from refused_scenes import UNIT, at_the_start, far, narrow, on_its_edge, request, slab_above, under_a_lid
@@ -184,6 +189,45 @@ def test_a_start_beside_a_crate_is_named(seed: int) -> None:
     assert [a.to_json()["change"] for a in found] == ["move", "take away"]
 
 
+@pytest.mark.parametrize(("gap_mm", "offered"), [(23.1, 23), (12.6, 12)])
+def test_the_largest_clearance_that_the_start_keeps_is_offered(gap_mm: float, offered: int) -> None:
+    tool = task2().scene.robot_open.T_base_tool(Q_START)
+    T = transform(t=tool[:3, 3] + [0.0, 0.0, -0.025 - gap_mm / 1e3])
+    crate = Body("crate", Box((0.05, 0.05, 0.05)), T, "wall")
+    asked = request(task2([crate], cubes=1), options=PlanOptions(look="never", clearance=0.04))
+    error, failure = refused(asked)
+    assert failure.kind == START_BLOCKED
+    found = advice_that_holds(asked, error, budget=4)
+    assert found[0].to_json()["clearance"] == offered / 1e3
+
+
+def test_a_clearance_is_halved_down_to_where_it_plans(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the largest that plans is, a few plans find it to within a few millimetres, and never above it."""
+    asked = request(task2(cubes=1), options=PlanOptions(look="never", clearance=0.04))
+    seen = Rejected("from a to b", "near", pair=("palm", "wall"), distance_mm=22.1, asked_mm=40.0)
+    for where in ("from a to b", "a"):
+        for least, most in ((4, 4), (5, 7), (8, 9), (10, 16), (14, 20), (22, 27), (31, 39)):
+            failure = Failure(NO_WAY_ACROSS, "from a to b", (), "no", (replace(seen, where=where),))
+            error = ImpossibleError("no", failure=failure.to_json())
+            limit = most / 1e3 + 1e-9
+            tried: list[float] = []
+
+            def plan(request: Request, limit: float = limit, tried: list[float] = tried) -> SimpleNamespace:
+                tried.append(request.options.clearance)
+                if request.options.clearance > limit:
+                    raise ImpossibleError("too near")
+                return SimpleNamespace(duration_s=1.0)
+
+            monkeypatch.setattr(Request, "plan", plan)
+            found = [a for a in advise(asked, error, budget=4, wanted=1, groups={}) if "clearance" in a.text]
+            assert len(tried) <= 4
+            if most < 5:
+                assert not found
+                continue
+            offered = 1e3 * found[0].change.to_json()["clearance"]
+            assert least - 1e-6 <= offered <= most + 1e-6
+
+
 def test_walls_all_round_are_no_way_across() -> None:
     asked = under_a_lid()
     error, failure = refused(asked)
@@ -192,7 +236,7 @@ def test_walls_all_round_are_no_way_across() -> None:
     assert failure.body == "wall e"
     assert failure.ways[0].distance_mm is not None
     assert failure.ways[0].distance_mm < 11.0
-    found = advice_that_holds(asked, error, budget=2)
+    found = advice_that_holds(asked, error, budget=3)
     assert "take wall e away" in [a.change.text for a in found]
 
 
@@ -210,6 +254,16 @@ def test_a_clearance_lost_to_timing_names_step_and_pair() -> None:
     assert (failure.kind, failure.step) == (AFTER_TIMING, "cube 1: home")
     assert (failure.ways[0].distance_mm, failure.ways[0].asked_mm) == (7.0, 10.0)
     assert error.data["proved_m"] == 0.0065
+    unproved = ImpossibleError(str(why), **{**why.data, "distance_m": 0.0101, "proved_m": 0.009996})
+    told = explained(unproved, task.scene, task.transfers, Q_START, asked.options, table)
+    assert "only 9.996 mm between palm and wall are proved (asked: 10 mm)" in str(told)
+
+
+def test_what_is_too_near_never_looks_near_enough() -> None:
+    assert nearness(("palm", "wall"), 0.00499, 0.005) == "palm comes to 4.99 mm of wall (asked: 5 mm)"
+    assert nearness(("palm", "wall"), 0.0042, 0.005) == "palm comes to 4.2 mm of wall (asked: 5 mm)"
+    assert nearness(("palm", "wall"), 0.005 - 1e-10, 0.005).startswith("palm comes to less than 5 mm of wall")
+    assert nearness(("palm", "table"), -0.03, 0.005) == "palm is inside table (asked: 5 mm)"
 
 
 def test_a_spare_place_is_offered_first_and_a_cube_left_out_last() -> None:

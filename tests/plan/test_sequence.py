@@ -13,15 +13,18 @@ import pytest
 
 from arm.bodies import Body, Box
 from arm.errors import ImpossibleError
+from arm.planfile import Step
 from arm.robot import load_a465
 from arm.se3 import Array, apply, frozen, inverse, rot_x, rot_z, transform
 from arm.unit import load_unit
 from plan.check import check_curve, curve_of_waypoints
 from plan.options import PlanOptions
-from plan.order import best_order
+from plan.order import Done, best_order
 from plan.proofs import MARGIN
 from plan.scene import Scene, Station, Transfer
+from plan.script import Unprovable
 from plan.sequence import Found, Stop, TaskSearch
+from plan.stages import Standing
 from plan.task import Planner, plan_task
 from plan.world import World
 from task2_scene import CUBE, JAW_OPENING, Q_START, TABLE, TOOL_LENGTH, WALL, Task2, task2
@@ -253,6 +256,59 @@ def test_a_cube_in_the_way_of_a_line_goes_first() -> None:
         changed.append(free.visits[0].pick == hemmed)
         assert found.time >= free.time - 1e-9
     assert any(changed)  # for one of the two, the order is another than without the cube in the way
+
+
+def test_a_leg_that_a_cube_blocks_is_open_again_when_the_cube_is_gone() -> None:
+    search = search_of(*CASES["plain"])
+    found = search.best()
+    first, second = found.stops
+    names = [search.stages.cubes[s.visit.pick].name for s in found.stops]
+
+    def across(stop: Stop, there: frozenset[Standing]) -> float:
+        visit = stop.visit
+        picks = frozenset(i for i in range(2) if Standing(False, i) not in there)
+        done = Done(picks, frozenset(s.number for s in there if s.placed))
+        time = search.costs.now().carry(visit.pick, visit.place, done)
+        return float(time[visit.pick_way, visit.place_way])
+
+    first_there, later = first.before, second.before
+    error = ImpossibleError("too near", pair=["elbow", names[1]], role="transit")
+    search.forbid(found.stops, 0, "across", error)  # while the other cube still stands where it is picked
+    assert across(first, first_there) == np.inf
+    gone = first_there - {Standing(False, second.visit.pick)} | {Standing(True, second.visit.place)}
+    assert across(first, gone) < 100.0
+    error = ImpossibleError("too near", pair=["elbow", names[0]], role="transit")
+    search.forbid(found.stops, 1, "across", error)  # the first cube, where it was brought
+    assert across(second, later) == np.inf
+    assert across(second, second.before - {Standing(True, first.visit.place)} | {Standing(False, 0)}) < 100.0
+    search.forbid(
+        found.stops, 1, "across", ImpossibleError("too near", pair=["elbow", "table"], role="transit")
+    )
+    assert across(second, frozenset(Standing(False, i) for i in range(2))) == np.inf
+    line = ImpossibleError("too near", pair=["palm", names[0]], role="approach")
+    search.forbid(found.stops, 0, "out", line)  # its own cube is always there
+    assert search.costs._closed(Standing(False, first.visit.pick), frozenset()) == [first.visit.pick_way]
+
+
+def test_as_many_ways_are_tried_as_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A place may have sixteen, and each may fail once it is timed; here all but those of the last few branches."""
+    case = task2(cubes=1)
+    planner = Planner(case.scene, np.array(Q_START), UNIT, UNIT.limits(), OPTIONS)
+    search = planner.search(case.transfers, ())
+    written, left = Planner.written, [12]
+
+    def failing(self: Planner, search: TaskSearch, found: Found) -> list[Step]:
+        if left[0]:
+            left[0] -= 1
+            raise Unprovable(
+                0, "across", ImpossibleError("too near", pair=["palm", "table"], role="approach")
+            )
+        return written(self, search, found)
+
+    monkeypatch.setattr(Planner, "written", failing)
+    steps, _ = planner.steps(search)
+    assert steps
+    assert left == [0]
 
 
 def test_what_joint_1_cannot_pass_is_said_and_not_searched_for() -> None:
