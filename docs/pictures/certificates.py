@@ -52,11 +52,15 @@ def chords() -> str:
 
 
 def plane() -> str:
-    """Two bodies, the plane between them, and the outer one as it moves."""
+    """Two bodies, the plane between them, the outer one as it moves, and the normal tilted by that motion."""
     box = np.array([[70, 150], [330, 150], [330, 220], [70, 220]], dtype=float)
     body = np.array([[150, 60], [250, 48], [256, 98], [156, 110]], dtype=float)
     moved = np.array([turned(p, np.array([40.0, 40.0]), 0.13) for p in body]) + (60.0, -32.0)
     normal = np.array([0.0, -1.0])
+    tilted = turned(normal, np.zeros(2), -0.13)  # as far as the body turns, the other way
+    lowest = max(body, key=lambda p: float(-tilted @ p))
+    along = np.array([-tilted[1], tilted[0]])
+    tip = lowest + 40 * tilted
     foot = np.array([156.0, 150.0])
     return svg(
         460,
@@ -69,6 +73,13 @@ def plane() -> str:
             line([(30, 110), (430, 110)], RED, 1.5, "8 4"),
             line([foot, foot + 40 * normal], RED, 2.5),
             line([foot + 40 * normal + (-4, 9), foot + 40 * normal, foot + 40 * normal + (4, 9)], RED, 2.5),
+            line([lowest - 60 * along, lowest + 66 * along], GREY, 1.5, "3 3"),
+            line([lowest, tip], GREY, 2.5),
+            line(
+                [tip + turned(np.array(v), np.zeros(2), -0.13) for v in ((-4, 9), (0, 0), (4, 9))], GREY, 2.5
+            ),
+            dot(lowest, GREY),
+            text(lowest + 68 * along + (4, 4), "n + &#931; dq n &#215; d", GREY),
             text(foot + (8, -14), "n", RED),
             text(np.array([180.0, 190.0]), "a, fixed"),
             text(np.array([186.0, 84.0]), "b at q"),

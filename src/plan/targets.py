@@ -21,7 +21,8 @@ class Target:
     Attributes:
         name: for people and messages; unique in its list.
         T_base_tool: (4, 4), m; corrected to the nearest rotation, by at most 1e-6.
-        free: what of the pose may be anything: names out of `plan.ik_numeric.FREE`, in the pose's own axes.
+        free: what of the pose may be anything: names out of `plan.ik_numeric.FREE`, in the pose's own axes; several in
+            one text are parted by spaces or commas.
         by: how it is reached from the one before: ``transit``, any way that keeps the clearance, or ``line``, the tool
             straight. On a line the tool keeps what is free of its end as it is, a single free rotation turns as little
             as it can.
@@ -50,7 +51,7 @@ class Target:
     touching: Iterable[Iterable[str]] = field(default_factory=frozenset)
 
     def __post_init__(self) -> None:
-        names = (self.free,) if isinstance(self.free, str) else tuple(self.free)
+        names = tuple(self.free.replace(",", " ").split()) if isinstance(self.free, str) else tuple(self.free)
         wrong = [name for name in names if name not in FREE]
         if wrong:
             raise self.error("free", wrong[0], f"must be of {', '.join(FREE)}")

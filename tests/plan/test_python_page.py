@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 import plan.api
-from arm.bodies import Body, Box
-from arm.outfit import ignoring, urdf_limits
-from arm.robot import load_robot
-from arm.se3 import rot_x, transform
-from made_up_arms import UR_LIKE, urdf
-from plan.ik_numeric import solve_ik
+from arm.errors import InputError
+from arm.outfit import ignoring
+from arm.robot import Robot, load_robot
+from made_up_arms import SEVEN, UR_LIKE, urdf
+from plan.targets import Target
 from plan.world import World
 
 PAGE = Path(__file__).resolve().parents[2] / "docs/python.md"
@@ -32,15 +31,9 @@ def test_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("my_arm.urdf").write_text(urdf(joints).replace("l6", "flange"))
     corners = [(0.05, 0.0, 0.0), (-0.05, 0.05, 0.0), (-0.05, -0.05, 0.0), (0.0, 0.0, 0.2)]
     Path("jug.stl").write_text("solid\n" + "\n".join(f"vertex {x} {y} {z}" for x, y, z in corners))
-    robot = load_robot(Path("my_arm.urdf"), "flange", np.eye(4))
-    limits = urdf_limits(robot, 4.0)
-    table = Body("table", Box((1.0, 1.0, 0.04)), transform(t=(0.4, 0.0, -0.02)), "table")
-    world = World(ignoring(robot, neighbours=True), [table])
-    found = solve_ik(robot, transform(rot_x(np.pi), (0.35, -0.25, 0.3)), limits.lower, limits.upper).q
-    q_start = next(q for q in found if not world.in_collision(q, 0.03))
     code = re.search(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
     assert code is not None
-    names: dict[str, object] = {"q_start": q_start}
+    names: dict[str, object] = {}
     exec(code[1], names)
     made = names["plan"]
     assert isinstance(made, plan.api.PosePlan)
@@ -54,3 +47,27 @@ def test_the_page_and_the_module_name_what_there_is() -> None:
     assert sorted(plan.api.__all__) == sorted(set(plan.api.__all__))
     for name in plan.api.__all__:
         assert getattr(plan.api, name).__doc__, name
+
+
+def test_links_of_no_length_are_told_as_on_the_page(tmp_path: Path) -> None:
+    """An arm of seven axes, three pairs of which meet: neighbours alone are not enough, and the page's lines are."""
+    path = tmp_path / "seven.urdf"
+    path.write_text(urdf(SEVEN))
+    robot = load_robot(path, "l7", np.eye(4))
+    q = np.radians([0.0, 40.0, 0.0, 60.0, 0.0, 50.0, 0.0])
+    assert World(ignoring(robot, neighbours=True), []).in_collision(q, 0.0)
+    code = re.search(r"```py\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    assert code is not None
+    names: dict[str, object] = {"robot": robot, "ignoring": ignoring}
+    exec(code[1], names)
+    told = names["robot"]
+    assert isinstance(told, Robot)
+    assert not World(told, []).in_collision(q, 0.0)
+
+
+def test_free_directions_may_be_one_text() -> None:
+    for free in ("rx rz", "rz,rx", "rx, rz", ("rx", "rz")):
+        assert Target("a", np.eye(4), free=free).free == ("rx", "rz")
+    assert Target("a", np.eye(4)).free == ()
+    with pytest.raises(InputError, match="must be of x, y, z, rx, ry, rz"):
+        Target("a", np.eye(4), free="rx rq")
