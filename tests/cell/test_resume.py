@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,12 @@ import pytest
 import cell.run
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.files import data_file
-from arm.planfile import read_plan
+from arm.planfile import Step, read_plan
 from arm.se3 import inverse
 from cell.connection import Connection
 from cell.console import Console
+from cell.lookfile import Seen
+from cell.resume import _known, carried_by
 from cell.run import execute_plan, resume_plan
 from cell.simulation import SimulatedCamera, SimulatedCell
 from cell.steps import look_step, plan_step
@@ -62,7 +65,15 @@ class LastingCell:
             if self.stop_at is not None and self.stop_at(run._step_name, progress.done / progress.total):
                 run.control.abort()
 
+        plain_step = TaskRun._on_step
+
+        def on_step(run: TaskRun, step: Step, index: int, total: int) -> None:
+            plain_step(run, step, index, total)
+            if self.stop_at is not None and self.stop_at(step.name, 0.0):
+                run.control.abort()
+
         monkeypatch.setattr(TaskRun, "_on_progress", on_progress)
+        monkeypatch.setattr(TaskRun, "_on_step", on_step)
         self.newest = self.plan = folder / "plan.json"
         console = Console(as_json=True)
         look_step(self.file, None, None, folder / "look.json", None, console)
@@ -95,18 +106,19 @@ def lasting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lasting
         yield found
 
 
-def test_stopped_again_and_again_the_task_is_finished(lasting: LastingCell) -> None:
+def test_stopped_again_and_again_the_task_is_finished(
+    lasting: LastingCell, capsys: pytest.CaptureFixture[str]
+) -> None:
     at, number = lasting, [0]
 
     def resume() -> dict[str, Any]:
         number[0] += 1
         return resume_plan(at.newest, at.file, Console(), at.url, None, at.folder / f"resumed-{number[0]}")
 
-    at.stopped(
-        lambda: execute_plan(at.plan, at.file, Console(), at.url, folder=at.folder / "first"),
-        "approach 01-02",
-        0.6,
-    )
+    def first() -> dict[str, Any]:
+        return execute_plan(at.plan, at.file, Console(), at.url, folder=at.folder / "first")
+
+    at.stopped(first, "close on it", 0.0)  # the fingers are beside the cube
     assert at.held() == []
     at.stopped(resume, "lift off", 0.4)  # half out of its hole
     assert len(at.held()) == 1
@@ -115,6 +127,10 @@ def test_stopped_again_and_again_the_task_is_finished(lasting: LastingCell) -> N
     at.stopped(resume, "approach 03-04", 0.7)  # half in its new hole
     assert len(at.held()) == 1
     report = resume()
+    said = capsys.readouterr().out
+    assert said.count("it backs out along the jaws first") == 1
+    assert said.count("is in the jaws: it goes to 03-04/") == 3
+    assert f"to go on: a465 execute {at.folder}/resumed-3/set-down.json" in said
     assert all(c["placed"] for c in report["cubes"])
     assert max(c["error_mm"] for c in report["cubes"]) <= 1.0
     target = at.simulated.world.boards[1]
@@ -140,6 +156,26 @@ def test_stopped_again_and_again_the_task_is_finished(lasting: LastingCell) -> N
 def test_a_unit_that_lost_its_positions_is_not_resumed(lasting: LastingCell) -> None:
     with pytest.raises(ImpossibleError, match="must be homed"):
         resume_plan(lasting.plan, lasting.file, Console(), lasting.url, None, lasting.folder / "run")
+    moving = ("COORDMV", "COORDS", "HH", "GG:")
+    assert not any(line.startswith(moving) for _, line in lasting.emulator.lines)
+
+
+def test_which_cube_is_in_the_jaws_is_told_or_refused(lasting: LastingCell) -> None:
+    task, plan = lasting.task, read_plan(lasting.plan)
+    unit, transfers = task.cell.unit, plan.task["cubes"]
+    states = {"01-02": ("cube", "empty", "cube", "empty"), "03-04": ("empty",) * 4}
+    boards = _known(Seen((), {}), task, plan).boards
+    there = Seen(tuple(replace(b, occupancy=states[b.name]) for b in boards), {})
+    at_start = tuple(int(c) for c in unit.counts(task.cell.q_start))
+    for looked in (there, Seen((), {}), there.with_moves({t["cube"]: "nowhere/1" for t in transfers})):
+        with pytest.raises(ImpossibleError, match=r"which cube it is cannot be told.*take it out of"):
+            carried_by(task, plan, at_start, looked)
+    one = there.with_moves({transfers[1]["cube"]: "nowhere/1"})
+    assert carried_by(task, plan, at_start, one).transfer == transfers[1]
+    for index, transfer in enumerate(transfers):
+        for move in (m for m in plan.moves if m.cube == index and m.held is not None):
+            middle = tuple(int(c) for c in move.path.knots()[len(move.path.segments) // 2])
+            assert carried_by(task, plan, middle, Seen((), {})).transfer == transfer
 
 
 def test_resuming_needs_a_controller(tmp_path: Path) -> None:
