@@ -9,20 +9,57 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.errors import A465Error, InputError
+from arm.given import number, numbers, rigid, shown
 from arm.se3 import Array, frozen, orthonormalised
 
 LEAST_LENGTH, MOST_LENGTH = 1e-4, 100.0  # of a body that is read from a file, m
+_LEAST, _MOST = 1e-6, 1e4  # of any body, m; beyond, distances have no digits left
+
+
+class _Round:
+    """What shapes with a radius and perhaps a length check when they are made."""
+
+    def __post_init__(self) -> None:
+        for key, value in list(vars(self).items()):
+            if type(value) is not float or not _LEAST <= value <= _MOST:
+                object.__setattr__(self, key, _size(f"{type(self).__name__}.{key}", value))
+
+
+def _size(name: str, value: Any) -> float:
+    return number(name, value, _LEAST, _MOST, "m", "sizes are positive, full lengths and radii in metres")
 
 
 @dataclass(frozen=True)
 class Box:
-    """A box centred on its frame; `size` (3,) full edge lengths, m."""
+    """A box centred on its frame; `size` (3,) full edge lengths, m.
+
+    All shapes raise InputError where a size is not a finite positive number.
+    """
 
     size: tuple[float, float, float]
 
+    def __post_init__(self) -> None:
+        size = self.size
+        if type(size) is tuple and len(size) == 3:
+            x, y, z = size
+            # the usual case, at next to no cost; NaN fails the comparisons
+            if (
+                type(x) is type(y) is type(z) is float
+                and _LEAST <= x <= _MOST
+                and _LEAST <= y <= _MOST
+                and _LEAST <= z <= _MOST
+            ):
+                return
+        if isinstance(size, str) or not hasattr(size, "__len__") or len(size) != 3:
+            raise InputError(
+                f"Box.size = {shown(size)}: must be three full edge lengths x, y, z in m", name="size"
+            )
+        checked = tuple(_size(f"Box.size[{i}]", value) for i, value in enumerate(size))
+        object.__setattr__(self, "size", checked)
+
 
 @dataclass(frozen=True)
-class Cylinder:
+class Cylinder(_Round):
     """A cylinder centred on its frame, axis along z; `radius` and full `length`, m."""
 
     radius: float
@@ -30,14 +67,14 @@ class Cylinder:
 
 
 @dataclass(frozen=True)
-class Sphere:
+class Sphere(_Round):
     """A sphere centred on its frame; `radius`, m."""
 
     radius: float
 
 
 @dataclass(frozen=True)
-class Capsule:
+class Capsule(_Round):
     """A cylinder with a half ball on each end, centred on its frame, axis along z.
 
     `radius`, and `length` between the centres of the balls, m.
@@ -52,6 +89,25 @@ class Convex:
     """The convex hull of `points`, (n, 3) m in its frame; at least four, not all in one plane."""
 
     points: tuple[tuple[float, float, float], ...]
+
+    def __post_init__(self) -> None:
+        p = numbers(self.points)
+        if p is None or p.ndim != 2 or p.shape[1] != 3 or len(p) < 4 or not np.isfinite(p).all():
+            of = shown(self.points) if p is None else f"array of shape {p.shape}"
+            raise InputError(
+                f"Convex.points = {of}: must be four or more points of three finite numbers x, y, z in m",
+                name="points",
+            )
+        thick, wide = thickness(p), float(np.ptp(p, axis=0).max())
+        if not (thick >= _LEAST and wide <= _MOST):
+            raise InputError(
+                f"Convex.points: {wide:.4g} m wide and {thick:.3g} m thick; must not lie in one plane, and measure "
+                f"{_LEAST:g} to {_MOST:g} m",
+                name="points",
+                thickness_m=thick,
+            )
+        if type(self.points) is not tuple or not all(type(point) is tuple for point in self.points):
+            object.__setattr__(self, "points", tuple((float(x), float(y), float(z)) for x, y, z in p))
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +126,7 @@ class Faces:
 
 
 Shape = Box | Cylinder | Sphere | Capsule | Convex
+_SHAPES = (Box, Cylinder, Sphere, Capsule, Convex)
 
 
 @dataclass(frozen=True)
@@ -81,12 +138,28 @@ class Body:
         shape: see `Shape`.
         T_base_body: pose in the base frame, 4x4.
         kind: what it is to the planner and the eye: table, wall, post, stand, board, cube, robot.
+
+    Raises:
+        InputError: no name, no shape, or a pose that is not rigid to 1e-6.
     """
 
     name: str
     shape: Shape
     T_base_body: Array
     kind: str
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.name, str) and self.name and isinstance(self.kind, str)):
+            raise InputError(
+                f"body: name = {shown(self.name)}, kind = {shown(self.kind)}: must be texts, the name not empty",
+                name=shown(self.name),
+            )
+        if not isinstance(self.shape, _SHAPES):
+            raise InputError(
+                f"body {self.name!r}: shape = {shown(self.shape)}: must be a Box, Cylinder, Sphere, Capsule or Convex",
+                name=self.name,
+            )
+        object.__setattr__(self, "T_base_body", rigid(f"body {self.name!r}: T_base_body", self.T_base_body))
 
     def at(self, T_base_body: Array) -> Body:
         """The same body at another pose."""

@@ -90,7 +90,8 @@ class Robot:
         J_end = pin.computeFrameJacobian(
             self.model, self._data, np.asarray(q, dtype=float), self._end, pin.ReferenceFrame.LOCAL
         )
-        return np.asarray(pin.SE3(self.T_end_tool).actionInverse @ J_end)
+        # of an arm with one joint Pinocchio makes a plain vector
+        return np.asarray(pin.SE3(self.T_end_tool).actionInverse @ J_end.reshape(6, -1))
 
     def joint_poses(self, q: npt.ArrayLike) -> Array:
         """Poses of the base (index 0) and of every joint frame, (n + 1, 4, 4)."""

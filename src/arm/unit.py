@@ -7,6 +7,7 @@ counts/256 per ms^2 (the controller's fact sheet; the latter assumed until measu
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy.typing as npt
 
 from arm.errors import InputError
 from arm.files import data_file, sha256
+from arm.given import numbers, shown
 from arm.se3 import Array, frozen
 from arm.toml_table import TomlTable
 
@@ -29,6 +31,10 @@ class Limits:
         lower, upper: joint positions (n,), rad.
         velocity: (n,), rad/s, both directions.
         acceleration: (n,), rad/s^2, both directions.
+
+    Raises:
+        InputError: lengths that differ, a number that is not finite, a lower limit above the upper one, a velocity or
+            acceleration that is not positive.
     """
 
     lower: Array
@@ -36,15 +42,46 @@ class Limits:
     velocity: Array
     acceleration: Array
 
+    def __post_init__(self) -> None:
+        n = np.size(self.lower)
+        for key in ("lower", "upper", "velocity", "acceleration"):
+            value = numbers(getattr(self, key))
+            if value is None or value.shape != (n,) or not n:
+                of = shown(getattr(self, key)) if value is None else f"array of shape {value.shape}"
+                raise InputError(
+                    f"limits: {key} = {of}: must be one number per joint, ({n},) as lower has them", name=key
+                )
+            least = 0.0 if key in ("velocity", "acceleration") else -np.inf
+            wrong = np.flatnonzero(~(np.isfinite(value) & (value > least)))
+            if len(wrong):
+                k = int(wrong[0])
+                rule = "finite and above 0; a URDF may lack it" if least == 0.0 else "finite"
+                raise InputError(
+                    f"limits: {key}[{k}] = {value[k]:g}: must be {rule}",
+                    name=key,
+                    joint=k,
+                    value=float(value[k]),
+                )
+            object.__setattr__(self, key, frozen(value))
+        empty = np.flatnonzero(self.lower > self.upper)
+        if len(empty):
+            k = int(empty[0])
+            raise InputError(
+                f"limits: lower[{k}] = {self.lower[k]:g} is above upper[{k}] = {self.upper[k]:g}; must not be",
+                name="lower",
+                joint=k,
+                value=float(self.lower[k]),
+            )
+
     def scaled(self, speed: float) -> Limits:
         """The same path stretched in time by 1/speed: velocities times speed, accelerations times speed^2.
 
         Raises:
             InputError: speed is not in (0, 1]; it only lowers.
         """
-        if not 0.0 < speed <= 1.0:
+        if not (isinstance(speed, Real) and 0.0 < float(speed) <= 1.0):
             raise InputError(
-                f"speed = {speed:g}: must be above 0 and at most 1; it only lowers what the registers allow",
+                f"speed = {shown(speed)}: must be above 0 and at most 1; it only lowers what the registers allow",
                 speed=speed,
             )
         return Limits(

@@ -55,7 +55,7 @@ def collision_barrier(world: World, clearance: float, near: float) -> Callable[[
         values = np.array([d.value for d in found])
         G = np.zeros((len(found), model.nv))
         if found:
-            J = pin.computeJointJacobians(model, data, np.asarray(q, dtype=float))
+            J = pin.computeJointJacobians(model, data, np.asarray(q, dtype=float)).reshape(6, -1)
             for row, distance in zip(G, found, strict=True):
                 row[:] = -_gradient(world, distance, q, J)
         names = tuple(" / ".join(d.pair) for d in found)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+
+from arm.given import integer
 
 
 @dataclass(frozen=True)
@@ -17,6 +19,9 @@ class TransitBudget:
         starts: ways with few corners that are made faster; the fastest is taken.
         more_starts: further ones, where that is still much slower than the straight way.
         steps: of sequential quadratic programming, for the fastest; the others have a third.
+
+    Raises:
+        InputError: one of them is not a whole number from 0 on.
     """
 
     corners: int = 300
@@ -26,3 +31,9 @@ class TransitBudget:
     starts: int = 2
     more_starts: int = 4
     steps: int = 6
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            object.__setattr__(
+                self, field.name, integer(f"transit.{field.name}", getattr(self, field.name), 0)
+            )

@@ -35,6 +35,8 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from arm.errors import InputError
+from arm.given import finite, numbers, shown
 from arm.motion import CountPath, Segment
 from arm.se3 import Array
 from arm.unit import Unit
@@ -103,8 +105,26 @@ def curve_of_counts(path: CountPath, unit: Unit) -> Curve:
 
 
 def curve_of_waypoints(waypoints: npt.ArrayLike) -> Curve:
-    """Straight joint lines between way-points (m, n) rad; line i ends at parameter i + 1."""
-    q = np.asarray(waypoints, dtype=float)
+    """Straight joint lines between way-points (m, n) rad; line i ends at parameter i + 1.
+
+    Raises:
+        InputError: fewer than two way-points, not of shape (m, n), or not finite.
+    """
+    q = numbers(waypoints)
+    if q is None or q.ndim != 2 or len(q) < 2 or not q.shape[1]:
+        of = shown(waypoints) if q is None else f"array of shape {q.shape}"
+        raise InputError(
+            f"waypoints = {of}: must be (m, n), two or more rows of one number per joint, rad; to look at one "
+            "configuration use World.distance",
+            name="waypoints",
+        )
+    bad = np.flatnonzero(~np.isfinite(q).all(axis=1))
+    if len(bad):
+        raise InputError(
+            f"waypoints[{bad[0]}] = {q[bad[0]].tolist()}: must be finite numbers, rad",
+            name="waypoints",
+            row=int(bad[0]),
+        )
     fractions = np.array([0.0, 1.0, 2.0, 3.0])[:, None] / 3.0
     control = q[:-1, None, :] + (q[1:] - q[:-1])[:, None, :] * fractions
     return Curve(control, np.arange(1.0, len(q)))
@@ -135,7 +155,40 @@ def check_move(world: World, path: CountPath, unit: Unit, clearance: float, tigh
 
 
 def check_curve(world: World, curve: Curve, clearance: float, tight: bool = False) -> MoveCheck:
-    """`check_move` for any chain of cubics in joint space."""
+    """`check_move` for any chain of cubics in joint space.
+
+    The work is bounded: after `BUDGET` pieces (seconds to ten, on lines of thousands of turns or that graze along their
+    whole length) the search ends with what is proved by then. That is never a wrong answer: `proved` is then False,
+    which means "not proved", not "collides"; `seen` tells whether something really came too near. Cut such a curve
+    into shorter ones and check each.
+
+    Args:
+        world: bodies and pairs.
+        curve: see `curve_of_waypoints`.
+        clearance: asked for, m.
+        tight: as in `check_move`.
+
+    Raises:
+        InputError: no cubics, of another number of joints than the arm's, or a number that is not finite.
+    """
+    finite("clearance", clearance, "m")
+    n, control, ends = int(world.robot.model.nq), np.asarray(curve.control), np.asarray(curve.ends)
+    if (
+        control.ndim != 3
+        or not len(control)
+        or control.shape[1:] != (4, n)
+        or ends.shape != control.shape[:1]
+    ):
+        raise InputError(
+            f"curve: control points of shape {control.shape} with {ends.shape} ends: must be (m, 4, {n}) and (m,), "
+            f"m at least 1, for an arm of {n} joints",
+            shape=list(control.shape),
+            joints=n,
+        )
+    if not np.isfinite(control).all():
+        raise InputError(
+            "curve: a control point is not finite; must be rad (m for sliding joints)", name="curve"
+        )
     return _Search(world, curve, clearance, tight).run()
 
 

@@ -13,6 +13,8 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
+from arm.errors import InputError
+from arm.given import joints, poses
 from arm.robot import Robot
 from arm.se3 import Array, frozen
 from plan.wrist_arm import (
@@ -108,10 +110,10 @@ def inverse_kinematics(
         lower, upper: (6,) rad.
 
     Raises:
-        InputError: the arm is of another kind.
+        InputError: the arm is of another kind, a pose is not 4x4 and rigid to 1e-6, or limits are not six numbers.
     """
-    raw = all_branches(robot, T_base_tool)
-    lower, upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
+    raw = all_branches(robot, poses("T_base_tool", T_base_tool))
+    lower, upper = joints("lower", lower, robot.joint_names), joints("upper", upper, robot.joint_names)
     first = np.ceil((lower - _LIMIT_SLACK - raw.q) / (2 * np.pi))
     turns = np.floor((upper + _LIMIT_SLACK - raw.q) / (2 * np.pi)) - first + 1
     rows = np.argwhere(raw.reached & (turns > 0).all(axis=-1))
@@ -134,8 +136,11 @@ def explain_pose(
     Raises:
         InputError: as `inverse_kinematics`.
     """
-    raw = all_branches(robot, T_base_tool)
-    lower, upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
+    T = poses("T_base_tool", T_base_tool)
+    if len(T) != 1:
+        raise InputError(f"T_base_tool: {len(T)} poses; must be one, 4x4", poses=len(T))
+    raw = all_branches(robot, T)
+    lower, upper = joints("lower", lower, robot.joint_names), joints("upper", upper, robot.joint_names)
     q = nearest_turns(raw.q[0], (lower + upper) / 2)
     excess = np.maximum(lower - q, q - upper)
     reports = []

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from scipy.stats import qmc
 
 from arm.errors import InputError
+from arm.given import poses
 from arm.robot import Robot
 from arm.se3 import Array, frozen
 from plan.free_axis import free_sets, sample_free
@@ -104,7 +105,7 @@ def solve_ik(
     """
     options = options or SearchOptions()
     names = _free_names(free)
-    T = np.asarray(T_base_tool, dtype=float).reshape(-1, 4, 4)
+    T = poses("T_base_tool", T_base_tool)
     turning = [name for name in names if name.startswith("r")]
     if not has_closed_form(robot) or (names and names != tuple(turning)) or len(turning) > 1:
         return numeric_ik(robot, T, lower, upper, names, options)
@@ -135,7 +136,7 @@ def numeric_ik(
         InputError: as `solve_ik`.
     """
     options, arm = options or SearchOptions(), screw_arm(robot)
-    T = np.asarray(T_base_tool, dtype=float).reshape(-1, 4, 4)
+    T = poses("T_base_tool", T_base_tool)
     low, high = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
     if low.shape != (len(arm.axes),) or high.shape != low.shape or not (low <= high).all():
         raise InputError(

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from arm.errors import InputError
+from arm.given import integer, number, shown
 from plan.budget import TransitBudget
 
 LOOKS = ("each", "never")
@@ -61,17 +62,24 @@ class PlanOptions:
     transit: TransitBudget = field(default_factory=TransitBudget)
 
     def __post_init__(self) -> None:
-        _within("speed", self.speed, 1e-3, 1.0)
-        _within("velocity_fraction", self.velocity_fraction, 1e-2, 1.0)
-        _within("acceleration_fraction", self.acceleration_fraction, 1e-2, 1.0)
-        _within("clearance", self.clearance, LEAST_CLEARANCE, 1.0, "m")
-        _within("line_clearance", self.line_clearance, 0.0, 0.1, "m")
-        _within("offset", self.offset, 1e-3, 1.0, "m")
-        _within("approach_speed", self.approach_speed, 1e-3, 2.0, "m/s")
-        _within("jerk_time", self.jerk_time, 0.0, 2.0, "s")
-        _within("fraction_closed", self.fraction_closed, 0.0, 1.0)
-        _within("settle_s", self.settle_s, 0.0, 60.0, "s")
-        _within("segment_ms", self.segment_ms, 40, 2000, "ms")
+        self._within("speed", 1e-3, 1.0)
+        self._within("velocity_fraction", 1e-2, 1.0)
+        self._within("acceleration_fraction", 1e-2, 1.0)
+        self._within("clearance", LEAST_CLEARANCE, 1.0, "m")
+        self._within("line_clearance", 0.0, 0.1, "m")
+        self._within("offset", 1e-3, 1.0, "m")
+        self._within("approach_speed", 1e-3, 2.0, "m/s")
+        self._within("jerk_time", 0.0, 2.0, "s")
+        self._within("fraction_closed", 0.0, 1.0)
+        self._within("settle_s", 0.0, 60.0, "s")
+        object.__setattr__(self, "segment_ms", integer("segment_ms", self.segment_ms, 1))
+        self._within("segment_ms", 40, 2000, "ms")
+        object.__setattr__(self, "seed", integer("seed", self.seed, 0))
+        if not isinstance(self.transit, TransitBudget):
+            raise InputError(
+                f"transit = {shown(self.transit)}: must be a TransitBudget, such as TransitBudget(rrt=3000)",
+                name="transit",
+            )
         if self.look not in LOOKS and (
             not isinstance(self.look, int) or isinstance(self.look, bool) or self.look < 1
         ):
@@ -87,6 +95,12 @@ class PlanOptions:
                     value=getattr(self, name),
                 )
 
+    def _within(self, name: str, low: float, high: float, unit: str = "") -> None:
+        value = getattr(self, name)
+        checked = number(name, value, low, high, unit)
+        if not isinstance(value, int | float):  # a number of numpy's, which JSON does not know
+            object.__setattr__(self, name, checked)
+
     def looks_after(self, cubes: int) -> bool:
         """Whether the arm goes home to look once this many cubes were moved, more being left."""
         if self.look == "never":
@@ -96,14 +110,3 @@ class PlanOptions:
     def to_json(self) -> dict[str, Any]:
         """All options as JSON types."""
         return asdict(self)
-
-
-def _within(name: str, value: float, low: float, high: float, unit: str = "") -> None:
-    if not low <= value <= high:
-        raise InputError(
-            f"{name} = {value:g}{' ' + unit if unit else ''}: must be from {low:g} to {high:g}",
-            name=name,
-            value=value,
-            low=low,
-            high=high,
-        )

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from arm.bodies import Body
 from arm.errors import ImpossibleError, InputError
+from arm.given import shown
 from arm.planfile import Move
 from arm.robot import Robot
 from arm.se3 import frozen
@@ -31,6 +32,7 @@ from plan.poseplan import Pause, PosePlan, Reached
 from plan.posescript import PoseScript, Unproved
 from plan.posesearch import Found, Layer, PoseSearch
 from plan.posetimes import chain_time, standing_time
+from plan.standing import require_limits, standing
 from plan.targets import Target
 
 __all__ = ["PosePlan", "SearchEffort", "Target", "plan_poses"]
@@ -38,6 +40,7 @@ __all__ = ["PosePlan", "SearchEffort", "Target", "plan_poses"]
 _ROUNDS = 6  # sequences that are tried where one could not be proved once it was timed
 _WIDENINGS = (1, 3, 9)  # times the candidates of each group, where fewer do not do
 _SAME = 1e-9  # rad between configurations that need no way
+_ROUNDING = 1e-4  # rad, that rounding to counts may move a joint at the most
 
 
 @dataclass(frozen=True)
@@ -113,16 +116,21 @@ class _Problem:
     ) -> None:
         if not targets:
             raise InputError("a list of poses needs at least one target", targets=0)
+        for kind, things, made in ((Target, targets, "targets"), (Body, bodies, "bodies")):
+            wrong = [thing for thing in things if not isinstance(thing, kind)]
+            if wrong:
+                raise InputError(
+                    f"{made}: {shown(wrong[0])}: must be a {kind.__name__}", value=shown(wrong[0])
+                )
         names = [t.name for t in targets]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise InputError(f"targets: two are named {twice[0]!r}; names must differ", names=twice)
+        require_limits(robot, limits)
         n = len(robot.joint_names)
-        if limits.lower.shape != (n,) or unit.counts_per_rad.shape != (n,):
+        if unit.counts_per_rad.shape != (n,):
             raise InputError(
-                f"the arm has {n} joints, limits are given for {len(limits.lower)}, counts for "
-                f"{len(unit.counts_per_rad)}",
-                joints=n,
+                f"unit {unit.name}: has {len(unit.counts_per_rad)} axes, the arm has {n} joints", joints=n
             )
         self.robot, self.unit, self.options, self.effort = robot, unit, options, effort
         self.targets = [replace(targets[0], by="transit"), *targets[1:]]
@@ -143,19 +151,8 @@ class _Problem:
 
     def standing(self, name: str, q: npt.ArrayLike) -> Layer:
         """A layer of one place to stand."""
-        at = np.asarray(q, dtype=float)
-        if at.shape != self.planned.lower.shape or not np.isfinite(at).all():
-            raise InputError(f"{name}: must be {len(self.planned.lower)} finite numbers", value=at.tolist())
-        at = self.unit.positions(self.unit.counts(at))
-        for joint, x, low, high in zip(
-            self.robot.joint_names, at, self.planned.lower, self.planned.upper, strict=True
-        ):
-            if not low <= x <= high:
-                raise InputError(
-                    f"{name}: joint {joint} = {x:.5g}: must be from {low:.5g} to {high:.5g}",
-                    joint=joint,
-                    value=float(x),
-                )
+        at = standing(name, q, self.robot, self.planned, _ROUNDING)
+        at = standing(name, self.unit.positions(self.unit.counts(at)), self.robot, self.planned)
         chain = Chain((), "", frozen(at), frozen(at))
         return Layer(name, (chain,), (standing_time(at),))
 

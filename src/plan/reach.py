@@ -12,11 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm.errors import ImpossibleError, InputError
+from arm.given import finite, rigid
 from arm.robot import Robot
 from arm.se3 import Array, frozen
 from arm.unit import Limits
 from plan.ik import BRANCH_NAMES, RawBranches, all_branches, nearest_turns
 from plan.line import LineOptions
+from plan.standing import require_limits
 
 # m between poses tried along a line; joints move smoothly in between, away from singularities
 _SAMPLE_STEP = 0.005
@@ -158,15 +160,19 @@ def reach(
         options: way-points every `step`; `slowest` is the tool speed at which joints must still keep up.
 
     Raises:
-        InputError: no holes, a hole without poses, or an offset that is not positive.
+        InputError: no holes, a hole without poses or with one that is not rigid, or an offset that is not positive.
     """
     if not grasps or not all(len(poses) for poses in grasps.values()):
         raise InputError("reach needs holes with a pose each", holes=list(grasps))
+    finite("offset", offset_m, "m")
     if not offset_m > 0.0:
         raise InputError(f"offset = {offset_m:g} m: must be positive", offset_m=offset_m)
     options = options or LineOptions(step=_SAMPLE_STEP)
     heights = np.linspace(0.0, offset_m, max(2, int(np.ceil(offset_m / options.step - 1e-9)) + 1))
-    poses = np.stack([T for hole in grasps.values() for T in hole])
+    require_limits(robot, limits)
+    poses = np.stack(
+        [rigid(f"hole {name!r}: pose {i}", T) for name, hole in grasps.items() for i, T in enumerate(hole)]
+    )
     lines = np.repeat(poses[:, None], len(heights), axis=1)
     lines[:, :, :3, 3] -= heights[:, None] * poses[:, None, :3, 2]
     raw = all_branches(robot, lines.reshape(-1, 4, 4))

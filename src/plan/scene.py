@@ -12,6 +12,7 @@ import numpy as np
 from arm.bodies import Body, body_from_json, body_to_json
 from arm.errors import InputError
 from arm.files import sha256
+from arm.given import pairs, rigid, shown
 from arm.robot import Robot
 from arm.se3 import Array
 
@@ -43,6 +44,7 @@ class Scene:
         twice = sorted(name for name, count in Counter(names).items() if count > 1)
         if twice:
             raise InputError(f"scene: two bodies are named {twice[0]!r}; names must differ", names=twice)
+        object.__setattr__(self, "allowed", pairs("scene: allowed", self.allowed))
         unknown = sorted(set().union(*self.allowed) - set(names)) if self.allowed else []
         if unknown:
             raise InputError(
@@ -141,11 +143,30 @@ class Station:
         name: for people, such as ``01-02/3``.
         T_base_tool: poses of the tool there, one per way of gripping (four yaws of a cube), each (4, 4).
         touches: bodies that the held cube may touch on the line to and from there: the plate, or the table.
+
+    Raises:
+        InputError: no poses, or one that is not rigid to 1e-6.
     """
 
     name: str
     T_base_tool: tuple[Array, ...]
     touches: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        name = f"station {self.name!r}"
+        if not isinstance(self.T_base_tool, tuple | list) or not self.T_base_tool:
+            raise InputError(
+                f"{name}: T_base_tool = {shown(self.T_base_tool)}: must be a tuple of 4x4 poses, one per grip",
+                station=self.name,
+            )
+        poses = tuple(rigid(f"{name}: T_base_tool[{i}]", T) for i, T in enumerate(self.T_base_tool))
+        if isinstance(self.touches, str) or not all(isinstance(body, str) for body in self.touches):
+            raise InputError(
+                f"{name}: touches = {shown(self.touches)}: must be a set of names, such as frozenset(('table',))",
+                station=self.name,
+            )
+        object.__setattr__(self, "T_base_tool", poses)
+        object.__setattr__(self, "touches", frozenset(self.touches))
 
 
 @dataclass(frozen=True)

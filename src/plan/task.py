@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.errors import ImpossibleError, InputError
+from arm.given import shown
 from arm.planfile import GripperStep, LookStep, Plan, Step
 from arm.se3 import Array
 from arm.unit import Limits, Unit
@@ -21,11 +22,14 @@ from plan.scene import Scene, Station, Transfer
 from plan.script import Script, Unprovable
 from plan.sequence import Found, TaskSearch
 from plan.stages import Stages
+from plan.standing import standing
 
 _LIBRARIES = ("pin", "coal", "numpy", "scipy")
 # The search may be asked again, where what it chose could not be timed and proved, as often as there are ways to serve
 # all places (each time one of them, or a leg, is given up), but so often at most.
 _ATTEMPTS = 100
+# What rounding to counts may move a joint, rad, at the most.
+ROUNDING = 1e-4
 
 
 def plan_task(
@@ -64,7 +68,7 @@ def plan_task(
     """
     options = options or PlanOptions()
     limits = limits or unit.limits()
-    planner = Planner(scene, np.asarray(q_start, dtype=float), unit, limits, options)
+    planner = Planner(scene, q_start, unit, limits, options)
     planner.check_input(transfers)
     try:
         search = planner.search(transfers, places)
@@ -157,6 +161,9 @@ def planned_limits(limits: Limits, options: PlanOptions) -> Limits:
 class Planner:
     """Searches, then writes the steps.
 
+    Raises:
+        InputError: a start that is not one finite number per joint, or beyond limits by more than what rounding does.
+
     Attributes:
         q_start: a whole number of counts, (6,) rad.
         sent: limits that hold on what is sent.
@@ -164,11 +171,17 @@ class Planner:
     """
 
     def __init__(
-        self, scene: Scene, q_start: Array, unit: Unit, limits: Limits, options: PlanOptions
+        self, scene: Scene, q_start: npt.ArrayLike, unit: Unit, limits: Limits, options: PlanOptions
     ) -> None:
         self.scene, self.unit, self.options = scene, unit, options
         # a configuration that is a whole number of counts, so that moves meet to the count
-        self.q_start = unit.positions(unit.counts(q_start))
+        at = standing("q_start", q_start, scene.robot_open, limits, ROUNDING)
+        if unit.counts_per_rad.shape != at.shape:
+            raise InputError(
+                f"unit {unit.name}: has {len(unit.counts_per_rad)} axes, the arm has {len(at)} joints",
+                name=unit.name,
+            )
+        self.q_start = unit.positions(unit.counts(at))
         self.sent = limits.scaled(options.speed)
         self.planned = planned_limits(limits, options)
 
@@ -176,18 +189,20 @@ class Planner:
         if not transfers:
             raise InputError("a task needs at least one cube to move", transfers=0)
         for transfer in transfers:
+            if not isinstance(transfer, Transfer):
+                raise InputError(f"transfers: {shown(transfer)}: must be a Transfer", value=shown(transfer))
             self.scene.cube(transfer.cube)
-        names = self.scene.robot_open.joint_names
-        for name, q, low, high in zip(
-            names, self.q_start, self.planned.lower, self.planned.upper, strict=True
-        ):
-            if not low <= q <= high:
-                raise InputError(
-                    f"q_start: joint {name} = {np.degrees(q):.2f} deg: must be from {np.degrees(low):.2f} to "
-                    f"{np.degrees(high):.2f} deg",
-                    joint=name,
-                    value=float(q),
-                )
+        self.check_standing("q_start", self.q_start)
+
+    def check_standing(self, name: str, q: npt.ArrayLike) -> Array:
+        """A configuration (n,) rad as counts have it, refused beyond limits.
+
+        Raises:
+            InputError: as `plan.standing.standing`.
+        """
+        robot, limits = self.scene.robot_open, self.planned
+        at = standing(name, q, robot, limits, ROUNDING)
+        return standing(name, self.unit.positions(self.unit.counts(at)), robot, limits)
 
     def search(self, transfers: Sequence[Transfer], more: Sequence[Station]) -> TaskSearch:
         """The search for the task; refused here if a pick, or too many places, cannot be served."""

@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.errors import ImpossibleError, InputError
+from arm.given import integer
 from arm.se3 import Array, frozen
 from arm.unit import Limits
 from plan.budget import TransitBudget
@@ -27,6 +28,7 @@ from plan.check import MoveCheck, check_curve, curve_of_waypoints
 from plan.ik import all_branches, nearest_turns
 from plan.rrt import RrtConnect
 from plan.shorten import Ends, Shortener
+from plan.standing import standing
 from plan.travel import path_time, path_times
 from plan.world import World
 
@@ -66,10 +68,13 @@ def plan_transit(
         ends: velocities with which the way is entered and left; default: at rest.
 
     Raises:
+        InputError: an end is beyond a limit, or not one finite number for each joint.
         ImpossibleError: an end is itself too near to something, or no way was found; data: pair, distance_m (of the
             straight move), end ("from", "to" or None).
     """
-    start, goal = np.asarray(q_from, dtype=float), np.asarray(q_to, dtype=float)
+    start = standing("q_from", q_from, world.robot, limits)
+    goal = standing("q_to", q_to, world.robot, limits)
+    integer("seed", seed, 0)
     for end, q in (("from", start), ("to", goal)):
         if world.in_collision(q, clearance):
             raise _end_blocked(world, end, q, clearance)

@@ -171,7 +171,8 @@ class Axes:
 
     def __init__(self, model: Any) -> None:
         data = model.createData()
-        J = pin.computeJointJacobians(model, data, np.zeros(model.nq))
+        # of an arm with one joint Pinocchio makes a plain vector
+        J = pin.computeJointJacobians(model, data, np.zeros(model.nq)).reshape(6, -1)
         self.count = int(model.nq)
         self.poses_at_zero = np.stack([M.homogeneous for M in data.oMi])
         velocity, direction = np.array(J[:3]).T, np.array(J[3:]).T
@@ -216,9 +217,12 @@ class _Hulls:
             corners @ T[:3, :3].T + T[:3, 3] for (corners, _), (_, T) in zip(hulls, bodies, strict=True)
         ]
         self.points = np.concatenate(points) if points else np.zeros((0, 3))
-        self.joint = np.repeat([part.joint for part, _ in bodies], [len(p) for p in points])
-        self.first = np.cumsum([0, *(len(p) for p in points)])[:-1]
-        self.moves = np.array([np.arange(len(turning)) < part.joint for part, _ in bodies], dtype=float)
+        # types and shapes are stated because an arm may have no bodies
+        counts = np.array([len(p) for p in points], dtype=np.intp)
+        joints = np.array([part.joint for part, _ in bodies], dtype=np.intp)
+        self.joint = np.repeat(joints, counts)
+        self.first = np.cumsum(counts) - counts
+        self.moves = (np.arange(len(turning)) < joints[:, None]).astype(float)
         self.turning = turning
 
     def radii(self, R: Array, t: Array, axis_point: Array, axis: Array) -> Array:

@@ -16,7 +16,8 @@ from plan.motion import Leg, Mover, Phase
 from plan.options import PlanOptions
 from plan.proofs import MARGIN
 from plan.scene import Scene
-from plan.task import Planner, plan_of
+from plan.standing import standing
+from plan.task import ROUNDING, Planner, plan_of
 from plan.transit import plan_transit
 from plan.world import World
 
@@ -34,14 +35,18 @@ def plan_way(
     """Plan the way from rest at `q_from` to rest at `q_to` (6,) rad; None if they are the same to the count.
 
     Raises:
+        InputError: `q_from` or `q_to` is beyond a limit, or not six finite numbers.
         ImpossibleError: there is no clear way; says what is in it and by how much; data: pair, distance_m, clearance_m,
             and end (``from``, ``to``, or None where it is on the way).
     """
     options = options or PlanOptions()
     limits = limits or unit.limits()
-    planner = Planner(scene, np.asarray(q_from, dtype=float), unit, limits, options)
+    planner = Planner(
+        scene, standing("q_from", q_from, scene.robot_open, limits, ROUNDING), unit, limits, options
+    )
+    planner.check_standing("q_from", planner.q_start)
     world = World(scene.robot_open, (*scene.bodies, *scene.cubes))
-    goal = unit.positions(unit.counts(q_to))
+    goal = planner.check_standing("q_to", q_to)
     if np.array_equal(goal, planner.q_start):
         return None
     asked = options.clearance

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from math import isfinite
 from typing import Any
 
 import coal
@@ -17,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from arm import given
 from arm.bodies import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere
 from arm.errors import InputError
 from arm.robot import Robot
@@ -24,6 +26,8 @@ from arm.se3 import Array, cross, frozen
 from plan.volumes import Axes, Part, Volumes
 
 Indices = npt.NDArray[np.intp]
+
+_FLOAT = np.dtype(float)
 
 GJK_TOLERANCE = 1e-7
 # What a distance may be wrong by, m: fifty times what GJK at this tolerance was seen to differ from MuJoCo on the
@@ -96,7 +100,9 @@ class World:
         padding: taken off every distance, m.
 
     Raises:
-        InputError: `held` without `T_tool_held`, or two bodies of one name.
+        InputError: `held` without `T_tool_held`, two bodies of one name, a pose that is not rigid, `allowed` that are
+            not pairs, or a padding that is negative. Methods raise it where a configuration has not one finite number
+            for each joint.
 
     Attributes:
         robot: the arm.
@@ -117,22 +123,28 @@ class World:
     ) -> None:
         if held is not None and T_tool_held is None:
             raise InputError(f"held body {held.name!r} needs its pose in the tool frame", name=held.name)
+        for body in (*bodies, *([] if held is None else [held])):
+            if not isinstance(body, Body):
+                raise InputError(f"bodies: {given.shown(body)}: must be a Body", value=given.shown(body))
         self.robot = robot
-        self.padding = padding
+        self.padding = given.number("padding", padding, 0.0, 100.0, "m", "it is taken off every distance")
+        given.rigid("robot.T_end_tool", robot.T_end_tool)
+        n = int(robot.model.nq)
+        self._shape = (n,)
         parts = [Part(b.name, b.joint, b.shape, b.T_joint_body) for b in robot.bodies]
         if held is not None:
             end = robot.model.frames[robot.model.getFrameId(robot.end_frame)]
-            pose = end.placement.homogeneous @ robot.T_end_tool @ np.asarray(T_tool_held, dtype=float)
+            pose = end.placement.homogeneous @ robot.T_end_tool @ given.rigid("T_tool_held", T_tool_held)
             parts.append(Part(held.name, int(end.parentJoint), held.shape, frozen(pose)))
         parts += [Part(b.name, 0, b.shape, b.T_base_body) for b in bodies]
         self.names = tuple(p.name for p in parts)
         if len(set(self.names)) != len(parts):
             raise InputError(f"two bodies of one name among {', '.join(self.names)}", names=list(self.names))
 
-        self.pairs = _pairs(parts, robot.touching | frozenset(allowed))
-        self._joint = np.array([p.joint for p in parts])
+        self.pairs = _pairs(parts, robot.touching | given.pairs("allowed", allowed))
+        self._joint = np.array([p.joint for p in parts], dtype=np.intp)
         # which joints move the bodies of a pair against each other
-        joint = np.arange(1, robot.model.nq + 1)
+        joint = np.arange(1, n + 1)
         inner, outer = self._joint[self.pairs].T[..., None]
         self._between = (joint > inner) & (joint <= outer)
         self._geometry = _geometry_model(parts, self.pairs)
@@ -199,7 +211,7 @@ class World:
         Entry (b, k) is the largest distance of a point of body b from the axis of joint k at configuration q, and 0
         for joints beyond the body. See `plan.check` for what is proved with it.
         """
-        return np.asarray(self.volumes.placed(np.asarray(q, dtype=float)[None]).radii[0])
+        return np.asarray(self.volumes.placed(self._configuration(q)[None]).radii[0])
 
     def distance(self, q: npt.ArrayLike) -> Distance:
         """The smallest distance over all pairs at configuration q (n,) rad; infinite where there is no pair."""
@@ -209,7 +221,12 @@ class World:
         return self._witness(int(np.argmin(values)), float(values.min()))
 
     def distances_below(self, q: npt.ArrayLike, limit: float) -> list[Distance]:
-        """Every pair closer than `limit` m at configuration q (n,) rad, the closest first."""
+        """Every pair closer than `limit` m at configuration q (n,) rad, the closest first.
+
+        Raises:
+            InputError: q has not one finite number for each joint, or `limit` is NaN.
+        """
+        limit = given.number("limit", limit, -np.inf, np.inf, "m")
         values = self.pair_distances(q, np.arange(len(self.pairs)))
         order = [int(i) for i in np.argsort(values, kind="stable") if values[i] < limit]
         return [self._witness(i, float(values[i])) for i in order]
@@ -221,6 +238,11 @@ class World:
         body (what the bodies' curvature adds is of second order).
         """
         q = np.asarray(q, dtype=float)
+        if q.ndim != 2 or q.shape[1:] != self._shape or not np.isfinite(q).all():
+            raise InputError(
+                f"q = array of shape {q.shape}: must be (m, {self._shape[0]}) finite numbers, rad",
+                shape=q.shape,
+            )
         at = self.volumes.placed(q)
         asked = self.volumes.distances(at) - self.padding < limit
         row, pair = np.nonzero(asked)
@@ -235,14 +257,14 @@ class World:
 
     def in_collision(self, q: npt.ArrayLike, clearance: float = 0.0) -> bool:
         """Whether some pair is closer than `clearance` m at configuration q (n,) rad. Fast: coal's broadphase."""
+        at = self._configuration(q)
         if not len(self.pairs):
             return False
         manager = self._broadphase.get(clearance)
-        if manager is None:
+        if manager is None:  # NaN, which is not even equal to itself, always comes by here
+            given.finite("clearance", clearance, "m")
             manager = self._broadphase[clearance] = self._manager(clearance + self.padding)
-        return bool(
-            pin.computeCollisions(self.robot.model, self._data, manager, np.asarray(q, dtype=float), True)
-        )
+        return bool(pin.computeCollisions(self.robot.model, self._data, manager, at, True))
 
     def _manager(self, margin: float) -> Any:
         data = pin.GeometryData(self._geometry)
@@ -260,8 +282,19 @@ class World:
 
     def _place(self, q: npt.ArrayLike) -> None:
         pin.updateGeometryPlacements(
-            self.robot.model, self._data, self._geometry, self._distances, np.asarray(q, dtype=float)
+            self.robot.model, self._data, self._geometry, self._distances, self._configuration(q)
         )
+
+    def _configuration(self, q: npt.ArrayLike) -> Array:
+        """q (n,), checked; in the usual case in half a microsecond, because searches ask a million times."""
+        if (
+            type(q) is np.ndarray
+            and q.dtype is _FLOAT
+            and q.shape == self._shape
+            and isfinite(sum(q.tolist()))
+        ):
+            return q
+        return given.joints("q", q, self.robot.joint_names)
 
     def _witness(self, index: int, value: float) -> Distance:
         result = self._distances.distanceResults[index]
@@ -275,7 +308,7 @@ def _axes(robot: Robot) -> Axes:
 
 
 def _pairs(parts: Sequence[Part], excluded: frozenset[frozenset[str]]) -> Indices:
-    joint = np.array([part.joint for part in parts])
+    joint = np.array([part.joint for part in parts], dtype=np.intp)
     first, second = np.triu_indices(len(parts), k=1)
     apart = joint[first] != joint[second]
     first, second = first[apart], second[apart]

@@ -83,7 +83,12 @@ def all_branches(robot: Robot, T_base_tool: npt.ArrayLike, exact: bool = True) -
     Raises:
         InputError: the arm is of another kind than this method solves, or a pose is not finite.
     """
-    T = np.asarray(T_base_tool, dtype=float).reshape(-1, 4, 4)
+    T = np.asarray(T_base_tool, dtype=float)
+    if T.ndim not in (2, 3) or T.shape[-2:] != (4, 4):
+        raise InputError(
+            f"T_base_tool = array of shape {T.shape}: must be (4, 4) or (m, 4, 4)", shape=list(T.shape)
+        )
+    T = T.reshape(-1, 4, 4)
     if not np.isfinite(T).all():
         raise InputError("a pose to reach holds a number that is not finite", poses=len(T))
     geometry = _wrist_arm(robot)

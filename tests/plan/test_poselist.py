@@ -413,7 +413,7 @@ def test_wrong_targets(change: dict[str, object], says: str) -> None:
 
 
 def test_a_start_outside_limits_is_told(robot: Robot, crs97: Unit) -> None:
-    with pytest.raises(InputError, match="q_start: joint J2 = 3"):
+    with pytest.raises(InputError, match=r"q_start: joint J2 = 171\.89 deg: must be from"):
         plan_poses(robot, [], [Target("a", down(0.4, 0.0, 0.3))], [0, 3, 0, 0, 0, 0], crs97.limits())
 
 
