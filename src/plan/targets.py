@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from arm.errors import A465Error, InputError
+from arm.given import pairs as checked_pairs
 from arm.se3 import Array, orthonormalised
 from plan.ik_numeric import FREE
 
@@ -68,9 +69,7 @@ class Target:
             T = orthonormalised(self.T_base_tool, tolerance=1e-6)
         except (A465Error, ValueError) as error:
             raise self.error("T_base_tool", np.shape(self.T_base_tool), str(error)) from error
-        pairs = frozenset(frozenset(pair) for pair in self.touching)
-        if any(len(pair) != 2 for pair in pairs):
-            raise self.error("touching", sorted(map(sorted, pairs)), "must be pairs of two names")
+        pairs = checked_pairs(f"target {self.name!r}: touching", self.touching)
         for key, value in (
             ("free", tuple(n for n in FREE if n in names)),
             ("T_base_tool", T),
