@@ -38,7 +38,9 @@ def main() -> None:
             count = getattr(options, kind)
             if count:
                 seeds = range(options.first_seed, options.first_seed + count)
-                records[kind] = run_scenes(kind, seeds, planners, "whole" in options.rows, options.jobs)
+                records[kind] = run_scenes(
+                    kind, seeds, planners, "whole" in options.rows, options.jobs, options.keep
+                )
     more: dict[str, Any] = {}
     if "certificate" in options.rows:
         from planning_bench.certificate import certificate_row
@@ -75,6 +77,11 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--jobs", type=int, default=1, help="processes; CPU times are fairest with 1")
     parser.add_argument("--plot", type=Path, help="SVG of the scaling row")
     parser.add_argument("--json", type=Path, help="all records")
+    parser.add_argument(
+        "--keep",
+        type=Path,
+        help="file to which each scene is added; run again with it to go on where it ended",
+    )
     options = parser.parse_args()
     unknown = set(options.rows) - set(ROWS)
     if unknown:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -64,22 +66,46 @@ def planner(name: str) -> Any:
 
 
 def run_scenes(
-    kind: str, seeds: Iterable[int], names: tuple[str, ...], whole: bool, jobs: int
+    kind: str, seeds: Iterable[int], names: tuple[str, ...], whole: bool, jobs: int, keep: Path | None = None
 ) -> list[Record]:
-    """All records of scenes of one kind, in the order of seeds whatever the jobs."""
-    tasks = [(kind, seed, names, whole) for seed in seeds]
-    done: dict[int, list[Record]] = {}
-    if jobs == 1:
-        for task in tasks:
-            done[task[1]] = run_scene(*task)
-            print(progress(done[task[1]]), flush=True)
-    else:
-        with ProcessPoolExecutor(jobs) as pool:
+    """All records of scenes of one kind, in the order of seeds whatever the jobs.
+
+    Args:
+        keep: file of records, one line a scene; scenes of the same planners that are in it are not run again, so a
+            campaign that was ended can go on.
+    """
+    done = {seed: records for (of, seed), records in kept(keep, names, whole).items() if of == kind}
+    wanted = list(seeds)
+    tasks = [(kind, seed, names, whole) for seed in wanted if seed not in done]
+    with contextlib.ExitStack() as stack:
+        if jobs == 1:
+            finished: Iterator[tuple[int, list[Record]]] = ((task[1], run_scene(*task)) for task in tasks)
+        else:
+            pool = stack.enter_context(ProcessPoolExecutor(jobs))
             futures = {pool.submit(run_scene, *task): task[1] for task in tasks}
-            for future in as_completed(futures):
-                done[futures[future]] = future.result()
-                print(progress(done[futures[future]]), flush=True)
-    return [record for seed in sorted(done) for record in done[seed]]
+            finished = ((futures[future], future.result()) for future in as_completed(futures))
+        for seed, records in finished:
+            done[seed] = records
+            print(progress(records), flush=True)
+            if keep is not None:
+                with keep.open("a") as file:
+                    file.write(
+                        json.dumps({"kind": kind, "seed": seed, "whole": whole, "records": records}) + "\n"
+                    )
+    return [record for seed in wanted for record in done[seed]]
+
+
+def kept(keep: Path | None, names: tuple[str, ...], whole: bool) -> dict[tuple[str, int], list[Record]]:
+    """Records of a file by kind and seed, of scenes in which all these planners were asked."""
+    if keep is None or not keep.exists():
+        return {}
+    found = {}
+    for line in keep.read_text().splitlines():
+        entry = json.loads(line)
+        asked = {record["planner"] for record in entry["records"]}
+        if set(names) <= asked and entry["whole"] == whole:
+            found[entry["kind"], entry["seed"]] = entry["records"]
+    return found
 
 
 def progress(records: list[Record]) -> str:
