@@ -151,7 +151,7 @@ def plan(
 @app.command(
     help="Check a plan file again: limits and clearance of everything it would send. "
     "Or a scene file: verdicts and distances against those it expects; with --q, "
-    "the closest pairs at any configuration.",
+    "the closest pairs at any configuration of a scene, cell or task file.",
     epilog="Example: a465 check plan.json scenes/task2.toml -- or: "
     "a465 check scenes/fixtures/capsule.toml --q 0,10,-80,0,-60,0",
 )
