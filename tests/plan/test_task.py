@@ -386,7 +386,7 @@ def test_a_blocked_hole_is_named_with_what_blocks_it(case: Task2) -> None:
         "wall",
     )
     blocked = task2(extra=[over_hole])
-    with pytest.raises(ImpossibleError, match=r"01-02/2.* of crate") as caught:
+    with pytest.raises(ImpossibleError, match=r"01-02/2.* is inside crate") as caught:
         plan_task(blocked.scene, blocked.transfers, Q_START, UNIT)
     blocking = [e for e in caught.value.data["rejected"] if "crate" in e["pair"]]
     assert {e["station"] for e in blocking if "station" in e} == {"01-02/2"}
