@@ -121,7 +121,7 @@ class TaskRun:
         Raises:
             ImpossibleError: naming each that is not, and by how much.
         """
-        table = reach_of(self.task, seen)
+        table = reach_of(self.task, seen, self.speed)
         q_start, rest = self.task.cell.q_start, (self.done, self.on_table, self.given_up)
         with explained(self.task, seen, q_start, self.speed, self.advice, *rest, every_hole=True):
             table.require()
