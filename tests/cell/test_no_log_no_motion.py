@@ -62,7 +62,9 @@ def place(tmp_path: Path, unit: Unit, monkeypatch: pytest.MonkeyPatch) -> Path:
         tmp_path / "plan.json", Plan({"name": "x", "cubes": []}, "crs93", 1.0, *registers, (move,), {})
     )
     monkeypatch.setattr(cell.run, "replayed", lambda *_: ())
-    monkeypatch.setattr("cell.connection.AWAIT_S", 0.1)  # nobody brings photographs: a failing test fails at once
+    monkeypatch.setattr(
+        "cell.connection.AWAIT_S", 0.1
+    )  # nobody brings photographs: a failing test fails at once
     monkeypatch.setattr(cell.run, "require_start_at", lambda *_: None)
     return tmp_path
 
