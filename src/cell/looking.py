@@ -18,15 +18,25 @@ from vision.frames import FrameSource
 from vision.look import Look, annotated, look
 
 
-def look_and_save(task: Task, frames: FrameSource, picture: Path | None, console: Console, why: str) -> Seen:
+def look_and_save(
+    task: Task,
+    frames: FrameSource,
+    picture: Path | None,
+    console: Console,
+    why: str,
+    arm_in_view: bool = False,
+) -> Seen:
     """Photograph the cell, find the boards and cubes, and write the first photograph with what was found in it.
+
+    Args:
+        arm_in_view: see `vision.look.look`.
 
     Raises:
         InputError: a photograph has the wrong size, or shows a marker that belongs to no board of the cell.
     """
     cell = task.cell
     images = frames.grab(cell.photographs)
-    found = look(images, cell.camera, cell.boards, cell.dictionary, cell.cube_size)
+    found = look(images, cell.camera, cell.boards, cell.dictionary, cell.cube_size, arm_in_view=arm_in_view)
     if picture is not None:
         write_png(picture, annotated(images[0], cell.camera, found))
     seen = seen_of(found, cell.boards)

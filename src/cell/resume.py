@@ -57,7 +57,7 @@ def resume(run: TaskRun, plan: Plan) -> None:
     counts, closed = mars.settled_counts(), mars.jaws()
     degrees = ", ".join(f"{d:.1f}" for d in np.degrees(cell.unit.positions(counts)))
     run.console.step(f"the arm stands at [{degrees}] deg, the jaws are {100 * closed:.0f} % closed")
-    look = run.see("from where the arm stands")
+    look = run.see("from where the arm stands", arm_in_view=True)
     seen = _known(look, task, plan)
     if abs(closed - cell.fraction_closed(cell.cube_size)) <= GRIP_CHANGE:
         carried = carried_by(task, plan, counts, look)

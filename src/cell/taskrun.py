@@ -110,10 +110,10 @@ class TaskRun:
         seen.require(self.task)
         return seen
 
-    def see(self, why: str) -> Seen:
+    def see(self, why: str, arm_in_view: bool = False) -> Seen:
         """Look from where the arm is, whatever is found."""
         picture = self.folder / f"look-{next(self._looks)}.png"
-        return look_and_save(self.task, self.connection.frames, picture, self.console, why)
+        return look_and_save(self.task, self.connection.frames, picture, self.console, why, arm_in_view)
 
     def check_reach(self, seen: Seen) -> None:
         """Every hole of the task's boards must be in reach.

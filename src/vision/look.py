@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from arm.board import POCKET_MOUTH, Board
-from arm.errors import InputError
+from arm.errors import ImpossibleError, InputError
 from arm.poses import BoardPose, hole_poses
 from arm.se3 import apply
 from vision.board_pose import BoardLimits, estimate_board_pose
@@ -66,6 +66,7 @@ def look(
     dictionary: str,
     cube_size: float,
     limits: BoardLimits | None = None,
+    arm_in_view: bool = False,
 ) -> Look:
     """Find boards and cubes in photographs of a cell that stands still.
 
@@ -76,12 +77,14 @@ def look(
         dictionary: of the markers, OpenCV's name.
         cube_size: edge of a cube, m.
         limits: when a board's pose is refused.
+        arm_in_view: the arm may cover part of a marker, whose corners then are wrong: a board whose pose is refused
+            counts as missing.
 
     Raises:
         InputError: no image, one of another size than the camera's, a marker that belongs to none of `boards`, or a
             marker that is in view twice.
         ImpossibleError: a board is in view with both markers but its pose is refused: it stands somewhere, so it
-            cannot be left out like one that is missing.
+            cannot be left out like one that is missing (unless `arm_in_view`).
     """
     if not images:
         raise InputError("a look needs at least one photograph", count=0)
@@ -97,7 +100,13 @@ def look(
         if hidden:
             missing[board.name] = _why_missing(board, hidden)
             continue
-        pose = estimate_board_pose(board, frames, camera, limits)
+        try:
+            pose = estimate_board_pose(board, frames, camera, limits)
+        except ImpossibleError as error:
+            if not arm_in_view:
+                raise
+            missing[board.name] = str(error)
+            continue
         cubes = tuple(hole_occupancy(images, camera, pose, i, cube_size) for i in range(len(board.holes)))
         found.append(BoardSight(pose, cubes))
     return Look(tuple(found), missing, frames)

@@ -164,11 +164,11 @@ def test_pause_go_on_slower_and_abort_from_the_keyboard(terminal: Terminal) -> N
     stood = run.sent().count("COORD")
     time.sleep(0.3)  # 6 s of the controller
     assert run.sent().count("COORDSPLINET") <= stood
-    assert "PAUSED  space q" in run.text
+    run.until(lambda: "PAUSED  space q" in run.text, "the line that says so")
     splines = run.sent().count("COORDSPLINET")
     run.press("--- ")
     run.until(lambda: run.sent().count("COORDSPLINET") > splines + 30, "motion again")
-    assert "50 %  space + - q" in run.text
+    run.until(lambda: "50 %  space + - q" in run.text, "the speed on the line")
     run.press("q")
     run.until(lambda: run.code is not None, "the end")
     assert run.code == 4

@@ -103,6 +103,14 @@ def test_a_wrong_marker_size_stops_the_look() -> None:
         look(two_boards().images, CAMERA, [lab_board("01-02", 0.035), B], DICTIONARY, CUBE)
 
 
+def test_a_board_that_the_arm_may_cover_is_missing_with_its_reason() -> None:
+    """What stops a look otherwise: the other board is still found."""
+    shot = two_boards()
+    seen = look(shot.images, CAMERA, [lab_board("01-02", 0.035), B], DICTIONARY, CUBE, arm_in_view=True)
+    assert [p.board.name for p in seen.poses] == [B.name]
+    assert "marker size" in seen.missing[A.name]
+
+
 def test_bad_photographs() -> None:
     with pytest.raises(InputError, match="at least one photograph"):
         look([], CAMERA, [A], DICTIONARY, CUBE)
