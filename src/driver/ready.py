@@ -48,9 +48,7 @@ def wait_ready(
         if ready and not status.busy:
             return
         idle = 0 if status.busy else idle + 1
-        if (
-            idle == IDLE_POLLS
-        ):  # the question or its answer was lost on the line: it costs nothing to ask again
+        if idle == IDLE_POLLS:  # the question or its answer was lost on the line: asking again costs nothing
             idle = 0
             link.send(encode("R", axis=axis))
         if link.clock.now() >= deadline:

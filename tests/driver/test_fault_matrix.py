@@ -8,12 +8,14 @@ import pytest
 
 from fault_matrix import EXPECTED, MOMENTS, NAMES, run_case
 
+# Where a fault is felt most; the others take the moments in turn.
+FELT = {"grasp missed": "gripping", "answer lost": "homing"}
+
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_fault_ends_as_written_down(name: str, tmp_path: Path) -> None:
-    number = NAMES.index(name)
-    moment = "gripping" if name == "grasp missed" else MOMENTS[number % len(MOMENTS)]
-    outcome = run_case(name, moment, seed=100 + number, folder=tmp_path)
+    moment = FELT.get(name, MOMENTS[NAMES.index(name) % len(MOMENTS)])
+    outcome = run_case(name, moment, seed=0, folder=tmp_path)
     assert outcome.as_expected, outcome
     assert outcome.played_s < 2.5  # look-ahead, dwell and braking
 

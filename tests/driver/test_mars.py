@@ -59,6 +59,14 @@ def test_nothing_moves_before_identify(fake: Any, unit: Unit, clock: Clock) -> N
     assert fake.lines == []
 
 
+def test_a_unit_that_echoes_again_was_switched_off_and_on(mars: Mars, fake: Any) -> None:
+    fake.echo = True
+    with pytest.raises(ExecutionStopped, match="switched off and on") as stopped:
+        mars.move_to(HOME)
+    assert stopped.value.data["reason"] == "restarted"
+    assert "lost its positions" in stopped.value.data["state"]["note"]
+
+
 # -- taking into use
 
 
