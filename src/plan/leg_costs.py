@@ -27,7 +27,7 @@ NOT_NOW = 1e9
 # that one between the same stations was found to cost.
 _OVERHEAD, _OVERHEAD_S, _ALIKE = 0.02, 0.05, 0.85
 # A way around that costs this much more than the straight one, in parts, is worth more tries.
-_POOR = 0.15
+_POOR = 0.1
 # A way around that takes this much longer than was thought, in parts, is not a reason to ask again.
 _NEAR = 0.03
 
@@ -72,6 +72,7 @@ class LegCosts:
         self._blocked: dict[
             tuple[str, tuple[int, ...]], dict[tuple[int, int, Standing | None], float | None]
         ] = {}
+        self._forbidden: set[tuple[str, tuple[int, ...], tuple[int, int, Standing | None]]] = set()
         self._excess: dict[tuple[str, tuple[int, ...]], float] = {}
         self._lines: dict[Standing, set[tuple[int, Standing | None]]] = {}
 
@@ -112,6 +113,11 @@ class LegCosts:
         """The straight form of a leg is blocked; a way around takes `time` s (inf: there is none; None: unknown)."""
         self._blocked.setdefault((leg.kind, leg.numbers), {})[(*leg.ways, by)] = time
 
+    def forbid(self, leg: Leg, by: Standing | None) -> None:
+        """Never use a leg again, or not as long as `by` stands: its way was found and could not be proved as sent."""
+        self.block(leg, by, np.inf)
+        self._forbidden.add((leg.kind, leg.numbers, (*leg.ways, by)))
+
     def is_blocked(self, leg: Leg, by: Standing | None) -> bool:
         """Whether that is known already."""
         return (*leg.ways, by) in self._blocked.get((leg.kind, leg.numbers), {})
@@ -140,10 +146,10 @@ class LegCosts:
         return self._excess.get((leg.kind, leg.numbers), 0.0) > _POOR * straight
 
     def ask_again(self) -> None:
-        """Forget that there was no way, or no budget, for legs."""
-        for known in self._blocked.values():
+        """Forget that there was no way, or no budget, for legs; what is forbidden stays so."""
+        for group, known in self._blocked.items():
             for key, cost in known.items():
-                if cost in (NOT_NOW, np.inf):
+                if cost in (NOT_NOW, np.inf) and (*group, key) not in self._forbidden:
                     known[key] = None
 
     def _table(self, times: Callable[[LineEnds, LineEnds, Limits], Array]) -> Table:

@@ -31,9 +31,9 @@ from plan.shorten import Ends
 from plan.stages import Stages, Standing
 
 # Ways around that are made between one pick and one place (and more where there is none yet).
-_DETOURS, _DETOURS_AT_MOST = 2, 12
+_DETOURS, _DETOURS_AT_MOST = 1, 12
 # As many times more, where the best of them still costs much more than the straight way.
-_MORE = 3
+_MORE = 5
 _ROUNDS = 400
 # A sequence that could at best be this much faster, in parts, is not looked for.
 _GOOD_ENOUGH = 0.003
@@ -174,7 +174,7 @@ class TaskSearch:
             station, way = lines[which][role == "approach"]
             self.costs.close_line(station, way, by)
         else:
-            self.costs.block(legs[which], by, np.inf)
+            self.costs.forbid(legs[which], by)
         self._reject(error)
 
     def _in_the_way(

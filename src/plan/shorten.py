@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from math import ceil
 
 import numpy as np
 import qpsolvers
@@ -98,14 +99,15 @@ class Shortener:
 
     def blocked(self, way: Array, trial: Array) -> list[tuple[int, float]]:
         """Samples of the moved edges that are not clear: edge, and place on it (0 to 1)."""
-        found = []
+        found, too_near = [], self.world.too_near(self.clearance)
         for i in range(len(trial) - 1):
             a, b = trial[i], trial[i + 1]
             if np.array_equal(trial[i : i + 2], way[i : i + 2]):
                 continue
-            count = int(np.clip(np.ceil(np.abs(b - a).sum() / _CHECK_TRAVEL), 2, 40))
+            step = b - a
+            count = min(max(ceil(np.abs(step).sum() / _CHECK_TRAVEL), 2), 40)
             for j in range(1, count + (i < len(trial) - 2)):
-                if self.world.in_collision(a + (j / count) * (b - a), self.clearance):
+                if too_near(a + (j / count) * step):
                     found.append((i, j / count))
                     if len(found) >= _MOST_SAMPLES:
                         return found

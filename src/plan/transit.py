@@ -13,8 +13,8 @@ Every edge that is used is proved by `plan.check`, never sampled.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from itertools import islice, pairwise
+from collections.abc import Callable, Iterable, Iterator
+from itertools import chain, islice, pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -36,6 +36,8 @@ from plan.world import World
 _FIRST_LOOKS = (0.5, 0.25, 0.75, 0.125, 0.375, 0.625, 0.875)
 # A way that takes this much longer than the straight one is worth more tries.
 _POOR = 1.25
+# One that takes no more than this much longer is as good as the straight one: others are not looked at.
+_ALMOST = 1.1
 # How many ways are remembered, and how densely they are looked at, rad summed over the joints.
 _REMEMBERED, _LOOK_TRAVEL = 6, 0.2
 # Corners nearer to each other than this lead to the same way, s of travel.
@@ -138,16 +140,18 @@ class Detours:
         self.ends = ends or Ends(still, still)
         self.known = [] if known is None else known
         self.slack = slack
+        self.too_near = world.too_near(clearance)
         self.shortener = Shortener(world, limits, clearance, self.ends)
 
     def around(self, start: Array, goal: Array, at: float) -> Array | None:
         """A way, made as fast as the budget allows, or None; the straight one is blocked at fraction `at`."""
+        straight = self.time(np.stack([start, goal]))
         trodden = self.trodden(start, goal)
         ways = self.few_corners(start, goal, at)
-        first = ([] if trodden is None else [trodden]) + list(islice(ways, self.budget.starts))
-        best = self.fastest(first)
-        if best is None or self.time(best) > _POOR * self.time(np.stack([start, goal])):
-            more = self.fastest(list(islice(ways, self.budget.more_starts)))
+        first = chain([] if trodden is None else [trodden], islice(ways, self.budget.starts))
+        best = self.fastest(first, _ALMOST * straight)
+        if best is None or self.time(best) > _POOR * straight:
+            more = self.fastest(islice(ways, self.budget.more_starts), _POOR * straight)
             if more is not None and (best is None or self.time(more) < self.time(best)):
                 best = more
         if best is not None:
@@ -160,10 +164,16 @@ class Detours:
         found = self.shortener.shorten(way, self.budget.steps)
         return self.noted(found if self.proved(found) else way)
 
-    def fastest(self, ways: list[Array]) -> Array | None:
-        """The fastest that comes of making ways faster, proved; None where nothing is."""
-        steps = self.budget.steps
-        rough = [self.shortener.shorten(way, max(steps // 3, 2)) for way in ways]
+    def fastest(self, ways: Iterable[Array], enough: float) -> Array | None:
+        """The fastest that comes of making ways faster, proved; None where nothing is.
+
+        No further way is looked at once one takes no more than `enough` s.
+        """
+        steps, rough = self.budget.steps, list[Array]()
+        for way in ways:
+            rough.append(self.shortener.shorten(way, max(steps // 3, 2)))
+            if self.time(rough[-1]) <= enough:
+                break
         for way in sorted(rough, key=lambda w: round(self.time(w), 6)):
             for trial in (self.shortener.shorten(way, steps), way):
                 if self.proved(trial):
@@ -193,7 +203,7 @@ class Detours:
 
     def free(self, q: Array) -> bool:
         """Whether a configuration keeps the clearance."""
-        return not self.world.in_collision(q, self.clearance)
+        return not self.too_near(q)
 
     def prove(self, a: Array, b: Array) -> MoveCheck:
         """The certificate of the straight joint line between a and b."""

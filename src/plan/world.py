@@ -7,7 +7,7 @@ nor do two that stand still.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import isfinite
@@ -158,7 +158,7 @@ class World:
         for i in range(len(self.pairs)):
             requests[i] = request
         self.volumes = Volumes(_axes(robot), parts, self.pairs)
-        self._broadphase: dict[float, Any] = {}
+        self._too_near: dict[float, Callable[[Array], bool]] = {}
 
     def pair_names(self, index: int) -> tuple[str, str]:
         """The two bodies of pair `index`, the one that moves more (nearer to the tool) first."""
@@ -257,14 +257,26 @@ class World:
 
     def in_collision(self, q: npt.ArrayLike, clearance: float = 0.0) -> bool:
         """Whether some pair is closer than `clearance` m at configuration q (n,) rad. Fast: coal's broadphase."""
-        at = self._configuration(q)
-        if not len(self.pairs):
-            return False
-        manager = self._broadphase.get(clearance)
-        if manager is None:  # NaN, which is not even equal to itself, always comes by here
+        return self.too_near(clearance)(self._configuration(q))
+
+    def too_near(self, clearance: float) -> Callable[[Array], bool]:
+        """`in_collision` for searches, which ask thousands of times: q has to be an array (n,) of finite floats.
+
+        Raises:
+            InputError: `clearance` is not a finite number.
+        """
+        test = self._too_near.get(clearance)
+        if test is None:  # NaN, which is not even equal to itself, always comes by here
             given.finite("clearance", clearance, "m")
-            manager = self._broadphase[clearance] = self._manager(clearance + self.padding)
-        return bool(pin.computeCollisions(self.robot.model, self._data, manager, at, True))
+            test = self._too_near[clearance] = self._tester(clearance + self.padding)
+        return test
+
+    def _tester(self, margin: float) -> Callable[[Array], bool]:
+        if not len(self.pairs):
+            return lambda q: False
+        model, data, manager = self.robot.model, self._data, self._manager(margin)
+        compute: Callable[..., bool] = pin.computeCollisions
+        return lambda q: compute(model, data, manager, q, True)
 
     def _manager(self, margin: float) -> Any:
         data = pin.GeometryData(self._geometry)
