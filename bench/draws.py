@@ -20,7 +20,8 @@ from cell.planning import reach_of
 from cell.scenery import build_scene, hole_station
 from cell.taskfile import Task, read_task
 from cell.worldfile import board_placement
-from plan.check import check_curve, curve_of_waypoints
+from plan.check import check_curve
+from plan.curve import curve_of_waypoints
 from plan.line import follow_line
 from plan.reach import LineChoice
 from plan.scene import Station

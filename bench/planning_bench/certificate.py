@@ -8,7 +8,8 @@ import time
 import numpy as np
 
 from arm.se3 import frozen, inverse
-from plan.check import check_curve, curve_of_waypoints
+from plan.check import check_curve
+from plan.curve import curve_of_waypoints
 from plan.world import World
 from planning_bench.choices import pairs
 from planning_bench.query import CLEARANCE

@@ -20,7 +20,8 @@ from cell.scenefile import (
     SceneFile,
     beyond_limits,
 )
-from plan.check import check_curve, curve_of_waypoints
+from plan.check import check_curve
+from plan.curve import curve_of_waypoints
 from plan.world import World
 
 AGREES = 1e-5  # distances that differ by less are the same, m

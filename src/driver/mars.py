@@ -18,6 +18,7 @@ from arm.unit import Unit
 from driver import startup
 from driver.clock import Clock
 from driver.gripper import GripperResult, move_gripper, read_jaws
+from driver.homing import home_all
 from driver.identity import identify, read_back
 from driver.link import Link, NoAnswer
 from driver.protocol import Position, Status, encode
@@ -26,8 +27,6 @@ from driver.rest import SAMPLE_S, STILL_COUNTS, RestState, bring_to_rest, farthe
 from driver.wirelog import WireLog
 
 POSITION_TOLERANCE = 25  # counts of static error seen on real units after a move (0.023 to 0.045 deg)
-HOMING_TOLERANCE = 2000  # counts from 0 after homing that still pass for the mark
-HOMING_S = 120.0  # of one group
 ENGAGE_S = 5.0
 SETTLE_S = 3.0
 RELEASE_MARGIN_S = 60.0  # before IDLEREL would release the arm
@@ -125,41 +124,12 @@ class Mars:
             self.note("read_back", **read_back(self.link, self.unit))
         if home:
             with self.guarded("homing"):
-                self._home()
+                home_all(self.link, self.unit)
         else:
             self._refuse_unhomed()
         self._initialised = True
         if home and soft_home:
             self.move_to([int(c) for c in self.unit.counts(self.unit.soft_home)])
-
-    def _home(self) -> None:
-        for group in self.unit.homing:
-            unmoved = self._home_axes(group)
-            if unmoved:  # at its mark before, or its line was lost: to tell, home it once more
-                self._home_axes(unmoved)
-
-    def _home_axes(self, group: Sequence[str]) -> tuple[str, ...]:
-        """Home some axes together; those whose counts were not seen to change."""
-        seen = [self.counts()]
-        self._send(*(encode("HH", axis=axis) for axis in group))
-        wait_ready(
-            self.link, f"axes {', '.join(group)}", HOMING_S, on_look=lambda: seen.append(self.counts())
-        )
-        seen.append(self.counts())
-        unmoved = []
-        for axis in group:
-            index = self.unit.axes.index(axis)
-            found = seen[-1][index]
-            if abs(found) > HOMING_TOLERANCE:
-                raise ExecutionStopped(
-                    f"axis {axis} reads {found} counts at its mark, expected 0",
-                    axis=axis,
-                    counts=list(seen[-1]),
-                    reason="homing",
-                )
-            if all(abs(counts[index] - seen[0][index]) <= STILL_COUNTS for counts in seen):
-                unmoved.append(axis)
-        return tuple(unmoved)
 
     def _refuse_faults(self) -> None:
         status = self.status()

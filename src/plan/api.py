@@ -12,7 +12,8 @@ from arm.robot import Robot, load_a465, load_robot
 from arm.se3 import inverse, rot_x, rot_y, rot_z, rotation, transform
 from arm.unit import Limits, Unit, load_unit
 from plan.budget import TransitBudget
-from plan.check import check_curve, check_move, curve_of_waypoints
+from plan.check import check_curve, check_move
+from plan.curve import curve_of_waypoints
 from plan.ik import explain_pose, inverse_kinematics
 from plan.ik_numeric import SearchOptions, solve_ik
 from plan.line import Line, LineOptions, follow_line

@@ -29,20 +29,18 @@ first lower bound of d; where that is enough, no distance is computed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from functools import lru_cache
+from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from arm.errors import InputError
-from arm.given import finite, numbers, shown
-from arm.motion import CountPath, Segment
+from arm.given import finite
+from arm.motion import CountPath
 from arm.se3 import Array
 from arm.unit import Unit
+from plan.curve import Curve, curve_of_counts
+from plan.pieces import Chain, Pieces
 from plan.world import DISTANCE_ERROR, Indices, World
-
-Flags = npt.NDArray[np.bool_]
 
 # Tight mode stops when the bound is this close to the smallest distance seen: the larger of m and a fraction of it.
 TIGHT_ABSOLUTE = 5e-4
@@ -51,24 +49,6 @@ TIGHT_RELATIVE = 0.05
 RESOLUTION = 2e-5
 # Pieces looked at before giving up; what is proved by then is returned.
 BUDGET = 20_000
-# A curve is first cut into pieces of about this travel, rad summed over the joints, and at most so many.
-_FIRST_TRAVEL = 0.4
-_FIRST_PIECES = 16
-# A cubic, or a part of one, that is not proved is cut into so many: fewer rounds of more pieces each are faster.
-_PARTS_OF_A_CUBIC = 4
-
-
-@dataclass(frozen=True)
-class Curve:
-    """A joint motion as a chain of cubics.
-
-    Attributes:
-        control: Bernstein control points of each cubic, (m, 4, n) rad.
-        ends: time at the end of each, (m,) s; or path parameter where the motion is not timed.
-    """
-
-    control: Array
-    ends: Array
 
 
 @dataclass(frozen=True)
@@ -93,51 +73,6 @@ class MoveCheck:
     proved: bool
     evaluations: int
     bounds: tuple[float, ...] = ()
-
-
-def curve_of_counts(path: CountPath, unit: Unit) -> Curve:
-    """The motion that the controller makes from integer segments."""
-    knots = path.knots()
-    control = [_bernstein(start, segment) for start, segment in zip(knots, path.segments, strict=False)]
-    points = np.array(control or [np.repeat(knots[:1], 4, axis=0)], dtype=float)
-    ends = np.cumsum([s.duration_ms for s in path.segments] or [0]) / 1e3
-    return Curve(unit.positions(points), ends)
-
-
-def curve_of_waypoints(waypoints: npt.ArrayLike) -> Curve:
-    """Straight joint lines between way-points (m, n) rad; line i ends at parameter i + 1.
-
-    Raises:
-        InputError: fewer than two way-points, not of shape (m, n), or not finite.
-    """
-    q = numbers(waypoints)
-    if q is None or q.ndim != 2 or len(q) < 2 or not q.shape[1]:
-        of = shown(waypoints) if q is None else f"array of shape {q.shape}"
-        raise InputError(
-            f"waypoints = {of}: must be (m, n), two or more rows of one number per joint, rad; to look at one "
-            "configuration use World.distance",
-            name="waypoints",
-        )
-    bad = np.flatnonzero(~np.isfinite(q).all(axis=1))
-    if len(bad):
-        raise InputError(
-            f"waypoints[{bad[0]}] = {q[bad[0]].tolist()}: must be finite numbers, rad",
-            name="waypoints",
-            row=int(bad[0]),
-        )
-    fractions = np.array([0.0, 1.0, 2.0, 3.0])[:, None] / 3.0
-    control = q[:-1, None, :] + (q[1:] - q[:-1])[:, None, :] * fractions
-    return Curve(control, np.arange(1.0, len(q)))
-
-
-def _bernstein(start: npt.NDArray[np.int64], segment: Segment) -> Array:
-    """Control points (4, 6) in counts of a segment of order 1 to 3."""
-    rows = np.zeros((3, len(start)))
-    rows[: len(segment.coefficients)] = segment.coefficients
-    a1, a2, a3 = rows
-    return np.asarray(
-        start + np.stack([0.0 * a1, a1 / 3.0, (2.0 * a1 + a2) / 3.0, a1 + a2 + a3]), dtype=float
-    )
 
 
 def check_move(world: World, path: CountPath, unit: Unit, clearance: float, tight: bool = True) -> MoveCheck:
@@ -192,144 +127,6 @@ def check_curve(world: World, curve: Curve, clearance: float, tight: bool = Fals
     return _Search(world, curve, clearance, tight).run()
 
 
-@dataclass(frozen=True, eq=False)
-class _Pieces:
-    """Stretches of the curve that are looked at together, (m): runs of whole cubics, and parts of one cubic.
-
-    Attributes:
-        first, last: cubics that each covers, `last` excluded.
-        begin, end: where it begins and ends, in cubics from the start of the curve.
-        middle: (m, n) on the curve in the middle of each.
-        reach: (m, n) how far each joint goes from there.
-        control: control points (m, 4, n) of a part; of a run its ends, twice.
-        spread: (m, n) how far each joint strays from the hull of `control`; 0 for a part.
-        bound: (m,) proved of the pairs that are open, m.
-        open: (m, p) pairs that are not proved yet.
-    """
-
-    first: Indices
-    last: Indices
-    begin: Array
-    end: Array
-    middle: Array
-    reach: Array
-    control: Array
-    spread: Array
-    bound: Array
-    open: Flags
-
-    def __len__(self) -> int:
-        return len(self.first)
-
-    def runs(self) -> Flags:
-        return np.asarray(self.last - self.first > 1)
-
-    def cuts(self) -> Array:
-        """Where the middle of each is, in cubics from the start of the curve."""
-        run = self.first + (self.last - self.first) // 2
-        return np.where(self.runs(), run, (self.begin + self.end) / 2.0)
-
-    def where(self, rows: Flags) -> _Pieces:
-        """Those with a flag in `rows` (m,)."""
-        return _Pieces(*(getattr(self, name)[rows] for name in _PARTS))
-
-    def and_(self, more: _Pieces) -> _Pieces:
-        """These and those."""
-        return _Pieces(*(np.concatenate([getattr(self, name), getattr(more, name)]) for name in _PARTS))
-
-
-_PARTS = tuple(field.name for field in fields(_Pieces))
-
-
-class _Chain:
-    """The curve's cubics, and pieces made of them."""
-
-    def __init__(self, curve: Curve) -> None:
-        self.control = curve.control
-        self.low, self.high = curve.control.min(axis=1), curve.control.max(axis=1)
-
-    def first_pieces(self, pairs: int) -> _Pieces:
-        """The whole curve in a few pieces of about the same motion."""
-        count = len(self.control)
-        travel = float((self.high - self.low).sum())
-        wanted = int(np.clip(np.ceil(travel / _FIRST_TRAVEL), 1, _FIRST_PIECES))
-        edges = np.unique(np.linspace(0, count, min(wanted, count) + 1).astype(np.intp))
-        m = len(edges) - 1
-        pieces = self.covering(edges[:-1], edges[1:], np.full(m, -np.inf), np.ones((m, pairs), dtype=bool))
-        if m < count or wanted < 2 * count:
-            return pieces
-        return _split(pieces, 1 << int(np.log2(wanted // count)))
-
-    def covering(self, first: Indices, last: Indices, bound: Array, open_: Flags) -> _Pieces:
-        """Pieces of whole cubics."""
-        made = [self._covering(i, j) for i, j in zip(first.tolist(), last.tolist(), strict=True)]
-        middle, reach, control, spread = (np.stack(parts) for parts in zip(*made, strict=True))
-        begin, end = first.astype(float), last.astype(float)
-        return _Pieces(first, last, begin, end, middle, reach, control, spread, bound, open_)
-
-    def _covering(self, first: int, last: int) -> tuple[Array, Array, Array, Array]:
-        if last - first == 1:
-            control = self.control[first]
-            middle = (control[0] + 3.0 * (control[1] + control[2]) + control[3]) / 8.0
-            return middle, np.abs(control - middle).max(axis=0), control, np.zeros_like(middle)
-        middle = self.control[first + (last - first) // 2, 0]
-        low, high = self.low[first:last].min(axis=0), self.high[first:last].max(axis=0)
-        begin, end = self.control[first, 0], self.control[last - 1, 3]
-        points, way = self.control[first:last].reshape(-1, len(middle)), end - begin
-        along = np.clip((points - begin) @ way / max(float(way @ way), 1e-18), 0.0, 1.0)
-        spread = np.abs(points - begin - along[:, None] * way).max(axis=0)
-        return middle, np.maximum(high - middle, middle - low), np.stack([begin, end, begin, end]), spread
-
-    def finer(self, pieces: _Pieces) -> _Pieces:
-        """Runs cut in their middle, and single cubics (or parts of one) in equal parts."""
-        runs = pieces.runs()
-        made = []
-        if not runs.all():
-            made.append(_split(pieces.where(~runs), _PARTS_OF_A_CUBIC))
-        if runs.any():
-            some = pieces.where(runs)
-            at = some.cuts().astype(np.intp)
-            first = np.stack([some.first, at], axis=1).ravel()
-            last = np.stack([at, some.last], axis=1).ravel()
-            bound, open_ = np.repeat(some.bound, 2), np.repeat(some.open, 2, axis=0)
-            made.append(self.covering(first, last, bound, open_))
-        return made[0] if len(made) == 1 else made[0].and_(made[1])
-
-
-def _split(parts: _Pieces, count: int) -> _Pieces:
-    """Parts of single cubics, each cut into `count`, a power of 2."""
-    control = (_split_matrix(count) @ parts.control[:, None]).reshape(-1, *parts.control.shape[1:])
-    middle = (control[:, 0] + 3.0 * (control[:, 1] + control[:, 2]) + control[:, 3]) / 8.0
-    reach = np.abs(control - middle[:, None]).max(axis=1)
-    edges = parts.begin[:, None] + (parts.end - parts.begin)[:, None] * (np.arange(count + 1) / count)
-    first, last = np.repeat(parts.first, count), np.repeat(parts.last, count)
-    return _Pieces(
-        first,
-        last,
-        edges[:, :-1].ravel(),
-        edges[:, 1:].ravel(),
-        middle,
-        reach,
-        control,
-        np.zeros_like(middle),
-        np.repeat(parts.bound, count),
-        np.repeat(parts.open, count, axis=0),
-    )
-
-
-@lru_cache(maxsize=8)
-def _split_matrix(count: int) -> Array:
-    """(count, 4, 4): from the control points of a cubic to those of its equal parts."""
-    if count == 1:
-        return np.eye(4)[None]
-    left = (
-        np.array([[8, 0, 0, 0], [4, 4, 0, 0], [2, 4, 2, 0], [1, 3, 3, 1]]) / 8.0
-    )  # de Casteljau at the middle
-    right = left[::-1, ::-1]
-    finer = _split_matrix(count // 2)
-    return np.concatenate([finer @ left, finer @ right])
-
-
 class _Search:
     """Bisection, all pieces of a depth together."""
 
@@ -354,7 +151,7 @@ class _Search:
         return min(self.seen, float(self.bounds.min(initial=np.inf))) < self.clearance
 
     def run(self) -> MoveCheck:
-        chain, world = _Chain(self.curve), self.world
+        chain, world = Chain(self.curve), self.world
         pieces = chain.first_pieces(len(world.pairs))
         if self.tight and len(world.pairs):
             # a first distance that was really seen; without one, nothing is enough
@@ -379,7 +176,7 @@ class _Search:
             bounds=tuple(self.bounds.tolist()),
         )
 
-    def look(self, pieces: _Pieces, first: bool) -> _Pieces:
+    def look(self, pieces: Pieces, first: bool) -> Pieces:
         """Bounds around the middle of each piece; what they do not settle is returned.
 
         Balls and boxes are asked the first time only: what they left open then, they rarely settle in smaller pieces.
@@ -426,7 +223,7 @@ class _Search:
             self.seen, self.seen_pair = float(distances[closest]), int(pairs[closest])
             self.seen_at = float(at[closest])
 
-    def settle(self, pieces: _Pieces, bound: Array) -> None:
+    def settle(self, pieces: Pieces, bound: Array) -> None:
         """Lower the bounds (m,) of the cubics that the pieces are of."""
         parts = ~pieces.runs()
         np.minimum.at(self.bounds, pieces.first[parts], bound[parts])

@@ -22,7 +22,8 @@ from arm.errors import ImpossibleError
 from arm.se3 import Array
 from arm.unit import Limits
 from plan.chains import At, Chain
-from plan.check import Curve, MoveCheck, check_curve, curve_of_waypoints
+from plan.check import MoveCheck, check_curve
+from plan.curve import Curve, curve_of_waypoints
 from plan.handling import Situation, Worlds
 from plan.options import PlanOptions
 from plan.paths import Path, smooth_path

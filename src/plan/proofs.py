@@ -15,7 +15,8 @@ import numpy as np
 from arm.errors import ImpossibleError
 from arm.se3 import Array, frozen
 from arm.unit import Limits
-from plan.check import MoveCheck, check_curve, curve_of_waypoints
+from plan.check import MoveCheck, check_curve
+from plan.curve import curve_of_waypoints
 from plan.options import PlanOptions
 from plan.reach import LineChoice
 from plan.shorten import Ends

@@ -24,7 +24,8 @@ from arm.given import integer
 from arm.se3 import Array, frozen
 from arm.unit import Limits
 from plan.budget import TransitBudget
-from plan.check import MoveCheck, check_curve, curve_of_waypoints
+from plan.check import MoveCheck, check_curve
+from plan.curve import curve_of_waypoints
 from plan.ik import all_branches, nearest_turns
 from plan.rrt import RrtConnect
 from plan.shorten import Ends, Shortener

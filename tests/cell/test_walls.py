@@ -6,7 +6,8 @@ from pathlib import Path
 
 from cell.planning import plan_rest, scene_of
 from cell.taskfile import read_task
-from plan.check import check_curve, curve_of_waypoints
+from plan.check import check_curve
+from plan.curve import curve_of_waypoints
 from plan.world import World
 from true_look import true_look
 

@@ -10,15 +10,8 @@ from arm.motion import CountPath, Segment
 from arm.robot import load_a465
 from arm.se3 import Array, apply, frozen, rotation, transform
 from arm.unit import load_unit
-from plan.check import (
-    TIGHT_ABSOLUTE,
-    TIGHT_RELATIVE,
-    Curve,
-    check_curve,
-    check_move,
-    curve_of_counts,
-    curve_of_waypoints,
-)
+from plan.check import TIGHT_ABSOLUTE, TIGHT_RELATIVE, check_curve, check_move
+from plan.curve import Curve, curve_of_counts, curve_of_waypoints
 from plan.world import DISTANCE_ERROR, World
 from task2_scene import POST, Q_START, TABLE, TOOL_LENGTH
 

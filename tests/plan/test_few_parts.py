@@ -15,7 +15,8 @@ from arm.outfit import ignoring, urdf_limits, with_tool
 from arm.robot import Robot, load_robot
 from arm.se3 import transform
 from made_up_arms import SEVEN, Z, arm, urdf
-from plan.check import check_curve, curve_of_waypoints
+from plan.check import check_curve
+from plan.curve import curve_of_waypoints
 from plan.ik_numeric import solve_ik
 from plan.options import PlanOptions
 from plan.poselist import plan_poses

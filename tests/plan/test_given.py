@@ -14,7 +14,8 @@ from arm.se3 import transform
 from arm.unit import Limits, load_unit
 from made_up_arms import RAIL, arm
 from plan.budget import TransitBudget
-from plan.check import BUDGET, Curve, check_curve, curve_of_waypoints
+from plan.check import BUDGET, check_curve
+from plan.curve import Curve, curve_of_waypoints
 from plan.ik import explain_pose, inverse_kinematics
 from plan.ik_numeric import solve_ik
 from plan.options import PlanOptions

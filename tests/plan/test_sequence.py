@@ -17,7 +17,8 @@ from arm.planfile import Step
 from arm.robot import load_a465
 from arm.se3 import Array, apply, frozen, inverse, rot_x, rot_z, transform
 from arm.unit import load_unit
-from plan.check import check_curve, curve_of_waypoints
+from plan.check import check_curve
+from plan.curve import curve_of_waypoints
 from plan.options import PlanOptions
 from plan.order import Done, best_order
 from plan.proofs import MARGIN

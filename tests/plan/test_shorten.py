@@ -14,7 +14,8 @@ from arm.se3 import Array, rotation, transform
 from arm.unit import load_unit
 from grazing import ARMS, OBSTACLES, arm, obstacle, world_of
 from plan.budget import TransitBudget
-from plan.check import check_curve, curve_of_waypoints
+from plan.check import check_curve
+from plan.curve import curve_of_waypoints
 from plan.shorten import Ends
 from plan.transit import plan_transit
 from plan.travel import path_time

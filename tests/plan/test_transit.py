@@ -13,7 +13,8 @@ from arm.robot import load_a465
 from arm.se3 import Array, transform
 from arm.unit import load_unit
 from plan.budget import TransitBudget
-from plan.check import check_curve, curve_of_waypoints
+from plan.check import check_curve
+from plan.curve import curve_of_waypoints
 from plan.transit import plan_transit
 from plan.travel import path_time, path_times, straight_time
 from plan.world import World

@@ -15,7 +15,7 @@ from arm.motion import CountPath, Segment
 from arm.robot import LinkBody, Robot, load_a465, load_robot
 from arm.se3 import Array, frozen, rotation, transform
 from arm.unit import load_unit
-from plan.check import Curve, curve_of_counts, curve_of_waypoints
+from plan.curve import Curve, curve_of_counts, curve_of_waypoints
 from plan.world import World
 from task2_scene import TABLE, TOOL_LENGTH
 
