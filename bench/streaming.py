@@ -15,6 +15,7 @@ import argparse
 import json
 import os
 import platform
+import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -23,9 +24,12 @@ from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
+
 from arm.motion import CountPath
 from arm.se3 import Array
 from arm.unit import Limits, Unit, load_unit
+from count_paths import off_path_deg
 from driver.clock import Clock
 from driver.emulator import Emulator, EmulatorOptions
 from driver.emulator.commands import Interpreter
@@ -127,7 +131,7 @@ def streamed(options: argparse.Namespace, seeds: list[int]) -> list[Streamed]:
                 Streamed(
                     planned_s=path.duration_s,
                     took_s=float(times[-1] - times[begin]) / 1e3,
-                    off_deg=off_path_deg(unit, counts[begin:], path),
+                    off_deg=off_path_deg(unit, counts[begin:], path.sample()),
                     starved_ms=int(gaps[gaps > 1].sum()),
                     ahead_s=sent.ahead_s,
                 )
@@ -155,26 +159,6 @@ def planned(unit: Unit, seed: int, start: tuple[int, ...], options: argparse.Nam
     q[-1] = unit.positions(unit.counts(q[-1]))
     trajectory = time_path(np.array(q), limits, corners=str(rng.choice(["blend", "stop"])))
     return to_segments(trajectory, unit, options.segment_ms, limits=sent)
-
-
-def off_path_deg(unit: Unit, counts: Array, path: CountPath) -> float:
-    """Farthest of positions (m, 6) in order from the nearest point of a path: the worst axis, deg."""
-    per_deg = np.abs(unit.counts_per_rad) * np.pi / 180.0
-    corners = path.at(np.arange(0.0, path.duration_s + 5e-4, 1e-3)) / per_deg
-    worst, near = 0.0, 0
-    for point in counts / per_deg:
-        low = max(near - 300, 0)
-        begin = corners[low : near + 900]
-        way = np.diff(begin, axis=0)
-        if not len(way):
-            low, begin = len(corners) - 2, corners[-2:]
-            way = np.diff(begin, axis=0)
-        length = np.maximum((way**2).sum(axis=1), 1e-30)
-        share = np.clip(((point - begin[:-1]) * way).sum(axis=1) / length, 0.0, 1.0)
-        distance = np.abs(begin[:-1] + share[:, None] * way - point).max(axis=1)
-        near = low + int(np.argmin(distance))
-        worst = max(worst, float(distance.min()))
-    return worst
 
 
 def plans(options: argparse.Namespace) -> dict[str, float]:

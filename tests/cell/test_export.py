@@ -19,19 +19,9 @@ from cell.console import Console
 from cell.export import export_step
 from cell.exportseries import executed, planned, unit_of
 from driver.logfile import Session, read_log
-from logged_session import LoggedRun, logged_run
+from logged_session import LoggedRun
 
 pytestmark = pytest.mark.xdist_group("logs")
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> LoggedRun:
-    return logged_run(tmp_path_factory.mktemp("log") / "wire.jsonl")
-
-
-@pytest.fixture(scope="module")
-def session(run: LoggedRun) -> Session:
-    return read_log(run.log)
 
 
 @pytest.fixture(scope="module")

@@ -20,22 +20,12 @@ from cell.console import Console
 from cell.logpages import preview_log
 from cell.preview.executed import match, plan_of
 from cell.previewstep import preview_file
-from driver.logfile import Session, read_log
+from driver.logfile import Session
 from driver.logmotions import LoggedMotion
 from driver.logsamples import LoggedSample
-from logged_session import LoggedRun, logged_run
+from logged_session import LoggedRun
 
 pytestmark = pytest.mark.xdist_group("logs")
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> LoggedRun:
-    return logged_run(tmp_path_factory.mktemp("log") / "wire.jsonl")
-
-
-@pytest.fixture(scope="module")
-def session(run: LoggedRun) -> Session:
-    return read_log(run.log)
 
 
 @pytest.fixture(scope="module")

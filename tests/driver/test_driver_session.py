@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
 from arm.errors import ExecutionStopped, InputError
-from arm.motion import CountPath, Segment
+from arm.motion import CountPath
 from arm.planfile import GripperStep, Move
 from arm.unit import Unit, load_unit
+from count_paths import OBJECT_ADC, Jaws, distance_deg, sweep
 from driver.clock import Clock
 from driver.emulator import Emulator, EmulatorOptions, Fault, When
 from driver.execute import execute
@@ -26,14 +26,6 @@ from driver.stream import Progress, StreamOptions, stream
 from driver.wirelog import WireLog
 
 STRICT = EmulatorOptions(unknown="fail", noise=b"\x00\xff\x80\xfeMARS", registers_readable=True)
-OBJECT_ADC = 420
-
-
-class Jaws:
-    """Something 42 % wide stands between the jaws."""
-
-    def jaws(self, counts: tuple[int, ...], from_adc: int, to_adc: int) -> int:
-        return max(to_adc, OBJECT_ADC) if to_adc < from_adc else to_adc
 
 
 @pytest.fixture
@@ -50,33 +42,10 @@ def mars(emulator: Emulator, unit: Unit, clock: Clock) -> Iterator[Mars]:
         yield mars
 
 
-def sweep(unit: Unit, start: tuple[int, ...], seconds: float = 6.0, fraction: float = 0.9) -> CountPath:
-    """From rest to rest, the arm at `fraction` of its default speeds, as 100 ms cubics with whole coefficients."""
-    n = round(seconds * 10)
-    top = fraction * np.array(unit.speed_registers) / 256.0  # counts/ms
-    way = np.array([1, 1, -1, -0.8, -0.6, 0.3]) * top * seconds * 1e3 / 1.5
-    t = np.linspace(0.0, 1.0, n + 1)
-    knots = np.rint(np.array(start) + np.outer(t**2 * (3 - 2 * t), way)).astype(int)
-    slopes = np.rint(np.outer(6 * t * (1 - t) / n, way)).astype(int)
-    cubics = []
-    for k in range(n):
-        d, v0, v1 = knots[k + 1] - knots[k], slopes[k], slopes[k + 1]
-        a3 = v0 + v1 - 2 * d
-        cubics.append(Segment(100, tuple(tuple(int(c) for c in row) for row in (v0, d - v0 - a3, a3))))
-    return CountPath(start, tuple(cubics))
-
-
 def executed_since(emulator: Emulator, time_ms: int) -> tuple[np.ndarray, np.ndarray]:
     record = emulator.record()
     rows = record.time_ms >= time_ms
     return record.time_ms[rows], record.counts[rows]
-
-
-def distance_deg(unit: Unit, executed: np.ndarray, path: CountPath) -> float:
-    """Farthest any executed sample is from the nearest point of the path, deg, worst joint."""
-    ideal = np.degrees(unit.positions(path.sample(2.5e-4)))
-    distance, _ = cKDTree(ideal).query(np.degrees(unit.positions(executed)), p=np.inf)
-    return float(np.max(distance))
 
 
 @pytest.mark.parametrize("name", ["crs93", "crs97"])

@@ -6,11 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
 from arm.errors import ExecutionStopped
-from arm.motion import CountPath, Segment
 from arm.unit import Unit
+from count_paths import distance_deg, sweep
 from driver.clock import Clock
 from driver.control import Control
 from driver.emulator import Emulator
@@ -32,35 +31,14 @@ def mars(emulator: Emulator, unit: Unit, clock: Clock) -> Iterator[Mars]:
         yield mars
 
 
-def sweep(unit: Unit, start: tuple[int, ...], seconds: float = 6.0, fraction: float = 0.8) -> CountPath:
-    """From rest to rest, at `fraction` of the default speeds in the middle, as 100 ms cubics."""
-    n = round(seconds * 10)
-    top = fraction * np.array(unit.speed_registers) / 256.0  # counts/ms
-    way = np.array([1, 1, -1, -0.8, -0.6, 0.3]) * top * seconds * 1e3 / 1.5
-    t = np.linspace(0.0, 1.0, n + 1)
-    knots = np.rint(np.array(start) + np.outer(t**2 * (3 - 2 * t), way)).astype(int)
-    slopes = np.rint(np.outer(6 * t * (1 - t) / n, way)).astype(int)
-    cubics = []
-    for d, v0, v1 in zip(np.diff(knots, axis=0), slopes[:-1], slopes[1:], strict=True):
-        a3 = v0 + v1 - 2 * d
-        cubics.append(Segment(100, tuple(tuple(int(c) for c in row) for row in (v0, d - v0 - a3, a3))))
-    return CountPath(start, tuple(cubics))
-
-
 def executed_since(emulator: Emulator, time_ms: int) -> np.ndarray:
     """Counts in every millisecond, (m, 6)."""
     record = emulator.record()
     return np.asarray(record.counts[record.time_ms >= time_ms])
 
 
-def distance_deg(unit: Unit, executed: np.ndarray, path: CountPath) -> float:
-    ideal = np.degrees(unit.positions(path.sample(2.5e-4)))
-    distance, _ = cKDTree(ideal).query(np.degrees(unit.positions(executed)), p=np.inf)
-    return float(np.max(distance))
-
-
 def test_a_pause_keeps_the_path_in_every_millisecond(mars: Mars, emulator: Emulator, unit: Unit) -> None:
-    path, control = sweep(unit, mars.counts()), Control()
+    path, control = sweep(unit, mars.counts(), fraction=0.8), Control()
     begin, stood, asked = emulator.now_ms(), [], []
 
     def script(progress: Progress) -> None:
@@ -90,7 +68,7 @@ def test_a_pause_keeps_the_path_in_every_millisecond(mars: Mars, emulator: Emula
 def test_an_override_keeps_the_path_and_takes_its_time(
     mars: Mars, emulator: Emulator, unit: Unit, override: float
 ) -> None:
-    path = sweep(unit, mars.counts(), 3.0)
+    path = sweep(unit, mars.counts(), 3.0, fraction=0.8)
     begin = emulator.now_ms()
     sent = stream(mars, path, control=Control(override))
     assert distance_deg(unit, executed_since(emulator, begin), path) <= 0.02
@@ -102,7 +80,7 @@ def test_an_override_keeps_the_path_and_takes_its_time(
 def test_an_abort_in_full_motion_leaves_a_state_that_is_known(
     mars: Mars, emulator: Emulator, unit: Unit
 ) -> None:
-    path, control = sweep(unit, mars.counts()), Control()
+    path, control = sweep(unit, mars.counts(), fraction=0.8), Control()
     asked: list[int] = []
 
     def script(progress: Progress) -> None:

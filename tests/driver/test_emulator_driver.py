@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from arm.errors import ExecutionStopped, ImpossibleError
-from arm.motion import CountPath, Segment
 from arm.unit import Unit, load_unit
+from count_paths import DISTANCE, quintic
 from driver.clock import Clock
 from driver.emulator import Emulator, EmulatorOptions
 from driver.mars import Mars
@@ -45,24 +45,6 @@ def mars(emulator: Emulator, unit: Unit, fast: Clock) -> Iterator[Mars]:
         mars.identify()
         mars.initialise()
         yield mars
-
-
-def quintic(start: tuple[int, ...], n: int, distance: list[int]) -> CountPath:
-    """From rest to rest in n cubic pieces of 100 ms."""
-    x = np.linspace(0.0, 1.0, n + 1)[:, None]
-    way = np.array(distance, dtype=float)
-    knots = np.rint((x**3 * (10 + x * (-15 + 6 * x))) * way).astype(int)
-    slopes = 30 * x**2 * (1 - x) ** 2 * way / n
-    segments = []
-    for i in range(n):
-        d = knots[i + 1] - knots[i]
-        a1, a3 = np.rint(slopes[i]).astype(int), np.rint(slopes[i] + slopes[i + 1] - 2 * d).astype(int)
-        rows = tuple(tuple(int(v) for v in row) for row in (a1, d - a1 - a3, a3))
-        segments.append(Segment(100, rows))
-    return CountPath(start, tuple(segments))
-
-
-DISTANCE = [30000, -4000, 15000, 9000, -20000, 25000]
 
 
 @pytest.mark.parametrize("name", ["crs93", "crs97"])

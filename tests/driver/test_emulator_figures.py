@@ -17,6 +17,7 @@ import serial
 from arm.motion import CountPath, Segment
 from arm.se3 import Array
 from arm.unit import Unit, load_unit
+from count_paths import off_path_deg
 from driver.clock import Clock
 from driver.emulator import Emulator, EmulatorOptions, Record
 
@@ -116,23 +117,6 @@ def lines(path: CountPath) -> list[str]:
 
 
 DWELL = f"COORDSPLINET:{DWELL_MS},3," + ",".join(["0"] * 18)
-
-
-def off_path_deg(unit: Unit, counts: Array, curve: Array) -> float:
-    """Farthest that any position (m, 6) is from the polyline of a curve (n, 6): the worst axis of the nearest point."""
-    per_deg = np.abs(unit.counts_per_rad) * np.pi / 180.0
-    points, corners = counts / per_deg, curve / per_deg
-    worst, near = 0.0, 0
-    for point in points:
-        low = max(near - 300, 0)
-        begin = corners[low : near + 700]
-        way = np.diff(begin, axis=0)
-        length = np.maximum((way**2).sum(axis=1), 1e-30)
-        share = np.clip(((point - begin[:-1]) * way).sum(axis=1) / length, 0.0, 1.0)
-        distance = np.abs(begin[:-1] + share[:, None] * way - point).max(axis=1)
-        near = low + int(np.argmin(distance))
-        worst = max(worst, float(distance.min()))
-    return worst
 
 
 def bends(counts: Array, over_ms: int = 20) -> Array:

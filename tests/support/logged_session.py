@@ -5,39 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from arm.errors import ExecutionStopped
 from arm.motion import CountPath, Segment
 from arm.unit import load_unit
+from count_paths import DISTANCE, Jaws, quintic
 from driver.clock import Clock
 from driver.emulator import Emulator, Record
 from driver.mars import Mars
 from driver.stream import Progress, stream
 from driver.wirelog import WireLog
-
-DISTANCE = (30000, -4000, 15000, 9000, -20000, 25000)
-
-
-class Jaws:
-    """Something stands between the jaws."""
-
-    def jaws(self, counts: tuple[int, ...], from_adc: int, to_adc: int) -> int:
-        return max(to_adc, 420) if to_adc < from_adc else to_adc
-
-
-def quintic(start: tuple[int, ...], n: int, distance: tuple[int, ...] = DISTANCE) -> CountPath:
-    """From rest to rest in n cubic pieces of 100 ms."""
-    x = np.linspace(0.0, 1.0, n + 1)[:, None]
-    way = np.array(distance, dtype=float)
-    knots = np.rint((x**3 * (10 + x * (-15 + 6 * x))) * way).astype(int)
-    slopes = 30 * x**2 * (1 - x) ** 2 * way / n
-    segments = []
-    for i in range(n):
-        d = knots[i + 1] - knots[i]
-        a1, a3 = np.rint(slopes[i]).astype(int), np.rint(slopes[i] + slopes[i + 1] - 2 * d).astype(int)
-        segments.append(Segment(100, tuple(tuple(int(v) for v in row) for row in (a1, d - a1 - a3, a3))))
-    return CountPath(start, tuple(segments))
 
 
 @dataclass(frozen=True)
@@ -58,7 +34,7 @@ class LoggedRun:
     record: Record
 
 
-def logged_run(log: Path, time_scale: float = 20.0) -> LoggedRun:
+def logged_run(log: Path, time_scale: float = 10.0) -> LoggedRun:
     """Home, an absolute move, a stream that ends in a straight segment, jaws on an object, a stream that is stopped."""
     unit, clock = load_unit("crs93"), Clock(time_scale)
     with Emulator(unit, clock, Jaws()) as emulator:
