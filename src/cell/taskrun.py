@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from arm.errors import A465Error, ExecutionStopped
+from arm.errors import A465Error, ExecutionStopped, InputError
 from arm.files import write_atomic
 from arm.planfile import GripperStep, Plan, Step, write_plan
 from arm.se3 import Array, frozen
@@ -343,16 +343,22 @@ class TaskRun:
     def report(self) -> dict[str, Any]:
         """Print the table and write the report."""
         print_rows(self.console, self.rows)
-        report = self._as_json()
-        write_atomic(self.folder / "report.json", _json(report))
+        self._write_report({})
         self.console.say(f"\nwhat was seen, planned and sent is in {self.folder}")
-        return report
+        return self._as_json()
 
     def record(self, error: A465Error) -> None:
         """Write the report of a run that ended by an error."""
         kind = {"kind": type(error).__name__, "message": str(error), "exit_code": error.exit_code}
         known = {key: error.data[key] for key in ("failure", "advice") if key in error.data}
-        write_atomic(self.folder / "report.json", _json({**self._as_json(), "error": {**kind, **known}}))
+        self._write_report({"error": {**kind, **known}})
+
+    def _write_report(self, more: dict[str, Any]) -> None:
+        """Write the report; that it could not be written is told, and does not hide how the run ended."""
+        try:
+            write_atomic(self.folder / "report.json", _json({**self._as_json(), **more}))
+        except InputError as error:
+            self._tell(f"no report: {error}")
 
     def _as_json(self) -> dict[str, Any]:
         whole = [p for p in self.plans if p.task["cubes"]]

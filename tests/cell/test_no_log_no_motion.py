@@ -18,13 +18,13 @@ from arm.planfile import Move, Plan, write_plan
 from arm.unit import Unit, load_unit
 from cell.console import Console
 from cell.taskfile import read_task
+from count_paths import quintic
 from driver.clock import Clock
 from driver.emulator import Emulator
 from driver.logfile import read_log
 from driver.mars import Mars
 from driver.stream import stream
 from driver.wirelog import WireLog
-from logged_session import quintic
 
 pytestmark = pytest.mark.xdist_group("logs")
 TASK = data_file("scenes/task2.toml")
@@ -175,3 +175,16 @@ def test_a_disk_that_fills_while_the_arm_moves_stops_it_and_leaves_a_log_that_re
     session = read_log(place / "wire.jsonl")
     assert session.damaged == 0
     assert session.motions[-1].start == path.start
+
+
+def test_a_report_that_cannot_be_written_does_not_hide_how_the_run_ended(
+    place: Path, emulator: Emulator, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(file: Path, _: bytes | str) -> None:
+        raise InputError(f"{file}: cannot be written: No space left on device")
+
+    monkeypatch.setattr("cell.taskrun.write_atomic", full)
+    with pytest.raises(A465Error, match="photograph"):
+        _execute(emulator.open_pty(), place / "images")
+    told = capsys.readouterr()
+    assert "no report: runs/task2-1/report.json: cannot be written: No space left" in told.err + told.out
