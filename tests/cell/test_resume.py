@@ -40,10 +40,10 @@ TIME_SCALE = 20.0
 class LastingCell:
     """A simulated cell that outlives the sessions with its controller."""
 
-    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch, task: str) -> None:
         shutil.copytree(data_file("scenes"), folder / "scenes")
-        self.folder, self.file = folder, folder / "scenes/task2.toml"
-        world = folder / "scenes/task2.world.toml"
+        self.folder, self.file = folder, folder / f"scenes/{task}.toml"
+        world = folder / f"scenes/{task}.world.toml"
         world.write_text(world.read_text().replace("cubes = [1, 2, 3, 4]", "cubes = [1, 3]"))
         self.task = read_task(self.file)
         cell_ = self.task.cell
@@ -101,7 +101,14 @@ class LastingCell:
 
 @pytest.fixture
 def lasting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[LastingCell]:
-    found = LastingCell(tmp_path, monkeypatch)
+    found = LastingCell(tmp_path, monkeypatch, "task2")
+    with found.emulator:
+        yield found
+
+
+@pytest.fixture
+def clearing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[LastingCell]:
+    found = LastingCell(tmp_path, monkeypatch, "task1")
     with found.emulator:
         yield found
 
@@ -151,6 +158,34 @@ def test_stopped_again_and_again_the_task_is_finished(
         if p.name != "report.json"
         for m in read_plan(p).moves
     )
+
+
+def test_clearing_a_board_goes_on_with_the_cubes_that_stand_on_the_table(
+    clearing: LastingCell, capsys: pytest.CaptureFixture[str]
+) -> None:
+    at = clearing
+
+    def resume(name: str) -> dict[str, Any]:
+        return resume_plan(at.newest, at.file, Console(), at.url, None, at.folder / name)
+
+    def first() -> dict[str, Any]:
+        return execute_plan(at.plan, at.file, Console(), at.url, folder=at.folder / "first")
+
+    at.stopped(first, "approach table", 0.6)  # just above the table
+    assert len(at.held()) == 1
+    at.stopped(
+        lambda: resume("second"), "lift off", 0.5
+    )  # of the other cube; the first one stands on the table
+    assert len(at.held()) == 1
+    report = resume("third")
+    assert capsys.readouterr().out.count("is in the jaws: it goes to table/") == 2
+    assert all(c["placed"] for c in report["cubes"])
+    cubes = at.simulated.cubes(at.emulator.counts())
+    assert [c.where.partition("/")[0] for c in cubes] == ["table", "table"]
+    apart = np.linalg.norm(cubes[0].T_base_cube[:2, 3] - cubes[1].T_base_cube[:2, 3])
+    assert apart >= 0.075 - 1e-3
+    assert not [e for e in at.simulated.events if e.what in ("pushed", "fallen", "missed")]
+    assert at.emulator.violations == ()
 
 
 def test_a_unit_that_lost_its_positions_is_not_resumed(lasting: LastingCell) -> None:
