@@ -23,7 +23,7 @@ from plan.jerk import time_smooth
 from plan.line import JointPath, Line
 from plan.options import PlanOptions
 from plan.paths import joined, polyline, smooth_path
-from plan.segments import LineTolerance, to_marked_segments, to_segments
+from plan.segments import LineTolerance, MarksTooNear, to_marked_segments, to_segments
 from plan.timing import time_joined, time_line, time_path
 from plan.world import World
 
@@ -129,14 +129,17 @@ class Mover:
         )
         trajectory = time_joined(path, self.planned)
         marks = [mark for mark, phase in zip(path.marks, (before, after), strict=True) if phase]
-        sent = to_marked_segments(
-            trajectory,
-            self.unit,
-            self.options.segment_ms,
-            limits=self.sent,
-            marks=marks,
-            lines=(self.tolerance(before), self.tolerance(after)),
-        )
+        try:
+            sent = to_marked_segments(
+                trajectory,
+                self.unit,
+                self.options.segment_ms,
+                limits=self.sent,
+                marks=marks,
+                lines=(self.tolerance(before), self.tolerance(after)),
+            )
+        except MarksTooNear:  # a way across of next to nothing, as out of a hole and into it again
+            return None
         edges = [0, *sent.first, len(sent.path.segments)]
         moves = []
         start = sent.path.start

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from arm.errors import ImpossibleError, InputError
+from arm.errors import ImpossibleError
 from arm.motion import CountPath
 from arm.planfile import Move
 from arm.robot import Robot
@@ -27,7 +27,7 @@ from plan.line import JointPath
 from plan.options import PlanOptions
 from plan.paths import Stretch, chained, smooth_path
 from plan.screws import screw_arm
-from plan.segments import to_marked_segments, to_segments
+from plan.segments import MarksTooNear, to_marked_segments, to_segments
 from plan.targets import Target
 from plan.timing import time_curve, time_line, time_path
 from plan.world import World
@@ -164,7 +164,7 @@ class PoseMover:
                 late=[isinstance(parts[i].shape, Stretch) for i in changes],
                 deviation=self.deviation,
             )
-        except InputError:  # phases so short that no join has room
+        except MarksTooNear:  # phases so short that no join has room
             return None
         edges = [0, *sent.first, len(sent.path.segments)]
         moves, start = [], sent.path.start

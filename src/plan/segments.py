@@ -78,6 +78,10 @@ class Marked:
     first: tuple[int, ...]
 
 
+class MarksTooNear(InputError):
+    """Parts of a motion so short that no join has room between them; data: marks_ms."""
+
+
 def to_segments(
     trajectory: Trajectory,
     unit: Unit,
@@ -139,7 +143,8 @@ def to_marked_segments(
         late: for every mark, whether its join is not before it; default: of the last of several.
 
     Raises:
-        InputError: `segment_ms` is below `SHORTEST_MS`, or marks are passed within less of each other or of an end.
+        InputError: `segment_ms` is below `SHORTEST_MS`.
+        MarksTooNear: marks are passed within less than that of each other or of an end; data: marks_ms.
         ImpossibleError: limits so small that rounding to counts alone exceeds them; data: axis.
     """
     if segment_ms < SHORTEST_MS:
@@ -279,7 +284,7 @@ class _Fitter:
             found.append(min(max(ms, 0), total_ms))
         stops = [0, *(m for m in found if 0 < m < total_ms), total_ms]
         if min(np.diff(stops)) < SHORTEST_MS:
-            raise InputError(
+            raise MarksTooNear(
                 f"marks are passed at {found} ms of {total_ms}: must be {SHORTEST_MS} ms apart",
                 marks_ms=found,
             )

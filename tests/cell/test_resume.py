@@ -171,7 +171,7 @@ def test_clearing_a_board_goes_on_with_the_cubes_that_stand_on_the_table(
     def first() -> dict[str, Any]:
         return execute_plan(at.plan, at.file, Console(), at.url, folder=at.folder / "first")
 
-    at.stopped(first, "approach table", 0.6)  # just above the table
+    at.stopped(first, "let go", 0.0)  # on the table, still in the jaws
     assert len(at.held()) == 1
     at.stopped(
         lambda: resume("second"), "lift off", 0.5

@@ -16,7 +16,7 @@ from plan.paths import Joined, joined
 from plan.reach import reach
 from plan.rounding import VERTEX_S
 from plan.screws import screw_arm
-from plan.segments import SHORTEST_MS, LineTolerance, to_marked_segments, to_segments
+from plan.segments import SHORTEST_MS, LineTolerance, MarksTooNear, to_marked_segments, to_segments
 from plan.timing import time_joined, time_line, time_path
 
 
@@ -185,7 +185,7 @@ def test_marks_at_the_ends_need_no_join_and_none_fits_between_two_places(crs97: 
     middle = (begin + end) / 2
     marked = to_marked_segments(trajectory, crs97, limits=limits, marks=(middle,))
     assert 0 < marked.first[0] < len(marked.path.segments)
-    with pytest.raises(InputError, match="must be 40 ms apart"):
+    with pytest.raises(MarksTooNear, match="must be 40 ms apart"):
         to_marked_segments(trajectory, crs97, limits=limits, marks=(middle, middle + 1e-3 * (end - begin)))
 
 
