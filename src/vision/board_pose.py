@@ -48,41 +48,80 @@ class BoardLimits:
     flip_rad: float = np.radians(1.0)
 
 
+@dataclass(frozen=True, eq=False)
+class BoardSeen:
+    """What a board's markers say of it.
+
+    Attributes:
+        pose: the best estimate, also where it is doubted; None where there is none.
+        doubts: why it must not be used, each with its data; none where it may.
+    """
+
+    pose: BoardPose | None
+    doubts: tuple[ImpossibleError, ...]
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the pose may be used."""
+        return self.pose is not None and not self.doubts
+
+
 def estimate_board_pose(
     board: Board, frames: Sequence[Sequence[Marker]], camera: Camera, limits: BoardLimits | None = None
 ) -> BoardPose:
-    """Pose of a board from the markers seen in each frame.
-
-    Args:
-        board: whose markers are used; others are ignored.
-        frames: the markers of each photograph of a cell that stands still.
-        camera: lens and place.
-        limits: what is refused.
+    """`assess_board` for those who have no use for a pose that is doubted.
 
     Raises:
         ImpossibleError: a marker is in no frame, the board moved between frames, another marker size fits, the
             corners do not fit the board at all, or its tilt cannot be told from the mirrored one.
     """
+    seen = assess_board(board, frames, camera, limits)
+    for doubt in seen.doubts:
+        raise doubt
+    if seen.pose is None:
+        raise ImpossibleError(f"board {board.name}: its markers' corners fit no pose", board=board.name)
+    return seen.pose
+
+
+def assess_board(
+    board: Board, frames: Sequence[Sequence[Marker]], camera: Camera, limits: BoardLimits | None = None
+) -> BoardSeen:
+    """Pose of a board from the markers seen in each frame, and all that speaks against it.
+
+    Args:
+        board: whose markers are used; others are ignored.
+        frames: the markers of each photograph of a cell that stands still.
+        camera: lens and place.
+        limits: what is doubted.
+    """
     limits = limits or BoardLimits()
     corners = _gather(board, frames)
-    _require_still(board, corners, limits)
+    if isinstance(corners, ImpossibleError):
+        return BoardSeen(None, (corners,))
     hypotheses = _Hypotheses.of(corners, camera)
     best = hypotheses.best
     floor = max(COMMON_MODE_PX[m.method] for frame in frames for m in frame if m.id in board.marker_ids)
     variance = _mean_variance(corners, best, floor)
     residual_px = _residual(corners, best)
-    _require_fit(board, best, camera, residual_px, floor, limits)
-    _require_sure(board, hypotheses, variance, limits)
+    doubts = (
+        _moved(board, corners, limits),
+        _misfit(board, best, camera, residual_px, floor, limits),
+        _ambiguous(board, hypotheses, variance, limits),
+    )
+    found = tuple(doubt for doubt in doubts if doubt is not None)
     totals = best.weights.sum(axis=0)
     share = np.sqrt(totals / totals.mean())[:, None, None]
     J = (share * pose_jacobian(best.T_camera_board, corners.points, camera)).reshape(-1, 6)
-    return BoardPose(
+    if not np.isfinite(J).all() or not np.isfinite(variance):
+        return BoardSeen(None, found)
+    pose = BoardPose(
         board,
         frozen(camera.T_base_camera @ best.T_camera_board),
         frozen(variance * np.linalg.inv(J.T @ J)),
         residual_px,
         hypotheses.ratio,
     )
+    return BoardSeen(pose, found)
 
 
 @dataclass(frozen=True)
@@ -108,7 +147,7 @@ class _Hypotheses:
         return cls(best, second, angle, float(np.clip(ratio, 1.0, RATIO_CAP)))
 
 
-def _gather(board: Board, frames: Sequence[Sequence[Marker]]) -> Corners:
+def _gather(board: Board, frames: Sequence[Sequence[Marker]]) -> Corners | ImpossibleError:
     pixels = np.full((len(frames), 2, 4, 2), np.nan)
     for index, frame in enumerate(frames):
         for marker in frame:
@@ -118,7 +157,7 @@ def _gather(board: Board, frames: Sequence[Sequence[Marker]]) -> Corners:
     if not seen.all():
         missing = [i for i, s in zip(board.marker_ids, seen, strict=True) if not s]
         names = " and ".join(map(str, missing))
-        raise ImpossibleError(
+        return ImpossibleError(
             f"board {board.name}: marker {names} is in none of {len(frames)} photographs; the pose needs both, because "
             "one marker alone flips its tilt; uncover it or move the board into view",
             board=board.name,
@@ -128,7 +167,7 @@ def _gather(board: Board, frames: Sequence[Sequence[Marker]]) -> Corners:
     return Corners(pixels.reshape(len(frames), 8, 2), board.marker_corners().reshape(8, 3))
 
 
-def _require_still(board: Board, corners: Corners, limits: BoardLimits) -> None:
+def _moved(board: Board, corners: Corners, limits: BoardLimits) -> ImpossibleError | None:
     with np.errstate(invalid="ignore"):
         distance = np.linalg.norm(corners.pixels - corners.median(), axis=-1)
     seen = np.isfinite(distance).any(axis=1)
@@ -136,7 +175,7 @@ def _require_still(board: Board, corners: Corners, limits: BoardLimits) -> None:
     typical = float(np.median(off[seen]))
     worst = int(np.argmax(off))
     if off[worst] > max(limits.moved_px, 6.0 * typical):
-        raise ImpossibleError(
+        return ImpossibleError(
             f"board {board.name}: photograph {worst + 1} of {len(off)} shows it {off[worst]:.1f} px off the "
             f"others, more than {limits.moved_px:g} px; it moved while it was photographed: look again once it "
             "stands still",
@@ -145,6 +184,7 @@ def _require_still(board: Board, corners: Corners, limits: BoardLimits) -> None:
             off_px=float(off[worst]),
             limit_px=limits.moved_px,
         )
+    return None
 
 
 def _residual(corners: Corners, fit: Fit) -> float:
@@ -167,16 +207,16 @@ def _mean_variance(corners: Corners, fit: Fit, floor_px: float) -> float:
     return max(seen, floor_px**2 + between_frames / max(float(totals.mean()), 1.0))
 
 
-def _require_fit(
+def _misfit(
     board: Board, fit: Fit, camera: Camera, residual_px: float, floor_px: float, limits: BoardLimits
-) -> None:
+) -> ImpossibleError | None:
     other = fit_marker_size(board, fit, camera, floor_px) if np.isfinite(residual_px) else None
     if (
         other is not None
         and other.rms_px < limits.residual_px
         and abs(other.size - board.marker_size) > max(limits.size_m, limits.size_sigmas * other.sigma)
     ):
-        raise ImpossibleError(
+        return ImpossibleError(
             f"board {board.name}: marker size = {1e3 * board.marker_size:g} mm does not fit its photographs "
             f"(residual {residual_px:.2f} px); {1e3 * other.size:.2f} mm does (+-{1e3 * other.sigma:.2f} mm, "
             f"residual {other.rms_px:.2f} px): "
@@ -188,7 +228,7 @@ def _require_fit(
         )
     if not residual_px <= limits.residual_px:  # NaN where no pose in front of the camera fits
         low, high = board.marker_ids
-        raise ImpossibleError(
+        return ImpossibleError(
             f"board {board.name}: its markers' corners do not fit (residual {residual_px:.2f} px, allowed "
             f"{limits.residual_px:g}); are markers {low} and {high} both on this board, {low} at its origin, and "
             "turned alike?",
@@ -196,12 +236,15 @@ def _require_fit(
             residual_px=residual_px,
             limit_px=limits.residual_px,
         )
+    return None
 
 
-def _require_sure(board: Board, hypotheses: _Hypotheses, variance: float, limits: BoardLimits) -> None:
+def _ambiguous(
+    board: Board, hypotheses: _Hypotheses, variance: float, limits: BoardLimits
+) -> ImpossibleError | None:
     excess = (hypotheses.second.cost - hypotheses.best.cost) / variance
     if hypotheses.angle > limits.flip_rad and excess < limits.odds_log:
-        raise ImpossibleError(
+        return ImpossibleError(
             f"board {board.name}: its tilt cannot be told from one turned by {np.degrees(hypotheses.angle):.1f} "
             f"deg (errors differ by a factor of {hypotheses.ratio:.2f} only); more photographs, larger markers or "
             "more tilt would help",
@@ -209,3 +252,4 @@ def _require_sure(board: Board, hypotheses: _Hypotheses, variance: float, limits
             hypothesis_ratio=hypotheses.ratio,
             angle=hypotheses.angle,
         )
+    return None
