@@ -18,11 +18,12 @@ from driver.wirelog import WireLog
 from vision.frames import FrameSource, Image, ImageFolder
 
 if TYPE_CHECKING:
-    from cell.simulation import SimulatedCell
+    from cell.simulation import SimulatedCamera, SimulatedCell
     from driver.emulator import Emulator
 
 
 AWAIT_S = 120.0  # for new photographs
+POLL_S = 0.2
 
 
 @dataclass(frozen=True)
@@ -47,30 +48,43 @@ class Connection:
 class AwaitedPhotographs:
     """A folder into which somebody puts new photographs for each look, because every look needs the cell of now.
 
+    What lies there when a look asks is old, whoever put it there and however late: it may show the cell of before
+    the last motion.
+
     Args:
-        path: the folder; photographs that are there already are old and never looked at.
+        path: the folder.
 
     Raises:
         InputError: it is not there.
     """
 
     def __init__(self, path: Path) -> None:
-        self._folder = ImageFolder(path, only_new=True)
+        self.path = ImageFolder(path).path
 
     def grab(self, count: int) -> list[Image]:
-        """The next `count` photographs, waited for.
+        """`count` photographs that came after this was called; waited for, `AWAIT_S` at most.
 
         Raises:
             InputError: they did not come in time, or cannot be read.
         """
-        if self._folder.fresh() < count:
-            print(
-                f"put {count} new photographs into {self._folder.path} within {AWAIT_S:g} s", file=sys.stderr
-            )
+        there = ImageFolder(self.path).fresh()
+        folder = ImageFolder(self.path, only_new=True)
+        print(f"{self.path}: {_wanted(count, there)} within {AWAIT_S:g} s", file=sys.stderr, flush=True)
         over = time.monotonic() + AWAIT_S
-        while self._folder.fresh() < count and time.monotonic() < over:
-            time.sleep(0.2)
-        return self._folder.grab(count)
+        while folder.fresh() < count and time.monotonic() < over:
+            time.sleep(POLL_S)
+        return folder.grab(count)
+
+
+def _wanted(count: int, there: int) -> str:
+    if not there:
+        return f"put {count} new photograph{'' if count == 1 else 's'} there"
+    lie = (
+        "1 photograph lies there already and does"
+        if there == 1
+        else f"{there} photographs lie there already and do"
+    )
+    return f"{lie} not count: put {count} new one{'' if count == 1 else 's'} there, under other names,"
 
 
 def world_file(task: Task, world: Path | None) -> Path:
@@ -123,18 +137,35 @@ def _open_real(task: Task, port: str, images: Path | None, log: Path) -> Iterato
         yield Connection(mars, AwaitedPhotographs(images), 1.0)
 
 
-@contextmanager
-def _open_simulated(task: Task, world: Path | None, time_scale: float, log: Path) -> Iterator[Connection]:
-    from cell.simulation import SimulatedCamera, SimulatedCell
+def simulated_cell(task: Task, world: Path | None) -> SimulatedCell:
+    """The cell of a task as the world file has it, to be a unit's plant.
+
+    Raises:
+        InputError: there is no world file, or it is wrong.
+    """
+    from cell.simulation import SimulatedCell
     from cell.worldfile import read_world
-    from driver.emulator import Emulator
 
     cell = task.cell
-    truth = read_world(world_file(task, world), cell.boards[0].marker_size)
-    simulated = SimulatedCell(cell, truth)
+    return SimulatedCell(cell, read_world(world_file(task, world), cell.boards[0].marker_size))
+
+
+def join(simulated: SimulatedCell, emulator: Emulator) -> SimulatedCamera:
+    """Give a simulated cell the time of the unit whose plant it is; the camera that sees the unit's arm in it."""
+    from cell.simulation import SimulatedCamera
+
+    simulated.now_ms = emulator.now_ms
+    camera = simulated.world.camera or simulated.cell.camera
+    return SimulatedCamera(simulated, camera, emulator.counts, simulated.cell.dictionary)
+
+
+@contextmanager
+def _open_simulated(task: Task, world: Path | None, time_scale: float, log: Path) -> Iterator[Connection]:
+    from driver.emulator import Emulator
+
+    unit, simulated = task.cell.unit, simulated_cell(task, world)
     clock = Clock(time_scale)
-    with Emulator(cell.unit, clock, plant=simulated) as emulator:
-        simulated.now_ms = emulator.now_ms
-        frames = SimulatedCamera(simulated, truth.camera or cell.camera, emulator.counts, cell.dictionary)
-        with WireLog(log, clock) as wire, Mars(emulator.open_pty(), cell.unit, clock, wire) as mars:
+    with Emulator(unit, clock, plant=simulated) as emulator:
+        frames = join(simulated, emulator)
+        with WireLog(log, clock) as wire, Mars(emulator.open_pty(), unit, clock, wire) as mars:
             yield Connection(mars, frames, time_scale, simulated, emulator)

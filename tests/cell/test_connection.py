@@ -30,17 +30,29 @@ def _photograph(path: Path, level: int) -> None:
     cv2.imwrite(str(path), np.full((8, 8), level, dtype=np.uint8))
 
 
-def test_photographs_that_were_there_before_are_not_looked_at(tmp_path: Path) -> None:
+def test_photographs_from_before_a_look_are_not_looked_at(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     _photograph(tmp_path / "a.png", 1)
     frames = AwaitedPhotographs(tmp_path)
 
-    def later() -> None:
-        time.sleep(0.3)
-        for number in (2, 3):
-            _photograph(tmp_path / f"b{number}.png", number)
+    def look(*levels: int) -> list[int]:
+        def later() -> None:
+            time.sleep(0.3)
+            for level in levels:
+                _photograph(tmp_path / f"b{level}.png", level)
 
-    threading.Thread(target=later).start()
-    assert [int(image[0, 0]) for image in frames.grab(2)] == [2, 3]
+        thread = threading.Thread(target=later)
+        thread.start()
+        seen = [int(image[0, 0]) for image in frames.grab(len(levels))]
+        thread.join()
+        return seen
+
+    assert look(2, 3) == [2, 3]
+    assert "1 photograph lies there already and does not count: put 2 new ones" in capsys.readouterr().err
+    _photograph(tmp_path / "b4.png", 4)  # between two looks: never handed out, yet of an older cell
+    assert look(5) == [5]
+    assert "4 photographs lie there already and do not count: put 1 new one there" in capsys.readouterr().err
 
 
 def test_photographs_that_do_not_come_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
