@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 import time
 from collections.abc import Iterable, Sequence
 from typing import Any, TextIO
 
 WIDTH = 80
+_LABEL, _BAR, _LEAST_BAR = 22, 30, 6
 
 
 class Console:
@@ -38,11 +40,8 @@ class Console:
         """A bar that redraws itself on a terminal, with a hint behind it; silent elsewhere."""
         if not self._live:
             return
-        hint = f"  {hint:<20}" if hint else ""
-        room = WIDTH - 30 - len(hint)
-        done = round(room * min(max(fraction, 0.0), 1.0))
-        bar = "#" * done + "." * (room - done)
-        print(f"\r{text[:22]:<22} {bar} {100 * fraction:4.0f}%{hint}", end="", file=self._stream, flush=True)
+        line = progress_line(text, fraction, hint, shutil.get_terminal_size((WIDTH, 24)).columns)
+        print(f"\r{line}\x1b[K", end="", file=self._stream, flush=True)
         self._open_line = True
 
     def table(self, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
@@ -58,8 +57,21 @@ class Console:
 
     def _end_progress(self) -> None:
         if self._open_line:
-            print("\r" + " " * (WIDTH - 1) + "\r", end="", file=self._stream, flush=True)
+            print("\r\x1b[K", end="", file=self._stream, flush=True)
             self._open_line = False
+
+
+def progress_line(text: str, fraction: float, hint: str, columns: int) -> str:
+    """One line of at most `columns` - 1 characters: what runs, a bar where there is room, per cent, a hint."""
+    part = min(max(fraction, 0.0), 1.0)
+    tail = f"{100 * part:4.0f} %" + (f"  {hint}" if hint else "")
+    room = columns - 1 - len(tail) - 1
+    bar = min(room - max(_LABEL, len(text)) - 1, _BAR)
+    if bar < _LEAST_BAR:
+        return f"{text[: max(room, 0)]:<{max(room, 0)}} {tail}"[: columns - 1]
+    done = round(bar * part)
+    label = room - bar - 1
+    return f"{text:<{label}} {'#' * done}{'.' * (bar - done)} {tail}"
 
 
 def table_lines(header: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:

@@ -20,7 +20,7 @@ from contextlib import contextmanager
 from driver.control import Control
 
 STEP = 0.1
-HELP = "keys: space pauses and goes on, + and - change the speed from the next motion on, q aborts"
+HELP = "keys: space pause, go on; + - speed of the next motion, or in a pause; q abort"
 
 
 def on_key(key: str, control: Control, abort: Callable[[], None]) -> None:
@@ -39,11 +39,18 @@ def on_key(key: str, control: Control, abort: Callable[[], None]) -> None:
             abort()
 
 
-def hint(control: Control) -> str:
-    """The end of the status line: how fast, and what can be pressed."""
+def hint(control: Control, running: float | None = None) -> str:
+    """The end of the status line: how fast, and what can be pressed.
+
+    Args:
+        running: override that the motion of now was sent with, where one runs; another one asked for comes next.
+    """
+    asked = f"{100 * control.override:.0f} %"
     if control.paused:
-        return "PAUSED  space q" if control.standing else "pausing  space q"
-    return f"{100 * control.override:.0f} %  space + - q"
+        return f"{'PAUSED' if control.standing else 'pausing'}, then {asked}  space + - q"
+    if running is not None and abs(running - control.override) > 1e-6:
+        return f"{100 * running:.0f} %, next {asked}  space + - q"
+    return f"{asked}  space + - q"
 
 
 def interrupt_main() -> None:

@@ -53,6 +53,7 @@ def resume(run: TaskRun, plan: Plan) -> None:
     """
     mars, task, cell = run.connection.mars, run.task, run.task.cell
     mars.initialise(home=False)
+    run.homed = True
     mars.set_registers(cell.speed_registers, cell.acceleration_registers)
     counts, closed = mars.settled_counts(), mars.jaws()
     degrees = ", ".join(f"{d:.1f}" for d in np.degrees(cell.unit.positions(counts)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,6 +19,7 @@ from cell.resume import resume
 from cell.taskfile import Task, read_task
 from cell.taskrun import TaskRun
 from driver.control import Control
+from driver.mars import Mars
 
 
 def run_task(
@@ -83,6 +85,7 @@ def execute_plan(
     require_start_at(task, plan)
     console.step(f"plan {plan.sha256[:12]}: {len(moves)} moves hold and match this cell")
     with _opened(task, console, port, world, images, plan.speed, time_scale, folder, control) as run:
+        run.followed = plan_file
         before = run.try_look("before anything moves")
         if before is not None:
             require_scene(task.cell, plan, before)
@@ -146,7 +149,13 @@ def _opened(
     ):
         control.tell = console.step
         run = TaskRun(
-            task, connection, console, speed, folder, control, lambda: hint(control) if keys else ""
+            task,
+            connection,
+            console,
+            speed,
+            folder,
+            control,
+            lambda running: hint(control, running) if keys else "",
         )
         try:
             if keys:
@@ -154,15 +163,39 @@ def _opened(
             run.introduce()
             yield run
         except KeyboardInterrupt:
-            error = ExecutionStopped("interrupted between motions; the arm stands", folder=str(folder))
-            run.record(error)
+            error = _interrupted(connection.mars)
+            _ended(run, error, port, images)
             raise error from None
         except A465Error as error:
-            if isinstance(error, ExecutionStopped) and run.followed is not None and port is not None:
-                error.data["resume_with"] = str(run.followed)
-                console.say(f"to go on: a465 execute {run.followed} {task.file} --port {port} --resume")
-            run.record(error)
+            _ended(run, error, port, images)
             raise
+
+
+def _interrupted(mars: Mars) -> ExecutionStopped:
+    """The end by an interrupt that came between motions; with the arm's state, if there is an arm."""
+    if not mars.link.identified:
+        return ExecutionStopped("interrupted before anything was sent; nothing moved", reason="interrupted")
+    state = mars.stop()
+    where = state.describe(mars.unit)
+    return ExecutionStopped(
+        f"interrupted between motions; {where}", state=state.to_json(), reason="interrupted"
+    )
+
+
+def _ended(run: TaskRun, error: A465Error, port: str | None, images: Path | None) -> None:
+    """Tell and write what a run that ends by an error has done, and how to go on."""
+    error.data["folder"] = str(run.folder)
+    if isinstance(error, ExecutionStopped):
+        if "cubes" not in error.data:  # else the table was printed
+            run.tell_rows()
+        run.console.say(f"what was seen, planned and sent is in {run.folder}")
+        if run.followed is not None and run.homed and port is not None:
+            error.data["resume_with"] = str(run.followed)
+            words = ["a465", "execute", str(run.followed), str(run.task.file), "--port", port]
+            words += [] if images is None else ["--images", str(images)]
+            words += ["--speed", f"{run.control.override:g}"] if run.control.override < 1.0 else []
+            run.console.say(f"to go on: {shlex.join([*words, '--resume'])}")
+    run.record(error)
 
 
 def run_folder(asked: Path | None, name: str) -> Path:

@@ -41,7 +41,7 @@ class TaskRun:
         speed: factor of velocities.
         folder: where plans, pictures and the report go.
         control: what may be asked for while it runs.
-        hint: the end of the status line.
+        hint: the end of the status line, for the override of the motion that runs.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class TaskRun:
         speed: float,
         folder: Path,
         control: Control | None = None,
-        hint: Callable[[], str] = str,
+        hint: Callable[[float], str] = lambda _: "",
     ) -> None:
         self.task = task
         self.connection = connection
@@ -69,6 +69,7 @@ class TaskRun:
         self.plans: list[Plan] = []
         self.remarks: list[str] = []
         self.followed: Path | None = None  # the plan file that is executed, once cubes are moved
+        self.homed = False  # in this run: a stop can be gone on from
         self.advice = False  # whether a refusal to plan is followed by advice
         self._looks = count(1)
 
@@ -76,7 +77,10 @@ class TaskRun:
 
     def introduce(self) -> None:
         """Say what is about to happen and where, and make sure that a controller of the right kind listens."""
-        self.console.step(f"task {self.task.name}: {self.task.kind} on {self._where()}, speed {self.speed:g}")
+        lowered = f" x {self.control.ceiling:g}" if self.control.ceiling < 1.0 else ""
+        self.console.step(
+            f"task {self.task.name}: {self.task.kind} on {self._where()}, speed {self.speed:g}{lowered}"
+        )
         task_file = os.path.relpath(self.task.file, self.folder)
         self.connection.mars.note(
             "run", task=task_file, digest=self.task.digest, unit=self.task.cell.unit.name
@@ -150,6 +154,9 @@ class TaskRun:
     def take_into_use(self) -> None:
         """Home the arm, open the jaws."""
         mars = self.connection.mars
+        self.console.step(
+            "homing: the controller moves every axis, nothing checks its way; then the jaws open"
+        )
         mars.initialise(home=True, soft_home=False)  # the way from the marks is planned like any other
         cell = self.task.cell
         mars.set_registers(cell.speed_registers, cell.acceleration_registers)
@@ -157,6 +164,7 @@ class TaskRun:
             raise ExecutionStopped(
                 "the jaws do not open: something blocks them; the arm stands at its homing marks"
             )
+        self.homed = True
         self.console.step("homed, jaws open")
 
     def go_to_start(self, seen: Seen | None) -> None:
@@ -332,7 +340,9 @@ class TaskRun:
             self.held.require(self.connection.mars.jaws(), looks=1)  # at rest a reading is sure
 
     def _on_progress(self, progress: Progress) -> None:
-        self.console.progress(self._step_name, progress.done / max(progress.total, 1), self.hint())
+        self.console.progress(
+            self._step_name, progress.done / max(progress.total, 1), self.hint(progress.override)
+        )
         if self.held is not None and progress.jaws is not None:
             self.held.require(progress.jaws)
 
@@ -342,10 +352,15 @@ class TaskRun:
 
     def report(self) -> dict[str, Any]:
         """Print the table and write the report."""
-        print_rows(self.console, self.rows)
+        self.tell_rows()
         self._write_report({})
         self.console.say(f"\nwhat was seen, planned and sent is in {self.folder}")
         return self._as_json()
+
+    def tell_rows(self) -> None:
+        """Print a row for each cube that was begun."""
+        if self.rows:
+            print_rows(self.console, self.rows)
 
     def record(self, error: A465Error) -> None:
         """Write the report of a run that ended by an error."""

@@ -19,7 +19,6 @@ from driver.control import Control
 from driver.gripper import GripperResult
 from driver.hold import hold_between_steps
 from driver.mars import POSITION_TOLERANCE, Mars
-from driver.override import stretched_ms
 from driver.rest import farthest
 from driver.stream import Progress, Sent, StreamOptions, stream
 
@@ -149,10 +148,13 @@ class _Phases:
         if self.on_progress is not None:
             move, start = self.moves[running - self.first], self.starts[running - self.first]
             done = progress.done - start
-            durations = (stretched_ms(s.duration_ms, progress.override) for s in move.path.segments[:done])
-            planned_s = sum(durations) / 1e3
             total = len(move.path.segments)
-            self.on_progress(replace(progress, done=done, total=total, planned_s=planned_s))
+            durations = progress.durations_s[start : start + total]
+            self.on_progress(
+                replace(
+                    progress, done=done, total=total, planned_s=sum(durations[:done]), durations_s=durations
+                )
+            )
 
     def results(self, sent: Sent) -> list[StepResult]:
         """The motion has ended: every move with its part of what was sent."""

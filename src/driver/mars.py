@@ -135,7 +135,7 @@ class Mars:
         status = self.status()
         if status.fault:
             raise ImpossibleError(
-                f"{' and '.join(status.faults())}: unlock the stop, close the cage, press Motion Stop, then Arm Power",
+                f"{' and '.join(status.faults())}: {status.remedy()}",
                 status=status.word,
                 faults=list(status.faults()),
             )
@@ -173,7 +173,15 @@ class Mars:
         return read_status(self.link)
 
     def position(self) -> Position:
-        """Time, segment and counts now."""
+        """Time, segment and counts now.
+
+        Raises:
+            InputError: before `initialise`, which forms the coordinated group: the unit then does not answer.
+        """
+        if not self._group_formed:
+            raise InputError(
+                "position: initialise() comes first; home=False moves nothing, if the unit is homed"
+            )
         return read_position(self.link, len(self.unit.axes))
 
     def counts(self) -> tuple[int, ...]:
@@ -215,10 +223,16 @@ class Mars:
         """Go straight in joint space to absolute counts; where the arm settled.
 
         Raises:
+            InputError: not one count for each axis.
             ImpossibleError: outside the unit's limits; nothing moved.
             ExecutionStopped: did not arrive, or settled more than 25 counts away; with the state.
         """
         target = tuple(int(c) for c in counts)
+        if len(target) != len(self.unit.axes):
+            raise InputError(
+                f"counts = {list(target)}: {len(target)} values, must be {len(self.unit.axes)}, one an axis",
+                counts=list(target),
+            )
         self.refuse_outside(target, "target")
         with self.guarded("move"):
             return self._go(target)

@@ -301,6 +301,14 @@ class Status:
         )
         return tuple(text for on, text in named if on)
 
+    def remedy(self) -> str:
+        """What clears the faults (fact sheet, section 6)."""
+        return (
+            "see what stopped the axis, and that nothing touches it; press Motion Stop, then Arm Power"
+            if self.axis_error
+            else "unlock the stop, close the cage, press Motion Stop, then Arm Power"
+        )
+
 
 @dataclass(frozen=True)
 class Position:

@@ -63,9 +63,15 @@ def refuse_failure(link: Link, status: Status, what: str) -> None:
     """
     if link.restarted:
         raise ExecutionStopped(
-            f"{what}: the unit was switched off and on, so its positions are lost; initialise it again, with homing",
+            f"{what}: the unit was switched off and on, so its positions are lost: it must be homed again, which opens "
+            "the jaws; take out first what they hold",
             reason="restarted",
         )
     if status.fault or any(isinstance(e, Failed) for e in link.events):
-        why = " and ".join(status.faults()) or "the unit answered FAIL!"
-        raise ExecutionStopped(f"{what}: {why}", status=status.word, reason="fault")
+        if not status.fault:
+            raise ExecutionStopped(f"{what}: the unit answered FAIL!", status=status.word, reason="fault")
+        raise ExecutionStopped(
+            f"{what}: {' and '.join(status.faults())}; to go on: {status.remedy()}",
+            status=status.word,
+            reason="fault",
+        )

@@ -40,7 +40,7 @@ class RestState:
             return f"the arm's state is NOT known ({self.note}); do not enter the cell before you see it stand still"
         parts = ["the arm stands still under power"]
         if self.status is not None and self.status.fault:
-            parts = ["the arm stands still", *self.status.faults()]
+            parts = [f"the arm stands still ({', '.join(self.status.faults())})"]
         if self.note:
             parts.append(self.note)
         elif self.counts is not None:

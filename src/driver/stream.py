@@ -7,13 +7,13 @@ progress is read from its own segment numbers, never from the clock (fact sheet,
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
-from arm.motion import CountPath
+from arm.motion import CountPath, Segment
 from arm.unit import Counts
 from driver.control import Control
 from driver.extremes import extremes
@@ -79,7 +79,8 @@ class Progress:
         total: segments of the path.
         planned_s: time of the finished ones, as sent.
         position: the unit's own sample.
-        override: factor of velocities that the motion was sent with.
+        override: factor of velocities that is sent now.
+        durations_s: of all segments, as they were sent or will be.
         jaws: how far the jaws were closed at the last look, 0 open to 1 closed; None where they are not watched.
     """
 
@@ -89,6 +90,7 @@ class Progress:
     position: Position
     override: float = 1.0
     jaws: float | None = None
+    durations_s: Sequence[float] = ()
 
 
 @dataclass(frozen=True)
@@ -126,7 +128,8 @@ def stream(
     Args:
         on_progress: called at every look, also while the arm stands in a pause.
         control: its override now stretches the segments in time, the path stays; a pause ends the feeding, so that
-            the arm comes to rest on the path at most the look-ahead later, and what is left goes when the pause ends.
+            the arm comes to rest on the path at most the look-ahead later, and what is left goes when the pause ends,
+            with the override of then.
 
     Raises:
         InputError: a segment cannot be sent (duration 0, order above 3, line too long); nothing moved.
@@ -138,10 +141,10 @@ def stream(
     if not path.segments:
         raise InputError("a path without segments moves nothing")
     control = control or Control()
-    override = control.override
-    path = stretched(path, override)
+    planned, override = path, control.override
+    path = stretched(planned, override)
     knots = path.knots()
-    lines = [encode_segment(s, end) for s, end in zip(path.segments, knots[1:].tolist(), strict=True)]
+    lines = _encoded(path.segments, knots[1:])
     for corner in extremes(path):
         mars.refuse_outside(corner.tolist(), "the path reaches")
     with mars.guarded("stream"):
@@ -158,10 +161,13 @@ def stream(
         if mars.reference != path.start:
             mars.anchor(path.start)
         with mars.guarded("stream"):
-            run = _Stream(
-                mars, path, knots, lines, on_progress, options or StreamOptions(), control, override
-            )
+            run = _Stream(mars, planned, path, knots, lines, on_progress, options or StreamOptions(), control)
+            run.override = override
             return run.run()
+
+
+def _encoded(segments: Sequence[Segment], ends: Counts) -> list[str]:
+    return [encode_segment(s, end) for s, end in zip(segments, ends.tolist(), strict=True)]
 
 
 class _Stream:
@@ -170,23 +176,24 @@ class _Stream:
     def __init__(
         self,
         mars: Mars,
+        planned: CountPath,
         path: CountPath,
         knots: Counts,
         lines: list[str],
         on_progress: Callable[[Progress], None] | None,
         options: StreamOptions,
         control: Control,
-        override: float,
     ) -> None:
         self.mars = mars
         self.link = mars.link
+        self.planned = planned
         self.path = path
         self.knots = knots
         self.lines = lines
         self.on_progress = on_progress
         self.options = options
         self.control = control
-        self.override = override
+        self.override = 1.0
         self.hold: Hold | None = None  # while paused
         self.durations: list[float] = [s.duration_ms / 1e3 for s in path.segments]
         self.sent = 0
@@ -307,7 +314,22 @@ class _Stream:
             self.hold.end(self.sent)
             self.hold = None
             self.begun_at = self.link.clock.now()
+            if self._dry:
+                self._restretch()
         return self.hold is not None
+
+    def _restretch(self) -> None:
+        """What is left goes with the override of now: the arm stands, so its speed does not jump."""
+        if self.control.override == self.override:
+            return
+        self.override = self.control.override
+        left = stretched(
+            CountPath(self.path.start, self.planned.segments[self.sent :]), self.override
+        ).segments
+        self.path = CountPath(self.path.start, (*self.path.segments[: self.sent], *left))
+        self.lines[self.sent :] = _encoded(left, self.knots[self.sent + 1 :])
+        self.durations[self.sent :] = [s.duration_ms / 1e3 for s in left]
+        self.mars.note("override", factor=self.override, segments_sent=self.sent)
 
     def _poll(self, now: float) -> None:
         self.link.send(encode_query("COORDAP"))
@@ -371,7 +393,9 @@ class _Stream:
             )
         if self.on_progress is not None:
             planned_s = sum(self.durations[: self.done])
-            self.on_progress(Progress(self.done, self.total, planned_s, position, self.override, self.jaws))
+            self.on_progress(
+                Progress(self.done, self.total, planned_s, position, self.override, self.jaws, self.durations)
+            )
 
     def _begin(self, begun: int) -> None:
         self.begun = begun

@@ -22,7 +22,7 @@ from arm.files import data_file
 from arm.planfile import Move, Plan, read_plan
 from cell.checking import require_start_at
 from cell.cli import main
-from cell.console import Console
+from cell.console import Console, progress_line
 from cell.keyboard import hint, on_key
 from cell.run import execute_plan
 from cell.steps import look_step, plan_step
@@ -45,15 +45,17 @@ def test_keys_ask_for_what_they_say() -> None:
     for key in " ":
         on_key(key, control, _nothing)
     assert control.paused
-    assert hint(control) == "pausing  space q"
+    assert hint(control, 1.0) == "pausing, then 100 %  space + - q"
     control.standing = True
-    assert hint(control) == "PAUSED  space q"
+    on_key("-", control, _nothing)
+    assert hint(control, 1.0) == "PAUSED, then 90 %  space + - q"
     on_key("p", control, _nothing)
     assert not control.paused
-    for _ in range(3):
+    assert hint(control, 1.0) == "100 %, next 90 %  space + - q"
+    for _ in range(2):
         on_key("-", control, _nothing)
     assert control.override == pytest.approx(0.7)
-    assert hint(control) == "70 %  space + - q"
+    assert hint(control) == hint(control, 0.7) == "70 %  space + - q"
     for _ in range(20):
         on_key("-", control, _nothing)
     assert control.override == pytest.approx(0.05)
@@ -65,6 +67,17 @@ def test_keys_ask_for_what_they_say() -> None:
     assert not aborted
     on_key("q", control, lambda: aborted.append(1))
     assert aborted == [1]
+
+
+def test_the_status_line_fits_and_keeps_what_matters() -> None:
+    name, keys = "cube 01-02/4: approach 03-04/1", "100 %, next 60 %  space + - q"
+    for columns in range(20, 200):
+        for text in (name, "move"):
+            line = progress_line(text, 0.5, keys, columns)
+            assert len(line) <= columns - 1
+            assert columns < 40 or line.endswith(f"  50 %  {keys}")
+    assert progress_line(name, 0.5, keys, 80).startswith(name + " ")
+    assert "###..." in progress_line(name, 0.5, "", 80)
 
 
 def test_plus_never_goes_above_the_speed_that_was_asked_for() -> None:
@@ -164,7 +177,7 @@ def test_pause_go_on_slower_and_abort_from_the_keyboard(terminal: Terminal) -> N
     stood = run.sent().count("COORD")
     time.sleep(0.3)  # 6 s of the controller
     assert run.sent().count("COORDSPLINET") <= stood
-    run.until(lambda: "PAUSED  space q" in run.text, "the line that says so")
+    run.until(lambda: "PAUSED, then 80 %  space + - q" in run.text, "the line that says so")
     splines = run.sent().count("COORDSPLINET")
     run.press("--- ")
     run.until(lambda: run.sent().count("COORDSPLINET") > splines + 30, "motion again")

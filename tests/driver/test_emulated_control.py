@@ -77,6 +77,33 @@ def test_an_override_keeps_the_path_and_takes_its_time(
     assert emulator.violations == ()
 
 
+def test_a_slower_speed_asked_for_in_a_pause_is_that_of_what_is_left(
+    mars: Mars, emulator: Emulator, unit: Unit
+) -> None:
+    path, control = sweep(unit, mars.counts(), fraction=0.8), Control()
+    begin, said = emulator.now_ms(), []
+
+    def script(progress: Progress) -> None:
+        said.append(progress.override)
+        if progress.done >= 20 and not control.paused and control.override == 1.0:
+            control.pause()
+            control.override = 0.5
+        if control.standing:
+            control.go_on()
+
+    sent = stream(mars, path, script, None, control)
+    longer = [b.duration_ms / a.duration_ms for a, b in zip(path.segments, sent.path.segments, strict=True)]
+    change = longer.index(2.0)
+    assert 20 <= change < 45
+    assert longer == [1.0] * change + [2.0] * (len(longer) - change)
+    assert [s.coefficients for s in sent.path.segments] == [s.coefficients for s in path.segments]
+    assert (said[0], said[-1]) == (1.0, 0.5)
+    assert distance_deg(unit, executed_since(emulator, begin), path) <= 0.02
+    assert sent.duration_s >= sent.path.duration_s
+    assert sent.end_counts == path.end == emulator.counts()
+    assert emulator.violations == ()
+
+
 def test_an_abort_in_full_motion_leaves_a_state_that_is_known(
     mars: Mars, emulator: Emulator, unit: Unit
 ) -> None:
