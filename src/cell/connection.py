@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
 from collections.abc import Iterator
@@ -15,7 +16,7 @@ from cell.taskfile import Task
 from driver.clock import Clock
 from driver.mars import Mars
 from driver.wirelog import WireLog
-from vision.frames import FrameSource, Image, ImageFolder
+from vision.frames import IMAGE_SUFFIXES, FrameSource, Image, ImageFolder
 
 if TYPE_CHECKING:
     from cell.simulation import SimulatedCamera, SimulatedCell
@@ -23,7 +24,8 @@ if TYPE_CHECKING:
 
 
 AWAIT_S = 120.0  # for new photographs
-POLL_S = 0.2
+COPIED_S = 0.5  # without growing, for a photograph to be whole
+POLL_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -64,16 +66,34 @@ class AwaitedPhotographs:
     def grab(self, count: int) -> list[Image]:
         """`count` photographs that came after this was called; waited for, `AWAIT_S` at most.
 
+        A photograph that is still being copied is waited for too: the half of one can look like a whole one.
+
         Raises:
             InputError: they did not come in time, or cannot be read.
         """
-        there = ImageFolder(self.path).fresh()
-        folder = ImageFolder(self.path, only_new=True)
-        print(f"{self.path}: {_wanted(count, there)} within {AWAIT_S:g} s", file=sys.stderr, flush=True)
+        folder, old = ImageFolder(self.path, only_new=True), _sizes(self.path)
+        print(f"{self.path}: {_wanted(count, len(old))} within {AWAIT_S:g} s", file=sys.stderr, flush=True)
         over = time.monotonic() + AWAIT_S
-        while folder.fresh() < count and time.monotonic() < over:
+        seen: list[tuple[str, int]] = []
+        same_since = time.monotonic()
+        while (now := time.monotonic()) < over:
+            new = sorted((name, size) for name, size in _sizes(self.path).items() if name not in old)[:count]
+            if new != seen:
+                seen, same_since = new, now
+            if len(new) == count and now - same_since >= COPIED_S:
+                break
             time.sleep(POLL_S)
         return folder.grab(count)
+
+
+def _sizes(path: Path) -> dict[str, int]:
+    """Bytes of the photographs in a folder, by name."""
+    sizes = {}
+    for file in path.iterdir():
+        if file.suffix.lower() in IMAGE_SUFFIXES:
+            with contextlib.suppress(FileNotFoundError):  # removed since it was listed
+                sizes[file.name] = file.stat().st_size
+    return sizes
 
 
 def _wanted(count: int, there: int) -> str:

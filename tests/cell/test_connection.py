@@ -16,9 +16,9 @@ from arm.errors import InputError
 from arm.files import data_file
 from cell import connection
 from cell.connection import AwaitedPhotographs, open_cell, world_file
-from cell.interrupt import SIGNALS, interruptible
 from cell.run import run_folder
 from cell.taskfile import Task, read_task
+from driver.interrupt import SIGNALS, interruptible
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +53,25 @@ def test_photographs_from_before_a_look_are_not_looked_at(
     _photograph(tmp_path / "b4.png", 4)  # between two looks: never handed out, yet of an older cell
     assert look(5) == [5]
     assert "4 photographs lie there already and do not count: put 1 new one there" in capsys.readouterr().err
+
+
+def test_a_photograph_that_is_still_being_copied_is_waited_for(tmp_path: Path) -> None:
+    whole = cv2.imencode(".jpg", np.full((64, 64), 200, dtype=np.uint8))[1].tobytes()
+    frames = AwaitedPhotographs(tmp_path)
+
+    def later() -> None:
+        time.sleep(0.3)
+        with (tmp_path / "a.jpg").open("wb") as file:
+            for start in range(0, len(whole), len(whole) // 4):
+                time.sleep(0.25)
+                file.write(whole[start : start + len(whole) // 4])
+                file.flush()
+
+    thread = threading.Thread(target=later)
+    thread.start()
+    (image,) = frames.grab(1)
+    thread.join()
+    assert np.abs(image.astype(int) - 200).max() <= 2
 
 
 def test_photographs_that_do_not_come_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
