@@ -1,5 +1,6 @@
 # make run   sets up and runs the main job in the simulated cell
 # make test  sets up and passes the tests
+# make mcap  adds what `a465 export --format mcap` needs
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -11,13 +12,16 @@ export PIP_BUILD_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 PIP := $(PYTHON) -m pip --python $(BIN)/python install --quiet
 
-.PHONY: run test lint clean
+.PHONY: run test mcap lint clean
 
 run: $(VENV)/installed
 	$(BIN)/a465 run $(TASK)
 
 test: $(VENV)/installed-test lint
 	$(BIN)/pytest -n 2 --dist loadgroup
+
+mcap: $(VENV)/installed
+	$(PIP) --editable '.[mcap]'
 
 lint: $(VENV)/installed-test
 	$(BIN)/ruff check .

@@ -192,6 +192,8 @@ def read_plan(path: Path) -> Plan:
         raise FileInputError(path, "", None, "is nested too deeply") from error
     if not isinstance(value, dict) or value.get("format") != FORMAT:
         found = value.get("format") if isinstance(value, dict) else None
+        if isinstance(value, dict) and "scenes" in value:
+            raise FileInputError(path, "scenes", None, "is of a look; a plan file is written by a465 plan")
         raise FileInputError(
             path, "format", found, f"must be {FORMAT!r}; make the plan again with this version"
         )

@@ -34,6 +34,7 @@ def require_match(task: Task, plan: Plan) -> None:
         ImpossibleError: naming each that differs, of task and cell file key by key; nothing moved.
     """
     cell = task.cell
+    _require_same_job(task, plan)
     now = {
         "unit": cell.unit.name,
         "robot_open": cell.robot().digest,
@@ -68,6 +69,22 @@ def require_match(task: Task, plan: Plan) -> None:
             plan={key: then.get(key) for key in differing},
             now={key: now[key] for key in differing},
         )
+
+
+def _require_same_job(task: Task, plan: Plan) -> None:
+    """What makes every other difference beside the point: another task, or another unit."""
+    named = plan.task.get("name", task.name), plan.task.get("kind", task.kind)
+    for what, then, now in (
+        ("task", f"{named[0]} ({named[1]})", f"{task.name} ({task.kind})"),
+        ("unit", plan.unit, task.cell.unit.name),
+    ):
+        if then != now:
+            raise ImpossibleError(
+                f"the plan is for {what} {then}, but {task.file.name} is of {what} {now}; plan again",
+                differing=[what],
+                plan={what: then},
+                now={what: now},
+            )
 
 
 def _changed_inputs(task: Task, plan: Plan) -> dict[str, list[str]]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,6 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from arm.errors import A465Error, ExecutionStopped, ImpossibleError, InputError
+from cell.console import OutputLost
+from driver.interrupt import interruptible
 
 if TYPE_CHECKING:
     from cell.console import Console
@@ -232,11 +236,15 @@ def execute(
 
 @app.command(
     help="Be a MARS-8 controller with an arm on a pseudo-terminal, until interrupted. "
-    "With --fault, one on which things go wrong as told.",
-    epilog="Example: a465 emulate --unit crs93 --link mars --fault scenes/faults/noisy-line.toml --log unit.jsonl",
+    "With --task, one among the boards and cubes of a simulated cell; with --fault, one on which things go wrong "
+    "as told.",
+    epilog="Example: a465 emulate --task scenes/task2.toml --photographs shots --link mars -- or: "
+    "a465 emulate --unit crs93 --link mars --fault scenes/faults/noisy-line.toml --log unit.jsonl",
 )
 def emulate(
-    unit: Annotated[str, typer.Option("--unit", help="crs93 or crs97.")] = "crs93",
+    unit: Annotated[
+        str | None, typer.Option("--unit", help="crs93 or crs97; default: that of the task, or crs93.")
+    ] = None,
     link: Annotated[
         Path | None, typer.Option("--link", help="Symbolic link to make to the pseudo-terminal.")
     ] = None,
@@ -251,11 +259,19 @@ def emulate(
         Path | None,
         typer.Option("--log", help="File for every line received and answered, faults and violations."),
     ] = None,
+    task: Annotated[
+        Path | None, typer.Option("--task", help="Put the arm into the simulated cell of this task file.")
+    ] = None,
+    world: WorldFile = None,
+    photographs: Annotated[
+        Path | None,
+        typer.Option("--photographs", help="Folder that gets photographs of that cell while the arm stands."),
+    ] = None,
     time_scale: TimeScale = 1.0,
 ) -> None:
     from cell.emulating import emulate_step
 
-    emulate_step(unit, link, tcp, time_scale, fault, log)
+    emulate_step(unit, link, tcp, time_scale, fault, log, task, world, photographs)
 
 
 @app.command(
@@ -321,18 +337,26 @@ def _refuse(message: str) -> None:
 
 def main() -> None:
     """Run the command line; our errors become one line and their exit code."""
-    try:
-        app()
-    except A465Error as error:
-        _fail(error)
-    except KeyboardInterrupt:
-        _fail(ExecutionStopped("interrupted; if the arm was moving, it was told to stop"))
-    except BrokenPipeError:
-        sys.exit(0)
+    with interruptible():
+        try:
+            app()
+        except OutputLost as error:
+            _mute()
+            if error.broken_pipe and "state" not in error.data:
+                sys.exit(0)  # somebody has read enough of what moves nothing
+            _fail(error)
+        except A465Error as error:
+            _fail(error)
+
+
+def _mute() -> None:
+    """Nothing more goes to a standard output that is gone, also not when the interpreter ends."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _fail(error: A465Error) -> None:
-    if "--json" in sys.argv:
+    if "--json" in sys.argv and not isinstance(error, OutputLost):
         body = {
             "error": {
                 "kind": type(error).__name__,

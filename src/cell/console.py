@@ -9,12 +9,22 @@ import time
 from collections.abc import Iterable, Sequence
 from typing import Any, TextIO
 
+from arm.errors import ExecutionStopped
+
 WIDTH = 80
 _LABEL, _BAR, _LEAST_BAR = 22, 30, 6
 
 
+class OutputLost(ExecutionStopped):
+    """Nobody hears us any more: standard output cannot be written. Told once; data: `broken_pipe`."""
+
+    def __init__(self, error: OSError) -> None:
+        super().__init__(f"standard output: {error.strerror or error}", reason="output")
+        self.broken_pipe = isinstance(error, BrokenPipeError)
+
+
 class Console:
-    """Where messages go.
+    """Where messages go; the first that cannot be written raises `OutputLost`, and later ones go nowhere.
 
     With `as_json`, standard output gets exactly one JSON object at the end and everything else goes to standard
     error, so that a program can read the one while a person follows the other.
@@ -22,15 +32,15 @@ class Console:
 
     def __init__(self, as_json: bool = False) -> None:
         self.as_json = as_json
-        self._stream: TextIO = sys.stderr if as_json else sys.stdout
-        self._live = self._stream.isatty()
+        self._stream: TextIO | None = sys.stderr if as_json else sys.stdout  # None: closed before we began
+        self._live = self._stream is not None and self._stream.isatty()
         self._open_line = False
         self._started = time.monotonic()
 
     def say(self, text: str = "") -> None:
         """One line."""
         self._end_progress()
-        print(text, file=self._stream, flush=True)
+        self._write(f"{text}\n")
 
     def step(self, text: str) -> None:
         """One line with the wall time since the start."""
@@ -41,7 +51,7 @@ class Console:
         if not self._live:
             return
         line = progress_line(text, fraction, hint, shutil.get_terminal_size((WIDTH, 24)).columns)
-        print(f"\r{line}\x1b[K", end="", file=self._stream, flush=True)
+        self._write(f"\r{line}\x1b[K")
         self._open_line = True
 
     def table(self, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
@@ -52,13 +62,25 @@ class Console:
     def result(self, value: dict[str, Any]) -> None:
         """The JSON object, if one is asked for."""
         self._end_progress()
-        if self.as_json:
-            print(json.dumps(value, indent=2, allow_nan=False), flush=True)
+        if self.as_json and sys.stdout is not None:
+            self._stream = sys.stdout
+            self._write(json.dumps(value, indent=2, allow_nan=False) + "\n")
 
     def _end_progress(self) -> None:
         if self._open_line:
-            print("\r\x1b[K", end="", file=self._stream, flush=True)
             self._open_line = False
+            self._write("\r\x1b[K")
+
+    def _write(self, text: str) -> None:
+        stream = self._stream
+        if stream is None:
+            return
+        try:
+            stream.write(text)
+            stream.flush()
+        except OSError as error:
+            self._stream, self._live = None, False
+            raise OutputLost(error) from error
 
 
 def progress_line(text: str, fraction: float, hint: str, columns: int) -> str:

@@ -49,7 +49,8 @@ def mcap_bytes(
         from mcap.writer import CompressionType, Writer
     except ImportError as error:
         raise InputError(
-            "format mcap needs the library mcap, which is not installed: pip install 'a465[mcap]'",
+            "format mcap needs the library mcap, which is not installed: run `make mcap` in the checkout, or install "
+            "mcap beside a465",
             format="mcap",
         ) from error
     messages = _messages(session, names, seen, sent)

@@ -57,7 +57,7 @@ def resume(run: TaskRun, plan: Plan) -> None:
     mars.set_registers(cell.speed_registers, cell.acceleration_registers)
     counts, closed = mars.settled_counts(), mars.jaws()
     degrees = ", ".join(f"{d:.1f}" for d in np.degrees(cell.unit.positions(counts)))
-    run.console.step(f"the arm stands at [{degrees}] deg, the jaws are {100 * closed:.0f} % closed")
+    run.console.step(f"the arm stands at [{degrees}] deg, the jaws are {abs(round(100 * closed))} % closed")
     look = run.see("from where the arm stands", arm_in_view=True)
     seen = _known(look, task, plan)
     if abs(closed - cell.fraction_closed(cell.cube_size)) <= GRIP_CHANGE:

@@ -13,12 +13,12 @@ from arm.planfile import read_plan
 from cell.checking import replayed, require_match, require_scene, require_start_at
 from cell.connection import open_cell
 from cell.console import Console
-from cell.interrupt import interruptible
 from cell.keyboard import HELP, hint, keyboard
 from cell.resume import resume
 from cell.taskfile import Task, read_task
 from cell.taskrun import TaskRun
 from driver.control import Control
+from driver.interrupt import interruptible
 from driver.mars import Mars
 
 
@@ -163,12 +163,12 @@ def _opened(
             run.introduce()
             yield run
         except KeyboardInterrupt:
-            error = _interrupted(connection.mars)
-            _ended(run, error, port, images)
-            raise error from None
+            raise _ended(run, _interrupted(connection.mars), port, images) from None
         except A465Error as error:
-            _ended(run, error, port, images)
-            raise
+            end = _ended(run, _told(run, error), port, images)
+            if end is error:
+                raise
+            raise end from error
 
 
 def _interrupted(mars: Mars) -> ExecutionStopped:
@@ -182,20 +182,39 @@ def _interrupted(mars: Mars) -> ExecutionStopped:
     )
 
 
-def _ended(run: TaskRun, error: A465Error, port: str | None, images: Path | None) -> None:
-    """Tell and write what a run that ends by an error has done, and how to go on."""
+def _told(run: TaskRun, error: A465Error) -> A465Error:
+    """The error as the end of a run: where the arm has moved, its state is part of what is told."""
+    mars = run.connection.mars
+    stopped = isinstance(error, ExecutionStopped)
+    if (
+        not mars.link.identified
+        or "state" in error.data
+        or not (stopped or (run.homed and isinstance(error, InputError)))
+    ):
+        return error
+    state = mars.stop()
+    return ExecutionStopped(
+        f"{error}; {state.describe(mars.unit)}", **{**error.data, "state": state.to_json()}
+    )
+
+
+def _ended(run: TaskRun, error: A465Error, port: str | None, images: Path | None) -> A465Error:
+    """Write and tell what a run that ends by an error has done, and how to go on."""
     error.data["folder"] = str(run.folder)
+    words: list[str] = []
+    if isinstance(error, ExecutionStopped) and run.followed is not None and run.homed and port is not None:
+        error.data["resume_with"] = str(run.followed)
+        words = ["a465", "execute", str(run.followed), str(run.task.file), "--port", port]
+        words += [] if images is None else ["--images", str(images)]
+        words += ["--speed", f"{run.control.override:g}"] if run.control.override < 1.0 else []
+    run.record(error)
     if isinstance(error, ExecutionStopped):
         if "cubes" not in error.data:  # else the table was printed
             run.tell_rows()
         run.console.say(f"what was seen, planned and sent is in {run.folder}")
-        if run.followed is not None and run.homed and port is not None:
-            error.data["resume_with"] = str(run.followed)
-            words = ["a465", "execute", str(run.followed), str(run.task.file), "--port", port]
-            words += [] if images is None else ["--images", str(images)]
-            words += ["--speed", f"{run.control.override:g}"] if run.control.override < 1.0 else []
+        if words:
             run.console.say(f"to go on: {shlex.join([*words, '--resume'])}")
-    run.record(error)
+    return error
 
 
 def run_folder(asked: Path | None, name: str) -> Path:

@@ -191,8 +191,9 @@ class TaskRun:
             plan = plan_rest(self.task, seen, q_now, self.speed, *rest)
         if plan is None:
             return None
+        cubes = plan.task["cubes"]
         self.console.step(
-            f"planned {len(plan.task['cubes'])} cubes: {plan.duration_s:.1f} s of motion, "
+            f"planned {len(cubes)} cube{'' if len(cubes) == 1 else 's'}: {plan.duration_s:.1f} s of motion, "
             f"clearance {1e3 * min(m.clearance for m in plan.moves):.1f} mm, {plan.sha256[:12]}"
         )
         self.keep(plan, "plan" if not any(p.task["cubes"] for p in self.plans) else f"plan-{len(self.plans)}")

@@ -8,7 +8,7 @@ left in.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from types import TracebackType
 
 import numpy as np
@@ -20,6 +20,7 @@ from driver.clock import Clock
 from driver.gripper import GripperResult, move_gripper, read_jaws
 from driver.homing import home_all
 from driver.identity import identify, read_back
+from driver.interrupt import interruptible
 from driver.link import Link, NoAnswer
 from driver.protocol import Position, Status, encode
 from driver.ready import wait_ready
@@ -34,6 +35,8 @@ RELEASE_MARGIN_S = 60.0  # before IDLEREL would release the arm
 
 class Mars:
     """One arm on one controller. A context manager; leaving it by an exception stops the arm, never releases it.
+
+    Inside the context, in the main thread, a signal that would end the program (`driver.interrupt`) is an exception.
 
     Call `identify`, then `initialise`, then move. Not for use from two threads.
 
@@ -63,8 +66,10 @@ class Mars:
         self._initialised = False
         self._guarded = False
         self._last_motion = self.clock.now()
+        self._signals = ExitStack()
 
     def __enter__(self) -> Mars:
+        self._signals.enter_context(interruptible())
         return self
 
     def __exit__(
@@ -80,6 +85,7 @@ class Mars:
                 self.stop()
         finally:
             self.link.close()
+            self._signals.close()
 
     # -- taking into use
 

@@ -6,6 +6,7 @@ import contextlib
 import errno
 import fcntl
 import os
+import re
 import termios
 
 import serial
@@ -41,6 +42,8 @@ def open_port(url: str, write_timeout_s: float) -> serial.Serial:
     Raises:
         InputError: not there, no serial line, in use, or not permitted.
     """
+    if url.startswith("socket://") and not re.fullmatch(r"socket://[^/:]+:\d{1,5}/?(\?.*)?", url):
+        raise InputError(f"port {url}: must be socket://HOST:PORT, such as socket://127.0.0.1:4650", port=url)
     try:
         port = serial.serial_for_url(
             url, baudrate=BAUD, rtscts=True, timeout=0, write_timeout=write_timeout_s, exclusive=True

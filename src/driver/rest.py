@@ -102,6 +102,16 @@ def _counts(link: Link, axes: Sequence[str]) -> tuple[int, ...]:
     return tuple(parse_integer(link.ask("AP", axis)) for axis in axes)
 
 
+def _send_stop(link: Link) -> None:
+    """STOP, whatever interrupts: it counts as sent once it was, and twice does no harm."""
+    while True:
+        try:
+            link.send_stop()
+        except KeyboardInterrupt:
+            continue
+        return
+
+
 def bring_to_rest(link: Link, axes: Sequence[str], timeout: float = STOP_S) -> RestState:
     """Send STOP at once and wait until the arm stands still.
 
@@ -116,7 +126,7 @@ def bring_to_rest(link: Link, axes: Sequence[str], timeout: float = STOP_S) -> R
     status: Status | None = None
     counts: tuple[int, ...] | None = None
     try:
-        link.send_stop()
+        _send_stop(link)
         link.synchronise(attempts=3)
         deadline = link.deadline(timeout)
         while link.clock.now() < deadline:

@@ -1,0 +1,122 @@
+"""Signals that would end the program: the arm is told STOP, also where they come in pairs."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from arm.unit import Unit, load_unit
+from driver.clock import Clock
+from driver.emulator import Emulator
+from driver.interrupt import SIGNALS, interruptible
+from driver.link import Link
+from driver.mars import Mars
+from driver.rest import bring_to_rest
+
+CHILD = """
+import sys
+from arm.unit import load_unit
+from driver.clock import Clock
+from driver.mars import Mars
+
+unit = load_unit("crs93")
+with Mars(sys.argv[1], unit, Clock(10.0)) as mars:
+    mars.identify()
+    mars.initialise(home=False)
+    print("moving", flush=True)
+    mars.move_to([int(c) for c in unit.counts(unit.lower * 0.9)])
+"""
+
+
+PAIRS = {"SIGINT-SIGTERM": (signal.SIGINT, signal.SIGTERM), "SIGHUP-SIGHUP": (signal.SIGHUP, signal.SIGHUP)}
+SCALE = 10.0
+
+
+@pytest.fixture(scope="module")
+def homed() -> Iterator[Emulator]:
+    """An emulated unit at its soft home, that nobody uses."""
+    unit = load_unit("crs93")
+    with Emulator(unit, Clock(SCALE)) as emulator:
+        with Mars(emulator.open_pty(), unit, Clock(SCALE)) as mars:
+            mars.identify()
+            mars.initialise()
+        yield emulator
+
+
+@pytest.mark.parametrize("gap_s", [0.0, 2e-4, 1e-3])
+@pytest.mark.parametrize("pair", PAIRS)
+def test_two_signals_close_together_stop_the_arm(homed: Emulator, pair: str, gap_s: float) -> None:
+    url = homed.paths()[0]
+    child = subprocess.Popen(
+        [sys.executable, "-c", CHILD, url], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    try:
+        assert child.stdout is not None
+        assert child.stdout.readline() == b"moving\n"
+        begun = homed.counts()
+        over = time.monotonic() + 20.0
+        while homed.counts() == begun:
+            assert time.monotonic() < over, "it never moved"
+            time.sleep(0.01)
+        before = len(homed.lines)
+        for number in PAIRS[pair]:
+            os.kill(child.pid, number)
+            time.sleep(gap_s)
+        _, told = child.communicate(timeout=30.0)
+    finally:
+        child.kill()
+        child.wait()
+    assert "STOP:" in [line for _, line in homed.lines[before:]]
+    assert b"move: interrupted; the arm stands still under power, at [" in told
+    at = homed.counts()
+    time.sleep(0.2)
+    assert homed.counts() == at
+
+
+def _kill_myself() -> None:
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(1.0)
+
+
+def test_only_the_first_signal_is_heard_and_the_handlers_are_put_back() -> None:
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    heard = []
+    with interruptible(), interruptible():
+        for number in (*SIGNALS, *SIGNALS):
+            try:
+                os.kill(os.getpid(), number)
+                time.sleep(0.01)
+            except KeyboardInterrupt as told:
+                heard.append(str(told))
+    assert heard == ["SIGINT"]
+    assert {number: signal.getsignal(number) for number in SIGNALS} == before
+    with pytest.raises(KeyboardInterrupt, match="SIGTERM"), interruptible():
+        _kill_myself()
+
+
+def test_stop_goes_out_though_its_sending_is_interrupted(
+    homed: Emulator, unit: Unit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain, tried = Link.send_stop, []
+
+    def interrupted(link: Link) -> None:
+        tried.append(1)
+        if len(tried) < 3:
+            raise KeyboardInterrupt
+        plain(link)
+
+    with Mars(homed.paths()[0], unit, Clock(SCALE)) as mars:
+        mars.identify()
+        monkeypatch.setattr(Link, "send_stop", interrupted)
+        before = len(homed.lines)
+        state = bring_to_rest(mars.link, ())
+        monkeypatch.undo()
+    assert len(tried) == 3
+    assert state.at_rest
+    assert "STOP:" in [line for _, line in homed.lines[before:]]
