@@ -1,8 +1,10 @@
-"""``a465 emulate`` as a program: faults from a file, a log, and mistakes told in one line."""
+"""``a465 emulate`` as a program: faults from a file, a log, whole tasks over its ports, and mistakes told in a line."""
 
 from __future__ import annotations
 
 import json
+import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,13 +13,24 @@ from typing import Any
 
 import pytest
 
+import cell.connection
+from arm.files import data_file
+from cell import emulating
+from cell.connection import simulated_cell
+from cell.console import Console
+from cell.run import execute_plan
+from cell.simulation import CellEvent
+from cell.steps import look_step, plan_step
+from cell.taskfile import read_task
+from driver.clock import Clock
 from wire_client import Client
 
 COMMAND = [sys.executable, "-c", "from cell.cli import main; main()", "emulate"]
+TIME_SCALE = 10.0
 
 
 class Program:
-    """A running ``a465 emulate``; `urls` are those that it says."""
+    """A running ``a465 emulate``; `urls` are those that it says, `said` what it says in the end."""
 
     def __init__(self, *arguments: str, count: int = 1) -> None:
         self.process = subprocess.Popen(
@@ -29,7 +42,7 @@ class Program:
     def interrupt(self) -> tuple[int, str]:
         """Exit code and what was said of errors."""
         self.process.send_signal(signal.SIGINT)
-        _, errors = self.process.communicate(timeout=20)
+        self.said, errors = self.process.communicate(timeout=20)
         return self.process.returncode, errors
 
     def __enter__(self) -> Program:
@@ -103,3 +116,75 @@ def test_a_log_that_cannot_be_written_is_told_before_anything_is_served(tmp_path
     assert ended.returncode == 2
     assert ended.stdout == ""
     assert f"log {log}: cannot be written" in ended.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--world", "task2.world.toml"], "--world needs --task"),
+        (["--photographs", "shots"], "--photographs needs --task"),
+        (["--task", "TASK", "--unit", "crs97"], "--unit crs97: the cell of the task has crs93"),
+        (["--task", "TASK", "--world", "none.toml"], "none.toml: there is no such world file"),
+        (["--task", "TASK", "--photographs", "TASK"], "task2.toml: cannot be made: File exists"),
+    ],
+)
+def test_a_cell_that_cannot_be_had_is_told_before_anything_is_served(arguments: list[str], told: str) -> None:
+    task = str(data_file("scenes/task2.toml"))
+    asked = [task if argument == "TASK" else argument for argument in arguments]
+    ended = subprocess.run([*COMMAND, *asked], capture_output=True, text=True, timeout=20)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert told in ended.stderr
+    assert len(ended.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.xdist_group("rehearsal")
+def test_a_whole_task_over_a_port_with_photographs_from_a_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # The client's clock runs as the unit's, for speed alone: docs/emulator.md has what was seen of plain clients.
+    monkeypatch.setattr(cell.connection, "Clock", lambda: Clock(TIME_SCALE))
+    shutil.copytree(data_file("scenes"), tmp_path / "scenes")
+    task, world = tmp_path / "scenes/task2.toml", tmp_path / "elsewhere.toml"
+    text = (tmp_path / "scenes/task2.world.toml").read_text().replace('"boards/', '"scenes/boards/')
+    world.write_text(text.replace("cubes = [1, 2, 3, 4]", "cubes = [1, 3]"))
+    cell_file = tmp_path / "scenes/cell.toml"
+    cell_file.write_text(cell_file.read_text().replace("photographs = 5", "photographs = 2"))
+    shots, log, plan = tmp_path / "shots", tmp_path / "unit.jsonl", tmp_path / "plan.json"
+    console = Console(as_json=True)
+    look_step(task, None, world, tmp_path / "look.json", None, console)
+    plan_step(task, tmp_path / "look.json", plan, 1.0, console, False)
+    asked = ["--task", str(task), "--world", str(world), "--photographs", str(shots), "--log", str(log)]
+    with Program(*asked, "--time-scale", f"{TIME_SCALE:g}") as unit:
+        report = execute_plan(plan, task, Console(), unit.urls[0], None, shots, folder=tmp_path / "run")
+        assert unit.interrupt() == (0, "")
+    assert [c["placed"] for c in report["cubes"]] == [True, True]
+    assert not report["simulated"]
+    assert not report["remarks"]
+    looks = [line.split("look ")[1] for line in capsys.readouterr().out.splitlines() if "] look " in line]
+    cubes = [(line.split(":")[0], [int(n) for n in re.findall(r"\((\d) cubes", line)]) for line in looks]
+    assert cubes == [
+        ("before anything moves", [2, 0]), ("from q_start", [2, 0]),
+        ("after cube 1", [1, 1]), ("after cube 2", [0, 2]),
+    ]  # fmt: skip
+    said = unit.said.splitlines()
+    assert said[-3] == "cubes: 2 gripped, 2 placed"
+    placed = [
+        re.match(r"(cube \d) placed: into 03-04/\d, 0\.\d\d mm off its axis", line) for line in said[-2:]
+    ]
+    assert sorted(match[1] for match in placed if match) == ["cube 1", "cube 2"]
+    assert [r for r in records(log) if r["kind"] == "violation"] == []
+    assert len(list(shots.iterdir())) in (2, 4, 6)
+
+
+def test_what_happened_to_cubes_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    task = read_task(data_file("scenes/task2.toml"))
+    simulated = simulated_cell(task, None)
+    emulating._tell_cubes(simulated)
+    assert capsys.readouterr().out == "cubes: none was touched\n"
+    for what, cube in (("gripped", "cube 1"), ("pushed", "cube 2"), ("gripped", "cube 2"), ("missed", "")):
+        simulated.events.append(CellEvent(what, cube, None, f"{cube} {what}: so"))
+    emulating._tell_cubes(simulated)
+    assert capsys.readouterr().out.splitlines() == [
+        "cubes: 2 gripped, 1 pushed, 1 missed",
+        "cube 1 gripped: so", "cube 2 pushed: so", "cube 2 gripped: so", " missed: so",
+    ]  # fmt: skip
