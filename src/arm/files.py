@@ -46,6 +46,24 @@ def read_text(path: Path) -> str:
         ) from error
     except OSError as error:
         raise FileInputError(path, "", None, f"cannot be read: {error.strerror}") from error
+    except ValueError as error:  # a zero byte or half a surrogate in the name
+        raise FileInputError(Path(ascii(str(path))), "", None, f"is no file name: {error}") from error
+
+
+def keep_apart(output: Path | None, *inputs: Path | None) -> None:
+    """Refuse to write over what is read.
+
+    Raises:
+        InputError: `output` is one of `inputs`, by whatever name.
+    """
+    if output is None or not output.exists():
+        return
+    for path in inputs:
+        if path is not None and path.exists() and output.samefile(path):
+            raise InputError(
+                f"{output}: is read by this command, so it is not written over; give another file",
+                file=str(output),
+            )
 
 
 def write_atomic(path: Path, data: bytes | str) -> None:

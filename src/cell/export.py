@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from arm.errors import InputError
-from arm.files import write_atomic
+from arm.files import keep_apart, write_atomic
 from arm.unit import Unit
 from cell.console import Console
 from cell.exportros import joint_trajectory
@@ -46,8 +46,7 @@ def export_step(
     session = read_log(log)
     unit = unit_of(session, unit_name)
     path = output or log.with_suffix(SUFFIXES[form])
-    if path.exists() and path.samefile(log):
-        raise InputError(f"{path}: is the log itself; give another file", file=str(path))
+    keep_apart(path, log)
     told: dict[str, Any] = {"log": str(log), "format": form, "unit": unit.name, "file": str(path)}
     if form == "trajectory":
         trajectory = _sent(session, unit) if sent else _seen(executed(session, unit))

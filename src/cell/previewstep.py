@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from arm.errors import InputError
+from arm.files import keep_apart
 from cell.console import Console
 
 
@@ -13,6 +14,7 @@ def preview_file(file: Path, task: Path | None, output: Path | None, console: Co
     """Write the page of a plan or of a log, told by what is in the file; by default beside it."""
     from driver.logfile import is_log
 
+    keep_apart(output, file, task)
     if is_log(file):
         from cell.logpages import preview_log
 

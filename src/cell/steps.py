@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from arm.errors import ImpossibleError, InputError
-from arm.files import canonical_json, write_atomic
+from arm.files import canonical_json, keep_apart, write_atomic
 from arm.planfile import Move, Plan, read_plan, write_plan
 from cell.console import Console
 from cell.lookfile import Seen, read_seen, seen_to_json
@@ -28,6 +28,8 @@ def look_step(
     from cell.looking import look_and_save
     from vision.frames import ImageFolder
 
+    for written in (output, picture):
+        keep_apart(written, task_file, world)
     task = read_task(task_file)
     frames = ImageFolder(images) if images is not None else _simulated_frames(task, world)
     seen = look_and_save(task, frames, picture, console, "at the cell")
@@ -109,6 +111,7 @@ def plan_step(
     """``a465 plan``: from q_start, all cubes that were seen."""
     from cell.explaining import explained
 
+    keep_apart(output, task_file, look_file)
     task = read_task(task_file)
     seen = read_seen(look_file, task.cell.boards)
     seen.require(task)

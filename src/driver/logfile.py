@@ -156,6 +156,9 @@ def is_log(path: Path) -> bool:
     return record is not None and record["kind"] == "open"
 
 
+MOST_S = 2e9  # seconds that fit the formats that a log is exported to; 63 years
+
+
 def _record(line: bytes) -> dict[str, Any] | None:
     """A record, or None if the line is none."""
     try:
@@ -165,7 +168,7 @@ def _record(line: bytes) -> dict[str, Any] | None:
     if not isinstance(value, dict) or not isinstance(value.get("kind"), str):
         return None
     time_s = value.get("t")
-    if not isinstance(time_s, int | float) or isinstance(time_s, bool) or not abs(time_s) < 1e12:
+    if not isinstance(time_s, int | float) or isinstance(time_s, bool) or not abs(time_s) < MOST_S:
         return None
     return value
 

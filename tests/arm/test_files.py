@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from arm.errors import InputError
-from arm.files import canonical_json, data_file, sha256, write_atomic
+from arm.errors import FileInputError, InputError
+from arm.files import canonical_json, data_file, keep_apart, read_text, sha256, write_atomic
 
 
 def test_an_older_file_survives_a_failed_write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -45,3 +45,23 @@ def test_data_files_are_found_and_a_missing_one_is_told() -> None:
     assert data_file("urdf/a465/a465.urdf").is_file()
     with pytest.raises(InputError, match="reinstall"):
         data_file("urdf/none.urdf")
+
+
+def test_what_is_read_is_not_written_over_by_any_name(tmp_path: Path) -> None:
+    read, other = tmp_path / "plan.json", tmp_path / "page.html"
+    read.write_text("{}")
+    (tmp_path / "link").symlink_to(read)
+    os.link(read, tmp_path / "hard")
+    for name in ("plan.json", "link", "hard"):
+        with pytest.raises(InputError, match=f"{name}: is read by this command"):
+            keep_apart(tmp_path / name, other, None, read)
+    keep_apart(other, read)
+    keep_apart(None, read)
+    other.touch()
+    keep_apart(other, read, tmp_path / "not there")
+
+
+@pytest.mark.parametrize("name", ["a\0b", "a\ud800b"])
+def test_what_is_no_file_name_is_told(name: str) -> None:
+    with pytest.raises(FileInputError, match="is no file name"):
+        read_text(Path(name))

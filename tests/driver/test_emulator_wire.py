@@ -202,3 +202,35 @@ def test_closing_twice_and_with_a_client_is_fine(emulator: Emulator, terminal: T
     time.sleep(0.02)
     emulator.close()
     emulator.close()
+
+
+def test_a_second_client_is_turned_away_until_the_first_one_leaves(emulator: Emulator) -> None:
+    port = int(emulator.open_tcp().rsplit(":", 1)[1])
+    with socket.create_connection(("127.0.0.1", port), timeout=5.0) as first:
+        first.sendall(b"ECHO:0\nSTAMP:1\n")
+        assert _until(first, b"STAMP=1\r\n")
+        with socket.create_connection(("127.0.0.1", port), timeout=5.0) as second:
+            assert second.recv(100) == b""
+        first.sendall(b"STAMP:2\n")
+        assert _until(first, b"STAMP=2\r\n")
+    deadline = time.monotonic() + 5.0
+    while time.monotonic() < deadline:
+        with socket.create_connection(("127.0.0.1", port), timeout=5.0) as third:
+            third.sendall(b"STAMP:3\n")
+            if _until(third, b"STAMP=3\r\n"):
+                return
+    raise AssertionError("nobody was let in again")
+
+
+def _until(client: socket.socket, ends: bytes) -> bool:
+    """Whether such bytes come before the other side closes."""
+    data = b""
+    while not data.endswith(ends):
+        try:
+            part = client.recv(4096)
+        except ConnectionError:
+            return False
+        if not part:
+            return False
+        data += part
+    return True

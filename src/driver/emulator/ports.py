@@ -75,10 +75,13 @@ class Ports:
         return tuple(os.ttyname(t.slave) for t in self._terminals)
 
     def accept(self) -> None:
-        """Take waiting clients."""
+        """Take waiting clients, one at a time: a serial line has one other end, so a second one is turned away."""
         for listener in self.listeners:
             with contextlib.suppress(BlockingIOError):
                 connection, _ = listener.accept()
+                if not all(map(_has_left, self._sockets.values())):
+                    connection.close()
+                    continue
                 connection.setblocking(False)
                 connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 self._sockets[connection.fileno()] = connection
@@ -121,3 +124,13 @@ class Ports:
         self.wires.clear()
         self.listeners.clear()
         self._terminals.clear()
+
+
+def _has_left(connection: socket.socket) -> bool:
+    """Whether a client has closed its end, which reading may not have come to yet."""
+    try:
+        return not connection.recv(1, socket.MSG_PEEK)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
