@@ -65,7 +65,8 @@ Images = Annotated[
     Path | None, typer.Option("--images", help="Folder of photographs to look at, instead of a camera.")
 ]
 TimeScale = Annotated[
-    float, typer.Option("--time-scale", help="Emulated seconds per wall second (simulated cell only).")
+    float | None,
+    typer.Option("--time-scale", help="Emulated seconds per wall second (simulated cell only; default: 10)."),
 ]
 Advice = Annotated[
     bool, typer.Option("--advice/--no-advice", help="After a refusal, try what would help, with the planner.")
@@ -86,7 +87,7 @@ def run(
     world: WorldFile = None,
     images: Images = None,
     speed: Speed = None,
-    time_scale: TimeScale = 10.0,
+    time_scale: TimeScale = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="New folder of the run; default: runs/TASK-1, -2 ..")
     ] = None,
@@ -221,7 +222,7 @@ def execute(
     resume: Annotated[
         bool, typer.Option("--resume", help="After a stop: plan what is left anew, from where the arm is.")
     ] = False,
-    time_scale: TimeScale = 10.0,
+    time_scale: TimeScale = None,
     as_json: Json = False,
 ) -> None:
     from cell.console import Console
@@ -267,7 +268,9 @@ def emulate(
         Path | None,
         typer.Option("--photographs", help="Folder that gets photographs of that cell while the arm stands."),
     ] = None,
-    time_scale: TimeScale = 1.0,
+    time_scale: Annotated[
+        float, typer.Option("--time-scale", help="Emulated seconds per wall second.")
+    ] = 1.0,
 ) -> None:
     from cell.emulating import emulate_step
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from driver.emulator import Emulator
 
 
+TIME_SCALE = 10.0  # of the simulated cell
 AWAIT_S = 120.0  # for new photographs
 COPIED_S = 0.5  # without growing, for a photograph to be whole
 POLL_S = 0.1
@@ -128,21 +129,31 @@ def open_cell(
     port: str | None,
     world: Path | None,
     images: Path | None,
-    time_scale: float,
+    time_scale: float | None,
     log: Path,
 ) -> Iterator[Connection]:
     """The real cell if a port is given, else the simulated one.
 
+    Args:
+        time_scale: of the simulated cell; default `TIME_SCALE`.
+
     Raises:
         InputError: port, world file or camera are not there.
     """
-    if not 0.01 <= time_scale <= 100.0:
+    if time_scale is not None and not 0.01 <= time_scale <= 100.0:
         raise InputError(f"time scale = {time_scale:g}: must be from 0.01 to 100", time_scale=time_scale)
+    if time_scale is not None and port is not None:
+        raise InputError(
+            f"--time-scale {time_scale:g} is of the simulated cell; the unit on {port} has its own time",
+            time_scale=time_scale,
+        )
     if port is None and images is not None:
         raise InputError("--images needs --port: the simulated cell has its own camera", images=str(images))
     real = port is not None
     opened = (
-        _open_real(task, port or "", images, log) if real else _open_simulated(task, world, time_scale, log)
+        _open_real(task, port or "", images, log)
+        if real
+        else _open_simulated(task, world, time_scale or TIME_SCALE, log)
     )
     with opened as connection:
         yield connection

@@ -14,10 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from arm.errors import ExecutionStopped, InputError
+from arm.files import keep_apart
 from arm.unit import Unit, load_unit
 from driver.clock import Clock
 from driver.emulator import Emulator, EmulatorOptions
 from driver.emulator.faultfile import read_faults
+from driver.interrupt import SIGNALS
 from driver.wirelog import WireLog
 
 if TYPE_CHECKING:
@@ -57,15 +59,18 @@ def emulate_step(
     """
     if not 0.01 <= time_scale <= 100.0:
         raise InputError(f"time scale = {time_scale:g}: must be from 0.01 to 100", time_scale=time_scale)
+    if link is not None and _is_dead(link):
+        link.unlink()  # of an emulated unit that was killed
     if link is not None and os.path.lexists(link):
         raise InputError(f"{link}: exists already; give a new name for the link", link=str(link))
     if tcp is not None and not 0 <= tcp <= 65535:
         raise InputError(f"tcp = {tcp}: must be a port from 0 to 65535", tcp=tcp)
+    keep_apart(log_file, fault_file, task_file, world)
     simulated = _cell(task_file, world, photographs)
     unit, clock = _unit(unit_name, simulated), Clock(time_scale)
     options = EmulatorOptions(faults=read_faults(fault_file) if fault_file else ())
     over = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in SIGNALS:
         signal.signal(number, lambda *_: over.set())
     with ExitStack() as stack:
         log = stack.enter_context(WireLog(log_file, clock)) if log_file else None
@@ -85,7 +90,7 @@ def emulate_step(
             if tcp is not None:
                 print(f"{unit.name} on {emulator.open_tcp(tcp)}", flush=True)
         except OSError as error:
-            raise InputError(f"emulate: {error.strerror}: {link or tcp}", link=str(link), tcp=tcp) from error
+            raise InputError(f"emulate: --tcp {tcp}: {error.strerror}", link=str(link), tcp=tcp) from error
         if simulated is not None:
             stack.callback(_tell_cubes, simulated)
             print(f"around it the cell of {simulated.world.file}", flush=True)
@@ -98,6 +103,11 @@ def emulate_step(
                 raise ExecutionStopped(f"emulate: {emulator.failure}", reason="port")
             if camera is not None:
                 camera.poll()
+
+
+def _is_dead(link: Path) -> bool:
+    """Whether a link leads to a pseudo-terminal that is gone."""
+    return link.is_symlink() and os.readlink(link).startswith("/dev/pts/") and not link.exists()
 
 
 def _cell(task_file: Path | None, world: Path | None, photographs: Path | None) -> SimulatedCell | None:

@@ -29,7 +29,7 @@ def run_task(
     world: Path | None = None,
     images: Path | None = None,
     speed: float | None = None,
-    time_scale: float = 10.0,
+    time_scale: float | None = None,
     folder: Path | None = None,
     advice: bool = False,
 ) -> dict[str, Any]:
@@ -64,7 +64,7 @@ def execute_plan(
     port: str | None = None,
     world: Path | None = None,
     images: Path | None = None,
-    time_scale: float = 10.0,
+    time_scale: float | None = None,
     folder: Path | None = None,
     speed: float = 1.0,
 ) -> dict[str, Any]:
@@ -122,7 +122,7 @@ def resume_plan(
     control = Control(ceiling=speed)
     task, plan = read_task(task_file), read_plan(plan_file)
     require_match(task, plan)
-    with _opened(task, console, port, None, images, plan.speed, 1.0, folder, control) as run:
+    with _opened(task, console, port, None, images, plan.speed, None, folder, control) as run:
         run.followed = plan_file
         resume(run, plan)
         return run.report()
@@ -136,7 +136,7 @@ def _opened(
     world: Path | None,
     images: Path | None,
     speed: float,
-    time_scale: float,
+    time_scale: float | None,
     asked: Path | None,
     control: Control,
 ) -> Iterator[TaskRun]:

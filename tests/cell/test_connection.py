@@ -95,11 +95,12 @@ def test_a_world_that_is_not_there_is_told(task: Task, tmp_path: Path) -> None:
         (None, None, 0.0, "time scale = 0: must be from"),
         (None, None, 101.0, "must be from 0.01 to 100"),
         (None, Path("photographs"), 1.0, "--images needs --port"),
-        ("/dev/none", None, 1.0, "a camera is needed with --port"),
+        ("/dev/none", None, 1.0, "--time-scale 1 is of the simulated cell"),
+        ("/dev/none", None, None, "a camera is needed with --port"),
     ],
 )
 def test_what_cannot_be_opened_is_told(
-    task: Task, tmp_path: Path, port: str | None, images: Path | None, time_scale: float, message: str
+    task: Task, tmp_path: Path, port: str | None, images: Path | None, time_scale: float | None, message: str
 ) -> None:
     opened = open_cell(task, port, None, images, time_scale, tmp_path / "wire.jsonl")
     with pytest.raises(InputError, match=message), opened:

@@ -73,6 +73,14 @@ def test_a_file_says_what_the_data_type_says(tmp_path: Path) -> None:
             "[[fault]]\nkind = 'lost_bytes'\ndirection = 'up'",
             "fault[0].direction = 'up': must be one of to_unit, to_host, both, echo",
         ),
+        (
+            "[[fault]]\nkind = 'power_off'\nwhen = { command = 'FOO' }",
+            "fault[0].when.command = 'FOO': must be one of ECHO",
+        ),
+        (
+            "[[fault]]\nkind = 'power_off'\nwhen = { segment = 0 }",
+            "fault[0].when.segment = 0: must be 1 or more",
+        ),
         ("[[fault]]\nkind = 'power_off'\nwhen = 3", "fault[0].when = 3: must be a table"),
         (
             "[[fault]]\nkind = 'power_off'\nwhen = {at = 3}",

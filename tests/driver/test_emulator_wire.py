@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from arm.errors import A465Error
+from arm.errors import InputError
 from arm.unit import Unit
 from driver.clock import Clock
 from driver.emulator import Emulator, EmulatorOptions
@@ -127,7 +127,7 @@ def test_clients_come_and_go(emulator: Emulator, tmp_path: Path) -> None:
 def test_a_link_that_exists_is_left_alone(emulator: Emulator, tmp_path: Path) -> None:
     link = tmp_path / "mars"
     link.write_text("mine")
-    with pytest.raises(A465Error, match="cannot be made a link"):
+    with pytest.raises(InputError, match="cannot be made a link"):
         emulator.open_pty(link)
     assert link.read_text() == "mine"
 

@@ -91,7 +91,7 @@ class Emulator:
             link: made a symbolic link to it, removed on closing.
 
         Raises:
-            A465Error: `link` exists already.
+            InputError: `link` cannot be made.
         """
         with self._lock:
             path = self._ports.open_pty(link)

@@ -48,6 +48,8 @@ def _fault(table: TomlTable) -> Fault:
 
 def _when(table: TomlTable) -> When:
     values = {f.name: _value(table, f.name) for f in fields(When) if f.name in table}
+    if values.get("segment") == 0:
+        raise table.error("segment", "must be 1 or more")
     table.finish()
     return _made(When, table, values)
 
@@ -68,4 +70,6 @@ def _made(kind: type[_T], table: TomlTable, values: dict[str, Any]) -> _T:
         return kind(**values)
     except InputError as error:
         key = str(error.data["key"]).removeprefix("when.")
-        raise table.error(key if key in values else "", str(error.data["rule"])) from error
+        raise table.error(
+            key if key in values else next(iter(values), ""), str(error.data["rule"])
+        ) from error

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, fields
 from typing import Literal, get_args
 
 from arm.errors import InputError
+from driver.protocol import COMMANDS
 
 Kind = Literal[
     "power_off", "motion_stop", "axis_error", "fail_reply", "lost_bytes", "garbled_bytes", "delayed_bytes",
@@ -55,6 +56,10 @@ NEEDED: dict[Kind, tuple[str, ...]] = {
 }
 
 
+# Names of lines that can set off a fault: the driver's, and what other clients send.
+KNOWN = (*COMMANDS, "COORDRELMVT")
+
+
 @dataclass(frozen=True)
 class When:
     """What sets a fault off. Without arguments: the first byte of a client, or at once if the fault is injected.
@@ -91,6 +96,12 @@ class When:
             "when.command",
             self.command,
             "must be a command's name without marks, such as COORDSPLINET or HHB",
+        )
+        _require(
+            self.command == "" or self.command in KNOWN or self.command[:-1] in KNOWN,
+            "when.command",
+            self.command,
+            f"must be one of {', '.join(KNOWN)}, with or without an axis letter",
         )
 
     def describe(self) -> str:

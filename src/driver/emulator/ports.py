@@ -10,7 +10,7 @@ import tty
 from dataclasses import dataclass
 from pathlib import Path
 
-from arm.errors import A465Error
+from arm.errors import InputError
 from driver.emulator.wire import Wire
 
 
@@ -45,7 +45,7 @@ class Ports:
         """A raw pseudo-terminal; its path. `link` becomes a symbolic link to it.
 
         Raises:
-            A465Error: `link` exists already.
+            InputError: `link` cannot be made.
         """
         master, slave = pty.openpty()
         tty.setraw(slave)
@@ -57,7 +57,7 @@ class Ports:
             except OSError as error:
                 os.close(master)
                 os.close(slave)
-                raise A465Error(f"{link}: cannot be made a link to {path}: {error.strerror}") from error
+                raise InputError(f"{link}: cannot be made a link to {path}: {error.strerror}") from error
         wire = Wire(master, self._paced)
         self._terminals.append(_Terminal(wire, slave, link))
         self.wires.append(wire)
@@ -103,7 +103,7 @@ class Ports:
 
         Raises:
             OSError: the TCP port has been taken by another program.
-            A465Error: the link has been made by another program.
+            InputError: the link has been made by another program.
         """
         for port in self._lost_ports:
             self.open_tcp(port)
