@@ -340,7 +340,7 @@ def _refuse(message: str) -> None:
 
 def main() -> None:
     """Run the command line; our errors become one line and their exit code."""
-    with interruptible():
+    with interruptible(ends=True):
         try:
             app()
         except OutputLost as error:

@@ -143,7 +143,7 @@ def _opened(
     """A run on an open cell; however it ends, its folder tells how."""
     folder = run_folder(asked, task.name)
     with (
-        interruptible(),
+        interruptible(ends=True),
         keyboard(control) as keys,
         open_cell(task, port, world, images, time_scale, folder / "wire.jsonl") as connection,
     ):

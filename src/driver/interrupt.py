@@ -17,21 +17,25 @@ from types import FrameType
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
 _armed = False
+_ends = False  # whether the program ends by the first signal
 _heard = False
 
 
 @contextmanager
-def interruptible() -> Iterator[None]:
-    """Inside, the first of `SIGNALS` raises KeyboardInterrupt in the main thread, and later ones do nothing.
+def interruptible(ends: bool = False) -> Iterator[None]:
+    """Inside, a signal of `SIGNALS` raises KeyboardInterrupt in the main thread; those that follow do nothing.
 
-    Every wait of this project has a deadline, so what the first interrupt sets going comes to an end by itself. In
-    other threads, and nested, it does nothing.
+    Every wait of this project has a deadline, so what the first one sets going comes to an end by itself; then
+    `hear_again` makes the next one count. In other threads, and nested, this does nothing.
+
+    Args:
+        ends: the program ends by the first signal: later ones are never heard.
     """
-    global _armed, _heard
+    global _armed, _ends, _heard
     if _armed or threading.current_thread() is not threading.main_thread():
         yield
         return
-    _armed, _heard = True, False
+    _armed, _ends, _heard = True, ends, False
     before = {number: signal.signal(number, _raise) for number in SIGNALS}
     try:
         yield
@@ -39,6 +43,12 @@ def interruptible() -> Iterator[None]:
         for number, handler in before.items():
             signal.signal(number, handler)
         _armed = False
+
+
+def hear_again() -> None:
+    """What the last signal set going is done, the arm stands: the next one is heard, unless the program ends."""
+    global _heard
+    _heard = _ends and _heard
 
 
 def _raise(number: int, frame: FrameType | None) -> None:

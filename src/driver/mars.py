@@ -20,7 +20,7 @@ from driver.clock import Clock
 from driver.gripper import GripperResult, move_gripper, read_jaws
 from driver.homing import home_all
 from driver.identity import identify, read_back
-from driver.interrupt import interruptible
+from driver.interrupt import hear_again, interruptible
 from driver.link import Link, NoAnswer
 from driver.protocol import Position, Status, encode
 from driver.ready import wait_ready
@@ -382,6 +382,7 @@ class Mars:
             raise ExecutionStopped(f"{what}: {error}; {state.describe(self.unit)}", **data) from error
         except KeyboardInterrupt:
             state = self.stop()
+            hear_again()
             raise ExecutionStopped(
                 f"{what}: interrupted; {state.describe(self.unit)}",
                 state=state.to_json(),

@@ -209,7 +209,10 @@ def test_a_speed_that_is_not_one_is_refused(planned: Path) -> None:
             lambda plan: plan["speed_registers"].__setitem__(1, 1024),
             "speed register of axis B 1024, now 2048 (+100.0 %)",
         ),
-        (lambda plan: plan.__setitem__("unit", "crs97"), "unit crs97, now crs93"),
+        (
+            lambda plan: plan.__setitem__("unit", "crs97"),
+            "is for unit crs97, but task2.toml is of unit crs93",
+        ),
         (
             lambda plan: plan["provenance"].__setitem__("calibration", "0" * 64),
             "calibration 000000000000, now",

@@ -14,7 +14,7 @@ import pytest
 from arm.unit import Unit, load_unit
 from driver.clock import Clock
 from driver.emulator import Emulator
-from driver.interrupt import SIGNALS, interruptible
+from driver.interrupt import SIGNALS, hear_again, interruptible
 from driver.link import Link
 from driver.mars import Mars
 from driver.rest import bring_to_rest
@@ -79,9 +79,9 @@ def test_two_signals_close_together_stop_the_arm(homed: Emulator, pair: str, gap
     assert homed.counts() == at
 
 
-def _kill_myself() -> None:
+def _kill_myself(wait_s: float = 1.0) -> None:
     os.kill(os.getpid(), signal.SIGTERM)
-    time.sleep(1.0)
+    time.sleep(wait_s)
 
 
 def test_only_the_first_signal_is_heard_and_the_handlers_are_put_back() -> None:
@@ -98,6 +98,19 @@ def test_only_the_first_signal_is_heard_and_the_handlers_are_put_back() -> None:
     assert {number: signal.getsignal(number) for number in SIGNALS} == before
     with pytest.raises(KeyboardInterrupt, match="SIGTERM"), interruptible():
         _kill_myself()
+
+
+def test_once_the_arm_stands_the_next_signal_is_heard_unless_the_program_ends() -> None:
+    for ends, count in ((False, 3), (True, 1)):
+        heard = 0
+        with interruptible(ends):
+            for _ in range(3):
+                try:
+                    _kill_myself(0.01)
+                except KeyboardInterrupt:
+                    heard += 1
+                hear_again()
+        assert heard == count
 
 
 def test_stop_goes_out_though_its_sending_is_interrupted(
