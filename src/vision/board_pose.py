@@ -15,6 +15,7 @@ from arm.board import Board
 from arm.errors import ImpossibleError
 from arm.poses import BoardPose
 from arm.se3 import angle_between, frozen
+from vision.arrangement import arrangement
 from vision.board_fit import Corners, Fit, fit_pose, fit_weighted, planar_poses, pose_jacobian
 from vision.camera import Camera
 from vision.marker_size import fit_marker_size
@@ -105,7 +106,7 @@ def assess_board(
     residual_px = _residual(corners, best)
     doubts = (
         _moved(board, corners, limits),
-        _misfit(board, best, camera, residual_px, floor, limits),
+        _misfit(board, corners, best, camera, residual_px, floor, limits),
         _ambiguous(board, hypotheses, variance, limits),
     )
     found = tuple(doubt for doubt in doubts if doubt is not None)
@@ -208,7 +209,13 @@ def _mean_variance(corners: Corners, fit: Fit, floor_px: float) -> float:
 
 
 def _misfit(
-    board: Board, fit: Fit, camera: Camera, residual_px: float, floor_px: float, limits: BoardLimits
+    board: Board,
+    corners: Corners,
+    fit: Fit,
+    camera: Camera,
+    residual_px: float,
+    floor_px: float,
+    limits: BoardLimits,
 ) -> ImpossibleError | None:
     other = fit_marker_size(board, fit, camera, floor_px) if np.isfinite(residual_px) else None
     if (
@@ -228,13 +235,17 @@ def _misfit(
         )
     if not residual_px <= limits.residual_px:  # NaN where no pose in front of the camera fits
         low, high = board.marker_ids
+        found = arrangement(board, corners, camera, limits.residual_px)
+        why = found or (
+            f"are markers {low} and {high} both on this board, {low} at its origin, and turned alike?"
+        )
         return ImpossibleError(
             f"board {board.name}: its markers' corners do not fit (residual {residual_px:.2f} px, allowed "
-            f"{limits.residual_px:g}); are markers {low} and {high} both on this board, {low} at its origin, and "
-            "turned alike?",
+            f"{limits.residual_px:g}); {why}",
             board=board.name,
             residual_px=residual_px,
             limit_px=limits.residual_px,
+            arrangement=found,
         )
     return None
 

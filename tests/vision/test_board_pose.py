@@ -194,12 +194,45 @@ def test_marker_size_and_its_deviation() -> None:
     assert 0.7 < np.std(normalised) < 1.4
 
 
-def test_swapped_markers_are_refused() -> None:
-    rng = np.random.default_rng(6)
-    frames = seen_corners(BOARD, random_pose(rng, 7.0), CAMERA, rng)
-    swapped = [[replace(f[0], id=2), replace(f[1], id=1)] for f in frames]
-    with pytest.raises(ImpossibleError, match=r"corners do not fit .*both on this board"):
-        estimate_board_pose(BOARD, swapped, CAMERA)
+def test_swapped_and_turned_markers_are_refused_and_named() -> None:
+    for seed, tilt in enumerate(TILTS):
+        rng = np.random.default_rng(seed)
+        frames = seen_corners(BOARD, random_pose(rng, tilt), CAMERA, rng)
+        swapped = [[replace(f[0], id=2), replace(f[1], id=1)] for f in frames]
+        with pytest.raises(
+            ImpossibleError, match=r"corners do not fit .*; markers 1 and 2 have changed places"
+        ):
+            estimate_board_pose(BOARD, swapped, CAMERA)
+        for which, quarters in ((0, 1), (1, 2), (1, 3)):
+            turned = [
+                [
+                    replace(m, corners_px=frozen(np.roll(m.corners_px, quarters, axis=0)))
+                    if i == which
+                    else m
+                    for i, m in enumerate(f)
+                ]
+                for f in frames
+            ]
+            words = rf"marker {which + 1} is turned by {90 * quarters} deg"
+            with pytest.raises(ImpossibleError, match=words):
+                estimate_board_pose(BOARD, turned, CAMERA)
+
+
+def test_a_marker_of_another_board_is_told_by_where_it_stands() -> None:
+    rng = np.random.default_rng(8)
+    T = random_pose(rng, 7.0)
+    corners = np.array(BOARD.marker_corners())
+    corners[1] += (-0.031, 0.012, 0.0)
+    px = CAMERA.project_base(corners @ T[:3, :3].T + T[:3, 3])
+    frames = [
+        [
+            Marker(i, frozen(c + 0.1 * rng.standard_normal((4, 2))), "lines")
+            for i, c in zip(BOARD.marker_ids, px, strict=True)
+        ]
+        for _ in range(5)
+    ]
+    with pytest.raises(ImpossibleError, match=r"marker 2 stands 149, 152 mm from marker 1, not 180, 140 mm"):
+        estimate_board_pose(BOARD, frames, CAMERA)
 
 
 def test_a_board_that_moves_between_frames_is_refused() -> None:
