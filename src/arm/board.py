@@ -32,18 +32,20 @@ class Board:
         marker_ids: lower and higher ID.
         holes: hole centres on the top surface, (4, 3) m in the board frame.
         marker_size: edge of the black square, m.
+        second_marker: centre of the second marker, m from the first.
     """
 
     name: str
     marker_ids: tuple[int, int]
     holes: Array
     marker_size: float
+    second_marker: tuple[float, float] = SECOND_MARKER
 
     def marker_corners(self) -> Array:
         """Corners of both markers, (2, 4, 3) m in the board frame: top left, top right, bottom right, bottom left."""
         h = self.marker_size / 2.0
         square = np.array([[-h, h, 0.0], [h, h, 0.0], [h, -h, 0.0], [-h, -h, 0.0]])
-        return frozen(np.stack([square, square + (*SECOND_MARKER, 0.0)]))
+        return frozen(np.stack([square, square + (*self.second_marker, 0.0)]))
 
     def T_board_hole(self, index: int) -> Array:
         """Pose of hole `index` (0 to 3): at its centre on the top surface, turned like the board."""

@@ -106,8 +106,14 @@ def run(
     epilog="Example: a465 look scenes/task2.toml -o look.json",
 )
 def look(
-    task: TaskFile,
+    task: Annotated[
+        Path | None, typer.Argument(help="Task file, such as scenes/task2.toml.", metavar="TASK")
+    ] = None,
     images: Images = None,
+    detections: Annotated[
+        Path | None,
+        typer.Option("--detections", help="File of recorded marker corners, instead of photographs."),
+    ] = None,
     world: WorldFile = None,
     output: Output = None,
     picture: Annotated[
@@ -116,9 +122,24 @@ def look(
     as_json: Json = False,
 ) -> None:
     from cell.console import Console
-    from cell.steps import look_step
 
     console = Console(as_json)
+    if detections is not None:
+        for name, given in (("--images", images), ("--world", world), ("--picture", picture)):
+            if given is not None:
+                raise InputError(
+                    f"{name} does not go with --detections: corners are no photographs", option=name
+                )
+        from cell.recorded import detections_step
+
+        console.result(detections_step(detections, task, output, console))
+        return
+    if task is None:
+        raise InputError(
+            "look: TASK is missing, such as scenes/task2.toml; or give --detections FILE", task=None
+        )
+    from cell.steps import look_step
+
     console.result(look_step(task, images, world, output, picture, console))
 
 

@@ -21,7 +21,7 @@ from vision.camera import Camera
 from vision.marker_size import fit_marker_size
 from vision.markers import Marker
 
-COMMON_MODE_PX = {"lines": 0.02, "subpix": 0.15}
+COMMON_MODE_PX = {"lines": 0.02, "subpix": 0.15, "recorded": 0.02}
 """Error of a corner that all frames share, at least: light, blur, lens. More frames do not average it."""
 MERGED_RAD = 1e-3  # second solutions this near are the first one
 RATIO_CAP = 1e3  # of `BoardPose.hypothesis_ratio`; also where there is no second solution

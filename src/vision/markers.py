@@ -26,12 +26,13 @@ class Marker:
     Attributes:
         id: in its dictionary.
         corners_px: (4, 2) top left, top right, bottom right, bottom left of the marker as printed.
-        method: how the corners were measured: "lines", or "subpix" where a side is hidden, blurred or too short.
+        method: how the corners were measured: "lines", or "subpix" where a side is hidden, blurred or too short;
+            "recorded" where a file does not say.
     """
 
     id: int
     corners_px: Array
-    method: Literal["lines", "subpix"]
+    method: Literal["lines", "subpix", "recorded"]
 
 
 def detect_markers(image: Image, camera: Camera, dictionary: str = "DICT_4X4_50") -> list[Marker]:

@@ -1,0 +1,103 @@
+"""``a465 look --detections``: board poses from recorded corners, every scene with a verdict."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm.files import canonical_json, keep_apart, write_atomic
+from arm.poses import BoardPose, hole_poses
+from arm.se3 import Array, frozen, inverse
+from cell.console import Console
+from cell.taskfile import read_task
+from vision.board_pose import BoardSeen, assess_board
+from vision.detections import read_detections
+
+
+def detections_step(
+    file: Path, task_file: Path | None, output: Path | None, console: Console
+) -> dict[str, Any]:
+    """Poses of all scenes of a file; with a task, in the base frame of its cell, else in the camera's.
+
+    Raises:
+        InputError: a file is wrong, or cannot be written.
+    """
+    keep_apart(output, file, task_file)
+    recorded = read_detections(file)
+    camera = recorded.camera
+    if task_file is not None:
+        camera = camera.at(read_task(task_file).cell.camera.T_base_camera)
+    seen = [assess_board(recorded.board, frames, camera) for frames in recorded.scenes]
+    result = {"scenes": [{"boards": [_to_json(recorded.board.name, s, camera.T_base_camera)]} for s in seen]}
+    if output is not None:
+        write_atomic(output, canonical_json(result) + "\n")
+    _tell(seen, camera.T_camera_base, console)
+    return result
+
+
+def _to_json(name: str, seen: BoardSeen, T_base_camera: Array) -> dict[str, Any]:
+    pose = seen.pose
+    told = {
+        "board": name,
+        "verdict": "accepted" if seen.accepted else "refused",
+        "reasons": [str(doubt) for doubt in seen.doubts],
+    }
+    if pose is None:
+        empty = (
+            "T_camera_board",
+            "T_base_board",
+            "covariance",
+            "residual_px",
+            "hypothesis_ratio",
+            "tilt_deg",
+        )
+        return {**told, **dict.fromkeys(empty), "holes": []}
+    return {
+        **told,
+        "marker_ids": list(pose.board.marker_ids),
+        "T_camera_board": (inverse(T_base_camera) @ pose.T_base_board).tolist(),
+        "T_base_board": pose.T_base_board.tolist(),
+        "covariance": pose.covariance.tolist(),
+        "residual_px": pose.residual_px,
+        "hypothesis_ratio": pose.hypothesis_ratio,
+        "tilt_deg": _tilt_deg(pose, inverse(T_base_camera)),
+        "holes": [
+            {
+                "hole": hole.name,
+                "T_base_hole": hole.T_base_hole.tolist(),
+                "std_mm": (1e3 * np.sqrt(np.diag(hole.covariance)[:3])).tolist(),
+            }
+            for hole in hole_poses(pose)
+        ],
+    }
+
+
+def _tilt_deg(pose: BoardPose, T_camera_base: Array) -> float:
+    """Angle of the board's normal from the optical axis."""
+    normal = frozen(T_camera_base @ pose.T_base_board)[2, 2]
+    return float(np.degrees(np.arccos(np.clip(abs(normal), 0.0, 1.0))))
+
+
+def _tell(seen: list[BoardSeen], T_camera_base: Array, console: Console) -> None:
+    rows = [
+        (
+            number,
+            *(1e3 * (T_camera_base @ s.pose.T_base_board)[:3, 3]),
+            _tilt_deg(s.pose, T_camera_base),
+            1e3 * float(np.sqrt(np.trace(hole_poses(s.pose)[0].covariance[:3, :3]))),
+            s.pose.residual_px,
+            "accepted" if s.accepted else "refused",
+        )
+        if s.pose is not None
+        else (number, None, None, None, None, None, None, "refused")
+        for number, s in enumerate(seen, start=1)
+    ]
+    header = ("scene", "x mm", "y mm", "z mm", "tilt deg", "std mm", "px", "verdict")
+    console.table(header, [tuple(float(v) if isinstance(v, np.floating) else v for v in row) for row in rows])
+    for number, s in enumerate(seen, start=1):
+        for doubt in s.doubts:
+            console.say(f"scene {number}: {doubt}")
+    refused = sum(not s.accepted for s in seen)
+    console.say(f"{len(seen)} scenes, {len(seen) - refused} accepted, {refused} refused (camera frame)")
