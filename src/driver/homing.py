@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from arm.errors import ExecutionStopped
 from arm.unit import Unit
@@ -15,16 +15,21 @@ HOMING_TOLERANCE = 2000  # counts from 0 after homing that still pass for the ma
 HOMING_S = 120.0  # of one group
 
 
-def home_all(link: Link, unit: Unit) -> None:
+def home_all(link: Link, unit: Unit, settled: Callable[[], tuple[int, ...]]) -> None:
     """Home all axes, one group after the other.
 
+    Args:
+        settled: waits until the arm stands, and gives its counts.
+
     Raises:
-        ExecutionStopped: an axis is not at its mark afterwards (reason ``homing``), or it takes longer than HOMING_S.
+        ExecutionStopped: an axis is not at its mark afterwards (reason ``homing``), also one that left it again while
+            others were homed, or it takes longer than HOMING_S.
     """
     for group in unit.homing:
         unmoved = _home_axes(link, unit, group)
         if unmoved:  # at its mark before, or its line was lost: to tell, home it once more
             _home_axes(link, unit, unmoved)
+    _require_at_marks(unit, [axis for group in unit.homing for axis in group], settled())
 
 
 def _home_axes(link: Link, unit: Unit, group: Sequence[str]) -> tuple[str, ...]:
@@ -39,17 +44,22 @@ def _home_axes(link: Link, unit: Unit, group: Sequence[str]) -> tuple[str, ...]:
         link.send(encode("HH", axis=axis))
     wait_ready(link, f"axes {', '.join(group)}", HOMING_S, on_look=look)
     look()
-    unmoved = []
-    for axis in group:
-        index = unit.axes.index(axis)
-        found = seen[-1][index]
+    _require_at_marks(unit, group, seen[-1])
+    places = {axis: unit.axes.index(axis) for axis in group}
+    return tuple(
+        axis
+        for axis, i in places.items()
+        if all(abs(counts[i] - seen[0][i]) <= STILL_COUNTS for counts in seen)
+    )
+
+
+def _require_at_marks(unit: Unit, axes: Sequence[str], counts: tuple[int, ...]) -> None:
+    for axis in axes:
+        found = counts[unit.axes.index(axis)]
         if abs(found) > HOMING_TOLERANCE:
             raise ExecutionStopped(
                 f"axis {axis} reads {found} counts at its mark, expected 0",
                 axis=axis,
-                counts=list(seen[-1]),
+                counts=list(counts),
                 reason="homing",
             )
-        if all(abs(counts[index] - seen[0][index]) <= STILL_COUNTS for counts in seen):
-            unmoved.append(axis)
-    return tuple(unmoved)

@@ -130,7 +130,7 @@ class Mars:
             self.note("read_back", **read_back(self.link, self.unit))
         if home:
             with self.guarded("homing"):
-                home_all(self.link, self.unit)
+                home_all(self.link, self.unit, self.settled_counts)
         else:
             self._refuse_unhomed()
         self._initialised = True
