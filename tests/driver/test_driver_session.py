@@ -88,13 +88,13 @@ def test_a_homing_line_that_is_lost_is_made_good(unit: Unit, clock: Clock) -> No
 
 def test_an_axis_that_leaves_its_mark_while_others_are_homed_is_told(unit: Unit, clock: Clock) -> None:
     creeps = Fault("drift", When(command="HHD"), axis="B", counts_per_s=20_000.0, most_counts=6000)
-    with Emulator(unit, clock, options=EmulatorOptions(faults=(creeps,))) as emulator:
-        with Mars(emulator.open_pty(), unit, clock) as mars:
-            mars.identify()
-            with pytest.raises(
-                ExecutionStopped, match=r"axis B reads \d+ counts at its mark|does not settle"
-            ):
-                mars.initialise(soft_home=False)
+    with (
+        Emulator(unit, clock, options=EmulatorOptions(faults=(creeps,))) as emulator,
+        Mars(emulator.open_pty(), unit, clock) as mars,
+    ):
+        mars.identify()
+        with pytest.raises(ExecutionStopped, match=r"axis B reads \d+ counts at its mark|does not settle"):
+            mars.initialise(soft_home=False)
 
 
 def test_the_arm_keeps_the_path_and_the_time(mars: Mars, emulator: Emulator, unit: Unit) -> None:
