@@ -252,7 +252,7 @@ def test_a_unit_that_is_off_hears_nothing(unit: Unit) -> None:
 
 def test_a_pseudo_terminal_goes_and_comes_back_behind_its_link(unit: Unit, tmp_path: Path) -> None:
     link = tmp_path / "mars"
-    with emulated(unit, Fault("port_gone", When(command="GA"), back_after_s=2.0)) as emulator:
+    with emulated(unit, Fault("port_gone", When(command="GA"), back_after_s=20.0)) as emulator:
         emulator.open_pty(link)
         with Client(str(link)) as client:
             client.send("ECHO:0", "GA:700")
@@ -273,7 +273,7 @@ def test_a_tcp_connection_goes_and_a_new_one_is_taken(unit: Unit) -> None:
         with Client(url) as client:
             client.send("ECHO:0", "STAMP:1")
             client.read_until(b"=1\r\n")
-            emulator.inject(Fault("port_gone", back_after_s=4.0))
+            emulator.inject(Fault("port_gone", back_after_s=20.0))
             with pytest.raises(OSError, match=r"closed|reset"):
                 client.read_until(b"nothing", 5.0)
         with pytest.raises(ConnectionRefusedError):
@@ -343,7 +343,7 @@ def test_a_link_that_somebody_else_has_made_meanwhile_ends_the_emulator_and_says
     link = tmp_path / "mars"
     with emulated(unit) as emulator:
         emulator.open_pty(link)
-        emulator.inject(Fault("port_gone", back_after_s=4.0))
+        emulator.inject(Fault("port_gone", back_after_s=20.0))
         wait_for(lambda: not os.path.lexists(link))
         link.write_text("mine")
         wait_for(lambda: emulator.failure is not None)
