@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 from arm.files import data_file
+from driver.logfile import Session, read_log
+from logged_session import LoggedRun, logged_run
 
 
 @pytest.fixture
@@ -22,3 +24,15 @@ def interrupts_are_heard() -> Iterator[None]:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> LoggedRun:
+    """A session at the wire and its log."""
+    return logged_run(tmp_path_factory.mktemp("log") / "wire.jsonl")
+
+
+@pytest.fixture(scope="module")
+def session(run: LoggedRun) -> Session:
+    """What the log says."""
+    return read_log(run.log)

@@ -50,6 +50,20 @@ def read_text(path: Path) -> str:
         raise FileInputError(Path(ascii(str(path))), "", None, f"is no file name: {error}") from error
 
 
+def read_json(path: Path) -> Any:
+    """The value in a JSON file.
+
+    Raises:
+        FileInputError: it cannot be read, or is no JSON.
+    """
+    try:
+        return json.loads(read_text(path))
+    except json.JSONDecodeError as error:
+        raise FileInputError(path, "", None, f"is not JSON: {error}") from error
+    except RecursionError as error:
+        raise FileInputError(path, "", None, "is nested too deeply") from error
+
+
 def keep_apart(output: Path | None, *inputs: Path | None) -> None:
     """Refuse to write over what is read.
 

@@ -7,7 +7,6 @@ the same plan is the same bytes, and its SHA-256 names it everywhere.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -15,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from arm.errors import FileInputError
-from arm.files import canonical_json, read_text, sha256, write_atomic
+from arm.files import canonical_json, read_json, sha256, write_atomic
 from arm.jsonfields import JsonFields
 from arm.motion import CountPath, Segment, chain
 
@@ -184,12 +183,7 @@ def read_plan(path: Path) -> Plan:
     Raises:
         FileInputError: not a plan, of another format version, or a value breaks a rule (named by its key).
     """
-    try:
-        value = json.loads(read_text(path))
-    except json.JSONDecodeError as error:
-        raise FileInputError(path, "", None, f"is not JSON: {error}") from error
-    except RecursionError as error:
-        raise FileInputError(path, "", None, "is nested too deeply") from error
+    value = read_json(path)
     if not isinstance(value, dict) or value.get("format") != FORMAT:
         found = value.get("format") if isinstance(value, dict) else None
         if isinstance(value, dict) and "scenes" in value:

@@ -19,7 +19,7 @@ from cell.lookfile import Seen
 from cell.planning import limits_digest, options_of
 from cell.scenery import T_base_cube_on_table, build_scene, cube_name
 from cell.taskfile import Task
-from driver.mars import POSITION_TOLERANCE
+from driver.refusals import POSITION_TOLERANCE
 from plan.replay import Asked, ReplayedMove, replay
 from plan.scene import Scene, scene_from_json
 from plan.shape import require_shape

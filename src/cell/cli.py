@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -365,18 +363,11 @@ def main() -> None:
         try:
             app()
         except OutputLost as error:
-            _mute()
             if error.broken_pipe and "state" not in error.data:
                 sys.exit(0)  # somebody has read enough of what moves nothing
             _fail(error)
         except A465Error as error:
             _fail(error)
-
-
-def _mute() -> None:
-    """Nothing more goes to a standard output that is gone, also not when the interpreter ends."""
-    with contextlib.suppress(OSError, ValueError, AttributeError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _fail(error: A465Error) -> None:

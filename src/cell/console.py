@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import shutil
 import sys
 import time
@@ -16,7 +18,11 @@ _LABEL, _BAR, _LEAST_BAR = 22, 30, 6
 
 
 class OutputLost(ExecutionStopped):
-    """Nobody hears us any more: standard output cannot be written. Told once; data: `broken_pipe`."""
+    """Nobody hears us any more: standard output cannot be written. Told once.
+
+    Attributes:
+        broken_pipe: whether its reader has gone.
+    """
 
     def __init__(self, error: OSError) -> None:
         super().__init__(f"standard output: {error.strerror or error}", reason="output")
@@ -80,7 +86,16 @@ class Console:
             stream.flush()
         except OSError as error:
             self._stream, self._live = None, False
+            _silence(stream)
             raise OutputLost(error) from error
+
+
+def _silence(stream: TextIO) -> None:
+    """Nothing more goes to a stream that is gone, also not what it holds when the interpreter ends."""
+    with contextlib.suppress(OSError, ValueError):  # no file behind it
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, stream.fileno())
+        os.close(null)
 
 
 def progress_line(text: str, fraction: float, hint: str, columns: int) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 
 from arm.board import Board
 from arm.errors import A465Error, FileInputError, ImpossibleError
-from arm.files import read_text
+from arm.files import read_json
 from arm.poses import BoardPose, hole_poses
 from arm.se3 import Array, angle_between, frozen, inverse, orthonormalised
 from cell.cellfile import Cell
@@ -168,29 +167,32 @@ def seen_to_json(seen: Seen, T_base_camera: Array) -> dict[str, Any]:
     return {"scenes": [{"boards": boards, "missing": dict(seen.missing), "half_seen": list(seen.half_seen)}]}
 
 
-def _board_to_json(seen: SeenBoard, T_base_camera: Array) -> dict[str, Any]:
-    pose = seen.pose
+def pose_to_json(pose: BoardPose, T_base_camera: Array) -> dict[str, Any]:
+    """A board's pose, its uncertainty and its holes, as JSON types."""
     return {
-        "board": seen.name,
         "marker_ids": list(pose.board.marker_ids),
         "T_camera_board": (inverse(T_base_camera) @ pose.T_base_board).tolist(),
         "T_base_board": pose.T_base_board.tolist(),
         "covariance": pose.covariance.tolist(),
         "residual_px": pose.residual_px,
         "hypothesis_ratio": pose.hypothesis_ratio,
-        "verdict": "accepted",
-        "reasons": [],
         "tilt_deg": float(np.degrees(pose.tilt())),
         "holes": [
             {
                 "hole": hole.name,
                 "T_base_hole": hole.T_base_hole.tolist(),
                 "std_mm": (1e3 * np.sqrt(np.diag(hole.covariance)[:3])).tolist(),
-                "state": state,
             }
-            for hole, state in zip(hole_poses(pose), seen.occupancy, strict=True)
+            for hole in hole_poses(pose)
         ],
     }
+
+
+def _board_to_json(seen: SeenBoard, T_base_camera: Array) -> dict[str, Any]:
+    told = pose_to_json(seen.pose, T_base_camera)
+    for hole, state in zip(told["holes"], seen.occupancy, strict=True):
+        hole["state"] = state
+    return {"board": seen.name, "verdict": "accepted", "reasons": [], **told}
 
 
 def read_seen(path: Path, boards: Sequence[Board]) -> Seen:
@@ -199,17 +201,13 @@ def read_seen(path: Path, boards: Sequence[Board]) -> Seen:
     Raises:
         FileInputError: not a look file, or of boards that the cell does not list.
     """
+    value = read_json(path)
     try:
-        value = json.loads(read_text(path))
         scene = value["scenes"][0]
         found = [_board_from_json(path, entry, boards) for entry in scene["boards"]]
         half_seen = tuple(str(name) for name in scene.get("half_seen", []))
         missing = {str(name): str(why) for name, why in scene.get("missing", {}).items()}
         return Seen(tuple(found), missing, tuple(name for name in half_seen if name in missing))
-    except json.JSONDecodeError as error:
-        raise FileInputError(path, "", None, f"is not JSON: {error}") from error
-    except RecursionError as error:
-        raise FileInputError(path, "", None, "is nested too deeply") from error
     except (KeyError, IndexError, TypeError, ValueError) as error:
         raise FileInputError(
             path,

@@ -11,6 +11,7 @@ from arm.files import canonical_json, keep_apart, write_atomic
 from arm.poses import BoardPose, hole_poses
 from arm.se3 import Array, frozen, inverse
 from cell.console import Console
+from cell.lookfile import pose_to_json
 from cell.taskfile import read_task
 from vision.board_pose import BoardSeen, assess_board
 from vision.detections import read_detections
@@ -54,24 +55,7 @@ def _to_json(name: str, seen: BoardSeen, T_base_camera: Array) -> dict[str, Any]
             "tilt_deg",
         )
         return {**told, **dict.fromkeys(empty), "holes": []}
-    return {
-        **told,
-        "marker_ids": list(pose.board.marker_ids),
-        "T_camera_board": (inverse(T_base_camera) @ pose.T_base_board).tolist(),
-        "T_base_board": pose.T_base_board.tolist(),
-        "covariance": pose.covariance.tolist(),
-        "residual_px": pose.residual_px,
-        "hypothesis_ratio": pose.hypothesis_ratio,
-        "tilt_deg": _tilt_deg(pose, inverse(T_base_camera)),
-        "holes": [
-            {
-                "hole": hole.name,
-                "T_base_hole": hole.T_base_hole.tolist(),
-                "std_mm": (1e3 * np.sqrt(np.diag(hole.covariance)[:3])).tolist(),
-            }
-            for hole in hole_poses(pose)
-        ],
-    }
+    return {**told, **pose_to_json(pose, T_base_camera), "tilt_deg": _tilt_deg(pose, inverse(T_base_camera))}
 
 
 def _tilt_deg(pose: BoardPose, T_camera_base: Array) -> float:

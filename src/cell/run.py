@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from arm.errors import A465Error, ExecutionStopped, InputError
 from arm.planfile import read_plan
 from cell.checking import replayed, require_match, require_scene, require_start_at
 from cell.connection import open_cell
-from cell.console import Console
+from cell.console import Console, OutputLost
 from cell.keyboard import HELP, hint, keyboard
 from cell.resume import resume
 from cell.taskfile import Task, read_task
@@ -207,13 +207,14 @@ def _ended(run: TaskRun, error: A465Error, port: str | None, images: Path | None
         words = ["a465", "execute", str(run.followed), str(run.task.file), "--port", port]
         words += [] if images is None else ["--images", str(images)]
         words += ["--speed", f"{run.control.override:g}"] if run.control.override < 1.0 else []
-    run.record(error)
-    if isinstance(error, ExecutionStopped):
-        if "cubes" not in error.data:  # else the table was printed
-            run.tell_rows()
-        run.console.say(f"what was seen, planned and sent is in {run.folder}")
-        if words:
-            run.console.say(f"to go on: {shlex.join([*words, '--resume'])}")
+    with suppress(OutputLost):  # the error itself is told on standard error, and must not be lost for this
+        run.record(error)
+        if isinstance(error, ExecutionStopped):
+            if "cubes" not in error.data:  # else the table was printed
+                run.tell_rows()
+            run.console.say(f"what was seen, planned and sent is in {run.folder}")
+            if words:
+                run.console.say(f"to go on: {shlex.join([*words, '--resume'])}")
     return error
 
 

@@ -28,7 +28,7 @@ from cell.taskfile import Task
 from cell.visits import Visit, visits
 from driver.control import Control
 from driver.execute import StepResult, execute
-from driver.stream import Progress, StreamOptions
+from driver.progress import Progress, StreamOptions
 
 
 class TaskRun:

@@ -18,9 +18,11 @@ from arm.planfile import GripperStep, LookStep, Motion, Move, Step, motions
 from driver.control import Control
 from driver.gripper import GripperResult
 from driver.hold import hold_between_steps
-from driver.mars import POSITION_TOLERANCE, Mars
+from driver.mars import Mars
+from driver.progress import Progress, Sent, StreamOptions
+from driver.refusals import POSITION_TOLERANCE
 from driver.rest import farthest
-from driver.stream import Progress, Sent, StreamOptions, stream
+from driver.stream import stream
 
 OnStep = Callable[[Step, int, int], None]
 OnProgress = Callable[[Progress], None]

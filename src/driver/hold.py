@@ -9,8 +9,9 @@ from __future__ import annotations
 from arm.errors import ExecutionStopped
 from driver.control import Control
 from driver.link import NoAnswer
-from driver.mars import POSITION_TOLERANCE, RELEASE_MARGIN_S, SETTLE_S, Mars
+from driver.mars import RELEASE_MARGIN_S, SETTLE_S, Mars
 from driver.ready import refuse_failure
+from driver.refusals import POSITION_TOLERANCE
 from driver.rest import STILL_COUNTS, farthest
 
 POLL_S = 0.25

@@ -11,8 +11,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from types import TracebackType
 
-import numpy as np
-
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.unit import Unit
 from driver import startup
@@ -24,10 +22,10 @@ from driver.interrupt import hear_again, interruptible
 from driver.link import Link, NoAnswer
 from driver.protocol import Position, Status, encode
 from driver.ready import wait_ready
+from driver.refusals import POSITION_TOLERANCE, refuse_faults, refuse_outside, refuse_unhomed
 from driver.rest import SAMPLE_S, STILL_COUNTS, RestState, bring_to_rest, farthest, read_position, read_status
 from driver.wirelog import WireLog
 
-POSITION_TOLERANCE = 25  # counts of static error seen on real units after a move (0.023 to 0.045 deg)
 ENGAGE_S = 5.0
 SETTLE_S = 3.0
 RELEASE_MARGIN_S = 60.0  # before IDLEREL would release the arm
@@ -119,7 +117,7 @@ class Mars:
             rest = self.stop()
         if not rest.at_rest:
             raise ExecutionStopped(f"initialise: {rest.describe(self.unit)}", state=rest.to_json())
-        self._refuse_faults()
+        refuse_faults(self.status())
         with self.guarded("initialise"):
             self._send(*startup.axis_lines(self.unit), *startup.gripper_lines(self.unit))
             self._engage()
@@ -132,28 +130,10 @@ class Mars:
             with self.guarded("homing"):
                 home_all(self.link, self.unit, self.settled_counts)
         else:
-            self._refuse_unhomed()
+            refuse_unhomed(self.unit, self.counts())
         self._initialised = True
         if home and soft_home:
             self.move_to([int(c) for c in self.unit.counts(self.unit.soft_home)])
-
-    def _refuse_faults(self) -> None:
-        status = self.status()
-        if status.fault:
-            raise ImpossibleError(
-                f"{' and '.join(status.faults())}: {status.remedy()}",
-                status=status.word,
-                faults=list(status.faults()),
-            )
-
-    def _refuse_unhomed(self) -> None:
-        counts = self.counts()
-        if max(abs(c) for c in counts) <= POSITION_TOLERANCE:
-            raise ImpossibleError(
-                f"positions are {list(counts)}, as after power-up: the unit must be homed",
-                counts=list(counts),
-            )
-        self.refuse_outside(counts, "the arm stands at")
 
     def refuse_outside(self, counts: Sequence[int], what: str) -> None:
         """Refuse counts outside the unit's joint limits; `what` begins the message.
@@ -161,18 +141,7 @@ class Mars:
         Raises:
             ImpossibleError: with axis and excess in rad.
         """
-        q = self.unit.positions(counts)
-        rounding = 1.5 / np.abs(self.unit.counts_per_rad)
-        excess = np.maximum(self.unit.lower - q, q - self.unit.upper) - rounding
-        worst = int(np.argmax(excess))
-        if excess[worst] > 0.0:
-            low, value, high = np.degrees([self.unit.lower[worst], q[worst], self.unit.upper[worst]])
-            raise ImpossibleError(
-                f"{what} {value:.2f} deg on axis {self.unit.axes[worst]}: must be from {low:.2f} to {high:.2f} deg",
-                axis=self.unit.axes[worst],
-                counts=[int(c) for c in counts],
-                excess=float(excess[worst]),
-            )
+        refuse_outside(self.unit, counts, what)
 
     def status(self) -> Status:
         """The status word now."""

@@ -7,20 +7,20 @@ progress is read from its own segment numbers, never from the clock (fact sheet,
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import numpy as np
 
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
-from arm.motion import CountPath, Segment
+from arm.motion import CountPath
 from arm.unit import Counts
 from driver.control import Control
 from driver.extremes import extremes
 from driver.hold import Hold
 from driver.link import ANSWER_S, NoAnswer
-from driver.mars import POSITION_TOLERANCE, Mars
+from driver.mars import Mars
 from driver.override import stretched
+from driver.progress import Progress, Sent, StreamOptions
 from driver.protocol import (
     SEQUENCE_RANGE,
     VERTEX_STEPS,
@@ -39,6 +39,7 @@ from driver.protocol import (
     parse_status,
 )
 from driver.ready import refuse_failure
+from driver.refusals import POSITION_TOLERANCE
 from driver.rest import farthest
 
 DWELL_ATTEMPTS = 4  # each twice as long: a host that is asleep misses a short one
@@ -47,71 +48,6 @@ REPEAT_S = 0.5  # a sample that was asked for and lost on the line is asked for 
 REPEAT_WALL_S = 0.1  # and not before this much wall time
 IDLE_LOOKS = 5  # at an idle unit that has not said R!, before it is asked again
 LAG_SEGMENTS = 3  # the arm follows its reference by regulators that lag
-
-
-@dataclass(frozen=True)
-class StreamOptions:
-    """How a path is streamed.
-
-    Attributes:
-        dwell_ms: the unit stands this long first, while segments are loaded; a host stall of 0.5 s is then free.
-        ahead_s: most motion that the unit holds; what it plays out if the link is lost.
-        queue: most segments that the unit holds; it takes 200.
-        poll_s: between two looks at position and status, controller seconds.
-        following_counts: how far any axis may be outside the stretch of path it should be on.
-        watch_jaws: look at the jaws too, with every look at the position.
-    """
-
-    dwell_ms: int = 300
-    ahead_s: float = 1.5
-    queue: int = 150
-    poll_s: float = 0.1
-    following_counts: int = 1500
-    watch_jaws: bool = False
-
-
-@dataclass(frozen=True)
-class Progress:
-    """One look at a running motion.
-
-    Attributes:
-        done: segments finished.
-        total: segments of the path.
-        planned_s: time of the finished ones, as sent.
-        position: the unit's own sample.
-        override: factor of velocities that is sent now.
-        durations_s: of all segments, as they were sent or will be.
-        jaws: how far the jaws were closed at the last look, 0 open to 1 closed; None where they are not watched.
-    """
-
-    done: int
-    total: int
-    planned_s: float
-    position: Position
-    override: float = 1.0
-    jaws: float | None = None
-    durations_s: Sequence[float] = ()
-
-
-@dataclass(frozen=True)
-class Sent:
-    """What was really sent, and how it ended.
-
-    Attributes:
-        path: the segments as sent (without the dwell): those that were asked for, longer under an override.
-        start_s: end of the dwell, controller clock.
-        duration_s: from there until the unit was ready, controller seconds.
-        end_counts: where the arm settled, (6,).
-        ahead_s: most motion that the unit held at any time.
-        samples: looks at position and status.
-    """
-
-    path: CountPath
-    start_s: float
-    duration_s: float
-    end_counts: tuple[int, ...]
-    ahead_s: float
-    samples: int
 
 
 def stream(
@@ -141,10 +77,8 @@ def stream(
     if not path.segments:
         raise InputError("a path without segments moves nothing")
     control = control or Control()
-    planned, override = path, control.override
-    path = stretched(planned, override)
-    knots = path.knots()
-    lines = _encoded(path.segments, knots[1:])
+    _encoded(stretched(path, control.least), path.knots())  # whatever the override becomes, it can be sent
+    run = _Stream(mars, path, on_progress, options or StreamOptions(), control)
     for corner in extremes(path):
         mars.refuse_outside(corner.tolist(), "the path reaches")
     with mars.guarded("stream"):
@@ -161,13 +95,12 @@ def stream(
         if mars.reference != path.start:
             mars.anchor(path.start)
         with mars.guarded("stream"):
-            run = _Stream(mars, planned, path, knots, lines, on_progress, options or StreamOptions(), control)
-            run.override = override
             return run.run()
 
 
-def _encoded(segments: Sequence[Segment], ends: Counts) -> list[str]:
-    return [encode_segment(s, end) for s, end in zip(segments, ends.tolist(), strict=True)]
+def _encoded(path: CountPath, knots: Counts) -> list[str]:
+    """A line for each segment; `knots` (m + 1, 6) are where they begin and end."""
+    return [encode_segment(s, end) for s, end in zip(path.segments, knots[1:].tolist(), strict=True)]
 
 
 class _Stream:
@@ -177,9 +110,6 @@ class _Stream:
         self,
         mars: Mars,
         planned: CountPath,
-        path: CountPath,
-        knots: Counts,
-        lines: list[str],
         on_progress: Callable[[Progress], None] | None,
         options: StreamOptions,
         control: Control,
@@ -187,15 +117,15 @@ class _Stream:
         self.mars = mars
         self.link = mars.link
         self.planned = planned
-        self.path = path
-        self.knots = knots
-        self.lines = lines
+        self.override = control.override
+        self.path = stretched(planned, self.override)
+        self.knots = planned.knots()
+        self.lines = _encoded(self.path, self.knots)
         self.on_progress = on_progress
         self.options = options
         self.control = control
-        self.override = 1.0
         self.hold: Hold | None = None  # while paused
-        self.durations: list[float] = [s.duration_ms / 1e3 for s in path.segments]
+        self.durations = [s.duration_ms / 1e3 for s in self.path.segments]
         self.sent = 0
         self.begun = 0  # 0 while the dwell runs, then the number of segments begun
         self.dwell_s = 0.0
@@ -323,12 +253,11 @@ class _Stream:
         if self.control.override == self.override:
             return
         self.override = self.control.override
-        left = stretched(
-            CountPath(self.path.start, self.planned.segments[self.sent :]), self.override
-        ).segments
-        self.path = CountPath(self.path.start, (*self.path.segments[: self.sent], *left))
-        self.lines[self.sent :] = _encoded(left, self.knots[self.sent + 1 :])
-        self.durations[self.sent :] = [s.duration_ms / 1e3 for s in left]
+        left = CountPath(self.planned.start, self.planned.segments[self.sent :])
+        left = stretched(left, self.override)
+        self.path = CountPath(self.path.start, (*self.path.segments[: self.sent], *left.segments))
+        self.lines[self.sent :] = _encoded(left, self.knots[self.sent :])
+        self.durations[self.sent :] = [s.duration_ms / 1e3 for s in left.segments]
         self.mars.note("override", factor=self.override, segments_sent=self.sent)
 
     def _poll(self, now: float) -> None:

@@ -7,7 +7,6 @@ with, is not read.
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ import numpy as np
 
 from arm.board import Board
 from arm.errors import FileInputError
-from arm.files import read_text
+from arm.files import read_json
 from arm.se3 import Array, frozen
 from vision.camera import Camera
 from vision.markers import Marker
@@ -45,12 +44,7 @@ def read_detections(path: Path) -> Detections:
     Raises:
         FileInputError: with the key that breaks the format.
     """
-    try:
-        value = json.loads(read_text(path))
-    except json.JSONDecodeError as error:
-        raise FileInputError(path, "", None, f"is not JSON: {error}") from error
-    except RecursionError as error:
-        raise FileInputError(path, "", None, "is nested too deeply") from error
+    value = read_json(path)
     root = _Node(path, "", value)
     return Detections(
         _camera(root["camera"]), _board(root["board"]), tuple(map(_scene, root["scenes"].items()))

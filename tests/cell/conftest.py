@@ -1,4 +1,4 @@
-"""What tests of previews and logs rest on: a made-up plan (no planner, no look, stated places), a logged session."""
+"""What tests of previews rest on: a made-up but plausible plan (no planner, no look, stated places)."""
 
 from __future__ import annotations
 
@@ -16,8 +16,6 @@ from arm.robot import Robot, load_a465
 from arm.se3 import Array, frozen, inverse, rot_x, rot_z, rotation, rotation_vector, transform
 from arm.unit import Unit, load_unit
 from cell.furniture import T_hole_cube, cube_body, plate_body, stand_body
-from driver.logfile import Session, read_log
-from logged_session import LoggedRun, logged_run
 
 TOOL_LENGTH = 0.134112
 Q_START = np.radians([-60.0, -40.0, -80.0, 0.0, -60.0, 0.0])
@@ -239,15 +237,3 @@ def preview_case() -> PreviewCase:
 def make_preview_case() -> Callable[[int], PreviewCase]:
     """Plans of other lengths."""
     return make_case
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> LoggedRun:
-    """A session at the wire and its log."""
-    return logged_run(tmp_path_factory.mktemp("log") / "wire.jsonl")
-
-
-@pytest.fixture(scope="module")
-def session(run: LoggedRun) -> Session:
-    """What the log says."""
-    return read_log(run.log)

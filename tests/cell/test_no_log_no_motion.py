@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -16,8 +17,9 @@ from arm.files import data_file
 from arm.motion import CountPath
 from arm.planfile import Move, Plan, write_plan
 from arm.unit import Unit, load_unit
-from cell.console import Console
+from cell.console import Console, OutputLost
 from cell.taskfile import read_task
+from cell.taskrun import TaskRun
 from count_paths import quintic
 from driver.clock import Clock
 from driver.emulator import Emulator
@@ -188,3 +190,20 @@ def test_a_report_that_cannot_be_written_does_not_hide_how_the_run_ended(
         _execute(emulator.open_pty(), place / "images")
     told = capsys.readouterr()
     assert "no report: runs/task2-1/report.json: cannot be written: No space left" in told.err + told.out
+
+
+def test_an_output_that_is_lost_while_the_end_is_told_does_not_hide_how_the_run_ended(
+    place: Path, emulator: Emulator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def lost(run: TaskRun) -> None:
+        raise OutputLost(BrokenPipeError(errno.EPIPE, "Broken pipe"))
+
+    def stopped(run: TaskRun, why: str) -> None:
+        raise ExecutionStopped("an axis stands still")
+
+    monkeypatch.setattr(TaskRun, "tell_rows", lost)
+    monkeypatch.setattr(TaskRun, "try_look", stopped)
+    with pytest.raises(ExecutionStopped, match="an axis stands still; the arm stands") as ended:
+        _execute(emulator.open_pty(), place / "images")
+    assert not isinstance(ended.value, OutputLost)
+    assert json.loads((place / "runs/task2-1/report.json").read_text())["error"]["exit_code"] == 4

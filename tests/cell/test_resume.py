@@ -30,7 +30,7 @@ from cell.worldfile import read_world
 from driver.clock import Clock
 from driver.emulator import Emulator
 from driver.mars import Mars
-from driver.stream import Progress
+from driver.progress import Progress
 from driver.wirelog import WireLog
 
 pytestmark = pytest.mark.xdist_group("resume")

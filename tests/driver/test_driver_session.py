@@ -22,7 +22,8 @@ from driver.clock import Clock
 from driver.emulator import Emulator, EmulatorOptions, Fault, When
 from driver.execute import execute
 from driver.mars import Mars
-from driver.stream import Progress, StreamOptions, stream
+from driver.progress import Progress, StreamOptions
+from driver.stream import stream
 from driver.wirelog import WireLog
 
 STRICT = EmulatorOptions(unknown="fail", noise=b"\x00\xff\x80\xfeMARS", registers_readable=True)

@@ -14,7 +14,8 @@ from driver.clock import Clock
 from driver.control import Control
 from driver.emulator import Emulator
 from driver.mars import Mars
-from driver.stream import Progress, stream
+from driver.progress import Progress
+from driver.stream import stream
 
 
 @pytest.fixture

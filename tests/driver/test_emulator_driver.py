@@ -13,7 +13,8 @@ from count_paths import DISTANCE, quintic
 from driver.clock import Clock
 from driver.emulator import Emulator, EmulatorOptions
 from driver.mars import Mars
-from driver.stream import Progress, stream
+from driver.progress import Progress
+from driver.stream import stream
 
 
 class Object:

@@ -14,7 +14,7 @@ from arm.unit import Unit
 from driver.clock import Clock
 from driver.execute import execute
 from driver.mars import Mars
-from driver.stream import Progress, StreamOptions
+from driver.progress import Progress, StreamOptions
 
 WATCHED = StreamOptions(watch_jaws=True)
 HOME = (-181650, -349, -12200, 99200, 33300, -96500)

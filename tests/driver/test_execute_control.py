@@ -15,7 +15,7 @@ from driver.clock import Clock
 from driver.control import Control
 from driver.execute import execute
 from driver.mars import Mars
-from driver.stream import Progress
+from driver.progress import Progress
 
 HOME = (-181650, -349, -12200, 99200, 33300, -96500)
 

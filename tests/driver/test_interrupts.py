@@ -100,6 +100,27 @@ def test_only_the_first_signal_is_heard_and_the_handlers_are_put_back() -> None:
         _kill_myself()
 
 
+class Dropped:
+    """Python drops what is raised in a finaliser."""
+
+    def __del__(self) -> None:
+        _kill_myself(0.01)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("ends", [False, True])
+def test_an_interrupt_that_python_drops_does_not_make_the_program_deaf(
+    monkeypatch: pytest.MonkeyPatch, ends: bool
+) -> None:
+    monkeypatch.setattr("driver.interrupt.QUIET_S", 0.05)
+    with interruptible(ends):
+        dropped = Dropped()
+        del dropped
+        time.sleep(0.1)
+        with pytest.raises(KeyboardInterrupt):
+            _kill_myself()
+
+
 def test_once_the_arm_stands_the_next_signal_is_heard_unless_the_program_ends() -> None:
     for ends, count in ((False, 3), (True, 1)):
         heard = 0

@@ -16,19 +16,9 @@ from hypothesis import strategies as st
 
 from arm.errors import FileInputError
 from driver.logfile import Session, is_log, read_log
-from logged_session import LoggedRun, logged_run
+from logged_session import LoggedRun
 
 OPEN = {"t": 0.0, "kind": "open", "time_scale": 1.0}
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> LoggedRun:
-    return logged_run(tmp_path_factory.mktemp("log") / "wire.jsonl")
-
-
-@pytest.fixture(scope="module")
-def session(run: LoggedRun) -> Session:
-    return read_log(run.log)
 
 
 def write(path: Path, *records: dict[str, Any]) -> Path:

@@ -18,7 +18,8 @@ from driver.clock import Clock
 from driver.extremes import extremes
 from driver.link import Link
 from driver.mars import Mars
-from driver.stream import Progress, StreamOptions, stream
+from driver.progress import Progress, StreamOptions
+from driver.stream import stream
 
 HOME = (-181650, -349, -12200, 99200, 33300, -96500)
 

@@ -20,7 +20,8 @@ from driver.clock import Clock
 from driver.control import LEAST_OVERRIDE, Control
 from driver.mars import Mars
 from driver.override import stretched
-from driver.stream import Progress, Sent, StreamOptions, stream
+from driver.progress import Progress, Sent, StreamOptions
+from driver.stream import stream
 
 HOME = (-181650, -349, -12200, 99200, 33300, -96500)
 

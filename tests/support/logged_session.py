@@ -12,7 +12,8 @@ from count_paths import DISTANCE, Jaws, quintic
 from driver.clock import Clock
 from driver.emulator import Emulator, Record
 from driver.mars import Mars
-from driver.stream import Progress, stream
+from driver.progress import Progress
+from driver.stream import stream
 from driver.wirelog import WireLog
 
 

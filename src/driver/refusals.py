@@ -1,0 +1,60 @@
+"""States of a unit in which nothing is to move: faults, lost positions, counts outside the limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from arm.errors import ImpossibleError
+from arm.unit import Unit
+from driver.protocol import Status
+
+POSITION_TOLERANCE = 25  # counts of static error seen on real units after a move (0.023 to 0.045 deg)
+
+
+def refuse_faults(status: Status) -> None:
+    """Refuse what forbids motion.
+
+    Raises:
+        ImpossibleError: with the faults, and what clears them.
+    """
+    if status.fault:
+        raise ImpossibleError(
+            f"{' and '.join(status.faults())}: {status.remedy()}",
+            status=status.word,
+            faults=list(status.faults()),
+        )
+
+
+def refuse_unhomed(unit: Unit, counts: Sequence[int]) -> None:
+    """Refuse positions that a homed arm would not tell.
+
+    Raises:
+        ImpossibleError: all about 0, as after power-up, or outside the limits.
+    """
+    if max(abs(c) for c in counts) <= POSITION_TOLERANCE:
+        raise ImpossibleError(
+            f"positions are {list(counts)}, as after power-up: the unit must be homed", counts=list(counts)
+        )
+    refuse_outside(unit, counts, "the arm stands at")
+
+
+def refuse_outside(unit: Unit, counts: Sequence[int], what: str) -> None:
+    """Refuse counts outside the unit's joint limits; `what` begins the message.
+
+    Raises:
+        ImpossibleError: with axis and excess in rad.
+    """
+    q = unit.positions(counts)
+    rounding = 1.5 / np.abs(unit.counts_per_rad)
+    excess = np.maximum(unit.lower - q, q - unit.upper) - rounding
+    worst = int(np.argmax(excess))
+    if excess[worst] > 0.0:
+        low, value, high = np.degrees([unit.lower[worst], q[worst], unit.upper[worst]])
+        raise ImpossibleError(
+            f"{what} {value:.2f} deg on axis {unit.axes[worst]}: must be from {low:.2f} to {high:.2f} deg",
+            axis=unit.axes[worst],
+            counts=[int(c) for c in counts],
+            excess=float(excess[worst]),
+        )
