@@ -18,12 +18,7 @@ from cell.inputs import changes
 from cell.planning import options_of
 from cell.taskfile import read_task
 from cell.worldfile import board_placement, read_world
-
-
-def _change(path: Path, old: str, new: str) -> None:
-    text = path.read_text()
-    assert text.count(old) >= 1, old
-    path.write_text(text.replace(old, new, 1))
+from command_line import replace_in
 
 
 def test_the_shipped_tasks_can_be_read(scenes: Path) -> None:
@@ -45,8 +40,8 @@ def test_what_may_be_chosen_is_the_files(scenes: Path) -> None:
     assert (options.look, options.order, options.assignment) == ("each", "free", "free")
     assert (options.velocity_fraction, options.acceleration_fraction, options.speed) == (0.9, 0.5, 0.25)
     task.write_text(task.read_text() + 'look_after = 2\norder = "given"\nassignment = "given"\n')
-    _change(scenes / "cell.toml", "# velocity_fraction = 0.9", "velocity_fraction = 0.8")
-    _change(scenes / "cell.toml", "# acceleration_fraction = 0.5", "acceleration_fraction = 0.4")
+    replace_in(scenes / "cell.toml", "# velocity_fraction = 0.9", "velocity_fraction = 0.8")
+    replace_in(scenes / "cell.toml", "# acceleration_fraction = 0.5", "acceleration_fraction = 0.4")
     options = options_of(read_task(task), 0.25)
     assert (options.look, options.order, options.assignment) == (2, "given", "given")
     assert (options.velocity_fraction, options.acceleration_fraction) == (0.8, 0.4)
@@ -55,9 +50,9 @@ def test_what_may_be_chosen_is_the_files(scenes: Path) -> None:
 def test_how_an_acceleration_builds_up_is_the_cell_files(scenes: Path) -> None:
     task = scenes / "task2.toml"
     assert options_of(read_task(task), 0.5).jerk_time == 0.0
-    _change(scenes / "cell.toml", "[motion]", "[motion]\njerk_time_s = 0.15")
+    replace_in(scenes / "cell.toml", "[motion]", "[motion]\njerk_time_s = 0.15")
     assert options_of(read_task(task), 0.5).jerk_time == 0.15
-    _change(scenes / "cell.toml", "jerk_time_s = 0.15", "jerk_time_s = -1")
+    replace_in(scenes / "cell.toml", "jerk_time_s = 0.15", "jerk_time_s = -1")
     with pytest.raises(InputError, match="jerk_time_s = -1: must be a number in s from 0 to 2"):
         read_task(task)
 
@@ -65,10 +60,10 @@ def test_how_an_acceleration_builds_up_is_the_cell_files(scenes: Path) -> None:
 def test_only_what_is_meant_counts(scenes: Path) -> None:
     """Comments, the way a number is written, and what a plan does not rest on: still the same task."""
     task = read_task(scenes / "task2.toml")
-    _change(scenes / "cell.toml", "clearance_mm = 10 ", "clearance_mm = 10.0 # ten")
-    _change(scenes / "cell.toml", "speed = 0.5", "speed = 0.25")
-    _change(scenes / "cell.toml", "photographs = 5", "photographs = 7")
-    _change(scenes / "task2.toml", "seed = 0", "seed = 0 # no choice")
+    replace_in(scenes / "cell.toml", "clearance_mm = 10 ", "clearance_mm = 10.0 # ten")
+    replace_in(scenes / "cell.toml", "speed = 0.5", "speed = 0.25")
+    replace_in(scenes / "cell.toml", "photographs = 5", "photographs = 7")
+    replace_in(scenes / "task2.toml", "seed = 0", "seed = 0 # no choice")
     same = read_task(scenes / "task2.toml")
     assert same.cell.speed == 0.25
     assert same.digest == task.digest
@@ -89,12 +84,12 @@ def test_only_what_is_meant_counts(scenes: Path) -> None:
         if old not in before:
             old = before.splitlines()[2]
             new = old.split(",")[0] + ",61.5"
-        _change(scenes / file, old, new)
+        replace_in(scenes / file, old, new)
         other = read_task(scenes / "task2.toml")
         assert other.digest != task.digest
         assert any(words.startswith(told) for words in changes(task.cell.inputs, other.cell.inputs)), told
         (scenes / file).write_text(before)
-    _change(scenes / "task2.toml", 'look_after = "each"', "look_after = 2")
+    replace_in(scenes / "task2.toml", 'look_after = "each"', "look_after = 2")
     assert changes(task.inputs, read_task(scenes / "task2.toml").inputs) == ["look_after each, now 2"]
 
 
@@ -205,7 +200,7 @@ def test_placement_puts_the_plates_centre_and_leans_where_it_is_told() -> None:
     ],
 )
 def test_mistakes_are_told(scenes: Path, file: str, old: str, new: str, message: str) -> None:
-    _change(scenes / file, old, new)
+    replace_in(scenes / file, old, new)
     task = "task1.toml" if file == "task1.toml" else "task2.toml"
     with pytest.raises(InputError, match=message) as error:
         read_task(scenes / task)
@@ -222,7 +217,7 @@ def test_mistakes_are_told(scenes: Path, file: str, old: str, new: str, message:
     ],
 )
 def test_mistakes_in_a_world_are_told(scenes: Path, old: str, new: str, message: str) -> None:
-    _change(scenes / "task2.world.toml", old, new)
+    replace_in(scenes / "task2.world.toml", old, new)
     with pytest.raises(InputError, match=message):
         read_world(scenes / "task2.world.toml", 0.036)
 

@@ -13,6 +13,7 @@ import pytest
 
 from arm.unit import Unit, load_unit
 from driver.clock import Clock
+from driver.mars import Mars
 
 Hook = Callable[[str], "list[str] | None"]
 
@@ -184,3 +185,12 @@ def fake(clock: Clock) -> Iterator[FakeUnit]:
     fake.thread.start()
     yield fake
     fake.close()
+
+
+@pytest.fixture
+def mars(fake: FakeUnit, unit: Unit, clock: Clock) -> Iterator[Mars]:
+    """The scripted unit, homed and taken into use."""
+    with Mars(fake.url, unit, clock) as mars:
+        mars.identify()
+        mars.initialise()
+        yield mars

@@ -15,14 +15,14 @@ from driver.clock import Clock
 from driver.execute import execute
 from driver.mars import Mars
 from driver.progress import Progress, StreamOptions
+from soft_home import SOFT_HOME
 
 WATCHED = StreamOptions(watch_jaws=True)
-HOME = (-181650, -349, -12200, 99200, 33300, -96500)
 
 
 @pytest.fixture
 def mars(fake: Any, unit: Unit, clock: Clock) -> Any:
-    fake.counts = list(HOME)
+    fake.counts = list(SOFT_HOME)
     with Mars(fake.url, unit, clock) as mars:
         mars.identify()
         mars.initialise(home=False)
@@ -37,14 +37,14 @@ def move(name: str, start: tuple[int, ...], step: tuple[int, ...]) -> Move:
 
 
 def steps() -> list[Step]:
-    first = move("out", HOME, (100, 200, 300, 0, 0, 0))
+    first = move("out", SOFT_HOME, (100, 200, 300, 0, 0, 0))
     return [
         GripperStep("open", "open", None, 0.0, 0.5),
         first,
         GripperStep("close", "close", 0, 1.0, 0.5),
         move("back", first.path.end, (-100, -200, -300, 0, 0, 0)),
         LookStep("look"),
-        move("again", HOME, (1, 1, 1, 1, 1, 1)),
+        move("again", SOFT_HOME, (1, 1, 1, 1, 1, 1)),
     ]
 
 
@@ -59,7 +59,7 @@ def test_steps_run_in_order_and_look_steps_are_passed_over(mars: Mars, fake: Any
     assert results[1].sent is not None
     assert results[1].sent.path == steps()[1].path  # type: ignore[union-attr]
     assert results[2].end_s - results[2].start_s >= 0.5
-    assert mars.counts() == tuple(c + 2 for c in HOME)
+    assert mars.counts() == tuple(c + 2 for c in SOFT_HOME)
 
 
 def test_looking_decides_whether_to_go_on(mars: Mars) -> None:
@@ -72,11 +72,11 @@ def test_looking_decides_whether_to_go_on(mars: Mars) -> None:
     results = execute(mars, steps(), on_look=look)
     assert looked == ["look"]
     assert [r.step.name for r in results] == ["open", "out", "close", "back", "look"]
-    assert mars.counts() == HOME
+    assert mars.counts() == SOFT_HOME
 
 
 def test_another_start_is_refused_with_the_difference(mars: Mars, fake: Any) -> None:
-    fake.counts = [HOME[0] + 1111, HOME[1], HOME[2] - 26, *HOME[3:]]
+    fake.counts = [SOFT_HOME[0] + 1111, SOFT_HOME[1], SOFT_HOME[2] - 26, *SOFT_HOME[3:]]
     fake.lines.clear()
     with pytest.raises(
         ImpossibleError, match=r"off by A \+1111 \(\+1\.00 deg\), C -26 \(\+0\.02 deg\);"
@@ -99,7 +99,7 @@ def test_a_failing_step_is_named_with_the_state(mars: Mars, fake: Any) -> None:
 
 def test_impossible_after_the_first_step_is_a_stop(mars: Mars) -> None:
     """Something has moved already, so it is no longer "nothing moved"."""
-    first = move("out", HOME, (100, 200, 300, 0, 0, 0))
+    first = move("out", SOFT_HOME, (100, 200, 300, 0, 0, 0))
     elsewhere = move("back", (0,) * 6, (1, 1, 1, 1, 1, 1))
     with pytest.raises(ExecutionStopped, match="step 3 of 3, back: the path starts") as stopped:
         execute(mars, [first, LookStep("look"), elsewhere])
@@ -108,7 +108,7 @@ def test_impossible_after_the_first_step_is_a_stop(mars: Mars) -> None:
 
 
 def test_impossible_at_the_first_step_moves_nothing(mars: Mars, fake: Any) -> None:
-    far = move("far", HOME, (0, 100_000, 0, 0, 0, 0))
+    far = move("far", SOFT_HOME, (0, 100_000, 0, 0, 0, 0))
     with pytest.raises(ImpossibleError, match="the path reaches"):
         execute(mars, [far])
     assert not any(line.startswith("COORDSPLINET") for line in fake.lines)
@@ -125,7 +125,7 @@ def line(name: str, start: tuple[int, ...], segments: int) -> Move:
 
 def three(*segments: int) -> list[Step]:
     moves: list[Step] = []
-    at = HOME
+    at = SOFT_HOME
     for name, count in zip(("lift", "across", "lower"), segments, strict=True):
         made = line(name, at, count)
         moves.append(made)

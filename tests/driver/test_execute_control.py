@@ -16,13 +16,12 @@ from driver.control import Control
 from driver.execute import execute
 from driver.mars import Mars
 from driver.progress import Progress
-
-HOME = (-181650, -349, -12200, 99200, 33300, -96500)
+from soft_home import SOFT_HOME
 
 
 @pytest.fixture
 def mars(fake: Any, unit: Unit, clock: Clock) -> Any:
-    fake.counts = list(HOME)
+    fake.counts = list(SOFT_HOME)
     with Mars(fake.url, unit, clock) as mars:
         mars.identify()
         mars.initialise(home=False)
@@ -40,7 +39,7 @@ def line(name: str, start: tuple[int, ...], segments: int) -> Move:
 def steps(*segments: int, settle_s: float = 0.2) -> list[Step]:
     """Motions with a gripper step behind each."""
     found: list[Step] = []
-    at = HOME
+    at = SOFT_HOME
     for number, count in enumerate(segments):
         move = line(f"move {number}", at, count)
         at = move.path.end
@@ -136,7 +135,7 @@ def test_an_abort_ends_any_step_with_stop_and_the_state(
 
     if step == "close 1":
         fake.hooks["RG"] = lambda x: [] if index_of(fake, "GG:103") > 1 else None
-    plan = [*steps(5, 30, settle_s=30.0 if step == "settle" else 0.1), line("last", HOME, 3)]
+    plan = [*steps(5, 30, settle_s=30.0 if step == "settle" else 0.1), line("last", SOFT_HOME, 3)]
     plan[-1] = line("last", plan[2].path.end, 3)  # type: ignore[union-attr]
     with pytest.raises(ExecutionStopped, match="aborted on request") as stopped:
         execute(mars, plan, on_step, control=control)

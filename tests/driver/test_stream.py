@@ -20,22 +20,23 @@ from driver.link import Link
 from driver.mars import Mars
 from driver.progress import Progress, StreamOptions
 from driver.stream import stream
-
-HOME = (-181650, -349, -12200, 99200, 33300, -96500)
+from soft_home import SOFT_HOME
 
 
 @pytest.fixture
 def mars(fake: Any, unit: Unit, clock: Clock) -> Any:
-    fake.counts = list(HOME)
+    fake.counts = list(SOFT_HOME)
     with Mars(fake.url, unit, clock) as mars:
         mars.identify()
         mars.initialise(home=False)
-        mars.move_to(HOME)
+        mars.move_to(SOFT_HOME)
         fake.lines.clear()
         yield mars
 
 
-def wave(segments: int, start: tuple[int, ...] = HOME, duration_ms: int = 100, seed: int = 1) -> CountPath:
+def wave(
+    segments: int, start: tuple[int, ...] = SOFT_HOME, duration_ms: int = 100, seed: int = 1
+) -> CountPath:
     """A smooth motion as Hermite cubics with whole coefficients, from rest to rest."""
     rng = np.random.default_rng(seed)
     amplitude = rng.uniform(-4000, 4000, 6)
@@ -90,7 +91,7 @@ def test_never_more_than_the_look_ahead(mars: Mars, fake: Any) -> None:
     sent = stream(mars, wave(80))
     assert 1.0 < sent.ahead_s <= 1.5
     assert max(held) <= 1.5
-    sent = stream(mars, wave(40, start=mars.reference or HOME), options=StreamOptions(ahead_s=0.5))
+    sent = stream(mars, wave(40, start=mars.reference or SOFT_HOME), options=StreamOptions(ahead_s=0.5))
     assert sent.ahead_s <= 0.5
 
 
@@ -146,7 +147,7 @@ def test_an_idle_unit_may_show_any_segment_number(mars: Mars, fake: Any, clock: 
 
 
 def test_straight_segments_go_as_absolute_moves(mars: Mars, fake: Any) -> None:
-    path = CountPath(HOME, tuple(Segment(60, ((100, -50, 0, 3, 2, 1),)) for _ in range(10)))
+    path = CountPath(SOFT_HOME, tuple(Segment(60, ((100, -50, 0, 3, 2, 1),)) for _ in range(10)))
     assert stream(mars, path).end_counts == path.end
     last = ",".join(str(c) for c in path.end)
     assert splines(fake.lines)[-1] == f"COORDMVT:60,{last}"
@@ -154,25 +155,25 @@ def test_straight_segments_go_as_absolute_moves(mars: Mars, fake: Any) -> None:
 
 def test_a_path_from_elsewhere_moves_nothing(mars: Mars, fake: Any) -> None:
     with pytest.raises(ImpossibleError, match="starts 26 counts from the arm"):
-        stream(mars, wave(5, start=(HOME[0] - 26, *HOME[1:])))
+        stream(mars, wave(5, start=(SOFT_HOME[0] - 26, *SOFT_HOME[1:])))
     assert splines(fake.lines) == []
 
 
 def test_a_path_from_a_few_counts_off_is_anchored(mars: Mars, fake: Any) -> None:
-    path = wave(5, start=(HOME[0] + 20, *HOME[1:]))
+    path = wave(5, start=(SOFT_HOME[0] + 20, *SOFT_HOME[1:]))
     assert stream(mars, path).end_counts == path.end
     absolute = [line for line in fake.lines if line.startswith("COORDMV:")]
-    assert absolute == ["COORDMV:" + ",".join(map(str, c)) for c in (HOME, path.start)]
+    assert absolute == ["COORDMV:" + ",".join(map(str, c)) for c in (SOFT_HOME, path.start)]
 
 
 def test_a_path_that_bulges_out_of_the_limits_moves_nothing(mars: Mars, fake: Any) -> None:
     """Both ends of the segment are inside; the cubic between them is not."""
     bulge = Segment(1000, ((0,) * 6, (0, 600_000, 0, 0, 0, 0), (0, -600_000, 0, 0, 0, 0)))
-    _, high = extremes(CountPath(HOME, (bulge,)))
-    assert high[1] - HOME[1] == pytest.approx(600_000 * 4 / 27, abs=1.0)
+    _, high = extremes(CountPath(SOFT_HOME, (bulge,)))
+    assert high[1] - SOFT_HOME[1] == pytest.approx(600_000 * 4 / 27, abs=1.0)
     over = Segment(1000, ((0,) * 6, (0, 900_000, 0, 0, 0, 0), (0, -900_000, 0, 0, 0, 0)))
     with pytest.raises(ImpossibleError, match=r"the path reaches .* deg on axis B"):
-        stream(mars, CountPath(HOME, (over,)))
+        stream(mars, CountPath(SOFT_HOME, (over,)))
     assert splines(fake.lines) == []
 
 
@@ -180,7 +181,7 @@ def test_a_path_that_bulges_out_of_the_limits_moves_nothing(mars: Mars, fake: An
 def test_extremes_bound_a_dense_sampling(seed: int) -> None:
     rng = np.random.default_rng(seed)
     rows = [tuple(tuple(int(c) for c in r) for r in rng.integers(-3000, 3000, (3, 6))) for _ in range(4)]
-    path = CountPath(HOME, tuple(Segment(100, r) for r in rows))
+    path = CountPath(SOFT_HOME, tuple(Segment(100, r) for r in rows))
     low, high = extremes(path)
     dense = path.sample(1e-4)
     assert (dense >= low - 1e-6).all()
@@ -191,11 +192,11 @@ def test_extremes_bound_a_dense_sampling(seed: int) -> None:
 
 def test_segments_that_cannot_be_sent_are_found_before_any_is(mars: Mars, fake: Any) -> None:
     good = wave(5)
-    bad = CountPath(HOME, (*good.segments, Segment(0, good.segments[0].coefficients)))
+    bad = CountPath(SOFT_HOME, (*good.segments, Segment(0, good.segments[0].coefficients)))
     with pytest.raises(InputError, match="0 ms"):
         stream(mars, bad)
     with pytest.raises(InputError, match="without segments"):
-        stream(mars, CountPath(HOME, ()))
+        stream(mars, CountPath(SOFT_HOME, ()))
     assert splines(fake.lines) == []
 
 
@@ -259,10 +260,10 @@ def test_a_stuck_axis_stops_the_stream(mars: Mars, fake: Any) -> None:
     def stuck(line: str) -> list[str]:
         at = fake.at()
         sequence = fake.sequence - max(len(fake.queue) - 1, 0)
-        return [f"COORDAP=1,{sequence},1," + ",".join(str(c) for c in (*at[:3], HOME[3], *at[4:]))]
+        return [f"COORDAP=1,{sequence},1," + ",".join(str(c) for c in (*at[:3], SOFT_HOME[3], *at[4:]))]
 
     fake.hooks["COORDAP"] = stuck
-    path = CountPath(HOME, tuple(Segment(100, ((100, 20, 50, -300, 10, 10),)) for _ in range(40)))
+    path = CountPath(SOFT_HOME, tuple(Segment(100, ((100, 20, 50, -300, 10, 10),)) for _ in range(40)))
     with pytest.raises(ExecutionStopped, match=r"axis D is .* counts off its path") as stopped:
         stream(mars, path)
     assert stopped.value.data["axis"] == "D"
@@ -270,7 +271,7 @@ def test_a_stuck_axis_stops_the_stream(mars: Mars, fake: Any) -> None:
 
 
 def test_a_unit_that_stands_still_ends_by_the_deadline(mars: Mars, fake: Any) -> None:
-    at_segment(fake, 6, lambda: fake.queue.append((0.0, 1e9, list(HOME), list(HOME))))
+    at_segment(fake, 6, lambda: fake.queue.append((0.0, 1e9, list(SOFT_HOME), list(SOFT_HOME))))
     with pytest.raises(ExecutionStopped, match="is not over 5 s after its time") as stopped:
         stream(mars, wave(10), options=StreamOptions(following_counts=10**6))
     assert stopped.value.data["reason"] == "deadline"

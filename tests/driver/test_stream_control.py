@@ -22,8 +22,7 @@ from driver.mars import Mars
 from driver.override import stretched
 from driver.progress import Progress, Sent, StreamOptions
 from driver.stream import stream
-
-HOME = (-181650, -349, -12200, 99200, 33300, -96500)
+from soft_home import SOFT_HOME
 
 
 @pytest.fixture
@@ -32,11 +31,11 @@ def mars(fake: Any, unit: Unit, clock: Clock) -> Any:
 
 
 def opened(fake: Any, unit: Unit, clock: Clock) -> Any:
-    fake.counts = list(HOME)
+    fake.counts = list(SOFT_HOME)
     with Mars(fake.url, unit, clock) as mars:
         mars.identify()
         mars.initialise(home=False)
-        mars.move_to(HOME)
+        mars.move_to(SOFT_HOME)
         fake.lines.clear()
         fake.times.clear()
         yield mars
@@ -45,7 +44,7 @@ def opened(fake: Any, unit: Unit, clock: Clock) -> Any:
 def run(segments: int, duration_ms: int = 100) -> CountPath:
     """At constant speed, as cubics."""
     zero = (0,) * 6
-    return CountPath(HOME, (Segment(duration_ms, ((100, 20, -30, 5, 0, 0), zero, zero)),) * segments)
+    return CountPath(SOFT_HOME, (Segment(duration_ms, ((100, 20, -30, 5, 0, 0), zero, zero)),) * segments)
 
 
 def moved(fake: Any) -> list[str]:
@@ -207,7 +206,7 @@ def test_stop_is_at_the_wire_within_100_ms(fake: Any, unit: Unit, ask: str) -> N
     behind: list[int] = []
     for mars in opened(fake, unit, clock):
         for attempt in range(3):
-            mars.move_to(HOME)
+            mars.move_to(SOFT_HOME)
             fake.lines.clear()
             fake.times.clear()
             control = Control()

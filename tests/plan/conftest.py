@@ -1,11 +1,15 @@
-"""What the planner's tests share: the arm, its two units."""
+"""What the planner's tests share: the arm, its two units, Task 2 and what is planned for it."""
 
 from __future__ import annotations
 
 import pytest
 
+from arm.planfile import Plan
 from arm.robot import Robot, load_a465
 from arm.unit import UNITS, Unit, load_unit
+from plan.options import PlanOptions
+from plan.task import plan_task
+from task2_scene import Q_START, Task2, task2
 
 
 @pytest.fixture(scope="session")
@@ -21,3 +25,23 @@ def unit(request: pytest.FixtureRequest) -> Unit:
 @pytest.fixture(scope="session")
 def crs97() -> Unit:
     return load_unit("crs97")
+
+
+@pytest.fixture(scope="session")
+def case() -> Task2:
+    """The default Task 2."""
+    return task2()
+
+
+@pytest.fixture(scope="session")
+def plan(case: Task2) -> Plan:
+    """Task 2 with a look after each cube, for crs93."""
+    return plan_task(case.scene, case.transfers, Q_START, load_unit("crs93"), provenance={"note": "test"})
+
+
+@pytest.fixture(scope="session")
+def direct(case: Task2) -> Plan:
+    """The same without looks."""
+    return plan_task(
+        case.scene, case.transfers, Q_START, load_unit("crs93"), options=PlanOptions(look="never")
+    )
