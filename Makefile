@@ -1,6 +1,7 @@
-# make run   sets up and runs the main job in the simulated cell
-# make test  sets up and passes the tests
-# make mcap  adds what `a465 export --format mcap` needs
+# make run     sets up and runs the main job in the simulated cell
+# make test    sets up and passes the tests
+# make mcap    adds what `a465 export --format mcap` needs
+# make basler  adds what a Basler camera needs (pypylon, 85 MB)
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -12,7 +13,7 @@ export PIP_BUILD_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 PIP := $(PYTHON) -m pip --python $(BIN)/python install --quiet
 
-.PHONY: run test mcap lint clean
+.PHONY: run test mcap basler lint clean
 
 run: $(VENV)/installed
 	$(BIN)/a465 run $(TASK)
@@ -22,6 +23,9 @@ test: $(VENV)/installed-test lint
 
 mcap: $(VENV)/installed
 	$(PIP) --editable '.[mcap]'
+
+basler: $(VENV)/installed
+	$(PIP) --editable '.[basler]'
 
 lint: $(VENV)/installed-test
 	$(BIN)/ruff check .

@@ -44,6 +44,19 @@ class FileInputError(InputError):
         )
 
 
+class CameraError(InputError):
+    """A camera gives no photographs that may be used.
+
+    Args:
+        camera: which, as its user named it.
+        reason: why, in a word or two (docs/cameras.md lists them).
+        rule: the message.
+    """
+
+    def __init__(self, camera: object, reason: str, rule: str, **data: Any) -> None:
+        super().__init__(f"camera {camera}: {rule}", camera=str(camera), reason=reason, **data)
+
+
 class ImpossibleError(A465Error):
     """The request is well formed but cannot be done; nothing has moved."""
 

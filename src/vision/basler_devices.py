@@ -1,0 +1,131 @@
+"""Which Basler camera is meant: a selector, and the cameras that are there."""
+
+from __future__ import annotations
+
+import ipaddress
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from arm.errors import CameraError, InputError
+
+KINDS = ("name", "serial", "ip", "class")
+
+
+@dataclass(frozen=True)
+class FoundDevice:
+    """A camera that pylon lists, whether or not it can be opened.
+
+    Attributes:
+        name: that its user gave it; "" if none did.
+        serial: number on its label.
+        ip: address of a GigE camera, else "".
+        device_class: of its interface: BaslerGigE, BaslerUsb, BaslerCamEmu, ...
+        model: such as acA1920-40gm.
+    """
+
+    name: str
+    serial: str
+    ip: str
+    device_class: str
+    model: str
+
+    def __str__(self) -> str:
+        marks = (("name", self.name), ("serial", self.serial), ("ip", self.ip), ("class", self.device_class))
+        return " ".join([self.model, *(f"{kind}:{mark}" for kind, mark in marks if mark)])
+
+
+@dataclass(frozen=True)
+class Selector:
+    """What tells a camera from others.
+
+    Attributes:
+        kind: one of `KINDS`, or "" for a bare text: a user name or else a serial number.
+        text: what it must be.
+    """
+
+    kind: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.kind}:{self.text}" if self.kind else self.text
+
+    def choose(self, found: Sequence[FoundDevice]) -> int:
+        """The number of the one device in `found` that is meant.
+
+        Raises:
+            CameraError: none is, or several are; with all that are there.
+        """
+        for kind in (self.kind,) if self.kind else ("name", "serial"):
+            fitting = [number for number, device in enumerate(found) if self._fits(device, kind)]
+            if len(fitting) == 1:
+                return fitting[0]
+            if fitting:
+                raise self._refused(found, "ambiguous", f"means {len(fitting)} cameras; say serial:NUMBER")
+        if not found:
+            raise self._refused(
+                found, "missing", "is not there, and no other; has it power, is its cable plugged in?"
+            )
+        raise self._refused(found, "missing", "is not there")
+
+    def _fits(self, device: FoundDevice, kind: str) -> bool:
+        marks = {
+            "name": device.name,
+            "serial": device.serial,
+            "ip": device.ip,
+            "class": device.device_class,
+        }
+        return marks[kind] == self.text
+
+    def _refused(self, found: Sequence[FoundDevice], reason: str, rule: str) -> CameraError:
+        there = f"; there {'is' if len(found) == 1 else 'are'} {', '.join(map(str, found))}" if found else ""
+        return CameraError(self, reason, f"{rule}{there}", found=[asdict(device) for device in found])
+
+
+def find_devices(pylon: Any) -> list[tuple[FoundDevice, Any]]:
+    """The cameras that pylon lists, each with its own record of it.
+
+    Args:
+        pylon: the library.
+    """
+    return [
+        (
+            FoundDevice(
+                info.GetUserDefinedName(),
+                info.GetSerialNumber(),
+                info.GetIpAddress() if info.IsIpAddressAvailable() else "",
+                info.GetDeviceClass(),
+                info.GetModelName(),
+            ),
+            info,
+        )
+        for info in pylon.TlFactory.GetInstance().EnumerateDevices()
+    ]
+
+
+def read_selector(text: str) -> Selector:
+    """A selector as people write it.
+
+    ``name:camera-crs93``, ``serial:21923415``, ``ip:192.168.0.7`` or ``class:BaslerUsb``; a bare text is a user name or
+    else a serial number.
+
+    Raises:
+        InputError: it is empty, of another kind, or no IP address where one is meant.
+    """
+    kind, colon, rest = (part.strip() for part in text.partition(":"))
+    if not colon:
+        kind, rest = "", kind
+    if (colon and kind not in KINDS) or not rest:
+        raise InputError(
+            f"camera {text!r}: must be name:NAME, serial:NUMBER, ip:ADDRESS or class:CLASS; "
+            "a bare text is a user name or a serial number",
+            camera=text,
+        )
+    if kind == "ip":
+        try:
+            rest = str(ipaddress.IPv4Address(rest))
+        except ValueError as error:
+            raise InputError(
+                f"camera {text!r}: {error}; must be such as ip:192.168.0.7", camera=text
+            ) from error
+    return Selector(kind, rest)

@@ -1,0 +1,39 @@
+"""Whether a frame is the next one of its camera, by the number and the time stamp that the camera gave it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+NO_NUMBER = 2**64 - 1
+LAST_SHORT = 2**16 - 1  # GigE cameras with 16-bit numbers go on with 1
+
+
+@dataclass(frozen=True)
+class FrameOrder:
+    """The last frame.
+
+    Attributes:
+        number: the camera's block id; None before the first.
+        stamp: time of the camera's own clock, in its own unit; 0 if it gives none (as pylon's emulation does).
+    """
+
+    number: int | None = None
+    stamp: int = 0
+
+    def is_next(self, frame: FrameOrder, first: bool) -> bool:
+        """Whether `frame` follows this one with none lost or repeated between.
+
+        Args:
+            frame: the newer one.
+            first: grabbing has started anew since the last frame, so that numbers may begin again at 0 or 1.
+        """
+        if frame.number in (None, NO_NUMBER) or (frame.stamp and self.stamp and frame.stamp <= self.stamp):
+            return False
+        expected = {0, 1} if first else set()
+        if self.number is not None:
+            expected.add(1 if self.number == LAST_SHORT else self.number + 1)
+            expected.add(self.number + 1)
+        return frame.number in expected or (first and self.number is None)
+
+    def __str__(self) -> str:
+        return f"number {self.number}, time stamp {self.stamp}"
