@@ -43,6 +43,7 @@ def render(
     psf_px: float = 0.7,
     light: Light | None = None,
     samples: int = 16,
+    others: Sequence[Solid] = (),
 ) -> Floats:
     """The noise-free image, (h, w) grey levels from 0 to 255.
 
@@ -54,6 +55,7 @@ def render(
         psf_px: standard deviation of the lens's blur, px; 0 for none.
         light: how the cell is lit; default: `Light()`.
         samples: rays a pixel at edges, a power of two.
+        others: further solids, such as a calibration target.
 
     Raises:
         InputError: a marker that the dictionary does not have, or `samples` no power of two.
@@ -62,6 +64,7 @@ def render(
     plates = {plate_name(b.board.name) for b in boards}
     solids: list[Solid] = [BodySolid(b, light) for b in bodies if b.name not in plates]
     solids += [PlateSolid(b.board, b.T_base_board, dictionary, light) for b in boards]
+    solids += others
     T_base_camera, rays = camera.T_base_camera, pixel_rays(camera)
     visible = in_view(solids, T_base_camera, rays)
     hits = first_hits(visible, T_base_camera, rays)
