@@ -16,6 +16,7 @@ class A465Error(Exception):
     """
 
     exit_code = 1
+    word = "refused"  # which a command's message begins with
 
     def __init__(self, message: str, **data: Any) -> None:
         super().__init__(message)
@@ -26,6 +27,7 @@ class InputError(A465Error):
     """Something that a person gave is wrong: a file, a key, a value, a flag, a port."""
 
     exit_code = 2
+    word = "wrong input"
 
 
 class FileInputError(InputError):
@@ -53,6 +55,8 @@ class CameraError(InputError):
         rule: the message.
     """
 
+    word = "no photographs"
+
     def __init__(self, camera: object, reason: str, rule: str, **data: Any) -> None:
         super().__init__(f"camera {camera}: {rule}", camera=str(camera), reason=reason, **data)
 
@@ -67,6 +71,7 @@ class ExecutionStopped(A465Error):
     """Motion stopped before its end; `data` says in which state the cell was left."""
 
     exit_code = 4
+    word = "stopped"
 
 
 class CalibrationRefused(A465Error):

@@ -16,6 +16,7 @@ from arm.se3 import Array, frozen, transform
 from arm.toml_table import TomlTable
 from arm.unit import UNITS, Limits, Unit, load_unit
 from cell.bodytable import read_body
+from cell.cameras import CellCamera, read_cell_camera
 from cell.inputs import LEFT_OUT, Inputs, inputs_of
 from plan.options import PlanOptions
 from vision.camera import Camera, read_camera
@@ -41,6 +42,7 @@ class Cell:
         table_z: height of the table's top, m.
         q_start: from which looks are taken, (6,) rad.
         photographs: frames a look.
+        basler: the camera that takes them on the real cell, if the file names one, and its settings.
         moved, turned: how far a board may shift (m) or turn (rad) before the rest is planned anew.
         offset, clearance, approach_speed: m, m, m/s at speed 1.
         speed: default factor of velocities.
@@ -68,6 +70,7 @@ class Cell:
     table_z: float
     q_start: Array
     photographs: int
+    basler: CellCamera
     moved: float
     turned: float
     offset: float
@@ -157,6 +160,7 @@ def read_cell(path: Path) -> Cell:
         table_z=table_z,
         q_start=q_start,
         photographs=look.integer("photographs", 1, 100),
+        basler=read_cell_camera(look),
         moved=look.number("moved_mm", "mm", 0.01, 100) / 1e3,
         turned=float(np.radians(look.number("moved_deg", "deg", 0.01, 90))),
         offset=motion.number("offset_mm", "mm", 45, 300) / 1e3,

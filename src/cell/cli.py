@@ -60,7 +60,16 @@ Port = Annotated[
     typer.Option("--port", help="Serial port of the controller, such as /dev/mars or socket://..."),
 ]
 Images = Annotated[
-    Path | None, typer.Option("--images", help="Folder of photographs to look at, instead of a camera.")
+    Path | None, typer.Option("--images", help="Folder of photographs to look at, in place of a camera.")
+]
+Camera = Annotated[
+    str | None,
+    typer.Option(
+        "--camera",
+        help="Basler camera to look with: name:NAME, serial:NUMBER, ip:ADDRESS, class:CLASS, "
+        "or cell for the cell file's.",
+        metavar="SELECTOR",
+    ),
 ]
 TimeScale = Annotated[
     float | None,
@@ -84,6 +93,7 @@ def run(
     port: Port = None,
     world: WorldFile = None,
     images: Images = None,
+    camera: Camera = None,
     speed: Speed = None,
     time_scale: TimeScale = None,
     output: Annotated[
@@ -96,11 +106,11 @@ def run(
     from cell.run import run_task
 
     console = Console(as_json)
-    _finish(console, run_task(task, console, port, world, images, speed, time_scale, output, advice))
+    _finish(console, run_task(task, console, port, world, images, speed, time_scale, output, advice, camera))
 
 
 @app.command(
-    help="Find the boards, their holes and cubes in photographs, or in the simulated cell.",
+    help="Find the boards, their holes and cubes: in photographs, with a camera, or in the simulated cell.",
     epilog="Example: a465 look scenes/task2.toml -o look.json",
 )
 def look(
@@ -108,6 +118,7 @@ def look(
         Path | None, typer.Argument(help="Task file, such as scenes/task2.toml.", metavar="TASK")
     ] = None,
     images: Images = None,
+    camera: Camera = None,
     detections: Annotated[
         Path | None,
         typer.Option("--detections", help="File of recorded marker corners, instead of photographs."),
@@ -123,7 +134,8 @@ def look(
 
     console = Console(as_json)
     if detections is not None:
-        for name, given in (("--images", images), ("--world", world), ("--picture", picture)):
+        others = {"--images": images, "--camera": camera, "--world": world, "--picture": picture}
+        for name, given in others.items():
             if given is not None:
                 raise InputError(
                     f"{name} does not go with --detections: corners are no photographs", option=name
@@ -138,7 +150,7 @@ def look(
         )
     from cell.steps import look_step
 
-    console.result(look_step(task, images, world, output, picture, console))
+    console.result(look_step(task, images, world, output, picture, console, camera))
 
 
 @app.command(
@@ -234,6 +246,7 @@ def execute(
     port: Port = None,
     world: WorldFile = None,
     images: Images = None,
+    camera: Camera = None,
     speed: Annotated[
         float,
         typer.Option("--speed", help="Factor of the plan's velocities, 0 < s <= 1; it only lowers them."),
@@ -249,9 +262,9 @@ def execute(
 
     console = Console(as_json)
     if resume:
-        _finish(console, resume_plan(plan, task, console, port, images, None, speed))
+        _finish(console, resume_plan(plan, task, console, port, images, None, speed, camera))
         return
-    _finish(console, execute_plan(plan, task, console, port, world, images, time_scale, None, speed))
+    _finish(console, execute_plan(plan, task, console, port, world, images, time_scale, None, speed, camera))
 
 
 @app.command(
@@ -381,8 +394,5 @@ def _fail(error: A465Error) -> None:
             }
         }
         print(json.dumps(body, indent=2, default=str))
-    kind = (
-        "wrong input" if isinstance(error, InputError) else "stopped" if error.exit_code == 4 else "refused"
-    )
-    print(f"a465: {kind}: {error}", file=sys.stderr)
+    print(f"a465: {error.word}: {error}", file=sys.stderr)
     sys.exit(error.exit_code)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from arm.errors import InputError
+from cell.cameras import open_basler, require_one_camera
 from cell.taskfile import Task
 from driver.clock import Clock
 from driver.mars import Mars
@@ -19,6 +20,7 @@ from driver.wirelog import WireLog
 from vision.frames import IMAGE_SUFFIXES, FrameSource, Image, ImageFolder
 
 if TYPE_CHECKING:
+    from cell.cellfile import Cell
     from cell.simulation import SimulatedCamera, SimulatedCell
     from driver.emulator import Emulator
 
@@ -129,12 +131,14 @@ def open_cell(
     port: str | None,
     world: Path | None,
     images: Path | None,
+    camera: str | None,
     time_scale: float | None,
     log: Path,
 ) -> Iterator[Connection]:
     """The real cell if a port is given, else the simulated one.
 
     Args:
+        images, camera: where the real cell's photographs come from; default: the cell file's camera.
         time_scale: of the simulated cell; default `TIME_SCALE`.
 
     Raises:
@@ -147,11 +151,13 @@ def open_cell(
             f"--time-scale {time_scale:g} is of the simulated cell; the unit on {port} has its own time",
             time_scale=time_scale,
         )
-    if port is None and images is not None:
-        raise InputError("--images needs --port: the simulated cell has its own camera", images=str(images))
+    require_one_camera(images, camera)
+    for option, given in (("--images", images), ("--camera", camera)):
+        if port is None and given is not None:
+            raise InputError(f"{option} needs --port: the simulated cell has its own camera", option=option)
     real = port is not None
     opened = (
-        _open_real(task, port or "", images, log)
+        _open_real(task, port or "", images, camera, log)
         if real
         else _open_simulated(task, world, time_scale or TIME_SCALE, log)
     )
@@ -160,12 +166,32 @@ def open_cell(
 
 
 @contextmanager
-def _open_real(task: Task, port: str, images: Path | None, log: Path) -> Iterator[Connection]:
-    if images is None:
-        raise InputError("a camera is needed with --port: give photographs with --images", port=port)
+def _open_real(
+    task: Task, port: str, images: Path | None, camera: str | None, log: Path
+) -> Iterator[Connection]:
     clock = Clock()
-    with WireLog(log, clock) as wire, Mars(port, task.cell.unit, clock, wire) as mars:
-        yield Connection(mars, AwaitedPhotographs(images), 1.0)
+    # the camera is there before anything is sent, and is let go after the arm was told to stop
+    with (
+        _real_camera(task.cell, port, images, camera) as frames,
+        WireLog(log, clock) as wire,
+        Mars(port, task.cell.unit, clock, wire) as mars,
+    ):
+        yield Connection(mars, frames, 1.0)
+
+
+@contextmanager
+def _real_camera(cell: Cell, port: str, images: Path | None, camera: str | None) -> Iterator[FrameSource]:
+    if images is not None:
+        yield AwaitedPhotographs(images)
+        return
+    if camera is None and cell.basler.device is None:
+        raise InputError(
+            "a camera is needed with --port: name one with --camera or in the cell file ([look.basler] device), or "
+            "give photographs with --images",
+            port=port,
+        )
+    with open_basler(cell, camera) as frames:
+        yield frames
 
 
 def simulated_cell(task: Task, world: Path | None) -> SimulatedCell:

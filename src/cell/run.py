@@ -32,6 +32,7 @@ def run_task(
     time_scale: float | None = None,
     folder: Path | None = None,
     advice: bool = False,
+    camera: str | None = None,
 ) -> dict[str, Any]:
     """Do a whole task; its report as JSON types. With `advice`, a refusal to plan says what would help.
 
@@ -44,7 +45,7 @@ def run_task(
     task = read_task(task_file)
     speed = task.cell.speed if speed is None else speed
     task.cell.limits.scaled(speed)
-    with _opened(task, console, port, world, images, speed, time_scale, folder, Control()) as run:
+    with _opened(task, console, port, world, images, camera, speed, time_scale, folder, Control()) as run:
         run.advice = advice
         before = run.try_look("before anything moves")
         if before is not None and not run.foresee(before):
@@ -67,6 +68,7 @@ def execute_plan(
     time_scale: float | None = None,
     folder: Path | None = None,
     speed: float = 1.0,
+    camera: str | None = None,
 ) -> dict[str, Any]:
     """Execute a plan file if it holds and matches the cell of now; its report as JSON types.
 
@@ -84,7 +86,7 @@ def execute_plan(
     moves = replayed(task, plan)
     require_start_at(task, plan)
     console.step(f"plan {plan.sha256[:12]}: {len(moves)} moves hold and match this cell")
-    with _opened(task, console, port, world, images, plan.speed, time_scale, folder, control) as run:
+    with _opened(task, console, port, world, images, camera, plan.speed, time_scale, folder, control) as run:
         run.followed = plan_file
         before = run.try_look("before anything moves")
         if before is not None:
@@ -109,6 +111,7 @@ def resume_plan(
     images: Path | None = None,
     folder: Path | None = None,
     speed: float = 1.0,
+    camera: str | None = None,
 ) -> dict[str, Any]:
     """Go on after a stop, from where the arm is: what the plan was to do and is not done is planned anew.
 
@@ -122,7 +125,7 @@ def resume_plan(
     control = Control(ceiling=speed)
     task, plan = read_task(task_file), read_plan(plan_file)
     require_match(task, plan)
-    with _opened(task, console, port, None, images, plan.speed, None, folder, control) as run:
+    with _opened(task, console, port, None, images, camera, plan.speed, None, folder, control) as run:
         run.followed = plan_file
         resume(run, plan)
         return run.report()
@@ -135,6 +138,7 @@ def _opened(
     port: str | None,
     world: Path | None,
     images: Path | None,
+    camera: str | None,
     speed: float,
     time_scale: float | None,
     asked: Path | None,
@@ -145,7 +149,7 @@ def _opened(
     with (
         interruptible(ends=True),
         keyboard(control) as keys,
-        open_cell(task, port, world, images, time_scale, folder / "wire.jsonl") as connection,
+        open_cell(task, port, world, images, camera, time_scale, folder / "wire.jsonl") as connection,
     ):
         control.tell = console.step
         run = TaskRun(
@@ -163,9 +167,9 @@ def _opened(
             run.introduce()
             yield run
         except KeyboardInterrupt:
-            raise _ended(run, _interrupted(connection.mars), port, images) from None
+            raise _ended(run, _interrupted(connection.mars), port, images, camera) from None
         except A465Error as error:
-            end = _ended(run, _told(run, error), port, images)
+            end = _ended(run, _told(run, error), port, images, camera)
             if end is error:
                 raise
             raise end from error
@@ -198,7 +202,9 @@ def _told(run: TaskRun, error: A465Error) -> A465Error:
     )
 
 
-def _ended(run: TaskRun, error: A465Error, port: str | None, images: Path | None) -> A465Error:
+def _ended(
+    run: TaskRun, error: A465Error, port: str | None, images: Path | None, camera: str | None
+) -> A465Error:
     """Write and tell what a run that ends by an error has done, and how to go on."""
     error.data["folder"] = str(run.folder)
     words: list[str] = []
@@ -206,6 +212,7 @@ def _ended(run: TaskRun, error: A465Error, port: str | None, images: Path | None
         error.data["resume_with"] = str(run.followed)
         words = ["a465", "execute", str(run.followed), str(run.task.file), "--port", port]
         words += [] if images is None else ["--images", str(images)]
+        words += [] if camera is None else ["--camera", camera]
         words += ["--speed", f"{run.control.override:g}"] if run.control.override < 1.0 else []
     with suppress(OutputLost):  # the error itself is told on standard error, and must not be lost for this
         run.record(error)

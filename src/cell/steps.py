@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +17,9 @@ from cell.lookfile import Seen, read_seen, seen_to_json
 from cell.planning import plan_rest, reach_of, require_above_table
 from cell.taskfile import Task, read_task
 
+if TYPE_CHECKING:
+    from vision.frames import FrameSource
+
 
 def look_step(
     task_file: Path,
@@ -23,22 +28,36 @@ def look_step(
     output: Path | None,
     picture: Path | None,
     console: Console,
+    camera: str | None = None,
 ) -> dict[str, Any]:
-    """``a465 look``: photographs from a folder, or of the simulated cell with the arm at q_start."""
+    """``a465 look``: photographs from a camera or a folder, or of the simulated cell with the arm at q_start."""
+    from cell.cameras import require_one_camera
     from cell.looking import look_and_save
-    from vision.frames import ImageFolder
 
+    require_one_camera(images, camera)
     for written in (output, picture):
         keep_apart(written, task_file, world)
     task = read_task(task_file)
-    frames = ImageFolder(images) if images is not None else _simulated_frames(task, world)
-    seen = look_and_save(task, frames, picture, console, "at the cell")
+    with _frames(task, images, camera, world) as frames:
+        seen = look_and_save(task, frames, picture, console, "at the cell")
     result = seen_to_json(seen, task.cell.camera.T_base_camera)
     if output is not None:
         write_atomic(output, canonical_json(result) + "\n")
     _print_look(seen, console)
     seen.require(task)
     return result
+
+
+@contextmanager
+def _frames(task: Task, images: Path | None, camera: str | None, world: Path | None) -> Iterator[FrameSource]:
+    from cell.cameras import open_basler
+    from vision.frames import ImageFolder
+
+    if camera is not None:
+        with open_basler(task.cell, camera) as opened:
+            yield opened
+    else:
+        yield ImageFolder(images) if images is not None else _simulated_frames(task, world)
 
 
 def _simulated_frames(task: Task, world: Path | None) -> Any:

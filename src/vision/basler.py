@@ -64,6 +64,7 @@ class BaslerCamera:
         device: pylon's InstantCamera while open, for what has no place here.
         settings: as asked for.
         exposure, gain: as the camera made them, s and dB; None where not asked for.
+        description: which camera was opened, and what was set, in a line.
     """
 
     def __init__(
@@ -88,6 +89,7 @@ class BaslerCamera:
         self.device: Any = None
         self.exposure: float | None = None
         self.gain: float | None = None
+        self.description = ""
         self._size = size
         self._tell = tell
         self._pylon: Any = None
@@ -149,6 +151,13 @@ class BaslerCamera:
             self.exposure = set_exposure(nodes, settings.exposure, self._refused)
         if settings.gain is not None:
             self.gain = set_gain(nodes, settings.gain, self._refused)
+        info = self.device.GetDeviceInfo()
+        width, height = (nodes.GetNode(name).GetValue() for name in ("Width", "Height"))
+        self.description = (
+            f"camera {self.selector}: {info.GetModelName()} serial:{info.GetSerialNumber()}, {width} x {height} px"
+            + ("" if self.exposure is None else f", exposure {1e3 * self.exposure:g} ms")
+            + ("" if self.gain is None else f", gain {self.gain:.1f} dB")
+        )
 
     def _let_go(self) -> None:
         self.device.StopGrabbing()

@@ -17,6 +17,7 @@ HEAVY = {
     "osqp",
     "ruckig",
     "serial",
+    "pypylon",
     "rich",
     "matplotlib",
 }

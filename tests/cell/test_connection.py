@@ -102,7 +102,7 @@ def test_a_world_that_is_not_there_is_told(task: Task, tmp_path: Path) -> None:
 def test_what_cannot_be_opened_is_told(
     task: Task, tmp_path: Path, port: str | None, images: Path | None, time_scale: float | None, message: str
 ) -> None:
-    opened = open_cell(task, port, None, images, time_scale, tmp_path / "wire.jsonl")
+    opened = open_cell(task, port, None, images, None, time_scale, tmp_path / "wire.jsonl")
     with pytest.raises(InputError, match=message), opened:
         pass
 
