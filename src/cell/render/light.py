@@ -41,6 +41,7 @@ class Light:
         gain: exposure, a factor on all grey levels (the image saturates at 255).
         shadow: share of the light that the lamp's shadow takes away, 0 (none) to 1 - ambient.
         vignette: share of the light lost in the image's corners.
+        penumbra: standard deviation of a shadow's edge, m; it stands for the size of the lamp.
     """
 
     lamp: tuple[float, float, float] = (1.1, -0.7, 2.6)
@@ -48,6 +49,7 @@ class Light:
     gain: float = 1.0
     shadow: float = 0.3
     vignette: float = 0.08
+    penumbra: float = 7e-3
 
     def towards(self, point: npt.ArrayLike) -> Array:
         """Unit vector to the lamp from a point (3,) m; taken at a body's centre it serves for the whole body."""

@@ -2,7 +2,7 @@
 
 A depth map is taken from the lamp with the solids' own rays, and blurred as its first two moments: Chebyshev's
 inequality then bounds the share of the lamp that a point sees (W. Donnelly and A. Lauritzen, "Variance shadow maps",
-2006). The blur stands for the size of the lamp.
+2006). The blur, `Light.penumbra`, stands for the size of the lamp.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from cell.render.rays import Floats, PixelRays
 from cell.render.solids import Solid
 
 CELL = 2.5e-3  # m, pitch of the lamp's map where the camera looks
-BLUR = 7e-3  # m, standard deviation of the shadow's edge
 DEPTH_NOISE = 1.5e-3  # m, below which a difference of depth is no shadow
 MOST_CELLS = 1200  # a side
 
@@ -44,7 +43,7 @@ class Shadow:
         lamp_points = apply(inverse(T_base_lamp), seen)
         on_plane = lamp_points[:, :2] / lamp_points[:, 2:]
         self._cell = CELL / float(np.median(lamp_points[:, 2]))
-        margin = 4.0 * BLUR / CELL * self._cell
+        margin = 4.0 * light.penumbra / CELL * self._cell
         self._low = on_plane.min(axis=0) - margin
         columns, rows = np.minimum(
             np.ceil((on_plane.max(axis=0) + margin - self._low) / self._cell), MOST_CELLS
@@ -56,7 +55,7 @@ class Shadow:
         found = first_hits(in_view(solids, T_base_lamp, lamp_rays), T_base_lamp, lamp_rays).depth
         self._reference = float(np.median(lamp_points[:, 2]))  # moments about it keep single precision
         offset = np.where(np.isfinite(found), found - np.float32(self._reference), np.float32(1.0))
-        sigma = BLUR / CELL
+        sigma = light.penumbra / CELL
         self._mean, self._square = (
             np.asarray(cv2.GaussianBlur(f, (0, 0), sigma), dtype=np.float32)
             for f in (offset, offset * offset)

@@ -44,13 +44,13 @@ class Solid(Protocol):
 
 
 class BodySolid:
-    """A body of simple shape and one grey level, lit."""
+    """A body of simple shape and one grey level, lit; `grey` (facing the lamp) is its kind's unless it is given."""
 
-    def __init__(self, body: Body, light: Light) -> None:
+    def __init__(self, body: Body, light: Light, grey: float | None = None) -> None:
         self.T_base_solid = body.T_base_body
         self.half_extent = _half_extent(body)
         self._shape = body.shape
-        self._grey = body_grey(body)
+        self._grey = body_grey(body) if grey is None else grey
         self._light = light
         self._lamp = body.T_base_body[:3, :3].T @ light.towards(body.T_base_body[:3, 3])
         self._hull = Hull(body.shape) if isinstance(body.shape, Convex) else None
