@@ -153,7 +153,7 @@ def emulated(place: Path) -> Iterator[str]:
 
 def test_the_device_of_the_cell_file_looks_unless_another_is_named(place: Path, tmp_path: Path) -> None:
     shutil.copytree(place / "scenes", tmp_path / "scenes")
-    replace_in(tmp_path / "scenes/cell.toml", "exposure_us = 8000", f'device = "{SERIAL}"')
+    replace_in(tmp_path / "scenes/cell.toml", "\n[look.basler]", f'\n[look.basler]\ndevice = "{SERIAL}"')
     task = read_task(tmp_path / "scenes/task2.toml")
     with emulated(place) as port:
         for asked, opened in ((None, SERIAL), ("cell", SERIAL), ("0815-0001", "0815-0001")):
