@@ -7,7 +7,7 @@ out of the lens, x to the image's right and y down.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -23,7 +23,7 @@ from arm.toml_table import TomlTable
 from vision.frames import FrameSource, Image, ImageFolder
 from vision.lens import distort, lens_jacobian, undistort
 
-__all__ = ["Camera", "FrameSource", "Image", "ImageFolder", "read_camera", "write_camera"]
+__all__ = ["Camera", "FrameSource", "Image", "ImageFolder", "read_camera", "read_lens", "write_camera"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +36,7 @@ class Camera:
         size: width and height of its images, px.
         T_base_camera: pose in the base frame, 4x4.
         calibration: where the values are from, as its file says (id, date, ...); no part of the digest.
+        lens_covariance: of fx fy cx cy k1 k2 p1 p2 k3, (9, 9), or None where it is not known; no part of the digest.
     """
 
     K: Array
@@ -43,10 +44,12 @@ class Camera:
     size: tuple[int, int]
     T_base_camera: Array
     calibration: Mapping[str, Any] = field(default_factory=dict)
+    lens_covariance: Array | None = None
 
     def __post_init__(self) -> None:
-        for name in ("K", "distortion", "T_base_camera"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+        for name in ("K", "distortion", "T_base_camera", "lens_covariance"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, frozen(getattr(self, name)))
 
     @cached_property
     def digest(self) -> str:
@@ -126,29 +129,50 @@ class Camera:
 
 
 def read_camera(path: Path) -> Camera:
-    """Read a camera file: ``[intrinsics]``, ``[pose]`` and, for people, ``[calibration]``.
+    """Read a camera file: ``[intrinsics]``, ``[pose]`` and, for people, ``[calibration]`` and ``[[views]]``.
 
     Raises:
         FileInputError: a value breaks its rule, the pose is no rigid transform, or the lens has no inverse somewhere
-            in the image (as when coefficients stand in another order).
+            in the image (as when coefficients stand in another order); or the file holds a lens that has no place yet.
     """
+    return _read(path, placed=True)
+
+
+def read_lens(path: Path) -> Camera:
+    """Read the lens of a camera file, with or without a ``[pose]``; the camera is at the origin.
+
+    Raises:
+        FileInputError: as `read_camera`.
+    """
+    return _read(path, placed=False).at(np.eye(4))
+
+
+def _read(path: Path, placed: bool) -> Camera:
     root = TomlTable.read(path)
-    intrinsics, pose = root.table("intrinsics"), root.table("pose")
+    intrinsics, pose = root.table("intrinsics"), root.table("pose", required=False)
+    if placed and "pose" not in root:
+        raise root.error(
+            "pose",
+            "is missing: the file holds a lens, but not where the camera is",
+            "add [pose] with T_base_camera, 4 rows of 4 numbers, m",
+        )
     width, height = intrinsics.integers("size_px", 2, 16, 20000)
     K = intrinsics.matrix("K_px", 3, 3, "px")
     if min(K[0, 0], K[1, 1]) <= 0.0 or K[1, 0] != 0.0 or not np.array_equal(K[2], (0.0, 0.0, 1.0)):
         raise intrinsics.error("K_px", "must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with fx, fy above 0")
     distortion = intrinsics.numbers("distortion_k1k2p1p2k3", 5, "")
-    T_base_camera = pose.matrix("T_base_camera", 4, 4)
+    covariance = intrinsics.matrix("covariance", 9, 9) if "covariance" in intrinsics else None
+    T_base_camera = pose.matrix("T_base_camera", 4, 4) if "pose" in root else frozen(np.eye(4))
     if np.abs(T_base_camera[:3, :3].T @ T_base_camera[:3, :3] - np.eye(3)).max() > 1e-12:
         try:  # printed with few digits; a file of ours is kept to the last bit, and with it the digest
             T_base_camera = orthonormalised(T_base_camera)
         except A465Error as error:
             raise pose.error("T_base_camera", str(error)) from error
     calibration = root.value("calibration", "a table") if "calibration" in root else {}
+    root.tables("views")  # of the target, kept for people and for later calibrations
     for table in (intrinsics, pose, root):
         table.finish()
-    camera = Camera(K, distortion, (width, height), T_base_camera, calibration)
+    camera = Camera(K, distortion, (width, height), T_base_camera, calibration, covariance)
     if not _undoes_lens(camera):
         raise intrinsics.error(
             "distortion_k1k2p1p2k3",
@@ -166,10 +190,16 @@ def _undoes_lens(camera: Camera) -> bool:
     return bool(np.abs(back - pixels).max() < 1e-6)  # NaN compares false, as it must
 
 
-def write_camera(path: Path, camera: Camera) -> None:
+def write_camera(
+    path: Path, camera: Camera, placed: bool = True, views: Sequence[Mapping[str, Any]] = ()
+) -> None:
     """Write a camera file that `read_camera` reads back to the last bit.
 
-    Values of `calibration` are texts, numbers, flags, dates, or lists of these.
+    Args:
+        path: of the file.
+        camera: values of `calibration` are texts, numbers, flags, dates, or lists of these.
+        placed: whether its place is known; otherwise only `read_lens` reads the file.
+        views: of a target that the lens rests on, values as of `calibration`.
 
     Raises:
         InputError: the file cannot be written.
@@ -179,17 +209,20 @@ def write_camera(path: Path, camera: Camera) -> None:
         f"size_px = {list(camera.size)}",
         f"K_px = {_rows(camera.K)}",
         f"distortion_k1k2p1p2k3 = {camera.distortion.tolist()}",
-        "",
-        "[pose]",
-        f"T_base_camera = {_rows(camera.T_base_camera)}",
     ]
+    if camera.lens_covariance is not None:
+        lines += ["# of fx fy cx cy k1 k2 p1 p2 k3", f"covariance = {_rows(camera.lens_covariance)}"]
+    if placed:
+        lines += ["", "[pose]", f"T_base_camera = {_rows(camera.T_base_camera)}"]
     if camera.calibration:
-        lines += [
-            "",
-            "[calibration]",
-            *(f"{key} = {_toml(value)}" for key, value in camera.calibration.items()),
-        ]
+        lines += ["", "[calibration]", *_pairs(camera.calibration)]
+    for view in views:
+        lines += ["", "[[views]]", *_pairs(view)]
     write_atomic(path, "\n".join(lines) + "\n")
+
+
+def _pairs(values: Mapping[str, Any]) -> list[str]:
+    return [f"{key} = {_toml(value)}" for key, value in values.items()]
 
 
 def _rows(matrix: Array) -> str:

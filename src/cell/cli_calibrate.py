@@ -1,0 +1,70 @@
+"""The verbs under ``a465 calibrate``. Like `cell.cli`, this module imports nothing heavy."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from arm.errors import CalibrationRefused
+
+app = typer.Typer(
+    name="calibrate",
+    help="Find out what the planner rests on: the camera's lens (hand-eye and arm are to come).",
+    rich_markup_mode=None,
+    no_args_is_help=True,
+)
+
+
+@app.command(
+    help="Fit a camera's lens to photographs of a ChArUco board or checkerboard, with its uncertainty and a verdict. "
+    "A lens that is not good enough is refused (exit code 5), with the reason and what would help.",
+    epilog="Example: a465 calibrate camera photographs -o camera.toml; then open camera.html",
+)
+def camera(
+    images: Annotated[Path, typer.Argument(help="Folder of photographs of the target.", metavar="IMAGES")],
+    target: Annotated[
+        Path | None,
+        typer.Option("--target", help="Target file; default: ChArUco 7 x 5, 30/22 mm, DICT_5X5_100."),
+    ] = None,
+    hold: Annotated[
+        list[str] | None,
+        typer.Option("--hold", help="Leave k1, k2, p1, p2 or k3 at zero. May be given again."),
+    ] = None,
+    work_mm: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            "--work-mm",
+            help="Nearest and farthest distance of the work from the camera; default: the views'.",
+        ),
+    ] = None,
+    limit_mm: Annotated[
+        float | None,
+        typer.Option("--limit-mm", help="Largest standard deviation at the work points; default 0.1."),
+    ] = None,
+    most_views: Annotated[
+        int | None, typer.Option("--most-views", help="More are held out; default 40.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Camera file to write, if the lens is accepted.")
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", help="HTML report; default: beside the camera file.")
+    ] = None,
+    as_json: Annotated[
+        bool,
+        typer.Option("--json", help="Print one JSON object on standard output, all else on standard error."),
+    ] = False,
+) -> None:
+    from cell.calibratecamera import camera_step
+    from cell.console import Console
+
+    console = Console(as_json)
+    result = camera_step(images, target, hold or [], work_mm, limit_mm, most_views, output, report, console)
+    console.result(result)
+    if result["reasons"]:
+        not_written = f"; {output} was not written" if output is not None else ""
+        print(f"a465: refused: {'; '.join(result['reasons'])}{not_written}", file=sys.stderr)
+        raise typer.Exit(CalibrationRefused.exit_code)
