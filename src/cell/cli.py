@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from arm.errors import A465Error, ExecutionStopped, ImpossibleError, InputError
+from cell.cli_calibrate import app as calibrate_app
 from cell.console import OutputLost
 from driver.interrupt import interruptible
 
@@ -24,6 +25,7 @@ app = typer.Typer(
     add_completion=True,
     pretty_exceptions_enable=False,
 )
+app.add_typer(calibrate_app)
 
 
 def _version(wanted: bool) -> None:
