@@ -320,12 +320,23 @@ def render(
     world: WorldFile = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder to write.")] = None,
     count: Annotated[int | None, typer.Option("--count", help="How many; default: the cell file's.")] = None,
+    target: Annotated[
+        str | None,
+        typer.Option("--target", help="Of a calibration target instead: a target file, or charuco."),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Of the target's poses and of noise.")] = 0,
     as_json: Json = False,
 ) -> None:
     from cell.console import Console
-    from cell.steps import render_step
 
     console = Console(as_json)
+    if target is not None:
+        from cell.targetstep import target_step
+
+        console.result(target_step(task, target, seed, output or Path("photographs"), count, console))
+        return
+    from cell.steps import render_step
+
     console.result(render_step(task, world, output or Path("photographs"), count, console))
 
 
