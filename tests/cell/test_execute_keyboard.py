@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import pty
+import re
 import select
 import shutil
 import signal
@@ -144,6 +146,15 @@ class Terminal:
     def press(self, keys: str) -> None:
         os.write(self.master, keys.encode())
 
+    def told_after(self, words: str, keys: str) -> bool:
+        """Whether such words come soon after keys are pressed."""
+        before = len(self.text)
+        self.press(keys)
+        over = time.monotonic() + 0.3
+        while time.monotonic() < over and not re.search(words, self.text[before:]):
+            self.read(0.02)
+        return re.search(words, self.text[before:]) is not None
+
     def noted(self, kind: str) -> list[dict[str, object]]:
         if not self.log.is_file():
             return []
@@ -170,7 +181,7 @@ def terminal(planned: Path) -> Iterator[Terminal]:
 
 
 def test_pause_go_on_slower_and_abort_from_the_keyboard(terminal: Terminal) -> None:
-    run = terminal
+    run, keys = terminal, itertools.cycle("-+")
     run.until(lambda: run.sent().count("COORDSPLINET") > 40, "motion")
     run.press(" ")
     run.until(lambda: len(run.noted("standing")) == 1, "standing")
@@ -181,7 +192,10 @@ def test_pause_go_on_slower_and_abort_from_the_keyboard(terminal: Terminal) -> N
     splines = run.sent().count("COORDSPLINET")
     run.press("--- ")
     run.until(lambda: run.sent().count("COORDSPLINET") > splines + 30, "motion again")
-    run.until(lambda: "50 %  space + - q" in run.text, "the speed on the line")
+    run.until(lambda: "%  50 %  space + - q" in run.text, "the speed on the line")
+    run.until(
+        lambda: run.told_after(r"\d %, next \d+ %  space", next(keys)), "another speed asked for in motion"
+    )
     run.press("q")
     run.until(lambda: run.code is not None, "the end")
     assert run.code == 4

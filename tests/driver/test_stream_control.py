@@ -124,6 +124,20 @@ def test_a_pause_that_ends_before_the_arm_stands_costs_nothing(mars: Mars, fake:
     assert control.standing is False
 
 
+def test_a_slower_speed_does_not_begin_in_motion_though_the_pause_is_over(mars: Mars, fake: Any) -> None:
+    """In motion it would be a jump of the speed: it is that of the next motion."""
+    path, control = run(40), Control()
+
+    def slower() -> None:
+        control.pause()
+        control.override = 0.5
+
+    sent = stream(mars, path, Script((reaches(10), slower), (reaches(12), control.go_on)), None, control)
+    assert sent.path == path
+    assert {line.split(",")[0] for line in moved(fake)} == {"COORDSPLINET:100"}
+    assert control.override == 0.5
+
+
 @pytest.mark.parametrize("times", [3])
 def test_pauses_may_follow_each_other(mars: Mars, fake: Any, times: int) -> None:
     control = Control()
