@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,18 +25,90 @@ from vision.target_quality import measure_quality
 HOLDABLE = NAMES[4:]
 
 
+@dataclass(frozen=True)
+class LensOptions:
+    """What a person asks for.
+
+    Attributes:
+        target: target file; None for the default target.
+        hold: numbers of the lens to leave at zero.
+        work_mm: nearest and farthest distance of the work.
+        limit_mm: largest standard deviation at the work points.
+        most_views: more are held out.
+        output: camera file to write.
+        report: HTML file to write; beside `output` if None.
+    """
+
+    target: Path | None = None
+    hold: tuple[str, ...] = ()
+    work_mm: tuple[float, float] | None = None
+    limit_mm: float | None = None
+    most_views: int | None = None
+    output: Path | None = None
+    report: Path | None = None
+
+    def limits(self) -> CalibrationLimits:
+        """The limits of the verdict.
+
+        Raises:
+            InputError: an option breaks its rule.
+        """
+        limits = CalibrationLimits()
+        if self.limit_mm is not None:
+            if not self.limit_mm > 0.0:
+                raise _option("--limit-mm", self.limit_mm, "must be above 0 mm")
+            limits = replace(limits, work_mm=self.limit_mm)
+        if self.most_views is not None:
+            if self.most_views < limits.views:
+                raise _option("--most-views", self.most_views, f"must be at least {limits.views}")
+            limits = replace(limits, most_views=self.most_views)
+        return limits
+
+    def work(self) -> tuple[float, float] | None:
+        """Distances of the work, m.
+
+        Raises:
+            InputError: they are in the wrong order.
+        """
+        if self.work_mm is None:
+            return None
+        near, far = self.work_mm
+        if not 0.0 < near < far:
+            raise _option(
+                "--work-mm", list(self.work_mm), "must be two distances in mm, the nearer one first"
+            )
+        return near / 1e3, far / 1e3
+
+    def held(self) -> tuple[str, ...]:
+        """Numbers to leave at zero.
+
+        Raises:
+            InputError: a name that cannot be.
+        """
+        for name in self.hold:
+            if name not in HOLDABLE:
+                raise _option("--hold", name, f"must be one of {', '.join(HOLDABLE)}")
+        return self.hold
+
+
+def _option(name: str, value: object, rule: str) -> InputError:
+    return InputError(f"{name} {value}: {rule}", option=name, value=value)
+
+
 def camera_step(
     images: Path,
-    target_file: Path | None,
-    hold: Sequence[str],
-    work_mm: tuple[float, float] | None,
-    limit_mm: float | None,
-    most_views: int | None,
-    output: Path | None,
-    report: Path | None,
+    options: LensOptions,
+    live: bool,
+    camera: str | None,
+    simulated: Path | None,
     console: Console,
 ) -> dict[str, Any]:
-    """Calibrate, tell, and write what was asked for; the camera file only if the lens is accepted.
+    """Take views if asked for, calibrate, tell, and write; the camera file only if the lens is accepted.
+
+    Args:
+        images: folder of the photographs; with `live` they are put there.
+        options: what is asked for.
+        live: take photographs now, with `camera` (a selector) or in the simulated cell of the task `simulated`.
 
     Returns:
         What ``--json`` prints, with the verdict in it.
@@ -46,11 +117,19 @@ def camera_step(
         InputError: a file or an option is wrong.
         CalibrationRefused: nothing could be computed.
     """
-    limits, work = _limits(hold, work_mm, limit_mm, most_views)
-    report = report or (output.with_suffix(".html") if output is not None else None)
+    limits, work, hold = options.limits(), options.work(), options.held()
+    output = options.output
+    report = options.report or (output.with_suffix(".html") if output is not None else None)
     for written in (output, report):
-        keep_apart(written, target_file)
-    target = read_target(target_file) if target_file is not None else Target()
+        keep_apart(written, options.target)
+    target = read_target(options.target) if options.target is not None else Target()
+    if live:
+        from cell.livecalibration import open_source, take_views
+
+        with open_source(camera, simulated, target) as (source, hand):
+            take_views(images, target, source, hand, work, limits, console)
+    elif camera is not None or simulated is not None:
+        raise InputError("--camera and --simulated go with --live; IMAGES holds the photographs otherwise")
     photos, size = find_target(images, target, console)
     console.step(f"fit: {sum(p.view is not None for p in photos)} views of {target.label()}")
     calibration = calibrate_camera(photos, target, size, held=hold, work=work, limits=limits)
@@ -63,41 +142,6 @@ def camera_step(
         write_lens(output, calibration)
         console.say(f"written: {output}")
     return to_json(calibration)
-
-
-def _limits(
-    hold: Sequence[str],
-    work_mm: tuple[float, float] | None,
-    limit_mm: float | None,
-    most_views: int | None,
-) -> tuple[CalibrationLimits, tuple[float, float] | None]:
-    for name in hold:
-        if name not in HOLDABLE:
-            raise InputError(
-                f"--hold {name}: must be one of {', '.join(HOLDABLE)}", option="--hold", value=name
-            )
-    limits = CalibrationLimits()
-    if limit_mm is not None:
-        if not limit_mm > 0.0:
-            raise InputError(
-                f"--limit-mm {limit_mm:g}: must be above 0 mm", option="--limit-mm", value=limit_mm
-            )
-        limits = replace(limits, work_mm=limit_mm)
-    if most_views is not None:
-        if most_views < limits.views:
-            raise InputError(
-                f"--most-views {most_views}: must be at least {limits.views}",
-                option="--most-views",
-                value=most_views,
-            )
-        limits = replace(limits, most_views=most_views)
-    if work_mm is not None and not 0.0 < work_mm[0] < work_mm[1]:
-        raise InputError(
-            f"--work-mm {work_mm[0]:g} {work_mm[1]:g}: must be two distances in mm, the nearer one first",
-            option="--work-mm",
-            value=list(work_mm),
-        )
-    return limits, None if work_mm is None else (work_mm[0] / 1e3, work_mm[1] / 1e3)
 
 
 def find_target(folder: Path, target: Target, console: Console) -> tuple[list[TargetPhoto], tuple[int, int]]:

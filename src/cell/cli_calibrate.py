@@ -19,11 +19,12 @@ app = typer.Typer(
 
 
 @app.command(
+    name="camera",
     help="Fit a camera's lens to photographs of a ChArUco board or checkerboard, with its uncertainty and a verdict. "
     "A lens that is not good enough is refused (exit code 5), with the reason and what would help.",
     epilog="Example: a465 calibrate camera photographs -o camera.toml; then open camera.html",
 )
-def camera(
+def calibrate_lens(
     images: Annotated[Path, typer.Argument(help="Folder of photographs of the target.", metavar="IMAGES")],
     target: Annotated[
         Path | None,
@@ -47,6 +48,18 @@ def camera(
     most_views: Annotated[
         int | None, typer.Option("--most-views", help="More are held out; default 40.")
     ] = None,
+    live: Annotated[
+        bool,
+        typer.Option(
+            "--live", help="Take the photographs now: say where to hold the target, until it is enough."
+        ),
+    ] = False,
+    camera: Annotated[
+        str | None, typer.Option("--camera", help="With --live: a Basler camera, such as name:camera-crs93.")
+    ] = None,
+    simulated: Annotated[
+        Path | None, typer.Option("--simulated", help="With --live: a task whose simulated camera looks.")
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Camera file to write, if the lens is accepted.")
     ] = None,
@@ -58,11 +71,12 @@ def camera(
         typer.Option("--json", help="Print one JSON object on standard output, all else on standard error."),
     ] = False,
 ) -> None:
-    from cell.calibratecamera import camera_step
+    from cell.calibratecamera import LensOptions, camera_step
     from cell.console import Console
 
     console = Console(as_json)
-    result = camera_step(images, target, hold or [], work_mm, limit_mm, most_views, output, report, console)
+    options = LensOptions(target, tuple(hold or ()), work_mm, limit_mm, most_views, output, report)
+    result = camera_step(images, options, live, camera, simulated, console)
     console.result(result)
     if result["reasons"]:
         not_written = f"; {output} was not written" if output is not None else ""
