@@ -13,6 +13,7 @@ from arm.files import write_atomic
 from cell.console import Console
 from cell.lookfile import Seen, SeenBoard
 from cell.taskfile import Task
+from vision.brightness import exposure_complaint
 from vision.camera import Image
 from vision.frames import FrameSource
 from vision.look import Look, annotated, look
@@ -44,6 +45,9 @@ def look_and_save(
         f"{b.name} ({len(b.holes('cube'))} cubes, {b.pose.residual_px:.3f} px)" for b in seen.boards
     )
     console.step(f"look {why}: {boards or 'no board'}")
+    complaint = exposure_complaint(images[0], found.frames[0])
+    if complaint is not None:
+        console.say(f"WARNING: the photographs are {complaint}")
     return seen
 
 

@@ -125,10 +125,7 @@ class BaslerCamera:
     def close(self) -> None:
         """Let go of the camera, whatever state it is in, within `CLOSE_S`; what goes wrong is told."""
         if self.device is not None:
-            try:
-                self._ask(self._let_go, CLOSE_S, "closing it")
-            except CameraError as error:
-                self._tell(str(error))
+            self._aside(self._let_go, CLOSE_S, "closing it")
         self.device = None
         if self._worker is not None:
             self._worker.end()
@@ -199,10 +196,7 @@ class BaslerCamera:
         try:
             yield
         except BaseException:
-            try:  # an interrupted wait leaves a frame under way
-                self._ask(taker.stop, frame_s, "stopping it")
-            except CameraError as error:
-                self._tell(str(error))
+            self._aside(taker.stop, MARGIN_S, "stopping it")  # which ends the wait for a frame
             raise
         else:
             self._ask(taker.stop, frame_s, "stopping it")
@@ -237,7 +231,7 @@ class BaslerCamera:
 
     # -- errors
 
-    def _ask(self, function: Callable[[], T], seconds: float, what: str) -> T:
+    def _ask(self, function: Callable[[], T], seconds: float, what: str, worker: Worker | None = None) -> T:
         """Have the worker make a call; whatever pylon raises becomes ours."""
 
         def guarded() -> T:
@@ -253,7 +247,7 @@ class BaslerCamera:
                     ) from error
                 raise CameraError(self.selector, "pylon", f"{what}: {words}") from error
 
-        worker = self._worker
+        worker = worker or self._worker
         if worker is None:
             raise CameraError(self.selector, "closed", "is not open")
         try:
@@ -262,6 +256,16 @@ class BaslerCamera:
             raise CameraError(
                 self.selector, "hung", f"{what}: {error}; unplug the camera and plug it in again"
             ) from error
+
+    def _aside(self, function: Callable[[], T], seconds: float, what: str) -> None:
+        """Have a call made while another may be under way, or hang; what goes wrong is told."""
+        worker = Worker(f"camera {self.selector}, aside")
+        try:
+            self._ask(function, seconds, what, worker)
+        except CameraError as error:
+            self._tell(str(error))
+        finally:
+            worker.end()
 
     def _refused(self, key: str, value: Any, rule: str) -> CameraError:
         return CameraError(self.selector, "setting", f"{key} = {value!r}: {rule}", key=key, value=value)

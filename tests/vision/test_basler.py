@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from arm.errors import CameraError, InputError
-from emulated_camera import SERIAL, Wrong, misnumbered, photographs, showing
+from emulated_camera import SERIAL, Wrong, misnumbered, photographs, pypylon, showing
 from vision import basler
 from vision.basler import BaslerCamera, BaslerSettings
 from vision.frames import FrameSource
@@ -242,10 +242,7 @@ def test_a_camera_that_is_not_there_is_told_with_those_that_are(monkeypatch: pyt
     ids=["usb", "gige"],
 )
 def test_a_camera_of_another_program_is_told(monkeypatch: pytest.MonkeyPatch, words: str) -> None:
-    from pypylon import (
-        genicam,
-        pylon,
-    )  # pylon's emulation lets two programs in; its words are those of real cameras
+    genicam, pylon = pypylon()  # its emulation lets two programs in; the words are those of real cameras
 
     def taken(_: Any) -> None:
         raise genicam.RuntimeException(words)
@@ -256,18 +253,20 @@ def test_a_camera_of_another_program_is_told(monkeypatch: pytest.MonkeyPatch, wo
     assert "thrown" not in str(caught.value)
 
 
-@pytest.mark.parametrize("during", [False, True], ids=["before a look", "during a look"])
-def test_a_camera_that_is_unplugged_is_told(camera: BaslerCamera, told: list[str], during: bool) -> None:
+@pytest.mark.parametrize("when", ["before a look", "before a frame", "after a frame"])
+def test_a_camera_that_is_unplugged_is_told(camera: BaslerCamera, when: str) -> None:
     real = camera.device
+    camera.settings = BaslerSettings(timeout=0.5)
 
     def unplugged() -> None:
-        real.ExecuteSoftwareTrigger()
+        if when == "after a frame":
+            real.ExecuteSoftwareTrigger()
         real.FirePnPCallback.Execute()
 
-    if during:
-        camera.device = Wrong(real, ExecuteSoftwareTrigger=unplugged)
+    if when == "before a look":
+        unplugged()
     else:
-        real.FirePnPCallback.Execute()
+        camera.device = Wrong(real, ExecuteSoftwareTrigger=unplugged)
     assert "was unplugged, or lost its power" in refused(camera, "removed")
     assert "was unplugged, or lost its power" in refused(camera, "removed")
     begun = time.monotonic()
@@ -297,8 +296,10 @@ def test_a_call_that_hangs_holds_nothing_up(
     assert "an earlier call has not come back" in refused(camera, "hung")
     camera.close()
     assert time.monotonic() - begun < 2.0
-    assert any("closing it: an earlier call has not come back" in line for line in told)
     free.set()
+    assert not told
+    with BaslerCamera(SERIAL) as again:
+        assert len(again.grab(1)) == 1
 
 
 def test_a_close_that_hangs_does_not_keep_the_program(tmp_path: Path) -> None:
@@ -320,8 +321,11 @@ def test_a_close_that_hangs_does_not_keep_the_program(tmp_path: Path) -> None:
 def test_an_interrupt_is_heard_during_a_look(camera: BaslerCamera) -> None:
     camera.device = Wrong(camera.device, ExecuteSoftwareTrigger=lambda: None)
     threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
+    camera.settings = BaslerSettings(timeout=10.0)
+    begun = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
         camera.grab(1)
+    assert time.monotonic() - begun < 3.0  # the frame that does not come is not waited for
     camera.device = camera.device.real
     assert len(camera.grab(1)) == 1
 
