@@ -69,7 +69,8 @@ class FrameTaker:
         device, pylon = self._device, self._pylon
         timeout_ms = max(1, round(1e3 * self._timeout))
         self.require_none_waiting()
-        if not device.WaitForFrameTriggerReady(timeout_ms, pylon.TimeoutHandling_Return):
+        waits = device.CanWaitForFrameTriggerReady()  # the oldest cameras do not tell
+        if waits and not device.WaitForFrameTriggerReady(timeout_ms, pylon.TimeoutHandling_Return):
             raise self._error("timeout", f"was not ready for a trigger within {self._timeout:g} s")
         device.ExecuteSoftwareTrigger()
         result = device.RetrieveResult(timeout_ms, pylon.TimeoutHandling_Return)

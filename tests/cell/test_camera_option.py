@@ -28,7 +28,7 @@ from emulated_camera import SERIAL
 from vision.basler import BaslerCamera, BaslerSettings
 from vision.frames import Image
 
-pytestmark = pytest.mark.xdist_group("basler")
+pytestmark = pytest.mark.xdist_group("camera_option")
 TIME_SCALE = 20.0
 
 

@@ -152,6 +152,22 @@ def test_a_frame_that_does_not_come_ends_the_look(tmp_path: Path) -> None:
         assert np.array_equal(camera.grab(3), truth)
 
 
+def test_a_camera_that_does_not_tell_when_it_is_ready(camera: BaslerCamera, tmp_path: Path) -> None:
+    real = camera.device
+
+    def trigger() -> None:
+        time.sleep(0.1)  # to be ready
+        real.ExecuteSoftwareTrigger()
+
+    camera.device = Wrong(
+        real,
+        CanWaitForFrameTriggerReady=lambda: False,
+        WaitForFrameTriggerReady=lambda *_: False,
+        ExecuteSoftwareTrigger=trigger,
+    )
+    assert np.array_equal(camera.grab(3), photographs(tmp_path / "shots"))
+
+
 def test_a_frame_that_comes_too_late_is_never_passed_on(tmp_path: Path) -> None:
     big = (1920, 1200)
     photographs(tmp_path / "shots", 1, big)

@@ -17,7 +17,7 @@ from vision.basler_features import set_exposure, set_gain, set_heartbeat
 from vision.frame_order import LAST_SHORT, NO_NUMBER, FrameOrder
 from vision.worker import Worker
 
-pytestmark = pytest.mark.xdist_group("basler")
+pytestmark = pytest.mark.xdist_group("basler_parts")
 
 LAB = [
     FoundDevice("camera-crs93", "21923415", "192.168.0.7", "BaslerGigE", "acA1920-40gm"),
