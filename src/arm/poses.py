@@ -15,6 +15,23 @@ from arm.se3 import Array, frozen, inverse, skew
 
 
 @dataclass(frozen=True)
+class TiltHypothesis:
+    """How a board's tilt agrees with a set of tilts at which boards are known to stand.
+
+    Attributes:
+        nearest: member of the set, rad.
+        z: tilt minus that member, in standard deviations (of the pose and of stands).
+        probability: of that member, against the others and against a board that leans anywhere.
+        fits: whether it may be that member; if not, the board stands at none of the set.
+    """
+
+    nearest: float
+    z: float
+    probability: float
+    fits: bool
+
+
+@dataclass(frozen=True)
 class BoardPose:
     """Where a board stands.
 
@@ -24,6 +41,7 @@ class BoardPose:
         covariance: (6, 6), see the module.
         residual_px: root mean square of the corner residuals, px (per coordinate).
         hypothesis_ratio: error of the second planar solution over the first; near 1 means the tilt may be flipped.
+        tilt_hypothesis: agreement with the tilts that stands have, if any were given; the pose does not depend on it.
     """
 
     board: Board
@@ -31,6 +49,7 @@ class BoardPose:
     covariance: Array
     residual_px: float
     hypothesis_ratio: float
+    tilt_hypothesis: TiltHypothesis | None = None
 
     def tilt(self) -> float:
         """Angle of the board's normal from the vertical, rad."""

@@ -15,13 +15,14 @@ from arm.robot import Robot, load_a465
 from arm.se3 import Array, frozen, transform
 from arm.toml_table import TomlTable
 from arm.unit import UNITS, Limits, Unit, load_unit
+from cell.boardkeys import DICTIONARIES, read_board_limits, read_tilts
 from cell.bodytable import read_body
 from cell.cameras import CellCamera, read_cell_camera
 from cell.inputs import LEFT_OUT, Inputs, inputs_of
 from plan.options import PlanOptions
+from vision.board_doubts import BoardLimits
 from vision.camera import Camera, read_camera
 
-DICTIONARIES = ("DICT_4X4_50", "DICT_4X4_100", "DICT_5X5_100", "DICT_6X6_250")
 FRACTIONS = (0.01, 1.0)
 
 
@@ -36,6 +37,8 @@ class Cell:
         tool_length, jaw_opening, grip_height, settle_s, cube_size: of the gripper and cubes, m and s.
         boards: that may stand in the cell.
         dictionary: of the boards' markers.
+        tilts: at which the stands hold boards, rad, ascending; none if they are not known.
+        board_limits: how certain a board's pose must be.
         stand_size: footprint (2,) m.
         zone: where boards may stand, as a body.
         fixed: table, walls and posts.
@@ -64,6 +67,8 @@ class Cell:
     cube_size: float
     boards: tuple[Board, ...]
     dictionary: str
+    tilts: tuple[float, ...]
+    board_limits: BoardLimits
     stand_size: tuple[float, float]
     zone: Body
     fixed: tuple[Body, ...]
@@ -154,6 +159,8 @@ def read_cell(path: Path) -> Cell:
         cube_size=cube.number("size_mm", "mm", 5, 80) / 1e3,
         boards=_boards(boards_table),
         dictionary=boards_table.text("dictionary", choices=DICTIONARIES),
+        tilts=read_tilts(boards_table),
+        board_limits=read_board_limits(look),
         stand_size=_pair_m(boards_table, "stand_size_mm", 10, 240),
         zone=_zone(boards_table),
         fixed=_fixed_bodies(root),

@@ -17,6 +17,7 @@ LEFT_OUT = (
     "unit",
     "camera",
     "boards.files",
+    "boards.tilts_deg",
     "look.",
     "motion.speed",
     "motion.speed_registers",

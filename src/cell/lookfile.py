@@ -12,7 +12,7 @@ import numpy as np
 from arm.board import Board
 from arm.errors import A465Error, FileInputError, ImpossibleError
 from arm.files import read_json
-from arm.poses import BoardPose, hole_poses
+from arm.poses import BoardPose, TiltHypothesis, hole_poses
 from arm.se3 import Array, angle_between, frozen, inverse, orthonormalised
 from cell.cellfile import Cell
 from cell.taskfile import Task
@@ -177,6 +177,7 @@ def pose_to_json(pose: BoardPose, T_base_camera: Array) -> dict[str, Any]:
         "residual_px": pose.residual_px,
         "hypothesis_ratio": pose.hypothesis_ratio,
         "tilt_deg": float(np.degrees(pose.tilt())),
+        "tilt_hypothesis": _tilt_to_json(pose.tilt_hypothesis),
         "holes": [
             {
                 "hole": hole.name,
@@ -186,6 +187,33 @@ def pose_to_json(pose: BoardPose, T_base_camera: Array) -> dict[str, Any]:
             for hole in hole_poses(pose)
         ],
     }
+
+
+def _tilt_to_json(tilt: TiltHypothesis | None) -> dict[str, Any] | None:
+    """None where no tilts are known. `fits` is false for a board that stands at none of them."""
+    if tilt is None:
+        return None
+    return {
+        "nearest_deg": float(np.degrees(tilt.nearest)),
+        "z": tilt.z,
+        "probability": tilt.probability,
+        "fits": tilt.fits,
+    }
+
+
+def member_words(pose: BoardPose) -> str:
+    """Which of the known tilts a board has, such as ``7 (z 0.4)``."""
+    tilt = pose.tilt_hypothesis
+    if tilt is None:
+        return "-"
+    nearest = f"{np.degrees(tilt.nearest):g}"
+    return f"{nearest} (z {tilt.z:.1f})" if tilt.fits else f"none (z {tilt.z:.1f} from {nearest})"
+
+
+def tilt_words(pose: BoardPose) -> str:
+    """A board's tilt from the vertical, and which of the known ones that is."""
+    told = f"{np.degrees(pose.tilt()):.2f} deg"
+    return told if pose.tilt_hypothesis is None else f"{told}, of the stands {member_words(pose)}"
 
 
 def _board_to_json(seen: SeenBoard, T_base_camera: Array) -> dict[str, Any]:
@@ -218,6 +246,13 @@ def read_seen(path: Path, boards: Sequence[Board]) -> Seen:
         ) from error
 
 
+def _tilt_from_json(entry: dict[str, Any] | None) -> TiltHypothesis | None:
+    if entry is None:
+        return None
+    nearest, z, probability = (float(entry[key]) for key in ("nearest_deg", "z", "probability"))
+    return TiltHypothesis(float(np.radians(nearest)), z, probability, bool(entry["fits"]))
+
+
 def _board_from_json(path: Path, entry: dict[str, Any], boards: Sequence[Board]) -> SeenBoard:
     board = next((b for b in boards if list(b.marker_ids) == entry["marker_ids"]), None)
     if board is None:
@@ -243,6 +278,11 @@ def _board_from_json(path: Path, entry: dict[str, Any], boards: Sequence[Board])
     if len(states) != 4 or not set(states) <= {"cube", "empty", "unsure"}:
         raise FileInputError(path, f"{board.name}.holes", states, "must be four of cube, empty, unsure")
     pose = BoardPose(
-        board, T_base_board, covariance, float(entry["residual_px"]), float(entry["hypothesis_ratio"])
+        board,
+        T_base_board,
+        covariance,
+        float(entry["residual_px"]),
+        float(entry["hypothesis_ratio"]),
+        _tilt_from_json(entry.get("tilt_hypothesis")),
     )
     return SeenBoard(pose, states)

@@ -37,7 +37,16 @@ def look_and_save(
     """
     cell = task.cell
     images = frames.grab(cell.photographs)
-    found = look(images, cell.camera, cell.boards, cell.dictionary, cell.cube_size, arm_in_view=arm_in_view)
+    found = look(
+        images,
+        cell.camera,
+        cell.boards,
+        cell.dictionary,
+        cell.cube_size,
+        cell.board_limits,
+        arm_in_view,
+        cell.tilts,
+    )
     if picture is not None:
         write_png(picture, annotated(images[0], cell.camera, found))
     seen = seen_of(found, cell.boards)

@@ -11,9 +11,9 @@ from arm.files import canonical_json, keep_apart, write_atomic
 from arm.poses import BoardPose, hole_poses
 from arm.se3 import Array, frozen, inverse
 from cell.console import Console
-from cell.lookfile import pose_to_json
+from cell.lookfile import member_words, pose_to_json
 from cell.taskfile import read_task
-from vision.board_pose import BoardSeen, assess_board
+from vision.board_pose import BoardLimits, BoardSeen, assess_board
 from vision.detections import read_detections
 
 
@@ -27,14 +27,16 @@ def detections_step(
     """
     keep_apart(output, file, task_file)
     recorded = read_detections(file)
-    camera = recorded.camera
+    camera, limits = recorded.camera, BoardLimits()
+    tilts: tuple[float, ...] = ()
     if task_file is not None:
-        camera = camera.at(read_task(task_file).cell.camera.T_base_camera)
-    seen = [assess_board(recorded.board, frames, camera) for frames in recorded.scenes]
+        cell = read_task(task_file).cell
+        camera, limits, tilts = camera.at(cell.camera.T_base_camera), cell.board_limits, cell.tilts
+    seen = [assess_board(recorded.board, frames, camera, limits, tilts) for frames in recorded.scenes]
     result = {"scenes": [{"boards": [_to_json(recorded.board.name, s, camera.T_base_camera)]} for s in seen]}
     if output is not None:
         write_atomic(output, canonical_json(result) + "\n")
-    _tell(seen, camera.T_camera_base, console)
+    _tell(seen, camera.T_camera_base, bool(tilts), console)
     return result
 
 
@@ -53,6 +55,7 @@ def _to_json(name: str, seen: BoardSeen, T_base_camera: Array) -> dict[str, Any]
             "residual_px",
             "hypothesis_ratio",
             "tilt_deg",
+            "tilt_hypothesis",
         )
         return {**told, **dict.fromkeys(empty), "holes": []}
     return {**told, **pose_to_json(pose, T_base_camera), "tilt_deg": _tilt_deg(pose, inverse(T_base_camera))}
@@ -64,21 +67,32 @@ def _tilt_deg(pose: BoardPose, T_camera_base: Array) -> float:
     return float(np.degrees(np.arccos(np.clip(abs(normal), 0.0, 1.0))))
 
 
-def _tell(seen: list[BoardSeen], T_camera_base: Array, console: Console) -> None:
+def _tell(seen: list[BoardSeen], T_camera_base: Array, tilts: bool, console: Console) -> None:
     rows = [
         (
             number,
             *(1e3 * (T_camera_base @ s.pose.T_base_board)[:3, 3]),
             _tilt_deg(s.pose, T_camera_base),
+            *([member_words(s.pose)] if tilts else []),
             1e3 * float(np.sqrt(np.trace(hole_poses(s.pose)[0].covariance[:3, :3]))),
             s.pose.residual_px,
             "accepted" if s.accepted else "refused",
         )
         if s.pose is not None
-        else (number, None, None, None, None, None, None, "refused")
+        else (number, *[None] * (7 if tilts else 6), "refused")
         for number, s in enumerate(seen, start=1)
     ]
-    header = ("scene", "x mm", "y mm", "z mm", "tilt deg", "std mm", "px", "verdict")
+    header = (
+        "scene",
+        "x mm",
+        "y mm",
+        "z mm",
+        "tilt deg",
+        *(["of the set"] if tilts else []),
+        "std mm",
+        "px",
+        "verdict",
+    )
     console.table(header, [tuple(float(v) if isinstance(v, np.floating) else v for v in row) for row in rows])
     for number, s in enumerate(seen, start=1):
         for doubt in s.doubts:

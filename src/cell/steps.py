@@ -13,7 +13,7 @@ from arm.errors import ImpossibleError, InputError
 from arm.files import canonical_json, keep_apart, write_atomic
 from arm.planfile import Move, Plan, read_plan, write_plan
 from cell.console import Console
-from cell.lookfile import Seen, read_seen, seen_to_json
+from cell.lookfile import Seen, read_seen, seen_to_json, tilt_words
 from cell.planning import plan_rest, reach_of, require_above_table
 from cell.taskfile import Task, read_task
 
@@ -84,8 +84,7 @@ def _print_look(seen: Seen, console: Console) -> None:
     console.table(("hole", "x mm", "y mm", "z mm", "std mm", "state"), rows)
     for board in seen.boards:
         console.say(
-            f"board {board.name}: tilt {np.degrees(board.pose.tilt()):.2f} deg, "
-            f"residual {board.pose.residual_px:.3f} px"
+            f"board {board.name}: tilt {tilt_words(board.pose)}, residual {board.pose.residual_px:.3f} px"
         )
 
 

@@ -67,6 +67,7 @@ def look(
     cube_size: float,
     limits: BoardLimits | None = None,
     arm_in_view: bool = False,
+    tilts: Sequence[float] = (),
 ) -> Look:
     """Find boards and cubes in photographs of a cell that stands still.
 
@@ -79,6 +80,7 @@ def look(
         limits: when a board's pose is refused.
         arm_in_view: the arm may cover part of a marker, whose corners then are wrong: a board whose pose is refused
             counts as missing.
+        tilts: at which boards stand, rad, see `assess_board`.
 
     Raises:
         InputError: no image, one of another size than the camera's, a marker that belongs to none of `boards`, or a
@@ -101,7 +103,7 @@ def look(
             missing[board.name] = _why_missing(board, hidden)
             continue
         try:
-            pose = estimate_board_pose(board, frames, camera, limits)
+            pose = estimate_board_pose(board, frames, camera, limits, tilts)
         except ImpossibleError as error:
             if not arm_in_view:
                 raise

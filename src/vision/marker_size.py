@@ -16,6 +16,7 @@ from vision.board_fit import Fit, pose_jacobian
 from vision.camera import Camera
 
 _STEPS = 8
+DETERMINED = 1e-9  # of the information: least over most determined direction
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ def fit_marker_size(board: Board, fit: Fit, camera: Camera, least_sigma_px: floa
     outlines = board.marker_corners()
     centres = outlines.mean(axis=1, keepdims=True)
     scale, T = 1.0, fit.T_camera_board
-    root = np.sqrt(fit.weights.sum(axis=0))[:, None]
+    root = np.sqrt(fit.shares)[:, None]
     J, residual = np.empty(0), np.empty(0)
     for _ in range(_STEPS):
         points = (centres + scale * (outlines - centres)).reshape(-1, 3)
@@ -58,10 +59,11 @@ def fit_marker_size(board: Board, fit: Fit, camera: Camera, least_sigma_px: floa
         step, *_ = np.linalg.lstsq(J, (root * residual).reshape(-1), rcond=None)
         T = T @ transform(rotation(step[3:6]), step[:3])
         scale += float(step[6])
-    count = residual.size
-    variance = max(float((residual**2).sum()) / (count - 7), least_sigma_px**2)
-    frames = max(float((root**2).mean()), 1e-9)
-    sigma = float(np.sqrt(variance * frames * np.linalg.inv(J.T @ J)[6, 6]))
-    return MarkerSize(
-        board.marker_size * scale, board.marker_size * sigma, float(np.sqrt(np.mean(residual**2)))
-    )
+    information = J.T @ J
+    least, *_, most = np.linalg.eigvalsh(information)
+    if least < DETERMINED * most:
+        return None
+    variance = max(float(((root * residual) ** 2).sum()) / (fit.freedom - 1), least_sigma_px**2)
+    sigma = float(np.sqrt(variance * np.linalg.inv(information)[6, 6]))
+    rms_px = float(np.sqrt(np.mean(residual[fit.shares > 0.0] ** 2)))
+    return MarkerSize(board.marker_size * scale, board.marker_size * sigma, rms_px)

@@ -76,6 +76,7 @@ def photograph(
     bodies: Sequence[Body] = (),
     light: float = 1.0,
     noise: float = 2.0,
+    dictionary: str = "DICT_4X4_50",
 ) -> Photographed:
     """Render boards with cubes once and draw `count` noises on it; `light` scales the brightness."""
     placed = [PlacedBoard(board, T) for board, T in boards]
@@ -87,7 +88,7 @@ def photograph(
             for i in range(4)
             if cubes[board.name][i]
         ]
-    clean = (light * render(camera, scene, placed)).astype(np.float32)
+    clean = (light * render(camera, scene, placed, dictionary)).astype(np.float32)
     return Photographed([with_noise(clean, rng, noise) for _ in range(count)], placed, cubes)
 
 
@@ -118,3 +119,11 @@ def twist_between(T_estimate: Array, T_true: Array) -> Array:
     """The twist (translation, rotation) (6,) with T_true = T_estimate exp(xi), to first order."""
     E = inverse(T_estimate) @ T_true
     return np.concatenate([E[:3, 3], rotation_vector(E[:3, :3])])
+
+
+def spoiled(frame: list[Marker], rng: np.random.Generator, off_px: float = 8.0) -> list[Marker]:
+    """The same detections with one corner off to some side."""
+    marker, corner, angle = int(rng.integers(2)), int(rng.integers(4)), rng.uniform(0.0, 2.0 * np.pi)
+    corners = frame[marker].corners_px.copy()
+    corners[corner] += off_px * np.array([np.cos(angle), np.sin(angle)])
+    return [replace(m, corners_px=frozen(corners)) if i == marker else m for i, m in enumerate(frame)]

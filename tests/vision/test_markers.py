@@ -10,28 +10,32 @@ import pytest
 
 from arm.errors import InputError
 from arm.se3 import Array, apply
-from board_scenes import lab_board, lab_camera, photograph, random_pose, window
+from board_scenes import lab_board, lab_camera, leaning, photograph, random_pose, window
+from cell.boardkeys import DICTIONARIES
 from vision.camera import Camera, Image
 from vision.markers import detect_markers
 
 
-def one_marker(seed: int, tilt_deg: float, noise: float = 2.0) -> tuple[Image, Camera, Array]:
+def one_marker(
+    seed: int, tilt_deg: float, noise: float = 2.0, size: float = 0.036, dictionary: str = "DICT_4X4_50"
+) -> tuple[Image, Camera, Array]:
     """A photograph of the lower marker alone, the camera that took it, and the true corners (4, 2) px."""
     rng = np.random.default_rng(seed)
-    board, T = lab_board(), random_pose(rng, tilt_deg)
+    board, T = lab_board(marker_size=size), random_pose(rng, tilt_deg)
     corners = apply(T, board.marker_corners()[0])
     whole = lab_camera()
     low = np.floor(whole.project_base(corners).min(axis=0) - 60.0)
     high = np.ceil(whole.project_base(corners).max(axis=0) + 60.0)
     camera = window(whole, low, (int(high[0] - low[0]), int(high[1] - low[1])))
-    return photograph(camera, [(board, T)], rng, noise=noise).images[0], camera, camera.project_base(corners)
+    shot = photograph(camera, [(board, T)], rng, noise=noise, dictionary=dictionary)
+    return shot.images[0], camera, camera.project_base(corners)
 
 
 def test_corners_by_border_lines() -> None:
     """The issue's figure, 0.02 px rms and 0.005 px bias. Of the 0.013 px seen most is the renderer's own."""
     errors, truths = [], []
     for seed in range(30):
-        image, camera, truth = one_marker(seed, (0.0, 7.0, 15.0)[seed % 3])
+        image, camera, truth = one_marker(seed, 0.5 * seed, size=0.040)  # 0 to 14.5 deg
         (marker,) = detect_markers(image, camera)
         assert (marker.id, marker.method) == (1, "lines")
         errors.append(marker.corners_px - truth)
@@ -41,6 +45,37 @@ def test_corners_by_border_lines() -> None:
     assert np.abs(error.mean(axis=(0, 1))).max() < 0.005
     outward /= np.linalg.norm(outward, axis=-1, keepdims=True)
     assert abs((error * outward).sum(axis=-1).mean()) < 0.005
+
+
+def test_four_markers_take_less_than_30_ms() -> None:
+    """Processor time of one thread, the least of several: what else the host does is not counted."""
+    camera, rng = lab_camera(), np.random.default_rng(1)
+    boards = [
+        (lab_board("01-02", 0.040), leaning((0.46, 0.11, 0.04), 175.0, 7.0, 265.0)),
+        (lab_board("03-04", 0.040), leaning((0.46, -0.13, 0.09), 90.0, 15.0, 270.0)),
+    ]
+    image = photograph(camera, boards, rng).images[0]
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        took = []
+        for _ in range(8):
+            started = time.process_time()
+            markers = detect_markers(image, camera)
+            took.append(time.process_time() - started)
+    finally:
+        cv2.setNumThreads(threads)
+    assert [(m.id, m.method) for m in markers] == [(i, "lines") for i in (1, 2, 3, 4)]
+    assert min(took) < 0.030
+
+
+@pytest.mark.parametrize("dictionary", DICTIONARIES)
+def test_every_dictionary(dictionary: str) -> None:
+    """Right id, and corners in the order in which the marker is printed."""
+    image, camera, truth = one_marker(2, 7.0, dictionary=dictionary)
+    (marker,) = detect_markers(image, camera, dictionary)
+    assert (marker.id, marker.method) == (1, "lines")
+    assert np.abs(marker.corners_px - truth).max() < 0.06
 
 
 def test_subpix_is_what_it_says_and_worse() -> None:

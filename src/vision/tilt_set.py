@@ -1,0 +1,75 @@
+"""Stands hold boards at a few known tilts, such as 0, 7 and 15 degrees: a hypothesis, tested and never forced.
+
+A tilt is the vector in which a board leans, so all of one angle make a ring (a point for 0), smeared by the pose's
+covariance. Against the set stands a board that leans anywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import i0e
+
+from arm.poses import BoardPose, TiltHypothesis
+
+STANDS = np.radians(0.5)  # standard deviation of stands, and of what the camera's pose thinks is upright
+STEEPEST = np.radians(45.0)  # of a board that leans anywhere
+ANYWHERE = 0.5  # how likely that is
+FITS_SIGMAS = 3.0
+MOST_SAY = np.log(10.0)  # log odds that tilts may add: never enough to choose against the photographs
+
+
+@dataclass(frozen=True)
+class _Tilt:
+    """A board's angle from the vertical, rad, with its variance, stands included; along the lean, and of both axes."""
+
+    angle: float
+    along: float
+    mean: float
+
+    @classmethod
+    def of(cls, pose: BoardPose) -> _Tilt:
+        up = pose.T_base_board[2, :3]  # in the board's frame
+        C = pose.covariance[3:5, 3:5]
+        turn = np.array([up[1], -up[0]])  # turning about this axis makes it lean more
+        mean = float(np.trace(C)) / 2.0
+        length = float(np.linalg.norm(turn))
+        along = mean if length < 1e-9 else float(turn @ C @ turn) / length**2
+        return cls(pose.tilt(), along + STANDS**2, mean + STANDS**2)
+
+    def log_density(self, tilt: float) -> float:
+        """Of this tilt vector (per rad^2), if the board stands at `tilt`, leaning to any side."""
+        variance = self.along if tilt > 0.0 else self.mean
+        ring = np.log(i0e(self.angle * tilt / variance))
+        return float(ring - (self.angle - tilt) ** 2 / (2.0 * variance) - np.log(2.0 * np.pi * variance))
+
+    def sigmas(self, tilt: float) -> float:
+        return (self.angle - tilt) / float(np.sqrt(self.along if tilt > 0.0 else self.mean))
+
+
+def _densities(pose: BoardPose, tilts: Sequence[float]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Prior times density of each member, and of none of them, last."""
+    tilt = _Tilt.of(pose)
+    members = [(1.0 - ANYWHERE) / len(tilts) * np.exp(tilt.log_density(t)) for t in tilts]
+    return np.array([*members, ANYWHERE / (np.pi * STEEPEST**2)])
+
+
+def tilt_hypothesis(pose: BoardPose, tilts: Sequence[float]) -> TiltHypothesis:
+    """Which of `tilts` (rad) the pose agrees with, if any."""
+    tilt, densities = _Tilt.of(pose), _densities(pose, tilts)
+    nearest = int(np.argmin([abs(tilt.sigmas(t)) for t in tilts]))
+    z = tilt.sigmas(tilts[nearest])
+    return TiltHypothesis(
+        float(tilts[nearest]),
+        float(z),
+        float(densities[nearest] / densities.sum()),
+        bool(abs(z) <= FITS_SIGMAS),
+    )
+
+
+def log_odds_of_tilts(first: BoardPose, second: BoardPose, tilts: Sequence[float]) -> float:
+    """How much the set speaks for the first of two poses: log odds, at most `MOST_SAY` either way."""
+    a, b = (float(np.log(_densities(pose, tilts).sum())) for pose in (first, second))
+    return float(np.clip(a - b, -MOST_SAY, MOST_SAY))
