@@ -24,9 +24,9 @@ from vision.camera import Camera
 Bools = npt.NDArray[np.bool_]
 
 _STEPS = 100
-_COST_DONE = 1e-10  # relative change of the cost
+COST_DONE = 1e-10  # relative change of the cost
 _MOST_DAMPING = 1e8
-PRIOR_CORNER_PX = 0.1  # corners that the prior is weighed against; their true error is known only afterwards
+PRIOR_CORNER_PX = 0.02  # corners that the prior is weighed against; their true error is known only afterwards
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +147,12 @@ def residual_of(camera: Camera, T_camera_target: Array, view: View) -> Array:
 
 
 def adjust(
-    views: Sequence[View], camera: Camera, poses: Sequence[Array], free: Bools, prior: Prior | None = None
+    views: Sequence[View],
+    camera: Camera,
+    poses: Sequence[Array],
+    free: Bools,
+    prior: Prior | None = None,
+    done: float = COST_DONE,
 ) -> Bundle:
     """The lens and poses with the least squared residuals near a start.
 
@@ -156,6 +161,7 @@ def adjust(
         camera, poses: the start; numbers of the lens that are not free stay as they are here.
         free: (9,) of bool, see `calib.intrinsics.NAMES`.
         prior: of the lens; default: about `camera`.
+        done: relative change of the cost that ends it.
 
     Raises:
         CalibrationRefused: the start puts a corner behind the camera.
@@ -174,9 +180,9 @@ def adjust(
         then = _stepped(views, now, blocks, damping)
         gain = now.cost - then.cost
         if gain > 0.0:  # NaN compares false
-            done = gain < _COST_DONE * now.cost
+            last = gain < done * now.cost
             now, damping = then, max(damping * 0.1, 1e-12)
-            if done:
+            if last:
                 break
         else:
             damping *= 10.0

@@ -20,7 +20,7 @@ from calib.suspects import Suspect, suspects
 from calib.view_choice import (
     TargetPhoto,
     best_views,
-    outlying_corners,
+    outlying_corner,
     outlying_views,
     unusable,
 )
@@ -30,7 +30,8 @@ from vision.target import FEWEST_CORNERS, Target
 
 FEWEST_VIEWS = 3  # with fewer nothing can be computed at all
 WEAK, FELT = 3e-3, 2.0  # see `_undetermined`
-_ROUNDS = 6  # of naming outliers
+MOST_KEPT = 0.75  # part of a view's corners of which no further one is left out: then the view is wrong
+_ROUNDS = 12  # of naming outliers
 
 
 @dataclass(frozen=True)
@@ -264,9 +265,10 @@ def _without_outliers(
         robust = 1.4826 * float(np.median(np.abs(residuals)))
         changed = False
         for place, i in enumerate(index):
-            wrong = outlying_corners(bundle.residuals[place], robust)
-            if wrong.any() and (~wrong).sum() >= FEWEST_CORNERS and wrong.mean() < 0.25:
-                kept[i][np.flatnonzero(kept[i])[wrong]] = False
+            worst = outlying_corner(bundle.residuals[place], robust)
+            few = kept[i].sum() <= max(FEWEST_CORNERS, MOST_KEPT * len(kept[i]))
+            if worst is not None and not few:
+                kept[i][np.flatnonzero(kept[i])[worst]] = False
                 changed = True
         variances = np.array([float(np.mean(r**2)) for r in bundle.residuals])
         counts = np.array([r.size - 6 for r in bundle.residuals])

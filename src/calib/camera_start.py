@@ -13,6 +13,7 @@ from calib.intrinsics import camera_of
 from vision.board_fit import Corners, fit_weighted, planar_poses
 from vision.camera import Camera
 
+ROUGH = 1e-3  # relative change of the cost that ends a start
 MOST_VIEWS = 8  # for the choice of the focal length
 FOCAL_LENGTHS = (0.7, 1.2, 2.0, 3.5, 6.0)  # in image widths: from wide angle to a long lens
 _PINHOLE = np.array([True, True, True, True, False, False, False, False, False])
@@ -45,7 +46,7 @@ def start(views: Sequence[View], size: tuple[int, int]) -> Bundle:
         )
         try:
             poses = [pose_of(view, camera) for view in some]
-            bundle = adjust(some, camera, poses, _PINHOLE)
+            bundle = adjust(some, camera, poses, _PINHOLE, done=ROUGH)
         except (CalibrationRefused, np.linalg.LinAlgError):
             continue
         if np.isfinite(bundle.squares) and bundle.camera.K[0, 0] > 0.0:
@@ -58,4 +59,4 @@ def start(views: Sequence[View], size: tuple[int, int]) -> Bundle:
         )
     best = min(tried, key=lambda bundle: bundle.squares)
     poses = [pose_of(view, best.camera) for view in views]
-    return adjust(views, best.camera, poses, _PINHOLE, best.prior)
+    return adjust(views, best.camera, poses, _PINHOLE, best.prior, done=ROUGH)

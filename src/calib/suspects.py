@@ -29,7 +29,8 @@ class Suspect:
         sigma: standard deviation of `amount`.
         unit: of both.
         sigmas: how many standard deviations the residuals lean towards it, all its numbers together.
-        lens_change: (9,) by which the lens would change if it were allowed for.
+        lens_change: (9,) by which the lens would change if it were allowed for, or does between the middle of the
+            views and their end.
     """
 
     name: str
@@ -47,6 +48,7 @@ class _Trouble:
     columns: Callable[[int], Array]  # of a view: (n, 2, m)
     amount: Callable[[Array], float]  # from the m numbers
     slope: Callable[[Array], Array]  # of the amount, (m,)
+    range: Array  # (9, m) change of the lens itself, from the middle of the views to the last
 
 
 def suspects(bundle: Bundle, views: Sequence[View], target: Target) -> list[Suspect]:
@@ -93,7 +95,7 @@ def _bent(bundle: Bundle, views: Sequence[View], target: Target) -> _Trouble:
         top, bottom = ends(numbers)
         return np.asarray(bulge[top] - bulge[bottom])
 
-    return _Trouble("bent target", "m", columns, amount, slope)
+    return _Trouble("bent target", "m", columns, amount, slope, np.zeros((COUNT, 3)))
 
 
 def _stretched(bundle: Bundle, views: Sequence[View]) -> _Trouble:
@@ -103,7 +105,9 @@ def _stretched(bundle: Bundle, views: Sequence[View]) -> _Trouble:
         by_y = bundle.camera.projection_jacobian(_at(bundle, views, i)) @ bundle.poses[i][:3, 1]
         return np.asarray((by_y * views[i].points[:, 1, None])[..., None])
 
-    return _Trouble("stretched target", "", columns, lambda n: float(n[0]), lambda n: np.ones(1))
+    return _Trouble(
+        "stretched target", "", columns, lambda n: float(n[0]), lambda n: np.ones(1), np.zeros((COUNT, 1))
+    )
 
 
 def _refocused(bundle: Bundle, views: Sequence[View]) -> _Trouble:
@@ -114,7 +118,9 @@ def _refocused(bundle: Bundle, views: Sequence[View]) -> _Trouble:
         by_lens = lens_parameter_jacobian(bundle.camera, _at(bundle, views, i))
         return np.asarray((when[i] * (by_lens[..., :2] @ np.diag(bundle.camera.K)[:2]))[..., None])
 
-    return _Trouble("changed focus", "", columns, lambda n: float(n[0]), lambda n: np.ones(1))
+    to_the_end = np.zeros((COUNT, 1))
+    to_the_end[:2, 0] = 0.5 * np.diag(bundle.camera.K)[:2]
+    return _Trouble("changed focus", "", columns, lambda n: float(n[0]), lambda n: np.ones(1), to_the_end)
 
 
 def _tested(bundle: Bundle, views: Sequence[View], trouble: _Trouble) -> Suspect | None:
@@ -143,6 +149,7 @@ def _tested(bundle: Bundle, views: Sequence[View], trouble: _Trouble) -> Suspect
     slope = trouble.slope(numbers)
     change = np.zeros(COUNT)
     change[bundle.free] = step[:-m]
+    change += trouble.range @ numbers
     return Suspect(
         trouble.name,
         trouble.amount(numbers),

@@ -104,9 +104,11 @@ def outlying_views(variances: Array, counts: npt.NDArray[np.intp]) -> npt.NDArra
     return np.asarray(variances > typical * np.maximum(chance, OUTLIER_SIGMA**2))
 
 
-def outlying_corners(residual: Array, sigma: float) -> npt.NDArray[np.bool_]:
-    """Corners (n,) of a view that are off by more than chance."""
-    return np.asarray(np.abs(residual).max(axis=1) > OUTLIER_CORNER * sigma)
+def outlying_corner(residual: Array, sigma: float) -> int | None:
+    """The corner of a view that is off most, if by more than chance; it pulls the others, so they wait."""
+    off = np.abs(residual).max(axis=1)
+    worst = int(np.argmax(off))
+    return worst if off[worst] > OUTLIER_CORNER * sigma else None
 
 
 def best_views(informations: Sequence[Array], worth: Array, prior: Array, most: int) -> list[int]:

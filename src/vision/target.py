@@ -163,7 +163,7 @@ class TargetFinder:
         corners = np.asarray(corners, dtype=np.float32).reshape(-1, 2)
         across = np.linalg.norm(np.diff(corners.reshape(inner[1], inner[0], 2), axis=1), axis=-1).min()
         half = int(np.clip(across / 4.0, 2, 7))
-        refined = np.ascontiguousarray(corners[:, None])
+        refined = corners.reshape(-1, 1, 2).copy()
         cv2.cornerSubPix(grey, refined, (half, half), (-1, -1), _SADDLE_STOP)
         return TargetView(
             np.arange(self.target.corners),
@@ -177,10 +177,10 @@ class TargetFinder:
         if self.target.kind != "charuco":
             return ""
         best, name = 0, ""
-        for dictionary in dictionary_names():
+        # a larger dictionary of a family begins with the markers of the smaller ones: the smallest is named
+        for dictionary in sorted(dictionary_names(), key=lambda d: len(predefined(d).bytesList)):
             detector = cv2.aruco.ArucoDetector(predefined(dictionary))
             _, ids, _ = detector.detectMarkers(image)
-            # a larger dictionary of the same family has the same first markers: the smallest that knows all is named
             if ids is not None and len(ids) > best:
                 best, name = (
                     len(ids),

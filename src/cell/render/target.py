@@ -24,7 +24,7 @@ class TargetSolid:
         target: what is printed.
         T_base_target: its frame, see `vision.target`.
         light: of the cell.
-        bend: how far the middle of the plate stands out towards the viewer of its left and right edges, m.
+        bend: how far its middle stands out towards the viewer against the chessboard's left and right edges, m.
         true_marker: edge of the markers as printed, if that is not what `target` says, m.
     """
 
@@ -62,11 +62,12 @@ class TargetSolid:
         flat = PixelRays(rays.x.reshape(-1), rays.y.reshape(-1))
         bundle = bundle_in(inverse(self.T_base_solid) @ T_base_camera, flat)
         o = bundle.origin.astype(np.float32)
+        target_half = self._target.size[0] / 2.0
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             depth = -o[2] / bundle.dz
             for _ in range(_BENT_STEPS if self._bend else 0):
                 x = o[0] + depth * bundle.dx
-                rise = np.float32(-self._bend) * (1.0 - (x / np.float32(self._half[0])) ** 2)
+                rise = np.float32(-self._bend) * (1.0 - (x / np.float32(target_half)) ** 2)
                 depth = (
                     np.clip(rise, -abs(self._bend), abs(self._bend)).astype(np.float32) - o[2]
                 ) / bundle.dz
