@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import json
 import sys
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from arm.errors import A465Error, ExecutionStopped, ImpossibleError, InputError
 from cell.cli_calibrate import app as calibrate_app
-from cell.console import OutputLost
+from cell.console import Console, OutputLost, say_on_stderr
 from driver.interrupt import interruptible
-
-if TYPE_CHECKING:
-    from cell.console import Console
 
 app = typer.Typer(
     name="a465",
@@ -104,7 +102,6 @@ def run(
     advice: Advice = True,
     as_json: Json = False,
 ) -> None:
-    from cell.console import Console
     from cell.run import run_task
 
     console = Console(as_json)
@@ -132,8 +129,6 @@ def look(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    from cell.console import Console
-
     console = Console(as_json)
     if detections is not None:
         others = {"--images": images, "--camera": camera, "--world": world, "--picture": picture}
@@ -160,7 +155,6 @@ def look(
     epilog="Example: a465 reach scenes/task2.toml --look look.json",
 )
 def reach(task: TaskFile, look: LookFile, advice: Advice = True, as_json: Json = False) -> None:
-    from cell.console import Console
     from cell.steps import reach_step
 
     console = Console(as_json)
@@ -179,7 +173,6 @@ def plan(
     advice: Advice = True,
     as_json: Json = False,
 ) -> None:
-    from cell.console import Console
     from cell.steps import plan_step
 
     console = Console(as_json)
@@ -203,7 +196,6 @@ def check(
     as_json: Json = False,
 ) -> None:
     from cell.checkstep import check_step
-    from cell.console import Console
 
     console = Console(as_json)
     report = check_step(file, task, q, console)
@@ -230,7 +222,6 @@ def preview(
     output: Output = None,
     as_json: Json = False,
 ) -> None:
-    from cell.console import Console
     from cell.previewstep import preview_file
 
     console = Console(as_json)
@@ -259,7 +250,6 @@ def execute(
     time_scale: TimeScale = None,
     as_json: Json = False,
 ) -> None:
-    from cell.console import Console
     from cell.run import execute_plan, resume_plan
 
     console = Console(as_json)
@@ -327,8 +317,6 @@ def render(
     seed: Annotated[int, typer.Option("--seed", help="Of the target's poses and of noise.")] = 0,
     as_json: Json = False,
 ) -> None:
-    from cell.console import Console
-
     console = Console(as_json)
     if target is not None:
         from cell.targetstep import target_step
@@ -358,7 +346,6 @@ def export(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    from cell.console import Console
     from cell.export import export_step
 
     console = Console(as_json)
@@ -370,16 +357,13 @@ def _finish(console: Console, report: dict[str, Any]) -> None:
     console.result(report)
     left = [cube["from"] for cube in report["cubes"] if not cube["placed"]]
     if left:
-        print(
-            f"a465: not done: the cube of {', '.join(left)} was not placed; the arm is at q_start",
-            file=sys.stderr,
-        )
+        say_on_stderr(f"a465: not done: the cube of {', '.join(left)} was not placed; the arm is at q_start")
         raise typer.Exit(ExecutionStopped.exit_code)
 
 
 def _refuse(message: str) -> None:
     """End with "refused" after the report was printed."""
-    print(f"a465: {message}", file=sys.stderr)
+    say_on_stderr(f"a465: {message}")
     raise typer.Exit(ImpossibleError.exit_code)
 
 
@@ -388,10 +372,6 @@ def main() -> None:
     with interruptible(ends=True):
         try:
             app()
-        except OutputLost as error:
-            if error.broken_pipe and "state" not in error.data:
-                sys.exit(0)  # somebody has read enough of what moves nothing
-            _fail(error)
         except A465Error as error:
             _fail(error)
 
@@ -406,6 +386,7 @@ def _fail(error: A465Error) -> None:
                 **error.data,
             }
         }
-        print(json.dumps(body, indent=2, default=str))
-    print(f"a465: {error.word}: {error}", file=sys.stderr)
+        with suppress(OutputLost):  # standard error and the exit code tell as well
+            Console().say(json.dumps(body, indent=2, default=str))
+    say_on_stderr(f"a465: {error.word}: {error}")
     sys.exit(error.exit_code)

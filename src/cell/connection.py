@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from arm.errors import InputError
 from cell.cameras import open_basler, require_one_camera
+from cell.console import say_on_stderr
 from cell.taskfile import Task
 from driver.clock import Clock
 from driver.mars import Mars
@@ -75,7 +75,7 @@ class AwaitedPhotographs:
             InputError: they did not come in time, or cannot be read.
         """
         folder, old = ImageFolder(self.path, only_new=True), _sizes(self.path)
-        print(f"{self.path}: {_wanted(count, len(old))} within {AWAIT_S:g} s", file=sys.stderr, flush=True)
+        say_on_stderr(f"{self.path}: {_wanted(count, len(old))} within {AWAIT_S:g} s")
         over = time.monotonic() + AWAIT_S
         seen: list[tuple[str, int]] = []
         same_since = time.monotonic()

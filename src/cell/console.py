@@ -8,7 +8,7 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, TextIO
 
 from arm.errors import ExecutionStopped
@@ -18,19 +18,17 @@ _LABEL, _BAR, _LEAST_BAR = 22, 30, 6
 
 
 class OutputLost(ExecutionStopped):
-    """Nobody hears us any more: standard output cannot be written. Told once.
-
-    Attributes:
-        broken_pipe: whether its reader has gone.
-    """
+    """Nobody hears us any more: standard output cannot be written. Told once."""
 
     def __init__(self, error: OSError) -> None:
         super().__init__(f"standard output: {error.strerror or error}", reason="output")
-        self.broken_pipe = isinstance(error, BrokenPipeError)
 
 
 class Console:
     """Where messages go; the first that cannot be written raises `OutputLost`, and later ones go nowhere.
+
+    A reader that has gone has read enough: that is no error, the command does what it was asked to and ends as it
+    would have ended. Not so inside `heard`.
 
     With `as_json`, standard output gets exactly one JSON object at the end and everything else goes to standard
     error, so that a program can read the one while a person follows the other.
@@ -41,7 +39,24 @@ class Console:
         self._stream: TextIO | None = sys.stderr if as_json else sys.stdout  # None: closed before we began
         self._live = self._stream is not None and self._stream.isatty()
         self._open_line = False
+        self._lost: OSError | None = None
+        self._needed = False
         self._started = time.monotonic()
+
+    @contextlib.contextmanager
+    def heard(self) -> Iterator[None]:
+        """Inside, while an arm may move, there has to be a reader.
+
+        Raises:
+            OutputLost: it has gone.
+        """
+        if self._lost is not None:
+            raise OutputLost(self._lost)
+        self._needed = True
+        try:
+            yield
+        finally:
+            self._needed = False
 
     def say(self, text: str = "") -> None:
         """One line."""
@@ -85,9 +100,21 @@ class Console:
             stream.write(text)
             stream.flush()
         except OSError as error:
-            self._stream, self._live = None, False
+            self._stream, self._live, self._lost = None, False, error
             _silence(stream)
-            raise OutputLost(error) from error
+            if self._needed or not isinstance(error, BrokenPipeError):
+                raise OutputLost(error) from error
+
+
+def say_on_stderr(text: str) -> None:
+    """One line on standard error, whether or not somebody reads it: the exit code tells as well."""
+    if sys.stderr is None:
+        return
+    try:
+        sys.stderr.write(f"{text}\n")
+        sys.stderr.flush()
+    except OSError:
+        _silence(sys.stderr)
 
 
 def _silence(stream: TextIO) -> None:

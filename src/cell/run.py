@@ -147,6 +147,7 @@ def _opened(
     """A run on an open cell; however it ends, its folder tells how."""
     folder = run_folder(asked, task.name)
     with (
+        console.heard(),
         interruptible(ends=True),
         keyboard(control) as keys,
         open_cell(task, port, world, images, camera, time_scale, folder / "wire.jsonl") as connection,

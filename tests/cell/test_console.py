@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import errno
 import io
+import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from arm.files import data_file
 from cell.console import Console, OutputLost
+from driver.logfile import read_log
 
 BEGIN = "import sys; from cell.cli import main; sys.argv = ['a465', *sys.argv[1:]]; main()"
 
@@ -29,21 +32,30 @@ class Gone(io.StringIO):
         return super().write(text)
 
 
-@pytest.mark.parametrize(
-    ("number", "broken"), [(errno.ENOSPC, False), (errno.EPIPE, True), (errno.EIO, False)]
-)
-def test_a_lost_output_is_told_once(monkeypatch: pytest.MonkeyPatch, number: int, broken: bool) -> None:
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EPIPE, errno.EIO])
+def test_a_lost_output_is_told_once(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
     stream = Gone(10, number)
     monkeypatch.setattr(sys, "stdout", stream)
     console = Console()
-    console.say("a word")
-    with pytest.raises(OutputLost, match=os.strerror(number)) as lost:
-        console.say("another word")
-    assert lost.value.broken_pipe is broken
-    assert lost.value.exit_code == 4
-    console.say("nobody hears this")
-    console.step("nor this")
+    with console.heard():
+        console.say("a word")
+        with pytest.raises(OutputLost, match=os.strerror(number)) as lost:
+            console.say("another word")
+        assert lost.value.exit_code == 4
+        console.say("nobody hears this")
+        console.step("nor this")
     assert stream.getvalue() == "a word\n"
+
+
+def test_a_reader_that_has_gone_has_read_enough_of_what_moves_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(sys, "stdout", Gone(10, errno.EPIPE))
+    console = Console()
+    for word in ("a word", "another word", "nobody hears this"):
+        console.say(word)
+    with pytest.raises(OutputLost, match="Broken pipe"), console.heard():
+        raise AssertionError("an arm moves, and nobody follows it")
 
 
 def test_an_output_that_was_never_there_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -55,26 +67,60 @@ def test_an_output_that_was_never_there_is_no_error(monkeypatch: pytest.MonkeyPa
         console.result({"a": 1})
 
 
-def _look(output: str) -> subprocess.CompletedProcess[str]:
-    """a465 look with its standard output in a shell's hands, buffered as it is for a user."""
-    shell = f'"{sys.executable}" -c "{BEGIN}" look "{data_file("scenes/task2.toml")}" {output}'
+TASK = data_file("scenes/task2.toml")
+UNREAD = "| true; exit ${PIPESTATUS[0]}"  # gone before the first word: a reader of lines may outlast them all
+
+
+def _a465(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """A command with its standard output in a shell's hands, buffered as it is for a user."""
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    shell = f'"{sys.executable}" -c "{BEGIN}" {command}'
     return subprocess.run(
-        ["bash", "-c", shell], capture_output=True, text=True, timeout=60, check=False, env=environment
+        ["bash", "-c", shell],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        env=environment,
+        cwd=folder,
     )
 
 
-def test_a_command_whose_output_is_not_wanted_any_more_ends_in_peace() -> None:
-    ended = _look(
-        "| true; exit ${PIPESTATUS[0]}"
-    )  # gone before the first word: a reader of lines may outlast all
+def test_a_command_whose_output_is_not_wanted_any_more_does_what_it_was_to_do(tmp_path: Path) -> None:
+    ended = _a465(f'look "{TASK}" -o look.json {UNREAD}', tmp_path)
     assert ended.returncode == 0, ended.stderr
     assert ended.stderr == ""
+    assert json.loads((tmp_path / "look.json").read_text())["scenes"]
+
+
+@pytest.mark.parametrize(
+    ("command", "code"),
+    [
+        (f'run "{TASK}" -o run', 4),
+        (f'run "{TASK}" -o run 2>&1', 4),
+        (f'run "{TASK}" -o run --json 2>&1', 4),
+        ("look nowhere.toml", 2),
+        ("look nowhere.toml --json", 2),
+        ("look nowhere.toml 2>&1", 2),
+    ],
+)
+def test_how_a_command_ended_is_told_by_its_code_though_nobody_reads(
+    tmp_path: Path, command: str, code: int
+) -> None:
+    ended = _a465(f"{command} {UNREAD}", tmp_path)
+    assert ended.returncode == code, ended.stderr
+    assert "Traceback" not in ended.stderr
+    assert "Exception ignored" not in ended.stderr
+    if command.startswith("run"):
+        assert json.loads((tmp_path / "run/report.json").read_text())["error"]["exit_code"] == code
+        assert read_log(tmp_path / "run/wire.jsonl").damaged == 0
 
 
 @pytest.mark.parametrize(("output", "code", "words"), [(">&-", 0, ""), (">/dev/full", 4, "No space left")])
-def test_a_closed_or_full_output_makes_no_traceback(output: str, code: int, words: str) -> None:
-    ended = _look(output)
+def test_a_closed_or_full_output_makes_no_traceback(
+    tmp_path: Path, output: str, code: int, words: str
+) -> None:
+    ended = _a465(f'look "{TASK}" {output}', tmp_path)
     assert ended.returncode == code, ended.stderr
     assert "Traceback" not in ended.stderr
     assert words in ended.stderr
