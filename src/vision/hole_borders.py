@@ -1,0 +1,194 @@
+"""Where the image must show borders if a hole holds a cube, and where if it is empty.
+
+A cube in its pocket shows the sides of its top, 32 mm above the plate, and upright edges between its faces; an empty
+pocket the sides of its mouth, of its floor 10 mm below, and the rim of the finger hole in the floor (cell fact sheet).
+Seen at a slant they lie apart, whatever the colours. All are given where the camera sees them on the plate's top
+plane z = 0, in m about the hole, so that they can be compared.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from arm.board import CUBE_SEAT_DEPTH, PLATE_CENTRE, PLATE_SIZE, POCKET_FLOOR, POCKET_MOUTH, Board
+from arm.se3 import Array
+
+POCKET_DEPTH = 0.010  # m
+FINGER_HOLE_RADIUS = 0.008  # m
+PITCH = 1.5e-3  # m between stations on a border
+CORNER_GAP = 3e-3  # m of a straight border beside its ends that is not used: another border is near
+QUIET_ZONE = 1.0 / 6.0  # width of a marker's white border in marker sizes
+
+Bools = npt.NDArray[np.bool_]
+Kind = Literal["top", "upright", "mouth", "floor", "rim"]
+
+
+@dataclass(frozen=True, eq=False)
+class Border:
+    """One border as the camera sees it on the plate's plane.
+
+    Attributes:
+        kind: of a cube "top" or "upright", of an empty pocket "mouth", "floor" or "rim" (of the finger hole).
+        points: stations on it, (n, 2) m.
+        outward: unit normals there, (n, 2).
+        telling: (n,) where the other state shows a smooth surface, so that the border speaks for its state.
+        clear: (n,) where it can be seen.
+    """
+
+    kind: Kind
+    points: Array
+    outward: Array
+    telling: Bools
+    clear: Bools
+
+
+@dataclass(frozen=True, eq=False)
+class HoleBorders:
+    """All borders of both states."""
+
+    cube: tuple[Border, ...]
+    empty: tuple[Border, ...]
+
+    def of(self, kind: Kind) -> list[Border]:
+        """Those of one kind."""
+        return [b for b in (*self.cube, *self.empty) if b.kind == kind]
+
+
+@dataclass(frozen=True, eq=False)
+class MarkerSquare:
+    """A marker with its white border: `centre` (3,) m in the board frame, `points` (n, 2) m evenly about it."""
+
+    centre: Array
+    points: Array
+
+
+def marker_squares(board: Board) -> list[MarkerSquare]:
+    """Both markers of a board."""
+    half = board.marker_size * (0.5 + QUIET_ZONE)
+    side = np.linspace(-half, half, 21)
+    points = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    return [MarkerSquare(outline.mean(axis=0), points) for outline in board.marker_corners()]
+
+
+@dataclass(frozen=True, eq=False)
+class _Line:
+    kind: Kind
+    points: Array
+    outward: Array
+
+
+def seen_on_plate(points: Array, height: float, eye: Array) -> Array:
+    """Where points (..., 2) m at a height over the plate are seen on its plane by an eye (3,) m."""
+    return np.asarray(eye[:2] + (points - eye[:2]) * (eye[2] / (eye[2] - height)))
+
+
+def hole_borders(board: Board, index: int, eye: Array, cube_size: float, near: float) -> HoleBorders:
+    """The borders of a hole.
+
+    Args:
+        board: with the hole.
+        index: of the hole, 0 to 3.
+        eye: the camera's centre in the board frame, (3,) m, above the plate.
+        cube_size: edge of a cube, m.
+        near: distance within which two borders disturb each other, m.
+    """
+    hole = board.holes[index]
+    eye = eye - hole
+    top_height = cube_size - CUBE_SEAT_DEPTH
+    top, foot = seen_on_plate(_square(cube_size), top_height, eye), _square(cube_size)
+    mouth, floor = _square(POCKET_MOUTH), seen_on_plate(_square(POCKET_FLOOR), -POCKET_DEPTH, eye)
+    angle = 2.0 * np.pi * np.arange(36) / 36
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    cube_lines = [*_sides("top", top), *_uprights(top, foot, eye, cube_size)]
+    rim = _Line("rim", seen_on_plate(FINGER_HOLE_RADIUS * circle, -POCKET_DEPTH, eye), circle)
+    empty_lines = [*_sides("mouth", mouth), *_sides("floor", floor), rim]
+    outline = np.asarray(cv2.convexHull(np.concatenate([top, foot]).astype(np.float32)))[:, 0].astype(float)
+    cube_edges = [_closed(top), _closed(outline), *(line.points for line in cube_lines[4:])]
+    empty_edges = [_closed(mouth), _closed(floor), rim.points]
+
+    cube, empty = [], []
+    for line in cube_lines:
+        p = line.points
+        on_wall = (_depth_in(mouth, p) > -near) & (
+            _depth_in(floor, p) < near
+        )  # walls darken with depth: not smooth
+        telling = _plain(p, board, hole, near) & ~on_wall & ~_close_to(p, empty_edges, near)
+        cube.append(Border(line.kind, p, line.outward, telling, np.ones(len(p), dtype=bool)))
+    for line in empty_lines:
+        p = line.points
+        shown = np.ones(len(p), dtype=bool) if line.kind == "mouth" else _depth_in(mouth, p) > near
+        covered = (_depth_in(outline, p) > near) & ~_close_to(p, cube_edges, near)
+        empty.append(Border(line.kind, p, line.outward, shown & covered, shown))
+    return HoleBorders(tuple(cube), tuple(empty))
+
+
+def _square(width: float) -> Array:
+    """Corners (4, 2), counter-clockwise seen from above."""
+    return np.asarray(width / 2.0 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]))
+
+
+def _stations(kind: Kind, start: Array, end: Array) -> _Line:
+    length = float(np.linalg.norm(end - start))
+    count = max(int((length - 2.0 * CORNER_GAP) / PITCH), 0)
+    along = CORNER_GAP + (length - 2.0 * CORNER_GAP) * (np.arange(count) + 0.5) / max(count, 1)
+    direction = (end - start) / max(length, 1e-9)
+    points = start + along[:, None] * direction
+    return _Line(kind, points, np.tile([direction[1], -direction[0]], (count, 1)))
+
+
+def _sides(kind: Kind, corners: Array) -> list[_Line]:
+    return [_stations(kind, corners[k], corners[(k + 1) % 4]) for k in range(4)]
+
+
+def _uprights(top: Array, foot: Array, eye: Array, cube_size: float) -> list[_Line]:
+    """Upright edges that have at least one face towards the camera, from the top down to the plate."""
+    lit = [-eye[1], eye[0], eye[1], -eye[0]]  # how far the eye is before the side that begins at each corner
+    faces = [distance > cube_size / 2.0 for distance in lit]
+    return [_stations("upright", top[k], foot[k]) for k in range(4) if faces[k] or faces[k - 1]]
+
+
+def _closed(corners: Array, pitch: float = 0.5e-3) -> Array:
+    """Points on the outline of a polygon."""
+    sides = []
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        count = max(int(np.linalg.norm(b - a) / pitch), 1)
+        sides.append(a + (np.arange(count) / count)[:, None] * (b - a))
+    return np.concatenate(sides)
+
+
+def _close_to(points: Array, edges: list[Array], near: float) -> Bools:
+    others = np.concatenate(edges)
+    return np.asarray(np.linalg.norm(points[:, None] - others[None], axis=-1).min(axis=1) < near, dtype=bool)
+
+
+def _depth_in(corners: Array, points: Array) -> Array:
+    """How deep points (n, 2) lie inside a convex polygon, m; negative outside."""
+    following = np.roll(corners, -1, axis=0)
+    sides, turn = (
+        following - corners,
+        (corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]).sum(),
+    )
+    normals = np.sign(turn) * np.stack([-sides[:, 1], sides[:, 0]], axis=-1)
+    length = np.maximum(np.linalg.norm(normals, axis=-1), 1e-12)
+    return np.asarray(
+        (((points[:, None] - corners) * normals).sum(axis=-1) / length)[:, length > 1e-6].min(axis=1)
+    )
+
+
+def _plain(points: Array, board: Board, hole: Array, near: float) -> Bools:
+    """Which points lie on bare plate, away from its edges, its markers and its other pockets."""
+    on_plate = points + hole[:2]
+    inside = np.abs(on_plate - PLATE_CENTRE) < np.array(PLATE_SIZE[:2]) / 2.0 - near
+    good = inside.all(axis=-1)
+    for square in marker_squares(board):
+        half = np.abs(square.points).max() + near
+        good &= np.abs(on_plate - square.centre[:2]).max(axis=-1) > half
+    for other in board.holes:
+        if not np.array_equal(other, hole):
+            good &= np.abs(on_plate - other[:2]).max(axis=-1) > POCKET_MOUTH / 2.0 + near
+    return np.asarray(good, dtype=bool)
