@@ -106,7 +106,8 @@ def assess_board(
         tilts_say = log_odds_of_tilts(poses[0], poses[1], tilts)
     first = log_odds + tilts_say >= 0.0
     chosen, pose = (hypotheses.best, poses[0]) if first else (hypotheses.second, poses[1])
-    residual_px = _residual(corners, chosen)
+    used = chosen.mean_residual_px[chosen.shares > 0.0]
+    residual_px = float(np.sqrt(np.mean(used**2))) if len(used) else np.nan
     doubts = (
         moved(board, corners, limits),
         misfit(board, corners, chosen, camera, residual_px, floor, limits),
@@ -161,7 +162,7 @@ class _Hypotheses:
 
 
 def _residual(corners: Corners, fit: Fit) -> float:
-    """Also of corners that the fit left out in all frames: a misfit that it weighs away must be seen."""
+    """Also of a corner that the fit left out in all frames: what it weighs away must be seen."""
     left_out = (fit.shares == 0.0)[:, None]
     expected = fit.mean_px - fit.mean_residual_px
     off = np.where(left_out, corners.median() - expected, fit.mean_residual_px)
