@@ -28,10 +28,12 @@ class SeenBoard:
     Attributes:
         pose: where it stands.
         occupancy: per hole: cube, empty or unsure.
+        doubts: per hole, why it was unsure in the image; empty where it was not.
     """
 
     pose: BoardPose
     occupancy: tuple[str, ...]
+    doubts: tuple[str, ...] = ("",) * 4
 
     @property
     def name(self) -> str:
@@ -220,6 +222,8 @@ def _board_to_json(seen: SeenBoard, T_base_camera: Array) -> dict[str, Any]:
     told = pose_to_json(seen.pose, T_base_camera)
     for hole, state in zip(told["holes"], seen.occupancy, strict=True):
         hole["state"] = state
+    for number in seen.holes("unsure"):
+        told["holes"][number]["reason"] = seen.doubts[number]
     return {"board": seen.name, "verdict": "accepted", "reasons": [], **told}
 
 
@@ -277,6 +281,7 @@ def _board_from_json(path: Path, entry: dict[str, Any], boards: Sequence[Board])
     states = tuple(hole["state"] for hole in entry["holes"])
     if len(states) != 4 or not set(states) <= {"cube", "empty", "unsure"}:
         raise FileInputError(path, f"{board.name}.holes", states, "must be four of cube, empty, unsure")
+    doubts = tuple(str(hole.get("reason", "")) for hole in entry["holes"])
     pose = BoardPose(
         board,
         T_base_board,
@@ -285,4 +290,4 @@ def _board_from_json(path: Path, entry: dict[str, Any], boards: Sequence[Board])
         float(entry["hypothesis_ratio"]),
         _tilt_from_json(entry.get("tilt_hypothesis")),
     )
-    return SeenBoard(pose, states)
+    return SeenBoard(pose, states, doubts)

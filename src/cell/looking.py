@@ -54,6 +54,9 @@ def look_and_save(
         f"{b.name} ({len(b.holes('cube'))} cubes, {b.pose.residual_px:.3f} px)" for b in seen.boards
     )
     console.step(f"look {why}: {boards or 'no board'}")
+    for board in seen.boards:
+        for hole in board.holes("unsure"):
+            console.say(f"hole {board.name}/{hole + 1} is unsure: {board.doubts[hole]}")
     complaint = exposure_complaint(images[0], found.frames[0])
     if complaint is not None:
         console.say(f"WARNING: the photographs are {complaint}")
@@ -62,7 +65,10 @@ def look_and_save(
 
 def seen_of(found: Look, known: Sequence[Board]) -> Seen:
     """A look of the vision room as the cell's commands pass it on; `known` are all boards of the cell."""
-    boards = tuple(SeenBoard(b.pose, tuple(o.state for o in b.occupancy)) for b in found.boards)
+    boards = tuple(
+        SeenBoard(b.pose, tuple(o.state for o in b.occupancy), tuple(o.reason for o in b.occupancy))
+        for b in found.boards
+    )
     seen_ids = {marker.id for frame in found.frames for marker in frame}
     half = tuple(b.name for b in known if b.name in found.missing and seen_ids & set(b.marker_ids))
     return Seen(boards, dict(found.missing), half)

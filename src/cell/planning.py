@@ -12,7 +12,7 @@ from arm.planfile import Move, Plan
 from arm.poses import hole_poses
 from arm.se3 import Array
 from cell.cellfile import Cell
-from cell.lookfile import Seen
+from cell.lookfile import Seen, SeenBoard
 from cell.scenery import (
     RELEASE_GAP,
     Work,
@@ -164,15 +164,15 @@ def work_left(
         occupied,
         taken_places=done.values(),
         reachable_places=reachable_places(task, seen, speed) if task.places is not None else None,
-        notes=[]
-        if target is None
-        else [_taken(target.name, i, target.occupancy[i]) for i in sorted(occupied)],
+        notes=[] if target is None else [_taken(target, i) for i in sorted(occupied)],
     )
 
 
-def _taken(board: str, hole: int, state: str) -> str:
-    why = "may hold a cube, the image does not say" if state == "unsure" else "holds a cube"
-    return f"hole {board}/{hole + 1} {why}"
+def _taken(board: SeenBoard, hole: int) -> str:
+    name = f"hole {board.name}/{hole + 1}"
+    if board.occupancy[hole] != "unsure":
+        return f"{name} holds a cube"
+    return f"{name} may hold a cube, the image does not say ({board.doubts[hole] or 'no reason is given'})"
 
 
 def scene_of(task: Task, seen: Seen, on_table: Mapping[str, Array]) -> Scene:

@@ -20,6 +20,7 @@ from cell.taskfile import Task, read_task
 from cell.worldfile import board_placement
 
 STATES = ("cube", "empty", "unsure", "cube")
+DOUBTS = ("", "", "something is across it", "")
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +30,8 @@ def task() -> Task:
 
 def _seen_board(board: Board, T_base_board: np.ndarray) -> SeenBoard:
     root = np.random.default_rng(3).normal(size=(6, 6))
-    return SeenBoard(BoardPose(board, frozen(T_base_board), frozen(1e-8 * root @ root.T), 0.05, 21.0), STATES)
+    pose = BoardPose(board, frozen(T_base_board), frozen(1e-8 * root @ root.T), 0.05, 21.0)
+    return SeenBoard(pose, STATES, DOUBTS)
 
 
 def _seen(task: Task) -> Seen:
@@ -49,6 +51,7 @@ def test_round_trip(task: Task, tmp_path: Path) -> None:
     assert again.missing == seen.missing
     for a, b in zip(again.boards, seen.boards, strict=True):
         assert a.occupancy == b.occupancy
+        assert a.doubts == b.doubts
         assert a.pose.board == b.pose.board
         assert a.pose.T_base_board == pytest.approx(b.pose.T_base_board, abs=1e-12)
         assert a.pose.covariance == pytest.approx(b.pose.covariance, abs=1e-20)
@@ -60,6 +63,7 @@ def test_the_json_speaks_of_camera_and_base(task: Task) -> None:
         product = camera.T_base_camera @ np.array(entry["T_camera_board"])
         assert product == pytest.approx(np.array(entry["T_base_board"]), abs=1e-12)
         assert len(entry["holes"]) == 4
+        assert [h.get("reason") for h in entry["holes"]] == [None, None, "something is across it", None]
 
 
 @pytest.mark.parametrize(

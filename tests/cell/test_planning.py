@@ -129,6 +129,18 @@ def test_only_free_holes_are_filled(task2: Task) -> None:
     assert [s.name for s in work_left(task2, one, {}).spare] == ["03-04/4"]
 
 
+def test_a_hole_that_is_unsure_is_no_place_and_says_why(task2: Task) -> None:
+    seen = true_look(task2)
+    source, target = seen.boards
+    doubtful = replace(
+        target, occupancy=("unsure", "empty", "empty", "empty"), doubts=("poor contrast", "", "", "")
+    )
+    with pytest.raises(
+        ImpossibleError, match=r"hole 03-04/1 may hold a cube, the image does not say \(poor contrast\)"
+    ):
+        work_left(task2, replace(seen, boards=(source, doubtful)), {})
+
+
 @pytest.mark.parametrize(
     ("look_after", "looks"),
     [("each", [True] * 4), ("never", [False] * 4), (2, [False, True] * 2), (3, [False, False, True, True])],
