@@ -13,7 +13,10 @@ from calib.view_choice import LEAST_BLUR_PX, LEAST_CONTRAST, SATURATED, TargetPh
 from vision.target import FEWEST_CORNERS, Target, TargetView
 
 STILL_PX = 0.5  # corners of two frames of a target that is held still lie this near to each other
-NEW_SHARE = 0.04  # of the image's width by which a new view must differ from every view before
+NEW_SHARE = 0.01  # of the image's width by which a new view must differ from every view before
+ENOUGH_VIEWS = (
+    16  # after so many, numbers of the lens that matter little at the work points need not be known
+)
 FIRST = (
     "in the middle of the image, filling two thirds of it, facing the camera",
     "in the middle of the image, its left edge some 30 deg nearer",
@@ -101,8 +104,10 @@ class GuidedViews:
         worst = 1e3 * float(c.work_sigmas.max())
         if not c.next:  # not tilted enough
             return Advice(FIRST[1 + len(self.photos) % 4], None, False, None)
-        enough = c.accepted and not c.undetermined
-        return Advice(c.next[0].words, c.next[0].T_camera_target, enough, worst)
+        lacking = [view for view in c.undetermined.values() if view is not None]
+        enough = c.accepted and (not lacking or len(self.photos) >= ENOUGH_VIEWS)
+        view = lacking[0] if c.accepted and lacking else c.next[0]
+        return Advice(view.words, view.T_camera_target, enough, worst)
 
 
 def _shift(view: TargetView, other: TargetView) -> float:

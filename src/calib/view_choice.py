@@ -19,8 +19,10 @@ SATURATED = 0.5  # part of the white that is at the sensor's end
 SAME_PX = 4.0  # views whose corners lie this near to each other show the same
 STEEPEST = np.radians(65.0)
 OUTLIER_VIEW = 4.0  # standard deviations of a view's variance above that of the others,
-OUTLIER_SIGMA = 2.5  # and at least this times their corner error: views differ in tilt, light and sharpness
-OUTLIER_CORNER = 5.0  # standard deviations
+OUTLIER_SIGMA = 2.5  # and at least this times their corner error: views differ in tilt, light and sharpness,
+LEAST_OUTLIER_RMS_PX = 0.1  # and at least this: less is no motion
+OUTLIER_CORNER = 6.0  # standard deviations,
+LEAST_OUTLIER_PX = 0.25  # and at least this: detectors err so far now and then, mistakes are larger
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,14 +103,15 @@ def outlying_views(variances: Array, counts: npt.NDArray[np.intp]) -> npt.NDArra
     """
     typical = float(np.median(variances))
     chance = 1.0 + OUTLIER_VIEW * np.sqrt(2.0 / np.maximum(counts, 1))
-    return np.asarray(variances > typical * np.maximum(chance, OUTLIER_SIGMA**2))
+    limit = typical * np.maximum(chance, OUTLIER_SIGMA**2)
+    return np.asarray(variances > np.maximum(limit, LEAST_OUTLIER_RMS_PX**2))
 
 
 def outlying_corner(residual: Array, sigma: float) -> int | None:
     """The corner of a view that is off most, if by more than chance; it pulls the others, so they wait."""
     off = np.abs(residual).max(axis=1)
     worst = int(np.argmax(off))
-    return worst if off[worst] > OUTLIER_CORNER * sigma else None
+    return worst if off[worst] > max(OUTLIER_CORNER * sigma, LEAST_OUTLIER_PX) else None
 
 
 def best_views(informations: Sequence[Array], worth: Array, prior: Array, most: int) -> list[int]:

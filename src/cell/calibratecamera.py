@@ -126,7 +126,7 @@ def camera_step(
     if live:
         from cell.livecalibration import open_source, take_views
 
-        with open_source(camera, simulated, target) as (source, hand):
+        with open_source(camera, simulated, target, console) as (source, hand):
             take_views(images, target, source, hand, work, limits, console)
     elif camera is not None or simulated is not None:
         raise InputError("--camera and --simulated go with --live; IMAGES holds the photographs otherwise")

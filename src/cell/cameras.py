@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from arm.errors import InputError
 from arm.toml_table import TomlTable
+from cell.console import say_on_stderr
 from vision.basler import BaslerCamera, BaslerSettings
 from vision.basler_devices import read_selector
 
@@ -108,4 +108,4 @@ def open_basler(cell: Cell, camera: str | None) -> Iterator[BaslerCamera]:
 
 
 def _tell(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
+    say_on_stderr(text)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -72,7 +71,7 @@ def calibrate_lens(
     ] = False,
 ) -> None:
     from cell.calibratecamera import LensOptions, camera_step
-    from cell.console import Console
+    from cell.console import Console, say_on_stderr
 
     console = Console(as_json)
     options = LensOptions(target, tuple(hold or ()), work_mm, limit_mm, most_views, output, report)
@@ -80,5 +79,5 @@ def calibrate_lens(
     console.result(result)
     if result["reasons"]:
         not_written = f"; {output} was not written" if output is not None else ""
-        print(f"a465: refused: {'; '.join(result['reasons'])}{not_written}", file=sys.stderr)
+        say_on_stderr(f"a465: refused: {'; '.join(result['reasons'])}{not_written}")
         raise typer.Exit(CalibrationRefused.exit_code)

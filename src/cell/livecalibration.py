@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from arm.errors import CalibrationRefused, InputError
-from arm.se3 import Array
+from arm.se3 import Array, rotation, transform
 from calib.camera_calibration import CalibrationLimits
 from calib.guided import FIRST, Advice, GuidedViews
 from calib.view_choice import TargetPhoto
@@ -61,9 +61,8 @@ class SimulatedHand:
     def _place(self, advice: Advice) -> Array:
         rng, size = self._rng, np.array(self._camera.size)
         if advice.T_camera_target is not None:
-            T = np.array(advice.T_camera_target)
-            T[:3, 3] += rng.normal(0.0, 0.01, 3)
-            return T
+            turned = rotation(rng.normal(0.0, 0.05, 3)) @ advice.T_camera_target[:3, :3]
+            return transform(turned, advice.T_camera_target[:3, 3] + rng.normal(0.0, 0.01, 3))
         turn = np.array([[0, 0], [0, 1], [0, -1], [-1, 0], [1, 0]], dtype=float)[FIRST.index(advice.words)]
         fill = 0.6 * size[0] / self._camera.K[0, 0]
         distance = self._target.size[0] / fill * rng.uniform(1.0, 1.1)
@@ -73,7 +72,7 @@ class SimulatedHand:
 
 @contextlib.contextmanager
 def open_source(
-    selector: str | None, simulated: Path | None, target: Target
+    selector: str | None, simulated: Path | None, target: Target, console: Console
 ) -> Iterator[tuple[FrameSource, SimulatedHand | None]]:
     """The camera to guide for: a Basler one, or the simulated one of a task's cell.
 
@@ -92,7 +91,7 @@ def open_source(
         return
     from vision.basler import BaslerCamera
 
-    with BaslerCamera(str(selector)) as camera:
+    with BaslerCamera(str(selector), tell=console.say) as camera:
         yield camera, None
 
 

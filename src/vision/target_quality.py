@@ -19,7 +19,9 @@ from vision.frames import Image
 from vision.target import Target, TargetView
 
 LINES = 24  # profiles across an edge, averaged
-REACH = 0.11  # half length of a profile, in squares: a marker's edge is 0.13 away on the default board
+MARGIN_PX = (
+    3.0  # a profile ends this far before the next edge, of a marker or a square, whose blur it must not see
+)
 MOST_REACH_PX, LEAST_REACH_PX = 10.0, 2.0
 STEP_PX = 0.25
 SATURATED, BLACK = 254, 1
@@ -56,10 +58,13 @@ def measure_quality(image: Image, target: Target, view: TargetView) -> Quality:
     blur: list[float] = []
     steps: list[float] = []
     white: list[Array] = []
+    room = (
+        (1.0 - target.marker / target.square) / 2.0 if target.marker > 0.0 else 0.5
+    )  # to the next edge, in squares
     for starts, ends in _edges(target, view):
         if not len(starts):
             continue
-        profile, half = _profiles(grey, starts, ends)
+        profile, half = _profiles(grey, starts, ends, room)
         low, high = profile[:, :3].mean(axis=1), profile[:, -3:].mean(axis=1)
         steps += list(np.abs(high - low))
         white.append(np.maximum(profile[:, :3], profile[:, -3:]).ravel())
@@ -86,11 +91,11 @@ def _edges(target: Target, view: TargetView) -> list[tuple[Array, Array]]:
     return found
 
 
-def _profiles(grey: Image, starts: Array, ends: Array) -> tuple[Array, Array]:
+def _profiles(grey: Image, starts: Array, ends: Array, room: float) -> tuple[Array, Array]:
     """Mean grey profile across each edge, (edges, samples), and its half length in px, (edges,)."""
     along = ends - starts
     length = np.linalg.norm(along, axis=-1)
-    half = np.clip(REACH * length, LEAST_REACH_PX, MOST_REACH_PX)
+    half = np.clip(room * length - MARGIN_PX, LEAST_REACH_PX, MOST_REACH_PX)
     across = np.stack([along[:, 1], -along[:, 0]], axis=-1) / length[:, None]
     share = 0.25 + 0.5 * (np.arange(LINES) + 0.5) / LINES
     centres = starts[:, None] + share[:, None] * along[:, None]

@@ -21,7 +21,7 @@ def a465(
     flags = ["-O"] if optimised else []
     command = [sys.executable, *flags, "-c", "import cell.cli; cell.cli.main()", *map(str, arguments)]
     ran = subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd, timeout=120)
-    assert ran.returncode == code, f"exit {ran.returncode}: {ran.stdout}{ran.stderr}"
+    assert ran.returncode == code, f"exit {ran.returncode}: {ran.stdout[-2000:]}{ran.stderr[-4000:]}"
     assert "Traceback" not in ran.stderr
     return ran.stdout, ran.stderr
 
