@@ -9,7 +9,7 @@ import numpy as np
 
 from arm.files import canonical_json, keep_apart, write_atomic
 from arm.poses import BoardPose, hole_poses
-from arm.se3 import Array, frozen, inverse
+from arm.se3 import Array
 from cell.console import Console
 from cell.lookfile import member_words, pose_to_json
 from cell.taskfile import read_task
@@ -58,13 +58,12 @@ def _to_json(name: str, seen: BoardSeen, T_base_camera: Array) -> dict[str, Any]
             "tilt_hypothesis",
         )
         return {**told, **dict.fromkeys(empty), "holes": []}
-    return {**told, **pose_to_json(pose, T_base_camera), "tilt_deg": _tilt_deg(pose, inverse(T_base_camera))}
+    return {**told, **pose_to_json(pose, T_base_camera), "tilt_deg": _tilt_deg(pose)}
 
 
-def _tilt_deg(pose: BoardPose, T_camera_base: Array) -> float:
-    """Angle of the board's normal from the optical axis."""
-    normal = frozen(T_camera_base @ pose.T_base_board)[2, 2]
-    return float(np.degrees(np.arccos(np.clip(abs(normal), 0.0, 1.0))))
+def _tilt_deg(pose: BoardPose) -> float:
+    """Of the board's normal from the vertical; from the optical axis where the base frame is the camera's."""
+    return float(np.degrees(np.arccos(np.clip(abs(pose.T_base_board[2, 2]), 0.0, 1.0))))
 
 
 def _tell(seen: list[BoardSeen], T_camera_base: Array, tilts: bool, console: Console) -> None:
@@ -72,7 +71,7 @@ def _tell(seen: list[BoardSeen], T_camera_base: Array, tilts: bool, console: Con
         (
             number,
             *(1e3 * (T_camera_base @ s.pose.T_base_board)[:3, 3]),
-            _tilt_deg(s.pose, T_camera_base),
+            _tilt_deg(s.pose),
             *([member_words(s.pose)] if tilts else []),
             1e3 * float(np.sqrt(np.trace(hole_poses(s.pose)[0].covariance[:3, :3]))),
             s.pose.residual_px,

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from arm.errors import InputError
+from arm.errors import ImpossibleError, InputError
 from arm.files import canonical_json
 from board_scenes import lab_camera, photograph, random_pose, twist_between
 from cell.boardkeys import DICTIONARIES
@@ -95,3 +95,7 @@ def test_a_look_with_boards_of_any_dictionary(scenes: Path, dictionary: str) -> 
     assert np.linalg.norm(xi[3:]) < np.radians(0.15)
     assert np.degrees(found.pose.tilt_hypothesis.nearest) == pytest.approx(7.0)
     assert found.pose.tilt_hypothesis.fits
+    if dictionary == "DICT_6X6_250":
+        replace_in(scenes / "cell.toml", "# least_certain_deg = 0.45", "least_certain_deg = 0.01")
+        with pytest.raises(ImpossibleError, match="too uncertain to grasp"):
+            look_and_save(read_task(scenes / "task2.toml"), Folder(shot.images), None, Console(True), "at it")

@@ -13,7 +13,7 @@ from arm.poses import BoardPose, adjoint
 from arm.se3 import Array, frozen, inverse
 from board_scenes import lab_board, lab_camera, random_pose, seen_corners, spoiled, twist_between
 from vision.board_doubts import BoardLimits, Spread
-from vision.board_fit import Corners, fit_weighted, pose_jacobian
+from vision.board_fit import Corners, fit_pose, fit_weighted, pose_jacobian
 from vision.board_pose import assess_board, estimate_board_pose
 
 CAMERA = lab_camera()
@@ -215,6 +215,21 @@ def test_large_errors_are_flagged() -> None:
     assert wrong >= 4
     assert flagged == wrong
     assert kept >= 0.98 * right
+
+
+def test_frames_are_held_against_each_other_where_all_are_off_the_board() -> None:
+    """With 0.3 px shared and 0.03 px of their own, a frame's corner that is 0.8 px off stands out, and no other."""
+    points = lab_board().marker_corners().reshape(8, 3)
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        T = random_pose(rng, 7.0)
+        frames = seen_corners(lab_board(), T, CAMERA, rng, noise_px=0.03, common_px=0.3)
+        pixels = np.array([[m.corners_px for m in f] for f in frames]).reshape(5, 8, 2)
+        bad = (int(rng.integers(5)), int(rng.integers(8)))
+        pixels[bad] += (0.8, 0.0)
+        fit = fit_pose(Corners(pixels, points), CAMERA.T_camera_base @ T, CAMERA)
+        assert fit.weights[bad] == 0.0
+        assert np.delete(fit.weights.ravel(), np.ravel_multi_index(bad, (5, 8))).min() > 0.3
 
 
 @pytest.mark.parametrize("off_px", [2.5, 8.0])

@@ -13,6 +13,7 @@ from arm.se3 import Array, frozen, rotation, transform
 from board_scenes import lab_board, lab_camera, leaning, random_pose, seen_corners, twist_between
 from cell.console import Console
 from cell.recorded import detections_step
+from command_line import replace_in
 from vision.board_fit import planar_poses
 from vision.board_pose import BoardSeen, assess_board
 from vision.markers import Marker
@@ -161,7 +162,13 @@ def test_look_tells_the_member(tmp_path: Path, scenes: Path) -> None:
     assert seven["verdict"] == eleven["verdict"] == "accepted"
     assert seven["tilt_hypothesis"]["nearest_deg"] == pytest.approx(7.0)
     assert seven["tilt_hypothesis"]["fits"] is True
+    assert seven["tilt_deg"] == pytest.approx(7.0, abs=0.3)
+    assert eleven["tilt_deg"] == pytest.approx(11.0, abs=0.3)
     assert eleven["tilt_hypothesis"]["fits"] is False
     assert abs(eleven["tilt_hypothesis"]["z"]) > 3.0
     alone = detections_step(file, None, None, Console(True))["scenes"][0]["boards"][0]
     assert alone["tilt_hypothesis"] is None
+    replace_in(scenes / "cell.toml", "# least_certain_deg = 0.45", "least_certain_deg = 0.01")
+    refused = detections_step(file, scenes / "task2.toml", None, Console(True))["scenes"][0]["boards"][0]
+    assert refused["verdict"] == "refused"
+    assert "too uncertain to grasp" in refused["reasons"][0]
