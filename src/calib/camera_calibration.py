@@ -39,7 +39,7 @@ class CalibrationLimits:
     """When a calibration is refused.
 
     Attributes:
-        work_mm: largest standard deviation at a work point, mm.
+        work_mm: largest standard deviation at a work point, mm; a pocket catches a cube that is 2 mm off.
         corner_px: largest error of a corner, px.
         views: fewest views that are used.
         tilted: fewest views that are tilted by at least `tilt`.
@@ -48,7 +48,7 @@ class CalibrationLimits:
         most_views: more are not used but held out.
     """
 
-    work_mm: float = 0.1
+    work_mm: float = 0.3
     corner_px: float = 1.0
     views: int = 8
     tilted: int = 4

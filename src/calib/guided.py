@@ -14,9 +14,8 @@ from vision.target import FEWEST_CORNERS, Target, TargetView
 
 STILL_PX = 0.5  # corners of two frames of a target that is held still lie this near to each other
 NEW_SHARE = 0.01  # of the image's width by which a new view must differ from every view before
-ENOUGH_VIEWS = (
-    16  # after so many, numbers of the lens that matter little at the work points need not be known
-)
+ENOUGH_VIEWS = 16  # after so many, a number that hardly matters at the work points need not be known
+GOOD = 1 / 3  # of the limit at the work points: who takes views anyway can have more than just enough
 FIRST = (
     "in the middle of the image, filling two thirds of it, facing the camera",
     "in the middle of the image, its left edge some 30 deg nearer",
@@ -105,8 +104,9 @@ class GuidedViews:
         if not c.next:  # not tilted enough
             return Advice(FIRST[1 + len(self.photos) % 4], None, False, None)
         lacking = [view for view in c.undetermined.values() if view is not None]
-        enough = c.accepted and (not lacking or len(self.photos) >= ENOUGH_VIEWS)
-        view = lacking[0] if c.accepted and lacking else c.next[0]
+        good = c.accepted and worst < GOOD * self._limits.work_mm
+        enough = (good and not lacking) or (c.accepted and len(self.photos) >= ENOUGH_VIEWS)
+        view = lacking[0] if good and lacking else c.next[0]
         return Advice(view.words, view.T_camera_target, enough, worst)
 
 

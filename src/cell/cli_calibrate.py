@@ -42,7 +42,7 @@ def calibrate_lens(
     ] = None,
     limit_mm: Annotated[
         float | None,
-        typer.Option("--limit-mm", help="Largest standard deviation at the work points; default 0.1."),
+        typer.Option("--limit-mm", help="Largest standard deviation at the work points; default 0.3."),
     ] = None,
     most_views: Annotated[
         int | None, typer.Option("--most-views", help="More are held out; default 40.")

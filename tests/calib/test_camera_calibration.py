@@ -87,7 +87,7 @@ def test_views_in_the_middle_only_are_refused_with_the_view_that_helps():
     ]
     c = calibrate_camera(photos([seen(T, rng) for T in middle]), CHARUCO, SIZE)
     assert not c.accepted
-    assert any("the limit is 0.1 mm; take a view in the" in reason for reason in c.reasons)
+    assert any("the limit is 0.3 mm; take a view in the" in reason for reason in c.reasons)
     helped = [
         *photos([seen(T, rng) for T in middle]),
         *photos([seen(v.T_camera_target, rng) for v in c.next]),
