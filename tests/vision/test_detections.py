@@ -100,6 +100,21 @@ def test_scenes_that_must_not_be_used_say_why_and_the_others_are_judged(tmp_path
     assert good["verdict"] == "accepted"
 
 
+def test_a_board_that_moved_and_a_marker_of_another_board_are_told(tmp_path: Path) -> None:
+    content = recorded()
+    content["scenes"][0]["frames"][3] = content["scenes"][1]["frames"][3]
+    for frame in content["scenes"][1]["frames"]:
+        corners = np.array(frame["markers"][1]["corners_px"])
+        frame["markers"][1]["corners_px"] = (corners + (60.0, -30.0)).tolist()
+    told = detections_step(written(tmp_path, content), None, None, Console(True))
+    moved, other, good = (scene["boards"][0] for scene in told["scenes"])
+    assert moved["verdict"] == other["verdict"] == "refused"
+    assert "photograph 4 of 5 shows it" in moved["reasons"][0]
+    assert "marker 2 stands" in other["reasons"][0]
+    assert "it is of another board, or glued elsewhere" in other["reasons"][0]
+    assert good["verdict"] == "accepted"
+
+
 def _set(*path: str | int, to: Any) -> Callable[[dict[str, Any]], None]:
     def change(content: Any) -> None:
         for key in path[:-1]:
