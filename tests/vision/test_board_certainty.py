@@ -49,10 +49,10 @@ class Parts:
 
 @dataclass(frozen=True)
 class Ratios:
-    """Roots of pooled sums: error over bound, predicted over error; `nees` per degree of freedom; worst turn, rad."""
+    """Roots of pooled sums: error and prediction over the bound; `nees` per degree of freedom; worst turn, rad."""
 
     over_bound: Parts
-    honest: Parts
+    predicted: Parts
     nees: Array
     worst_turn: float
 
@@ -76,7 +76,7 @@ def trials(
         nees.append(xi @ np.linalg.solve(pose.covariance, xi) / 6.0)
         worst = max(worst, float(np.linalg.norm(xi[3:])))
     error, least, predicted = np.sqrt(np.sum(found, axis=0))
-    return Ratios(Parts(*(error / least)), Parts(*(predicted / error)), np.array(nees), worst)
+    return Ratios(Parts(*(error / least)), Parts(*(predicted / least)), np.array(nees), worst)
 
 
 @pytest.mark.parametrize("common_px", [0.0, 0.3])
@@ -84,7 +84,7 @@ def test_clean_corners_lose_nothing_to_robustness(common_px: float) -> None:
     """Least squares, which reaches the bound, is no better; against the bound itself the bench has the scenes."""
     ours = plain = least = 0.0
     board = lab_board()
-    for seed in range(80):
+    for seed in range(60):
         rng = np.random.default_rng(seed)
         T = random_pose(rng, TILTS[seed % 3])
         frames = seen_corners(board, T, CAMERA, rng, common_px=common_px)
@@ -100,19 +100,19 @@ def test_clean_corners_lose_nothing_to_robustness(common_px: float) -> None:
             square = Parts.of(np.outer(xi, xi), board, T).hole
             ours, plain = (ours, plain + square) if plainly else (ours + square, plain)
         least += Parts.of(bound(board, T, 0.3**2 / 5 + common_px**2), board, T).hole
-    assert ours < 1.06 * plain  # a true corner goes in one of 600 scenes
+    assert ours < 1.10 * plain  # a true corner goes in one of 600 scenes
     assert np.sqrt(ours / least) < 1.15
 
 
 @pytest.mark.parametrize("bad", [0.2, 0.6])
 def test_bad_corners_in_some_of_the_frames(bad: float) -> None:
-    t = trials(80, bad=bad)
+    t = trials(60, bad=bad)
     assert max(t.over_bound.hole, t.over_bound.turn) < 1.15
     assert t.worst_turn < np.radians(2.0)
 
 
 def test_two_frames_tell_which_of_them_has_the_bad_corner() -> None:
-    t = trials(80, frames=2, bad=0.4)
+    t = trials(60, frames=2, bad=0.4)
     assert max(t.over_bound.hole, t.over_bound.turn) < 1.2
 
 
@@ -130,10 +130,15 @@ def test_two_frames_tell_which_of_them_has_the_bad_corner() -> None:
 )
 def test_the_covariance_is_honest(frames: int, common_px: float, bad: float, size: float) -> None:
     """Holes, depth and turn each, and the whole twist, with and without noise that all frames share."""
-    t = trials(75, frames, common_px, bad, size)
-    for ratio in (t.honest.hole, t.honest.depth, t.honest.turn):
-        assert 0.8 < ratio < 1.25
-    assert 0.7 < t.nees.mean() < 1.4
+    t = trials(60, frames, common_px, bad, size)
+    for predicted, error in (
+        (t.predicted.hole, t.over_bound.hole),
+        (t.predicted.depth, t.over_bound.depth),
+        (t.predicted.turn, t.over_bound.turn),
+    ):
+        assert 0.85 < predicted < 1.2  # times the bound, which the errors reach
+        assert 0.75 < predicted / error < 1.35  # the luck of 60 scenes is a tenth; the bench has 4000
+    assert 0.6 < t.nees.mean() < 1.5
     assert np.percentile(t.nees, 95) < 4.0  # 2.1 if the noise were known; it comes from ten residuals
 
 
