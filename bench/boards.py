@@ -175,19 +175,19 @@ def flips(pool: Pool, scenes: int) -> None:
         "fits the set %",
     )
     off_set = replace(FLIPS, tilts_deg=(11.0,))
-    one = Conditions(sizes=(0.020,), frames=1)
-    for name, of, tilts in (
-        ("36 to 40 mm, 4 to 15 deg, no set", FLIPS, ()),
-        ("the same with the set", FLIPS, SET),
-        ("36 to 40 mm, all at 11 deg, no set", off_set, ()),
-        ("the same with the set", off_set, SET),
-        ("36 to 40 mm, 0, 7, 15 deg, with the set", replace(FLIPS, tilts_deg=TILTS_DEG), SET),
-        ("20 mm, one photograph, no set", one, ()),
-        ("the same with the set", one, SET),
-        ("20 mm, one photograph, 11 deg, no set", replace(one, tilts_deg=(11.0,)), ()),
-        ("the same with the set", replace(one, tilts_deg=(11.0,)), SET),
+    one, few = Conditions(sizes=(0.020,), frames=1), scenes // 4
+    for name, of, tilts, count in (
+        ("36 to 40 mm, 4 to 15 deg, no set", FLIPS, (), scenes),
+        ("the same with the set", FLIPS, SET, scenes),
+        ("36 to 40 mm, all at 11 deg, no set", off_set, (), few),
+        ("the same with the set", off_set, SET, few),
+        ("36 to 40 mm, 0, 7, 15 deg, with the set", replace(FLIPS, tilts_deg=TILTS_DEG), SET, few),
+        ("20 mm, one photograph, no set", one, (), few),
+        ("the same with the set", one, SET, few),
+        ("20 mm, one photograph, 11 deg, no set", replace(one, tilts_deg=(11.0,)), (), few),
+        ("the same with the set", replace(one, tilts_deg=(11.0,)), SET, few),
     ):
-        found = pool.over(scenes, of, "", tilts)
+        found = pool.over(count, of, "", tilts)
         fits = f"{100 * np.mean([bool(o.fits_set) for o in found]):.1f}" if tilts else "-"
         row(
             name,
