@@ -68,6 +68,7 @@ class CalibrationView:
         T_camera_target: 4x4, or None where there is no pose.
         residual: (n, 2) px of the corners of `photo.view`, measured minus projected; None without a pose.
         dropped: (n,) corners that were left out as wrong.
+        distance: of its corners' middle along the camera's axis, m; NaN without a pose.
     """
 
     photo: TargetPhoto
@@ -76,6 +77,7 @@ class CalibrationView:
     T_camera_target: Array | None = None
     residual: Array | None = None
     dropped: npt.NDArray[np.bool_] | None = None
+    distance: float = float("nan")
 
     @property
     def rms_px(self) -> float:
@@ -90,11 +92,6 @@ class CalibrationView:
         if self.T_camera_target is None:
             return float("nan")
         return float(np.arccos(np.clip(abs(self.T_camera_target[2, 2]), 0.0, 1.0)))
-
-    @property
-    def distance(self) -> float:
-        """From the camera along its axis, m; NaN without a pose."""
-        return float("nan") if self.T_camera_target is None else float(self.T_camera_target[2, 3])
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +190,7 @@ def calibrate_camera(
     if len(candidates) < FEWEST_VIEWS:
         raise CalibrationRefused(_too_few(photos, reasons), usable=len(candidates), photographs=len(photos))
     found = _without_outliers(photos, candidates, target, size, free, reasons)
-    points = work or _distances(found.bundle)
+    points = work or _distances(found.bundle, found.views)
     place = work_points(found.bundle.camera, *points)
     informations = information(found.bundle, found.views)
     scale = found.bundle.corner_sigma
@@ -301,8 +298,10 @@ def _best(found: _Found, chosen: Sequence[int], reasons: list[str]) -> _Found:
     return _Found(bundle, views, [found.index[p] for p in chosen], found.kept)
 
 
-def _distances(bundle: Bundle) -> tuple[float, float]:
-    distances = [float(T[2, 3]) for T in bundle.poses]
+def _distances(bundle: Bundle, views: Sequence[View]) -> tuple[float, float]:
+    distances = [
+        float((view.points @ T[2, :3]).mean() + T[2, 3]) for view, T in zip(views, bundle.poses, strict=True)
+    ]
     near, far = min(distances), max(distances)
     return near, max(far, 1.05 * near)
 
@@ -348,7 +347,9 @@ def _told(
             continue
         points = target.points()[photo.view.ids] @ T[:3, :3].T + T[:3, 3]
         residual = photo.view.corners_px - found.bundle.camera.project(points)
-        told.append(CalibrationView(photo, True, "", T, frozen(residual), ~found.kept[i]))
+        told.append(
+            CalibrationView(photo, True, "", T, frozen(residual), ~found.kept[i], float(points[:, 2].mean()))
+        )
     return tuple(told)
 
 

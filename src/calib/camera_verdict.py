@@ -14,12 +14,11 @@ if TYPE_CHECKING:
     from calib.camera_calibration import CameraCalibration
 
 SURE = 5.0  # standard deviations from which a suspect is named,
-BIASED = (
-    1.0  # and how many of the work points' standard deviations it must move them to be a reason to refuse
-)
+BIASED = 1 / 3  # and what part of the limit at the work points it must move them to be a reason to refuse
 HELD_OUT = 1.3  # largest error of held-out corners, times that of the used ones
 LONG_S = 3600.0  # views over a longer time may not show one and the same camera
 COVERED = 0.6  # part of the image
+SPREAD = 0.1  # part of a distance that is no different distance
 GLARING = 0.05  # part of the white that is at the sensor's end
 SCATTERED = 2.5  # how much more than predicted the lenses of five groups may differ
 CELLS = (8, 5)
@@ -40,7 +39,7 @@ def judge(c: CameraCalibration) -> Verdict:
     if facing:
         return Verdict((*_number(c), facing), tuple(_photographs(c)), metric=False)
     reasons = [*_number(c), *_target(c), *_accuracy(c)]
-    return Verdict(tuple(reasons), (*_photographs(c), *_lens(c)))
+    return Verdict(tuple(reasons), (*_photographs(c), *_distances(c), *_lens(c)))
 
 
 def coverage(c: CameraCalibration) -> float:
@@ -113,8 +112,7 @@ def _moved(c: CameraCalibration, suspect: Suspect) -> float:
 
 
 def _decides(c: CameraCalibration, suspect: Suspect) -> bool:
-    expected = float(np.sqrt(np.mean(c.work_sigmas**2)))
-    return _named(suspect) and _moved(c, suspect) > BIASED * expected
+    return _named(suspect) and 1e3 * _moved(c, suspect) > BIASED * c.limits.work_mm
 
 
 def _named(suspect: Suspect) -> bool:
@@ -186,14 +184,31 @@ def _photographs(c: CameraCalibration) -> list[str]:
     return remarks
 
 
+def _distances(c: CameraCalibration) -> list[str]:
+    distances = [v.distance for v in c.used]
+    near, far = min(distances), max(distances)
+    remarks = []
+    if far < (1.0 + SPREAD) * near:
+        remarks.append(
+            f"all views are {1e3 * near:.0f} to {1e3 * far:.0f} mm away: show the target nearer and farther too"
+        )
+    if c.work.near < (1.0 - SPREAD) * near or c.work.far > (1.0 + SPREAD) * far:
+        remarks.append(
+            f"the work is {1e3 * c.work.near:.0f} to {1e3 * c.work.far:.0f} mm away, the views {1e3 * near:.0f} to "
+            f"{1e3 * far:.0f} mm: show the target where the work is"
+        )
+    return remarks
+
+
 def _lens(c: CameraCalibration) -> list[str]:
+    if any(_decides(c, s) for s in c.suspects):
+        return []  # then all numbers are doubtful, and the reason says why
     remarks = [
-        f"{describe(s)} (harmless: it moves the work points by {1e3 * _moved(c, s):.3f} mm)"
+        f"{describe(s)} (it moves the work points by {1e3 * _moved(c, s):.3f} mm; no standard deviation has that in it)"
         for s in c.suspects
-        if _named(s) and not _decides(c, s)
+        if _named(s)
     ]
-    doubtful = any(_decides(c, s) for s in c.suspects)  # then all numbers are, and say so
-    for name, view in ({} if doubtful else c.undetermined).items():
+    for name, view in c.undetermined.items():
         place = NAMES.index(name)
         helps = f"; a view {view.words} would tell most of it" if view else ""
         remarks.append(
