@@ -39,7 +39,7 @@ from hole_scenes import ACROSS, CONDITIONS, drawn_pose, measured_pose, photograp
 from hole_scenes_mujoco import mujoco_photographs, why_no_opengl
 from vision.occupancy import hole_occupancy
 
-FIRST_SEED = 100_000
+FIRST_SEED = 300_000
 ACROSS_PART = 10  # one scene "across" to as many others
 
 

@@ -114,10 +114,7 @@ def hole_borders(board: Board, index: int, eye: Array, cube_size: float, near: f
     cube, empty = [], []
     for line in cube_lines:
         p = line.points
-        on_wall = (_depth_in(mouth, p) > -near) & (
-            _depth_in(floor, p) < near
-        )  # walls darken with depth: not smooth
-        telling = _plain(p, board, hole, near) & ~on_wall & ~_close_to(p, empty_edges, near)
+        telling = _plain(p, board, hole, near) & ~_close_to(p, empty_edges, near)
         cube.append(Border(line.kind, p, line.outward, telling, np.ones(len(p), dtype=bool)))
     for line in empty_lines:
         p = line.points

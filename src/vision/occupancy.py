@@ -48,11 +48,13 @@ MOST_TOLERANCE = 1.5e-3  # borders are not looked for farther away, m
 MOST_STD = (
     0.9e-3  # of a cube's top across the camera's ray, m: beyond, borders of both states are not told apart
 )
+BLUR = 0.4e-3  # how far a blurred border reaches, m
 LEAST_STATIONS = 4  # of a border, else it is left out
 SURE = 0.95  # score of a cube; 1 minus it that of an empty hole
 EVEN = 0.01  # part of an even patch at which a step of grey may be
+EVEN_SIDE = 0.04  # the same beside a mouth, where an edge along or across the patch takes more
 FLOOR_RADII = (10e-3, 12e-3, 14e-3)  # around the finger hole, m
-MOUTH_BAND = (7e-3, 4e-3)  # inside and outside a side of the mouth, m
+MOUTH_BANDS = ((-7e-3, -0.7e-3), (0.8e-3, 4.9e-3))  # from a side of the mouth outwards, m
 MOST_FAINT = 2  # sides of an empty pocket that need not show
 RIM_STEP = 0.4  # a finger hole is at least that much darker than the floor around it
 ABSENT = 0.3  # part of that step below which there is no finger hole
@@ -143,7 +145,7 @@ def hole_occupancy(
     view = plate_view(images, camera, hole.T_base_hole, REACH)
     if eye[2] <= 2.0 * cube_size or view is None:
         return Occupancy("unsure", 0.5, OUT)
-    borders = hole_borders(pose.board, index, eye, cube_size, 2.0 * tolerance + GAP + WINDOW)
+    borders = hole_borders(pose.board, index, eye, cube_size, 2.0 * tolerance + GAP + WINDOW + BLUR)
     limits = step_limits(view, contrast, tolerance)
     cube = [_look_at(b, view, limits) for b in borders.cube]
     empty = [_look_at(b, view, limits) for b in borders.empty]
@@ -156,9 +158,10 @@ def hole_occupancy(
     if 1.0 - SURE < score < SURE:
         return Occupancy("unsure", float(score), FAINT if even else OTHER)
     if score >= SURE:
-        why = _why_no_cube(_parts(cube, "top"), _parts(empty, "rim")[0], even)
+        rim = empty[-1].part(empty[-1].border.telling)
+        why = _why_no_cube(_parts(cube, "top"), rim, even)
         return Occupancy("unsure" if why else "cube", float(score), why)
-    even_sides = [rough_part(view, patch, limits) < EVEN for patch in _mouth_patches()]
+    even_sides = [max(rough_part(view, p, limits) for p in both) < EVEN_SIDE for both in _beside_mouth()]
     sides = np.fmax(_parts(empty, "mouth"), _parts(empty, "floor"))
     why = _why_not_empty(sides, _parts(empty, "rim")[0], np.array(even_sides))
     return Occupancy("unsure" if why else "empty", float(score), why)
@@ -243,13 +246,16 @@ def _top_patch(cube_size: float, eye: Array) -> Array:
     return seen_on_plate(patch, cube_size - CUBE_SEAT_DEPTH, eye)
 
 
-def _mouth_patches() -> list[Array]:
-    """Points (n, m, 2) around each side of the mouth, in the order of its sides."""
-    along = np.arange(-0.36 * POCKET_MOUTH, 0.36 * POCKET_MOUTH, WINDOW)
-    across = POCKET_MOUTH / 2.0 + np.arange(-MOUTH_BAND[0], MOUTH_BAND[1], WINDOW)
-    patch = np.stack(np.meshgrid(along, -across), axis=-1)  # the first side has y below 0
+def _beside_mouth() -> list[tuple[Array, Array]]:
+    """Points (n, m, 2) inside and outside each side of the mouth, in the order of its sides, off their corners."""
+    along = np.arange(-0.28 * POCKET_MOUTH, 0.28 * POCKET_MOUTH, WINDOW)
     quarter_turn = np.array([[0.0, 1.0], [-1.0, 0.0]])  # of rows
-    return [patch @ np.linalg.matrix_power(quarter_turn, k) for k in range(4)]
+    both = []
+    for low, high in MOUTH_BANDS:
+        across = POCKET_MOUTH / 2.0 + np.arange(low, high, WINDOW)
+        first = np.stack(np.meshgrid(along, -across), axis=-1)  # the first side has y below 0
+        both.append([first @ np.linalg.matrix_power(quarter_turn, k) for k in range(4)])
+    return list(zip(*both, strict=True))
 
 
 def _parts(seen: Sequence[_Seen], kind: Kind) -> Array:

@@ -69,7 +69,7 @@ def test_a_slant_makes_the_top_tell() -> None:
     straight, slanted = (
         hole_borders(board, 1, eye_over(board.holes[1], x, 0.0), CUBE, NEAR).of("top") for x in (0.0, 0.4)
     )
-    assert sum(b.telling.sum() for b in straight) == 0  # over the pocket's walls, which darken with depth
+    assert sum(b.telling.sum() for b in straight) == 0  # between the sides of mouth and floor
     assert sum(b.telling.sum() for b in slanted) > 30
 
 

@@ -72,6 +72,15 @@ def test_the_light_does_not_say_what_is_in_a_hole(grey: float) -> None:
             assert said.state == true or said.reason == FAINT
 
 
+def test_a_finger_hole_that_the_noise_hides_does_not_make_a_cube() -> None:
+    for seed in range(3):
+        pose = known(leaning((0.48, -0.015, 0.05), 20.0 + 90.0 * seed, 0.0, 0.0))
+        board = [(pose.board, pose.T_base_board)]
+        shot = photograph(CAMERA, board, np.random.default_rng(seed), light=0.2, noise=14.0)
+        said = [hole_occupancy(shot.images, CAMERA, pose, i, CUBE) for i in range(4)]
+        assert all(o.state != "cube" and o.score < 0.9 for o in said)
+
+
 def covered(pose: BoardPose, hole: int, at: tuple[float, float, float], cube: bool, kind: str) -> str:
     """What is said of a hole with a plate held over a part of it, `at` metres from the hole in the board frame."""
     T = pose.T_base_board @ pose.board.T_board_hole(hole) @ transform(t=at)
