@@ -17,7 +17,7 @@ from arm.toml_table import TomlTable
 from arm.unit import UNITS, Limits, Unit, load_unit
 from cell.boardkeys import DICTIONARIES, read_board_limits, read_tilts
 from cell.bodytable import read_body
-from cell.cameras import CellCamera, read_cell_camera
+from cell.cellcamera import CellCamera, read_cell_camera
 from cell.inputs import LEFT_OUT, Inputs, inputs_of
 from plan.options import PlanOptions
 from vision.board_doubts import BoardLimits
