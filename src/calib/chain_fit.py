@@ -1,0 +1,278 @@
+"""Unknowns of kinematic chains from what cameras saw at their ends: least squares with errors in the readings too.
+
+Every reading of an encoder that is not exact gets an error of its own, with the encoder's standard deviation as its
+prior, shared by all images that were taken at that reading. These errors are eliminated stance by stance (Schur
+complement), as poses are in `calib.bundle`: to first order the same as weighting the pixels by their full covariance
+(generalised least squares), and what keeps a coarse encoder from being taken for an exact one (fact sheet of
+calibration, finding 1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.se3 import Array
+from calib.bundle import inverse_scaled, solve_scaled
+from calib.chain import Chain, Evaluated
+from vision.camera import Camera
+
+_STEPS, _STEP_DONE = 60, 1e-3  # a step of a thousandth of every standard deviation ends it
+_MOST_DAMPING = 1e10
+
+Gains = Callable[[Array, Array], dict[str, Array]]
+"""Gains of unknowns by name, each (n,), from readings (n, readings) and unknowns (count,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sightings:
+    """Images of a target at the end of one chain.
+
+    Attributes:
+        chain: T_camera_target.
+        readings: (n, readings) rad or m at each image.
+        reading_ids: (n, readings) images with the same number in a column share that reading, and its error.
+        stances: (n,) images with the same number are eliminated together; readings are shared inside a stance only.
+        points: (m, 3) m in the target frame.
+        pixels: (n, m, 2) px, NaN where a point was not seen.
+        gains: of unknowns, or None.
+    """
+
+    chain: Chain
+    readings: Array
+    reading_ids: npt.NDArray[np.intp]
+    stances: npt.NDArray[np.intp]
+    points: Array
+    pixels: Array
+    gains: Gains | None = None
+
+    def evaluate(self, unknowns: Array, errors: Array) -> Evaluated:
+        """The chain for unknowns (count,) with the readings corrected by errors (n, readings)."""
+        corrected = self.readings + errors
+        gains = self.gains(corrected, unknowns) if self.gains is not None else None
+        return self.chain.evaluate(corrected, unknowns, gains)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is to be found.
+
+    Attributes:
+        sightings: of every chain.
+        camera: the lens; at the origin.
+        start: of the unknowns (count,).
+        prior_sigma: of the unknowns about the start, (count,); infinite where nothing is known.
+        pixel_sigma: of x and y, (2,) px.
+        reading_sigma: of the readings (readings,) rad or m; 0 where they are exact.
+        free: (count,) which unknowns are fitted.
+    """
+
+    sightings: Sequence[Sightings]
+    camera: Camera
+    start: Array
+    prior_sigma: Array
+    pixel_sigma: Array
+    reading_sigma: Array
+    free: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class ChainFit:
+    """Unknowns that fit.
+
+    Attributes:
+        unknowns: (count,).
+        errors: of the readings of every chain, (n, readings) each.
+        residuals: measured minus projected, (n, m, 2) px of every chain, NaN where nothing was seen.
+        cost: what was minimised: squares over their variances.
+        information: (free, free) of the free unknowns, the priors in it.
+        iterations: steps that were taken.
+        freedom: measurements minus unknowns; an error of a reading comes with a measurement of its own, its prior.
+    """
+
+    unknowns: Array
+    errors: tuple[Array, ...]
+    residuals: tuple[Array, ...]
+    cost: float
+    information: Array
+    iterations: int
+    freedom: int
+    weights: tuple[Array, ...] = field(default=())
+
+    @property
+    def chi2_dof(self) -> float:
+        """About 1 if the model is complete and the standard deviations are right."""
+        return self.cost / max(self.freedom, 1)
+
+    def covariance(self, free: npt.NDArray[np.bool_]) -> Array:
+        """Of all unknowns, (count, count); zero rows where they were not fitted."""
+        covariance = np.zeros((len(free), len(free)))
+        covariance[np.ix_(free, free)] = inverse_scaled(self.information)
+        return covariance
+
+
+def fit_chains(problem: Problem, weights: Sequence[Array] | None = None) -> ChainFit:
+    """Levenberg-Marquardt from the start of a problem.
+
+    Args:
+        problem: what is to be found.
+        weights: of every image of every chain, (n,) each; 1 if not given.
+    """
+    weights = [np.ones(len(s.readings)) for s in problem.sightings] if weights is None else list(weights)
+    x = problem.start.copy()
+    errors = [np.zeros_like(s.readings) for s in problem.sightings]
+    cost = _cost(problem, x, errors, weights)
+    damping, iterations = 1e-6, 0
+    system = _System.of(problem, x, errors, weights)
+    while iterations < _STEPS:
+        step, changes = system.step(damping)
+        then = [e + c for e, c in zip(errors, changes, strict=True)]
+        trial = x.copy()
+        trial[problem.free] += step
+        after = _cost(problem, trial, then, weights)
+        if after <= cost:  # NaN compares false
+            small = bool(np.abs(step * np.sqrt(np.diag(system.S))).max(initial=0.0) < _STEP_DONE)
+            x, errors, cost, damping = trial, then, after, max(damping * 0.1, 1e-12)
+            iterations += 1
+            system = _System.of(problem, x, errors, weights)
+            if small:
+                break
+        else:
+            damping *= 10.0
+            if damping > _MOST_DAMPING:
+                break
+    residuals = tuple(
+        _residual(problem, s, s.evaluate(x, e)) for s, e in zip(problem.sightings, errors, strict=True)
+    )
+    seen = sum(int(np.isfinite(r).sum()) for r in residuals)
+    known = int(np.isfinite(problem.prior_sigma[problem.free]).sum())
+    return ChainFit(
+        x,
+        tuple(errors),
+        residuals,
+        cost,
+        system.S,
+        iterations,
+        seen - int(problem.free.sum()) + known,
+        tuple(weights),
+    )
+
+
+def _residual(problem: Problem, s: Sightings, at: Evaluated) -> Array:
+    points = np.einsum("nij,mj->nmi", at.T[:, :3, :3], s.points) + at.T[:, None, :3, 3]
+    return np.asarray(s.pixels - problem.camera.project(points))
+
+
+def _cost(problem: Problem, x: Array, errors: Sequence[Array], weights: Sequence[Array]) -> float:
+    off = (x - problem.start) / problem.prior_sigma
+    total = float((off**2).sum())
+    exact = problem.reading_sigma <= 0.0
+    for s, e, w in zip(problem.sightings, errors, weights, strict=True):
+        r = _residual(problem, s, s.evaluate(x, e))
+        if not np.array_equal(np.isfinite(r), np.isfinite(s.pixels)):
+            return float("inf")  # a point behind the camera
+        total += float(np.nansum(w[:, None, None] * (r / problem.pixel_sigma) ** 2))
+        total += float(((e[:, ~exact] / problem.reading_sigma[~exact]) ** 2 * _share(s)[:, ~exact]).sum())
+    return total
+
+
+def _share(s: Sightings) -> Array:
+    """One over the number of images that share a reading, (n, readings): each error counts once."""
+    share = np.empty(s.reading_ids.shape)
+    for j, column in enumerate(s.reading_ids.T):
+        _, back, count = np.unique(column, return_inverse=True, return_counts=True)
+        share[:, j] = 1.0 / count[back]
+    return share
+
+
+@dataclass(frozen=True, eq=False)
+class _Stance:
+    """A stance's eliminated errors: which of (image, reading) belong to each, and the step back to them."""
+
+    chain: int
+    images: npt.NDArray[np.intp]
+    columns: list[tuple[int, npt.NDArray[np.intp]]]  # of each error: reading, and the images that share it
+    by_unknown: Array  # (errors, free)
+    alone: Array  # (errors,)
+
+
+@dataclass(frozen=True, eq=False)
+class _System:
+    """Normal equations of the free unknowns with all errors eliminated."""
+
+    S: Array
+    g: Array
+    stances: list[_Stance]
+    shapes: list[tuple[int, ...]]
+
+    @classmethod
+    def of(cls, problem: Problem, x: Array, errors: Sequence[Array], weights: Sequence[Array]) -> _System:
+        free = problem.free
+        S = np.diag(problem.prior_sigma[free] ** -2)
+        g = (problem.start - x)[free] * problem.prior_sigma[free] ** -2
+        inexact = np.flatnonzero(problem.reading_sigma > 0.0)
+        stances: list[_Stance] = []
+        for number, (s, e, w) in enumerate(zip(problem.sightings, errors, weights, strict=True)):
+            r, by_unknown, by_reading = _linearised(problem, s, s.evaluate(x, e), w)
+            J = by_unknown[..., free]
+            if not len(inexact):
+                flat = J.reshape(-1, J.shape[-1])
+                S += flat.T @ flat
+                g += flat.T @ r.reshape(-1)
+                continue
+            for stance in np.unique(s.stances):
+                images = np.flatnonzero(s.stances == stance)
+                columns = [
+                    (int(j), images[s.reading_ids[images, j] == i])
+                    for j in inexact
+                    for i in np.unique(s.reading_ids[images, j])
+                ]
+                rows = r[images].reshape(-1)
+                A = J[images].reshape(len(rows), -1)
+                N = np.zeros((len(images), *r.shape[1:], len(columns)))
+                place = {int(image): k for k, image in enumerate(images)}
+                for k, (j, shared) in enumerate(columns):
+                    for image in shared:
+                        N[place[int(image)], ..., k] = by_reading[image, ..., j]
+                N = N.reshape(len(rows), -1)
+                sigma = problem.reading_sigma[[j for j, _ in columns]]
+                now = np.array([e[shared[0], j] for j, shared in columns])
+                H = N.T @ N + np.diag(sigma**-2)
+                back = np.linalg.solve(H, np.column_stack([N.T @ A, N.T @ rows - now / sigma**2]))
+                S += A.T @ A - (N.T @ A).T @ back[:, :-1]
+                g += A.T @ rows - (N.T @ A).T @ back[:, -1]
+                stances.append(_Stance(number, images, columns, back[:, :-1], back[:, -1]))
+        return cls(S, g, stances, [e.shape for e in errors])
+
+    def step(self, damping: float) -> tuple[Array, list[Array]]:
+        """Changes of the free unknowns and of all errors."""
+        step = solve_scaled(self.S + damping * np.diag(np.diag(self.S)), self.g)
+        changes = [np.zeros(shape) for shape in self.shapes]
+        for stance in self.stances:
+            change = stance.alone - stance.by_unknown @ step
+            for value, (j, shared) in zip(change, stance.columns, strict=True):
+                changes[stance.chain][shared, j] = value
+        return step, changes
+
+
+def _linearised(problem: Problem, s: Sightings, at: Evaluated, weights: Array) -> tuple[Array, Array, Array]:
+    """Whitened residuals (n, m, 2) and their derivatives by unknowns and readings, (n, m, 2, count)."""
+    R = at.T[:, :3, :3]
+    points = np.einsum("nij,mj->nmi", R, s.points) + at.T[:, None, :3, 3]
+    r = s.pixels - problem.camera.project(points)
+    by_point = np.einsum("nmuk,nki->nmui", problem.camera.projection_jacobian(points), R)
+    # a twist (v, w) of the target moves its point p by v + w x p; a . (w x p) = w . (p x a)
+    p = s.points[None, :, None]
+    by_twist = np.concatenate([by_point, np.cross(np.broadcast_to(p, by_point.shape), by_point)], axis=-1)
+    scale = np.sqrt(weights)[:, None, None] / problem.pixel_sigma
+    seen = np.isfinite(r)
+    by_twist = np.where(seen[..., None], by_twist * scale[..., None], 0.0)
+    r = np.where(seen, r * scale, 0.0)
+    return (
+        r,
+        np.einsum("nmut,nkt->nmuk", by_twist, at.by_unknown),
+        np.einsum("nmut,nkt->nmuk", by_twist, at.by_reading),
+    )
