@@ -26,7 +26,7 @@ def known(T_base_board: Array, name: str = "01-02") -> BoardPose:
 @pytest.mark.parametrize("light", [0.35, 1.0])
 @pytest.mark.parametrize("tilt_deg", [0.0, 7.0, 15.0])
 def test_cubes_and_empty_holes_are_told_apart(tilt_deg: float, light: float) -> None:
-    for seed, name in enumerate(("01-02", "05-06", "09-10")):
+    for seed, name in enumerate(("01-02", "05-06")):
         rng = np.random.default_rng(seed)
         pose = known(random_pose(rng, tilt_deg), name)
         cubes = (rng.random(4) < 0.5).tolist()
@@ -48,25 +48,24 @@ def judged(seed: int, of: Conditions) -> list[tuple[str, Occupancy]]:
 
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_cubes_of_any_grey_under_any_light(condition: str) -> None:
-    seed = 40_000 + 2 * list(CONDITIONS).index(condition)
-    found = [hole for scene in (seed, seed + 1) for hole in judged(scene, CONDITIONS[condition])]
+    found = judged(40_000 + list(CONDITIONS).index(condition), CONDITIONS[condition])
     assert [o for true, o in found if o.state not in (true, "unsure")] == []
     assert sum(o.state == "unsure" for _, o in found) <= 1
     assert all(bool(o.reason) == (o.state == "unsure") for _, o in found)
 
 
 def test_what_is_no_cube_in_its_seat_is_neither_cube_nor_empty() -> None:
-    found = [hole for seed in range(41_000, 41_012) for hole in judged(seed, ACROSS)]
+    found = [hole for seed in range(41_000, 41_008) for hole in judged(seed, ACROSS)]
     others = [o for true, o in found if true == "other"]
     assert [o for o in others if o.state != "unsure"] == []
-    assert sum(o.reason == OTHER for o in others) >= 8
+    assert sum(o.reason == OTHER for o in others) >= 5
     assert [o for true, o in found if true != "other" and o.state not in (true, "unsure")] == []
 
 
 @pytest.mark.parametrize("grey", [12.0, 150.0, 240.0])
 def test_the_light_does_not_say_what_is_in_a_hole(grey: float) -> None:
     """Empty pockets and cubes of one grey level each, right under the camera and at a slant."""
-    for seed in (42_000, 42_001, 42_002):
+    for seed in (42_000, 42_001):
         for true, said in judged(seed, Conditions(cube_grey=(grey, grey), exposure=(0.7, 0.7))):
             assert said.state in (true, "unsure")
             assert said.state == true or said.reason == FAINT

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.skipif(bool(why_no_opengl()), reason=f"MuJoCo cannot re
 
 def test_its_boards_are_where_they_should_be() -> None:
     """Both renderers have one convention: pixel centres, lens and frames."""
-    for seed in range(50_000, 50_003):
+    for seed in range(50_000, 50_002):
         scene = random_scene(seed, CONDITIONS["plain"], CAMERA)
         pose = measured_pose(scene, mujoco_photographs(scene, CAMERA), CAMERA)
         assert pose is not None
@@ -31,7 +31,7 @@ def test_its_boards_are_where_they_should_be() -> None:
 
 def test_holes_on_its_photographs() -> None:
     wrong, unsure, count = [], 0, 0
-    for number, condition in enumerate([*CONDITIONS.values(), ACROSS, ACROSS, ACROSS]):
+    for number, condition in enumerate([*CONDITIONS.values(), ACROSS, ACROSS]):
         scene = random_scene(51_000 + number, condition, CAMERA)
         images = mujoco_photographs(scene, CAMERA)
         pose = measured_pose(scene, images, CAMERA) or drawn_pose(scene)
