@@ -358,4 +358,7 @@ def _too_few(photos: Sequence[TargetPhoto], reasons: Sequence[str]) -> str:
     why = "; ".join(
         f"{photo.name}: {reason}" for photo, reason in zip(photos, reasons, strict=True) if reason
     )
-    return f"{usable} of {len(photos)} photographs can be used, at least {FEWEST_VIEWS} are needed: {why}"
+    return (
+        f"{usable} of {len(photos)} photographs can be used, at least {FEWEST_VIEWS} are needed"
+        f"{f': {why}' if why else ''}"
+    )

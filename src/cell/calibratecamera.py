@@ -23,6 +23,7 @@ from vision.target import Target, TargetFinder, read_target
 from vision.target_quality import measure_quality
 
 HOLDABLE = NAMES[4:]
+DARK = 50  # grey levels; twelve bits in sixteen are read as less than 16
 
 
 @dataclass(frozen=True)
@@ -120,8 +121,7 @@ def camera_step(
     limits, work, hold = options.limits(), options.work(), options.held()
     output = options.output
     report = options.report or (output.with_suffix(".html") if output is not None else None)
-    for written in (output, report):
-        keep_apart(written, options.target)
+    _check_written(output, report, options.target)
     target = read_target(options.target) if options.target is not None else Target()
     if live:
         from cell.livecalibration import open_source, take_views
@@ -142,6 +142,28 @@ def camera_step(
         write_lens(output, calibration)
         console.say(f"written: {output}")
     return to_json(calibration)
+
+
+def _check_written(output: Path | None, report: Path | None, target: Path | None) -> None:
+    """Before photographs are taken for an hour, see that what comes of them can be kept.
+
+    Raises:
+        InputError: a file to write is a folder, the target file, a photograph's name, or the other one.
+    """
+    for option, written in (("--output", output), ("--report", report)):
+        if written is None:
+            continue
+        keep_apart(written, target)
+        if written.exists() and not written.is_file():
+            raise _option(option, written, "is no ordinary file; give the name of a file")
+        if written.suffix.lower() in IMAGE_SUFFIXES:
+            raise _option(
+                option, written, "ends as photographs do; write camera.toml, and camera.html for the report"
+            )
+    if output is not None and report is not None and output.resolve() == report.resolve():
+        raise _option(
+            "--output", output, "is the name of the report too; write camera.toml, or give --report"
+        )
 
 
 def find_target(folder: Path, target: Target, console: Console) -> tuple[list[TargetPhoto], tuple[int, int]]:
@@ -176,14 +198,15 @@ def find_target(folder: Path, target: Target, console: Console) -> tuple[list[Ta
         quality = None if view is None else measure_quality(image, target, view)
         photos.append(TargetPhoto(file.name, view, quality, file.stat().st_mtime))
     if first is None or all(photo.view is None for photo in photos):
-        instead = finder.seen_instead(read_grey(files[0]))
+        image = read_grey(files[0])
+        instead = finder.seen_instead(image)
+        if not instead and image.max() < DARK:
+            instead = (
+                f"no pixel brighter than {image.max()} of 255: expose longer, or write photographs of 8 bits"
+            )
         raise InputError(
             f"{folder}: none of {len(files)} photographs shows the target ({target.label()})"
-            + (
-                f"; {files[0].name} shows {instead}: give the board's own file with --target"
-                if instead
-                else ""
-            ),
+            + (f"; {files[0].name} shows {instead}" if instead else ""),
             path=str(folder),
             instead=instead,
         )
@@ -191,12 +214,15 @@ def find_target(folder: Path, target: Target, console: Console) -> tuple[list[Ta
 
 
 def read_grey(file: Path) -> Image:
-    """A photograph as 8-bit grey.
+    """A photograph as 8-bit grey, as it lies on the sensor: how its file says to turn it is no matter of the lens.
 
     Raises:
         InputError: it cannot be read.
     """
-    image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
+    try:
+        image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+    except cv2.error:  # more pixels than OpenCV takes
+        image = None
     if image is None:
         raise InputError(f"{file}: cannot be read as an image", path=str(file))
     return np.asarray(image, dtype=np.uint8)

@@ -23,6 +23,7 @@ from vision.frames import Image
 _SADDLE_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 50, 0.001)
 FEWEST_CORNERS = 6
 """Fewer give no pose that a calibration could rest on."""
+FEWEST_MARKERS = 3  # of another board; large dictionaries are found in any clutter
 
 
 @dataclass(frozen=True)
@@ -173,10 +174,12 @@ class TargetFinder:
         )
 
     def seen_instead(self, image: Image) -> str:
-        """What a ChArUco board that was not found may be: markers of another dictionary, or ''."""
+        """What is seen where the target was not found, and what helps: its mirror image, other markers, or ''."""
         if self.target.kind != "charuco":
             return ""
-        best, name = 0, ""
+        if self.find(np.ascontiguousarray(image[:, ::-1])) is not None:
+            return "its mirror image: print it anew, or photograph it without a mirror"
+        best, name = FEWEST_MARKERS - 1, ""
         # a larger dictionary of a family begins with the markers of the smaller ones: the smallest is named
         for dictionary in sorted(dictionary_names(), key=lambda d: len(predefined(d).bytesList)):
             detector = cv2.aruco.ArucoDetector(predefined(dictionary))
@@ -184,7 +187,8 @@ class TargetFinder:
             if ids is not None and len(ids) > best:
                 best, name = (
                     len(ids),
-                    f"{len(ids)} markers of {dictionary} (ids {int(ids.min())} to {int(ids.max())})",
+                    f"{len(ids)} markers of {dictionary} (ids {int(ids.min())} to {int(ids.max())}): give the board's "
+                    "own file with --target",
                 )
         return name
 

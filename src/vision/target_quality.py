@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from arm.se3 import Array, frozen
 from vision.border_lines import refine_by_border_lines
@@ -79,11 +80,16 @@ def measure_quality(image: Image, target: Target, view: TargetView) -> Quality:
     )
 
 
+def _grid(target: Target, view: TargetView) -> npt.NDArray[np.intp]:
+    """Place of each inner corner in the view's lists, (rows - 1, columns - 1); -1 where it was not found."""
+    where = np.full(target.corners, -1, dtype=np.intp)
+    where[view.ids] = np.arange(len(view.ids))
+    return where.reshape(target.rows - 1, target.columns - 1)
+
+
 def _edges(target: Target, view: TargetView) -> list[tuple[Array, Array]]:
     """Both ends of the edges along the rows, and along the columns, whose corners were both found."""
-    where = np.full(target.corners, -1)
-    where[view.ids] = np.arange(len(view.ids))
-    grid = where.reshape(target.rows - 1, target.columns - 1)
+    grid = _grid(target, view)
     found = []
     for a, b in ((grid[:, :-1], grid[:, 1:]), (grid[:-1], grid[1:])):
         both = (a >= 0) & (b >= 0)
@@ -120,7 +126,7 @@ def _widths(profile: Array, half: Array) -> Array:
 
 
 def _marker_share(grey: Image, target: Target, view: TargetView) -> tuple[float, float]:
-    """Edge of the markers in squares: their outlines mapped to the plane of the target by its corners."""
+    """Edge of the markers in squares, each measured in its own: over so short a way any lens is straight."""
     nothing = (float("nan"), float("nan"))
     if not len(view.marker_ids):
         return nothing
@@ -138,9 +144,37 @@ def _marker_share(grey: Image, target: Target, view: TargetView) -> tuple[float,
     )
     if not lines.good.any():
         return nothing
-    plane = target.points()[view.ids, :2] / target.square
-    H, _ = cv2.findHomography(view.corners_px, plane, 0)
-    outlines = cv2.perspectiveTransform(lines.corners_px[lines.good].reshape(-1, 1, 2), H).reshape(-1, 4, 2)
-    sides = np.linalg.norm(np.roll(outlines, -1, axis=1) - outlines, axis=-1).mean(axis=1)
+    sides = np.array(
+        [
+            np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1).mean()
+            for marker, square in _whole_squares(target, view)
+            if lines.good[marker]
+            for outline in [_in_square(lines.corners_px[marker], square)]
+        ]
+    )
+    if not len(sides):
+        return nothing
     spread = 1.4826 * float(np.median(np.abs(sides - np.median(sides))))
     return float(np.median(sides)), max(spread, 1e-4) / np.sqrt(len(sides))
+
+
+def _whole_squares(target: Target, view: TargetView) -> list[tuple[int, Array]]:
+    """Markers of a view, by their place in it, whose square has all its corners found: these, (4, 2) px."""
+    grid = np.pad(_grid(target, view), 1, constant_values=-1)
+    squares = target.marker_squares()
+    found = []
+    for place, marker in enumerate(view.marker_ids):
+        if marker >= len(squares):
+            continue
+        i, j = squares[marker]
+        corners = grid[[j, j, j + 1, j + 1], [i, i + 1, i + 1, i]]
+        if (corners >= 0).all():
+            found.append((place, view.corners_px[corners]))
+    return found
+
+
+def _in_square(pixels: Array, square: Array) -> Array:
+    """Pixels (n, 2) in units of the square (4, 2) px that they lie in."""
+    unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)
+    H = cv2.getPerspectiveTransform(square.astype(np.float32), unit)
+    return np.asarray(cv2.perspectiveTransform(pixels.reshape(-1, 1, 2).astype(float), H).reshape(-1, 2))

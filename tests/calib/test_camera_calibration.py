@@ -111,6 +111,8 @@ def test_too_few_views_are_refused_with_what_became_of_each():
             CHARUCO,
             SIZE,
         )
+    with pytest.raises(CalibrationRefused, match=r"2 of 2 photographs can be used, at least 3 are needed$"):
+        calibrate_camera(photos(views[:2]), CHARUCO, SIZE)
     c = calibrate_camera(photos(views), CHARUCO, SIZE)
     assert any("5 views can be used, at least 8 are needed" in reason for reason in c.reasons)
 

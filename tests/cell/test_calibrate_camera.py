@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
+import struct
+import zlib
 from pathlib import Path
 
 import cv2
@@ -14,7 +16,7 @@ from arm.errors import FileInputError, InputError
 from arm.files import data_file
 from board_scenes import lab_camera, smaller
 from calib.intrinsics import vector_of
-from cell.calibratecamera import LensOptions, camera_step
+from cell.calibratecamera import LensOptions, camera_step, read_grey
 from cell.console import Console
 from command_line import a465, refused
 from vision.camera import read_camera, read_lens, write_camera
@@ -145,6 +147,55 @@ def test_wrong_input_is_told_with_its_name_and_rule(photographs: Path, tmp_path:
     target.write_text('squares = [7, 5]\nsquare_mm = 30\nmarker_mm = 22\ndictionary = "DICT_4X4_50"\n')
     assert "markers of DICT_5X5_50" in wrong(mixed, target=target)
     assert "is read by this command" in wrong(mixed, target=target, output=target)
+
+
+def test_what_is_written_is_no_photograph_no_folder_and_not_twice_the_same(
+    photographs: Path, tmp_path: Path
+) -> None:
+    def wrong(**files: Path) -> str:
+        with pytest.raises(InputError) as caught:
+            camera_step(photographs, LensOptions(**files), False, None, None, Console(as_json=True))
+        return str(caught.value)
+
+    photograph = photographs / "target-001.png"
+    before = photograph.read_bytes()
+    assert f"--output {photograph}: ends as photographs do" in wrong(output=photograph)
+    assert f"--report {photograph}: ends as photographs do" in wrong(report=photograph)
+    assert photograph.read_bytes() == before
+    assert f"--output {photographs}: is no ordinary file" in wrong(output=photographs)
+    assert not photographs.with_suffix(".html").exists()
+    assert "is the name of the report too" in wrong(output=tmp_path / "camera.html")
+    assert "is the name of the report too" in wrong(output=tmp_path / "a", report=tmp_path / "b/../a")
+    assert not list(tmp_path.iterdir())
+
+
+def test_photographs_are_read_as_the_sensor_has_them(photographs: Path, tmp_path: Path) -> None:
+    image = read_grey(photographs / "target-001.png")
+    coded = cv2.imencode(".jpg", image)[1].tobytes()
+    # an Exif note that says: show it upside down
+    note = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x03\0\0\0\0\0\0\0"
+    turned = tmp_path / "turned.jpg"
+    turned.write_bytes(coded[:2] + b"\xff\xe1" + (len(note) + 2).to_bytes(2, "big") + note + coded[2:])
+    assert np.abs(cv2.imread(str(turned), cv2.IMREAD_GRAYSCALE)[::-1, ::-1].astype(int) - image).mean() < 3.0
+    assert np.abs(read_grey(turned).astype(int) - image).mean() < 3.0
+
+
+def test_photographs_that_are_too_large_or_too_dark_are_told(photographs: Path, tmp_path: Path) -> None:
+    def wrong() -> str:
+        with pytest.raises(InputError) as caught:
+            camera_step(tmp_path, LensOptions(), False, None, None, Console(as_json=True))
+        return str(caught.value)
+
+    twelve_bits = read_grey(photographs / "target-001.png").astype(np.uint16) * 16
+    cv2.imwrite(str(tmp_path / "a.png"), twelve_bits)
+    assert "a.png shows no pixel brighter than" in wrong()
+    (tmp_path / "a.png").write_bytes(_header_of_png(60000, 60000))
+    assert "a.png: cannot be read as an image" in wrong()
+
+
+def _header_of_png(width: int, height: int) -> bytes:
+    told = b"IHDR" + struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + told + struct.pack(">I", zlib.crc32(told))
 
 
 def test_a_wrong_option_is_one_line_and_exit_2(photographs: Path, tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
 """Calibration targets: their files, their corners in an image, and what a photograph of one is worth."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -95,6 +97,32 @@ def test_markers_are_measured_in_squares():
         image, _ = photograph(BOARD, 8, Shot(true_marker=true))
         view = TargetFinder(BOARD).find(image)
         assert measure_quality(image, BOARD, view).marker_share == pytest.approx(true / 0.030, rel=0.004)
+
+
+def test_markers_are_measured_through_a_wide_lens_that_distorts():
+    f = 0.6 * 1920
+    wide = replace(
+        CAMERA,
+        K=np.array([[f, 0.0, 959.5], [0.0, f, 599.5], [0.0, 0.0, 1.0]]),
+        distortion=np.array([-0.3, 0.1, 0.0, 0.0, 0.0]),
+    )
+    T = held(wide, BOARD, np.array([700.0, 500.0]), 0.2, np.array([0.3, -0.2]), 0.1)
+    image = photograph_target(wide, BOARD, T, np.random.default_rng(10))
+    view = TargetFinder(BOARD).find(image)
+    assert view is not None
+    assert measure_quality(image, BOARD, view).marker_share == pytest.approx(22 / 30, rel=0.005)
+
+
+def test_a_mirrored_target_is_named_and_a_stray_marker_is_not():
+    image, _ = photograph(BOARD, 12)
+    finder = TargetFinder(BOARD)
+    mirrored = np.ascontiguousarray(image[:, ::-1])
+    assert finder.find(mirrored) is None
+    assert finder.seen_instead(mirrored).startswith("its mirror image")
+    stray = np.full((300, 300), 255, dtype=np.uint8)
+    marker = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50).generateImageMarker(3, 120)
+    stray[90:210, 90:210] = marker
+    assert finder.seen_instead(stray) == ""
 
 
 def test_overexposed_white_is_told():
