@@ -57,7 +57,7 @@ def arm_chain(dh: DhTable, T_base_camera: Array, T_gripper_target: Array) -> Cha
             Fixed(transform(rot_x(float(dh.alpha[j])))),
             Motion(frozen(_X), True, None, (Unknown(errors + 2 * n + j),)),
         ]
-    mount = (Fixed(T_gripper_target), *pose_unknowns(TARGET))
+    mount: list[Element] = [Fixed(T_gripper_target), *pose_unknowns(TARGET)]
     return joined([*place.turned_round().elements, *links, *mount])
 
 
