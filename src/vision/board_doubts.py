@@ -20,9 +20,9 @@ from vision.marker_size import fit_marker_size
 class BoardLimits:
     """What a board's corners may do before they are refused.
 
-    The last three are standard deviations; what a task can bear lies three or four of them away: a cube finds
-    its pocket from 2 mm beside it, the palm meets a cube that stands 8 mm higher than thought, and 2 deg of tilt put
-    the start of an approach 3.5 mm beside the line (fact sheet of the cell).
+    The last three are standard deviations; what a task can bear lies three of them away: a cube finds its pocket
+    from 2 mm beside it, the palm meets a cube that stands 8 mm higher than thought (fact sheet of the cell), and jaws
+    that are 3 deg askew push a cube.
 
     Attributes:
         residual_px: largest root mean square residual of the mean corners, px per coordinate.
@@ -43,8 +43,8 @@ class BoardLimits:
     log_odds: float = 4.6
     flip_rad: float = np.radians(1.0)
     sideways_m: float = 0.6e-3
-    height_m: float = 2.0e-3
-    turn_rad: float = np.radians(0.45)
+    height_m: float = 2.5e-3
+    turn_rad: float = np.radians(1.0)
 
 
 @dataclass(frozen=True)

@@ -28,9 +28,9 @@ def test_tilts_and_limits_reach_the_cell_and_no_plan_rests_on_them(scenes: Path)
     assert np.degrees(shipped.tilts) == pytest.approx([0, 7, 15])
     assert shipped.board_limits == BoardLimits()
     replace_in(file, "tilts_deg = [0, 7, 15]", "tilts_deg = [12.5, 3]")
-    replace_in(file, "# least_certain_deg = 0.45", "least_certain_deg = 0.2")
+    replace_in(file, "# least_certain_deg = 1.0", "least_certain_deg = 0.2")
     replace_in(file, "# least_certain_mm = 0.6", "least_certain_mm = 0.3")
-    replace_in(file, "# least_certain_height_mm = 2.0", "least_certain_height_mm = 1.0")
+    replace_in(file, "# least_certain_height_mm = 2.5", "least_certain_height_mm = 1.0")
     cell = read_cell(file)
     assert np.degrees(cell.tilts) == pytest.approx([3, 12.5])
     limits = cell.board_limits
@@ -49,11 +49,11 @@ def test_tilts_and_limits_reach_the_cell_and_no_plan_rests_on_them(scenes: Path)
         ("[0, 7, 15] ", "7 ", "tilts_deg = 7: must be a list"),
         ("[0, 7, 15] ", '["7"] ', "must be a list"),
         (
-            "# least_certain_deg = 0.45",
+            "# least_certain_deg = 1.0",
             "least_certain_deg = 0",
             "least_certain_deg = 0: must be a number in deg",
         ),
-        ("# least_certain_deg = 0.45", "least_certain_degs = 1", "least_certain_deg"),
+        ("# least_certain_deg = 1.0", "least_certain_degs = 1", "least_certain_deg"),
     ],
 )
 def test_mistakes_are_told(scenes: Path, old: str, new: str, words: str) -> None:
@@ -96,6 +96,6 @@ def test_a_look_with_boards_of_any_dictionary(scenes: Path, dictionary: str) -> 
     assert np.degrees(found.pose.tilt_hypothesis.nearest) == pytest.approx(7.0)
     assert found.pose.tilt_hypothesis.fits
     if dictionary == "DICT_6X6_250":
-        replace_in(scenes / "cell.toml", "# least_certain_deg = 0.45", "least_certain_deg = 0.01")
+        replace_in(scenes / "cell.toml", "# least_certain_deg = 1.0", "least_certain_deg = 0.01")
         with pytest.raises(ImpossibleError, match="too uncertain to grasp"):
             look_and_save(read_task(scenes / "task2.toml"), Folder(shot.images), None, Console(True), "at it")

@@ -168,7 +168,7 @@ def test_look_tells_the_member(tmp_path: Path, scenes: Path) -> None:
     assert abs(eleven["tilt_hypothesis"]["z"]) > 3.0
     alone = detections_step(file, None, None, Console(True))["scenes"][0]["boards"][0]
     assert alone["tilt_hypothesis"] is None
-    replace_in(scenes / "cell.toml", "# least_certain_deg = 0.45", "least_certain_deg = 0.01")
+    replace_in(scenes / "cell.toml", "# least_certain_deg = 1.0", "least_certain_deg = 0.01")
     refused = detections_step(file, scenes / "task2.toml", None, Console(True))["scenes"][0]["boards"][0]
     assert refused["verdict"] == "refused"
     assert "too uncertain to grasp" in refused["reasons"][0]
