@@ -14,7 +14,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm.se3 import Array
-from calib.bundle import Bundle, View, adjust, residual_of
+from calib.bundle import (
+    Blocks,
+    Bools,
+    Bundle,
+    View,
+    adjust,
+    blocks_of,
+    information,
+    residual_of,
+    solve_scaled,
+)
 from calib.camera_start import pose_of
 from calib.intrinsics import vector_of
 from calib.work_points import WorkPoints
@@ -27,12 +37,21 @@ class CrossCheck:
     """What held-out views say.
 
     Attributes:
-        sigma_px: error of their corners' coordinates, px, the poses' six numbers a view allowed for.
+        sigma_px: error of their corners' coordinates, px, free of what the poses' six numbers a view take up and of
+            what the lens without them may be off: one view at an edge of the image that no other reaches misses the
+            lens of the others by much more than its corners err, and nothing is wrong.
         work_sigmas: (n,) m jackknife standard deviation of each work point.
     """
 
     sigma_px: float
     work_sigmas: Array
+
+
+def _owed_to_lens(blocks: Blocks, known: Array, free: Bools) -> float:
+    """Squares, px^2, of a view's residuals that a lens takes up which moves as far as `known` (9, 9) lets it."""
+    S = (known + blocks.reduced())[np.ix_(free, free)]
+    g = (blocks.lens_gradient - blocks.both @ np.linalg.solve(blocks.pose, blocks.pose_gradient))[free]
+    return float(g @ solve_scaled(S, g))
 
 
 def cross_check(bundle: Bundle, views: Sequence[View], work: WorkPoints) -> CrossCheck:
@@ -56,9 +75,13 @@ def cross_check(bundle: Bundle, views: Sequence[View], work: WorkPoints) -> Cros
             bundle.prior,
         )
         lenses.append(vector_of(fit.camera))
+        known = np.diag((bundle.corner_sigma / bundle.prior.sigma) ** 2)
+        known += sum(information(fit, [views[i] for i in rest]))
         for i in map(int, np.flatnonzero(group == g)):
-            residual = residual_of(fit.camera, pose_of(views[i], fit.camera), views[i])
-            squares += float((residual**2).sum())
+            T = pose_of(views[i], fit.camera)
+            residual = residual_of(fit.camera, T, views[i])
+            blocks = blocks_of(fit.camera, T, views[i].points, residual)
+            squares += float((residual**2).sum()) - _owed_to_lens(blocks, known, bundle.free)
             free += residual.size - 6
     changes = np.stack(lenses) - np.mean(lenses, axis=0)
     scatter = np.stack([work.shifts(change) for change in changes])

@@ -61,7 +61,10 @@ def unusable(photos: Sequence[TargetPhoto]) -> list[str]:
 
 def _why_unusable(photo: TargetPhoto, blur_limit: float, sharp: float) -> str:
     if photo.view is None or photo.quality is None:
-        return f"fewer than {FEWEST_CORNERS} corners of the target were found"
+        return (
+            f"fewer than {FEWEST_CORNERS} corners of the target were found: it is hidden, cut off (a checkerboard must "
+            "be whole), or there are two of it"
+        )
     if _on_one_line(photo.view):
         return "all corners that were found lie on one line"
     if photo.quality.contrast < LEAST_CONTRAST:

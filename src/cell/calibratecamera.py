@@ -56,8 +56,8 @@ class LensOptions:
         """
         limits = CalibrationLimits()
         if self.limit_mm is not None:
-            if not self.limit_mm > 0.0:
-                raise _option("--limit-mm", self.limit_mm, "must be above 0 mm")
+            if not 0.0 < self.limit_mm < np.inf:
+                raise _option("--limit-mm", self.limit_mm, "must be above 0 mm, and a number")
             limits = replace(limits, work_mm=self.limit_mm)
         if self.most_views is not None:
             if self.most_views < limits.views:
@@ -256,6 +256,9 @@ def tell(c: CameraCalibration, console: Console) -> None:
     )
     console.say()
     worst, mean = 1e3 * float(c.work_sigmas.max()), 1e3 * float(np.sqrt(np.mean(c.work_sigmas**2)))
+    console.say(
+        f"target:      {c.target.label()}; no photograph tells a wrong size, and distances are in its units"
+    )
     console.say(f"corners:     {c.corner_sigma:.3f} px (held-out views {c.cross.sigma_px:.3f} px)")
     console.say(
         f"work points: {mean:.3f} mm, at worst {worst:.3f} mm (one standard deviation, {1e3 * c.work.near:.0f} to "

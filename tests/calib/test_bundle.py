@@ -6,6 +6,7 @@ import pytest
 
 from calib.bundle import Prior, adjust, information, lens_covariance
 from calib.camera_start import start
+from calib.cross_check import cross_check
 from calib.intrinsics import COUNT, camera_of, lens_parameter_jacobian, vector_of
 from calib.suspects import suspects
 from calib.work_points import work_points
@@ -82,6 +83,7 @@ def test_numbers_that_are_held_stay_and_have_no_variance():
     assert vector_of(bundle.camera)[[6, 8]] == pytest.approx(0.0, abs=0.0)
     assert not covariance[[6, 8]].any()
     assert (np.diag(covariance)[free] > 0.0).all()
+    assert bundle.degrees_of_freedom == sum(v.pixels.size for v in views) - 6 * len(views) - 7
 
 
 @pytest.mark.parametrize("share", [0.8, 3.0])
@@ -107,6 +109,26 @@ def test_the_prior_does_not_move_what_views_determine():
         np.diag(lens_covariance(information(bundle, views), ALL, bundle.corner_sigma, bundle.prior))
     )
     assert (np.abs(vector_of(again.camera) - vector_of(bundle.camera)) < 0.05 * sigmas).all()
+
+
+def test_a_prior_that_is_sure_decides():
+    views, bundle = fitted(8)
+    mean, sigma = bundle.prior.mean.copy(), bundle.prior.sigma.copy()
+    mean[2], sigma[2] = vector_of(camera())[2] + 5.0, 1e-4
+    sure = adjust(views, bundle.camera, bundle.poses, ALL, Prior(mean, sigma))
+    assert vector_of(sure.camera)[2] == pytest.approx(mean[2], abs=0.01)
+    assert sure.cost < adjust(views, sure.camera, sure.poses, ALL, Prior(mean, sigma)).cost * (1 + 1e-6)
+
+
+def test_views_held_out_tell_the_error_at_the_work_points():
+    work = work_points(camera(), 0.9, 1.2)
+    ratios = []
+    for seed in range(5):
+        views, bundle = fitted(300 + seed)
+        covariance = lens_covariance(information(bundle, views), ALL, bundle.corner_sigma, bundle.prior)
+        told = cross_check(bundle, views, work).work_sigmas
+        ratios.append(np.sqrt(np.mean(told**2) / np.mean(work.sigmas(covariance) ** 2)))
+    assert 0.75 < np.mean(ratios) < 1.8
 
 
 def test_suspects_are_silent_about_sound_views():

@@ -12,14 +12,18 @@ import cv2
 import numpy as np
 import pytest
 
-from arm.errors import FileInputError, InputError
+from arm.errors import CalibrationRefused, FileInputError, InputError
 from arm.files import data_file
 from board_scenes import lab_camera, smaller
+from calib.camera_calibration import CalibrationLimits
 from calib.intrinsics import vector_of
 from cell.calibratecamera import LensOptions, camera_step, read_grey
 from cell.console import Console
+from cell.livecalibration import take_views
 from command_line import a465, refused
 from vision.camera import read_camera, read_lens, write_camera
+from vision.frames import Image
+from vision.target import Target
 
 pytestmark = pytest.mark.xdist_group("calibrate_camera")
 VIEWS = 12
@@ -47,6 +51,7 @@ def test_photographs_in_lens_and_report_out(photographs: Path, tmp_path: Path) -
     found = json.loads(told)
     assert found["verdict"] == "accepted"
     assert len(found["views"]) == VIEWS
+    assert all(view["dropped"] == [] for view in found["views"])
 
     lens = read_lens(tmp_path / "camera.toml")
     true = smaller(lab_camera(), 0.5)
@@ -129,7 +134,8 @@ def test_wrong_input_is_told_with_its_name_and_rule(photographs: Path, tmp_path:
     assert "holds no photograph" in wrong(empty)
     assert "--hold k9: must be one of k1, k2, p1, p2, k3" in wrong(photographs, hold=("k9",))
     assert "the nearer one first" in wrong(photographs, work_mm=(1100.0, 900.0))
-    assert "must be above 0 mm" in wrong(photographs, limit_mm=0.0)
+    for limit in (0.0, float("inf"), float("nan")):
+        assert "must be above 0 mm" in wrong(photographs, limit_mm=limit)
     assert "must be at least 8" in wrong(photographs, most_views=5)
     assert "go with --live" in wrong(photographs, camera="name:x")
     assert "--live needs --camera SELECTOR, or --simulated TASK" in wrong(photographs, live=True)
@@ -219,3 +225,28 @@ def test_guided_views_are_enough_and_a_session_goes_on(scenes: Path, tmp_path: P
     assert "4 views are there from before" in said
     assert "enough" in said
     assert (folder / taken[3].name).exists()
+
+
+class Nobody:
+    """A camera before which nobody stands, after `views` whose second frame is the same."""
+
+    def __init__(self, views: list[Image]) -> None:
+        self._left = [views[0]] + [view for view in views for _ in range(2)] if views else []
+
+    def grab(self, count: int) -> list[Image]:
+        return [self._left.pop(0) if self._left else np.full((600, 960), 90, np.uint8) for _ in range(count)]
+
+
+def test_a_session_without_anybody_ends(photographs: Path, tmp_path: Path, capsys) -> None:
+    def session(folder: Path, views: list[Image]) -> int:
+        console = Console(as_json=True)
+        return take_views(folder, Target(), Nobody(views), None, None, CalibrationLimits(), console, 0.3)
+
+    with pytest.raises(
+        CalibrationRefused, match=r"no view of the target in 0 s; is it the one of the target file"
+    ):
+        session(tmp_path / "none", [])
+    assert not list((tmp_path / "none").iterdir())
+    assert session(tmp_path / "one", [read_grey(photographs / "target-001.png")]) == 1
+    assert "no new view for 0 s: going on with 1" in capsys.readouterr().err
+    assert [p.name for p in (tmp_path / "one").iterdir()] == ["live-001.png"]

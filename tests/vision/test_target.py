@@ -8,7 +8,7 @@ import pytest
 
 from arm.errors import InputError
 from board_scenes import lab_camera
-from cell.targetviews import Shot, held, photograph_target
+from cell.targetviews import Shot, corners_in_view, held, photograph_target, random_poses
 from vision.target import Target, TargetFinder, read_target
 from vision.target_quality import measure_quality
 
@@ -148,6 +148,12 @@ def test_a_bent_target_is_drawn_bent():
     expected = CAMERA.project(raised) - CAMERA.project(points @ T[:3, :3].T + T[:3, 3])
     assert np.abs(moved - expected).max() < 0.2
     assert np.abs(expected).max() > 1.0
+
+
+def test_poses_that_are_drawn_show_most_of_the_target():
+    drawn = random_poses(CAMERA, BOARD, np.random.default_rng(14), 60)
+    shares = [corners_in_view(CAMERA, BOARD, T).mean() for T in drawn]
+    assert 0.6 <= min(shares) < 0.9
 
 
 def test_files_are_read_and_their_mistakes_named(tmp_path):
