@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import struct
 import zlib
@@ -17,7 +18,7 @@ from arm.files import data_file
 from board_scenes import lab_camera, smaller
 from calib.camera_calibration import CalibrationLimits
 from calib.intrinsics import vector_of
-from cell.calibratecamera import LensOptions, camera_step, read_grey
+from cell.calibratecamera import LensOptions, camera_step, find_target, read_grey
 from cell.console import Console
 from cell.livecalibration import take_views
 from command_line import a465, refused
@@ -58,6 +59,9 @@ def test_photographs_in_lens_and_report_out(photographs: Path, tmp_path: Path) -
     assert lens.K.tolist() == found["K_px"]
     assert lens.lens_covariance is not None
     assert lens.lens_covariance.tolist() == found["covariance"]
+    assert found["held_out_px"] != found["corner_sigma_px"]
+    assert lens.calibration["held_out_px"] == pytest.approx(found["held_out_px"], abs=1e-5)
+    assert lens.calibration["work_std_mm"] == pytest.approx(found["work"]["worst_std_mm"], abs=1e-5)
     off = vector_of(lens) - vector_of(true)
     assert (np.abs(off) < 4.0 * np.sqrt(np.diag(lens.lens_covariance))).all()
     text = (tmp_path / "camera.toml").read_text()
@@ -184,6 +188,15 @@ def test_photographs_are_read_as_the_sensor_has_them(photographs: Path, tmp_path
     turned.write_bytes(coded[:2] + b"\xff\xe1" + (len(note) + 2).to_bytes(2, "big") + note + coded[2:])
     assert np.abs(cv2.imread(str(turned), cv2.IMREAD_GRAYSCALE)[::-1, ::-1].astype(int) - image).mean() < 3.0
     assert np.abs(read_grey(turned).astype(int) - image).mean() < 3.0
+
+
+def test_photographs_are_as_old_as_their_files(photographs: Path, tmp_path: Path) -> None:
+    for name, when in (("target-001.png", 1_000_000.0), ("target-002.png", 1_005_000.0)):
+        shutil.copy(photographs / name, tmp_path)
+        os.utime(tmp_path / name, (when, when))
+    photos, size = find_target(tmp_path, Target(), Console(as_json=True))
+    assert [photo.taken_s for photo in photos] == [1_000_000.0, 1_005_000.0]
+    assert size == (960, 600)
 
 
 def test_photographs_that_are_too_large_or_too_dark_are_told(photographs: Path, tmp_path: Path) -> None:
