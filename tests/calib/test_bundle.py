@@ -122,13 +122,15 @@ def test_a_prior_that_is_sure_decides():
 
 def test_views_held_out_tell_the_error_at_the_work_points():
     work = work_points(camera(), 0.9, 1.2)
-    ratios = []
+    ratios, errors = [], []
     for seed in range(5):
         views, bundle = fitted(300 + seed)
         covariance = lens_covariance(information(bundle, views), ALL, bundle.corner_sigma, bundle.prior)
-        told = cross_check(bundle, views, work).work_sigmas
-        ratios.append(np.sqrt(np.mean(told**2) / np.mean(work.sigmas(covariance) ** 2)))
-    assert 0.75 < np.mean(ratios) < 1.8
+        check = cross_check(bundle, views, work)
+        ratios.append(np.sqrt(np.mean(check.work_sigmas**2) / np.mean(work.sigmas(covariance) ** 2)))
+        errors.append(check.sigma_px / NOISE_PX)
+    assert 0.8 < np.median(ratios) < 1.8
+    assert np.mean(errors) == pytest.approx(1.0, abs=0.05)
 
 
 def test_suspects_are_silent_about_sound_views():
