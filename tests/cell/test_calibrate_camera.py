@@ -121,7 +121,7 @@ def test_held_numbers_and_options_reach_the_fit(photographs: Path) -> None:
     )
     found = json.loads(told)
     assert found["parameters"]["k3"] == {"value": 0.0, "std": None}
-    assert found["work"]["near_mm"] == pytest.approx(900.0)
+    assert [found["work"][k] for k in ("near_mm", "far_mm")] == pytest.approx([900.0, 1100.0])
     told, _ = a465("calibrate", "camera", photographs, "--limit-mm", 0.0001, "--json", code=5)
     assert "the limit is 0.0001 mm" in json.loads(told)["reasons"][0]
 
