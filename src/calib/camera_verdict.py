@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calib.calibrated_camera import CameraCalibration
 from calib.intrinsics import NAMES, vector_of
 from calib.suspects import Suspect
 
-if TYPE_CHECKING:
-    from calib.camera_calibration import CameraCalibration
-
-SURE = 5.0  # standard deviations from which a suspect is named,
-BIASED = 1 / 3  # and what part of the limit at the work points it must move them to be a reason to refuse
+BIASED = 1 / 3  # what part of the limit a suspect must move the work points to be a reason to refuse
 HELD_OUT = 1.3  # largest error of held-out corners, times that of the used ones
 LONG_S = 3600.0  # views over a longer time may not show one and the same camera
 COVERED = 0.6  # part of the image
@@ -112,12 +108,7 @@ def _moved(c: CameraCalibration, suspect: Suspect) -> float:
 
 
 def _decides(c: CameraCalibration, suspect: Suspect) -> bool:
-    return _named(suspect) and 1e3 * _moved(c, suspect) > BIASED * c.limits.work_mm
-
-
-def _named(suspect: Suspect) -> bool:
-    # where the views determine little, residuals may lean far towards an amount that is nothing
-    return suspect.sigmas > SURE and abs(suspect.amount) > SURE * suspect.sigma
+    return suspect.sure and 1e3 * _moved(c, suspect) > BIASED * c.limits.work_mm
 
 
 def describe(suspect: Suspect) -> str:
@@ -146,7 +137,7 @@ def _accuracy(c: CameraCalibration) -> list[str]:
     helps = f"; take a view {c.next[0].words}" if c.next else ""
     if worst > c.limits.work_mm:
         reasons.append(
-            f"points at {1e3 * c.work.near:.0f} to {1e3 * c.work.far:.0f} mm are known to {worst:.2f} mm (one standard "
+            f"points at {1e3 * c.work.near:.0f} to {1e3 * c.work.far:.0f} mm are known to {worst:.3g} mm (one standard "
             f"deviation), the limit is {c.limits.work_mm:g} mm" + helps
         )
     if c.corner_sigma > c.limits.corner_px:
@@ -204,9 +195,9 @@ def _lens(c: CameraCalibration) -> list[str]:
     if any(_decides(c, s) for s in c.suspects):
         return []  # then all numbers are doubtful, and the reason says why
     remarks = [
-        f"{describe(s)} (it moves the work points by {1e3 * _moved(c, s):.3f} mm; no standard deviation has that in it)"
+        f"{describe(s)} (it moves the work points by {1e3 * _moved(c, s):.3f} mm; their error has that in it)"
         for s in c.suspects
-        if _named(s)
+        if s.sure
     ]
     for name, view in c.undetermined.items():
         place = NAMES.index(name)

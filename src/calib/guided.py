@@ -8,7 +8,8 @@ import numpy as np
 
 from arm.errors import CalibrationRefused
 from arm.se3 import Array
-from calib.camera_calibration import CalibrationLimits, CameraCalibration, calibrate_camera
+from calib.calibrated_camera import CalibrationLimits, CameraCalibration
+from calib.camera_calibration import calibrate_camera
 from calib.view_choice import LEAST_BLUR_PX, LEAST_CONTRAST, SATURATED, TargetPhoto
 from vision.target import FEWEST_CORNERS, Target, TargetView
 

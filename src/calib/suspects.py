@@ -18,6 +18,8 @@ from calib.intrinsics import COUNT, lens_parameter_jacobian, vector_of
 from vision.board_fit import pose_jacobian
 from vision.target import Target
 
+SURE = 5.0  # standard deviations from which a trouble is there
+
 
 @dataclass(frozen=True, eq=False)
 class Suspect:
@@ -39,6 +41,11 @@ class Suspect:
     unit: str
     sigmas: float
     lens_change: Array
+
+    @property
+    def sure(self) -> bool:
+        """Whether it is there; where views determine little, residuals may lean far towards an amount of nothing."""
+        return self.sigmas > SURE and abs(self.amount) > SURE * self.sigma
 
 
 @dataclass(frozen=True)

@@ -6,19 +6,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from arm.errors import InputError
 from arm.files import keep_apart, sha256, write_atomic
-from calib.camera_calibration import CalibrationLimits, CameraCalibration, calibrate_camera
+from calib.calibrated_camera import CalibrationLimits, CameraCalibration
+from calib.camera_calibration import calibrate_camera
 from calib.camera_verdict import coverage, marker_share
 from calib.intrinsics import NAMES, vector_of
 from calib.view_choice import TargetPhoto
 from cell.console import Console
 from cell.lenspage import lens_page
 from vision.camera import write_camera
-from vision.frames import IMAGE_SUFFIXES, Image
+from vision.frames import IMAGE_SUFFIXES, Image, read_grey
 from vision.target import Target, TargetFinder, read_target
 from vision.target_quality import measure_quality
 
@@ -211,21 +211,6 @@ def find_target(folder: Path, target: Target, console: Console) -> tuple[list[Ta
             instead=instead,
         )
     return photos, (first.shape[1], first.shape[0])
-
-
-def read_grey(file: Path) -> Image:
-    """A photograph as 8-bit grey, as it lies on the sensor: how its file says to turn it is no matter of the lens.
-
-    Raises:
-        InputError: it cannot be read.
-    """
-    try:
-        image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
-    except cv2.error:  # more pixels than OpenCV takes
-        image = None
-    if image is None:
-        raise InputError(f"{file}: cannot be read as an image", path=str(file))
-    return np.asarray(image, dtype=np.uint8)
 
 
 def tell(c: CameraCalibration, console: Console) -> None:

@@ -8,7 +8,7 @@ from html import escape
 import numpy as np
 
 from arm.se3 import Array
-from calib.camera_calibration import CalibrationView, CameraCalibration
+from calib.calibrated_camera import CalibrationView, CameraCalibration
 from calib.camera_verdict import CELLS, cells, coverage, describe
 from calib.intrinsics import NAMES, vector_of
 from calib.work_points import COLUMNS, LAYERS, ROWS

@@ -12,14 +12,14 @@ import numpy as np
 
 from arm.errors import CalibrationRefused, InputError
 from arm.se3 import Array, rotation, transform
-from calib.camera_calibration import CalibrationLimits
+from calib.calibrated_camera import CalibrationLimits
 from calib.guided import FIRST, Advice, GuidedViews
 from calib.view_choice import TargetPhoto
 from cell.console import Console
 from cell.looking import write_png
 from cell.targetviews import held, photograph_target
 from vision.camera import Camera
-from vision.frames import IMAGE_SUFFIXES, FrameSource, Image
+from vision.frames import IMAGE_SUFFIXES, FrameSource, Image, read_grey
 from vision.target import Target, TargetFinder
 from vision.target_quality import measure_quality
 
@@ -156,8 +156,6 @@ def _photo(name: str, image: Image, target: Target, finder: TargetFinder) -> Tar
 
 def _resume(folder: Path, target: Target, finder: TargetFinder, guided: GuidedViews, console: Console) -> int:
     """Take what is in the folder as views; the number of the last one."""
-    from cell.calibratecamera import read_grey
-
     files = sorted(p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
     for file in files:
         photo = _photo(file.name, read_grey(file), target, finder)

@@ -16,6 +16,23 @@ Image = npt.NDArray[np.uint8]
 IMAGE_SUFFIXES = (".png", ".bmp", ".tif", ".tiff", ".jpg", ".jpeg", ".pgm")
 
 
+def read_grey(file: Path) -> Image:
+    """A photograph as 8-bit grey, as it lies on the sensor: how its file says to turn it is no matter of the lens.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    import cv2
+
+    try:
+        image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+    except cv2.error:  # more pixels than OpenCV takes
+        image = None
+    if image is None:
+        raise InputError(f"{file}: cannot be read as an image", path=str(file))
+    return np.asarray(image, dtype=np.uint8)
+
+
 class FrameSource(Protocol):
     """Anything that takes photographs of the cell as it is now."""
 
@@ -60,8 +77,6 @@ class ImageFolder:
         Raises:
             InputError: too few are left, one cannot be read, or they differ in size.
         """
-        import cv2
-
         files = sorted(p for p in self.path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
         fresh = [p for p in files if p.name not in self._used][:count]
         if len(fresh) < count:
@@ -75,10 +90,8 @@ class ImageFolder:
             )
         images: list[Image] = []
         for file in fresh:
-            image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
-            if image is None:
-                raise InputError(f"{file}: cannot be read as an image", path=str(file))
-            images.append(np.asarray(image, dtype=np.uint8))
+            image = read_grey(file)
+            images.append(image)
             if images[-1].shape != images[0].shape:
                 raise InputError(
                     f"{file}: is {image.shape[1]} x {image.shape[0]} px, but {fresh[0].name} beside it is "

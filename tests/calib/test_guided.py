@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from arm.se3 import frozen
-from calib.camera_calibration import CameraCalibration, calibrate_camera
+from calib.calibrated_camera import CameraCalibration
+from calib.camera_calibration import calibrate_camera
 from calib.guided import ENOUGH_VIEWS, FIRST, Advice, GuidedViews
 from calib.view_choice import TargetPhoto
 from target_scenes import CHARUCO, photos, poses, quality, seen

@@ -16,14 +16,14 @@ import pytest
 from arm.errors import CalibrationRefused, FileInputError, InputError
 from arm.files import data_file
 from board_scenes import lab_camera, smaller
-from calib.camera_calibration import CalibrationLimits
+from calib.calibrated_camera import CalibrationLimits
 from calib.intrinsics import vector_of
-from cell.calibratecamera import LensOptions, camera_step, find_target, read_grey
+from cell.calibratecamera import LensOptions, camera_step, find_target
 from cell.console import Console
 from cell.livecalibration import take_views
 from command_line import a465, refused
 from vision.camera import read_camera, read_lens, write_camera
-from vision.frames import Image
+from vision.frames import Image, read_grey
 from vision.target import Target
 
 pytestmark = pytest.mark.xdist_group("calibrate_camera")
