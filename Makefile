@@ -2,8 +2,9 @@
 # make test    sets up and passes the tests
 # make mcap    adds what `a465 export --format mcap` needs
 # make basler  adds what a Basler camera needs (pypylon, 85 MB)
-PYTHON ?= python3
 VENV := .venv
+# A Python with pip: the one of VENV has none, and may be the first that is found if VENV is active.
+PYTHON ?= $(firstword $(wildcard $(addsuffix /python3,$(filter-out $(CURDIR)/$(VENV)/bin,$(subst :, ,$(PATH))))) python3)
 BIN := $(VENV)/bin
 TASK ?= scenes/task2.toml
 

@@ -13,7 +13,8 @@ from vision.target import FEWEST_CORNERS, TargetView
 from vision.target_quality import Quality
 
 BLURRED = 2.0  # times the blur of the sharpest quarter,
-LEAST_BLUR_PX = 1.5  # and at least this
+LEAST_BLUR_PX = 1.5  # and at least this; but
+MOST_BLUR_PX = 4.0  # this is too much even if all views are so
 LEAST_CONTRAST = 25.0  # grey levels
 SATURATED = 0.5  # part of the white that is at the sensor's end
 SAME_PX = 4.0  # views whose corners lie this near to each other show the same
@@ -48,7 +49,7 @@ def unusable(photos: Sequence[TargetPhoto]) -> list[str]:
         p.quality.blur_px for p in photos if p.quality is not None and np.isfinite(p.quality.blur_px)
     )
     sharp = float(np.median(blurs[: max(1, len(blurs) // 4)])) if blurs else 0.0
-    limit = max(BLURRED * sharp, LEAST_BLUR_PX)
+    limit = min(max(BLURRED * sharp, LEAST_BLUR_PX), MOST_BLUR_PX)
     reasons = []
     kept: list[TargetPhoto] = []
     for photo in photos:

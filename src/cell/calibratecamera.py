@@ -141,6 +141,8 @@ def camera_step(
     if output is not None and calibration.accepted:
         write_lens(output, calibration)
         console.say(f"written: {output}")
+    elif output is None and calibration.accepted:
+        console.say("no camera file was written: -o FILE writes it")
     return to_json(calibration)
 
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from cell.taskfile import Task
 
 QUIET_S = 180.0  # wall time without a new view after which nobody seems to be there
+TOLD_EVERY_S = 10.0  # wall time after which it is said again why no view is taken
 MOST_VIEWS = 60
 
 
@@ -128,6 +129,7 @@ def take_views(
         hand.advice = lambda: guided.advice
     number = _resume(folder, target, finder, guided, console)
     taken, since = 0, time.monotonic()
+    said = since
     console.say(f"show the target {guided.advice.words}")
     while not guided.advice.done and len(guided.photos) < MOST_VIEWS:
         if time.monotonic() - since > quiet_s:
@@ -142,6 +144,9 @@ def take_views(
         wrong = guided.consider(_photo(f"live-{number + 1:03d}.png", image, target, finder))
         if wrong:
             console.progress(f"{guided.advice.words}", min(len(guided.photos) / limits.views, 1.0), wrong)
+            if time.monotonic() - max(said, since) > TOLD_EVERY_S:
+                said = time.monotonic()
+                console.say(f"waiting: {wrong}")
             continue
         number, taken, since = number + 1, taken + 1, time.monotonic()
         write_png(folder / f"live-{number:03d}.png", image)

@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 
 from arm.board import Board
-from arm.errors import InputError
+from arm.errors import ImpossibleError, InputError
 from arm.files import write_atomic
 from cell.console import Console
 from cell.lookfile import Seen, SeenBoard
@@ -17,6 +17,7 @@ from vision.brightness import exposure_complaint
 from vision.camera import Image
 from vision.frames import FrameSource
 from vision.look import Look, annotated, look
+from vision.markers import Marker, detect_markers
 
 
 def look_and_save(
@@ -37,16 +38,23 @@ def look_and_save(
     """
     cell = task.cell
     images = frames.grab(cell.photographs)
-    found = look(
-        images,
-        cell.camera,
-        cell.boards,
-        cell.dictionary,
-        cell.cube_size,
-        cell.board_limits,
-        arm_in_view,
-        cell.tilts,
-    )
+    try:
+        found = look(
+            images,
+            cell.camera,
+            cell.boards,
+            cell.dictionary,
+            cell.cube_size,
+            cell.board_limits,
+            arm_in_view,
+            cell.tilts,
+        )
+    except ImpossibleError:  # what the photograph shows says why, to who looks at it
+        markers = tuple(detect_markers(images[0], cell.camera, cell.dictionary))
+        _complain(images[0], markers, console)
+        if picture is not None:
+            write_png(picture, annotated(images[0], cell.camera, Look((), {}, (markers,))))
+        raise
     if picture is not None:
         write_png(picture, annotated(images[0], cell.camera, found))
     seen = seen_of(found, cell.boards)
@@ -57,10 +65,14 @@ def look_and_save(
     for board in seen.boards:
         for hole in board.holes("unsure"):
             console.say(f"hole {board.name}/{hole + 1} is unsure: {board.doubts[hole]}")
-    complaint = exposure_complaint(images[0], found.frames[0])
+    _complain(images[0], found.frames[0], console)
+    return seen
+
+
+def _complain(image: Image, markers: Sequence[Marker], console: Console) -> None:
+    complaint = exposure_complaint(image, markers)
     if complaint is not None:
         console.say(f"WARNING: the photographs are {complaint}")
-    return seen
 
 
 def seen_of(found: Look, known: Sequence[Board]) -> Seen:

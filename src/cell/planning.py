@@ -31,6 +31,7 @@ from plan.scene import Scene, Station
 from plan.task import plan_task, planned_limits
 from plan.way import plan_way
 from plan.world import World
+from vision.occupancy import OTHER
 
 
 def options_of(task: Task, speed: float) -> PlanOptions:
@@ -155,6 +156,8 @@ def work_left(
         raise ImpossibleError(f"board {task.from_board.name} was not found", board=task.from_board.name)
     emptied = {int(cube.rsplit("/", 1)[1]) - 1 for cube in done}
     holding = [i for i in source.holes("cube", "unsure") if i not in emptied | set(skip)]
+    for hole in holding:
+        _require_seat(source, hole)
     filled = {int(place.rsplit("/", 1)[1]) - 1 for place in done.values()} if target is not None else set()
     occupied = filled | (set(target.holes("cube", "unsure")) if target is not None else set())
     return work(
@@ -166,6 +169,22 @@ def work_left(
         reachable_places=reachable_places(task, seen, speed) if task.places is not None else None,
         notes=[] if target is None else [_taken(target, i) for i in sorted(occupied)],
     )
+
+
+def _require_seat(board: SeenBoard, hole: int) -> None:
+    """Jaws that close around a cube beside its seat push it, and their palm may meet it.
+
+    Raises:
+        ImpossibleError: something other than a seated cube shows in the hole.
+    """
+    if board.occupancy[hole] == "unsure" and board.doubts[hole] == OTHER:
+        name = f"{board.name}/{hole + 1}"
+        raise ImpossibleError(
+            f"hole {name} cannot be taken from: {OTHER}; seat the cube, clear the hole, or take away what casts "
+            "the shadow, and look again",
+            hole=name,
+            reason=OTHER,
+        )
 
 
 def _taken(board: SeenBoard, hole: int) -> str:

@@ -108,6 +108,9 @@ def random_poses(
             rng.uniform(-tilt, tilt, 2),
             rng.uniform(-np.pi, np.pi),
         )
-        if corners_in_view(camera, target, T).mean() >= LEAST_SEEN:
+        seen = corners_in_view(camera, target, T).mean()
+        if seen >= (
+            LEAST_SEEN if target.kind == "charuco" else 1.0
+        ):  # a checkerboard is found whole or not at all
             found.append(T)
     return found

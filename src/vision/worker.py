@@ -9,6 +9,7 @@ from concurrent.futures import Future, wait
 from typing import TypeVar
 
 T = TypeVar("T")
+END_S = 2.0  # wall time that an idle thread may take to end
 
 
 class Worker:
@@ -28,7 +29,8 @@ class Worker:
         """
         self.lost = False
         self._calls: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
-        threading.Thread(target=self._run, name=name, daemon=True).start()
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
 
     def call(self, function: Callable[[], T], seconds: float) -> T:
         """What `function` gives, or raises.
@@ -52,9 +54,14 @@ class Worker:
             raise TimeoutError(f"no answer within {seconds:g} s")
         return future.result()
 
-    def end(self) -> None:
-        """Let the thread end after the calls that it still has."""
+    def end(self, seconds: float = END_S) -> None:
+        """Let the thread end after the calls that it still has, and wait for that if all have come back.
+
+        A program that ends while the thread does is ended by the C library (a native frame is on its stack).
+        """
         self._calls.put(None)
+        if not self.lost:
+            self._thread.join(seconds)
 
     def _run(self) -> None:
         while (call := self._calls.get()) is not None:

@@ -60,3 +60,8 @@ def test_a_view_is_out_for_several_times_the_error_of_the_others(ratio: float, o
     assert not outlying_views(variances * 0.03**2, np.full(10, 40)).any()
     few_corners = np.where(np.arange(10) == 4, 2, 40)
     assert outlying_views(variances, few_corners)[4] == (ratio**2 > 1 + 4 * np.sqrt(2 / 2))
+
+
+def test_photographs_that_all_are_blurred_beyond_use_are_named() -> None:
+    found = photos([seen(T, np.random.default_rng(1)) for T in poses(3, 4)], quality(blur_px=4.5))
+    assert all(reason.startswith("blurred: edges 4.5 px wide") for reason in unusable(found))

@@ -28,6 +28,7 @@ from cell.taskfile import TablePlaces, Task, read_task
 from cell.visits import visits
 from plan.change import Request
 from true_look import true_look
+from vision.occupancy import FAINT, OTHER
 
 
 def _planned(
@@ -161,3 +162,23 @@ def test_a_table_full_of_places_is_planned_in_reasonable_time(task1: Task) -> No
     assert time.process_time() - begin <= 30.0
     assert len(set(goes.values())) == 4
     assert plan.duration_s < few.duration_s
+
+
+def test_no_cube_is_taken_from_a_hole_that_shows_something_else(task2: Task) -> None:
+    seen = true_look(task2)
+    name = task2.from_board.name
+    for doubt, refused in ((OTHER, True), (FAINT, False)):
+        boards = tuple(
+            replace(b, occupancy=("unsure", *b.occupancy[1:]), doubts=(doubt, *b.doubts[1:]))
+            if b.name == name
+            else b
+            for b in seen.boards
+        )
+        after = replace(seen, boards=boards)
+        if refused:
+            with pytest.raises(
+                ImpossibleError, match=f"hole {name}/1 cannot be taken from: neither a seated"
+            ):
+                work_left(task2, after, {})
+        else:
+            assert work_left(task2, after, {}) is not None

@@ -206,3 +206,11 @@ def test_a_worker_that_is_lost_makes_no_other_call() -> None:
     assert time.monotonic() - begun < 2.0
     free.set()
     assert not made
+
+
+def test_a_worker_that_was_ended_is_gone() -> None:
+    """A native thread that ends while the interpreter does is ended by the C library, with exit code 134."""
+    worker = Worker("ends")
+    assert worker.call(lambda: 7, 5.0) == 7
+    worker.end()
+    assert "ends" not in {thread.name for thread in threading.enumerate()}

@@ -260,3 +260,13 @@ def test_a_corner_that_is_wrong_in_all_frames_is_left_out(off_px: float) -> None
         assert xi @ np.linalg.solve(seen.pose.covariance, xi) / 6.0 < 6.0
         assert np.linalg.norm(xi[3:]) < np.radians(0.5)
         assert seen.pose.residual_px == pytest.approx(off_px / 4.0, rel=0.15)
+
+
+@pytest.mark.parametrize("true_mm", [35.9, 36.1])
+def test_a_size_that_is_wrong_by_what_a_ruler_misses_is_named(true_mm: float) -> None:
+    rng = np.random.default_rng(5)
+    T = random_pose(rng, 7.0)
+    frames = seen_corners(lab_board(marker_size=true_mm / 1e3), T, CAMERA, rng, noise_px=0.01)
+    with pytest.raises(ImpossibleError, match="marker size = 36 mm does not fit") as e:
+        estimate_board_pose(lab_board(), frames, CAMERA)
+    assert e.value.data["fitting_size"] == pytest.approx(true_mm / 1e3, abs=2e-5)
