@@ -47,7 +47,7 @@ class BoardLimits:
     log_odds: float = 4.6
     flip_rad: float = np.radians(1.0)
     sideways_m: float = 0.6e-3
-    height_m: float = 2.5e-3
+    height_m: float = 2.0e-3
     turn_rad: float = np.radians(1.0)
 
 

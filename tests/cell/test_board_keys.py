@@ -30,7 +30,7 @@ def test_tilts_and_limits_reach_the_cell_and_no_plan_rests_on_them(scenes: Path)
     replace_in(file, "tilts_deg = [0, 7, 15]", "tilts_deg = [12.5, 3]")
     replace_in(file, "# least_certain_deg = 1.0", "least_certain_deg = 0.2")
     replace_in(file, "# least_certain_mm = 0.6", "least_certain_mm = 0.3")
-    replace_in(file, "# least_certain_height_mm = 2.5", "least_certain_height_mm = 1.0")
+    replace_in(file, "# least_certain_height_mm = 2.0", "least_certain_height_mm = 1.0")
     cell = read_cell(file)
     assert np.degrees(cell.tilts) == pytest.approx([3, 12.5])
     limits = cell.board_limits
