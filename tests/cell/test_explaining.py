@@ -23,10 +23,10 @@ size_mm = [60, 60, 20]
 
 @pytest.fixture
 def blocked(scenes: Path) -> Path:
-    """The scenes with a slab above hole 03-04/4, and what is seen there."""
+    """The scenes with a slab above hole 03-04/4, put there after the look, which it would hide the hole from."""
     cell = scenes / "cell.toml"
-    cell.write_text(cell.read_text() + SLAB)
     look_step(scenes / "task2.toml", None, None, scenes / "look.json", None, Console(True))
+    cell.write_text(cell.read_text() + SLAB)
     return scenes
 
 
