@@ -61,7 +61,7 @@ class GuidedViews:
         limits: CalibrationLimits | None = None,
     ) -> None:
         self.photos: list[TargetPhoto] = []
-        self.advice = Advice(FIRST[0], None, False, None)
+        self._advice: Advice | None = None
         self._target, self._size, self._work = target, size, work
         self._limits = limits or CalibrationLimits()
         self._last: TargetView | None = None
@@ -83,8 +83,15 @@ class GuidedViews:
         if any(_shift(photo.view, view) < NEW_SHARE * self._size[0] for view in known):
             return "shown before"
         self.photos.append(photo)
-        self.advice = self._next()
+        self._advice = None
         return ""
+
+    @property
+    def advice(self) -> Advice:
+        """What to do now."""
+        if self._advice is None:
+            self._advice = self._next()
+        return self._advice
 
     def calibration(self) -> CameraCalibration:
         """The lens by the views so far.
