@@ -73,8 +73,6 @@ class TaskRun:
         self.advice = False  # whether a refusal to plan is followed by advice
         self._looks = count(1)
 
-    # -- the stages
-
     def introduce(self) -> None:
         """Say what is about to happen and where, and make sure that a controller of the right kind listens."""
         lowered = f" x {self.control.ceiling:g}" if self.control.ceiling < 1.0 else ""

@@ -14,6 +14,7 @@ from board_scenes import lab_board, lab_camera, leaning, random_pose, seen_corne
 from cell.console import Console
 from cell.recorded import detections_step
 from command_line import replace_in
+from recorded_sets import recorded_set
 from vision.board_fit import planar_poses
 from vision.board_pose import BoardSeen, assess_board
 from vision.markers import Marker
@@ -130,30 +131,12 @@ def test_the_set_is_asked_where_photographs_do_not_decide(tilt_deg: float) -> No
 
 
 def test_look_tells_the_member(tmp_path: Path, scenes: Path) -> None:
-    corners = zip(BOARD.marker_ids, BOARD.marker_corners().tolist(), strict=True)
-    content = {
-        "camera": {
-            "K_px": CAMERA.K.tolist(),
-            "distortion_k1k2p1p2k3": CAMERA.distortion.tolist(),
-            "size_px": list(CAMERA.size),
-        },
-        "board": {
-            "markers": [{"id": i, "corners_m": c} for i, c in corners],
-            "holes_m": BOARD.holes.tolist(),
-        },
-        "scenes": [],
-    }
+    shown = []
     for seed, tilt in enumerate((7.0, 11.0)):
         rng = np.random.default_rng(seed)
-        frames = seen_corners(BOARD, random_pose(rng, tilt), CAMERA, rng, noise_px=0.05)
-        content["scenes"].append(
-            {
-                "frames": [
-                    {"markers": [{"id": m.id, "corners_px": m.corners_px.tolist()} for m in f]}
-                    for f in frames
-                ]
-            }
-        )
+        T = random_pose(rng, tilt)
+        shown.append((seen_corners(BOARD, T, CAMERA, rng, noise_px=0.05), T))
+    content = recorded_set(BOARD, CAMERA, shown, 0.05)
     file = tmp_path / "set.json"
     file.write_text(json.dumps(content))
     seven, eleven = (

@@ -15,6 +15,7 @@ from arm.se3 import angle_between, inverse
 from board_scenes import lab_board, lab_camera, random_pose, seen_corners
 from cell.console import Console
 from cell.recorded import detections_step
+from recorded_sets import recorded_set
 from vision.detections import read_detections
 
 CAMERA = lab_camera()
@@ -24,28 +25,11 @@ POSES = [random_pose(np.random.default_rng(seed), tilt) for seed, tilt in enumer
 
 def recorded(noise_px: float = 0.1) -> dict[str, Any]:
     """A file's content, with its truth, in the format of recorded sets."""
-    scenes = []
-    for seed, T in enumerate(POSES):
-        frames = seen_corners(BOARD, T, CAMERA, np.random.default_rng(seed), noise_px=noise_px)
-        markers = [[{"id": m.id, "corners_px": m.corners_px.tolist()} for m in f] for f in frames]
-        T_camera_board = CAMERA.T_camera_base @ T
-        truth = {"R_camera_board": T_camera_board[:3, :3].tolist(), "tilt_deg": 3.0}
-        scenes.append({"frames": [{"markers": m} for m in markers], "truth": truth})
-    corners = zip(BOARD.marker_ids, BOARD.marker_corners().tolist(), strict=True)
-    return {
-        "kind": "two_marker_board",
-        "camera": {
-            "K_px": CAMERA.K.tolist(),
-            "distortion_k1k2p1p2k3": CAMERA.distortion.tolist(),
-            "size_px": list(CAMERA.size),
-        },
-        "board": {
-            "markers": [{"id": i, "corners_m": c} for i, c in corners],
-            "holes_m": BOARD.holes.tolist(),
-        },
-        "noise": {"corner_sigma_px": noise_px},
-        "scenes": scenes,
-    }
+    seen = [
+        seen_corners(BOARD, T, CAMERA, np.random.default_rng(seed), noise_px=noise_px)
+        for seed, T in enumerate(POSES)
+    ]
+    return recorded_set(BOARD, CAMERA, zip(seen, POSES, strict=True), noise_px)
 
 
 def written(folder: Path, content: dict[str, Any]) -> Path:
