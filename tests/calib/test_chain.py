@@ -139,6 +139,7 @@ def test_the_prior_holds_what_is_not_free_to_go():
     )
     fit = fit_chains(held)
     assert fit.unknowns[8] == pytest.approx(0.0, abs=1e-8)
+    assert np.sqrt(fit.covariance(given.free)[8, 8]) == pytest.approx(1e-9, rel=0.01)
     assert fit.chi2_dof > 1.5
 
 
