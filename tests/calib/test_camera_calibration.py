@@ -225,6 +225,8 @@ def test_views_over_hours_and_views_that_are_too_bright_are_remarked():
 def test_a_small_bend_is_told_but_does_not_refuse():
     c = calibrate_camera(photos(taken(18, count=20, shape=bent(0.08e-3))), CHARUCO, SIZE)
     assert c.accepted
+    alone = c.work.sigmas(c.covariance)
+    assert np.mean(c.work_sigmas**2) > 1.5 * np.mean(alone**2)  # what the bend moves is in it
     assert any("the target is bent by 0.0" in r and "their error has that in it" in r for r in c.remarks)
 
 
