@@ -113,28 +113,53 @@ def nao_chain(side: str, unknowns: NaoUnknowns) -> Chain:
     return joined([*camera.turned_round().elements, *leg.elements, *mount])
 
 
-def gravity_gains(side: str, unknowns: NaoUnknowns, gravity: Array) -> Gains | None:
-    """Torques of gravity about the leg's joints, Nm as they act, and on which side of its play each joint lies.
+def gravity_torques(side: str, legs: Array, gravity: npt.ArrayLike, model: pin.Model | None = None) -> Array:
+    """Torques of gravity about a leg's joints, positive as they act, Nm.
 
-    Both are taken at the readings with their offsets.
+    Args:
+        side: L or R.
+        legs: angles (n, 6) rad.
+        gravity: in the torso's frame, (3,) m/s^2.
+        model: with other masses, or None.
+
+    Returns:
+        (n, 6).
     """
-    if not (unknowns.springs or unknowns.play):
-        return None
-    model = nao_model().copy()
+    model = (nao_model() if model is None else model).copy()
     model.gravity.linear = np.asarray(gravity, dtype=float)
     data = model.createData()
     columns = [model.joints[model.getJointId(side + joint)].idx_q for joint in LEG]
+    torque = np.empty((len(legs), len(LEG)))
+    q = np.zeros(model.nq)
+    for n, leg in enumerate(legs):
+        q[columns] = leg
+        torque[n] = -pin.computeGeneralizedGravity(model, data, q)[columns]
+    return torque
+
+
+def gravity_gains(
+    side: str, unknowns: NaoUnknowns, gravity: npt.ArrayLike, sides: Array | None = None
+) -> Gains | None:
+    """Torques of gravity about the leg's joints, Nm as they act, and on which side of its play each joint lies.
+
+    Both are taken at the readings with their offsets.
+
+    Args:
+        side: L or R.
+        unknowns: that are looked for.
+        gravity: in the torso's frame, (3,) m/s^2.
+        sides: of the play on which each image's joints lie, (n, 6) from -1 to 1; None where the torque decides,
+            changing over within about `PLAY_NM`.
+    """
+    if not (unknowns.springs or unknowns.play):
+        return None
     offsets = [unknowns.names.index(f"{side}{joint}_deg") for joint in LEG]
 
     def gains(readings: Array, x: Array) -> dict[str, Array]:
-        torque = np.empty((len(readings), len(LEG)))
-        q = np.zeros(model.nq)
-        for n, reading in enumerate(readings):
-            q[columns] = reading[:6] + x[offsets]
-            torque[n] = -pin.computeGeneralizedGravity(model, data, q)[columns]
+        torque = gravity_torques(side, readings[:, :6] + x[offsets], gravity)
+        play = np.tanh(torque / PLAY_NM) if sides is None else sides
         given = {f"torque {side}{joint}": torque[:, i] for i, joint in enumerate(LEG)}
-        given |= {f"play {side}{joint}": np.tanh(torque[:, i] / PLAY_NM) for i, joint in enumerate(LEG)}
-        return given
+        return given | {f"play {side}{joint}": play[:, i] for i, joint in enumerate(LEG)}
 
     return gains
 
