@@ -9,7 +9,7 @@ calibration, finding 1).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -114,16 +114,22 @@ class ChainFit:
         return covariance
 
 
-def fit_chains(problem: Problem, weights: Sequence[Array] | None = None) -> ChainFit:
+def fit_chains(
+    problem: Problem, weights: Sequence[Array] | None = None, begin: ChainFit | None = None
+) -> ChainFit:
     """Levenberg-Marquardt from the start of a problem.
 
     Args:
         problem: what is to be found.
-        weights: of every image of every chain, (n,) each; 1 if not given.
+        weights: of every image of every chain, (n,) each; 1 if not given. Of weight 0 it is as if never taken.
+        begin: another fit to go on from.
     """
     weights = [np.ones(len(s.readings)) for s in problem.sightings] if weights is None else list(weights)
     x = problem.start.copy()
     errors = [np.zeros_like(s.readings) for s in problem.sightings]
+    if begin is not None:
+        x[problem.free] = begin.unknowns[problem.free]
+        errors = [e.copy() for e in begin.errors]
     cost = _cost(problem, x, errors, weights)
     damping, iterations = 1e-6, 0
     system = _System.of(problem, x, errors, weights)
@@ -147,7 +153,7 @@ def fit_chains(problem: Problem, weights: Sequence[Array] | None = None) -> Chai
     residuals = tuple(
         _residual(problem, s, s.evaluate(x, e)) for s, e in zip(problem.sightings, errors, strict=True)
     )
-    seen = sum(int(np.isfinite(r).sum()) for r in residuals)
+    seen = sum(int(np.isfinite(r[w > 0.0]).sum()) for r, w in zip(residuals, weights, strict=True))
     known = int(np.isfinite(problem.prior_sigma[problem.free]).sum())
     return ChainFit(
         x,
@@ -159,6 +165,40 @@ def fit_chains(problem: Problem, weights: Sequence[Array] | None = None) -> Chai
         seen - int(problem.free.sum()) + known,
         tuple(weights),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """What each stance says of the free unknowns and of k more columns, readings' errors eliminated.
+
+    Attributes:
+        prior: information and gradient of the priors, (free + k, free + k) and (free + k,).
+        S: information of each stance in the order of chains and stances, (stances, free + k, free + k).
+        g: gradients down the cost, (stances, free + k).
+    """
+
+    prior: tuple[Array, Array]
+    S: Array
+    g: Array
+
+
+def normal_equations(
+    problem: Problem, fit: ChainFit, extra: Sequence[Array] | None = None
+) -> NormalEquations:
+    """Normal equations at a fit.
+
+    Args:
+        problem: of the fit.
+        fit: where they are taken.
+        extra: derivatives of the projected points by further unknowns, (n, m, 2, k) px of every chain.
+    """
+    prior = _priors(problem, fit.unknowns, 0 if extra is None else extra[0].shape[-1])
+    stances = [
+        stance
+        for number in range(len(problem.sightings))
+        for stance in _stances(problem, number, fit.unknowns, fit.errors, fit.weights, extra)
+    ]
+    return NormalEquations(prior, np.array([s.S for s in stances]), np.array([s.g for s in stances]))
 
 
 def _residual(problem: Problem, s: Sightings, at: Evaluated) -> Array:
@@ -175,25 +215,27 @@ def _cost(problem: Problem, x: Array, errors: Sequence[Array], weights: Sequence
         if not np.array_equal(np.isfinite(r), np.isfinite(s.pixels)):
             return float("inf")  # a point behind the camera
         total += float(np.nansum(w[:, None, None] * (r / problem.pixel_sigma) ** 2))
-        total += float(((e[:, ~exact] / problem.reading_sigma[~exact]) ** 2 * _share(s)[:, ~exact]).sum())
+        total += float(((e[:, ~exact] / problem.reading_sigma[~exact]) ** 2 * _share(s, w)[:, ~exact]).sum())
     return total
 
 
-def _share(s: Sightings) -> Array:
-    """One over the number of images that share a reading, (n, readings): each error counts once."""
-    share = np.empty(s.reading_ids.shape)
+def _share(s: Sightings, weights: Array) -> Array:
+    """One over the number of used images that share a reading, (n, readings): each error counts once."""
+    used = weights > 0.0
+    share = np.zeros(s.reading_ids.shape)
     for j, column in enumerate(s.reading_ids.T):
-        _, back, count = np.unique(column, return_inverse=True, return_counts=True)
-        share[:, j] = 1.0 / count[back]
+        _, back, count = np.unique(column[used], return_inverse=True, return_counts=True)
+        share[used, j] = 1.0 / count[back]
     return share
 
 
 @dataclass(frozen=True, eq=False)
 class _Stance:
-    """A stance's eliminated errors: which of (image, reading) belong to each, and the step back to them."""
+    """What a stance says of the unknowns, and the way back to the errors of its readings that were eliminated."""
 
     chain: int
-    images: npt.NDArray[np.intp]
+    S: Array  # (free, free)
+    g: Array  # (free,)
     columns: list[tuple[int, npt.NDArray[np.intp]]]  # of each error: reading, and the images that share it
     by_unknown: Array  # (errors, free)
     alone: Array  # (errors,)
@@ -210,41 +252,13 @@ class _System:
 
     @classmethod
     def of(cls, problem: Problem, x: Array, errors: Sequence[Array], weights: Sequence[Array]) -> _System:
-        free = problem.free
-        S = np.diag(problem.prior_sigma[free] ** -2)
-        g = (problem.start - x)[free] * problem.prior_sigma[free] ** -2
-        inexact = np.flatnonzero(problem.reading_sigma > 0.0)
+        S, g = _priors(problem, x)
         stances: list[_Stance] = []
-        for number, (s, e, w) in enumerate(zip(problem.sightings, errors, weights, strict=True)):
-            r, by_unknown, by_reading = _linearised(problem, s, s.evaluate(x, e), w)
-            J = by_unknown[..., free]
-            if not len(inexact):
-                flat = J.reshape(-1, J.shape[-1])
-                S += flat.T @ flat
-                g += flat.T @ r.reshape(-1)
-                continue
-            for stance in np.unique(s.stances):
-                images = np.flatnonzero(s.stances == stance)
-                columns = [
-                    (int(j), images[s.reading_ids[images, j] == i])
-                    for j in inexact
-                    for i in np.unique(s.reading_ids[images, j])
-                ]
-                rows = r[images].reshape(-1)
-                A = J[images].reshape(len(rows), -1)
-                N = np.zeros((len(images), *r.shape[1:], len(columns)))
-                place = {int(image): k for k, image in enumerate(images)}
-                for k, (j, shared) in enumerate(columns):
-                    for image in shared:
-                        N[place[int(image)], ..., k] = by_reading[image, ..., j]
-                N = N.reshape(len(rows), -1)
-                sigma = problem.reading_sigma[[j for j, _ in columns]]
-                now = np.array([e[shared[0], j] for j, shared in columns])
-                H = N.T @ N + np.diag(sigma**-2)
-                back = np.linalg.solve(H, np.column_stack([N.T @ A, N.T @ rows - now / sigma**2]))
-                S += A.T @ A - (N.T @ A).T @ back[:, :-1]
-                g += A.T @ rows - (N.T @ A).T @ back[:, -1]
-                stances.append(_Stance(number, images, columns, back[:, :-1], back[:, -1]))
+        for number in range(len(problem.sightings)):
+            for stance in _stances(problem, number, x, errors, weights):
+                S += stance.S
+                g += stance.g
+                stances.append(stance)
         return cls(S, g, stances, [e.shape for e in errors])
 
     def step(self, damping: float) -> tuple[Array, list[Array]]:
@@ -256,6 +270,60 @@ class _System:
             for value, (j, shared) in zip(change, stance.columns, strict=True):
                 changes[stance.chain][shared, j] = value
         return step, changes
+
+
+def _priors(problem: Problem, x: Array, more: int = 0) -> tuple[Array, Array]:
+    weight = np.append(problem.prior_sigma[problem.free] ** -2, np.zeros(more))
+    return np.diag(weight), weight * np.append((problem.start - x)[problem.free], np.zeros(more))
+
+
+def _stances(
+    problem: Problem,
+    chain: int,
+    x: Array,
+    errors: Sequence[Array],
+    weights: Sequence[Array],
+    extra: Sequence[Array] | None = None,
+) -> Iterator[_Stance]:
+    """Every stance of a chain that has an image of weight."""
+    s, e, w = problem.sightings[chain], errors[chain], weights[chain]
+    r, by_unknown, by_reading = _linearised(problem, s, s.evaluate(x, e), w)
+    J = by_unknown[..., problem.free]
+    if extra is not None:
+        scale = np.sqrt(w)[:, None, None, None] / problem.pixel_sigma[:, None]
+        seen = np.isfinite(s.pixels)[..., None]
+        J = np.concatenate([J, np.where(seen, extra[chain] * scale, 0.0)], axis=-1)
+    inexact = np.flatnonzero(problem.reading_sigma > 0.0)
+    for stance in np.unique(s.stances):
+        together = np.flatnonzero(s.stances == stance)
+        images = together[w[together] > 0.0]
+        if not len(images):
+            continue
+        rows = r[images].reshape(-1)
+        A = J[images].reshape(len(rows), -1)
+        if not len(inexact):
+            yield _Stance(chain, A.T @ A, A.T @ rows, [], np.zeros((0, A.shape[1])), np.zeros(0))
+            continue
+        columns = [
+            (int(j), together[s.reading_ids[together, j] == i])
+            for j in inexact
+            for i in np.unique(s.reading_ids[images, j])
+        ]
+        N = np.zeros((len(images), *r.shape[1:], len(columns)))
+        place = {int(image): k for k, image in enumerate(images)}
+        for k, (j, shared) in enumerate(columns):
+            for image in shared:
+                if int(image) in place:
+                    N[place[int(image)], ..., k] = by_reading[image, ..., j]
+        N = N.reshape(len(rows), -1)
+        sigma = problem.reading_sigma[[j for j, _ in columns]]
+        now = np.array([e[shared[0], j] for j, shared in columns])
+        H = N.T @ N + np.diag(sigma**-2)
+        NA = N.T @ A
+        back = np.linalg.solve(H, np.column_stack([NA, N.T @ rows - now / sigma**2]))
+        S = A.T @ A - NA.T @ back[:, :-1]
+        g = A.T @ rows - NA.T @ back[:, -1]
+        yield _Stance(chain, S, g, columns, back[:, :-1], back[:, -1])
 
 
 def _linearised(problem: Problem, s: Sightings, at: Evaluated, weights: Array) -> tuple[Array, Array, Array]:

@@ -9,14 +9,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from arm.board import Board
-from arm.errors import FileInputError
-from arm.files import read_json
-from arm.se3 import Array, frozen
+from arm.jsonnode import JsonNode
 from vision.camera import Camera
 from vision.markers import Marker
 
@@ -44,54 +41,16 @@ def read_detections(path: Path) -> Detections:
     Raises:
         FileInputError: with the key that breaks the format.
     """
-    value = read_json(path)
-    root = _Node(path, "", value)
+    root = JsonNode.of_file(path)
     return Detections(
-        _camera(root["camera"]), _board(root["board"]), tuple(map(_scene, root["scenes"].items()))
+        read_recorded_camera(root["camera"]),
+        _board(root["board"]),
+        tuple(map(_scene, root["scenes"].items())),
     )
 
 
-@dataclass(frozen=True)
-class _Node:
-    """A value of the file, and where it stands."""
-
-    path: Path
-    key: str
-    value: Any
-
-    def error(self, rule: str) -> FileInputError:
-        shown = None if isinstance(self.value, dict | list) else self.value
-        return FileInputError(self.path, self.key, shown, rule)
-
-    def __getitem__(self, name: str) -> _Node:
-        key = f"{self.key}.{name}" if self.key else name
-        if not isinstance(self.value, dict):
-            raise self.error("must be an object")
-        if name not in self.value:
-            raise FileInputError(self.path, key, None, "is missing")
-        return _Node(self.path, key, self.value[name])
-
-    def items(self) -> list[_Node]:
-        if not isinstance(self.value, list):
-            raise self.error("must be a list")
-        return [_Node(self.path, f"{self.key}[{i}]", v) for i, v in enumerate(self.value)]
-
-    def numbers(self, *shape: int) -> Array:
-        try:
-            array = np.array(self.value, dtype=float)
-        except (TypeError, ValueError):
-            array = np.zeros(0)
-        if array.shape != shape or not np.isfinite(array).all():
-            raise self.error(f"must be {' x '.join(map(str, shape))} finite numbers")
-        return frozen(array)
-
-    def integer(self, low: int, high: int) -> int:
-        if isinstance(self.value, bool) or not isinstance(self.value, int) or not low <= self.value <= high:
-            raise self.error(f"must be a whole number from {low} to {high}")
-        return self.value
-
-
-def _camera(node: _Node) -> Camera:
+def read_recorded_camera(node: JsonNode) -> Camera:
+    """A camera at the origin, of its lens: ``K_px``, ``distortion_k1k2p1p2k3``, ``size_px``."""
     K, size = node["K_px"].numbers(3, 3), node["size_px"].numbers(2)
     if min(K[0, 0], K[1, 1]) <= 0.0 or K[1, 0] != 0.0 or not np.array_equal(K[2], (0.0, 0.0, 1.0)):
         raise node["K_px"].error("must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with fx, fy above 0")
@@ -100,7 +59,7 @@ def _camera(node: _Node) -> Camera:
     return Camera(K, node["distortion_k1k2p1p2k3"].numbers(5), (int(size[0]), int(size[1])), np.eye(4))
 
 
-def _board(node: _Node) -> Board:
+def _board(node: JsonNode) -> Board:
     markers = node["markers"].items()
     if len(markers) != 2:
         raise node["markers"].error(f"must be two markers, not {len(markers)}")
@@ -121,12 +80,12 @@ def _board(node: _Node) -> Board:
     return board
 
 
-def _scene(node: _Node) -> tuple[tuple[Marker, ...], ...]:
+def _scene(node: JsonNode) -> tuple[tuple[Marker, ...], ...]:
     frames = node["frames"].items()
     if not frames:
         raise node["frames"].error("must be one photograph at least")
     return tuple(tuple(map(_marker, frame["markers"].items())) for frame in frames)
 
 
-def _marker(node: _Node) -> Marker:
+def _marker(node: JsonNode) -> Marker:
     return Marker(node["id"].integer(0, 10**6), node["corners_px"].numbers(4, 2), "recorded")

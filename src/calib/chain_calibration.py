@@ -1,0 +1,231 @@
+"""A calibrated chain as a value: the unknowns with their covariance, how well they predict, and what is doubtful."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.se3 import Array, frozen
+from calib.chain_fit import ChainFit, Problem, Sightings, fit_chains
+from calib.chain_suspects import ChainSuspect, find_suspects
+from calib.model_choice import Choice, Part, Trial, choose_model
+
+FOLDS = 5
+CORRELATED = 0.9
+
+
+@dataclass(frozen=True)
+class ChainLimits:
+    """When a chain's calibration is refused.
+
+    Attributes:
+        chi2_dof: largest cost per degree of freedom: above it, something moves that the model does not know.
+        held_out: largest error of predictions that were held out, m.
+        wrong: largest part of the images that may be left out as wrong.
+        images: fewest images that are used.
+        undetermined: standard deviations from which an angle (rad) and a length (m) are not determined.
+    """
+
+    chi2_dof: float = 1.25
+    held_out: float = 1e-3
+    wrong: float = 0.5
+    images: int = 8
+    undetermined: tuple[float, float] = (np.radians(2.0), 0.02)
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """How well images are predicted by fits that do not know them.
+
+    Attributes:
+        px: rms of the residuals' coordinates.
+        metres: rms distance, across the line of sight, of the target's middle from where it was predicted.
+    """
+
+    px: float
+    metres: float
+
+
+@dataclass(frozen=True, eq=False)
+class ChainCalibration:
+    """A fit of the model that was chosen.
+
+    Attributes:
+        names: of all unknowns.
+        lengths: (count,) which unknowns are lengths; the others are angles, or make angles.
+        problem: with the chosen unknowns free.
+        fit: of it; weights 0 for images that were left out.
+        trials: what each optional part of the model is worth.
+        held_out: from `FOLDS` fits that each lack a part of the stances.
+        suspects: what else could be wrong, most telling first.
+        iterations: steps from the start to the solution, with the model that was chosen.
+        solve_s: how long that took.
+        limits: of the verdict.
+        reasons: why it is refused; empty if it is accepted.
+        remarks: what a person should know besides.
+    """
+
+    names: tuple[str, ...]
+    lengths: npt.NDArray[np.bool_]
+    problem: Problem
+    fit: ChainFit
+    trials: tuple[Trial, ...]
+    held_out: HeldOut
+    suspects: tuple[ChainSuspect, ...]
+    iterations: int
+    solve_s: float
+    limits: ChainLimits
+    reasons: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def accepted(self) -> bool:
+        """The verdict."""
+        return not self.reasons
+
+    @property
+    def images(self) -> int:
+        """How many there are."""
+        return sum(len(w) for w in self.fit.weights)
+
+    @property
+    def wrong(self) -> tuple[npt.NDArray[np.intp], ...]:
+        """Images of every chain that were left out as wrong."""
+        return tuple(np.flatnonzero(w == 0.0) for w in self.fit.weights)
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Of all unknowns, SI; wider than the fit says by what its residuals are too large. Zero where held."""
+        return frozen(self.fit.covariance(self.problem.free) * max(1.0, self.fit.chi2_dof))
+
+    @cached_property
+    def residual_std(self) -> Array:
+        """Standard deviation of the residuals in x and y with the readings taken as exact, (2,) px."""
+        return _std(self.problem, self.fit, [np.zeros_like(e) for e in self.fit.errors])
+
+    @cached_property
+    def correlations(self) -> tuple[tuple[str, str, float], ...]:
+        """Pairs of free unknowns whose correlation is above `CORRELATED`, strongest first."""
+        free = np.flatnonzero(self.problem.free)
+        sigma = np.sqrt(np.diag(self.covariance))[free]
+        matrix = self.covariance[np.ix_(free, free)] / np.outer(sigma, sigma)
+        pairs = [
+            (self.names[a], self.names[b], float(matrix[i, j]))
+            for i, a in enumerate(free)
+            for j, b in enumerate(free[:i])
+            if abs(matrix[i, j]) > CORRELATED
+        ]
+        return tuple(sorted(pairs, key=lambda pair: -abs(pair[2])))
+
+    @cached_property
+    def weakest(self) -> tuple[tuple[str, float], ...]:
+        """The combination of unknowns that the images tell least of: names and shares, largest first, of those that
+        matter, each in its own standard deviation if the others were known."""
+        free = np.flatnonzero(self.problem.free)
+        scale = 1.0 / np.sqrt(np.diag(self.fit.information))
+        _, vectors = np.linalg.eigh(self.fit.information * np.outer(scale, scale))
+        weak = vectors[:, 0]
+        order = np.argsort(-np.abs(weak))[:4]
+        return tuple((self.names[free[i]], float(weak[i])) for i in order if abs(weak[i]) > 0.2)
+
+
+def calibrate_chain(
+    names: Sequence[str],
+    lengths: npt.NDArray[np.bool_],
+    problem: Problem,
+    parts: Sequence[Part],
+    limits: ChainLimits,
+    weights: Sequence[Array] | None = None,
+) -> ChainCalibration:
+    """Choose a model, fit it, hold images out, and look for what else could be wrong; the verdict is not yet made.
+
+    Args:
+        names: of all unknowns.
+        lengths: (count,) which are lengths.
+        problem: with all unknowns of all parts free.
+        parts: of the model that may be left out.
+        limits: of the verdict.
+        weights: of a start that knows some images to be wrong, (n,) of every chain.
+    """
+    choice = choose_model(_exact_if_it_fits(problem, limits), parts, weights)
+    began = time.perf_counter()
+    again = fit_chains(choice.problem, choice.fit.weights)
+    took = time.perf_counter() - began
+    fit = again if again.cost <= choice.fit.cost * (1.0 + 1e-9) else choice.fit
+    return ChainCalibration(
+        tuple(names),
+        lengths,
+        choice.problem,
+        fit,
+        choice.trials,
+        hold_out(choice),
+        find_suspects(choice.problem, fit),
+        again.iterations,
+        took,
+        limits,
+    )
+
+
+def _exact_if_it_fits(problem: Problem, limits: ChainLimits) -> Problem:
+    """With readings taken as exact where that explains everything: a grid may be that of the commands."""
+    if not (problem.reading_sigma > 0.0).any():
+        return problem
+    exact = replace(problem, reading_sigma=np.zeros_like(problem.reading_sigma))
+    return exact if fit_chains(exact).chi2_dof < limits.chi2_dof else problem
+
+
+def hold_out(choice: Choice, folds: int = FOLDS) -> HeldOut:
+    """Predict each part of the stances from a fit to the others."""
+    problem, fit = choice.problem, choice.fit
+    squares, count, metres = 0.0, 0, []
+    for fold in range(folds):
+        parts = [_fold(s, folds) == fold for s in problem.sightings]
+        weights = [np.where(part, 0.0, w) for part, w in zip(parts, fit.weights, strict=True)]
+        known = fit_chains(problem, weights, fit)
+        for s, part, w in zip(problem.sightings, parts, fit.weights, strict=True):
+            images = np.flatnonzero(part & (w > 0.0))
+            if not len(images):
+                continue
+            r, depth = _predicted(problem, s, images, known.unknowns)
+            squares += float(np.nansum(r**2))
+            count += int(np.isfinite(r).sum())
+            focal = np.diag(problem.camera.K)[:2]
+            metres.append(np.linalg.norm(np.nanmean(r, axis=1) / focal * depth[:, None], axis=1))
+    together = np.concatenate(metres) if metres else np.array([np.nan])
+    return HeldOut(float(np.sqrt(squares / max(count, 1))), float(np.sqrt(np.mean(together**2))))
+
+
+def _fold(s: Sightings, folds: int) -> npt.NDArray[np.intp]:
+    _, place = np.unique(s.stances, return_inverse=True)
+    return np.asarray(place % folds, dtype=np.intp)
+
+
+def _predicted(
+    problem: Problem, s: Sightings, images: npt.NDArray[np.intp], unknowns: Array
+) -> tuple[Array, Array]:
+    """Residuals (k, m, 2) px of images predicted from their readings, and the target's depth, (k,) m."""
+    some = replace(
+        s,
+        readings=s.readings[images],
+        reading_ids=s.reading_ids[images],
+        stances=s.stances[images],
+        pixels=s.pixels[images],
+    )
+    T = some.evaluate(unknowns, np.zeros_like(some.readings)).T
+    at = np.einsum("nij,mj->nmi", T[:, :3, :3], s.points) + T[:, None, :3, 3]
+    return some.pixels - problem.camera.project(at), at[..., 2].mean(axis=1)
+
+
+def _std(problem: Problem, fit: ChainFit, errors: Sequence[Array]) -> Array:
+    residuals = []
+    for s, w, e in zip(problem.sightings, fit.weights, errors, strict=True):
+        images = np.flatnonzero(w > 0.0)
+        T = s.evaluate(fit.unknowns, e).T[images]
+        at = np.einsum("nij,mj->nmi", T[:, :3, :3], s.points) + T[:, None, :3, 3]
+        residuals.append((s.pixels[images] - problem.camera.project(at)).reshape(-1, 2))
+    return np.asarray(np.nanstd(np.concatenate(residuals), axis=0))

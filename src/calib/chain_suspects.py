@@ -1,0 +1,172 @@
+"""What else could be wrong with a calibrated chain: each cause tested by how much it would explain.
+
+A cause is a further unknown that the fit does not have, such as a target of another size. At the solution the cost's
+gradient along it, with all other unknowns free to follow, says how large it is and how surely (C. R. Rao's score
+test, 1948); nothing has to be fitted again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import stats
+
+from arm.se3 import Array
+from calib.bundle import inverse_scaled, solve_scaled
+from calib.chain_fit import ChainFit, NormalEquations, Problem, Sightings, normal_equations
+
+SURE = 1e-5  # how often a cause that is not there would look so strong
+
+
+@dataclass(frozen=True, eq=False)
+class ChainSuspect:
+    """A possible cause.
+
+    Attributes:
+        name: "target size", "time skew", "focal length", "target moved", "camera moved", "scale of reading k".
+        amount: its size in `unit` (of what moved: the distance).
+        sigma: standard deviation of the amount, as if the model were complete otherwise.
+        unit: "" for a part of something.
+        drop: of the cost, if it were in the model.
+        limit: drop up to which it may be chance.
+        image: from which on, where it is something that moved; -1 otherwise.
+    """
+
+    name: str
+    amount: float
+    sigma: float
+    unit: str
+    drop: float
+    limit: float
+    image: int = -1
+
+    @property
+    def sure(self) -> bool:
+        """Whether chance does not explain it."""
+        return self.drop > self.limit
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """Derivatives at a fit, px: by the target's points (n, m, 2, 3), by its twist and the camera's (..., 6), by the
+    readings; and the projected points (n, m, 2)."""
+
+    s: Sightings
+    projected: Array
+    by_point: Array
+    by_twist: Array
+    by_camera: Array
+    by_reading: Array
+
+    @classmethod
+    def of(cls, problem: Problem, s: Sightings, unknowns: Array, errors: Array) -> _View:
+        at = s.evaluate(unknowns, errors)
+        R = at.T[:, :3, :3]
+        in_camera = np.einsum("nij,mj->nmi", R, s.points) + at.T[:, None, :3, 3]
+        by_camera_point = problem.camera.projection_jacobian(in_camera)
+        by_point = np.einsum("nmuk,nki->nmui", by_camera_point, R)
+        p = np.broadcast_to(s.points[None, :, None], by_point.shape)
+        P = np.broadcast_to(in_camera[:, :, None], by_point.shape)
+        by_twist = np.concatenate([by_point, np.cross(p, by_point)], axis=-1)
+        by_camera = np.concatenate([by_camera_point, np.cross(P, by_camera_point)], axis=-1)
+        by_reading = np.einsum("nmut,nkt->nmuk", by_twist, at.by_reading)
+        projected = problem.camera.project(in_camera)
+        return cls(s, projected, by_point, by_twist, by_camera, by_reading)
+
+    def by_size(self) -> Array:
+        return np.asarray(np.einsum("nmui,mi->nmu", self.by_point, self.s.points)[..., None])
+
+    def by_focal_length(self, problem: Problem) -> Array:
+        return np.asarray((self.projected - problem.camera.K[:2, 2])[..., None])
+
+    def by_skew(self) -> Array:
+        back = np.zeros_like(self.s.readings)
+        back[1:] = self.s.readings[:-1] - self.s.readings[1:]
+        return np.asarray(np.einsum("nmuk,nk->nmu", self.by_reading, back)[..., None])
+
+    def by_scale(self, j: int) -> Array:
+        return np.asarray((self.by_reading[..., j] * self.s.readings[:, None, None, j])[..., None])
+
+
+def find_suspects(problem: Problem, fit: ChainFit) -> tuple[ChainSuspect, ...]:
+    """All causes that are known by name, most telling first."""
+    views = [
+        _View.of(problem, s, fit.unknowns, e) for s, e in zip(problem.sightings, fit.errors, strict=True)
+    ]
+    columns = {
+        "target size": [v.by_size() for v in views],
+        "focal length": [v.by_focal_length(problem) for v in views],
+        "time skew": [v.by_skew() for v in views],
+    }
+    single = len(views) == 1
+    if single:
+        columns |= {
+            f"scale of reading {j}": [views[0].by_scale(j)] for j in range(views[0].s.readings.shape[1])
+        }
+        columns |= {"target moved": [views[0].by_twist], "camera moved": [views[0].by_camera]}
+    together = [np.concatenate([of[v] for of in columns.values()], axis=-1) for v in range(len(views))]
+    sums = _Sums(normal_equations(problem, fit, together), int(problem.free.sum()))
+    found: list[ChainSuspect] = []
+    place = sums.free
+    for name, of in columns.items():
+        chosen = slice(place, place + of[0].shape[-1])
+        place = chosen.stop
+        if "moved" in name:
+            found += _moved(name, sums, chosen, fit)
+        else:
+            unit = "of the way from the last pose" if name == "time skew" else ""
+            found.append(_test(name, unit, sums, chosen, 0, fit))
+    return tuple(sorted(found, key=lambda suspect: -suspect.drop / suspect.limit))
+
+
+class _Sums:
+    """Normal equations of the free unknowns and of further ones that begin to act at some stance."""
+
+    def __init__(self, equations: NormalEquations, free: int) -> None:
+        self.free = free
+        self._S, self._g = equations.prior[0] + equations.S.sum(axis=0), equations.g.sum(axis=0)
+        self._S_from = np.cumsum(equations.S[::-1, :, free:], axis=0)[::-1]
+        self._g_from = np.cumsum(equations.g[::-1, free:], axis=0)[::-1]
+        self._gradient = equations.prior[1] + self._g
+        self.stances = len(equations.S)
+
+    def score(self, chosen: slice, first: int) -> tuple[Array, Array, float]:
+        """Estimate and covariance of unknowns that act from a stance on, and what they would save of the cost."""
+        n = self.free
+        columns = slice(chosen.start - n, chosen.stop - n)
+        S_fe, S_ee = self._S_from[first, :n, columns], self._S_from[first, chosen, columns]
+        back = np.linalg.solve(self._scaled_S, self._scale[:, None] * S_fe) * self._scale[:, None]
+        schur = S_ee - S_fe.T @ back
+        rest = self._g_from[first, columns] - back.T @ self._gradient[:n]
+        amount = solve_scaled(schur, rest)
+        return amount, inverse_scaled(schur), float(rest @ amount)
+
+    @cached_property
+    def _scale(self) -> Array:
+        return np.asarray(1.0 / np.sqrt(np.maximum(np.diag(self._S)[: self.free], 1e-300)))
+
+    @cached_property
+    def _scaled_S(self) -> Array:
+        S: Array = self._S[: self.free, : self.free] * np.outer(self._scale, self._scale)
+        return S + 1e-14 * np.eye(self.free)
+
+
+def _test(
+    name: str, unit: str, sums: _Sums, chosen: slice, first: int, fit: ChainFit, tries: int = 1
+) -> ChainSuspect:
+    amount, covariance, drop = sums.score(chosen, first)
+    k = len(amount)
+    limit = float(stats.chi2.isf(SURE / tries, k)) * max(1.0, fit.chi2_dof)
+    if k == 1:
+        return ChainSuspect(name, float(amount[0]), float(np.sqrt(covariance[0, 0])), unit, drop, limit)
+    size, sigma = float(np.linalg.norm(amount[:3])), float(np.sqrt(np.trace(covariance[:3, :3])))
+    return ChainSuspect(name, size, sigma, unit, drop, limit, first)
+
+
+def _moved(name: str, sums: _Sums, chosen: slice, fit: ChainFit) -> list[ChainSuspect]:
+    """What moved once, between two stances: the likeliest time."""
+    times = range(1, sums.stances)
+    tests = [_test(name, "m", sums, chosen, k, fit, len(times)) for k in times]
+    return [max(tests, key=lambda test: test.drop)] if tests else []

@@ -1,0 +1,106 @@
+"""What images of a target say alone, with the target's pose free in each: noise of the corners, and wrong corners.
+
+It rests on no arm, so it is the measure that an arm's model is held against: residuals that are larger with the arm
+in between are the arm's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy import stats
+
+from arm.se3 import Array
+from calib.bundle import View
+from calib.camera_start import pose_of
+from vision.camera import Camera
+
+WRONG_CORNER = 6.0  # standard deviations
+_MANY = 8  # corners from which wrong ones can be told
+_STEPS = 15
+_PER_AXIS = 16  # corners from which x and y are told apart
+
+
+@dataclass(frozen=True, eq=False)
+class FreePoses:
+    """Poses of a target that fit each image alone.
+
+    Attributes:
+        T_camera_target: (n, 4, 4).
+        residuals: (n, m, 2) px, NaN where a corner was not seen.
+        pixel_sigma: standard deviation of a corner's x and y, (2,) px.
+        wrong: (n, m) corners that do not fit the others of their image.
+    """
+
+    T_camera_target: Array
+    residuals: Array
+    pixel_sigma: Array
+    wrong: npt.NDArray[np.bool_]
+
+
+def fit_free_poses(camera: Camera, points: Array, pixels: Array) -> FreePoses:
+    """Fit a pose to every image.
+
+    The standard deviation is that of the better half of the images, so that a few with wrong corners do not count.
+
+    Args:
+        camera: at the origin.
+        points: (m, 3) m in the target frame.
+        pixels: (n, m, 2), NaN where a corner was not seen; four at least in every image.
+    """
+    shown = pixels.copy()
+    wrong = np.zeros(pixels.shape[:2], dtype=bool)
+    for _ in range(4):
+        poses = np.array(
+            [
+                pose_of(View(points[seen], image[seen]), camera)
+                for image, seen in zip(shown, np.isfinite(shown[..., 0]), strict=True)
+            ]
+        )
+        residuals, spared = _residuals(camera, points, pixels, shown, poses)
+        sigma = _sigma(residuals, spared, np.isfinite(shown[..., 0]))
+        off = np.linalg.norm(residuals / sigma, axis=-1)
+        worst = np.nanargmax(off, axis=1)
+        rows = np.arange(len(off))
+        enough = np.isfinite(shown[..., 0]).sum(axis=1) > _MANY
+        drop = enough & (off[rows, worst] > WRONG_CORNER) & ~wrong[rows, worst]
+        if not drop.any():
+            break
+        far = (off > WRONG_CORNER) & drop[:, None] & (off >= 0.5 * off[rows, worst][:, None])
+        wrong |= far
+        shown[far] = np.nan
+    return FreePoses(poses, residuals, sigma, wrong)
+
+
+def _residuals(
+    camera: Camera, points: Array, pixels: Array, shown: Array, poses: Array
+) -> tuple[Array, Array]:
+    """Residuals of all corners (n, m, 2), and what part of each coordinate's variance is left in it."""
+    residuals, spared = np.full(pixels.shape, np.nan), np.zeros(pixels.shape)
+    for i, T in enumerate(poses):
+        at = points @ T[:3, :3].T + T[:3, 3]
+        residuals[i] = pixels[i] - camera.project(at)
+        by_point = camera.projection_jacobian(at) @ T[:3, :3]
+        p = np.broadcast_to(points[:, None], by_point.shape)
+        J = np.concatenate([by_point, np.cross(p, by_point)], axis=-1)
+        J[~np.isfinite(shown[i, :, 0])] = 0.0
+        Q, _ = np.linalg.qr(J.reshape(-1, 6))
+        spared[i] = 1.0 - (Q**2).sum(axis=1).reshape(-1, 2)
+    return residuals, spared
+
+
+def _sigma(residuals: Array, spared: Array, seen: npt.NDArray[np.bool_]) -> Array:
+    """Of x and y, (2,) px, from the better half of the images by their squares."""
+    squares = np.where(seen[..., None], residuals, 0.0) ** 2
+    freedom = np.where(seen[..., None], spared, 0.0).sum(axis=(1, 2))
+    usable = freedom > 0.5
+    mean = squares.sum(axis=(1, 2))[usable] / freedom[usable]
+    typical = np.median(mean) / np.median(stats.chi2.median(freedom[usable]) / freedom[usable])
+    good = usable.copy()
+    good[usable] = mean * freedom[usable] < typical * stats.chi2.isf(1e-4, freedom[usable])
+    total = squares[good].sum(axis=(0, 1)), np.where(seen[..., None], spared, 0.0)[good].sum(axis=(0, 1))
+    if np.median(seen.sum(axis=1)) < _PER_AXIS:
+        return np.full(2, np.sqrt(total[0].sum() / total[1].sum()))
+    return np.asarray(np.sqrt(total[0] / total[1]))

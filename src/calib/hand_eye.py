@@ -1,0 +1,157 @@
+"""Eye-to-hand calibration of an arm before a fixed camera: where the camera stands, how the target is held, and what
+the arm's zeros and links are off by, from images of the target and the joints at each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from arm.errors import CalibrationRefused
+from arm.se3 import Array, frozen
+from calib.arm_chain import CAMERA, OFFSETS, TARGET, arm_chain, place_and_mount, unknown_names
+from calib.arm_recording import ArmRecording
+from calib.chain_calibration import ChainCalibration, ChainLimits, calibrate_chain
+from calib.chain_fit import Problem, Sightings
+from calib.chain_verdict import judged
+from calib.free_poses import fit_free_poses
+from calib.model_choice import Part
+from calib.reading_steps import reading_sigmas
+from calib.robot_world_start import start_robot_world
+
+LINKS = "errors of the links"
+ZERO = np.radians(3.0)  # rad; no joint's zero is further off in an arm that was ever homed
+LENGTH, ANGLE = 0.5e-3, np.radians(0.1)  # m and rad; what links of an industrial arm are off by
+GAUGES = (
+    "zero of the first joint: turns the base, and is in T_base_camera",
+    "zero of the last joint: turns the hand, and is in T_gripper_target",
+)
+HAND_EYE_LIMITS = ChainLimits(held_out=1e-3)
+
+
+@dataclass(frozen=True, eq=False)
+class HandEye:
+    """A camera's place and an arm's errors.
+
+    Attributes:
+        recording: that it rests on.
+        chain: the calibration of the chain, with its verdict.
+        start: T_base_camera and T_gripper_target about which the chain's unknowns count, 4x4 each.
+        pixel_sigma: noise of a corner, (2,) px, that the images show without the arm.
+    """
+
+    recording: ArmRecording
+    chain: ChainCalibration
+    start: tuple[Array, Array]
+    pixel_sigma: Array
+
+    @cached_property
+    def _placed(self) -> tuple[Array, Array]:
+        return place_and_mount(*self.start, self.chain.fit.unknowns)
+
+    @property
+    def T_base_camera(self) -> Array:
+        """Where the camera stands, 4x4."""
+        return self._placed[0]
+
+    @property
+    def T_gripper_target(self) -> Array:
+        """How the target is held: gripper is the flange, 4x4."""
+        return self._placed[1]
+
+    @property
+    def joint_offsets(self) -> Array:
+        """What to add to each reading, (joints,) rad."""
+        return frozen(self.chain.fit.unknowns[OFFSETS : OFFSETS + self.recording.dh.joints])
+
+    @property
+    def link_errors(self) -> tuple[Array, Array, Array]:
+        """What to add to d and a (m) and alpha (rad), (joints,) each."""
+        first = OFFSETS + self.recording.dh.joints
+        return tuple(map(frozen, np.split(self.chain.fit.unknowns[first:], 3)))  # type: ignore[return-value]
+
+    def pose_sigma(self, first: int, R: Array) -> tuple[Array, Array]:
+        """Standard deviations (3,) m along the axes of the frame that R leads to, and (3,) rad about its own axes."""
+        covariance = self.chain.covariance[first : first + 6, first : first + 6]
+        along = R @ covariance[:3, :3] @ R.T
+        return np.sqrt(np.diag(along)), np.sqrt(np.diag(covariance)[3:])
+
+    @property
+    def camera_sigma(self) -> tuple[Array, Array]:
+        """Of `T_base_camera`: m in the base frame, rad about the camera's axes."""
+        return self.pose_sigma(CAMERA, self.T_base_camera[:3, :3])
+
+    @property
+    def target_sigma(self) -> tuple[Array, Array]:
+        """Of `T_gripper_target`: m in the gripper's frame, rad about the target's axes."""
+        return self.pose_sigma(TARGET, self.T_gripper_target[:3, :3])
+
+
+def calibrate_hand_eye(
+    recording: ArmRecording, limits: ChainLimits = HAND_EYE_LIMITS, encoder_step: float | None = None
+) -> HandEye:
+    """Find place, mount, zeros and, if the images show them, errors of the links.
+
+    Zeros of the first and last joint are a gauge and held (`GAUGES`).
+
+    Args:
+        recording: images and joints.
+        limits: of the verdict.
+        encoder_step: rad; None to see it from the readings.
+
+    Raises:
+        CalibrationRefused: too few poses, or motions that determine nothing.
+    """
+    dh, n = recording.dh, len(recording.joints)
+    alone = fit_free_poses(recording.camera, recording.points, recording.pixels)
+    names = unknown_names(dh.joints)
+    nominal = arm_chain(dh, np.eye(4), np.eye(4)).evaluate(recording.joints, np.zeros(len(names))).T
+    begin = start_robot_world(nominal, alone.T_camera_target)
+    ids = np.tile(np.arange(n)[:, None], (1, dh.joints))
+    sightings = Sightings(
+        arm_chain(dh, begin.T_base_camera, begin.T_gripper_target),
+        recording.joints,
+        ids,
+        np.arange(n),
+        recording.points,
+        np.where(alone.wrong[..., None], np.nan, recording.pixels),
+    )
+    free = np.ones(len(names), dtype=bool)
+    free[[OFFSETS, OFFSETS + dh.joints - 1]] = False
+    prior = np.full(len(names), np.inf)
+    links = OFFSETS + dh.joints
+    prior[OFFSETS:links] = ZERO
+    prior[links : links + 2 * dh.joints] = LENGTH
+    prior[links + 2 * dh.joints :] = ANGLE
+    lengths = np.array([name[-1] in "xyz" and "turn" not in name for name in names])
+    lengths[links : links + 2 * dh.joints] = True
+    problem = Problem(
+        [sightings],
+        recording.camera,
+        np.zeros(len(names)),
+        prior,
+        alone.pixel_sigma,
+        reading_sigmas([recording.joints])
+        if encoder_step is None
+        else np.full(dh.joints, encoder_step / np.sqrt(12.0)),
+        free,
+    )
+    if not begin.inliers.any():
+        raise CalibrationRefused("no two poses agree on where the camera stands", reason="start")
+    chain = calibrate_chain(
+        names,
+        lengths,
+        problem,
+        [Part(LINKS, tuple(range(links, len(names))))],
+        limits,
+        [begin.inliers.astype(float)],
+    )
+
+    def in_words(name: str, value: float) -> str:
+        length = lengths[names.index(name)]
+        return f"{1e3 * value:.3g} mm" if length else f"{np.degrees(value):.3g} deg"
+
+    return HandEye(
+        recording, judged(chain, in_words), (begin.T_base_camera, begin.T_gripper_target), alone.pixel_sigma
+    )

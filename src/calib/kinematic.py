@@ -1,0 +1,75 @@
+"""Kinematic calibration of the NAO of the second seed from recorded images: model, fit and verdict."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from calib.chain_calibration import ChainCalibration, ChainLimits, calibrate_chain
+from calib.chain_fit import Problem
+from calib.chain_verdict import judged
+from calib.free_poses import fit_free_poses
+from calib.model_choice import Part
+from calib.nao import SIDES, NaoUnknowns
+from calib.nao_recording import NaoRecording
+from calib.reading_steps import reading_sigmas
+
+HEAD, SPRINGS, PLAY = "offsets of the head", "springs in the joints", "play in the joints"
+GEARS = np.radians(2.0)  # rad/Nm and rad: how soft and how loose the gears of such a robot may be
+_ALL = NaoUnknowns(head=True, springs=True, play=True)
+NAO_LIMITS = ChainLimits(held_out=2e-3)
+
+
+def calibrate_nao(
+    recording: NaoRecording, limits: ChainLimits = NAO_LIMITS, encoder_step: float | None = None
+) -> ChainCalibration:
+    """Camera, legs and boards of a NAO, with those of head, springs and play that the images show.
+
+    Args:
+        recording: images.
+        limits: of the verdict.
+        encoder_step: rad; None to see it from the readings.
+    """
+    names, si = _ALL.names, _ALL.si()
+    recorded = recording.sightings(_ALL)
+    alone = fit_free_poses(recording.camera, recording.board, np.concatenate([s.pixels for s in recorded]))
+    ends = np.cumsum([len(s.readings) for s in recorded])[:-1]
+    sightings = [
+        replace(s, pixels=np.where(wrong[..., None], np.nan, s.pixels))
+        for s, wrong in zip(recorded, np.split(alone.wrong, ends), strict=True)
+    ]
+    if encoder_step is None:
+        reading_sigma = reading_sigmas([s.readings for s in sightings])
+    else:
+        reading_sigma = np.full(sightings[0].readings.shape[1], encoder_step / np.sqrt(12.0))
+    gears = np.array(["compliance" in name or "backlash" in name for name in names])
+    seen = {side for number, side in enumerate(SIDES) if (recording.side == number).any()}
+    shown = np.array([name[0] in seen or name.startswith(("Cam", "Head")) for name in names])
+    parts = {
+        HEAD: [name.startswith("Head") for name in names],
+        SPRINGS: ["compliance" in name for name in names],
+        PLAY: ["backlash" in name for name in names],
+    }
+    problem = Problem(
+        sightings,
+        recording.camera,
+        np.zeros(len(names)),
+        np.where(gears, GEARS, np.inf),
+        alone.pixel_sigma,
+        reading_sigma,
+        shown,
+    )
+    calibration = calibrate_chain(
+        names,
+        np.array([name.endswith("_mm") for name in names]),
+        problem,
+        [Part(name, tuple(np.flatnonzero(of & shown).tolist())) for name, of in parts.items()],
+        limits,
+    )
+
+    def in_words(name: str, value: float) -> str:
+        unit = name.rpartition("_")[2] if "_per_" not in name else "deg/Nm"
+        return f"{value / si[names.index(name)]:.3g} {unit}"
+
+    return judged(calibration, in_words)

@@ -1,0 +1,141 @@
+"""Which unknowns a chain's model needs, and which images it must not believe: both from the residuals.
+
+Parts of a model (offsets of a head, springs, play, errors of links) are left out one after the other as long as the
+cost rises by no more than unknowns without meaning would make it rise (likelihood-ratio test, chi square). A model
+that has a part too many is unsure of more than it need be; one that lacks a part is wrong without knowing it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy import stats
+
+from arm.se3 import Array
+from calib.chain_fit import ChainFit, Problem, Sightings, fit_chains
+
+MEANINGLESS = 1e-3  # how often a part that is not there is taken in
+WRONG_IMAGE = 1e-6  # how often a right image would be left out
+_SOFT, _ROUNDS = 2.0, 12
+
+
+@dataclass(frozen=True)
+class Part:
+    """Unknowns that a model has or lacks together.
+
+    Attributes:
+        name: in words.
+        unknowns: their places among all.
+    """
+
+    name: str
+    unknowns: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A part that was left out to see what it is worth.
+
+    Attributes:
+        part: its name.
+        rise: of the cost without it.
+        limit: rise up to which it means nothing.
+    """
+
+    part: str
+    rise: float
+    limit: float
+
+    @property
+    def needed(self) -> bool:
+        """Whether the model keeps it."""
+        return self.rise > self.limit
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """A model and its fit.
+
+    Attributes:
+        problem: with the chosen unknowns free.
+        fit: weights 0 or 1.
+        trials: the last of each part.
+    """
+
+    problem: Problem
+    fit: ChainFit
+    trials: tuple[Trial, ...]
+
+    @property
+    def wrong(self) -> tuple[npt.NDArray[np.intp], ...]:
+        """Images of every chain that were left out."""
+        return tuple(np.flatnonzero(w == 0.0) for w in self.fit.weights)
+
+
+def choose_model(problem: Problem, parts: Sequence[Part], weights: Sequence[Array] | None = None) -> Choice:
+    """Fit with all parts, leave out wrong images, then the parts that are not needed.
+
+    Args:
+        problem: with all unknowns of all parts free, beside those that always are.
+        parts: that may be left out.
+        weights: of a start that knows some images to be wrong, (n,) of every chain.
+    """
+    fit = _without_wrong_images(problem, weights)
+    kept = list(parts)
+    trials: dict[str, Trial] = {}
+    while kept:
+        fits = {part.name: fit_chains(_without(problem, part), fit.weights, fit) for part in kept}
+        for part in kept:
+            limit = float(stats.chi2.isf(MEANINGLESS, len(part.unknowns)))
+            trials[part.name] = Trial(part.name, fits[part.name].cost - fit.cost, limit)
+        least = min(kept, key=lambda part: trials[part.name].rise / trials[part.name].limit)
+        if trials[least.name].needed:
+            break
+        problem, fit = _without(problem, least), fits[least.name]
+        kept.remove(least)
+    return Choice(problem, fit, tuple(trials.values()))
+
+
+def _without(problem: Problem, part: Part) -> Problem:
+    free = problem.free.copy()
+    free[list(part.unknowns)] = False
+    return replace(problem, free=free)
+
+
+def _without_wrong_images(problem: Problem, weights: Sequence[Array] | None) -> ChainFit:
+    """A fit with weights that fall with an image's distance from the others, and in the end are 0 or 1."""
+    fit = fit_chains(problem, weights)
+    now = list(fit.weights)
+    for _ in range(_ROUNDS):
+        off = _off(problem, fit)
+        then = [1.0 / (1.0 + (_SOFT * np.maximum(o - 1.0, 0.0)) ** 2) for o in off]
+        done = max(float(np.abs(a - b).max()) for a, b in zip(then, now, strict=True)) < 0.02
+        if done:
+            break
+        now = then
+        fit = fit_chains(problem, now, fit)
+    for _ in range(_ROUNDS):
+        off = _off(problem, fit)
+        then = [(o <= _limit(s)).astype(float) for o, s in zip(off, problem.sightings, strict=True)]
+        same = all(np.array_equal(a, b) for a, b in zip(then, fit.weights, strict=True))
+        if same:
+            break
+        fit = fit_chains(problem, then, fit)
+    return fit
+
+
+def _off(problem: Problem, fit: ChainFit) -> list[Array]:
+    """Size of every image's residuals in sizes of the typical image's."""
+    sizes = [np.sqrt(np.nanmean((r / problem.pixel_sigma) ** 2, axis=(1, 2))) for r in fit.residuals]
+    used = np.concatenate([o[w > 0.0] for o, w in zip(sizes, fit.weights, strict=True)])
+    typical = float(np.median(used))
+    return [o / typical for o in sizes]
+
+
+def _limit(s: Sightings) -> Array:
+    """Size, (n,), that a right image does not reach."""
+    count = np.isfinite(s.pixels).sum(axis=(1, 2))
+    return np.asarray(np.sqrt(stats.chi2.isf(WRONG_IMAGE, count) / stats.chi2.median(count)))
