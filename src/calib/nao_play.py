@@ -23,6 +23,7 @@ from scipy.stats import norm
 from arm.se3 import Array
 from calib.chain_fit import ChainFit, Problem, Sightings, fit_chains
 from calib.nao import LEG, NaoUnknowns, gravity_gains, gravity_torques, nao_model
+from vision.camera import Camera
 
 MASS_SIGMA = 0.10  # of a link's mass, a part of it
 _LEAST_TORQUE_SIGMA = 0.005  # Nm; centres of mass are not exact either
@@ -213,16 +214,17 @@ def _likelier_sides(
 def _whitened(problem: Problem, s: Sightings, fit: ChainFit, chain: int) -> tuple[Array, Array]:
     """Residuals (n, m, 2) and their derivatives by the readings (n, m, 2, readings); zero where nothing was seen."""
     at = s.evaluate(fit.unknowns, fit.errors[chain])
-    by_reading = pixels_by_twists(problem, s.points, at.T, at.by_reading) / problem.pixel_sigma[:, None]
+    by_reading = pixels_by_twists(problem.camera, s.points, at.T, at.by_reading)
+    by_reading /= problem.pixel_sigma[:, None]
     seen = np.isfinite(fit.residuals[chain])
     r = np.where(seen, fit.residuals[chain] / problem.pixel_sigma, 0.0)
     return r, np.where(seen[..., None], by_reading, 0.0)
 
 
-def pixels_by_twists(problem: Problem, points: Array, T: Array, twists: Array) -> Array:
+def pixels_by_twists(camera: Camera, points: Array, T: Array, twists: Array) -> Array:
     """Derivatives (n, m, 2, k) px of points (m, 3) m at poses T (n, 4, 4) by twists (n, k, 6) in their own frames."""
     at = np.einsum("nij,mj->nmi", T[:, :3, :3], points) + T[:, None, :3, 3]
-    by_point = np.einsum("nmuk,nki->nmui", problem.camera.projection_jacobian(at), T[:, :3, :3])
+    by_point = np.einsum("nmuk,nki->nmui", camera.projection_jacobian(at), T[:, :3, :3])
     turned = np.cross(np.broadcast_to(points[None, :, None], by_point.shape), by_point)
     return np.asarray(np.einsum("nmut,nkt->nmuk", np.concatenate([by_point, turned], axis=-1), twists))
 
