@@ -141,9 +141,10 @@ def standing_postures(count: int, rng: np.random.Generator) -> dict[str, tuple[A
     """Readings of standing and swinging legs with the head anywhere: by side, (n, 6) and (n, 2) rad, `count` in all."""
     postures = {}
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        leg = np.radians(rng.uniform(*_STANDING_DEG.T, (count // 2, 6)))
+        leg = np.radians(rng.uniform(_STANDING_DEG[:, 0], _STANDING_DEG[:, 1], (count // 2, 6)))
         leg[:, [1, 5]] *= sign
-        postures[side] = leg, np.radians(rng.uniform(*_LOOKING_DEG.T, (count // 2, 2)))
+        looking = np.radians(rng.uniform(_LOOKING_DEG[:, 0], _LOOKING_DEG[:, 1], (count // 2, 2)))
+        postures[side] = leg, looking
     return postures
 
 

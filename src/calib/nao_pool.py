@@ -1,8 +1,8 @@
 """Stances of a NAO's legs, and postures of its head, in which it sees its own boards: what a measurement may use.
 
 Limits are those of ``urdf/nao/nao.urdf``: Aldebaran publishes them, but those of the legs could not be cited and count
-as assumed; that its ankle's and head's limits depend on each other is left out. Both HipYawPitch joints are one motor on
-a NAO, so the leg that is not measured is turned with the other.
+as assumed; that its ankle's and head's limits depend on each other is left out. Both HipYawPitch joints are one motor
+on a NAO, so the leg that is not measured is turned with the other.
 """
 
 from __future__ import annotations
