@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from arm.errors import FileInputError
+from arm.errors import A465Error, FileInputError
 from arm.files import read_text
-from arm.se3 import Array, frozen
+from arm.se3 import Array, frozen, orthonormalised
 
 _REQUIRED: Any = object()
 
@@ -139,6 +139,16 @@ class TomlTable:
         ):
             raise self.error(key, f"must be {rule}")
         return frozen(value)
+
+    def rigid(self, key: str) -> Array:
+        """A rigid transform, 4x4; one that was printed with few digits is made one, one of ours is kept to the bit."""
+        T = self.matrix(key, 4, 4)
+        if np.abs(T[:3, :3].T @ T[:3, :3] - np.eye(3)).max() <= 1e-12:
+            return T
+        try:
+            return orthonormalised(T)
+        except A465Error as error:
+            raise self.error(key, str(error)) from error
 
     def text(self, key: str, choices: Sequence[str] = (), default: str = _REQUIRED) -> str:
         """A text, one of `choices` if any are given."""

@@ -6,7 +6,7 @@ counts/256 per ms^2 (the controller's fact sheet; the latter assumed until measu
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
 
@@ -157,6 +157,24 @@ class Unit:
         """Joint positions in rad of encoder counts (..., 6)."""
         offset = np.asarray(counts, dtype=float) - self.counts_at_zero
         return np.asarray(offset / self.counts_per_rad, dtype=float)
+
+    def calibrated(self, joint_offsets: npt.ArrayLike) -> Unit:
+        """The same unit with joints that truly stand `joint_offsets` (6,) rad from where its encoders say.
+
+        Encoders are whole counts, so zeros move by whole ones. Where joints may go is no wider than before.
+        """
+        offsets = np.asarray(joint_offsets, dtype=float)
+        if not offsets.any():
+            return self
+        at_zero = np.rint(self.counts_at_zero - offsets * self.counts_per_rad).astype(np.int64)
+        at_zero.flags.writeable = False
+        return replace(
+            self,
+            counts_at_zero=at_zero,
+            lower=frozen(self.lower + np.maximum(offsets, 0.0)),
+            upper=frozen(self.upper + np.minimum(offsets, 0.0)),
+            digest=sha256({"unit": self.digest, "counts_at_zero": at_zero.tolist()}),
+        )
 
     def velocity(self, registers: npt.ArrayLike) -> Array:
         """Joint speeds in rad/s of speed registers (6,)."""

@@ -1,35 +1,17 @@
 """The chain of an arm before a fixed camera, by its Denavit-Hartenberg numbers, with all that may be wrong in it.
-
-Standard convention (J. Denavit and R. S. Hartenberg, 1955): Rot_z(theta) Trans_z(d) Trans_x(a) Rot_x(alpha) a joint.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from arm.dh import DhTable
 from arm.se3 import Array, frozen, rot_x, rot_z, transform
 from calib.chain import Chain, Element, Fixed, Motion, Unknown, joined, pose_unknowns
 
 CAMERA, TARGET, OFFSETS = 0, 6, 12
 """Where the unknowns of the camera's place, the target's mount and the joints' offsets begin."""
 _X, _Y, _Z = np.eye(3)
-
-
-@dataclass(frozen=True, eq=False)
-class DhTable:
-    """Denavit-Hartenberg numbers, (joints,) each: d, a m; alpha, theta_offset rad."""
-
-    d: Array
-    a: Array
-    alpha: Array
-    theta_offset: Array
-
-    @property
-    def joints(self) -> int:
-        """How many there are."""
-        return len(self.d)
 
 
 def unknown_names(joints: int) -> list[str]:

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from arm.dh import DhTable
 from arm.jsonnode import JsonNode
 from arm.se3 import Array, frozen
-from calib.arm_chain import DhTable
 from vision.camera import Camera
 from vision.detections import read_recorded_camera
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from arm.armcalibration import ArmCalibration, read_arm_calibration
 from arm.board import Board, read_board_csv
 from arm.bodies import Body, Box
 from arm.errors import InputError
@@ -32,7 +34,9 @@ class Cell:
 
     Attributes:
         file: where it was read.
-        unit, camera: of the cell.
+        unit, camera: of the cell, calibrated if it is.
+        nominal_unit, nominal_camera: as their own files say.
+        calibration: of camera and arm, which makes the difference; None without one.
         camera_file: where the camera's calibration was read.
         tool_length, jaw_opening, grip_height, settle_s, cube_size: of the gripper and cubes, m and s.
         boards: that may stand in the cell.
@@ -59,6 +63,9 @@ class Cell:
     file: Path
     unit: Unit
     camera: Camera
+    nominal_unit: Unit
+    nominal_camera: Camera
+    calibration: ArmCalibration | None
     camera_file: Path
     tool_length: float
     jaw_opening: float
@@ -93,6 +100,16 @@ class Cell:
     def robot(self, jaw_opening: float | None = None) -> Robot:
         """The arm with its gripper, jaws open unless said otherwise."""
         return load_a465(self.tool_length, self.jaw_opening if jaw_opening is None else jaw_opening)
+
+    def noted(self) -> dict[str, Any]:
+        """What a log must know to tell positions from counts."""
+        if self.calibration is None:
+            return {"unit": self.unit.name}
+        return {
+            "unit": self.unit.name,
+            "calibration": self.calibration.id,
+            "joint_offsets_rad": self.calibration.joint_offsets.tolist(),
+        }
 
     @property
     def limits(self) -> Limits:
@@ -134,7 +151,12 @@ def read_cell(path: Path) -> Cell:
     motion = root.table("motion")
     cube = root.table("cube")
 
-    unit = load_unit(unit_name)
+    nominal_unit, nominal_camera = load_unit(unit_name), read_camera(camera_file)
+    calibration = _calibration(root, nominal_unit, nominal_camera)
+    unit, camera = nominal_unit, nominal_camera
+    if calibration is not None:
+        unit = unit.calibrated(calibration.joint_offsets)
+        camera = camera.at(calibration.T_base_camera)
     q_start = frozen(np.radians(root.numbers("q_start_deg", 6, "deg", -360, 360)))
     for joint, (q, low, high) in enumerate(zip(q_start, unit.lower, unit.upper, strict=True), start=1):
         if not low <= q <= high:
@@ -150,7 +172,10 @@ def read_cell(path: Path) -> Cell:
     cell = Cell(
         file=path,
         unit=unit,
-        camera=read_camera(camera_file),
+        camera=camera,
+        nominal_unit=nominal_unit,
+        nominal_camera=nominal_camera,
+        calibration=calibration,
         camera_file=camera_file,
         tool_length=tool.number("length_mm", "mm", 1, 1000) / 1e3,
         jaw_opening=tool.number("jaw_opening_mm", "mm", 1, 100) / 1e3,
@@ -193,6 +218,23 @@ def read_cell(path: Path) -> Cell:
         table.finish()
     inputs = inputs_of(root.value_dict(), LEFT_OUT, cell.boards)
     return replace(cell, inputs=inputs, digest=sha256(canonical_json(inputs)))
+
+
+def _calibration(root: TomlTable, unit: Unit, camera: Camera) -> ArmCalibration | None:
+    """The calibration that the cell file names; it must be of this unit and lens."""
+    if "calibration" not in root:
+        return None
+    path = root.path("calibration")
+    calibration = read_arm_calibration(path)
+    if calibration.unit not in ("", unit.name):
+        raise root.error(
+            "calibration", f"is of {calibration.unit}, but unit is {unit.name}; calibrate this arm"
+        )
+    if calibration.lens not in ("", camera.lens_digest):
+        raise root.error(
+            "calibration", "rests on another lens than the camera file's; calibrate again with this one"
+        )
+    return calibration
 
 
 def _registers(

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from arm.errors import CalibrationRefused
 
+if TYPE_CHECKING:
+    from cell.console import Console
+
 app = typer.Typer(
     name="calibrate",
-    help="Find out what the planner rests on: the camera's lens (hand-eye and arm are to come).",
+    help="Find out what the planner rests on: the camera's lens, its place, and the arm's own errors.",
     rich_markup_mode=None,
     no_args_is_help=True,
 )
@@ -71,11 +74,76 @@ def calibrate_lens(
     ] = False,
 ) -> None:
     from cell.calibratecamera import LensOptions, camera_step
-    from cell.console import Console, say_on_stderr
+    from cell.console import Console
 
     console = Console(as_json)
     options = LensOptions(target, tuple(hold or ()), work_mm, limit_mm, most_views, output, report)
-    result = camera_step(images, options, live, camera, simulated, console)
+    _finish(camera_step(images, options, live, camera, simulated, console), output, console)
+
+
+_DATA = Annotated[
+    Path, typer.Argument(help="Recorded images and joints (JSON, docs/hand-eye.md).", metavar="DATA")
+]
+_LIMIT = Annotated[
+    float | None,
+    typer.Option("--limit-mm", help="Largest error of held-out images; default 1, of a NAO 2."),
+]
+_STEP = Annotated[
+    float | None,
+    typer.Option("--encoder-step-deg", help="Step of the encoders; default: seen from their readings."),
+]
+_JSON = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object on standard output, all else on standard error.")
+]
+
+
+@app.command(
+    name="hand-eye",
+    help="Find where the fixed camera stands, how the target is held and what the arm's zeros (and links) are off by. "
+    "What is not good enough is refused (exit code 5), with the reason and what would help.",
+    epilog="Example: a465 calibrate hand-eye recorded.json -o calibration.toml",
+)
+def calibrate_hand_eye(
+    data: _DATA,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Calibration file to write, if it is accepted.")
+    ] = None,
+    limit_mm: _LIMIT = None,
+    encoder_step_deg: _STEP = None,
+    as_json: _JSON = False,
+) -> None:
+    from cell.calibratechain import hand_eye_step
+    from cell.console import Console
+
+    console = Console(as_json)
+    _finish(hand_eye_step(data, output, limit_mm, encoder_step_deg, console), output, console)
+
+
+@app.command(
+    name="kinematic",
+    help="Find camera, joint offsets, springs and play of a NAO from images of the boards on its soles. "
+    "What is not good enough is refused (exit code 5), with the reason and what would help.",
+    epilog="Example: a465 calibrate kinematic recorded.json -o nao.json",
+)
+def calibrate_kinematic(
+    data: _DATA,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Result to write (JSON), if it is accepted.")
+    ] = None,
+    limit_mm: _LIMIT = None,
+    encoder_step_deg: _STEP = None,
+    as_json: _JSON = False,
+) -> None:
+    from cell.calibratechain import kinematic_step
+    from cell.console import Console
+
+    console = Console(as_json)
+    _finish(kinematic_step(data, output, limit_mm, encoder_step_deg, console), output, console)
+
+
+def _finish(result: dict[str, Any], output: Path | None, console: Console) -> None:
+    from cell.console import say_on_stderr
+
     console.result(result)
     if result["reasons"]:
         not_written = f"; {output} was not written" if output is not None else ""

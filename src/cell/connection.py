@@ -212,7 +212,7 @@ def join(simulated: SimulatedCell, emulator: Emulator) -> SimulatedCamera:
     from cell.simulation import SimulatedCamera
 
     simulated.now_ms = emulator.now_ms
-    camera = simulated.world.camera or simulated.cell.camera
+    camera = simulated.world.camera or simulated.cell.nominal_camera
     return SimulatedCamera(simulated, camera, emulator.counts, simulated.cell.dictionary)
 
 
@@ -222,7 +222,7 @@ def _open_simulated(task: Task, world: Path | None, time_scale: float, log: Path
 
     unit, simulated = task.cell.unit, simulated_cell(task, world)
     clock = Clock(time_scale)
-    with Emulator(unit, clock, plant=simulated) as emulator:
+    with Emulator(task.cell.nominal_unit, clock, plant=simulated) as emulator:
         frames = join(simulated, emulator)
         with WireLog(log, clock) as wire, Mars(emulator.open_pty(), unit, clock, wire) as mars:
             yield Connection(mars, frames, time_scale, simulated, emulator)

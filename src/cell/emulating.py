@@ -126,7 +126,7 @@ def _cell(task_file: Path | None, world: Path | None, photographs: Path | None) 
 def _unit(name: str | None, simulated: SimulatedCell | None) -> Unit:
     if simulated is None:
         return load_unit(name or "crs93")
-    unit = simulated.cell.unit
+    unit = simulated.cell.nominal_unit
     if name not in (None, unit.name):
         raise InputError(f"--unit {name}: the cell of the task has {unit.name}; leave --unit out", unit=name)
     return unit

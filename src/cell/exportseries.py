@@ -66,9 +66,11 @@ def unit_of(session: Session, name: str | None) -> Unit:
     Raises:
         InputError: nothing tells, or the name is unknown.
     """
-    noted = [n.data["unit"] for n in session.noted("run") if n.data.get("unit") in UNITS]
-    if name is not None or noted:
-        return load_unit(name if name is not None else noted[-1])
+    runs = [n.data for n in session.noted("run") if n.data.get("unit") in UNITS]
+    if runs and name in (None, runs[-1]["unit"]):
+        return load_unit(runs[-1]["unit"]).calibrated(runs[-1].get("joint_offsets_rad", np.zeros(AXES)))
+    if name is not None:
+        return load_unit(name)
     sent = {line.text.partition(":")[0] for line in session.sent}
     fitting = [u for u in map(load_unit, UNITS) if f"ANAXSETUP{u.gripper.axis}" in sent]
     if len(fitting) == 1:

@@ -16,6 +16,7 @@ Inputs = Mapping[str, Any]
 LEFT_OUT = (
     "unit",
     "camera",
+    "calibration",
     "boards.files",
     "boards.tilts_deg",
     "look.",

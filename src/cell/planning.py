@@ -65,6 +65,7 @@ def provenance(task: Task) -> dict[str, Any]:
         "a465": version("a465"),
         "limits": limits_digest(task.cell),
         "calibration": task.cell.camera.digest,
+        "calibration_id": task.cell.calibration.id if task.cell.calibration is not None else "none",
         "task": task.digest,
         "inputs": {"task": dict(task.inputs), "cell": dict(task.cell.inputs)},
         "seed": task.seed,

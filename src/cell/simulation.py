@@ -118,9 +118,13 @@ class SimulatedCell:
                 for c in self._cubes
             ]
 
+    def positions(self, counts: npt.ArrayLike) -> Array:
+        """True joint positions at encoder counts, (6,) rad."""
+        return self.cell.nominal_unit.positions(counts) + self.world.joint_offsets
+
     def T_base_tool(self, counts: npt.ArrayLike) -> Array:
         """True pose of the tool at encoder counts."""
-        return self._robot.T_base_tool(self.cell.unit.positions(counts) + self.world.joint_offsets)
+        return self._robot.T_base_tool(self.positions(counts))
 
     def bodies(self, counts: npt.ArrayLike, robot: Robot) -> list[Body]:
         """Everything that can be seen with the arm at `counts`."""
@@ -131,8 +135,7 @@ class SimulatedCell:
             stand = stand_body(b.board.name, b.T_base_board, self.cell.stand_size, self.cell.table_z)
             found += [stand] if stand else []
         found += [cube_body(c.name, size, c.T_base_cube) for c in self.cubes(counts)]
-        q = self.cell.unit.positions(counts) + self.world.joint_offsets
-        return found + robot.bodies_at(q)
+        return found + robot.bodies_at(self.positions(counts))
 
     def jaws(self, counts: tuple[int, ...], from_adc: int, to_adc: int) -> int:
         """The jaws go from one ADC position towards another; returns where they stop (`driver.emulator.Plant`)."""

@@ -69,7 +69,7 @@ def _simulated_frames(task: Task, world: Path | None) -> Any:
     truth = read_world(world_file(task, world), cell.boards[0].marker_size)
     simulated = SimulatedCell(cell, truth)
     at_start = cell.unit.counts(cell.q_start)
-    return SimulatedCamera(simulated, truth.camera or cell.camera, lambda: at_start, cell.dictionary)
+    return SimulatedCamera(simulated, truth.camera or cell.nominal_camera, lambda: at_start, cell.dictionary)
 
 
 def _print_look(seen: Seen, console: Console) -> None:

@@ -80,9 +80,7 @@ class TaskRun:
             f"task {self.task.name}: {self.task.kind} on {self._where()}, speed {self.speed:g}{lowered}"
         )
         task_file = os.path.relpath(self.task.file, self.folder)
-        self.connection.mars.note(
-            "run", task=task_file, digest=self.task.digest, unit=self.task.cell.unit.name
-        )
+        self.connection.mars.note("run", task=task_file, digest=self.task.digest, **self.task.cell.noted())
         self.console.step(f"controller: {self.connection.mars.identify()}")
 
     def _where(self) -> str:

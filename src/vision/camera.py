@@ -6,7 +6,6 @@ out of the lens, x to the image's right and y down.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -16,10 +15,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from arm.errors import A465Error, InputError
+from arm.errors import InputError
 from arm.files import sha256, write_atomic
-from arm.se3 import Array, apply, frozen, inverse, orthonormalised
+from arm.se3 import Array, apply, frozen, inverse
 from arm.toml_table import TomlTable
+from arm.toml_write import toml_lines, toml_rows
 from vision.frames import FrameSource, Image, ImageFolder
 from vision.lens import distort, lens_jacobian, undistort
 
@@ -62,6 +62,11 @@ class Camera:
                 "T_base_camera": self.T_base_camera.tolist(),
             }
         )
+
+    @cached_property
+    def lens_digest(self) -> str:
+        """SHA-256 of the lens alone, wherever the camera stands."""
+        return self.at(np.eye(4)).digest
 
     @cached_property
     def T_camera_base(self) -> Array:
@@ -162,12 +167,7 @@ def _read(path: Path, placed: bool) -> Camera:
         raise intrinsics.error("K_px", "must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with fx, fy above 0")
     distortion = intrinsics.numbers("distortion_k1k2p1p2k3", 5, "")
     covariance = intrinsics.matrix("covariance", 9, 9) if "covariance" in intrinsics else None
-    T_base_camera = pose.matrix("T_base_camera", 4, 4) if "pose" in root else frozen(np.eye(4))
-    if np.abs(T_base_camera[:3, :3].T @ T_base_camera[:3, :3] - np.eye(3)).max() > 1e-12:
-        try:  # printed with few digits; a file of ours is kept to the last bit, and with it the digest
-            T_base_camera = orthonormalised(T_base_camera)
-        except A465Error as error:
-            raise pose.error("T_base_camera", str(error)) from error
+    T_base_camera = pose.rigid("T_base_camera") if "pose" in root else frozen(np.eye(4))
     calibration = root.value("calibration", "a table") if "calibration" in root else {}
     root.tables("views")  # of the target, kept for people and for later calibrations
     for table in (intrinsics, pose, root):
@@ -207,33 +207,15 @@ def write_camera(
     lines = [
         "[intrinsics]",
         f"size_px = {list(camera.size)}",
-        f"K_px = {_rows(camera.K)}",
+        f"K_px = {toml_rows(camera.K)}",
         f"distortion_k1k2p1p2k3 = {camera.distortion.tolist()}",
     ]
     if camera.lens_covariance is not None:
-        lines += ["# of fx fy cx cy k1 k2 p1 p2 k3", f"covariance = {_rows(camera.lens_covariance)}"]
+        lines += ["# of fx fy cx cy k1 k2 p1 p2 k3", f"covariance = {toml_rows(camera.lens_covariance)}"]
     if placed:
-        lines += ["", "[pose]", f"T_base_camera = {_rows(camera.T_base_camera)}"]
+        lines += ["", "[pose]", f"T_base_camera = {toml_rows(camera.T_base_camera)}"]
     if camera.calibration:
-        lines += ["", "[calibration]", *_pairs(camera.calibration)]
+        lines += ["", "[calibration]", *toml_lines(camera.calibration)]
     for view in views:
-        lines += ["", "[[views]]", *_pairs(view)]
+        lines += ["", "[[views]]", *toml_lines(view)]
     write_atomic(path, "\n".join(lines) + "\n")
-
-
-def _pairs(values: Mapping[str, Any]) -> list[str]:
-    return [f"{key} = {_toml(value)}" for key, value in values.items()]
-
-
-def _rows(matrix: Array) -> str:
-    return "[\n" + "".join(f"  {row.tolist()},\n" for row in matrix) + "]"
-
-
-def _toml(value: object) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)  # a JSON string is a TOML basic string
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    return str(value)  # numbers and dates

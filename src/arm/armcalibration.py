@@ -1,0 +1,86 @@
+"""What a calibration found of an arm and its camera, as a file that a cell file names.
+
+It is made by ``a465 calibrate hand-eye`` and applied when the cell is read: the camera to its place, the zeros to the
+unit's encoders. The unit's and the camera's own files stay as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm.files import sha256, write_atomic
+from arm.se3 import Array, frozen
+from arm.toml_table import TomlTable
+from arm.toml_write import toml_lines, toml_rows
+
+LARGEST_ZERO = np.radians(5.0)  # rad; an arm further off than that was homed wrongly
+
+
+@dataclass(frozen=True, eq=False)
+class ArmCalibration:
+    """A calibration's result.
+
+    Attributes:
+        T_base_camera: where the camera stands, 4x4.
+        joint_offsets: true joint position less the one that the encoders say, (6,) rad.
+        unit: name of the unit that it was found on; "" if not known.
+        lens: digest of the lens that it rests on; "" if not known.
+        made: how good it is, and when and of what it was made, for people; texts, numbers, flags, or lists of these.
+    """
+
+    T_base_camera: Array
+    joint_offsets: Array
+    unit: str = ""
+    lens: str = ""
+    made: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def id(self) -> str:
+        """Of what it changes: the same numbers have the same id."""
+        found = {"camera": self.T_base_camera.tolist(), "offsets": self.joint_offsets.tolist()}
+        return "hand-eye-" + sha256({**found, "unit": self.unit, "lens": self.lens})[:12]
+
+
+def read_arm_calibration(path: Path) -> ArmCalibration:
+    """Read such a file.
+
+    Raises:
+        FileInputError: a value breaks its rule, or the id is not that of the values (they were edited by hand).
+    """
+    root = TomlTable.read(path)
+    written = root.text("id")
+    T_base_camera = root.rigid("T_base_camera")
+    offsets = root.numbers("joint_offsets_rad", 6, "rad", -LARGEST_ZERO, LARGEST_ZERO)
+    made = root.value("made", "a table") if "made" in root else {}
+    calibration = ArmCalibration(
+        T_base_camera, frozen(offsets), root.text("unit", default=""), root.text("lens", default=""), made
+    )
+    if written != calibration.id:
+        raise root.error(
+            "id", f"must be {calibration.id}, that of the values; they were changed after the calibration"
+        )
+    root.finish()
+    return calibration
+
+
+def write_arm_calibration(path: Path, calibration: ArmCalibration) -> None:
+    """Write a file that `read_arm_calibration` reads back to the last bit.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    names = {"unit": calibration.unit, "lens": calibration.lens}
+    lines = [
+        '# Made by a465 calibrate hand-eye; a cell file names it with its key "calibration".',
+        *toml_lines({"id": calibration.id} | {key: value for key, value in names.items() if value}),
+        f"T_base_camera = {toml_rows(calibration.T_base_camera)}",
+        f"joint_offsets_rad = {calibration.joint_offsets.tolist()}",
+    ]
+    if calibration.made:
+        lines += ["", "[made]", *toml_lines(calibration.made)]
+    write_atomic(path, "\n".join(lines) + "\n")

@@ -1,0 +1,126 @@
+"""``a465 calibrate hand-eye`` and ``kinematic``: recorded images in, a calibration with its verdict out."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm.armcalibration import ArmCalibration, write_arm_calibration
+from arm.errors import InputError
+from arm.files import keep_apart, write_atomic
+from calib.arm_recording import ArmRecording, read_arm_recording
+from calib.chain_calibration import ChainLimits
+from calib.hand_eye import HAND_EYE_LIMITS, HandEye, calibrate_hand_eye
+from calib.kinematic import NAO_LIMITS, calibrate_nao
+from calib.nao import NaoUnknowns
+from calib.nao_recording import read_nao_recording
+from cell.chainresult import hand_eye_json, kinematic_json, tell_hand_eye, tell_kinematic
+from cell.console import Console
+
+_ALL = NaoUnknowns(head=True, springs=True, play=True)
+
+
+def _limits(limits: ChainLimits, limit_mm: float | None) -> ChainLimits:
+    if limit_mm is None:
+        return limits
+    if not 0.0 < limit_mm < np.inf:
+        raise InputError(
+            f"--limit-mm {limit_mm:g}: must be above 0 mm, and a number", option="--limit-mm", value=limit_mm
+        )
+    return replace(limits, held_out=limit_mm / 1e3)
+
+
+def _step(encoder_step_deg: float | None) -> float | None:
+    if encoder_step_deg is None:
+        return None
+    if not 0.0 <= encoder_step_deg <= 5.0:
+        raise InputError(
+            f"--encoder-step-deg {encoder_step_deg:g}: must be from 0 to 5 deg", value=encoder_step_deg
+        )
+    return float(np.radians(encoder_step_deg))
+
+
+def kinematic_step(
+    data: Path, output: Path | None, limit_mm: float | None, encoder_step_deg: float | None, console: Console
+) -> dict[str, Any]:
+    """Calibrate camera and legs of a NAO from recorded images; the file is written only if it is accepted.
+
+    Raises:
+        InputError: a file or an option is wrong.
+        CalibrationRefused: nothing could be computed.
+    """
+    limits, step = _limits(NAO_LIMITS, limit_mm), _step(encoder_step_deg)
+    keep_apart(output, data)
+    recording = read_nao_recording(data)
+    console.step(f"fit: {len(recording.pixels)} images of {len(recording.board)} vertices")
+    calibration = calibrate_nao(recording, limits, step)
+    result = kinematic_json(calibration, _ALL.si())
+    tell_kinematic(calibration, _ALL.si(), console)
+    if output is not None and calibration.accepted:
+        write_atomic(output, json.dumps(result, indent=2, allow_nan=False) + "\n")
+        console.say(f"written: {output}")
+    return result
+
+
+def hand_eye_step(
+    data: Path, output: Path | None, limit_mm: float | None, encoder_step_deg: float | None, console: Console
+) -> dict[str, Any]:
+    """Calibrate an arm before a fixed camera from recorded images; the file is written only if it is accepted.
+
+    Raises:
+        InputError: a file or an option is wrong.
+        CalibrationRefused: nothing could be computed.
+    """
+    limits, step = _limits(HAND_EYE_LIMITS, limit_mm), _step(encoder_step_deg)
+    keep_apart(output, data)
+    return solve_hand_eye(read_arm_recording(data), "", output, limits, step, console)
+
+
+def solve_hand_eye(
+    recording: ArmRecording,
+    unit: str,
+    output: Path | None,
+    limits: ChainLimits,
+    encoder_step: float | None,
+    console: Console,
+) -> dict[str, Any]:
+    """Calibrate from a recording of a unit (its name, or ""), tell, and write."""
+    console.step(f"fit: {len(recording.joints)} poses of {recording.kind} ({len(recording.points)} points)")
+    found = calibrate_hand_eye(recording, limits, encoder_step)
+    result = hand_eye_json(found)
+    tell_hand_eye(found, console)
+    if output is not None and found.chain.accepted:
+        calibration = arm_calibration(found, unit)
+        write_arm_calibration(output, calibration)
+        result["id"] = calibration.id
+        console.say(
+            f'written: {output} ({calibration.id}); name it in the cell file: calibration = "{output.name}"'
+        )
+    elif output is None and found.chain.accepted:
+        console.say("no calibration file was written: -o FILE writes it")
+    return result
+
+
+def arm_calibration(found: HandEye, unit: str) -> ArmCalibration:
+    """What a cell needs of a calibration."""
+    c = found.chain
+    links = bool(c.problem.free[12 + found.recording.dh.joints :].any())
+    return ArmCalibration(
+        found.T_base_camera,
+        found.joint_offsets,
+        unit,
+        found.recording.camera.lens_digest,
+        {
+            "poses": c.images - sum(map(len, c.wrong)),
+            "target": found.recording.kind,
+            "held_out_px": round(c.held_out.px, 4),
+            "held_out_mm": round(1e3 * c.held_out.metres, 4),
+            "chi2_dof": round(c.fit.chi2_dof, 4),
+            "camera_std_mm": round(1e3 * float(np.linalg.norm(found.camera_sigma[0])), 4),
+            "links_had_errors": links,
+        },
+    )

@@ -1,0 +1,168 @@
+"""What the calibration of a chain prints: tables for people, one object for programs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from calib.chain_calibration import ChainCalibration
+from calib.hand_eye import GAUGES, HandEye
+from cell.console import Console
+
+_MOST_CORRELATIONS = 6
+
+
+def kinematic_json(c: ChainCalibration, si: Any) -> dict[str, Any]:
+    """The NAO's result; `si` is one of each parameter's unit in SI, (count,)."""
+    sigma = np.sqrt(np.diag(c.covariance))
+    free = np.flatnonzero(c.problem.free)
+    return {
+        "parameters": {
+            c.names[i]: {"value": float(c.fit.unknowns[i] / si[i]), "std": float(sigma[i] / si[i])}
+            for i in free
+        },
+        "held_at_zero": [name for name, fitted in zip(c.names, c.problem.free, strict=True) if not fitted],
+        "encoder_std_deg": np.degrees(c.problem.reading_sigma).tolist(),
+        **_chain_json(c),
+    }
+
+
+def hand_eye_json(h: HandEye) -> dict[str, Any]:
+    """The result of an arm before a camera."""
+    d, a, alpha = h.link_errors
+    sigma = np.sqrt(np.diag(h.chain.covariance))
+    joints = h.recording.dh.joints
+    (camera_m, camera_rad), (target_m, target_rad) = h.camera_sigma, h.target_sigma
+    offsets = sigma[12 : 12 + joints]
+    return {
+        "T_base_camera": h.T_base_camera.tolist(),
+        "T_gripper_target": h.T_gripper_target.tolist(),
+        "joint_offsets_rad": h.joint_offsets.tolist(),
+        "dh_d_error_m": d.tolist(),
+        "dh_a_error_m": a.tolist(),
+        "dh_alpha_error_rad": alpha.tolist(),
+        "std": {
+            "T_base_camera": {"position_m": camera_m.tolist(), "rotation_rad": camera_rad.tolist()},
+            "T_gripper_target": {"position_m": target_m.tolist(), "rotation_rad": target_rad.tolist()},
+            "joint_offsets_rad": offsets.tolist(),
+            "dh_d_error_m": sigma[12 + joints : 12 + 2 * joints].tolist(),
+            "dh_a_error_m": sigma[12 + 2 * joints : 12 + 3 * joints].tolist(),
+            "dh_alpha_error_rad": sigma[12 + 3 * joints :].tolist(),
+        },
+        "held_out_px": h.chain.held_out.px,
+        "held_out_mm": 1e3 * h.chain.held_out.metres,
+        "gauges": list(GAUGES),
+        **_chain_json(h.chain),
+    }
+
+
+def _chain_json(c: ChainCalibration) -> dict[str, Any]:
+    return {
+        "residual_std_px": c.residual_std.tolist(),
+        "corner_sigma_px": c.problem.pixel_sigma.tolist(),
+        "iterations": c.iterations,
+        "solve_s": c.solve_s,
+        "chi2_dof": c.fit.chi2_dof,
+        "held_out": {"px": c.held_out.px, "mm": 1e3 * c.held_out.metres},
+        "images": c.images,
+        "wrong_images": [of.tolist() for of in c.wrong],
+        "model": [{"part": t.part, "in": t.needed, "cost_rise": t.rise, "limit": t.limit} for t in c.trials],
+        "correlations": [{"parameters": [a, b], "correlation": r} for a, b, r in c.correlations],
+        "weakest_direction": [{"parameter": name, "share": share} for name, share in c.weakest],
+        "suspects": [
+            {"name": s.name, "amount": s.amount, "std": s.sigma, "sure": s.sure, "cost_drop": s.drop}
+            for s in c.suspects
+        ],
+        "verdict": "accepted" if c.accepted else "refused",
+        "reasons": list(c.reasons),
+        "remarks": list(c.remarks),
+    }
+
+
+def tell_kinematic(c: ChainCalibration, si: Any, console: Console) -> None:
+    """Print parameters and verdict."""
+    sigma = np.sqrt(np.diag(c.covariance))
+    console.table(
+        ("parameter", "value", "std", "unit"),
+        [
+            (name, f"{c.fit.unknowns[i] / si[i]:+.4f}", f"{sigma[i] / si[i]:.4f}", unit)
+            for i in np.flatnonzero(c.problem.free)
+            for name, unit in [_name_and_unit(c.names[i])]
+        ],
+    )
+    console.say()
+    _tell_chain(c, console)
+
+
+def _name_and_unit(name: str) -> tuple[str, str]:
+    if name.endswith("_deg_per_Nm"):
+        return name.removesuffix("_deg_per_Nm"), "deg/Nm"
+    stem, _, unit = name.rpartition("_")
+    return stem, unit
+
+
+def tell_hand_eye(h: HandEye, console: Console) -> None:
+    """Print place, zeros, links and verdict."""
+    (camera_m, camera_rad), (target_m, target_rad) = h.camera_sigma, h.target_sigma
+    console.table(
+        ("", "x mm", "y mm", "z mm", "std mm", "std deg"),
+        [
+            (
+                name,
+                *(f"{1e3 * v:.3f}" for v in T[:3, 3]),
+                f"{1e3 * float(np.linalg.norm(m)):.3f}",
+                f"{np.degrees(float(np.linalg.norm(rad))):.4f}",
+            )
+            for name, T, m, rad in (
+                ("camera in base", h.T_base_camera, camera_m, camera_rad),
+                ("target in gripper", h.T_gripper_target, target_m, target_rad),
+            )
+        ],
+    )
+    console.say()
+    sigma = np.sqrt(np.diag(h.chain.covariance))
+    n = h.recording.dh.joints
+    columns = [h.joint_offsets, *h.link_errors]
+    units = [np.degrees(1.0), 1e3, 1e3, np.degrees(1.0)]
+    console.table(
+        ("joint", "zero deg", "d mm", "a mm", "alpha deg"),
+        [
+            (
+                f"J{j + 1}",
+                *(
+                    f"{u * column[j]:+.4f} +- {u * sigma[12 + k * n + j]:.4f}"
+                    if h.chain.problem.free[12 + k * n + j]
+                    else "held"
+                    for k, (column, u) in enumerate(zip(columns, units, strict=True))
+                ),
+            )
+            for j in range(n)
+        ],
+    )
+    console.say()
+    _tell_chain(h.chain, console)
+
+
+def _tell_chain(c: ChainCalibration, console: Console) -> None:
+    used = c.images - sum(map(len, c.wrong))
+    x, y = c.problem.pixel_sigma
+    console.say(
+        f"images:      {used} of {c.images} used; corners scatter by {x:.3f} / {y:.3f} px (x / y) alone"
+    )
+    x, y = c.residual_std
+    console.say(
+        f"fit:         residuals {x:.3f} / {y:.3f} px, chi2/dof {c.fit.chi2_dof:.3f}, {c.iterations} steps in "
+        f"{c.solve_s:.2f} s"
+    )
+    step = float(np.degrees(c.problem.reading_sigma.max()))
+    if step > 0.0:
+        console.say(f"encoders:    {step:.4f} deg (one standard deviation), seen from their readings")
+    console.say(
+        f"held out:    {c.held_out.px:.3f} px, {1e3 * c.held_out.metres:.3f} mm across the line of sight"
+    )
+    for remark in c.remarks:
+        console.say(f"note: {remark}")
+    console.say("accepted" if c.accepted else "refused:")
+    for reason in c.reasons:
+        console.say(f"  {reason}")
