@@ -1,0 +1,262 @@
+"""The NAO's calibration in figures: medians over seeds, one row for each claim.
+
+python bench/nao.py --seeds 20 --honest 100
+
+Simulated runs (`cell.naorun`): the robot on its back drives to each stance and settles; vertices are drawn with the
+paper's noise (0.0486, 0.0403) px, not rendered; joints stop within 0.2 deg of where they are sent. Truth: the mean
+column of the paper's Table 2; with springs 0.3 to 0.9 deg/Nm and half plays 0.2 to 0.6 deg in rows that say so. 24
+stances a leg with three postures of the head, drawn anew for each seed from a pool of 300 a leg, unless a row says
+`planned`. Models are chosen by hand here; whether play is hard or smooth is found by the fit. Joint errors: rms over
+the 12 offsets. Standing error: rms distance of the soles in the camera over 600 standing and swinging postures,
+gravity down.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from arm.se3 import Array
+from calib.chain_fit import ChainFit, fit_chains
+from calib.nao import LEG_JOINTS, SIDES, NaoUnknowns
+from calib.nao_kinematics import ON_ITS_BACK, NaoKinematics, masses_off, standing_error
+from calib.nao_plan import Plan, Sensing, find_pool, plan_stances, random_stances, stance_informations
+from calib.nao_play import fit_springs_and_play
+from calib.nao_pool import Stance
+from cell.naorobot import Servos
+from cell.naorun import (
+    NAO_CAMERA,
+    PAPER_PIXEL_SIGMA,
+    READING_SIGMA,
+    VERTICES,
+    NaoMeasurement,
+    run_measurement,
+    table_2_robot,
+)
+
+PAPER, HEAD, ALL = NaoUnknowns(), NaoUnknowns(head=True), NaoUnknowns(True, True, True)
+SENSING = Sensing(NAO_CAMERA, VERTICES, PAPER_PIXEL_SIGMA, np.full(8, READING_SIGMA))
+POOL = 300
+
+
+@dataclass(frozen=True)
+class Runs:
+    """How many seeds, and the pool."""
+
+    seeds: int
+    honest: int
+    pool: list[Stance]
+
+    def stances(self, seed: int) -> Plan:
+        """24 at random, as many as the paper has."""
+        return random_stances(self.pool, 24, SENSING, PAPER, np.random.default_rng([seed, 24]))
+
+
+def joint_rms_deg(fit: ChainFit, truth: NaoKinematics) -> float:
+    """Over the legs' offsets; head, springs and play of the truth may be unknown to the fit and the other way round."""
+    places = [PAPER.names.index(f"{j}_deg") for j in LEG_JOINTS]
+    return float(np.degrees(np.sqrt(np.mean((fit.unknowns[places] - truth.x[places]) ** 2))))
+
+
+def fitted(m: NaoMeasurement, unknowns: NaoUnknowns, reading_sigma: float) -> tuple[ChainFit, float]:
+    """A fit from zero and how long it took, s."""
+    problem = m.problem(unknowns, PAPER_PIXEL_SIGMA, reading_sigma)
+    began = time.perf_counter()
+    fit = fit_chains(problem)
+    return fit, time.perf_counter() - began
+
+
+def exact(runs: Runs) -> None:
+    """Exact encoders: the paper's simulation."""
+    rows = []
+    for seed in range(runs.seeds):
+        truth = table_2_robot(PAPER, np.random.default_rng(seed))
+        m = run_measurement(truth, runs.stances(seed), np.random.default_rng(seed), Servos(step=0.0))
+        fit, took = fitted(m, PAPER, 0.0)
+        std = np.concatenate([r.reshape(-1, 2) for r in fit.residuals]).std(axis=0)
+        rows.append((*std, fit.iterations, took, joint_rms_deg(fit, truth)))
+    x, y, iterations, took, joints = np.median(rows, axis=0)
+    print(
+        f"exact encoders: residual std {x:.4f} / {y:.4f} px ({100 * (x / 0.0486 - 1):+.1f} / "
+        f"{100 * (y / 0.0403 - 1):+.1f} % of the noise), {iterations:.0f} iterations from zero (most "
+        f"{max(r[2] for r in rows):.0f}), {took:.2f} s, joints {joints:.4f} deg"
+    )
+
+
+def coarse(runs: Runs) -> None:
+    """0.1 deg encoders, weighed and not."""
+    ours, paper = [], []
+    for seed in range(runs.honest):
+        truth = table_2_robot(PAPER, np.random.default_rng(seed))
+        m = run_measurement(truth, runs.stances(seed), np.random.default_rng(seed))
+        for sigma, rows in ((READING_SIGMA, ours), (0.0, paper)):
+            fit, took = fitted(m, PAPER, sigma)
+            off = fit.unknowns - truth.x
+            rows.append(
+                (joint_rms_deg(fit, truth), off @ fit.information @ off / len(off), fit.chi2_dof, took)
+            )
+    for name, rows in (("encoders weighed", ours), ("the paper's pixel cost", paper)):
+        first = np.median(rows[: max(runs.seeds, 20)], axis=0)
+        nees = np.array(rows)[:, 1]
+        print(
+            f"0.1 deg encoders, {name}: joints {first[0]:.4f} deg, NEES per dof mean {nees.mean():.3g} of {len(rows)} "
+            f"seeds (standard error {nees.std() / np.sqrt(len(nees)):.2g}), chi2 {first[2]:.3g}, {first[3]:.2f} s"
+        )
+
+
+def head(runs: Runs) -> None:
+    """Head offsets, left out and looked for."""
+    rows = []
+    for seed in range(runs.seeds):
+        truth = table_2_robot(HEAD, np.random.default_rng(seed))
+        plan = runs.stances(seed)
+        m = run_measurement(truth, plan, np.random.default_rng(seed))
+        fit, _ = fitted(m, HEAD, READING_SIGMA)
+        without, _ = fitted(m, PAPER, READING_SIGMA)
+        pixel, _ = fitted(m, PAPER, 0.0)
+        bound = _bound_deg(plan, HEAD, truth.x)
+        c = fit.covariance(np.ones(len(HEAD.names), dtype=bool))
+        a, b = HEAD.names.index("CamPitch_deg"), HEAD.names.index("HeadPitch_deg")
+        rows.append(
+            (
+                joint_rms_deg(fit, truth),
+                bound,
+                joint_rms_deg(fit, truth) / bound,
+                c[a, b] / np.sqrt(c[a, a] * c[b, b]),
+                fit.chi2_dof,
+                without.chi2_dof,
+                joint_rms_deg(pixel, truth),
+            )
+        )
+    m = np.median(rows, axis=0)
+    pooled = np.sqrt(np.mean(np.square(rows), axis=0))
+    print(
+        f"head offsets (0.5, -0.4) deg: joints {m[0]:.4f} deg, bound {m[1]:.4f}, ratio {m[2]:.2f} (pooled "
+        f"{pooled[0] / pooled[1]:.2f}), CamPitch/HeadPitch correlation {m[3]:+.3f}, chi2 {m[4]:.3f}; without head "
+        f"offsets chi2 {m[5]:.2f}; the paper's model and cost: joints {m[6]:.3f} deg"
+    )
+
+
+def _bound_deg(plan: Plan, unknowns: NaoUnknowns, x: Array) -> float:
+    """Rms standard deviation of the joints at the truth, nothing known before."""
+    information = stance_informations(plan.stances, SENSING, unknowns, x).sum(axis=0)
+    places = [unknowns.names.index(f"{j}_deg") for j in LEG_JOINTS]
+    return float(np.degrees(np.sqrt(np.diag(np.linalg.inv(information))[places].mean())))
+
+
+def few(runs: Runs) -> None:
+    """Four stances a leg."""
+    for criterion in ("A", "D"):
+        began = time.perf_counter()
+        plan = plan_stances(runs.pool, 4, SENSING, PAPER, criterion=criterion)
+        took = time.perf_counter() - began
+        errors, robot = _four(runs, lambda _, plan=plan: plan)
+        print(
+            f"4 planned stances a leg, {criterion}-optimal: planned in {took:.1f} s; joints "
+            f"{np.median(errors):.4f} deg (rms {np.sqrt(np.mean(np.square(errors))):.4f}, predicted {plan.joint_sigma_deg:.4f}), "
+            f"robot {robot:.0f} s"
+        )
+    drawn, _ = _four(
+        runs, lambda seed: random_stances(runs.pool, 4, SENSING, PAPER, np.random.default_rng([seed, 4]))
+    )
+    print(f"4 random stances a leg: joints {np.median(drawn):.4f} deg")
+
+
+def _four(runs: Runs, plan_of: Callable[[int], Plan]) -> tuple[list[float], float]:
+    errors, robot = [], 0.0
+    for seed in range(runs.seeds):
+        truth = table_2_robot(PAPER, np.random.default_rng(seed))
+        m = run_measurement(truth, plan_of(seed), np.random.default_rng(seed))
+        errors.append(joint_rms_deg(fitted(m, PAPER, READING_SIGMA)[0], truth))
+        robot = m.duration
+    return errors, robot
+
+
+def soft(runs: Runs) -> None:
+    """Springs and play: errors of a robot that stands."""
+    began = time.perf_counter()
+    guess = np.where([("comp" in n or "back" in n) for n in ALL.names], np.radians(0.5), 0.0)
+    plan = plan_stances(runs.pool, 24, SENSING, ALL, guess)
+    print(f"24 stances a leg planned for springs and play in {time.perf_counter() - began:.1f} s")
+    cases = (
+        ("smooth play, masses exact", 0.0, False, (0.2, 0.6)),
+        ("smooth play, masses 10 % off", 0.1, False, (0.2, 0.6)),
+        ("hard play, masses exact", 0.0, True, (0.2, 0.6)),
+        ("hard play, masses 10 % off", 0.1, True, (0.2, 0.6)),
+        ("hard play of 5 deg (half 2.5), masses 10 % off", 0.1, True, (2.5, 2.5)),
+        ("hard play of +-5 deg (half 5), masses 10 % off", 0.1, True, (5.0, 5.0)),
+    )
+    for stances in ("planned", "random"):
+        for name, off, hard, half in cases:
+            rows = []
+            for seed in range(runs.seeds):
+                rng = np.random.default_rng(seed)
+                truth = table_2_robot(ALL, rng, hard, masses_off(off, rng) if off else None, half)
+                m = run_measurement(truth, plan if stances == "planned" else runs.stances(seed), rng)
+                rows.append(_standing(m, truth, hard))
+            r = np.median(np.array(rows, dtype=float), axis=0)
+            worst = max(row[0] for row in rows)
+            print(
+                f"springs, {name}, {stances}: standing {r[0]:.3f} mm rms (worst seed {worst:.2f}), {r[1]:.3f} deg, "
+                f"chi2 {r[2]:.3f}, shape right in {sum(row[3] for row in rows)} of {len(rows)}, {r[4]:.1f} s; the paper's "
+                f"model and cost {r[5]:.2f} mm, its residuals {r[6]:.2f} / {r[7]:.2f} px rms; images missed {r[8]:.0f}",
+                flush=True,
+            )
+
+
+def _standing(m: NaoMeasurement, truth: NaoKinematics, hard: bool) -> tuple[float, ...]:
+    problem = m.problem(ALL, PAPER_PIXEL_SIGMA, READING_SIGMA)
+    began = time.perf_counter()
+    found = fit_springs_and_play(problem, ALL, [i.side for i in m.images], ON_ITS_BACK)
+    took = time.perf_counter() - began
+    ours = standing_error(truth, NaoKinematics(ALL, found.fit.unknowns, found.hard))
+    plain = fit_chains(replace(m.problem(PAPER, np.ones(2), 0.0)))
+    rms = np.sqrt(np.nanmean(np.concatenate([r.reshape(-1, 2) for r in plain.residuals]) ** 2, axis=0))
+    paper = standing_error(truth, NaoKinematics(PAPER, plain.unknowns))
+    return (
+        1e3 * ours.rms,
+        float(np.degrees(ours.rotation_rms)),
+        found.fit.chi2_dof,
+        float(found.hard == hard),
+        took,
+        1e3 * paper.rms,
+        *rms,
+        float(m.missed),
+    )
+
+
+ROWS = {"exact": exact, "coarse": coarse, "head": head, "few": few, "soft": soft}
+
+
+def main() -> None:
+    """Run and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--honest", type=int, default=100, help="seeds of the NEES")
+    parser.add_argument("--rows", nargs="*", choices=ROWS, default=list(ROWS))
+    arguments = parser.parse_args()
+    print(
+        f"python {platform.python_version()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}, {vars(arguments)}"
+    )
+    began = time.perf_counter()
+    pool = find_pool(NAO_CAMERA, POOL, 1)
+    print(
+        f"pool: {POOL} stances of each of {len(SIDES)} legs in {time.perf_counter() - began:.1f} s",
+        flush=True,
+    )
+    runs = Runs(arguments.seeds, arguments.honest, pool)
+    for row in arguments.rows:
+        ROWS[row](runs)
+        sys.stdout.flush()
+    print(f"{time.perf_counter() - began:.0f} s")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
