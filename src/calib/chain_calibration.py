@@ -13,9 +13,10 @@ import numpy.typing as npt
 from arm.se3 import Array, frozen
 from calib.chain_fit import ChainFit, Problem, Sightings, fit_chains
 from calib.chain_suspects import ChainSuspect, find_suspects
-from calib.model_choice import Choice, Part, Trial, choose_model
+from calib.model_choice import Choice, Part, Trial, choose_model, largest_rise
 
 FOLDS = 5
+CHANCE = 1e-4  # how often a complete model is refused for its residuals
 CORRELATED = 0.9
 
 
@@ -24,7 +25,8 @@ class ChainLimits:
     """When a chain's calibration is refused.
 
     Attributes:
-        chi2_dof: largest cost per degree of freedom: above it, something moves that the model does not know.
+        chi2_dof: largest cost per degree of freedom: above it, something moves that the model does not know. Of few
+            images it may be larger by chance, see `ChainCalibration.chi2_limit`.
         held_out: largest error of predictions that were held out, m.
         wrong: largest part of the images that may be left out as wrong.
         images: fewest images that are used.
@@ -66,6 +68,7 @@ class ChainCalibration:
         iterations: steps from the start to the solution, with the model that was chosen.
         solve_s: how long that took.
         limits: of the verdict.
+        noise_freedom: measurements that the corners' noise was estimated from.
         reasons: why it is refused; empty if it is accepted.
         remarks: what a person should know besides.
     """
@@ -80,6 +83,7 @@ class ChainCalibration:
     iterations: int
     solve_s: float
     limits: ChainLimits
+    noise_freedom: float = np.inf
     reasons: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
 
@@ -87,6 +91,12 @@ class ChainCalibration:
     def accepted(self) -> bool:
         """The verdict."""
         return not self.reasons
+
+    @property
+    def chi2_limit(self) -> float:
+        """Largest cost per degree of freedom that is accepted: that of the limits, or what chance makes of few images
+        if that is more."""
+        return chi2_limit(self.limits, self.fit.freedom, self.noise_freedom)
 
     @property
     def images(self) -> int:
@@ -141,6 +151,7 @@ def calibrate_chain(
     parts: Sequence[Part],
     limits: ChainLimits,
     weights: Sequence[Array] | None = None,
+    noise_freedom: float = np.inf,
 ) -> ChainCalibration:
     """Choose a model, fit it, hold images out, and look for what else could be wrong; the verdict is not yet made.
 
@@ -151,8 +162,9 @@ def calibrate_chain(
         parts: of the model that may be left out.
         limits: of the verdict.
         weights: of a start that knows some images to be wrong, (n,) of every chain.
+        noise_freedom: measurements that the problem's `pixel_sigma` rests on.
     """
-    choice = choose_model(_exact_if_it_fits(problem, limits), parts, weights)
+    choice = choose_model(_exact_if_it_fits(problem, limits, noise_freedom), parts, weights, noise_freedom)
     began = time.perf_counter()
     again = fit_chains(choice.problem, choice.fit.weights)
     took = time.perf_counter() - began
@@ -164,19 +176,33 @@ def calibrate_chain(
         fit,
         choice.trials,
         hold_out(choice),
-        find_suspects(choice.problem, fit),
+        find_suspects(choice.problem, fit, noise_freedom),
         again.iterations,
         took,
         limits,
+        noise_freedom,
     )
 
 
-def _exact_if_it_fits(problem: Problem, limits: ChainLimits) -> Problem:
+def chi2_limit(limits: ChainLimits, freedom: int, noise_freedom: float) -> float:
+    """See `ChainCalibration.chi2_limit`.
+
+    The noise is known from the images alone; what an arm between them adds to their squares varies by chance, the more
+    the fewer they are.
+    """
+    more = max(freedom - noise_freedom, 1.0) if np.isfinite(noise_freedom) else float(max(freedom, 1))
+    rise = largest_rise(CHANCE, int(np.ceil(more)), noise_freedom)
+    known = noise_freedom if np.isfinite(noise_freedom) else 0.0
+    return max(limits.chi2_dof, (known + rise) / (known + more))
+
+
+def _exact_if_it_fits(problem: Problem, limits: ChainLimits, noise_freedom: float) -> Problem:
     """With readings taken as exact where that explains everything: a grid may be that of the commands."""
     if not (problem.reading_sigma > 0.0).any():
         return problem
     exact = replace(problem, reading_sigma=np.zeros_like(problem.reading_sigma))
-    return exact if fit_chains(exact).chi2_dof < limits.chi2_dof else problem
+    fit = fit_chains(exact)
+    return exact if fit.chi2_dof < chi2_limit(limits, fit.freedom, noise_freedom) else problem
 
 
 def hold_out(choice: Choice, folds: int = FOLDS) -> HeldOut:

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import stats
 
 from arm.se3 import Array
 from calib.bundle import inverse_scaled, solve_scaled
 from calib.chain_fit import ChainFit, NormalEquations, Problem, Sightings, normal_equations
+from calib.model_choice import largest_rise
 
 SURE = 1e-5  # how often a cause that is not there would look so strong
 
@@ -90,8 +90,14 @@ class _View:
         return np.asarray((self.by_reading[..., j] * self.s.readings[:, None, None, j])[..., None])
 
 
-def find_suspects(problem: Problem, fit: ChainFit) -> tuple[ChainSuspect, ...]:
-    """All causes that are known by name, most telling first."""
+def find_suspects(problem: Problem, fit: ChainFit, noise_freedom: float = np.inf) -> tuple[ChainSuspect, ...]:
+    """All causes that are known by name, most telling first.
+
+    Args:
+        problem: of the fit.
+        fit: that lacks them.
+        noise_freedom: measurements that the problem's `pixel_sigma` rests on.
+    """
     views = [
         _View.of(problem, s, fit.unknowns, e) for s, e in zip(problem.sightings, fit.errors, strict=True)
     ]
@@ -107,7 +113,7 @@ def find_suspects(problem: Problem, fit: ChainFit) -> tuple[ChainSuspect, ...]:
         }
         columns |= {"target moved": [views[0].by_twist], "camera moved": [views[0].by_camera]}
     together = [np.concatenate([of[v] for of in columns.values()], axis=-1) for v in range(len(views))]
-    sums = _Sums(normal_equations(problem, fit, together), int(problem.free.sum()))
+    sums = _Sums(normal_equations(problem, fit, together), int(problem.free.sum()), noise_freedom)
     found: list[ChainSuspect] = []
     place = sums.free
     for name, of in columns.items():
@@ -124,8 +130,8 @@ def find_suspects(problem: Problem, fit: ChainFit) -> tuple[ChainSuspect, ...]:
 class _Sums:
     """Normal equations of the free unknowns and of further ones that begin to act at some stance."""
 
-    def __init__(self, equations: NormalEquations, free: int) -> None:
-        self.free = free
+    def __init__(self, equations: NormalEquations, free: int, noise_freedom: float) -> None:
+        self.free, self.noise_freedom = free, noise_freedom
         self._S, self._g = equations.prior[0] + equations.S.sum(axis=0), equations.g.sum(axis=0)
         self._S_from = np.cumsum(equations.S[::-1, :, free:], axis=0)[::-1]
         self._g_from = np.cumsum(equations.g[::-1, free:], axis=0)[::-1]
@@ -158,7 +164,7 @@ def _test(
 ) -> ChainSuspect:
     amount, covariance, drop = sums.score(chosen, first)
     k = len(amount)
-    limit = float(stats.chi2.isf(SURE / tries, k)) * max(1.0, fit.chi2_dof)
+    limit = largest_rise(SURE / tries, k, sums.noise_freedom) * max(1.0, fit.chi2_dof)
     if k == 1:
         return ChainSuspect(name, float(amount[0]), float(np.sqrt(covariance[0, 0])), unit, drop, limit)
     size, sigma = float(np.linalg.norm(amount[:3])), float(np.sqrt(np.trace(covariance[:3, :3])))

@@ -42,13 +42,13 @@ def _wrong(c: ChainCalibration) -> list[str]:
 
 
 def _complete(c: ChainCalibration) -> list[str]:
-    if c.fit.chi2_dof <= c.limits.chi2_dof:
+    if c.fit.chi2_dof <= c.chi2_limit:
         return []
     times = np.sqrt(c.fit.chi2_dof)
     cause = next((describe(s) for s in c.suspects if s.sure), "")
     return [
         f"residuals are {times:.2f} times what the noise of corners and encoders makes (chi2/dof "
-        f"{c.fit.chi2_dof:.2f}, the limit is {c.limits.chi2_dof:g}): something moves that the model does not know"
+        f"{c.fit.chi2_dof:.2f}, the limit is {c.chi2_limit:.2f}): something moves that the model does not know"
         + (f"; most likely {cause}" if cause else "")
     ]
 
@@ -117,6 +117,6 @@ def _remarks(c: ChainCalibration) -> list[str]:
     if c.weakest:
         together = ", ".join(f"{name} ({share:+.2f})" for name, share in c.weakest)
         remarks.append(f"weakest direction: {together}")
-    if c.fit.chi2_dof <= c.limits.chi2_dof:
+    if c.fit.chi2_dof <= c.chi2_limit:
         remarks += [f"worth a look: {describe(s)}" for s in c.suspects if s.sure][:1]
     return remarks

@@ -31,12 +31,14 @@ class FreePoses:
         T_camera_target: (n, 4, 4).
         residuals: (n, m, 2) px, NaN where a corner was not seen.
         pixel_sigma: standard deviation of a corner's x and y, (2,) px.
+        freedom: coordinates beyond the poses that it rests on; few make it uncertain.
         wrong: (n, m) corners that do not fit the others of their image.
     """
 
     T_camera_target: Array
     residuals: Array
     pixel_sigma: Array
+    freedom: float
     wrong: npt.NDArray[np.bool_]
 
 
@@ -60,7 +62,7 @@ def fit_free_poses(camera: Camera, points: Array, pixels: Array) -> FreePoses:
             ]
         )
         residuals, spared = _residuals(camera, points, pixels, shown, poses)
-        sigma = _sigma(residuals, spared, np.isfinite(shown[..., 0]))
+        sigma, freedom = _sigma(residuals, spared, np.isfinite(shown[..., 0]))
         off = np.linalg.norm(residuals / sigma, axis=-1)
         worst = np.nanargmax(off, axis=1)
         rows = np.arange(len(off))
@@ -71,7 +73,7 @@ def fit_free_poses(camera: Camera, points: Array, pixels: Array) -> FreePoses:
         far = (off > WRONG_CORNER) & drop[:, None] & (off >= 0.5 * off[rows, worst][:, None])
         wrong |= far
         shown[far] = np.nan
-    return FreePoses(poses, residuals, sigma, wrong)
+    return FreePoses(poses, residuals, sigma, freedom, wrong)
 
 
 def _residuals(
@@ -91,8 +93,8 @@ def _residuals(
     return residuals, spared
 
 
-def _sigma(residuals: Array, spared: Array, seen: npt.NDArray[np.bool_]) -> Array:
-    """Of x and y, (2,) px, from the better half of the images by their squares."""
+def _sigma(residuals: Array, spared: Array, seen: npt.NDArray[np.bool_]) -> tuple[Array, float]:
+    """Of x and y, (2,) px, from the better half of the images by their squares; and the coordinates it rests on."""
     squares = np.where(seen[..., None], residuals, 0.0) ** 2
     freedom = np.where(seen[..., None], spared, 0.0).sum(axis=(1, 2))
     usable = freedom > 0.5
@@ -102,5 +104,5 @@ def _sigma(residuals: Array, spared: Array, seen: npt.NDArray[np.bool_]) -> Arra
     good[usable] = mean * freedom[usable] < typical * stats.chi2.isf(1e-4, freedom[usable])
     total = squares[good].sum(axis=(0, 1)), np.where(seen[..., None], spared, 0.0)[good].sum(axis=(0, 1))
     if np.median(seen.sum(axis=1)) < _PER_AXIS:
-        return np.full(2, np.sqrt(total[0].sum() / total[1].sum()))
-    return np.asarray(np.sqrt(total[0] / total[1]))
+        return np.full(2, np.sqrt(total[0].sum() / total[1].sum())), float(total[1].sum())
+    return np.asarray(np.sqrt(total[0] / total[1])), float(total[1].sum())

@@ -146,6 +146,7 @@ def calibrate_hand_eye(
         [Part(LINKS, tuple(range(links, len(names))))],
         limits,
         [begin.inliers.astype(float)],
+        alone.freedom,
     )
 
     def in_words(name: str, value: float) -> str:

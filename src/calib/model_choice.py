@@ -20,6 +20,15 @@ from calib.chain_fit import ChainFit, Problem, Sightings, fit_chains
 MEANINGLESS = 1e-3  # how often a part that is not there is taken in
 WRONG_IMAGE = 1e-6  # how often a right image would be left out
 _SOFT, _ROUNDS = 2.0, 12
+_SECOND_CHANCES, _FAR = 10, 10.0
+
+
+def largest_rise(chance: float, unknowns: int, noise_freedom: float) -> float:
+    """Change of the cost by unknowns without meaning that is exceeded so often, where the noise that the cost is
+    weighed with was estimated from `noise_freedom` measurements (R. A. Fisher's variance ratio)."""
+    if np.isinf(noise_freedom):
+        return float(stats.chi2.isf(chance, unknowns))
+    return unknowns * float(stats.f.isf(chance, unknowns, max(noise_freedom, 1.0)))
 
 
 @dataclass(frozen=True)
@@ -75,21 +84,27 @@ class Choice:
         return tuple(np.flatnonzero(w == 0.0) for w in self.fit.weights)
 
 
-def choose_model(problem: Problem, parts: Sequence[Part], weights: Sequence[Array] | None = None) -> Choice:
+def choose_model(
+    problem: Problem,
+    parts: Sequence[Part],
+    weights: Sequence[Array] | None = None,
+    noise_freedom: float = np.inf,
+) -> Choice:
     """Fit with all parts, leave out wrong images, then the parts that are not needed.
 
     Args:
         problem: with all unknowns of all parts free, beside those that always are.
         parts: that may be left out.
         weights: of a start that knows some images to be wrong, (n,) of every chain.
+        noise_freedom: measurements that the problem's `pixel_sigma` rests on.
     """
-    fit = _without_wrong_images(problem, weights)
+    fit = _without_wrong_images(problem, weights, noise_freedom)
     kept = list(parts)
     trials: dict[str, Trial] = {}
     while kept:
         fits = {part.name: fit_chains(_without(problem, part), fit.weights, fit) for part in kept}
         for part in kept:
-            limit = float(stats.chi2.isf(MEANINGLESS, len(part.unknowns)))
+            limit = largest_rise(MEANINGLESS, len(part.unknowns), noise_freedom)
             trials[part.name] = Trial(part.name, fits[part.name].cost - fit.cost, limit)
         least = min(kept, key=lambda part: trials[part.name].rise / trials[part.name].limit)
         if trials[least.name].needed:
@@ -105,7 +120,9 @@ def _without(problem: Problem, part: Part) -> Problem:
     return replace(problem, free=free)
 
 
-def _without_wrong_images(problem: Problem, weights: Sequence[Array] | None) -> ChainFit:
+def _without_wrong_images(
+    problem: Problem, weights: Sequence[Array] | None, noise_freedom: float
+) -> ChainFit:
     """A fit with weights that fall with an image's distance from the others, and in the end are 0 or 1."""
     fit = fit_chains(problem, weights)
     now = list(fit.weights)
@@ -118,24 +135,58 @@ def _without_wrong_images(problem: Problem, weights: Sequence[Array] | None) -> 
         now = then
         fit = fit_chains(problem, now, fit)
     for _ in range(_ROUNDS):
-        off = _off(problem, fit)
-        then = [(o <= _limit(s)).astype(float) for o, s in zip(off, problem.sightings, strict=True)]
+        then = _within(problem, fit, noise_freedom)
         same = all(np.array_equal(a, b) for a, b in zip(then, fit.weights, strict=True))
         if same:
             break
         fit = fit_chains(problem, then, fit)
+    return _taken_back(problem, fit, noise_freedom)
+
+
+def _taken_back(problem: Problem, fit: ChainFit, noise_freedom: float) -> ChainFit:
+    """With images that only seemed wrong: few others predict an image badly, with it they may all agree."""
+    limits = [_limit(s, noise_freedom) for s in problem.sightings]
+    left = [
+        (float(off[i] / limit[i]), chain, int(i))
+        for chain, (off, limit) in enumerate(zip(_off(problem, fit), limits, strict=True))
+        for i in np.flatnonzero(fit.weights[chain] == 0.0)
+    ]
+    for off, chain, i in sorted(left)[:_SECOND_CHANCES]:
+        if off > _FAR:
+            break
+        weights = [w.copy() for w in fit.weights]
+        weights[chain][i] = 1.0
+        trial = fit_chains(problem, weights, fit)
+        used = (w > 0.0 for w in weights)
+        if all(w[u].all() for w, u in zip(_within(problem, trial, noise_freedom), used, strict=True)):
+            fit = trial
     return fit
 
 
+def _within(problem: Problem, fit: ChainFit, noise_freedom: float) -> list[Array]:
+    """1 for images whose residuals are no larger than those of right ones, 0 for others."""
+    off = _off(problem, fit)
+    return [
+        (o <= _limit(s, noise_freedom)).astype(float) for o, s in zip(off, problem.sightings, strict=True)
+    ]
+
+
 def _off(problem: Problem, fit: ChainFit) -> list[Array]:
-    """Size of every image's residuals in sizes of the typical image's."""
+    """Rms of every image's residuals, in noise of corners, or of the typical image where the model lacks something."""
     sizes = [np.sqrt(np.nanmean((r / problem.pixel_sigma) ** 2, axis=(1, 2))) for r in fit.residuals]
-    used = np.concatenate([o[w > 0.0] for o, w in zip(sizes, fit.weights, strict=True)])
-    typical = float(np.median(used))
+    counts = [np.isfinite(s.pixels).sum(axis=(1, 2)) for s in problem.sightings]
+    used = np.concatenate(
+        [
+            (o * np.sqrt(c / stats.chi2.median(c)))[w > 0.0]
+            for o, c, w in zip(sizes, counts, fit.weights, strict=True)
+        ]
+    )
+    typical = max(1.0, float(np.median(used)))
     return [o / typical for o in sizes]
 
 
-def _limit(s: Sightings) -> Array:
-    """Size, (n,), that a right image does not reach."""
+def _limit(s: Sightings, noise_freedom: float) -> Array:
+    """Rms, (n,), that a right image does not reach."""
     count = np.isfinite(s.pixels).sum(axis=(1, 2))
-    return np.asarray(np.sqrt(stats.chi2.isf(WRONG_IMAGE, count) / stats.chi2.median(count)))
+    by_count = {c: np.sqrt(largest_rise(WRONG_IMAGE, int(c), noise_freedom) / c) for c in np.unique(count)}
+    return np.array([by_count[c] for c in count])
