@@ -119,18 +119,18 @@ class NaoBodies:
                 if names not in _JOINED and not names <= set(_FIXED):
                     self._geometry.addCollisionPair(pin.CollisionPair(b, a))
         self._objects = self._geometry.createData()
+        self._places = [
+            [self._model.joints[self._model.getJointId(name)].idx_q for name in names]
+            for names in (HEAD, *([side + joint for joint in LEG] for side in SIDES))
+        ]
         self._legs = [i for i, s in enumerate(self._shapes) if s.name.endswith(_OF_LEGS)]
         self._eye = self._model.getFrameId("lower_camera")
 
     def posture(self, left: Array, right: Array, head: Array) -> Array:
         """Angles of all joints of the model, from legs (6,) and head (2,) rad."""
         q = np.zeros(self._model.nq)
-        for names, values in (
-            (HEAD, head),
-            ([f"L{j}" for j in LEG], left),
-            ([f"R{j}" for j in LEG], right),
-        ):
-            q[[self._model.joints[self._model.getJointId(n)].idx_q for n in names]] = values
+        for places, values in zip(self._places, (head, left, right), strict=True):
+            q[places] = values
         return q
 
     def touching(self, q: Array) -> tuple[str, str] | None:

@@ -28,7 +28,7 @@ HEADS = 3
 _HEAD_YAWS, _HEAD_PITCHES = np.radians(np.arange(-60.0, 61.0, 10.0)), np.radians(np.arange(-36.0, 29.0, 8.0))
 _MOST_SLANT = np.radians(60.0)
 _WAY_STEP = np.radians(3.0)
-_MOST_LEGS, _BATCH = 200_000, 4000
+_MOST_LEGS, _MOST_AT_ONCE = 20_000, 4000  # about one of a hundred is sound
 _BEFORE = 5e-3  # m above a board, where lines of sight end
 _PARKED_DEG = [(roll, pitch) for pitch in (0.0, -15.0, -30.0, -50.0) for roll in (15.0, 30.0, 42.0, 5.0)]
 
@@ -82,9 +82,9 @@ def find_stances(
         raise InputError(f"side = {side!r}: must be L or R", side=side)
     low, high = joint_limits([side + j for j in LEG]) + np.array([[LIMIT_MARGIN], [-LIMIT_MARGIN]])
     found: list[Stance] = []
-    tried = 0
+    tried, batch = 0, min(20 * count + 1000, _MOST_AT_ONCE)
     while len(found) < count:
-        if tried >= _MOST_LEGS:
+        if tried >= _MOST_LEGS * (1 + len(found)):
             raise ImpossibleError(
                 f"only {len(found)} of {count} stances of leg {side} show the whole board {margin_px:g} px inside the "
                 f"image, of {tried} that were tried; a smaller margin leaves more",
@@ -92,8 +92,8 @@ def find_stances(
                 found=len(found),
                 tried=tried,
             )
-        legs = rng.uniform(low, high, (_BATCH, 6))
-        tried += _BATCH
+        legs = rng.uniform(low, high, (batch, 6))
+        tried += batch
         found += _sound(side, legs, camera, margin_px, None)
     return found[:count]
 
