@@ -24,7 +24,12 @@ from cell.console import Console
 _ALL = NaoUnknowns(head=True, springs=True, play=True)
 
 
-def _limits(limits: ChainLimits, limit_mm: float | None) -> ChainLimits:
+def limits_of(limits: ChainLimits, limit_mm: float | None) -> ChainLimits:
+    """The limits of the verdict, with the one that a person gives.
+
+    Raises:
+        InputError: it breaks its rule.
+    """
     if limit_mm is None:
         return limits
     if not 0.0 < limit_mm < np.inf:
@@ -53,7 +58,7 @@ def kinematic_step(
         InputError: a file or an option is wrong.
         CalibrationRefused: nothing could be computed.
     """
-    limits, step = _limits(NAO_LIMITS, limit_mm), _step(encoder_step_deg)
+    limits, step = limits_of(NAO_LIMITS, limit_mm), _step(encoder_step_deg)
     keep_apart(output, data)
     recording = read_nao_recording(data)
     console.step(f"fit: {len(recording.pixels)} images of {len(recording.board)} vertices")
@@ -75,7 +80,7 @@ def hand_eye_step(
         InputError: a file or an option is wrong.
         CalibrationRefused: nothing could be computed.
     """
-    limits, step = _limits(HAND_EYE_LIMITS, limit_mm), _step(encoder_step_deg)
+    limits, step = limits_of(HAND_EYE_LIMITS, limit_mm), _step(encoder_step_deg)
     keep_apart(output, data)
     return solve_hand_eye(read_arm_recording(data), "", output, limits, step, console)
 

@@ -101,22 +101,107 @@ _JSON = Annotated[
     name="hand-eye",
     help="Find where the fixed camera stands, how the target is held and what the arm's zeros (and links) are off by. "
     "What is not good enough is refused (exit code 5), with the reason and what would help.",
-    epilog="Example: a465 calibrate hand-eye recorded.json -o calibration.toml",
+    epilog="Example: a465 calibrate hand-eye recorded.json --collect scenes/task2.toml -o calibration.toml",
 )
 def calibrate_hand_eye(
     data: _DATA,
+    collect: Annotated[
+        Path | None,
+        typer.Option(
+            "--collect", help="Record DATA first, in the cell of this task: simulated, or real with --port."
+        ),
+    ] = None,
+    target: Annotated[
+        Path | None,
+        typer.Option(
+            "--target", help="With --collect: what the hand holds; default: scenes/targets/hand.toml."
+        ),
+    ] = None,
+    poses: Annotated[
+        int | None, typer.Option("--poses", help="With --collect: how many; default 24.")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", help="With --collect: of the choice of poses.")
+    ] = None,
+    port: Annotated[
+        str | None, typer.Option("--port", help="With --collect: of the real controller.")
+    ] = None,
+    world: Annotated[
+        Path | None, typer.Option("--world", help="With --collect: truth of the simulated cell.")
+    ] = None,
+    camera: Annotated[str | None, typer.Option("--camera", help="With --port: a Basler camera.")] = None,
+    speed: Annotated[
+        float | None,
+        typer.Option("--speed", help="With --collect: factor of velocities; default: the cell's."),
+    ] = None,
+    time_scale: Annotated[
+        float | None, typer.Option("--time-scale", help="With --collect: of the simulated cell.")
+    ] = None,
+    folder: Annotated[
+        Path | None, typer.Option("--folder", help="With --collect: for plans and the wire log.")
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Calibration file to write, if it is accepted.")
     ] = None,
+    apply: Annotated[
+        bool, typer.Option("--apply", help="With --collect: let the cell file name the calibration file.")
+    ] = False,
     limit_mm: _LIMIT = None,
     encoder_step_deg: _STEP = None,
     as_json: _JSON = False,
 ) -> None:
-    from cell.calibratechain import hand_eye_step
     from cell.console import Console
 
     console = Console(as_json)
-    _finish(hand_eye_step(data, output, limit_mm, encoder_step_deg, console), output, console)
+    if collect is not None:
+        from arm.files import data_file
+        from cell.collecting import CollectOptions
+        from cell.collectstep import collect_step
+
+        options = CollectOptions(poses or CollectOptions.poses, seed or 0)
+        hand = target or data_file("scenes/targets/hand.toml")
+        result = collect_step(
+            data,
+            collect,
+            hand,
+            output,
+            apply,
+            options,
+            limit_mm,
+            port,
+            world,
+            camera,
+            speed,
+            time_scale,
+            folder,
+            console,
+        )
+    else:
+        from cell.calibratechain import hand_eye_step
+
+        _only_with_collect(
+            target=target,
+            poses=poses,
+            seed=seed,
+            port=port,
+            world=world,
+            camera=camera,
+            speed=speed,
+            time_scale=time_scale,
+            folder=folder,
+            apply=apply or None,
+        )
+        result = hand_eye_step(data, output, limit_mm, encoder_step_deg, console)
+    _finish(result, output, console)
+
+
+def _only_with_collect(**options: object) -> None:
+    given = [name for name, value in options.items() if value is not None]
+    if given:
+        from arm.errors import InputError
+
+        name = f"--{given[0].replace('_', '-')}"
+        raise InputError(f"{name}: goes with --collect TASK; DATA is read as it is otherwise", option=name)
 
 
 @app.command(

@@ -45,7 +45,7 @@ def run_task(
     task = read_task(task_file)
     speed = task.cell.speed if speed is None else speed
     task.cell.limits.scaled(speed)
-    with _opened(task, console, port, world, images, camera, speed, time_scale, folder, Control()) as run:
+    with opened(task, console, port, world, images, camera, speed, time_scale, folder, Control()) as run:
         run.advice = advice
         before = run.try_look("before anything moves")
         if before is not None and not run.foresee(before):
@@ -86,7 +86,7 @@ def execute_plan(
     moves = replayed(task, plan)
     require_start_at(task, plan)
     console.step(f"plan {plan.sha256[:12]}: {len(moves)} moves hold and match this cell")
-    with _opened(task, console, port, world, images, camera, plan.speed, time_scale, folder, control) as run:
+    with opened(task, console, port, world, images, camera, plan.speed, time_scale, folder, control) as run:
         run.followed = plan_file
         before = run.try_look("before anything moves")
         if before is not None:
@@ -125,14 +125,14 @@ def resume_plan(
     control = Control(ceiling=speed)
     task, plan = read_task(task_file), read_plan(plan_file)
     require_match(task, plan)
-    with _opened(task, console, port, None, images, camera, plan.speed, None, folder, control) as run:
+    with opened(task, console, port, None, images, camera, plan.speed, None, folder, control) as run:
         run.followed = plan_file
         resume(run, plan)
         return run.report()
 
 
 @contextmanager
-def _opened(
+def opened(
     task: Task,
     console: Console,
     port: str | None,

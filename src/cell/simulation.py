@@ -19,7 +19,10 @@ from arm.robot import Robot
 from arm.se3 import Array, apply, frozen, inverse, rot_z, transform
 from cell.cellfile import Cell
 from cell.furniture import T_hole_cube, cube_body, plate_body, stand_body
+from cell.handtarget import HandTarget
+from cell.render.light import Light
 from cell.render.renderer import PlacedBoard, render, with_noise
+from cell.render.target import TargetSolid
 from cell.worldfile import World
 from vision.camera import Camera
 
@@ -88,6 +91,7 @@ class SimulatedCell:
         world: what is true.
 
     Attributes:
+        in_hand: a calibration target that the gripper carries.
         events: what happened to cubes, in order.
         history: states, for whoever judges the run afterwards.
         now_ms: gives emulated time; set by whoever runs the controller.
@@ -96,6 +100,7 @@ class SimulatedCell:
     def __init__(self, cell: Cell, world: World) -> None:
         self.cell = cell
         self.world = world
+        self.in_hand: HandTarget | None = None
         self.events: list[CellEvent] = []
         self.now_ms: Callable[[], int] = lambda: 0
         self._lock = threading.RLock()
@@ -125,6 +130,13 @@ class SimulatedCell:
     def T_base_tool(self, counts: npt.ArrayLike) -> Array:
         """True pose of the tool at encoder counts."""
         return self._robot.T_base_tool(self.positions(counts))
+
+    def targets(self, counts: npt.ArrayLike) -> list[TargetSolid]:
+        """Calibration targets as they are with the arm at `counts`."""
+        if self.in_hand is None:
+            return []
+        T_base_flange = self.T_base_tool(counts) @ inverse(self._robot.T_end_tool)
+        return [TargetSolid(self.in_hand.target, T_base_flange @ self.in_hand.T_flange_target, Light())]
 
     def bodies(self, counts: npt.ArrayLike, robot: Robot) -> list[Body]:
         """Everything that can be seen with the arm at `counts`."""
@@ -271,5 +283,9 @@ class SimulatedCamera:
         simulated = self._simulated
         robot = simulated.cell.robot(simulated.jaw_opening)
         boards = [PlacedBoard(b.board, b.T_base_board) for b in simulated.world.boards]
-        clean = render(self._camera, simulated.bodies(self._counts(), robot), boards, self._dictionary)
+        counts = self._counts()
+        targets = simulated.targets(counts)
+        clean = render(
+            self._camera, simulated.bodies(counts, robot), boards, self._dictionary, others=targets
+        )
         return [with_noise(clean, self._rng, simulated.world.noise_grey) for _ in range(count)]

@@ -97,11 +97,21 @@ def read_target(path: Path) -> Target:
         FileInputError: a value breaks its rule.
     """
     root = TomlTable.read(path)
+    target = target_of(root)
+    root.finish()
+    return target
+
+
+def target_of(root: TomlTable) -> Target:
+    """The target of a file that may say more than that; who reads the rest calls `finish`.
+
+    Raises:
+        FileInputError: a value breaks its rule.
+    """
     kind = root.text("kind", ("charuco", "checkerboard"), default="charuco")
     columns, rows = root.integers("squares", 2, 3, 100)
     square = root.number("square_mm", "mm", 0.1, 1000.0) / 1e3
     if kind == "checkerboard":
-        root.finish()
         if (columns + rows) % 2 == 0:
             raise root.error(
                 "squares",
@@ -112,7 +122,6 @@ def read_target(path: Path) -> Target:
     if marker >= square:
         raise root.error("marker_mm", f"must be less than square_mm = {1e3 * square:g}")
     dictionary = root.text("dictionary", dictionary_names())
-    root.finish()
     target = Target("charuco", columns, rows, square, marker, dictionary)
     known = len(predefined(dictionary).bytesList)
     if len(target.marker_squares()) > known:

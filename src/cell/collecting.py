@@ -1,0 +1,239 @@
+"""``a465 calibrate hand-eye --collect``: the arm shows a target to the camera in poses that tell most.
+
+Every way between poses is planned and certified before it is driven, around everything that the cell file has and the
+whole zone in which boards may stand. The recording is written after every pose: what was interrupted goes on.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm.dh import A465
+from arm.errors import ImpossibleError, InputError
+from arm.files import write_atomic
+from arm.se3 import Array, frozen
+from calib.arm_recording import FEWEST_CORNERS, ArmRecording, read_arm_recording
+from cell.console import Console
+from cell.handposes import hand_pool, nearest_order
+from cell.handtarget import HandTarget
+from cell.planning import options_of, provenance
+from cell.scenery import unseen_scene
+from cell.taskrun import TaskRun
+from plan.scene import Scene
+from plan.way import plan_way
+from vision.frames import FrameSource
+from vision.target import TargetFinder
+
+POOL = 300  # configurations from which poses are chosen
+SAME = np.radians(0.1)  # rad; a recorded pose this near is that pose
+SETTLE_S = 0.5  # of the controller, after the arm has stopped: plates ring
+
+
+@dataclass(frozen=True)
+class CollectOptions:
+    """What a person asks for.
+
+    Attributes:
+        poses: how many.
+        seed: of their choice.
+    """
+
+    poses: int = 24
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not 6 <= self.poses <= 300:
+            raise InputError(
+                f"--poses {self.poses}: must be from 6 to 300", option="--poses", value=self.poses
+            )
+
+
+class Collector:
+    """Drives the arm from pose to pose and records what the camera sees.
+
+    Args:
+        run: of an open cell; its task says which cell.
+        hand: target in the gripper, about where it is.
+        file: recording to write; poses that are in it already count.
+        options: what is asked for.
+        console: where progress is told.
+    """
+
+    def __init__(
+        self, run: TaskRun, hand: HandTarget, file: Path, options: CollectOptions, console: Console
+    ) -> None:
+        self.run, self.hand, self.file, self.options, self.console = run, hand, file, options, console
+        cell = run.task.cell
+        self.robot = hand.carried_by(cell.robot())
+        bare = unseen_scene(cell)
+        self.scene = Scene(self.robot, self.robot, bare.bodies, ())
+        self.finder = TargetFinder(hand.target)
+        self.joints: list[Array] = []
+        self.pixels: list[Array] = []
+        if file.exists():
+            self._go_on()
+
+    def _go_on(self) -> None:
+        before = read_arm_recording(self.file)
+        if before.points.shape != self.hand.target.points().shape or not np.allclose(
+            before.points, self.hand.target.points(), atol=1e-9
+        ):
+            raise InputError(
+                f"{self.file}: holds poses of another target; give a new file, or the target file it was taken with",
+                file=str(self.file),
+            )
+        self.joints, self.pixels = list(before.joints), list(before.pixels)
+        self.console.say(f"{self.file}: {len(self.joints)} poses are there from before")
+
+    def recording(self) -> ArmRecording:
+        """What was recorded so far; joints are what the unit's own zeros say."""
+        camera = self.run.task.cell.camera.at(np.eye(4))
+        return ArmRecording(
+            camera,
+            A465,
+            self.hand.target.points(),
+            self.hand.target.kind,
+            frozen(np.array(self.joints)),
+            frozen(np.array(self.pixels)),
+        )
+
+    def choose(self) -> list[Array]:
+        """Configurations still to be taken, in the order in which they are driven."""
+        cell = self.run.task.cell
+        progress = lambda part: self.console.progress("poses that the camera sees", part)  # noqa: E731
+        pool = hand_pool(
+            self.robot,
+            self.scene.bodies,
+            cell.limits,
+            cell.camera,
+            self.hand,
+            cell.clearance,
+            POOL,
+            self.options.seed,
+            progress,
+        )
+        wanted = pool.q[: self.options.poses]
+        left = [q for q in wanted if not any(np.abs(q - self._read(j)).max() < SAME for j in self.joints)]
+        order = nearest_order(self.run.q_now(), np.array(left).reshape(-1, 6))
+        return [left[i] for i in order]
+
+    def _read(self, recorded: Array) -> Array:
+        """A recorded configuration as the cell's unit has it."""
+        cell = self.run.task.cell
+        return cell.unit.positions(cell.nominal_unit.counts(recorded))
+
+    def collect(self) -> int:
+        """Take all poses that are left; how many were taken.
+
+        Raises:
+            ImpossibleError: no pose can be driven to, or the target is not seen where it should be.
+            ExecutionStopped: motion stopped; what was recorded before is in the file.
+        """
+        left = self.choose()
+        total, taken, unseen = len(left), 0, 0
+        for number, q in enumerate(left, start=1):
+            if not self._drive(q, f"pose {number} of {total}"):
+                continue
+            if self._photograph():
+                taken += 1
+                self.write()
+            else:
+                unseen += 1
+            self.console.step(
+                f"pose {number} of {total}: {int(np.isfinite(self.pixels[-1][:, 0]).sum()) if self.pixels else 0} "
+                f"corners, {len(self.joints)} recorded"
+            )
+            if unseen >= 5 and unseen > taken:
+                raise ImpossibleError(
+                    f"the target was not seen in {unseen} of {number} poses: is it {self.hand.target.label()}, lit, "
+                    "and held about where the target file says?",
+                    unseen=unseen,
+                    poses=number,
+                )
+        return taken
+
+    def home(self) -> None:
+        """Back to q_start, the target still in hand."""
+        self._drive(self.run.task.cell.q_start, "back to q_start")
+
+    def _drive(self, q: Array, what: str) -> bool:
+        """Plan the way to a configuration, certify it, drive it; False if there is none."""
+        task = self.run.task
+        try:
+            plan = plan_way(
+                self.scene,
+                self.run.q_now(),
+                q,
+                task.cell.unit,
+                task.cell.limits,
+                options_of(task, self.run.speed),
+                provenance(task),
+                {"name": task.name, "kind": task.kind},
+            )
+        except ImpossibleError as error:
+            self.console.step(f"{what}: left out, {error}")
+            return False
+        if plan is not None:
+            self.run.execute(plan.steps)
+        return True
+
+    def _photograph(self) -> bool:
+        """Photograph the target with the arm at rest, and keep its corners' means over the frames."""
+        mars, cell = self.run.connection.mars, self.run.task.cell
+        mars.link.wait(SETTLE_S)
+        counts = mars.settled_counts()
+        corners = seen_corners(self.run.connection.frames, self.finder, cell.photographs)
+        if mars.settled_counts() != counts or np.isfinite(corners[:, 0]).sum() < FEWEST_CORNERS:
+            return False
+        self.joints.append(frozen(cell.nominal_unit.positions(counts)))
+        self.pixels.append(corners)
+        return True
+
+    def write(self) -> None:
+        """Write the recording, whole or not at all."""
+        write_atomic(self.file, json.dumps(recording_json(self.recording()), indent=1) + "\n")
+
+
+def seen_corners(frames: FrameSource, finder: TargetFinder, count: int) -> Array:
+    """Corners (m, 2) px of a target that stands still, means over frames; NaN where it was not seen in half of them."""
+    shown = np.full((count, finder.target.corners, 2), np.nan)
+    for k, image in enumerate(frames.grab(count)):
+        view = finder.find(image)
+        if view is not None:
+            shown[k, view.ids] = view.corners_px
+    seen = np.isfinite(shown[..., 0]).sum(axis=0) * 2 > count
+    mean = np.full(shown.shape[1:], np.nan)
+    mean[seen] = np.nanmean(shown[:, seen], axis=0)
+    return frozen(mean)
+
+
+def recording_json(r: ArmRecording) -> dict[str, Any]:
+    """A recording as its file has it."""
+    dh = r.dh
+    return {
+        "kind": "eye_to_hand_fixed_camera",
+        "camera": {
+            "K_px": r.camera.K.tolist(),
+            "distortion_k1k2p1p2k3": r.camera.distortion.tolist(),
+            "size_px": list(r.camera.size),
+        },
+        "dh": {
+            "d_m": dh.d.tolist(),
+            "a_m": dh.a.tolist(),
+            "alpha_rad": dh.alpha.tolist(),
+            "theta_offset_rad": dh.theta_offset.tolist(),
+        },
+        "target": {"kind": r.kind, "points_m": r.points.tolist()},
+        "poses": [
+            {
+                "joints_rad": q.tolist(),
+                "corners_px": [[None, None] if np.isnan(c).any() else c.tolist() for c in corners],
+            }
+            for q, corners in zip(r.joints, r.pixels, strict=True)
+        ],
+    }
