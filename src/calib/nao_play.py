@@ -98,7 +98,11 @@ def with_priors_of_a_make(problem: Problem, unknowns: NaoUnknowns, fit: ChainFit
 
 
 def fit_springs_and_play(
-    problem: Problem, unknowns: NaoUnknowns, sides: Sequence[str], gravity: npt.ArrayLike
+    problem: Problem,
+    unknowns: NaoUnknowns,
+    sides: Sequence[str],
+    gravity: npt.ArrayLike,
+    weights: Sequence[Array] | None = None,
 ) -> PlayFit:
     """Fit with priors that suit the joints' make, play being of the shape that costs less.
 
@@ -107,10 +111,11 @@ def fit_springs_and_play(
         unknowns: that are looked for.
         sides: L or R of each of the problem's chains.
         gravity: in the torso's frame, (3,) m/s^2.
+        weights: of every image of every chain, 0 for those that are wrong; 1 if not given.
     """
     first = with_first_priors(problem, unknowns)
-    known = with_priors_of_a_make(first, unknowns, fit_chains(first))
-    smooth = fit_chains(known)
+    known = with_priors_of_a_make(first, unknowns, fit_chains(first, weights))
+    smooth = fit_chains(known, weights)
     places = _places(unknowns, "backlash")
     if not (unknowns.play and problem.free[places].any()):
         return PlayFit(known, smooth, False, smooth.cost, float("inf"))
@@ -144,7 +149,7 @@ def _all_at_once(
             for s, side, lie in zip(problem.sightings, sides, signs, strict=True)
         ]
         problem = replace(problem, sightings=held)
-        fit = fit_chains(problem)
+        fit = fit_chains(problem, begin.weights)
         if number == 1:
             problem = with_priors_of_a_make(problem, unknowns, fit)
         torque = [_torque(s, side, unknowns, gravity, fit) for s, side in zip(held, sides, strict=True)]

@@ -87,7 +87,7 @@ def test_the_shape_of_play_is_found(hard, off):
 def test_play_that_no_stance_shows_is_taken_from_the_other_joints():
     found, x = sightings(3, ALL, ALL)
     torque = gravity_torques("L", found[0].readings[:, :6], ON_ITS_BACK)
-    assert (torque[:, 3] > 0.2).all()  # the knee's never changes sign
+    assert (torque[:, 2] > 0.05).all()  # the hip's never changes sign
     first = with_first_priors(problem(found, ALL), ALL)
     known = with_priors_of_a_make(first, ALL, fit_chains(first))
     at = [i for i, name in enumerate(ALL.names) if "backlash" in name]
