@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from arm.errors import CalibrationRefused
 from arm.se3 import Array, frozen
@@ -88,6 +89,38 @@ class HandEye:
         return self.pose_sigma(TARGET, self.T_gripper_target[:3, :3])
 
 
+def hand_eye_problem(
+    recording: ArmRecording,
+    about: tuple[Array, Array],
+    pixel_sigma: Array,
+    reading_sigma: Array,
+    wrong: npt.NDArray[np.bool_] | None = None,
+) -> Problem:
+    """What is unknown of an arm before a camera, all of it free but the gauges.
+
+    Args:
+        recording: images and joints.
+        about: T_base_camera and T_gripper_target, 4x4 each, from which the unknowns count.
+        pixel_sigma: (2,) px.
+        reading_sigma: (joints,) rad, 0 for exact encoders.
+        wrong: (n, m) corners that are not to be used.
+    """
+    dh, n = recording.dh, len(recording.joints)
+    count = len(unknown_names(dh.joints))
+    pixels = recording.pixels if wrong is None else np.where(wrong[..., None], np.nan, recording.pixels)
+    ids = np.tile(np.arange(n)[:, None], (1, dh.joints))
+    chain = arm_chain(dh, *about)
+    sightings = Sightings(chain, recording.joints, ids, np.arange(n), recording.points, pixels)
+    free = np.ones(count, dtype=bool)
+    free[[OFFSETS, OFFSETS + dh.joints - 1]] = False
+    prior = np.full(count, np.inf)
+    links = OFFSETS + dh.joints
+    prior[OFFSETS:links] = ZERO
+    prior[links : links + 2 * dh.joints] = LENGTH
+    prior[links + 2 * dh.joints :] = ANGLE
+    return Problem([sightings], recording.camera, np.zeros(count), prior, pixel_sigma, reading_sigma, free)
+
+
 def calibrate_hand_eye(
     recording: ArmRecording, limits: ChainLimits = HAND_EYE_LIMITS, encoder_step: float | None = None
 ) -> HandEye:
@@ -103,39 +136,20 @@ def calibrate_hand_eye(
     Raises:
         CalibrationRefused: too few poses, or motions that determine nothing.
     """
-    dh, n = recording.dh, len(recording.joints)
+    dh = recording.dh
     alone = fit_free_poses(recording.camera, recording.points, recording.pixels)
     names = unknown_names(dh.joints)
+    lengths = np.array([name[-1] in "xyzda" and "turn" not in name and "alpha" not in name for name in names])
     nominal = arm_chain(dh, np.eye(4), np.eye(4)).evaluate(recording.joints, np.zeros(len(names))).T
     begin = start_robot_world(nominal, alone.T_camera_target)
-    ids = np.tile(np.arange(n)[:, None], (1, dh.joints))
-    sightings = Sightings(
-        arm_chain(dh, begin.T_base_camera, begin.T_gripper_target),
-        recording.joints,
-        ids,
-        np.arange(n),
-        recording.points,
-        np.where(alone.wrong[..., None], np.nan, recording.pixels),
-    )
-    free = np.ones(len(names), dtype=bool)
-    free[[OFFSETS, OFFSETS + dh.joints - 1]] = False
-    prior = np.full(len(names), np.inf)
-    links = OFFSETS + dh.joints
-    prior[OFFSETS:links] = ZERO
-    prior[links : links + 2 * dh.joints] = LENGTH
-    prior[links + 2 * dh.joints :] = ANGLE
-    lengths = np.array([name[-1] in "xyz" and "turn" not in name for name in names])
-    lengths[links : links + 2 * dh.joints] = True
-    problem = Problem(
-        [sightings],
-        recording.camera,
-        np.zeros(len(names)),
-        prior,
+    problem = hand_eye_problem(
+        recording,
+        (begin.T_base_camera, begin.T_gripper_target),
         alone.pixel_sigma,
         reading_sigmas([recording.joints])
         if encoder_step is None
         else np.full(dh.joints, encoder_step / np.sqrt(12.0)),
-        free,
+        alone.wrong,
     )
     if not begin.inliers.any():
         raise CalibrationRefused("no two poses agree on where the camera stands", reason="start")
@@ -143,7 +157,7 @@ def calibrate_hand_eye(
         names,
         lengths,
         problem,
-        [Part(LINKS, tuple(range(links, len(names))))],
+        [Part(LINKS, tuple(range(OFFSETS + dh.joints, len(names))))],
         limits,
         [begin.inliers.astype(float)],
         alone.freedom,
