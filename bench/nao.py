@@ -160,8 +160,8 @@ def few(runs: Runs) -> None:
         errors, robot = _four(runs, lambda _, plan=plan: plan)
         print(
             f"4 planned stances a leg, {criterion}-optimal: planned in {took:.1f} s; joints "
-            f"{np.median(errors):.4f} deg (rms {np.sqrt(np.mean(np.square(errors))):.4f}, predicted {plan.joint_sigma_deg:.4f}), "
-            f"robot {robot:.0f} s"
+            f"{np.median(errors):.4f} deg (rms {np.sqrt(np.mean(np.square(errors))):.4f}, "
+            f"predicted {plan.joint_sigma_deg:.4f}), robot {robot:.0f} s"
         )
     drawn, _ = _four(
         runs, lambda seed: random_stances(runs.pool, 4, SENSING, PAPER, np.random.default_rng([seed, 4]))
@@ -205,8 +205,9 @@ def soft(runs: Runs) -> None:
             worst = max(row[0] for row in rows)
             print(
                 f"springs, {name}, {stances}: standing {r[0]:.3f} mm rms (worst seed {worst:.2f}), {r[1]:.3f} deg, "
-                f"chi2 {r[2]:.3f}, shape right in {sum(row[3] for row in rows)} of {len(rows)}, {r[4]:.1f} s; the paper's "
-                f"model and cost {r[5]:.2f} mm, its residuals {r[6]:.2f} / {r[7]:.2f} px rms; images missed {r[8]:.0f}",
+                f"chi2 {r[2]:.3f}, shape right in {sum(row[3] for row in rows)} of {len(rows)}, {r[4]:.1f} s; "
+                f"the paper's model and cost {r[5]:.2f} mm, residuals {r[6]:.2f} / {r[7]:.2f} px rms; "
+                f"images missed {r[8]:.0f}",
                 flush=True,
             )
 

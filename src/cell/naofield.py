@@ -99,7 +99,7 @@ def field_errors(true: NaoKinematics, taken: NaoKinematics) -> FieldErrors:
 def draw_field(true: NaoKinematics, taken: NaoKinematics, words: str) -> Image:
     """What the camera sees before the penalty area, and the lines as a model has them in red, (480, 640, 3)."""
     picture = np.full((NAO_CAMERA.size[1], NAO_CAMERA.size[0], 3), _GRASS, dtype=np.uint8)
-    head = np.radians([0.0, -10.0])
+    head = np.radians([0.0, -20.0])
     for nao, colour, width in ((true, _WHITE, _LINE), (taken, _RED, 0.0)):
         T = _T_camera_field(nao, _PLACES[0], head)
         for line in field_lines():

@@ -123,22 +123,31 @@ class NoisyVertices:
         return np.asarray(pixels + self.sigma * self.rng.standard_normal(pixels.shape))
 
 
+@dataclass(frozen=True, eq=False)
+class SeenBoard:
+    """An image and the vertices (24, 2) px that were found in it, in either order."""
+
+    image: Image
+    vertices: Array
+
+
 class RenderedVertices:
     """Renders the board, finds its vertices in the image, and keeps the images that are asked for."""
 
     def __init__(self, rng: np.random.Generator, keep: Sequence[int] = ()) -> None:
-        self.kept: dict[int, Image] = {}
+        self.kept: dict[int, SeenBoard] = {}
         self._rng, self._keep, self._count = rng, set(keep), 0
         self._finder = TargetFinder(CHECKERBOARD)
 
     def __call__(self, T_camera_board: Array) -> Array:
         """See `See`; in one of the two orders that half a turn of the board leaves open."""
         image = photograph_board(T_camera_board, self._rng)
-        if self._count in self._keep:
-            self.kept[self._count] = image
-        self._count += 1
         found = self._finder.find(image)
-        return np.full((len(VERTICES), 2), np.nan) if found is None else found.corners_px
+        vertices = np.full((len(VERTICES), 2), np.nan) if found is None else found.corners_px
+        if self._count in self._keep:
+            self.kept[self._count] = SeenBoard(image, vertices)
+        self._count += 1
+        return vertices
 
 
 def photograph_board(T_camera_board: Array, rng: np.random.Generator) -> Image:
