@@ -143,7 +143,8 @@ class TomlTable:
     def rigid(self, key: str) -> Array:
         """A rigid transform, 4x4; one that was printed with few digits is made one, one of ours is kept to the bit."""
         T = self.matrix(key, 4, 4)
-        if np.abs(T[:3, :3].T @ T[:3, :3] - np.eye(3)).max() <= 1e-12:
+        exact = np.abs(T[:3, :3].T @ T[:3, :3] - np.eye(3)).max() <= 1e-12
+        if exact and np.linalg.det(T[:3, :3]) > 0.0 and np.array_equal(T[3], (0.0, 0.0, 0.0, 1.0)):
             return T
         try:
             return orthonormalised(T)

@@ -39,6 +39,7 @@ class Sightings:
         points: (m, 3) m in the target frame.
         pixels: (n, m, 2) px, NaN where a point was not seen.
         gains: of unknowns, or None.
+        noise: of each image's corners in noise of the typical image's, (n,); None for 1.
     """
 
     chain: Chain
@@ -48,6 +49,12 @@ class Sightings:
     points: Array
     pixels: Array
     gains: Gains | None = None
+    noise: Array | None = None
+
+    def sigma(self, pixel_sigma: Array) -> Array:
+        """Standard deviations of every image's corners, (n, 1, 2) px, from those of the typical image (2,)."""
+        noise = np.ones(len(self.readings)) if self.noise is None else self.noise
+        return np.asarray(noise[:, None, None] * pixel_sigma)
 
     def evaluate(self, unknowns: Array, errors: Array) -> Evaluated:
         """The chain for unknowns (count,) with the readings corrected by errors (n, readings)."""
@@ -214,7 +221,7 @@ def _cost(problem: Problem, x: Array, errors: Sequence[Array], weights: Sequence
         r = _residual(problem, s, s.evaluate(x, e))
         if not np.array_equal(np.isfinite(r), np.isfinite(s.pixels)):
             return float("inf")  # a point behind the camera
-        total += float(np.nansum(w[:, None, None] * (r / problem.pixel_sigma) ** 2))
+        total += float(np.nansum(w[:, None, None] * (r / s.sigma(problem.pixel_sigma)) ** 2))
         total += float(((e[:, ~exact] / problem.reading_sigma[~exact]) ** 2 * _share(s, w)[:, ~exact]).sum())
     return total
 
@@ -290,7 +297,7 @@ def _stances(
     r, by_unknown, by_reading = _linearised(problem, s, s.evaluate(x, e), w)
     J = by_unknown[..., problem.free]
     if extra is not None:
-        scale = np.sqrt(w)[:, None, None, None] / problem.pixel_sigma[:, None]
+        scale = (np.sqrt(w)[:, None, None] / s.sigma(problem.pixel_sigma))[..., None]
         seen = np.isfinite(s.pixels)[..., None]
         J = np.concatenate([J, np.where(seen, extra[chain] * scale, 0.0)], axis=-1)
     inexact = np.flatnonzero(problem.reading_sigma > 0.0)
@@ -335,7 +342,7 @@ def _linearised(problem: Problem, s: Sightings, at: Evaluated, weights: Array) -
     # a twist (v, w) of the target moves its point p by v + w x p; a . (w x p) = w . (p x a)
     p = s.points[None, :, None]
     by_twist = np.concatenate([by_point, np.cross(np.broadcast_to(p, by_point.shape), by_point)], axis=-1)
-    scale = np.sqrt(weights)[:, None, None] / problem.pixel_sigma
+    scale = np.sqrt(weights)[:, None, None] / s.sigma(problem.pixel_sigma)
     seen = np.isfinite(r)
     by_twist = np.where(seen[..., None], by_twist * scale[..., None], 0.0)
     r = np.where(seen, r * scale, 0.0)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import stats
+from scipy import special, stats
 
 from arm.se3 import Array
 from calib.bundle import View
@@ -19,7 +19,7 @@ from vision.camera import Camera
 
 WRONG_CORNER = 6.0  # standard deviations
 _MANY = 8  # corners from which wrong ones can be told
-_STEPS = 15
+_FEW_IMAGES, _SURE = 6, 3.0  # images, and standard deviations, from which they are believed to differ
 _PER_AXIS = 16  # corners from which x and y are told apart
 
 
@@ -32,6 +32,8 @@ class FreePoses:
         residuals: (n, m, 2) px, NaN where a corner was not seen.
         pixel_sigma: standard deviation of a corner's x and y, (2,) px.
         freedom: coordinates beyond the poses that it rests on; few make it uncertain.
+        noise: of each image's corners, in the typical image's, (n,): targets that are far away, oblique or blurred
+            are found less well. Ones if images do not differ by more than chance.
         wrong: (n, m) corners that do not fit the others of their image.
     """
 
@@ -39,6 +41,7 @@ class FreePoses:
     residuals: Array
     pixel_sigma: Array
     freedom: float
+    noise: Array
     wrong: npt.NDArray[np.bool_]
 
 
@@ -73,7 +76,8 @@ def fit_free_poses(camera: Camera, points: Array, pixels: Array) -> FreePoses:
         far = (off > WRONG_CORNER) & drop[:, None] & (off >= 0.5 * off[rows, worst][:, None])
         wrong |= far
         shown[far] = np.nan
-    return FreePoses(poses, residuals, sigma, freedom, wrong)
+    noise = _noise(residuals / sigma, np.where(np.isfinite(shown), spared, 0.0))
+    return FreePoses(poses, residuals, sigma, freedom, noise, wrong)
 
 
 def _residuals(
@@ -106,3 +110,25 @@ def _sigma(residuals: Array, spared: Array, seen: npt.NDArray[np.bool_]) -> tupl
     if np.median(seen.sum(axis=1)) < _PER_AXIS:
         return np.full(2, np.sqrt(total[0].sum() / total[1].sum())), float(total[1].sum())
     return np.asarray(np.sqrt(total[0] / total[1])), float(total[1].sum())
+
+
+def _noise(whitened: Array, spared: Array) -> Array:
+    """Of each image, (n,), shrunk to 1 by how little images differ (an empirical Bayes estimate of variances).
+
+    The variances of images are taken to be spread as inverse chi squares with as many degrees of freedom as the spread
+    of their logarithms tells, beyond that of few corners.
+    """
+    freedom = spared.sum(axis=(1, 2))
+    squares = np.where(spared > 0.0, whitened, 0.0) ** 2
+    total = np.nansum(squares, axis=(1, 2))
+    usable = freedom > 1.0
+    if usable.sum() < _FEW_IMAGES:
+        return np.ones(len(freedom))
+    logs = np.log(np.maximum(total[usable], 1e-12) / freedom[usable])
+    spread = float(stats.iqr(logs, scale="normal")) ** 2
+    chance = float(np.mean(special.polygamma(1, freedom[usable] / 2.0)))
+    surplus = spread - chance
+    if surplus <= _SURE * chance * np.sqrt(2.0 / usable.sum()):
+        return np.ones(len(freedom))
+    prior = 2.0 / surplus
+    return np.asarray(np.sqrt((prior + total) / (prior + freedom)))

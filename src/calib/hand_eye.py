@@ -95,6 +95,7 @@ def hand_eye_problem(
     pixel_sigma: Array,
     reading_sigma: Array,
     wrong: npt.NDArray[np.bool_] | None = None,
+    noise: Array | None = None,
 ) -> Problem:
     """What is unknown of an arm before a camera, all of it free but the gauges.
 
@@ -104,13 +105,14 @@ def hand_eye_problem(
         pixel_sigma: (2,) px.
         reading_sigma: (joints,) rad, 0 for exact encoders.
         wrong: (n, m) corners that are not to be used.
+        noise: of each image in noise of the typical one, (n,).
     """
     dh, n = recording.dh, len(recording.joints)
     count = len(unknown_names(dh.joints))
     pixels = recording.pixels if wrong is None else np.where(wrong[..., None], np.nan, recording.pixels)
     ids = np.tile(np.arange(n)[:, None], (1, dh.joints))
     chain = arm_chain(dh, *about)
-    sightings = Sightings(chain, recording.joints, ids, np.arange(n), recording.points, pixels)
+    sightings = Sightings(chain, recording.joints, ids, np.arange(n), recording.points, pixels, None, noise)
     free = np.ones(count, dtype=bool)
     free[[OFFSETS, OFFSETS + dh.joints - 1]] = False
     prior = np.full(count, np.inf)
@@ -150,6 +152,7 @@ def calibrate_hand_eye(
         if encoder_step is None
         else np.full(dh.joints, encoder_step / np.sqrt(12.0)),
         alone.wrong,
+        alone.noise,
     )
     if not begin.inliers.any():
         raise CalibrationRefused("no two poses agree on where the camera stands", reason="start")

@@ -36,8 +36,10 @@ def calibrate_nao(
     alone = fit_free_poses(recording.camera, recording.board, np.concatenate([s.pixels for s in recorded]))
     ends = np.cumsum([len(s.readings) for s in recorded])[:-1]
     sightings = [
-        replace(s, pixels=np.where(wrong[..., None], np.nan, s.pixels))
-        for s, wrong in zip(recorded, np.split(alone.wrong, ends), strict=True)
+        replace(s, pixels=np.where(wrong[..., None], np.nan, s.pixels), noise=noise)
+        for s, wrong, noise in zip(
+            recorded, np.split(alone.wrong, ends), np.split(alone.noise, ends), strict=True
+        )
     ]
     if encoder_step is None:
         reading_sigma = reading_sigmas([s.readings for s in sightings])
@@ -66,6 +68,8 @@ def calibrate_nao(
         problem,
         [Part(name, tuple(np.flatnonzero(of & shown).tolist())) for name, of in parts.items()],
         limits,
+        None,
+        alone.freedom,
     )
 
     def in_words(name: str, value: float) -> str:

@@ -173,7 +173,10 @@ def _within(problem: Problem, fit: ChainFit, noise_freedom: float) -> list[Array
 
 def _off(problem: Problem, fit: ChainFit) -> list[Array]:
     """Rms of every image's residuals, in noise of corners, or of the typical image where the model lacks something."""
-    sizes = [np.sqrt(np.nanmean((r / problem.pixel_sigma) ** 2, axis=(1, 2))) for r in fit.residuals]
+    sizes = [
+        np.sqrt(np.nanmean((r / s.sigma(problem.pixel_sigma)) ** 2, axis=(1, 2)))
+        for s, r in zip(problem.sightings, fit.residuals, strict=True)
+    ]
     counts = [np.isfinite(s.pixels).sum(axis=(1, 2)) for s in problem.sightings]
     used = np.concatenate(
         [
