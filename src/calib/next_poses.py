@@ -164,11 +164,14 @@ def _pool(found: HandEye, rng: np.random.Generator) -> Array:
     chain = arm_chain(r.dh, *found.start)
     last = np.array(r.camera.size) - 1.0 - MARGIN_PX
     good = np.zeros((0, r.dh.joints))
+    before = chain.evaluate(r.joints, found.chain.fit.unknowns).T
+    # the printed side is the one that was seen, whichever way its z points
+    side = -np.sign(np.median(np.einsum("ni,ni->n", before[:, :3, 2], before[:, :3, 3])))
     for _ in range(_MOST_BATCHES):
         joints = rng.uniform(low, high, (_BATCH, r.dh.joints))
         T = chain.evaluate(joints, found.chain.fit.unknowns).T
         middle = T[:, :3, 3] + T[:, :3, :3] @ r.points.mean(axis=0)
-        facing = -np.einsum("ni,ni->n", T[:, :3, 2], middle) / np.linalg.norm(middle, axis=1)
+        facing = side * np.einsum("ni,ni->n", T[:, :3, 2], middle) / np.linalg.norm(middle, axis=1)
         ahead = np.flatnonzero((facing > np.cos(OBLIQUE)) & (middle[:, 2] > 0.0))
         at = np.einsum("nij,mj->nmi", T[ahead, :3, :3], r.points) + T[ahead, None, :3, 3]
         pixels = r.camera.project(at)

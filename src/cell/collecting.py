@@ -18,6 +18,7 @@ from arm.errors import ImpossibleError, InputError
 from arm.files import write_atomic
 from arm.se3 import Array, frozen
 from calib.arm_recording import FEWEST_CORNERS, ArmRecording, read_arm_recording
+from calib.next_poses import plan_poses
 from cell.console import Console
 from cell.handposes import hand_pool, nearest_order
 from cell.handtarget import HandTarget
@@ -30,7 +31,6 @@ from vision.frames import FrameSource
 from vision.target import TargetFinder
 
 POOL = 300  # configurations from which poses are chosen
-SAME = np.radians(0.1)  # rad; a recorded pose this near is that pose
 SETTLE_S = 0.5  # of the controller, after the arm has stopped: plates ring
 
 
@@ -117,10 +117,25 @@ class Collector:
             self.options.seed,
             progress,
         )
-        wanted = pool.q[: self.options.poses]
-        left = [q for q in wanted if not any(np.abs(q - self._read(j)).max() < SAME for j in self.joints)]
-        order = nearest_order(self.run.q_now(), np.array(left).reshape(-1, 6))
-        return [left[i] for i in order]
+        missing = self.options.poses - len(self.joints)
+        if missing <= 0:
+            return []
+        plan = plan_poses(
+            pool.q,
+            missing,
+            A465,
+            cell.camera.at(np.eye(4)),
+            self.hand.target.points(),
+            cell.camera.T_base_camera,
+            self.hand.T_flange_target,
+            np.array([self._read(j) for j in self.joints]) if self.joints else None,
+        )
+        self.console.step(
+            f"{missing} of {len(pool.q)} poses chosen: the camera's place will be known to about "
+            f"{1e3 * plan.sigma:.2f} mm and {np.degrees(plan.sigma_turn):.3f} deg"
+        )
+        left = pool.q[list(plan.places)]
+        return [left[i] for i in nearest_order(self.run.q_now(), left)]
 
     def _read(self, recorded: Array) -> Array:
         """A recorded configuration as the cell's unit has it."""
