@@ -26,6 +26,7 @@ _POLISHED = 8  # of the best sets
 _ROUNDS = 12
 _AGREE = 0.4  # share of the pairs that the score looks at: fewer than are right
 _TRUSTED = 6.0  # standard deviations that a right pose may be off: wrong zeros leave no bell curve
+SCATTER = 0.15  # rad about each axis; pairs that are taken at random agree to half a turn
 _EXACT = 1e-9  # m and rad: poses this near agree, however much nearer others are
 
 
@@ -55,7 +56,7 @@ def start_robot_world(T_base_gripper: Array, T_camera_target: Array, seed: int =
         seed: of the sets that are tried.
 
     Raises:
-        CalibrationRefused: fewer than three pairs, or none of the sets determines the poses.
+        CalibrationRefused: fewer than three pairs, none of the sets determines the poses, or no pairs agree.
     """
     A, B = np.asarray(T_base_gripper, dtype=float), np.asarray(T_camera_target, dtype=float)
     if len(A) < FEWEST:
@@ -72,7 +73,20 @@ def start_robot_world(T_base_gripper: Array, T_camera_target: Array, seed: int =
     spread = np.log(np.partition(turn, k, axis=-1)[:, k] + _EXACT)
     spread += np.log(np.partition(shift, k, axis=-1)[:, k] + _EXACT)
     best = [_polished(A, B, X[i], Y[i]) for i in np.argsort(spread)[:_POLISHED]]
-    return max(best, key=lambda found: _likelihood(A, B, found))
+    # of few pairs some three always agree best: all of them are tried too
+    best.append(RobotWorldStart(frozen(Y[0]), frozen(X[0]), np.isfinite(turn[0] + shift[0])))
+    found = max(best, key=lambda one: _likelihood(A, B, one))
+    turn, _ = residual_sizes(A, B, found.T_gripper_target, found.T_base_camera)
+    scatter = float(np.sqrt((turn[found.inliers] ** 2).mean() / 3.0)) if found.inliers.any() else np.inf
+    if not scatter < SCATTER:
+        raise CalibrationRefused(
+            f"no {max(FEWEST, k + 1)} of {len(A)} pairs of poses agree with each other to {np.degrees(SCATTER):.0f} "
+            "deg: were arm and camera read at the same time, and do target and camera stay where they are fixed?",
+            reason="no_consensus",
+            pairs=len(A),
+            scatter_rad=scatter,
+        )
+    return found
 
 
 def closed_form(A: Array, B: Array) -> tuple[Array, Array]:
