@@ -13,12 +13,22 @@ from arm.armcalibration import ArmCalibration, write_arm_calibration
 from arm.errors import InputError
 from arm.files import keep_apart, write_atomic
 from calib.arm_recording import ArmRecording, read_arm_recording
-from calib.chain_calibration import ChainLimits
+from calib.chain_calibration import ChainCalibration, ChainLimits
 from calib.hand_eye import HAND_EYE_LIMITS, HandEye, calibrate_hand_eye
 from calib.kinematic import NAO_LIMITS, calibrate_nao
 from calib.nao import NaoUnknowns
 from calib.nao_recording import read_nao_recording
-from cell.chainresult import hand_eye_json, kinematic_json, tell_hand_eye, tell_kinematic
+from calib.next_poses import next_poses
+from cell.chainpage import chain_page
+from cell.chainresult import (
+    Tables,
+    hand_eye_json,
+    hand_eye_tables,
+    kinematic_json,
+    kinematic_tables,
+    tell_hand_eye,
+    tell_kinematic,
+)
 from cell.console import Console
 
 _ALL = NaoUnknowns(head=True, springs=True, play=True)
@@ -50,7 +60,12 @@ def _step(encoder_step_deg: float | None) -> float | None:
 
 
 def kinematic_step(
-    data: Path, output: Path | None, limit_mm: float | None, encoder_step_deg: float | None, console: Console
+    data: Path,
+    output: Path | None,
+    report: Path | None,
+    limit_mm: float | None,
+    encoder_step_deg: float | None,
+    console: Console,
 ) -> dict[str, Any]:
     """Calibrate camera and legs of a NAO from recorded images; the file is written only if it is accepted.
 
@@ -59,12 +74,16 @@ def kinematic_step(
         CalibrationRefused: nothing could be computed.
     """
     limits, step = limits_of(NAO_LIMITS, limit_mm), _step(encoder_step_deg)
-    keep_apart(output, data)
+    report = report_beside(output, report)
+    keep_apart(output, data, report)
+    keep_apart(report, data)
     recording = read_nao_recording(data)
     console.step(f"fit: {len(recording.pixels)} images of {len(recording.board)} vertices")
     calibration = calibrate_nao(recording, limits, step)
     result = kinematic_json(calibration, _ALL.si())
     tell_kinematic(calibration, _ALL.si(), console)
+    tables = kinematic_tables(calibration, _ALL.si())
+    _write_report(report, "Camera and legs of a NAO", data, calibration, tables, console)
     if output is not None and calibration.accepted:
         write_atomic(output, json.dumps(result, indent=2, allow_nan=False) + "\n")
         console.say(f"written: {output}")
@@ -72,7 +91,12 @@ def kinematic_step(
 
 
 def hand_eye_step(
-    data: Path, output: Path | None, limit_mm: float | None, encoder_step_deg: float | None, console: Console
+    data: Path,
+    output: Path | None,
+    report: Path | None,
+    limit_mm: float | None,
+    encoder_step_deg: float | None,
+    console: Console,
 ) -> dict[str, Any]:
     """Calibrate an arm before a fixed camera from recorded images; the file is written only if it is accepted.
 
@@ -81,23 +105,42 @@ def hand_eye_step(
         CalibrationRefused: nothing could be computed.
     """
     limits, step = limits_of(HAND_EYE_LIMITS, limit_mm), _step(encoder_step_deg)
-    keep_apart(output, data)
-    return solve_hand_eye(read_arm_recording(data), "", output, limits, step, console)
+    report = report_beside(output, report)
+    keep_apart(output, data, report)
+    keep_apart(report, data)
+    return solve_hand_eye(data, read_arm_recording(data), "", output, report, limits, step, console)
+
+
+def report_beside(output: Path | None, report: Path | None) -> Path | None:
+    """Where the report goes: beside the result if it is not said."""
+    return report or (output.with_suffix(".html") if output is not None else None)
+
+
+def _write_report(
+    report: Path | None, title: str, data: Path, c: ChainCalibration, tables: Tables, console: Console
+) -> None:
+    if report is not None:
+        write_atomic(report, chain_page(title, data.name, c, tables))
+        console.say(f"report: {report}")
 
 
 def solve_hand_eye(
+    data: Path,
     recording: ArmRecording,
     unit: str,
     output: Path | None,
+    report: Path | None,
     limits: ChainLimits,
     encoder_step: float | None,
     console: Console,
 ) -> dict[str, Any]:
-    """Calibrate from a recording of a unit (its name, or ""), tell, and write."""
+    """Calibrate from the recording of a file, of a unit (its name, or ""); tell, and write."""
     console.step(f"fit: {len(recording.joints)} poses of {recording.kind} ({len(recording.points)} points)")
     found = calibrate_hand_eye(recording, limits, encoder_step)
-    result = hand_eye_json(found)
-    tell_hand_eye(found, console)
+    more = next_poses(found)
+    result = hand_eye_json(found, more)
+    tell_hand_eye(found, console, more)
+    _write_report(report, "Camera and arm", data, found.chain, hand_eye_tables(found), console)
     if output is not None and found.chain.accepted:
         calibration = arm_calibration(found, unit)
         write_arm_calibration(output, calibration)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from calib.chain_calibration import ChainCalibration
 from calib.hand_eye import GAUGES, HandEye
+from calib.next_poses import NextPose
 from cell.console import Console
 
 _MOST_CORRELATIONS = 6
@@ -28,8 +30,8 @@ def kinematic_json(c: ChainCalibration, si: Any) -> dict[str, Any]:
     }
 
 
-def hand_eye_json(h: HandEye) -> dict[str, Any]:
-    """The result of an arm before a camera."""
+def hand_eye_json(h: HandEye, more: Sequence[NextPose] = ()) -> dict[str, Any]:
+    """The result of an arm before a camera, and poses that would tell more."""
     d, a, alpha = h.link_errors
     sigma = np.sqrt(np.diag(h.chain.covariance))
     joints = h.recording.dh.joints
@@ -53,6 +55,7 @@ def hand_eye_json(h: HandEye) -> dict[str, Any]:
         "held_out_px": h.chain.held_out.px,
         "held_out_mm": 1e3 * h.chain.held_out.metres,
         "gauges": list(GAUGES),
+        "next_poses": [{"joints_rad": p.joints.tolist(), "gain": p.gain} for p in more],
         **_chain_json(h.chain),
     }
 
@@ -80,19 +83,19 @@ def _chain_json(c: ChainCalibration) -> dict[str, Any]:
     }
 
 
-def tell_kinematic(c: ChainCalibration, si: Any, console: Console) -> None:
-    """Print parameters and verdict."""
+Tables = list[tuple[str, Sequence[str], Sequence[Sequence[str]]]]
+"""Title, header and rows of each table."""
+
+
+def kinematic_tables(c: ChainCalibration, si: Any) -> Tables:
+    """What was found of a NAO."""
     sigma = np.sqrt(np.diag(c.covariance))
-    console.table(
-        ("parameter", "value", "std", "unit"),
-        [
-            (name, f"{c.fit.unknowns[i] / si[i]:+.4f}", f"{sigma[i] / si[i]:.4f}", unit)
-            for i in np.flatnonzero(c.problem.free)
-            for name, unit in [_name_and_unit(c.names[i])]
-        ],
-    )
-    console.say()
-    _tell_chain(c, console)
+    rows = [
+        (name, f"{c.fit.unknowns[i] / si[i]:+.4f}", f"{sigma[i] / si[i]:.4f}", unit)
+        for i in np.flatnonzero(c.problem.free)
+        for name, unit in [_name_and_unit(c.names[i])]
+    ]
+    return [("Parameters", ("parameter", "value", "std", "unit"), rows)]
 
 
 def _name_and_unit(name: str) -> tuple[str, str]:
@@ -102,46 +105,66 @@ def _name_and_unit(name: str) -> tuple[str, str]:
     return stem, unit
 
 
-def tell_hand_eye(h: HandEye, console: Console) -> None:
-    """Print place, zeros, links and verdict."""
+def hand_eye_tables(h: HandEye) -> Tables:
+    """What was found of an arm before a camera."""
     (camera_m, camera_rad), (target_m, target_rad) = h.camera_sigma, h.target_sigma
-    console.table(
-        ("", "x mm", "y mm", "z mm", "std mm", "std deg"),
-        [
-            (
-                name,
-                *(f"{1e3 * v:.3f}" for v in T[:3, 3]),
-                f"{1e3 * float(np.linalg.norm(m)):.3f}",
-                f"{np.degrees(float(np.linalg.norm(rad))):.4f}",
-            )
-            for name, T, m, rad in (
-                ("camera in base", h.T_base_camera, camera_m, camera_rad),
-                ("target in gripper", h.T_gripper_target, target_m, target_rad),
-            )
-        ],
-    )
-    console.say()
+    places = [
+        (
+            name,
+            *(f"{1e3 * v:.3f}" for v in T[:3, 3]),
+            f"{1e3 * float(np.linalg.norm(m)):.3f}",
+            f"{np.degrees(float(np.linalg.norm(rad))):.4f}",
+        )
+        for name, T, m, rad in (
+            ("camera in base", h.T_base_camera, camera_m, camera_rad),
+            ("target in gripper", h.T_gripper_target, target_m, target_rad),
+        )
+    ]
     sigma = np.sqrt(np.diag(h.chain.covariance))
     n = h.recording.dh.joints
     columns = [h.joint_offsets, *h.link_errors]
     units = [np.degrees(1.0), 1e3, 1e3, np.degrees(1.0)]
-    console.table(
-        ("joint", "zero deg", "d mm", "a mm", "alpha deg"),
-        [
-            (
-                f"J{j + 1}",
-                *(
-                    f"{u * column[j]:+.4f} +- {u * sigma[12 + k * n + j]:.4f}"
-                    if h.chain.problem.free[12 + k * n + j]
-                    else "held"
-                    for k, (column, u) in enumerate(zip(columns, units, strict=True))
-                ),
-            )
-            for j in range(n)
-        ],
-    )
-    console.say()
+    joints = [
+        (
+            f"J{j + 1}",
+            *(
+                f"{u * column[j]:+.4f} +- {u * sigma[12 + k * n + j]:.4f}"
+                if h.chain.problem.free[12 + k * n + j]
+                else "held"
+                for k, (column, u) in enumerate(zip(columns, units, strict=True))
+            ),
+        )
+        for j in range(n)
+    ]
+    return [
+        ("Places", ("", "x mm", "y mm", "z mm", "std mm", "std deg"), places),
+        ("Arm", ("joint", "zero deg", "d mm", "a mm", "alpha deg"), joints),
+    ]
+
+
+def tell_kinematic(c: ChainCalibration, si: Any, console: Console) -> None:
+    """Print parameters and verdict."""
+    _tell_tables(kinematic_tables(c, si), console)
+    _tell_chain(c, console)
+
+
+def tell_hand_eye(h: HandEye, console: Console, more: Sequence[NextPose] = ()) -> None:
+    """Print place, zeros, links, verdict, and poses that would tell more."""
+    _tell_tables(hand_eye_tables(h), console)
     _tell_chain(h.chain, console)
+    if more:
+        console.say(
+            "poses that would help most (joints in deg; how much less a predicted target would be off):"
+        )
+    for pose in more:
+        shown = "  ".join(f"{q:7.1f}" for q in np.degrees(pose.joints))
+        console.say(f"  {shown}   {100.0 * pose.gain:.0f} %")
+
+
+def _tell_tables(tables: Tables, console: Console) -> None:
+    for _, header, rows in tables:
+        console.table(header, rows)
+        console.say()
 
 
 def _tell_chain(c: ChainCalibration, console: Console) -> None:

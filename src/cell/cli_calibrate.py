@@ -92,6 +92,9 @@ _STEP = Annotated[
     float | None,
     typer.Option("--encoder-step-deg", help="Step of the encoders; default: seen from their readings."),
 ]
+_REPORT = Annotated[
+    Path | None, typer.Option("--report", help="HTML report; default: beside the file that -o writes.")
+]
 _JSON = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on standard output, all else on standard error.")
 ]
@@ -146,6 +149,7 @@ def calibrate_hand_eye(
     apply: Annotated[
         bool, typer.Option("--apply", help="With --collect: let the cell file name the calibration file.")
     ] = False,
+    report: _REPORT = None,
     limit_mm: _LIMIT = None,
     encoder_step_deg: _STEP = None,
     as_json: _JSON = False,
@@ -165,6 +169,7 @@ def calibrate_hand_eye(
             collect,
             hand,
             output,
+            report,
             apply,
             options,
             limit_mm,
@@ -191,7 +196,7 @@ def calibrate_hand_eye(
             folder=folder,
             apply=apply or None,
         )
-        result = hand_eye_step(data, output, limit_mm, encoder_step_deg, console)
+        result = hand_eye_step(data, output, report, limit_mm, encoder_step_deg, console)
     _finish(result, output, console)
 
 
@@ -215,6 +220,7 @@ def calibrate_kinematic(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Result to write (JSON), if it is accepted.")
     ] = None,
+    report: _REPORT = None,
     limit_mm: _LIMIT = None,
     encoder_step_deg: _STEP = None,
     as_json: _JSON = False,
@@ -223,7 +229,7 @@ def calibrate_kinematic(
     from cell.console import Console
 
     console = Console(as_json)
-    _finish(kinematic_step(data, output, limit_mm, encoder_step_deg, console), output, console)
+    _finish(kinematic_step(data, output, report, limit_mm, encoder_step_deg, console), output, console)
 
 
 def _finish(result: dict[str, Any], output: Path | None, console: Console) -> None:

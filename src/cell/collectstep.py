@@ -9,7 +9,7 @@ from arm.errors import InputError
 from arm.files import keep_apart
 from calib.hand_eye import HAND_EYE_LIMITS
 from cell.applying import apply_calibration
-from cell.calibratechain import limits_of, solve_hand_eye
+from cell.calibratechain import limits_of, report_beside, solve_hand_eye
 from cell.collecting import CollectOptions, Collector
 from cell.console import Console
 from cell.handtarget import read_hand_target
@@ -23,6 +23,7 @@ def collect_step(
     task_file: Path,
     target_file: Path,
     output: Path | None,
+    report: Path | None,
     apply: bool,
     options: CollectOptions,
     limit_mm: float | None,
@@ -52,7 +53,9 @@ def collect_step(
             "--apply needs -o FILE: the calibration file that the cell is to name", option="--apply"
         )
     keep_apart(recording, task_file, target_file, task.cell.file)
-    keep_apart(output, recording, task_file, target_file, task.cell.file)
+    report = report_beside(output, report)
+    keep_apart(output, recording, task_file, target_file, task.cell.file, report)
+    keep_apart(report, recording, task_file, target_file, task.cell.file)
     speed = task.cell.speed if speed is None else speed
     task.cell.limits.scaled(speed)
     if port is None and recording.suffix != ".json":
@@ -66,7 +69,9 @@ def collect_step(
         taken = collector.collect()
         collector.home()
         console.step(f"{taken} poses taken, {len(collector.joints)} in {recording}")
-    result = solve_hand_eye(collector.recording(), task.cell.unit.name, output, limits, None, console)
+    result = solve_hand_eye(
+        recording, collector.recording(), task.cell.unit.name, output, report, limits, None, console
+    )
     if apply and output is not None and not result["reasons"]:
         line = apply_calibration(task.cell.file, output)
         console.say(f"{task.cell.file} says now: {line}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from html import escape
 
 import numpy as np
@@ -12,30 +12,10 @@ from calib.calibrated_camera import CalibrationView, CameraCalibration
 from calib.camera_verdict import CELLS, cells, coverage, describe
 from calib.intrinsics import NAMES, vector_of
 from calib.work_points import COLUMNS, LAYERS, ROWS
+from cell.htmlparts import bullets, page, section, table
 
 ARROWS = 0.02  # length of the median residual's arrow, in image widths
 DEEP = 340  # height of the drawing of the targets
-STYLE = """
-:root { --paper:#f3f1ec; --panel:#fffefb; --ink:#23272d; --muted:#6d7278; --line:#e2ddd2; --blue:#2f6fb3;
-  --good:#2f9e87; --bad:#c0392b; --warm:#e2983a; color-scheme: light;
-  font: 14px/1.5 system-ui, -apple-system, "Segoe UI", Arial, sans-serif; font-variant-numeric: tabular-nums; }
-@media (prefers-color-scheme: dark) { :root { --paper:#14171b; --panel:#1b2026; --ink:#e6e8ea; --muted:#949ca5;
-  --line:#2b3139; --blue:#6fa8e6; --good:#3fb59c; --bad:#ff7b6b; --warm:#eba54a; color-scheme: dark; } }
-* { box-sizing:border-box } body { margin:0; background:var(--paper); color:var(--ink) }
-main { max-width:1120px; margin:0 auto; padding:24px; display:grid; gap:16px }
-h1 { font-size:20px; margin:0 } h2 { font-size:15px; margin:0 0 8px } p { margin:4px 0 }
-section { background:var(--panel); border:1px solid var(--line); border-radius:14px; padding:16px; overflow-x:auto }
-.two { columns:2 420px; column-gap:16px } .two section { break-inside:avoid; margin-bottom:16px }
-.badge { display:inline-block; padding:2px 12px; border-radius:99px; color:#fff; background:var(--good) }
-.badge.no { background:var(--bad) } .figures { display:flex; gap:28px; flex-wrap:wrap }
-.figures b { display:block; font-size:22px; font-weight:600 } .muted, figcaption { color:var(--muted) }
-table { border-collapse:collapse; width:100% }
-td,th { text-align:right; padding:3px 8px; border-bottom:1px solid var(--line) }
-th { color:var(--muted); font-weight:500 }
-td:first-child,th:first-child,td:nth-child(7),th:nth-child(7) { text-align:left }
-svg { width:100%; height:auto; display:block } svg text { fill:var(--muted); font-size:13px } figure { margin:0 }
-.frame { fill:none; stroke:var(--line) } ul { margin:4px 0; padding-left:20px } .out td { color:var(--muted) }
-"""
 
 
 def lens_page(c: CameraCalibration, source: str) -> str:
@@ -50,40 +30,20 @@ def lens_page(c: CameraCalibration, source: str) -> str:
         f"<h1>Lens of a camera {badge}</h1>",
         f'<p class="muted">{escape(source)}: {len(c.used)} of {len(c.views)} photographs, '
         f"{escape(c.target.label())}</p>",
-        _section("", _list(c.reasons, "Why it is refused") + _figures(c) + _list(c.remarks, "Worth knowing")),
+        section(
+            "", bullets(c.reasons, "Why it is refused") + _figures(c) + bullets(c.remarks, "Worth knowing")
+        ),
         '<div class="two">',
-        _section("Where the corners are, and what they miss", _residuals(c)),
-        _section("How well the work points are known", _work(c)),
-        _section("Numbers", _numbers(c)),
-        _section("Where the target was", _side(c)),
-        _section("What else could be wrong", _suspects(c)),
-        _section("Views that would help most", _next(c)),
+        section("Where the corners are, and what they miss", _residuals(c)),
+        section("How well the work points are known", _work(c)),
+        section("Numbers", _numbers(c)),
+        section("Where the target was", _side(c)),
+        section("What else could be wrong", _suspects(c)),
+        section("Views that would help most", _next(c)),
         "</div>",
-        _section("Views", _views(c)),
+        section("Views", _views(c)),
     ]
-    return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" '
-        f'content="width=device-width"><title>Lens: {escape(source)}</title><style>{STYLE}</style></head>'
-        f"<body><main>{''.join(parts)}</main></body></html>\n"
-    )
-
-
-def _section(title: str, body: str) -> str:
-    return f"<section>{f'<h2>{title}</h2>' if title else ''}{body}</section>"
-
-
-def _list(items: Sequence[str], title: str) -> str:
-    if not items:
-        return ""
-    return f"<p><b>{title}</b></p><ul>{''.join(f'<li>{escape(item)}</li>' for item in items)}</ul>"
-
-
-def _table(header: Sequence[str], rows: Iterable[tuple[str, Sequence[str]]]) -> str:
-    head = "".join(f"<th>{h}</th>" for h in header)
-    body = "".join(
-        f'<tr class="{kind}">{"".join(f"<td>{escape(v)}</td>" for v in row)}</tr>' for kind, row in rows
-    )
-    return f"<table><tr>{head}</tr>{body}</table>"
+    return page(f"Lens: {source}", parts)
 
 
 def _figures(c: CameraCalibration) -> str:
@@ -162,7 +122,7 @@ def _numbers(c: CameraCalibration) -> str:
         pixels = name in NAMES[:4]
         shown = f"{value:.2f} px" if pixels else f"{value:.5g}"
         rows.append(("", (name, shown, f"{sigma:.2g}" if free else "held")))
-    return _table(("", "value", "std"), rows)
+    return table(("", "value", "std"), rows)
 
 
 def _side(c: CameraCalibration) -> str:
@@ -221,7 +181,7 @@ def _suspects(c: CameraCalibration) -> str:
         if c.suspects and c.suspects[0].sigmas > 5
         else ""
     )
-    return _table(("", "amount", "sigmas", "moves work points"), rows) + strongest
+    return table(("", "amount", "sigmas", "moves work points"), rows) + strongest
 
 
 def _next(c: CameraCalibration) -> str:
@@ -277,7 +237,7 @@ def _views(c: CameraCalibration) -> str:
             note,
         )
 
-    return _table(
+    return table(
         (
             "photograph",
             "corners",

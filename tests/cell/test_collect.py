@@ -110,6 +110,7 @@ def test_zeros_and_camera_are_found_and_what_was_recorded_is_not_taken_again(tmp
             task,
             HAND,
             scenes / "calibration.toml",
+            None,
             True,
             CollectOptions(poses, 1),
             None,
@@ -166,6 +167,7 @@ def test_what_cannot_be_is_refused_before_anything_opens(
             task,
             HAND,
             task if output == "task" else output,  # type: ignore[arg-type]
+            None,
             True,
             CollectOptions(int(changed.get("poses", 8))),  # type: ignore[call-overload]
             None,
