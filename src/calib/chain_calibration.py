@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from arm.se3 import Array, frozen
 from calib.chain_fit import ChainFit, Problem, Sightings, fit_chains
-from calib.chain_suspects import ChainSuspect, find_suspects
+from calib.chain_suspects import ChainSuspect, find_suspects, sudden_change
 from calib.model_choice import Choice, Part, Trial, choose_model, largest_rise
 
 FOLDS = 5
@@ -69,6 +69,7 @@ class ChainCalibration:
         solve_s: how long that took.
         limits: of the verdict.
         noise_freedom: measurements that the corners' noise was estimated from.
+        change: image from which on images do not fit those before it; None if there is none.
         reasons: why it is refused; empty if it is accepted.
         remarks: what a person should know besides.
     """
@@ -84,6 +85,7 @@ class ChainCalibration:
     solve_s: float
     limits: ChainLimits
     noise_freedom: float = np.inf
+    change: int | None = None
     reasons: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
 
@@ -169,6 +171,8 @@ def calibrate_chain(
     again = fit_chains(choice.problem, choice.fit.weights)
     took = time.perf_counter() - began
     fit = again if again.cost <= choice.fit.cost * (1.0 + 1e-9) else choice.fit
+    change = sudden_change(fit.weights[0] == 0.0) if len(fit.weights) == 1 else None
+    believed = fit if change is None else replace(fit, weights=(_either_side(choice.problem, fit, change),))
     return ChainCalibration(
         tuple(names),
         lengths,
@@ -176,12 +180,24 @@ def calibrate_chain(
         fit,
         choice.trials,
         hold_out(choice),
-        find_suspects(choice.problem, fit, noise_freedom),
+        find_suspects(choice.problem, believed, noise_freedom),
         again.iterations,
         took,
         limits,
         noise_freedom,
+        change,
     )
+
+
+def _either_side(problem: Problem, fit: ChainFit, change: int) -> Array:
+    """Weights with which images on both sides of a change are believed, (n,): nearly all of one side are wrong only
+    because the other was taken for right."""
+    wrong = fit.weights[0] == 0.0
+    after = np.arange(len(wrong)) >= change
+    mistaken = after == (wrong[after].mean() > wrong[~after].mean())
+    off = np.sqrt(np.nanmean((fit.residuals[0] / problem.pixel_sigma) ** 2, axis=(1, 2)))
+    usual = float(np.median(off[mistaken & wrong]))
+    return np.where(wrong & mistaken & (off < 3.0 * usual), 1.0, fit.weights[0])
 
 
 def chi2_limit(limits: ChainLimits, freedom: int, noise_freedom: float) -> float:

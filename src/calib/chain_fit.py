@@ -301,6 +301,9 @@ def _stances(
         seen = np.isfinite(s.pixels)[..., None]
         J = np.concatenate([J, np.where(seen, extra[chain] * scale, 0.0)], axis=-1)
     inexact = np.flatnonzero(problem.reading_sigma > 0.0)
+    if not len(inexact):
+        yield from _exact_stances(s, chain, J.reshape(len(J), -1, J.shape[-1]), r.reshape(len(r), -1), w)
+        return
     for stance in np.unique(s.stances):
         together = np.flatnonzero(s.stances == stance)
         images = together[w[together] > 0.0]
@@ -308,9 +311,6 @@ def _stances(
             continue
         rows = r[images].reshape(-1)
         A = J[images].reshape(len(rows), -1)
-        if not len(inexact):
-            yield _Stance(chain, A.T @ A, A.T @ rows, [], np.zeros((0, A.shape[1])), np.zeros(0))
-            continue
         columns = [
             (int(j), together[s.reading_ids[together, j] == i])
             for j in inexact
@@ -331,6 +331,16 @@ def _stances(
         S = A.T @ A - NA.T @ back[:, :-1]
         g = A.T @ rows - NA.T @ back[:, -1]
         yield _Stance(chain, S, g, columns, back[:, :-1], back[:, -1])
+
+
+def _exact_stances(s: Sightings, chain: int, J: Array, r: Array, weights: Array) -> Iterator[_Stance]:
+    """Every stance of weight where readings have no errors: sums over its images."""
+    S = np.swapaxes(J, 1, 2) @ J
+    g = np.einsum("nrk,nr->nk", J, r)
+    none = np.zeros((0, J.shape[-1])), np.zeros(0)
+    for stance in np.unique(s.stances[weights > 0.0]):
+        images = np.flatnonzero((s.stances == stance) & (weights > 0.0))
+        yield _Stance(chain, S[images].sum(axis=0), g[images].sum(axis=0), [], *none)
 
 
 def _linearised(problem: Problem, s: Sightings, at: Evaluated, weights: Array) -> tuple[Array, Array, Array]:

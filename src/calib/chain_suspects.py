@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
+from scipy import special, stats
 
 from arm.se3 import Array
 from calib.bundle import inverse_scaled, solve_scaled
@@ -31,6 +33,7 @@ class ChainSuspect:
         unit: "" for a part of something.
         drop: of the cost, if it were in the model.
         limit: drop up to which it may be chance.
+        moves: how far it moves targets that are predicted at the images' readings, rms, m.
         image: from which on, where it is something that moved; -1 otherwise.
     """
 
@@ -40,6 +43,7 @@ class ChainSuspect:
     unit: str
     drop: float
     limit: float
+    moves: float = 0.0
     image: int = -1
 
     @property
@@ -51,7 +55,7 @@ class ChainSuspect:
 @dataclass(frozen=True, eq=False)
 class _View:
     """Derivatives at a fit, px: by the target's points (n, m, 2, 3), by its twist and the camera's (..., 6), by the
-    readings; and the projected points (n, m, 2)."""
+    readings; and the projected points (n, m, 2). What the free unknowns move the target by, (n, 3, free) m."""
 
     s: Sightings
     projected: Array
@@ -59,6 +63,7 @@ class _View:
     by_twist: Array
     by_camera: Array
     by_reading: Array
+    target_by_free: Array
 
     @classmethod
     def of(cls, problem: Problem, s: Sightings, unknowns: Array, errors: Array) -> _View:
@@ -73,7 +78,8 @@ class _View:
         by_camera = np.concatenate([by_camera_point, np.cross(P, by_camera_point)], axis=-1)
         by_reading = np.einsum("nmut,nkt->nmuk", by_twist, at.by_reading)
         projected = problem.camera.project(in_camera)
-        return cls(s, projected, by_point, by_twist, by_camera, by_reading)
+        target_by_free = np.swapaxes(at.by_unknown[:, problem.free, :3], 1, 2)
+        return cls(s, projected, by_point, by_twist, by_camera, by_reading, target_by_free)
 
     def by_size(self) -> Array:
         return np.asarray(np.einsum("nmui,mi->nmu", self.by_point, self.s.points)[..., None])
@@ -113,7 +119,13 @@ def find_suspects(problem: Problem, fit: ChainFit, noise_freedom: float = np.inf
         }
         columns |= {"target moved": [views[0].by_twist], "camera moved": [views[0].by_camera]}
     together = [np.concatenate([of[v] for of in columns.values()], axis=-1) for v in range(len(views))]
-    sums = _Sums(normal_equations(problem, fit, together), int(problem.free.sum()), noise_freedom)
+    sums = _Sums(
+        normal_equations(problem, fit, together),
+        int(problem.free.sum()),
+        noise_freedom,
+        np.concatenate([v.target_by_free[w > 0.0] for v, w in zip(views, fit.weights, strict=True)]),
+        _first_images(problem, fit),
+    )
     found: list[ChainSuspect] = []
     place = sums.free
     for name, of in columns.items():
@@ -130,16 +142,25 @@ def find_suspects(problem: Problem, fit: ChainFit, noise_freedom: float = np.inf
 class _Sums:
     """Normal equations of the free unknowns and of further ones that begin to act at some stance."""
 
-    def __init__(self, equations: NormalEquations, free: int, noise_freedom: float) -> None:
+    def __init__(
+        self,
+        equations: NormalEquations,
+        free: int,
+        noise_freedom: float,
+        target_by_free: Array,
+        first_images: list[int],
+    ) -> None:
         self.free, self.noise_freedom = free, noise_freedom
+        self.first_images, self._target_by_free = first_images, target_by_free
         self._S, self._g = equations.prior[0] + equations.S.sum(axis=0), equations.g.sum(axis=0)
         self._S_from = np.cumsum(equations.S[::-1, :, free:], axis=0)[::-1]
         self._g_from = np.cumsum(equations.g[::-1, free:], axis=0)[::-1]
         self._gradient = equations.prior[1] + self._g
         self.stances = len(equations.S)
 
-    def score(self, chosen: slice, first: int) -> tuple[Array, Array, float]:
-        """Estimate and covariance of unknowns that act from a stance on, and what they would save of the cost."""
+    def score(self, chosen: slice, first: int) -> tuple[Array, Array, float, float]:
+        """Estimate and covariance of unknowns that act from a stance on, what they would save of the cost, and how far
+        the other unknowns, which follow, move the targets."""
         n = self.free
         columns = slice(chosen.start - n, chosen.stop - n)
         S_fe, S_ee = self._S_from[first, :n, columns], self._S_from[first, chosen, columns]
@@ -147,7 +168,9 @@ class _Sums:
         schur = S_ee - S_fe.T @ back
         rest = self._g_from[first, columns] - back.T @ self._gradient[:n]
         amount = solve_scaled(schur, rest)
-        return amount, inverse_scaled(schur), float(rest @ amount)
+        moves = self._target_by_free @ (back @ amount)
+        rms = float(np.sqrt(np.mean(np.sum(moves**2, axis=1))))
+        return amount, inverse_scaled(schur), float(rest @ amount), rms
 
     @cached_property
     def _scale(self) -> Array:
@@ -162,13 +185,15 @@ class _Sums:
 def _test(
     name: str, unit: str, sums: _Sums, chosen: slice, first: int, fit: ChainFit, tries: int = 1
 ) -> ChainSuspect:
-    amount, covariance, drop = sums.score(chosen, first)
+    amount, covariance, drop, moves = sums.score(chosen, first)
     k = len(amount)
     limit = largest_rise(SURE / tries, k, sums.noise_freedom) * max(1.0, fit.chi2_dof)
     if k == 1:
-        return ChainSuspect(name, float(amount[0]), float(np.sqrt(covariance[0, 0])), unit, drop, limit)
+        return ChainSuspect(
+            name, float(amount[0]), float(np.sqrt(covariance[0, 0])), unit, drop, limit, moves
+        )
     size, sigma = float(np.linalg.norm(amount[:3])), float(np.sqrt(np.trace(covariance[:3, :3])))
-    return ChainSuspect(name, size, sigma, unit, drop, limit, first)
+    return ChainSuspect(name, size, sigma, unit, drop, limit, size, sums.first_images[first])
 
 
 def _moved(name: str, sums: _Sums, chosen: slice, fit: ChainFit) -> list[ChainSuspect]:
@@ -176,3 +201,35 @@ def _moved(name: str, sums: _Sums, chosen: slice, fit: ChainFit) -> list[ChainSu
     times = range(1, sums.stances)
     tests = [_test(name, "m", sums, chosen, k, fit, len(times)) for k in times]
     return [max(tests, key=lambda test: test.drop)] if tests else []
+
+
+def _first_images(problem: Problem, fit: ChainFit) -> list[int]:
+    """The first image of every stance that is used, in the order of chains and stances."""
+    found: list[int] = []
+    for s, w in zip(problem.sightings, fit.weights, strict=True):
+        used = np.flatnonzero(w > 0.0)
+        found += [int(used[i]) for i in np.unique(s.stances[used], return_index=True)[1]]
+    return found
+
+
+def sudden_change(wrong: npt.NDArray[np.bool_]) -> int | None:
+    """The image from which on images are right that were wrong before, or the other way round; None if wrong ones are
+    strewn by chance.
+
+    One of two halves that do not fit each other is taken for wrong (likelihood ratio of two rates against one).
+    """
+    n = len(wrong)
+    if n < 2 or not wrong.any():
+        return None
+    so_far, k = np.cumsum(wrong.astype(np.intp)), np.arange(1, n)
+    before, total = so_far[:-1], so_far[-1:]
+    gain = _log_likelihood(before, k) + _log_likelihood(total - before, n - k)
+    drop = 2.0 * (gain - _log_likelihood(total, np.array([n])))
+    best = int(np.argmax(drop))
+    return best + 1 if drop[best] > stats.chi2.isf(SURE / n, 1) else None
+
+
+def _log_likelihood(wrong: npt.NDArray[np.intp], of: npt.NDArray[np.intp]) -> Array:
+    """Of that many wrong images at their own rate."""
+    right = of - wrong
+    return np.asarray(special.xlogy(wrong, wrong / of) + special.xlogy(right, right / of))

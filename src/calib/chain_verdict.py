@@ -20,8 +20,17 @@ def judged(c: ChainCalibration, shown: Callable[[str, float], str]) -> ChainCali
         c: a calibration.
         shown: a value of an unknown in words, with its unit, from its name and its value in SI.
     """
-    reasons = (*_number(c), *_wrong(c), *_complete(c), *_accuracy(c), *_determined(c, shown))
-    return replace(c, reasons=reasons, remarks=tuple(_remarks(c)))
+    reasons = (
+        *_number(c),
+        *_wrong(c),
+        *_changed(c),
+        *_complete(c),
+        *_caused(c),
+        *_accuracy(c),
+        *_determined(c, shown),
+    )
+    c = replace(c, reasons=reasons)
+    return replace(c, remarks=tuple(_remarks(c)))
 
 
 def _number(c: ChainCalibration) -> list[str]:
@@ -38,6 +47,26 @@ def _wrong(c: ChainCalibration) -> list[str]:
     return [
         f"{wrong} of {c.images} images do not fit the others, at most {100 * c.limits.wrong:.0f} % may: are all of "
         "one target, one camera and one arm, and are joints and images of one time?"
+    ]
+
+
+def _changed(c: ChainCalibration) -> list[str]:
+    if c.change is None:
+        return []
+    cause = next((f": most likely {describe(s)}" for s in c.suspects if s.sure and "moved" in s.name), "")
+    return [f"images from number {c.change} on do not fit those before them{cause}"]
+
+
+def _caused(c: ChainCalibration) -> list[str]:
+    """A cause that the model makes up for, and that puts targets elsewhere than they are."""
+    if c.fit.chi2_dof > c.chi2_limit or c.change is not None:
+        return []  # told already
+    cause = next((s for s in c.suspects if s.sure and s.moves > c.limits.held_out), None)
+    if cause is None:
+        return []
+    return [
+        f"targets are {1e3 * cause.moves:.2f} mm from where they are predicted, the limit is "
+        f"{1e3 * c.limits.held_out:g} mm, because of {describe(cause)}"
     ]
 
 
@@ -117,6 +146,6 @@ def _remarks(c: ChainCalibration) -> list[str]:
     if c.weakest:
         together = ", ".join(f"{name} ({share:+.2f})" for name, share in c.weakest)
         remarks.append(f"weakest direction: {together}")
-    if c.fit.chi2_dof <= c.chi2_limit:
+    if not c.reasons and c.fit.chi2_dof <= c.chi2_limit:
         remarks += [f"worth a look: {describe(s)}" for s in c.suspects if s.sure][:1]
     return remarks
