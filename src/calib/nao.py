@@ -79,6 +79,7 @@ def nao_model() -> pin.Model:
     return pin.buildModelFromUrdf(str(data_file("urdf/nao/nao.urdf")))
 
 
+@lru_cache(maxsize=32)
 def nao_chain(side: str, unknowns: NaoUnknowns) -> Chain:
     """T_camera_board: the camera frame as OpenCV has it, the sole's frame with the board's mount."""
     names = unknowns.names

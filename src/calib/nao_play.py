@@ -50,6 +50,7 @@ class PlayFit:
         fit: of it.
         hard: whether play changes sides all at once.
         smooth_cost, hard_cost: of both shapes, the sides' own improbability in the second.
+        iterations: of all fits that led to it.
     """
 
     problem: Problem
@@ -57,6 +58,7 @@ class PlayFit:
     hard: bool
     smooth_cost: float
     hard_cost: float
+    iterations: int
 
 
 def torque_sigmas(side: str, legs: Array, gravity: npt.ArrayLike) -> Array:
@@ -114,16 +116,20 @@ def fit_springs_and_play(
         weights: of every image of every chain, 0 for those that are wrong; 1 if not given.
     """
     first = with_first_priors(problem, unknowns)
-    known = with_priors_of_a_make(first, unknowns, fit_chains(first, weights))
-    smooth = fit_chains(known, weights)
+    begin = fit_chains(first, weights)
+    known = with_priors_of_a_make(first, unknowns, begin)
+    smooth = fit_chains(known, weights, begin)
+    iterations = begin.iterations + smooth.iterations
     places = _places(unknowns, "backlash")
     if not (unknowns.play and problem.free[places].any()):
-        return PlayFit(known, smooth, False, smooth.cost, float("inf"))
-    hard, hard_fit, improbable = _all_at_once(known, unknowns, sides, np.asarray(gravity, float), smooth)
+        return PlayFit(known, smooth, False, smooth.cost, float("inf"), iterations)
+    hard, hard_fit, improbable, steps = _all_at_once(
+        known, unknowns, sides, np.asarray(gravity, float), smooth
+    )
     cost = hard_fit.cost + improbable
     if cost < smooth.cost:
-        return PlayFit(hard, hard_fit, True, smooth.cost, cost)
-    return PlayFit(known, smooth, False, smooth.cost, cost)
+        return PlayFit(hard, hard_fit, True, smooth.cost, cost, iterations + steps)
+    return PlayFit(known, smooth, False, smooth.cost, cost, iterations + steps)
 
 
 def _places(unknowns: NaoUnknowns, kind: str) -> list[int]:
@@ -132,8 +138,8 @@ def _places(unknowns: NaoUnknowns, kind: str) -> list[int]:
 
 def _all_at_once(
     problem: Problem, unknowns: NaoUnknowns, sides: Sequence[str], gravity: Array, begin: ChainFit
-) -> tuple[Problem, ChainFit, float]:
-    """The fit whose sides of the play cost least, and minus twice the log probability of these sides."""
+) -> tuple[Problem, ChainFit, float, int]:
+    """The fit whose sides of the play cost least, minus twice the log probability of these sides, and all steps."""
     torque = [
         _torque(s, side, unknowns, gravity, begin) for s, side in zip(problem.sightings, sides, strict=True)
     ]
@@ -142,14 +148,15 @@ def _all_at_once(
         for s, side in zip(problem.sightings, sides, strict=True)
     ]
     signs = [np.where(t < 0.0, -1.0, 1.0) for t in torque]
-    fit = begin
+    fit, steps = begin, 0
     for number in range(_ROUNDS):
         held = [
             replace(s, gains=gravity_gains(side, unknowns, gravity, lie))
             for s, side, lie in zip(problem.sightings, sides, signs, strict=True)
         ]
         problem = replace(problem, sightings=held)
-        fit = fit_chains(problem, begin.weights)
+        fit = fit_chains(problem, begin.weights, fit)
+        steps += fit.iterations
         if number == 1:
             problem = with_priors_of_a_make(problem, unknowns, fit)
         torque = [_torque(s, side, unknowns, gravity, fit) for s, side in zip(held, sides, strict=True)]
@@ -165,7 +172,7 @@ def _all_at_once(
     for s, lie, t, w in zip(problem.sightings, signs, torque, sigma, strict=True):
         _, once = np.unique(s.stances, return_index=True)
         improbable -= 2.0 * float(norm.logcdf((lie * t / w)[once]).sum())
-    return problem, fit, improbable
+    return problem, fit, improbable, steps
 
 
 def _torque(s: Sightings, side: str, unknowns: NaoUnknowns, gravity: Array, fit: ChainFit) -> Array:

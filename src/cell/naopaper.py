@@ -16,7 +16,7 @@ import numpy as np
 
 from arm.errors import InputError
 from arm.se3 import Array
-from calib.chain_fit import ChainFit, Problem, fit_chains
+from calib.chain_fit import Problem, fit_chains
 from calib.nao import SIDES, NaoUnknowns
 from calib.nao_kinematics import (
     ON_ITS_BACK,
@@ -48,12 +48,17 @@ from vision.camera import Image
 
 RENDERED_SIGMA = np.array([0.03, 0.03])  # px, of vertices found in rendered images, against the truth
 ALL = NaoUnknowns(head=True, springs=True, play=True)
-_RUNS = 3
 _SHOWN = 8  # number of the image that is kept for figure 5
 
 
 def reproduce(
-    out: Path, say: Say, seed: int = 0, rendered: bool = True, stances: int = 24, pool_size: int = 300
+    out: Path,
+    say: Say,
+    seed: int = 0,
+    rendered: bool = True,
+    stances: int = 24,
+    pool_size: int = 300,
+    runs: int = 3,
 ) -> dict[str, Any]:
     """Run it all, print the paper's tables through `say`, write its figures to `out`; returns the figures as JSON.
 
@@ -64,6 +69,7 @@ def reproduce(
         rendered: whether vertices are found in rendered images; otherwise they are drawn with the paper's noise.
         stances: of each leg; the paper has 24.
         pool_size: of sound stances of each leg that they are chosen from.
+        runs: of the robot, two at least; the paper has 3.
 
     Raises:
         InputError: the folder cannot be written to.
@@ -91,7 +97,7 @@ def reproduce(
     better = plan_stances(pool, stances, sensing, ALL, guess)
     eye = RenderedVertices(rng, keep=[_SHOWN])
     papers, ours, first = [], [], None
-    for number in range(_RUNS):
+    for number in range(runs):
         m = run_measurement(
             true, plan, rng, see=(eye if number == 0 else _sight(rng, True)) if rendered else None
         )
@@ -172,7 +178,8 @@ def _by_paper(m: NaoMeasurement) -> PaperRun:
     problem = m.problem(PAPER, np.ones(2), 0.0)
     began = time.perf_counter()
     fit = fit_chains(problem)
-    return _run(m, problem, fit, NaoKinematics(PAPER, fit.unknowns), time.perf_counter() - began)
+    took = time.perf_counter() - began
+    return _run(m, problem, NaoKinematics(PAPER, fit.unknowns), fit.iterations, took)
 
 
 def _by_us(m: NaoMeasurement, sigma: Array) -> PaperRun:
@@ -181,12 +188,13 @@ def _by_us(m: NaoMeasurement, sigma: Array) -> PaperRun:
     began = time.perf_counter()
     found = fit_springs_and_play(problem, ALL, [i.side for i in m.images], ON_ITS_BACK)
     took = time.perf_counter() - began
-    return _run(m, found.problem, found.fit, NaoKinematics(ALL, found.fit.unknowns, found.hard), took)
+    taken = NaoKinematics(ALL, found.fit.unknowns, found.hard)
+    return _run(m, found.problem, taken, found.iterations, took)
 
 
-def _run(m: NaoMeasurement, problem: Problem, fit: ChainFit, taken: NaoKinematics, took: float) -> PaperRun:
-    r = np.concatenate(list(_residuals(problem, fit.unknowns).values()))
-    return PaperRun(taken, fit.iterations, m.duration, took, np.sqrt(np.nanmean(r**2, axis=0)))
+def _run(m: NaoMeasurement, problem: Problem, taken: NaoKinematics, iterations: int, took: float) -> PaperRun:
+    r = np.concatenate(list(_residuals(problem, taken.x).values()))
+    return PaperRun(taken, iterations, m.duration, took, np.sqrt(np.nanmean(r**2, axis=0)))
 
 
 def _residuals(problem: Problem, x: Array) -> dict[str, Array]:

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from arm.errors import ImpossibleError
 from arm.se3 import Array, frozen, transform
 from calib.chain_fit import Problem, Sightings
 from calib.nao import SIDES, NaoUnknowns, nao_sightings
@@ -171,6 +172,23 @@ def _apart(a: Array, b: Array) -> float:
     return float(np.sqrt(np.mean(((a - a.mean(axis=0)) - (b - b.mean(axis=0))) ** 2)))
 
 
+def way_to(at: Array, posture: Array) -> list[Array]:
+    """Postures to send one after the other: the last alone if the way is free, else over rest.
+
+    Raises:
+        ImpossibleError: neither way is free.
+    """
+    rest = resting_posture()
+    if free_way(at, posture):
+        return [posture]
+    if free_way(at, rest) and free_way(rest, posture):
+        return [rest, posture]
+    raise ImpossibleError(
+        "a stance of the plan has no free way to it, neither from the one before nor from rest; plan anew",
+        posture_rad=posture.tolist(),
+    )
+
+
 def measure(
     robot: SimulatedNao, plan: Plan, see: See, expected: NaoKinematics, settles: bool = True
 ) -> NaoMeasurement:
@@ -182,6 +200,10 @@ def measure(
         see: finds the vertices.
         expected: the NAO as it is believed to be, which tells the two orders of vertices apart.
         settles: whether it waits until image and encoders show the same; otherwise it looks when it should be there.
+
+    Raises:
+        ImpossibleError: a stance has no free way to it.
+        ExecutionStopped: the robot does not come to rest.
     """
     at = resting_posture()
     rows: dict[str, list[tuple[int, Array, Array, Array]]] = {side: [] for side in SIDES}
@@ -189,11 +211,9 @@ def measure(
     for number, stance in enumerate(plan.stances):
         for head in stance.heads:
             posture = stance.posture(head)
-            if not free_way(at, posture):
-                robot.wait(robot.send(resting_posture()))
-            there = robot.send(posture)
+            for step in way_to(at, posture):
+                robot.wait(robot.send(step))
             at = posture
-            robot.wait(there)
             if settles:
                 robot.settle()
             pixels, leg, looking = _look(robot, stance, see, expected)
@@ -201,7 +221,8 @@ def measure(
                 missed += 1
                 continue
             rows[stance.side].append((number, leg, looking, pixels))
-    robot.wait(robot.send(resting_posture()))
+    for step in way_to(at, resting_posture()):
+        robot.wait(robot.send(step))
     images = tuple(
         NaoImages(
             side,

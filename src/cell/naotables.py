@@ -23,7 +23,7 @@ class PaperRun:
 
     Attributes:
         taken: the NAO as identified.
-        iterations: of the solver.
+        iterations: of the solver, of all its fits.
         robot_s, solve_s: how long the robot took, and the solver.
         rms: of the residuals in x and y, readings taken as they are, (2,) px.
     """
@@ -54,19 +54,17 @@ def print_table_1(say: Say) -> None:
 def print_table_2(
     papers: Sequence[PaperRun], ours: Sequence[PaperRun], true: NaoKinematics, say: Say
 ) -> None:
-    say(
-        "Table 2: three consecutive runs of one robot with play, springs, a head that is off, and masses 10 % off"
-    )
-    columns = ("2", 10), ("3", 10), ("mean", 20), ("ours, mean", 20), ("truth", 10)
-    say(f"{'the paper: 1':>42}" + "".join(f"{word:>{wide}}" for word, wide in columns))
+    """Consecutive runs: the paper's method run by run, both methods' mean and deviation, and the truth."""
+    say("Table 2: consecutive runs of one robot with play, springs, a head that is off, and masses 10 % off")
+    numbers = "".join(f"{n:>10}" for n in range(2, len(papers) + 1))
+    say(f"{'the paper: 1':>30}{numbers}{'mean':>20}{'ours, mean':>20}{'truth':>10}")
     unit = PAPER.si()
     for i, name in enumerate(PAPER.names):
         by_paper, by_us = (np.array([r.taken.x[i] for r in runs]) / unit[i] for runs in (papers, ours))
         word, _, of = name.rpartition("_")
-        each = f"{by_paper[0]:>22.4f}{by_paper[1]:>10.4f}{by_paper[2]:>10.4f}"
-        say(
-            f"  {f'{word} [{of}]':<18}{each}{_mean(by_paper):>20}{_mean(by_us):>20}{true.x[i] / unit[i]:>10.4f}"
-        )
+        each = "".join(f"{value:>10.4f}" for value in by_paper)
+        means = f"{_mean(by_paper):>20}{_mean(by_us):>20}"
+        say(f"  {f'{word} [{of}]':<18}{each}{means}{true.x[i] / unit[i]:>10.4f}")
     rows: list[tuple[str, Callable[[PaperRun], float], str]] = [
         ("Iterations", lambda r: float(r.iterations), ".0f"),
         ("Robot [s]", lambda r: r.robot_s, ".0f"),
@@ -76,7 +74,7 @@ def print_table_2(
     ]
     for word, of_run, form in rows:
         a, b = ([of_run(r) for r in runs] for runs in (papers, ours))
-        each = f"{a[0]:>22{form}}{a[1]:>10{form}}{a[2]:>10{form}}"
+        each = "".join(f"{value:>10{form}}" for value in a)
         say(f"  {word:<18}{each}{np.mean(a):>20{form}}{np.mean(b):>20{form}}")
     joints = [np.mean([joint_rms_deg(r.taken.x, true) for r in runs]) for runs in (papers, ours)]
     stand = [1e3 * np.mean([standing_error(true, r.taken).rms for r in runs]) for runs in (papers, ours)]

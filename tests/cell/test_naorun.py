@@ -6,9 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from arm.errors import ExecutionStopped, InputError
+from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from calib.chain_fit import fit_chains
 from calib.nao import SIDES, NaoUnknowns
+from calib.nao_bodies import nao_bodies
 from calib.nao_kinematics import ON_ITS_BACK, NaoKinematics
 from calib.nao_plan import Sensing, find_pool, random_stances
 from calib.nao_pool import resting_posture
@@ -24,6 +25,7 @@ from cell.naorun import (
     run_measurement,
     table_2_robot,
     turned_as_expected,
+    way_to,
 )
 
 PAPER = NaoUnknowns()
@@ -123,6 +125,18 @@ def test_measuring_in_haste_spoils_it(plan):
     assert time[True] > time[False]
 
 
+def test_a_way_that_is_not_free_leads_over_rest():
+    def pitched(left, right):
+        legs = (np.radians([0.0, 0.0, pitch, 0.0, 0.0, 0.0]) for pitch in (left, right))
+        return nao_bodies().posture(*legs, np.zeros(2))
+
+    a, between, b = pitched(-80.0, -40.0), pitched(-40.0, -40.0), pitched(0.0, -40.0)
+    assert [p.tolist() for p in way_to(a, pitched(-75.0, -40.0))] == [pitched(-75.0, -40.0).tolist()]
+    assert [p.tolist() for p in way_to(a, b)] == [resting_posture().tolist(), b.tolist()]
+    with pytest.raises(ImpossibleError, match="no free way"):
+        way_to(a, between)
+
+
 def test_readings_of_a_run_are_whole_steps_and_shared_by_a_stance(plan):
     m = run_measurement(table_2_robot(PAPER, np.random.default_rng(0)), plan, np.random.default_rng(1))
     for images in m.images:
@@ -134,13 +148,13 @@ def test_readings_of_a_run_are_whole_steps_and_shared_by_a_stance(plan):
 def test_the_paper_is_reproduced(tmp_path):
     """Few stances here; `bench/nao_paper.py` has the paper's 24."""
     lines = []
-    told = reproduce(tmp_path, lines.append, seed=1, rendered=False, stances=6, pool_size=12)
+    told = reproduce(tmp_path, lines.append, seed=1, rendered=False, stances=7, pool_size=14, runs=2)
     text = "\n".join(lines)
     for name in (*PAPER.names, "Iterations", "rms x [px]"):
         assert name.rpartition("_")[0] in text
     assert told["simulation"]["residual_std_x_px"] == pytest.approx(0.0486, rel=0.1)
     assert told["simulation"]["iterations"] <= 8
-    assert len(told["runs"]["paper"]) == len(told["runs"]["ours"]) == 3
+    assert len(told["runs"]["paper"]) == len(told["runs"]["ours"]) == 2
     assert min(told["runs"]["paper"][0]["rms_px"]) > 1.0  # as on the paper's robot: the model lacks something
     assert max(told["runs"]["ours"][0]["rms_px"]) < 1.0
     poses, field = told["poses_mm"], told["field"]
