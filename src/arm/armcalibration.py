@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 
 from arm.files import sha256, write_atomic
+from arm.links import LinkErrors
 from arm.se3 import Array, frozen
 from arm.toml_table import TomlTable
 from arm.toml_write import toml_lines, toml_rows
 
+LARGEST_LINK = (0.02, np.radians(2.0))  # m and rad
 LARGEST_ZERO = np.radians(5.0)  # rad; an arm further off than that was homed wrongly
 
 
@@ -28,6 +30,7 @@ class ArmCalibration:
     Attributes:
         T_base_camera: where the camera stands, 4x4.
         joint_offsets: true joint position less the one that the encoders say, (6,) rad.
+        links: errors of the arm's links.
         unit: name of the unit that it was found on; "" if not known.
         lens: digest of the lens that it rests on; "" if not known.
         made: how good it is, and when and of what it was made, for people; texts, numbers, flags, or lists of these.
@@ -35,6 +38,7 @@ class ArmCalibration:
 
     T_base_camera: Array
     joint_offsets: Array
+    links: LinkErrors = field(default_factory=LinkErrors.none)
     unit: str = ""
     lens: str = ""
     made: Mapping[str, Any] = field(default_factory=dict)
@@ -42,7 +46,11 @@ class ArmCalibration:
     @property
     def id(self) -> str:
         """Of what it changes: the same numbers have the same id."""
-        found = {"camera": self.T_base_camera.tolist(), "offsets": self.joint_offsets.tolist()}
+        found: dict[str, Any] = {
+            "camera": self.T_base_camera.tolist(),
+            "offsets": self.joint_offsets.tolist(),
+            "links": self.links.to_json(),
+        }
         return "hand-eye-" + sha256({**found, "unit": self.unit, "lens": self.lens})[:12]
 
 
@@ -56,10 +64,19 @@ def read_arm_calibration(path: Path) -> ArmCalibration:
     written = root.text("id")
     T_base_camera = root.rigid("T_base_camera")
     offsets = root.numbers("joint_offsets_rad", 6, "rad", -LARGEST_ZERO, LARGEST_ZERO)
-    made = root.value("made", "a table") if "made" in root else {}
-    calibration = ArmCalibration(
-        T_base_camera, frozen(offsets), root.text("unit", default=""), root.text("lens", default=""), made
+    links = LinkErrors(
+        *(
+            root.numbers(key, 6, unit, -largest, largest, default=[0.0] * 6)
+            for key, unit, largest in (
+                ("dh_d_error_m", "m", LARGEST_LINK[0]),
+                ("dh_a_error_m", "m", LARGEST_LINK[0]),
+                ("dh_alpha_error_rad", "rad", LARGEST_LINK[1]),
+            )
+        )
     )
+    made = root.value("made", "a table") if "made" in root else {}
+    unit, lens = root.text("unit", default=""), root.text("lens", default="")
+    calibration = ArmCalibration(T_base_camera, frozen(offsets), links, unit, lens, made)
     if written != calibration.id:
         raise root.error(
             "id", f"must be {calibration.id}, that of the values; they were changed after the calibration"
@@ -81,6 +98,9 @@ def write_arm_calibration(path: Path, calibration: ArmCalibration) -> None:
         f"T_base_camera = {toml_rows(calibration.T_base_camera)}",
         f"joint_offsets_rad = {calibration.joint_offsets.tolist()}",
     ]
+    if calibration.links.any:
+        d, a, alpha = calibration.links.to_json()
+        lines += [f"dh_d_error_m = {d}", f"dh_a_error_m = {a}", f"dh_alpha_error_rad = {alpha}"]
     if calibration.made:
         lines += ["", "[made]", *toml_lines(calibration.made)]
     write_atomic(path, "\n".join(lines) + "\n")

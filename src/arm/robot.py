@@ -53,6 +53,7 @@ class Robot:
         bodies: collision bodies.
         touching: pairs of body names that are not checked against each other.
         digest: SHA-256 over URDF, SRDF, tool, locked joints and hulls of meshes.
+        ideal: the arm that this one is nearly, if it is a calibrated one: closed forms begin there.
     """
 
     model: Any
@@ -61,6 +62,7 @@ class Robot:
     bodies: tuple[LinkBody, ...]
     touching: frozenset[frozenset[str]]
     digest: str
+    ideal: Robot | None = None
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ import numpy as np
 from arm.armcalibration import ArmCalibration, write_arm_calibration
 from arm.errors import InputError
 from arm.files import keep_apart, write_atomic
+from arm.links import LinkErrors
 from calib.arm_recording import ArmRecording, read_arm_recording
 from calib.chain_calibration import ChainCalibration, ChainLimits
 from calib.hand_eye import HAND_EYE_LIMITS, HandEye, calibrate_hand_eye
@@ -156,10 +157,10 @@ def solve_hand_eye(
 def arm_calibration(found: HandEye, unit: str) -> ArmCalibration:
     """What a cell needs of a calibration."""
     c = found.chain
-    links = bool(c.problem.free[12 + found.recording.dh.joints :].any())
     return ArmCalibration(
         found.T_base_camera,
         found.joint_offsets,
+        LinkErrors(*found.link_errors),
         unit,
         found.recording.camera.lens_digest,
         {
@@ -169,6 +170,5 @@ def arm_calibration(found: HandEye, unit: str) -> ArmCalibration:
             "held_out_mm": round(1e3 * c.held_out.metres, 4),
             "chi2_dof": round(c.fit.chi2_dof, 4),
             "camera_std_mm": round(1e3 * float(np.linalg.norm(found.camera_sigma[0])), 4),
-            "links_had_errors": links,
         },
     )

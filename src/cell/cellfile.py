@@ -11,8 +11,10 @@ import numpy as np
 from arm.armcalibration import ArmCalibration, read_arm_calibration
 from arm.board import Board, read_board_csv
 from arm.bodies import Body, Box
+from arm.dh import A465
 from arm.errors import InputError
 from arm.files import canonical_json, sha256
+from arm.links import with_link_errors
 from arm.robot import Robot, load_a465
 from arm.se3 import Array, frozen, transform
 from arm.toml_table import TomlTable
@@ -99,6 +101,13 @@ class Cell:
 
     def robot(self, jaw_opening: float | None = None) -> Robot:
         """The arm with its gripper, jaws open unless said otherwise."""
+        nominal = self.nominal_robot(jaw_opening)
+        return (
+            nominal if self.calibration is None else with_link_errors(nominal, A465, self.calibration.links)
+        )
+
+    def nominal_robot(self, jaw_opening: float | None = None) -> Robot:
+        """The arm as its maker says."""
         return load_a465(self.tool_length, self.jaw_opening if jaw_opening is None else jaw_opening)
 
     def noted(self) -> dict[str, Any]:

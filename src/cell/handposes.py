@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -137,7 +137,7 @@ def _hidden(robot: Robot, camera: Camera, hand: HandTarget, T_base_target: Array
     T = np.eye(4)
     T[:3, 3] = middle
     bodies = tuple(b for b in robot.bodies if b.name != PLATE)
-    bare = Robot(robot.model, robot.end_frame, robot.T_end_tool, bodies, robot.touching, robot.digest)
+    bare = replace(robot, bodies=bodies)
     return World(bare, (Body("sight", shape, frozen(T), "sight"),)).in_collision(q)
 
 

@@ -15,6 +15,8 @@ import numpy.typing as npt
 
 from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_MOUTH
 from arm.bodies import Body
+from arm.dh import A465
+from arm.links import with_link_errors
 from arm.robot import Robot
 from arm.se3 import Array, apply, frozen, inverse, rot_z, transform
 from cell.cellfile import Cell
@@ -104,7 +106,7 @@ class SimulatedCell:
         self.events: list[CellEvent] = []
         self.now_ms: Callable[[], int] = lambda: 0
         self._lock = threading.RLock()
-        self._robot = cell.robot()
+        self._robot = self.true_robot(cell.jaw_opening)
         self._opening = cell.jaw_opening
         seated = T_hole_cube(cell.cube_size)
         places = [(b, hole) for b in world.boards for hole in b.cubes]
@@ -122,6 +124,10 @@ class SimulatedCell:
                 c if c.T_tool_cube is None else replace(c, T_base_cube=frozen(T_base_tool @ c.T_tool_cube))
                 for c in self._cubes
             ]
+
+    def true_robot(self, jaw_opening: float) -> Robot:
+        """The arm as it is, jaws at an opening in m."""
+        return with_link_errors(self.cell.nominal_robot(jaw_opening), A465, self.world.links)
 
     def positions(self, counts: npt.ArrayLike) -> Array:
         """True joint positions at encoder counts, (6,) rad."""
@@ -281,7 +287,7 @@ class SimulatedCamera:
     def grab(self, count: int) -> list[npt.NDArray[np.uint8]]:
         """`count` frames, (h, w) grey."""
         simulated = self._simulated
-        robot = simulated.cell.robot(simulated.jaw_opening)
+        robot = simulated.true_robot(simulated.jaw_opening)
         boards = [PlacedBoard(b.board, b.T_base_board) for b in simulated.world.boards]
         counts = self._counts()
         targets = simulated.targets(counts)

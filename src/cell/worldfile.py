@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.board import PLATE_CENTRE, Board, read_board_csv
+from arm.links import LinkErrors
 from arm.se3 import Array, frozen, rot_z, rotation, transform
 from arm.toml_table import TomlTable
 from vision.camera import Camera, read_camera
@@ -33,6 +34,7 @@ class World:
         noise_grey: standard deviation of the image noise, grey levels.
         seed: of noise and of where the arm is at power-up.
         joint_offsets: true joint zero less the nominal one, (6,) rad.
+        links: errors of the true arm's links.
         camera: the true camera where it differs from the cell's calibration, else None.
     """
 
@@ -41,6 +43,7 @@ class World:
     noise_grey: float
     seed: int
     joint_offsets: Array
+    links: LinkErrors
     camera: Camera | None
 
 
@@ -74,6 +77,11 @@ def read_world(path: Path, marker_size: float) -> World:
         seed=root.integer("seed", 0, 2**31 - 1, default=0),
         joint_offsets=frozen(
             np.radians(root.numbers("joint_offsets_deg", 6, "deg", -5, 5, default=[0.0] * 6))
+        ),
+        links=LinkErrors(
+            frozen(root.numbers("dh_d_error_mm", 6, "mm", -20, 20, default=[0.0] * 6) / 1e3),
+            frozen(root.numbers("dh_a_error_mm", 6, "mm", -20, 20, default=[0.0] * 6) / 1e3),
+            frozen(np.radians(root.numbers("dh_alpha_error_deg", 6, "deg", -2, 2, default=[0.0] * 6))),
         ),
         camera=read_camera(root.path("camera")) if "camera" in root else None,
     )

@@ -65,7 +65,7 @@ class RawBranches:
 def has_closed_form(robot: Robot) -> bool:
     """Whether the arm is of the kind that is solved here."""
     try:
-        _wrist_arm(robot)
+        _wrist_arm(robot if robot.ideal is None else robot.ideal)
     except InputError:
         return False
     return True
@@ -91,12 +91,14 @@ def all_branches(robot: Robot, T_base_tool: npt.ArrayLike, exact: bool = True) -
     T = T.reshape(-1, 4, 4)
     if not np.isfinite(T).all():
         raise InputError("a pose to reach holds a number that is not finite", poses=len(T))
-    geometry = _wrist_arm(robot)
+    geometry = _wrist_arm(robot if robot.ideal is None else robot.ideal)
+    arm = geometry.arm if robot.ideal is None else screw_arm(robot)
+    exact = exact or robot.ideal is not None
     parts = []
     for first in range(0, max(len(T), 1), _CHUNK):
         some = T[first : first + _CHUNK]
         raw = _closed_form(geometry, some)
-        parts.append(_polished(geometry.arm, some, raw) if exact else raw)
+        parts.append(_polished(arm, some, raw) if exact else raw)
     if len(parts) == 1:
         return parts[0]
     return RawBranches(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(RawBranches)))

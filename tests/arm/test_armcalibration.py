@@ -9,14 +9,18 @@ import pytest
 
 from arm.armcalibration import ArmCalibration, read_arm_calibration, write_arm_calibration
 from arm.errors import FileInputError
+from arm.links import LinkErrors
 from arm.se3 import frozen, rotation, transform
 from arm.unit import UNITS, load_unit
 from command_line import replace_in
 
+LINKS = 1e-4 * np.random.default_rng(0).normal(size=(3, 6))
 OFFSETS = frozen(np.radians([0.0, 0.31, -0.27, 0.003, -0.4, 0.0]))
+ERRORS = LinkErrors(frozen(LINKS[0]), frozen(LINKS[1]), frozen(LINKS[2]))
 FOUND = ArmCalibration(
     transform(rotation([0.1, -3.0, 0.2]), (0.49, -0.0147, 1.19)),
     OFFSETS,
+    ERRORS,
     "crs93",
     "abc",
     {"poses": 24, "ok": True},
@@ -29,6 +33,7 @@ def test_a_file_is_read_back_to_the_last_bit(tmp_path: Path) -> None:
     back = read_arm_calibration(path)
     assert np.array_equal(back.T_base_camera, FOUND.T_base_camera)
     assert np.array_equal(back.joint_offsets, FOUND.joint_offsets)
+    assert back.links.to_json() == ERRORS.to_json()
     assert (back.unit, back.lens, dict(back.made), back.id) == (
         "crs93",
         "abc",
@@ -41,13 +46,14 @@ def test_the_id_is_of_all_that_a_cell_takes_from_it() -> None:
     T, turned = FOUND.T_base_camera, FOUND.joint_offsets.copy()
     turned[4] += 1e-12
     others = [
-        ArmCalibration(T @ transform(t=(1e-12, 0.0, 0.0)), OFFSETS, "crs93", "abc"),
-        ArmCalibration(T, frozen(turned), "crs93", "abc"),
-        ArmCalibration(T, OFFSETS, "crs97", "abc"),
-        ArmCalibration(T, OFFSETS, "crs93", "abd"),
+        ArmCalibration(T @ transform(t=(1e-12, 0.0, 0.0)), OFFSETS, ERRORS, "crs93", "abc"),
+        ArmCalibration(T, frozen(turned), ERRORS, "crs93", "abc"),
+        ArmCalibration(T, OFFSETS, ERRORS, "crs97", "abc"),
+        ArmCalibration(T, OFFSETS, ERRORS, "crs93", "abd"),
+        ArmCalibration(T, OFFSETS, LinkErrors.none(), "crs93", "abc"),
     ]
-    assert len({FOUND.id, *(c.id for c in others)}) == 5
-    assert ArmCalibration(T, OFFSETS, "crs93", "abc", {"poses": 3}).id == FOUND.id
+    assert len({FOUND.id, *(c.id for c in others)}) == 6
+    assert ArmCalibration(T, OFFSETS, ERRORS, "crs93", "abc", {"poses": 3}).id == FOUND.id
 
 
 @pytest.mark.parametrize(
@@ -58,6 +64,8 @@ def test_the_id_is_of_all_that_a_cell_takes_from_it() -> None:
         ("joint_offsets_rad = [0.0,", "joint_offsets_rad = [0.1,", "joint_offsets_rad"),
         ("  [0.0, 0.0, 0.0, 1.0],\n", "  [0.0, 0.0, 0.1, 1.0],\n", "T_base_camera"),
         ("[made]", "[maid]", "maid"),
+        ("dh_a_error_m = [", "dh_a_error_m = [0.0, ", "dh_a_error_m"),
+        ("dh_alpha_error_rad = [", "dh_alpha_error_rad = [0.0] #", "dh_alpha_error_rad"),
     ],
 )
 def test_a_file_that_was_changed_by_hand_is_refused(tmp_path: Path, old: str, new: str, key: str) -> None:

@@ -11,6 +11,7 @@ import pytest
 from arm.armcalibration import ArmCalibration, write_arm_calibration
 from arm.errors import InputError
 from arm.files import data_file
+from arm.links import LinkErrors
 from arm.se3 import frozen, transform
 from cell.applying import apply_calibration
 from cell.cellfile import Cell, read_cell
@@ -28,9 +29,12 @@ def scenes(tmp_path: Path) -> Path:
     return tmp_path / "scenes" / "uncalibrated"
 
 
-def calibration_of(cell: Cell, unit: str = "crs93", lens: str | None = None) -> ArmCalibration:
+def calibration_of(
+    cell: Cell, unit: str = "crs93", lens: str | None = None, links: LinkErrors | None = None
+) -> ArmCalibration:
     T = cell.nominal_camera.T_base_camera @ transform(t=(0.003, -0.004, 0.0))
-    return ArmCalibration(frozen(T), OFFSETS, unit, cell.camera.lens_digest if lens is None else lens)
+    lens = cell.camera.lens_digest if lens is None else lens
+    return ArmCalibration(frozen(T), OFFSETS, links or LinkErrors.none(), unit, lens)
 
 
 def test_it_moves_the_camera_and_the_zeros_and_nothing_else(scenes: Path) -> None:
@@ -55,14 +59,24 @@ def test_it_moves_the_camera_and_the_zeros_and_nothing_else(scenes: Path) -> Non
     assert said["calibration"] == after.camera.digest != before.camera.digest
 
 
-def test_with_it_the_arm_is_where_the_plan_has_it(scenes: Path) -> None:
+@pytest.mark.parametrize("crooked", [False, True])
+def test_with_it_the_arm_is_where_the_plan_has_it(scenes: Path, crooked: bool) -> None:
     """The simulated cell's truth, which is not calibrated by the file."""
+    rng = np.random.default_rng(1)
+    d, a, alpha = (3e-4 * rng.normal(size=(3, 6))) if crooked else np.zeros((3, 6))
+    d[5] = a[5] = alpha[5] = 0.0
+    if crooked:
+        world_file = scenes / "task2.world.toml"
+        lines = {"dh_d_error_mm": 1e3 * d, "dh_a_error_mm": 1e3 * a, "dh_alpha_error_deg": np.degrees(alpha)}
+        said = "".join(f"{key} = {value.tolist()}\n" for key, value in lines.items())
+        world_file.write_text(said + world_file.read_text())
     task = read_task(scenes / "task2.toml")
     world = read_world(scenes / "task2.world.toml", task.cell.boards[0].marker_size)
-    write_arm_calibration(scenes / "c.toml", calibration_of(task.cell))
+    links = LinkErrors(frozen(d), frozen(a), frozen(alpha))
+    write_arm_calibration(scenes / "c.toml", calibration_of(task.cell, links=links))
     apply_calibration(scenes / "cell.toml", scenes / "c.toml")
     calibrated = read_cell(scenes / "cell.toml")
-    rng = np.random.default_rng(1)
+    assert (calibrated.robot().digest != task.cell.robot().digest) == crooked
     off = []
     for cell in (task.cell, calibrated):
         truth, robot = SimulatedCell(cell, world), cell.robot()
