@@ -109,7 +109,7 @@ def fit_pairs(
     Q: Array,
     scatter: Scatter,
     used: Bools,
-    sizes: Array | None = None,
+    like: PairFit | None = None,
 ) -> PairFit:
     """Poses near P and Q and sizes of the scatter with the greatest likelihood.
 
@@ -118,13 +118,14 @@ def fit_pairs(
         P, Q: start, 4x4.
         scatter: shape.
         used: (n, 2) whether a pair's shift and turn are used.
-        sizes: start of the sizes.
+        like: a fit whose sizes are the start of those of the same name.
     """
     rows = np.repeat(used, 3, axis=1)
     weights = np.ones(len(rows))
+    sizes: Array | None = None
     for _ in range(_ROUNDS):
         likelihood = _Likelihood(Covariances(scatter, closed.linearised(P, Q)), rows, weights)
-        before = likelihood.covariances.typical()[0] if sizes is None else sizes
+        before = _start(likelihood.covariances, like) if sizes is None else sizes
         bounds = likelihood.covariances.bounds()
         result = minimize(
             likelihood, before, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": _FTOL}
@@ -156,6 +157,12 @@ def fit_pairs(
         at,
         likelihood.covariances(after)[0],
     )
+
+
+def _start(covariances: Covariances, like: PairFit | None) -> Array:
+    sizes = covariances.typical()[0]
+    known = dict(zip(like.scatter.names, like.sizes, strict=True)) if like is not None else {}
+    return np.array([known.get(n, s) for n, s in zip(covariances.scatter.names, sizes, strict=True)])
 
 
 @dataclass(frozen=True, eq=False)

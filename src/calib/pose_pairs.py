@@ -15,7 +15,7 @@ from arm.errors import CalibrationRefused, InputError
 from arm.se3 import Array, frozen
 from calib.motion_axes import MotionAxes, refuse_parallel_axes
 from calib.pose_pair_fit import UNKNOWNS, Bools, Closed, PairFit, fit_pairs, inverses
-from calib.pose_scatter import Covariances, Scatter
+from calib.pose_scatter import Scatter
 from calib.robot_world_start import start_robot_world
 
 FEWEST = 4  # pairs that agree: three determine the poses, and nothing would tell their error
@@ -158,19 +158,18 @@ def calibrate_pose_pairs(pairs: PosePairs, seed: int = 0) -> RobotWorld:
 def _fitted(closed: Closed, P: Array, Q: Array, inliers: Bools) -> tuple[PairFit, str, Bools]:
     """The best of the shapes, why, and what was used."""
     used = np.stack([inliers, inliers], axis=1)
-    fit = _best_camera(closed, P, Q, used)[0]
+    fit, reason = _best_camera(closed, P, Q, used)
     for _ in range(_ROUNDS):
-        now = _right(fit, inliers)
+        now = _right(fit)
         if (now == used).all():
             break
         used = now
-        fit = fit_pairs(closed, fit.P, fit.Q, fit.scatter, used, fit.sizes)
-    fit, reason = _best_camera(closed, fit.P, fit.Q, used)
+        fit, reason = _best_camera(closed, fit.P, fit.Q, used)
     for richer, words in (
-        (replace(fit.scatter, geometry=True), "the arm's errors change smoothly with its pose"),
-        (replace(fit.scatter, freedom=_STRAYS), "pairs stray more than a bell curve lets them"),
+        ({"geometry": True}, "the arm's errors change smoothly with its pose"),
+        ({"freedom": _STRAYS}, "pairs stray more than a bell curve lets them"),
     ):
-        trial = fit_pairs(closed, fit.P, fit.Q, richer, used)
+        trial = fit_pairs(closed, fit.P, fit.Q, replace(fit.scatter, **richer), used, fit)
         gain = trial.log_likelihood - fit.log_likelihood
         if gain > _GAIN:
             fit, reason = trial, f"{reason}; {words} (+{gain:.1f})"
@@ -180,28 +179,25 @@ def _fitted(closed: Closed, P: Array, Q: Array, inliers: Bools) -> tuple[PairFit
 def _best_camera(closed: Closed, P: Array, Q: Array, used: Bools) -> tuple[PairFit, str]:
     axes = fit_pairs(closed, P, Q, Scatter("axes"), used)
     if axes.at.nearest <= 0.0:
-        return axes, "camera's errors along its axes: a target behind the camera is in no image"
-    image = fit_pairs(closed, P, Q, Scatter("image"), used)
+        return axes, "camera's errors are along its axes: a target behind the camera is in no image"
+    image = fit_pairs(closed, P, Q, Scatter("image"), used, axes)
     gain = image.log_likelihood - axes.log_likelihood
     if gain <= 0.0:
         return (
             axes,
-            f"camera's errors along its axes, not those of a target's image (log likelihood +{-gain:.1f})",
+            f"camera's errors are along its axes, not a target's image's (log likelihood +{-gain:.1f})",
         )
     reason = f"camera's errors are those of a target's image (log likelihood +{gain:.1f})"
-    beside = fit_pairs(closed, image.P, image.Q, Scatter("image", off_centre=True), used)
+    beside = fit_pairs(closed, image.P, image.Q, Scatter("image", off_centre=True), used, image)
     more = beside.log_likelihood - image.log_likelihood
     if more > _GAIN:
         return beside, f"{reason} whose middle is not its origin (+{more:.1f})"
     return image, reason
 
 
-def _right(fit: PairFit, inliers: Bools) -> Bools:
+def _right(fit: PairFit) -> Bools:
     """Which shifts and turns (n, 2) lie where the scatter lets them; one that is wrong alone leaves the other."""
     r, S = fit.at.residuals, fit.covariances
-    if fit.scatter.geometry:
-        smooth = Covariances(fit.scatter, fit.at).smooth
-        S = S + smooth @ smooth.transpose(0, 2, 1) * np.exp(2.0 * fit.sizes[-2:].max())
 
     def within(rows: slice) -> Bools:
         e = r[:, rows]

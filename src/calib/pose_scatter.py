@@ -34,8 +34,8 @@ _TYPICAL = {
     "arm geometry turn": 3e-4,
 }
 _TARGET, _TARGET_SD = 0.06, 1.0  # m, half the size of a target, and of its logarithm
-_GRID = np.linspace(-1.0, 1.0, 3)
-_STEP = 1e-4
+_CORNERS = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+_STEP = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,31 +172,27 @@ class Covariances:
         if first:
             target = sizes[1 + count : 1 + count + (3 if self.scatter.off_centre else 1)]
             scale = np.exp(2.0 * sizes[0])
-            V = scale * self._image(target)
-            S = S + V
-            derivatives.insert(0, 2.0 * V)
-            for k in range(len(target)):
-                step = _STEP * np.eye(len(target))[k]
-                derivatives.append(
-                    scale * (self._image(target + step) - self._image(target - step)) / (2.0 * _STEP)
-                )
+            unit = self._image(target)
+            S = S + scale * unit
+            derivatives.insert(0, 2.0 * scale * unit)
+            for step in _STEP * np.eye(len(target)):
+                derivatives.append(scale * (self._image(target + step) - unit) / _STEP)
         return S, np.array(derivatives)
 
     def _image(self, target: Array) -> Array:
-        """Covariances of poses from nine points of a flat square, with unit error in normalised coordinates."""
-        half = np.exp(target[0])
-        x, y = np.meshgrid(_GRID, _GRID)
-        middle = target[1:] if len(target) > 1 else np.zeros(2)
-        points = half * np.stack([x.ravel() + middle[0], y.ravel() + middle[1], np.zeros(x.size)], axis=1)
+        """Covariances of poses from the corners of a square, with unit error in normalised coordinates."""
+        middle = target[1:] if len(target) > 1 else 0.0
+        points = np.zeros((len(_CORNERS), 3))
+        points[:, :2] = np.exp(target[0]) * (_CORNERS + middle)
         R, t = self.at.T_camera_target[:, :3, :3], self.at.T_camera_target[:, :3, 3]
-        seen = np.einsum("nij,mj->nmi", R, points) + t[:, None]
+        seen = points @ R.transpose(0, 2, 1) + t[:, None]
         z = np.maximum(seen[..., 2], 1e-3)
         by_point = np.zeros((*z.shape, 2, 3))
         by_point[..., 0, 0] = by_point[..., 1, 1] = 1.0 / z
         by_point[..., :, 2] = -seen[..., :2] / z[..., None] ** 2
-        turned = -np.einsum("nij,mjk->nmik", R, skews(points))
-        by_pose = np.concatenate([by_point, by_point @ turned], axis=-1)
-        return np.asarray(np.linalg.inv(np.einsum("nmki,nmkj->nij", by_pose, by_pose)))
+        turned = -R[:, None] @ skews(points)
+        by_pose = np.concatenate([by_point, by_point @ turned], axis=-1).reshape(len(R), -1, 6)
+        return np.asarray(np.linalg.inv(by_pose.transpose(0, 2, 1) @ by_pose))
 
 
 def skews(v: Array) -> Array:

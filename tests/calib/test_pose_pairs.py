@@ -121,6 +121,19 @@ def test_the_gradient_of_the_likelihood_is_that_of_finite_differences(scatter):
     assert likelihood(sizes)[1] == pytest.approx(expected, rel=1e-4, abs=1e-3)
 
 
+def test_pairs_that_are_not_used_are_as_if_they_had_not_been_given():
+    pairs, used = drawn(4, 14), np.ones((14, 2), dtype=bool)
+    used[[2, 7]] = False
+    given = Closed(pairs.T_base_gripper, pairs.T_camera_target, False)
+    fewer = Closed(pairs.T_base_gripper[used[:, 0]], pairs.T_camera_target[used[:, 0]], False)
+    one, other = (
+        fit_pairs(c, STANDING, HELD, Scatter(), u) for c, u in ((given, used), (fewer, used[used[:, 0]]))
+    )
+    assert pytest.approx(other.Q, abs=1e-9) == one.Q
+    assert one.log_likelihood == pytest.approx(other.log_likelihood, abs=1e-6)
+    assert one.covariance == pytest.approx(other.covariance, rel=1e-6, abs=1e-15)
+
+
 @pytest.mark.parametrize("in_gripper", [False, True])
 def test_exact_pairs_give_the_exact_poses_under_the_right_names(in_gripper):
     said, seen = views(np.random.default_rng(3), 8, in_gripper)
@@ -134,8 +147,8 @@ def test_exact_pairs_give_the_exact_poses_under_the_right_names(in_gripper):
 
 @pytest.mark.parametrize("in_gripper", [False, True])
 def test_errors_along_the_cameras_axes_are_told_and_the_covariance_is_honest(in_gripper):
-    found = [calibrate_pose_pairs(drawn(seed, in_gripper=in_gripper)) for seed in range(5)]
-    assert sum(f.scatter.shape == "axes" for f in found) >= 4
+    found = [calibrate_pose_pairs(drawn(seed, in_gripper=in_gripper)) for seed in range(4)]
+    assert sum(f.scatter.shape == "axes" for f in found) >= 3
     assert all(f.inliers.all() for f in found)
     assert 0.6 < np.mean([nees(f) for f in found]) < 1.7
     for name, size in (("camera across", 1e-3), ("camera along", 3e-3), ("camera turn", 2e-3)):
@@ -156,7 +169,7 @@ def test_errors_of_a_targets_image_are_told_and_weighed_by_it(in_gripper):
 
 
 def test_a_target_whose_origin_is_its_corner_is_told():
-    found = [calibrate_pose_pairs(photographed(seed, middle=(0.05, -0.05))) for seed in (11, 12, 13)]
+    found = [calibrate_pose_pairs(photographed(seed, middle=(0.05, -0.05))) for seed in (11, 12)]
     assert all(f.scatter.off_centre for f in found)
     assert "whose middle is not its origin" in found[0].reason
     assert 0.7 < np.median([f.sizes["middle x"] for f in found]) < 2.0  # in halves of the target's side
@@ -166,7 +179,7 @@ def test_a_target_whose_origin_is_its_corner_is_told():
 @pytest.mark.parametrize("share", [0.1, 0.5])
 @pytest.mark.parametrize("flipped", [False, True])
 def test_wrong_pairs_have_no_weight_and_flipped_ones_keep_their_shift(share, flipped):
-    for seed in range(3):
+    for seed in range(2):
         clean = drawn(seed, 30)
         pairs, wrong = spoiled(clean, seed + 50, share, flipped)
         found = calibrate_pose_pairs(pairs, seed)
@@ -223,15 +236,15 @@ def cone(seed, half_deg, turns_deg, n=20):
 
 @pytest.mark.parametrize("turns_deg", [(3, 8), (15, 30)])
 def test_motions_about_one_axis_are_refused_and_wide_cones_are_not(turns_deg):
-    for seed in range(20):
+    for seed in range(10):
         for half in (0, 2, 10):
             R, main = cone(seed, half, turns_deg)
             with pytest.raises(CalibrationRefused, match="turned about one axis only") as refused:
                 refuse_parallel_axes(R)
             assert refused.value.data["reason"] == "parallel_axes"
             assert abs(main @ refused.value.data["axis"]) > 0.95
-        assert not motion_axes(cone(seed, 45, turns_deg)[0]).degenerate
-        assert not motion_axes(cone(seed, 90, turns_deg)[0]).degenerate
+        for half in (30, 45, 90):
+            assert not motion_axes(cone(seed, half, turns_deg)[0]).degenerate
 
 
 def test_the_estimator_refuses_parallel_axes_though_a_closed_form_exists():
