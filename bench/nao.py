@@ -154,12 +154,12 @@ def _bound_deg(plan: Plan, unknowns: NaoUnknowns, x: Array) -> float:
 def few(runs: Runs) -> None:
     """Four stances a leg."""
     for criterion in ("A", "D"):
-        began = time.perf_counter()
+        began, busy = time.perf_counter(), time.process_time()
         plan = plan_stances(runs.pool, 4, SENSING, PAPER, criterion=criterion)
-        took = time.perf_counter() - began
+        took, busy = time.perf_counter() - began, time.process_time() - busy
         errors, robot = _four(runs, lambda _, plan=plan: plan)
         print(
-            f"4 planned stances a leg, {criterion}-optimal: planned in {took:.1f} s; joints "
+            f"4 planned stances a leg, {criterion}-optimal: planned in {took:.1f} s ({busy:.1f} s busy); joints "
             f"{np.median(errors):.4f} deg (rms {np.sqrt(np.mean(np.square(errors))):.4f}, "
             f"predicted {plan.joint_sigma_deg:.4f}), robot {robot:.0f} s"
         )

@@ -25,7 +25,7 @@ from vision.camera import Camera
 Criterion = Literal["A", "D"]
 _PASSES = 4
 _GAIN_DONE = 1e-6  # of a logarithm
-_NEAR, _TRIES = np.radians(12.0), 360  # of all chosen stances together
+_NEAR, _TRIES = np.radians(12.0), 270  # of all chosen stances together
 _WIDE = {"deg": np.radians(10.0), "mm": 0.01}  # what is known of any NAO: keeps determinants above zero
 _WIDE_SOFT = np.radians(1.0)  # of springs, per Nm, and play
 
@@ -83,7 +83,7 @@ def plan_stances(
     unknowns: NaoUnknowns,
     x: Array | None = None,
     criterion: Criterion | None = None,
-    rounds: int = 3,
+    rounds: int = 4,
     seed: int = 0,
 ) -> Plan:
     """The `count` stances of each leg that together say most, chosen from a pool, then bettered near by.

@@ -69,6 +69,26 @@ def test_images_are_as_old_as_their_lag_says():
             assert np.array_equal(image.angles, resting_posture())
 
 
+def test_an_image_shows_the_move_before_if_it_is_that_old():
+    exact = Servos(step=0.0, image_lag=0.1)
+    turned_back, went_on = robot(servos=exact), robot(servos=exact)
+    for nao in (turned_back, went_on):
+        nao.send(resting_posture() + 0.5)
+        nao.wait(0.3)
+    turned_back.send(resting_posture())
+    for nao in (turned_back, went_on):
+        nao.wait(0.35)
+    assert turned_back.image().angles == pytest.approx(went_on.image().angles, abs=1e-12)
+    assert np.abs(turned_back.encoders() - went_on.encoders()).max() > 0.01
+
+
+def test_settling_waits_for_an_image_however_late():
+    nao = robot(servos=Servos(image_lag=0.8))
+    nao.wait(nao.send(resting_posture() + 0.4))
+    nao.settle()
+    assert np.abs(nao.image().angles - nao.encoders()).max() <= STEP / 2 + 1e-9
+
+
 def test_joints_keep_their_speed():
     nao = robot(servos=Servos(step=0.0, speed=0.7))
     there = nao.send(resting_posture() + 0.35)
