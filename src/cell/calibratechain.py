@@ -20,6 +20,7 @@ from calib.kinematic import NAO_LIMITS, calibrate_nao
 from calib.nao import NaoUnknowns
 from calib.nao_recording import read_nao_recording
 from calib.next_poses import next_poses
+from calib.twin import TWINS, self_test
 from cell.chainpage import chain_page
 from cell.chainresult import (
     Tables,
@@ -81,7 +82,7 @@ def kinematic_step(
     recording = read_nao_recording(data)
     console.step(f"fit: {len(recording.pixels)} images of {len(recording.board)} vertices")
     calibration = calibrate_nao(recording, limits, step)
-    result = kinematic_json(calibration, _ALL.si())
+    result = kinematic_json(calibration, _ALL.si()) | _tested(calibration, console)
     tell_kinematic(calibration, _ALL.si(), console)
     tables = kinematic_tables(calibration, _ALL.si())
     _write_report(report, "Camera and legs of a NAO", data, calibration, tables, console)
@@ -125,6 +126,25 @@ def _write_report(
         console.say(f"report: {report}")
 
 
+def _tested(c: ChainCalibration, console: Console) -> dict[str, Any]:
+    """A self-test on synthetic twins of the data, told."""
+    test = self_test(c)
+    low, high = test.limits
+    verdict = "as predicted" if test.passed else "NOT as predicted: do not rely on the standard deviations"
+    console.step(
+        f"self-test on {TWINS} synthetic twins: squared errors {test.nees_dof:.2f} of the predicted ones (chance: "
+        f"{low:.2f} to {high:.2f}), {verdict}"
+    )
+    return {
+        "self_test": {
+            "nees_dof": test.nees_dof,
+            "limits": list(test.limits),
+            "worst_sigmas": test.worst,
+            "passed": test.passed,
+        }
+    }
+
+
 def solve_hand_eye(
     data: Path,
     recording: ArmRecording,
@@ -139,7 +159,7 @@ def solve_hand_eye(
     console.step(f"fit: {len(recording.joints)} poses of {recording.kind} ({len(recording.points)} points)")
     found = calibrate_hand_eye(recording, limits, encoder_step)
     more = next_poses(found)
-    result = hand_eye_json(found, more)
+    result = hand_eye_json(found, more) | _tested(found.chain, console)
     tell_hand_eye(found, console, more)
     _write_report(report, "Camera and arm", data, found.chain, hand_eye_tables(found), console)
     if output is not None and found.chain.accepted:
