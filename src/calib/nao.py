@@ -29,6 +29,7 @@ MOUNT = ("RotZ", "TransX", "TransY")
 PLAY_NM = (
     0.05  # torque over which a joint goes from one end of its play to the other (data sheet of the sets)
 )
+_SAME_STANCE = np.radians(0.5)  # encoders are better than that
 _X, _Y, _Z = np.eye(3)
 _FORWARD = transform(
     [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]
@@ -138,8 +139,27 @@ def gravity_torques(side: str, legs: Array, gravity: npt.ArrayLike, model: pin.M
     return torque
 
 
+@dataclass(frozen=True, eq=False)
+class KnownSides:
+    """Sides of their play, -1 or 1, on which a leg's joints were found.
+
+    Attributes:
+        legs: readings (n, 6) rad at which that was.
+        sides: (n, 6).
+    """
+
+    legs: Array
+    sides: Array
+
+    def at(self, legs: Array, torque: Array) -> Array:
+        """Sides (k, 6) at readings (k, 6) rad: as found there, elsewhere where torques (k, 6) Nm turn them."""
+        away = np.abs(legs[:, None] - self.legs[None]).max(axis=-1)
+        found = self.sides[away.argmin(axis=1)]
+        return np.where(away.min(axis=1)[:, None] < _SAME_STANCE, found, np.sign(torque))
+
+
 def gravity_gains(
-    side: str, unknowns: NaoUnknowns, gravity: npt.ArrayLike, sides: Array | None = None
+    side: str, unknowns: NaoUnknowns, gravity: npt.ArrayLike, known: KnownSides | None = None
 ) -> Gains | None:
     """Torques of gravity about the leg's joints, Nm as they act, and on which side of its play each joint lies.
 
@@ -149,8 +169,7 @@ def gravity_gains(
         side: L or R.
         unknowns: that are looked for.
         gravity: in the torso's frame, (3,) m/s^2.
-        sides: of the play on which each image's joints lie, (n, 6) from -1 to 1; None where the torque decides,
-            changing over within about `PLAY_NM`.
+        known: sides on which joints lie in stances; None where play changes over within about `PLAY_NM`.
     """
     if not (unknowns.springs or unknowns.play):
         return None
@@ -158,7 +177,7 @@ def gravity_gains(
 
     def gains(readings: Array, x: Array) -> dict[str, Array]:
         torque = gravity_torques(side, readings[:, :6] + x[offsets], gravity)
-        play = np.tanh(torque / PLAY_NM) if sides is None else sides
+        play = np.tanh(torque / PLAY_NM) if known is None else known.at(readings[:, :6], torque)
         given = {f"torque {side}{joint}": torque[:, i] for i, joint in enumerate(LEG)}
         return given | {f"play {side}{joint}": play[:, i] for i, joint in enumerate(LEG)}
 

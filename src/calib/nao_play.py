@@ -22,7 +22,7 @@ from scipy.stats import norm
 
 from arm.se3 import Array
 from calib.chain_fit import ChainFit, Problem, Sightings, fit_chains
-from calib.nao import LEG, NaoUnknowns, gravity_gains, gravity_torques, nao_model
+from calib.nao import LEG, KnownSides, NaoUnknowns, gravity_gains, gravity_torques, nao_model
 from vision.camera import Camera
 
 MASS_SIGMA = 0.10  # of a link's mass, a part of it
@@ -132,6 +132,18 @@ def fit_springs_and_play(
     return PlayFit(known, smooth, False, smooth.cost, cost, iterations + steps)
 
 
+def with_shape_of_play(
+    problem: Problem,
+    unknowns: NaoUnknowns,
+    sides: Sequence[str],
+    gravity: npt.ArrayLike,
+    weights: Sequence[Array] | None = None,
+) -> Problem:
+    """The same problem with play that changes sides at once where that costs less; see `fit_springs_and_play`."""
+    found = fit_springs_and_play(problem, unknowns, sides, gravity, weights)
+    return replace(problem, sightings=found.problem.sightings) if found.hard else problem
+
+
 def _places(unknowns: NaoUnknowns, kind: str) -> list[int]:
     return [i for i, name in enumerate(unknowns.names) if kind in name]
 
@@ -151,7 +163,7 @@ def _all_at_once(
     fit, steps = begin, 0
     for number in range(_ROUNDS):
         held = [
-            replace(s, gains=gravity_gains(side, unknowns, gravity, lie))
+            replace(s, gains=gravity_gains(side, unknowns, gravity, KnownSides(s.readings[:, :6], lie)))
             for s, side, lie in zip(problem.sightings, sides, signs, strict=True)
         ]
         problem = replace(problem, sightings=held)
@@ -226,10 +238,10 @@ def _likelier_sides(
 def _whitened(problem: Problem, s: Sightings, fit: ChainFit, chain: int) -> tuple[Array, Array]:
     """Residuals (n, m, 2) and their derivatives by the readings (n, m, 2, readings); zero where nothing was seen."""
     at = s.evaluate(fit.unknowns, fit.errors[chain])
-    by_reading = pixels_by_twists(problem.camera, s.points, at.T, at.by_reading)
-    by_reading /= problem.pixel_sigma[:, None]
+    sigma = s.sigma(problem.pixel_sigma)
+    by_reading = pixels_by_twists(problem.camera, s.points, at.T, at.by_reading) / sigma[..., None]
     seen = np.isfinite(fit.residuals[chain])
-    r = np.where(seen, fit.residuals[chain] / problem.pixel_sigma, 0.0)
+    r = np.where(seen, fit.residuals[chain] / sigma, 0.0)
     return r, np.where(seen[..., None], by_reading, 0.0)
 
 

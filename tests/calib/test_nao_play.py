@@ -6,7 +6,7 @@ import pytest
 
 from arm.se3 import rot_x, rot_y, rot_z
 from calib.chain_fit import fit_chains
-from calib.nao import HEAD, LEG, SIDES, NaoUnknowns, gravity_torques, nao_model, nao_sightings
+from calib.nao import HEAD, LEG, SIDES, KnownSides, NaoUnknowns, gravity_torques, nao_model, nao_sightings
 from calib.nao_kinematics import STANDING, NaoKinematics, masses_off, pose_errors, standing_error
 from calib.nao_play import (
     MASS_SIGMA,
@@ -14,6 +14,7 @@ from calib.nao_play import (
     torque_sigmas,
     with_first_priors,
     with_priors_of_a_make,
+    with_shape_of_play,
 )
 from nao_scenes import BOARD, CAMERA, ON_ITS_BACK, PIXEL_SIGMA, STEP, TABLE_2, problem, sightings, truth
 
@@ -82,6 +83,9 @@ def test_the_shape_of_play_is_found(hard, off):
     assert fit.fit.chi2_dof == pytest.approx(1.0, abs=0.06)
     true = NaoKinematics(ALL, x, hard, True, model)
     assert standing_error(true, NaoKinematics(ALL, fit.fit.unknowns, hard)).rms < 1e-3
+    shaped = with_shape_of_play(problem(found, ALL), ALL, SIDES, ON_ITS_BACK)
+    assert np.isinf(shaped.prior_sigma).all()
+    assert fit_chains(shaped).chi2_dof == pytest.approx(1.0, abs=0.06)
 
 
 def test_play_that_no_stance_shows_is_taken_from_the_other_joints():
@@ -94,6 +98,14 @@ def test_play_that_no_stance_shows_is_taken_from_the_other_joints():
     assert np.abs(fit_chains(known).unknowns - x)[at].max() / D < 0.4
     assert 0.2 < known.start[at[0]] / D < 0.6
     assert known.prior_sigma[at[0]] / D < 0.4
+
+
+def test_sides_are_those_of_the_stance_and_elsewhere_of_the_torque():
+    legs = np.array([np.zeros(6), np.full(6, 0.5)])
+    known = KnownSides(legs, np.array([np.ones(6), -np.ones(6)]))
+    asked = np.array([legs[1] + 0.003, legs[0] - 0.003, legs[1] + 0.1])
+    torque = np.tile([1.0, -1.0, 1.0, -1.0, 1.0, -1.0], (3, 1))
+    assert np.array_equal(known.at(asked, torque), [-np.ones(6), np.ones(6), torque[2]])
 
 
 def test_without_play_no_shape_is_looked_for():
