@@ -78,7 +78,7 @@ def with_first_priors(problem: Problem, unknowns: NaoUnknowns) -> Problem:
     """Springs and play from about half a degree, and no more than a degree or two off that unless images say so."""
     start, sigma = problem.start.copy(), problem.prior_sigma.copy()
     for kind in _KINDS:
-        places = _places(unknowns, kind)
+        places = _fitted(problem, unknowns, kind)
         start[places], sigma[places] = _FIRST_MEAN, _FIRST_SIGMA
     return replace(problem, start=start, prior_sigma=sigma)
 
@@ -88,8 +88,8 @@ def with_priors_of_a_make(problem: Problem, unknowns: NaoUnknowns, fit: ChainFit
     start, sigma = problem.start.copy(), problem.prior_sigma.copy()
     spread = np.sqrt(np.diag(fit.covariance(problem.free)))
     for kind in _KINDS:
-        places = _places(unknowns, kind)
-        known = [i for i in places if problem.free[i] and spread[i] < _KNOWN]
+        places = _fitted(problem, unknowns, kind)
+        known = [i for i in places if spread[i] < _KNOWN]
         if len(known) < _FEWEST_KNOWN:
             continue
         weight = 1.0 / (spread[known] ** 2 + _KNOWN**2)
@@ -120,8 +120,7 @@ def fit_springs_and_play(
     known = with_priors_of_a_make(first, unknowns, begin)
     smooth = fit_chains(known, weights, begin)
     iterations = begin.iterations + smooth.iterations
-    places = _places(unknowns, "backlash")
-    if not (unknowns.play and problem.free[places].any()):
+    if not _fitted(problem, unknowns, "backlash"):
         return PlayFit(known, smooth, False, smooth.cost, float("inf"), iterations)
     hard, hard_fit, improbable, steps = _all_at_once(
         known, unknowns, sides, np.asarray(gravity, float), smooth
@@ -144,8 +143,8 @@ def with_shape_of_play(
     return replace(problem, sightings=found.problem.sightings) if found.hard else problem
 
 
-def _places(unknowns: NaoUnknowns, kind: str) -> list[int]:
-    return [i for i, name in enumerate(unknowns.names) if kind in name]
+def _fitted(problem: Problem, unknowns: NaoUnknowns, kind: str) -> list[int]:
+    return [i for i, name in enumerate(unknowns.names) if kind in name and problem.free[i]]
 
 
 def _all_at_once(

@@ -1,5 +1,7 @@
 """Play and springs of a NAO's legs: which shape the play has, what stances do not tell, and feet that meet commands."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -113,6 +115,20 @@ def test_without_play_no_shape_is_looked_for():
     fit = fit_springs_and_play(problem(found, PAPER), PAPER, SIDES, ON_ITS_BACK)
     assert not fit.hard
     assert np.abs(fit.fit.unknowns - x)[3:15].max() / D < 0.1
+
+
+def test_what_is_held_stays_where_it_is_held():
+    """A model without play, and images of one leg alone."""
+    found, x = sightings(6, NaoUnknowns(springs=True), ALL, stances=12)
+    p = problem(found[:1], ALL)
+    free = np.array([name[0] in "CL" and "backlash" not in name for name in ALL.names])
+    fit = fit_springs_and_play(replace(p, free=free), ALL, "L", ON_ITS_BACK)
+    assert not fit.hard
+    assert (fit.fit.unknowns[~free] == 0.0).all()
+    assert fit.fit.chi2_dof == pytest.approx(1.0, abs=0.08)
+    springs = [ALL.names.index(f"L{j}_compliance_deg_per_Nm") for j in LEG[:3]]
+    true = x[[NaoUnknowns(springs=True).names.index(f"L{j}_compliance_deg_per_Nm") for j in LEG[:3]]]
+    assert np.abs(fit.fit.unknowns[springs] - true).max() / D < 0.2
 
 
 def test_torques_are_as_sure_as_masses():
