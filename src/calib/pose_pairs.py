@@ -179,14 +179,11 @@ def _fitted(closed: Closed, P: Array, Q: Array, inliers: Bools) -> tuple[PairFit
 def _best_camera(closed: Closed, P: Array, Q: Array, used: Bools) -> tuple[PairFit, str]:
     axes = fit_pairs(closed, P, Q, Scatter("axes"), used)
     if axes.at.nearest <= 0.0:
-        return axes, "camera's errors are along its axes: a target behind the camera is in no image"
+        return axes, "camera's errors lie along its axes: a target behind the camera is in no image"
     image = fit_pairs(closed, P, Q, Scatter("image"), used, axes)
     gain = image.log_likelihood - axes.log_likelihood
     if gain <= 0.0:
-        return (
-            axes,
-            f"camera's errors are along its axes, not a target's image's (log likelihood +{-gain:.1f})",
-        )
+        return axes, f"camera's errors lie along its axes, in no target's image (log likelihood +{-gain:.1f})"
     reason = f"camera's errors are those of a target's image (log likelihood +{gain:.1f})"
     beside = fit_pairs(closed, image.P, image.Q, Scatter("image", off_centre=True), used, image)
     more = beside.log_likelihood - image.log_likelihood
