@@ -166,7 +166,7 @@ def _pool(found: HandEye, rng: np.random.Generator) -> Array:
     good = np.zeros((0, r.dh.joints))
     before = chain.evaluate(r.joints, found.chain.fit.unknowns).T
     # the printed side is the one that was seen, whichever way its z points
-    side = -np.sign(np.median(np.einsum("ni,ni->n", before[:, :3, 2], before[:, :3, 3])))
+    side = np.sign(np.median(np.einsum("ni,ni->n", before[:, :3, 2], before[:, :3, 3])))
     for _ in range(_MOST_BATCHES):
         joints = rng.uniform(low, high, (_BATCH, r.dh.joints))
         T = chain.evaluate(joints, found.chain.fit.unknowns).T

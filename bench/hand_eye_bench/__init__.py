@@ -1,0 +1,1 @@
+"""Parts of bench/hand_eye.py."""
