@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -154,6 +154,7 @@ def calibrate_chain(
     limits: ChainLimits,
     weights: Sequence[Array] | None = None,
     noise_freedom: float = np.inf,
+    refined: Callable[[Choice], Choice] = lambda choice: choice,
 ) -> ChainCalibration:
     """Choose a model, fit it, hold images out, and look for what else could be wrong; the verdict is not yet made.
 
@@ -165,8 +166,10 @@ def calibrate_chain(
         limits: of the verdict.
         weights: of a start that knows some images to be wrong, (n,) of every chain.
         noise_freedom: measurements that the problem's `pixel_sigma` rests on.
+        refined: makes more of a choice, such as a better shape of one of its parts.
     """
-    choice = choose_model(_exact_if_it_fits(problem, limits, noise_freedom), parts, weights, noise_freedom)
+    exact = _exact_if_it_fits(problem, limits, noise_freedom)
+    choice = refined(choose_model(exact, parts, weights, noise_freedom))
     began = time.perf_counter()
     again = fit_chains(choice.problem, choice.fit.weights)
     took = time.perf_counter() - began

@@ -115,9 +115,10 @@ def choose_model(
 
 
 def _without(problem: Problem, part: Part) -> Problem:
-    free = problem.free.copy()
+    free, start = problem.free.copy(), problem.start.copy()
     free[list(part.unknowns)] = False
-    return replace(problem, free=free)
+    start[list(part.unknowns)] = 0.0  # what is not there is none, whatever is expected of one that is
+    return replace(problem, free=free, start=start)
 
 
 def _without_wrong_images(
