@@ -14,9 +14,7 @@ from scipy.spatial.transform import Rotation
 from arm.errors import CalibrationRefused
 from arm.se3 import Array, frozen
 
-MOTION = np.radians(
-    3.0
-)  # a motion turns by at least that since the last one ended, or noise would be its axis
+MOTION = np.radians(3.0)  # a motion turns by at least that since the last one, or noise would be its axis
 SPREAD = np.radians(9.0)  # of the axes of motions: a cone of 10 deg has 4 to 7, one of 45 deg 15 and more
 SECOND = 0.22  # rad of turns about a second axis among all poses; more than that tells enough even so
 _POSES = 100  # that are compared with each other
