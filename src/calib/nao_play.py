@@ -119,7 +119,7 @@ def fit_springs_and_play(
     first = with_first_priors(problem, unknowns)
     begin = fit_chains(first, weights)
     known = with_priors_of_a_make(first, unknowns, begin)
-    smooth = fit_chains(known, weights, begin)
+    smooth = fit_chains(known, weights)  # from a fit it would creep: torques' derivatives are left out
     iterations = begin.iterations + smooth.iterations
     if not _fitted(problem, unknowns, "backlash"):
         return PlayFit(known, smooth, False, smooth.cost, float("inf"), iterations)
@@ -167,7 +167,7 @@ def _all_at_once(
             for s, side, lie in zip(problem.sightings, sides, signs, strict=True)
         ]
         problem = replace(problem, sightings=held)
-        fit = fit_chains(problem, begin.weights, fit)
+        fit = fit_chains(problem, begin.weights)
         steps += fit.iterations
         if number > 2 and before - fit.cost < _WORTH_A_ROUND:
             break
