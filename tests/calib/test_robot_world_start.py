@@ -77,9 +77,9 @@ def test_wrong_poses_are_found_though_the_arms_zeros_are_wrong(n, share):
         rng = np.random.default_rng((seed, n))
         said, seen = pairs(rng, n, 0.3, 0.5e-3, 2e-3)
         seen, wrong = spoiled(rng, seen, share)
-        begun = time.perf_counter()
+        begun = time.process_time()
         start = start_robot_world(said, seen, seed)
-        assert time.perf_counter() - begun < 2.0
+        assert time.process_time() - begun < 2.0
         assert not (start.inliers & wrong).any()
         assert (start.inliers | wrong).mean() > 0.95
         of_these, _ = closed_form(said[start.inliers], seen[start.inliers])
