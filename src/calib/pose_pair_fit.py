@@ -225,13 +225,14 @@ class _Likelihood:
         F = self._design
         half = self.covariances.smooth.shape[2] // 2
         priors = np.repeat(np.exp(-2.0 * sizes[len(derivatives) :]), half)
-        FW = (W @ F).reshape(-1, F.shape[2]).T
-        information = FW @ F.reshape(-1, F.shape[2])
+        WF = W @ F
+        # pair by pair: one large product would wake BLAS's threads, which costs a hundred times what it is worth
+        information = (WF.transpose(0, 2, 1) @ F).sum(axis=0)
         information[UNKNOWNS:, UNKNOWNS:] += np.diag(priors)
         scale = 1.0 / np.sqrt(np.diag(information))
         inverse = scale[:, None] * np.linalg.inv(scale[:, None] * information * scale) * scale
         residuals = self.covariances.at.residuals
-        step = inverse @ (FW @ residuals.reshape(-1))
+        step = inverse @ np.einsum("nia,ni->a", WF, residuals)
         left = residuals - F @ step
         log_determinant += float(np.linalg.slogdet(information)[1]) - float(np.log(priors).sum())
         return _Solved(
