@@ -20,15 +20,17 @@ import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
 import numpy as np
-from hand_eye_bench.cases import FAULTS, RIGHT_NAME, Case, Outcome, run
+from hand_eye_bench.cases import Case, Outcome, run
 from hand_eye_bench.judge import Off
+
+from recorded_faults import FAULTS
 
 ENOUGH = Off(0.2, 0.02)  # of T_base_camera
 
@@ -67,7 +69,10 @@ def _line(name: str, outcomes: Sequence[Outcome]) -> str:
     )
 
 
-HEAD = f"{'':46} {'camera mm':>8} {'deg':>9} {'/bound':>6} {'':5} {'held out':>9} {'NEES':>6} {'links':>5} accepted  cpu s"
+HEAD = (
+    f"{'':46} {'camera mm':>8} {'deg':>9} {'/bound':>6} {'':5} {'held out':>9} {'NEES':>6} {'links':>5} "
+    "accepted  cpu s"
+)
 
 
 def accuracy(campaign: Campaign) -> None:
@@ -156,9 +161,9 @@ def verdicts(campaign: Campaign) -> None:
                 f"{name:54} {sum(not o.accepted for o in outcomes):8d} {'':14} {'':8} {left:12.3f}",
                 flush=True,
             )
-        for fault in FAULTS:
+        for fault, (_, cause) in FAULTS.items():
             outcomes = campaign(Case(40, target, fault=fault))
-            right = [o.named == RIGHT_NAME[fault] for o in outcomes]
+            right = [o.named == cause for o in outcomes]
             neither = sum(o.accepted and not r for o, r in zip(outcomes, right, strict=True))
             accepted = [o.held_out.mm for o in outcomes if o.accepted]
             left = f"{max(accepted):12.3f}" if accepted else f"{'':12}"

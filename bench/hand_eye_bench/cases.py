@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 
 import numpy as np
 
 from arm.errors import CalibrationRefused
-from arm.se3 import Array, frozen, rotation, transform
+from arm.se3 import Array, rotation, transform
 from arm_sets import (
     LENS,
     NOMINAL,
@@ -21,7 +20,6 @@ from arm_sets import (
     spoilt,
     wide,
 )
-from calib.arm_recording import ArmRecording
 from calib.hand_eye import calibrate_hand_eye
 from calib.next_poses import plan_poses
 from hand_eye_bench.judge import (
@@ -33,6 +31,7 @@ from hand_eye_bench.judge import (
     prediction_off,
     rigid_prediction_off,
 )
+from recorded_faults import FAULTS
 
 POOL, FRESH = 1000, 60
 
@@ -49,7 +48,7 @@ class Case:
         links: whether links have errors.
         wrong: part of the images that are wrong.
         way: how they are wrong.
-        fault: what is wrong with the recording as a whole, see `FAULTS`.
+        fault: what is wrong with the recording as a whole, see `recorded_faults`.
         peers: whether SHAH and LI are run too.
     """
 
@@ -104,7 +103,7 @@ def run(case: Case, seed: int) -> Outcome:
     rng = np.random.default_rng([seed, case.poses, sum(map(ord, case.sampler))])
     joints = postures(case, truth, rng)
     if case.fault:
-        recording = FAULTS[case.fault](truth, joints, case.target, rng)
+        recording = FAULTS[case.fault][0](truth, joints, case.target, rng)
     else:
         recording = recorded(truth, joints, case.target, rng)
     wrong: set[int] = set()
@@ -158,52 +157,3 @@ def postures(case: Case, truth: Truth, rng: np.random.Generator) -> Array:
     ]
     plan = plan_poses(pool, case.poses, NOMINAL, LENS, points, about[0], about[1])
     return pool[rng.permutation(list(plan.places))]
-
-
-def _pictured(
-    truth: Truth, joints: Array, kind: str, rng: np.random.Generator, points: Array | None = None
-) -> ArmRecording:
-    pixels = truth.pixels(joints, TARGETS[kind] if points is None else points)
-    pixels += 0.3 * rng.standard_normal(pixels.shape)
-    return ArmRecording(LENS, NOMINAL, TARGETS[kind], kind, frozen(joints), frozen(pixels))
-
-
-def _larger(truth: Truth, joints: Array, kind: str, rng: np.random.Generator) -> ArmRecording:
-    return _pictured(truth, joints, kind, rng, 1.01 * TARGETS[kind])
-
-
-def _moved(what: str, truth: Truth, joints: Array, kind: str, rng: np.random.Generator) -> ArmRecording:
-    way = rng.standard_normal(3)
-    shift = transform(t=1e-3 * way / np.linalg.norm(way))
-    then = replace(truth, **{what: getattr(truth, what) @ shift})
-    half = len(joints) // 2
-    first, second = (_pictured(t, joints, kind, rng) for t in (truth, then))
-    return replace(first, pixels=frozen(np.concatenate([first.pixels[:half], second.pixels[half:]])))
-
-
-def _late(truth: Truth, joints: Array, kind: str, rng: np.random.Generator) -> ArmRecording:
-    read = joints.copy()
-    read[1:] += 0.02 * (joints[:-1] - joints[1:])
-    return replace(_pictured(truth, joints, kind, rng), joints=frozen(read))
-
-
-def _geared(j: int, truth: Truth, joints: Array, kind: str, rng: np.random.Generator) -> ArmRecording:
-    gear = np.ones(6)
-    gear[j] = 1.002
-    return _pictured(replace(truth, gear=gear), joints, kind, rng)
-
-
-FAULTS = {
-    "target 1 % larger": _larger,
-    "target slips 1 mm half way": partial(_moved, "T_gripper_target"),
-    "camera moves 1 mm half way": partial(_moved, "T_base_camera"),
-    "joints read 2 % of the way early": _late,
-    **{f"J{j + 1} geared 0.2 % otherwise": partial(_geared, j) for j in range(6)},
-}
-RIGHT_NAME = {
-    "target 1 % larger": "target size",
-    "target slips 1 mm half way": "target moved",
-    "camera moves 1 mm half way": "camera moved",
-    "joints read 2 % of the way early": "time skew",
-    **{f"J{j + 1} geared 0.2 % otherwise": f"scale of reading {j}" for j in range(6)},
-}

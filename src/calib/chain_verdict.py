@@ -61,8 +61,8 @@ def _caused(c: ChainCalibration) -> list[str]:
     """A cause that the model makes up for, and that puts targets elsewhere than they are."""
     if c.fit.chi2_dof > c.chi2_limit or c.change is not None:
         return []  # told already
-    cause = next((s for s in c.suspects if s.sure and s.moves > c.limits.held_out), None)
-    if cause is None:
+    cause = next((s for s in c.suspects if s.sure), None)
+    if cause is None or not cause.moves > c.limits.held_out:
         return []
     return [
         f"targets are {1e3 * cause.moves:.2f} mm from where they are predicted, the limit is "

@@ -15,12 +15,13 @@ import numpy.typing as npt
 from scipy import stats
 
 from arm.se3 import Array
-from calib.chain_fit import ChainFit, Problem, Sightings, fit_chains
+from calib.chain_fit import MOST_STEPS, ChainFit, Problem, Sightings, fit_chains
 
 MEANINGLESS = 1e-3  # how often a part that is not there is taken in
 WRONG_IMAGE = 1e-6  # how often a right image would be left out
 _SOFT, _ROUNDS = 2.0, 12
 _SECOND_CHANCES, _FAR = 10, 10.0
+_SPOILT = 1.5  # chi2 per degree of freedom
 
 
 def largest_rise(chance: float, unknowns: int, noise_freedom: float) -> float:
@@ -99,6 +100,15 @@ def choose_model(
         noise_freedom: measurements that the problem's `pixel_sigma` rests on.
     """
     fit = _without_wrong_images(problem, weights, noise_freedom)
+    if (
+        fit.chi2_dof > _SPOILT
+    ):  # with many unknowns wrong images bend the model to them; with few they stand out
+        bare = problem
+        for part in parts:
+            bare = _without(bare, part)
+        begun = _without_wrong_images(bare, weights, noise_freedom)
+        other = _without_wrong_images(problem, begun.weights, noise_freedom)
+        fit = min(fit, other, key=lambda one: one.chi2_dof)
     kept = list(parts)
     trials: dict[str, Trial] = {}
     while kept:
@@ -126,6 +136,8 @@ def _without_wrong_images(
 ) -> ChainFit:
     """A fit with weights that fall with an image's distance from the others, and in the end are 0 or 1."""
     fit = fit_chains(problem, weights)
+    if fit.iterations >= MOST_STEPS:  # what finds no end fits nothing, whichever images are left out
+        return fit
     now = list(fit.weights)
     for _ in range(_ROUNDS):
         off = _off(problem, fit)
