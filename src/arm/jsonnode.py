@@ -65,10 +65,7 @@ class JsonNode:
             shape: of the array.
             gaps: whether null may stand for a number that is not there; it becomes NaN.
         """
-        try:
-            array = np.array(self.value, dtype=float)  # None becomes NaN
-        except (TypeError, ValueError):
-            array = np.zeros(0)
+        array = self._array()
         fits = array.ndim == len(shape) and all(
             n == m or (m is None and n > 0) for n, m in zip(array.shape, shape, strict=True)
         )
@@ -76,6 +73,16 @@ class JsonNode:
             wanted = " x ".join("n" if m is None else str(m) for m in shape)
             raise self.error(f"must be {wanted} finite numbers" + (", or null" if gaps else ""))
         return frozen(array)
+
+    def _array(self) -> Array:
+        """The numbers, NaN for null; empty where there is anything else, such as texts."""
+        try:
+            raw = np.array(self.value, dtype=object)
+            if any(type(v) not in (int, float, type(None)) for v in raw.ravel()):
+                return np.zeros(0)
+            return np.asarray(raw.astype(float))
+        except (TypeError, ValueError):  # rows of different lengths, numbers that are too large
+            return np.zeros(0)
 
     def integer(self, low: int, high: int) -> int:
         """A whole number of a range."""

@@ -20,7 +20,8 @@ from calib.bundle import inverse_scaled, solve_scaled
 from calib.chain import Chain, Evaluated
 from vision.camera import Camera
 
-_STEPS, _STEP_DONE = 60, 1e-3  # a step of a thousandth of every standard deviation ends it
+MOST_STEPS = 60
+_STEP_DONE = 1e-3  # a step of a thousandth of every standard deviation ends it
 _MOST_DAMPING = 1e10
 
 Gains = Callable[[Array, Array], dict[str, Array]]
@@ -140,7 +141,7 @@ def fit_chains(
     cost = _cost(problem, x, errors, weights)
     damping, iterations = 1e-6, 0
     system = _System.of(problem, x, errors, weights)
-    while iterations < _STEPS:
+    while iterations < MOST_STEPS:
         step, changes = system.step(damping)
         then = [e + c for e, c in zip(errors, changes, strict=True)]
         trial = x.copy()

@@ -12,11 +12,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special, stats
 
+from arm.errors import InputError
 from arm.se3 import Array
 from calib.bundle import View
 from calib.camera_start import pose_of
 from vision.camera import Camera
 
+FEWEST = 4  # corners of an image
 WRONG_CORNER = 6.0  # standard deviations
 _MANY = 8  # corners from which wrong ones can be told
 _FEW_IMAGES, _SURE = 6, 3.0  # images, and standard deviations, from which they are believed to differ
@@ -54,9 +56,21 @@ def fit_free_poses(camera: Camera, points: Array, pixels: Array) -> FreePoses:
         camera: at the origin.
         points: (m, 3) m in the target frame.
         pixels: (n, m, 2), NaN where a corner was not seen; four at least in every image.
+
+    Raises:
+        InputError: of some image fewer than four corners lie where the lens can see anything.
     """
     shown = pixels.copy()
-    wrong = np.zeros(pixels.shape[:2], dtype=bool)
+    with np.errstate(all="ignore"):
+        wrong = np.isfinite(pixels[..., 0]) & ~np.isfinite(camera.normalised(pixels)).all(axis=-1)
+    shown[wrong] = np.nan
+    few = np.flatnonzero(np.isfinite(shown[..., 0]).sum(axis=1) < FEWEST)
+    if len(few):
+        raise InputError(
+            f"image {few[0]}: fewer than {FEWEST} of its corners lie where the lens can see anything; are they in px, "
+            "and of this camera?",
+            images=few.tolist(),
+        )
     for _ in range(4):
         poses = np.array(
             [

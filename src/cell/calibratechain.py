@@ -127,7 +127,9 @@ def _write_report(
 
 
 def _tested(c: ChainCalibration, console: Console) -> dict[str, Any]:
-    """A self-test on synthetic twins of the data, told."""
+    """A self-test on synthetic twins of the data, told; what is refused needs none."""
+    if not c.accepted:
+        return {}
     test = self_test(c)
     low, high = test.limits
     verdict = "as predicted" if test.passed else "NOT as predicted: do not rely on the standard deviations"
