@@ -39,7 +39,6 @@ _DOUBTFUL, _MOST_DOUBTFUL = (
     5,
 )  # torques below so many of their standard deviations; of so many joints a stance
 _ROUNDS, _WORTH_A_ROUND = 10, 1.0  # of the cost
-_HOPELESS = 100.0  # cost above the smooth shape's after two rounds; two rounds bring nearly all of the gain
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,8 +169,6 @@ def _all_at_once(
         fit = fit_chains(problem, begin.weights)
         steps += fit.iterations
         if number > 2 and before - fit.cost < _WORTH_A_ROUND:
-            break
-        if number == 1 and fit.cost > begin.cost + _HOPELESS:
             break
         before = fit.cost
         if number == 1:
