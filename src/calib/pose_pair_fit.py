@@ -23,7 +23,7 @@ Bools = npt.NDArray[np.bool_]
 
 UNKNOWNS = 12
 _ROUNDS = 12
-_FTOL = 1e-8  # of the log likelihood, which is some hundreds
+_FTOL = 1e-4  # of the log likelihood, and of the logarithms of sizes
 _DONE = 1e-3  # standard deviations that the poses, or shares that the sizes, still change
 
 
@@ -128,7 +128,7 @@ def fit_pairs(
         before = _start(likelihood.covariances, like) if sizes is None else sizes
         bounds = likelihood.covariances.bounds()
         result = minimize(
-            likelihood, before, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": _FTOL}
+            likelihood, before, jac=True, method="TNC", bounds=bounds, options={"ftol": _FTOL, "xtol": _FTOL}
         )
         after: Array = np.asarray(result.x)
         solved = likelihood.solve(after)

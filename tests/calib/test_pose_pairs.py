@@ -124,16 +124,24 @@ def test_the_gradient_of_the_likelihood_is_that_of_finite_differences(scatter):
 
 
 def test_pairs_that_are_not_used_are_as_if_they_had_not_been_given():
-    pairs, used = drawn(4, 14), np.ones((14, 2), dtype=bool)
+    pairs, used = drawn(4, 14), np.ones(14, dtype=bool)
     used[[2, 7]] = False
-    given = Closed(pairs.T_base_gripper, pairs.T_camera_target, False)
-    fewer = Closed(pairs.T_base_gripper[used[:, 0]], pairs.T_camera_target[used[:, 0]], False)
     one, other = (
-        fit_pairs(c, STANDING, HELD, Scatter(), u) for c, u in ((given, used), (fewer, used[used[:, 0]]))
+        _Likelihood(
+            Covariances(
+                Scatter(),
+                Closed(pairs.T_base_gripper[k], pairs.T_camera_target[k], False).linearised(STANDING, HELD),
+            ),
+            np.repeat(used[k, None], 6, axis=1),
+            np.ones(len(used[k])),
+        )
+        for k in (np.arange(14), np.flatnonzero(used))
     )
-    assert pytest.approx(other.Q, abs=1e-9) == one.Q
-    assert one.log_likelihood == pytest.approx(other.log_likelihood, abs=1e-6)
-    assert one.covariance == pytest.approx(other.covariance, rel=1e-6, abs=1e-15)
+    sizes = one.covariances.typical()[0]
+    assert one.solve(sizes).step == pytest.approx(other.solve(sizes).step, abs=1e-12)
+    assert one.solve(sizes).inverse == pytest.approx(other.solve(sizes).inverse, rel=1e-9, abs=1e-18)
+    assert one(sizes)[0] == pytest.approx(other(sizes)[0], abs=1e-8)
+    assert one(sizes)[1] == pytest.approx(other(sizes)[1], abs=1e-8)
 
 
 @pytest.mark.parametrize("in_gripper", [False, True])
