@@ -38,7 +38,7 @@ _DOUBTFUL, _MOST_DOUBTFUL = (
     3.5,
     5,
 )  # torques below so many of their standard deviations; of so many joints a stance
-_ROUNDS, _WORTH_A_ROUND = 10, 1.0  # of the cost
+_ROUNDS = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +159,7 @@ def _all_at_once(
         for s, side in zip(problem.sightings, sides, strict=True)
     ]
     signs = [np.where(t < 0.0, -1.0, 1.0) for t in torque]
-    fit, steps, before = begin, 0, float("inf")
+    fit, steps = begin, 0
     for number in range(_ROUNDS):
         held = [
             replace(s, gains=gravity_gains(side, unknowns, gravity, KnownSides(s.readings[:, :6], lie)))
@@ -168,9 +168,6 @@ def _all_at_once(
         problem = replace(problem, sightings=held)
         fit = fit_chains(problem, begin.weights)
         steps += fit.iterations
-        if number > 2 and before - fit.cost < _WORTH_A_ROUND:
-            break
-        before = fit.cost
         if number == 1:
             problem = with_priors_of_a_make(problem, unknowns, fit)
         torque = [_torque(s, side, unknowns, gravity, fit) for s, side in zip(held, sides, strict=True)]
