@@ -20,6 +20,7 @@ from calib.chain_fit import MOST_STEPS, ChainFit, Problem, Sightings, fit_chains
 MEANINGLESS = 1e-3  # how often a part that is not there is taken in
 WRONG_IMAGE = 1e-6  # how often a right image would be left out
 _SOFT, _ROUNDS = 2.0, 12
+_SECOND_CHANCES, _FAR = 10, 10.0
 _SPOILT = 1.5  # chi2 per degree of freedom
 
 
@@ -152,6 +153,26 @@ def _without_wrong_images(
         if same:
             break
         fit = fit_chains(problem, then, fit)
+    return _taken_back(problem, fit, noise_freedom)
+
+
+def _taken_back(problem: Problem, fit: ChainFit, noise_freedom: float) -> ChainFit:
+    """With images that only seemed wrong: few others predict an image badly, with it they may all agree."""
+    limits = [_limit(s, noise_freedom) for s in problem.sightings]
+    left = [
+        (float(off[i] / limit[i]), chain, int(i))
+        for chain, (off, limit) in enumerate(zip(_off(problem, fit), limits, strict=True))
+        for i in np.flatnonzero(fit.weights[chain] == 0.0)
+    ]
+    for off, chain, i in sorted(left)[:_SECOND_CHANCES]:
+        if off > _FAR:
+            break
+        weights = [w.copy() for w in fit.weights]
+        weights[chain][i] = 1.0
+        trial = fit_chains(problem, weights, fit)
+        used = (w > 0.0 for w in weights)
+        if all(w[u].all() for w, u in zip(_within(problem, trial, noise_freedom), used, strict=True)):
+            fit = trial
     return fit
 
 
