@@ -1,5 +1,4 @@
-"""The chain of an arm before a fixed camera, by its Denavit-Hartenberg numbers, with all that may be wrong in it.
-"""
+"""The chain of an arm before a fixed camera, by its Denavit-Hartenberg numbers, with all that may be wrong in it."""
 
 from __future__ import annotations
 
