@@ -6,8 +6,8 @@ Simulated runs (`cell.naorun`): the robot on its back drives to each stance and 
 paper's noise (0.0486, 0.0403) px, not rendered; joints stop within 0.2 deg of where they are sent. Truth: the mean
 column of the paper's Table 2; with springs 0.3 to 0.9 deg/Nm and half plays 0.2 to 0.6 deg in rows that say so. 24
 stances a leg with three postures of the head, drawn anew for each seed from a pool of 300 a leg, unless a row says
-`planned`. Models are chosen by hand here; whether play is hard or smooth is found by the fit. Joint errors: rms over
-the 12 offsets. Standing error: rms distance of the soles in the camera over 600 standing and swinging postures,
+`planned`. Models are chosen by hand but in the verdict's rows; whether play is hard or smooth is found by the fit.
+Joint errors: rms over the 12 offsets. Standing error: rms distance of the soles in the camera over 600 standing and swinging postures,
 gravity down.
 """
 
@@ -25,11 +25,14 @@ import numpy as np
 
 from arm.se3 import Array
 from calib.chain_fit import ChainFit, fit_chains
+from calib.kinematic import HEAD as HEAD_PART
+from calib.kinematic import NAO_LIMITS, PLAY, SPRINGS, calibrate_nao
 from calib.nao import LEG_JOINTS, SIDES, NaoUnknowns
 from calib.nao_kinematics import ON_ITS_BACK, NaoKinematics, masses_off, standing_error
 from calib.nao_plan import Plan, Sensing, find_pool, plan_stances, random_stances, stance_informations
 from calib.nao_play import fit_springs_and_play
 from calib.nao_pool import Stance
+from calib.nao_recording import NaoRecording
 from cell.naorobot import Servos
 from cell.naorun import (
     NAO_CAMERA,
@@ -233,7 +236,55 @@ def _standing(m: NaoMeasurement, truth: NaoKinematics, hard: bool) -> tuple[floa
     )
 
 
-ROWS = {"exact": exact, "coarse": coarse, "head": head, "few": few, "soft": soft}
+def verdict(runs: Runs) -> None:
+    """Five kinds of robots: is the right model chosen and accepted, and is one that lacks a part found out?"""
+    kinds = {
+        "as the paper has it": PAPER,
+        "head off": HEAD,
+        "springs": NaoUnknowns(springs=True),
+        "hard play": NaoUnknowns(play=True),
+        "head off, springs and play": ALL,
+    }
+    wrong = 0
+    for name, true in kinds.items():
+        accepted, chosen, found_out, chi2 = 0, 0, 0, []
+        for seed in range(runs.seeds):
+            rng = np.random.default_rng([seed, 5])
+            truth = table_2_robot(true, rng, hard=name == "hard play")
+            m = run_measurement(truth, runs.stances(seed), rng)
+            c = calibrate_nao(recording_of(m))
+            needed = tuple(
+                t.needed for t in sorted(c.trials, key=lambda t: (HEAD_PART, SPRINGS, PLAY).index(t.part))
+            )
+            accepted += c.accepted
+            chosen += needed == (true.head, true.springs, true.play)
+            chi2.append(c.fit.chi2_dof)
+            plain = fit_chains(m.problem(PAPER, PAPER_PIXEL_SIGMA, READING_SIGMA))
+            found_out += (plain.chi2_dof > NAO_LIMITS.chi2_dof) == (true != PAPER)
+        wrong += 2 * runs.seeds - accepted - found_out
+        print(
+            f"verdict, {name}: accepted {accepted} of {runs.seeds}, with the parts of the truth {chosen}, chi2 "
+            f"{min(chi2):.3f} to {max(chi2):.3f}; the paper's unknowns alone judged rightly {found_out}",
+            flush=True,
+        )
+    print(
+        f"verdict: {wrong} wrong of {2 * runs.seeds * len(kinds)} in {runs.seeds * len(kinds)} sets",
+        flush=True,
+    )
+
+
+def recording_of(m: NaoMeasurement) -> NaoRecording:
+    """A run as a recording, images without a board left out."""
+    side = np.concatenate([np.full(len(i.stances), SIDES.index(i.side)) for i in m.images])
+    stances, leg, head_q, pixels = (
+        np.concatenate([getattr(i, key) for i in m.images]) for key in ("stances", "leg", "head", "pixels")
+    )
+    seen = np.isfinite(pixels[..., 0]).all(axis=1)
+    board = (NAO_CAMERA, VERTICES, np.asarray(ON_ITS_BACK, dtype=float))
+    return NaoRecording(*board, side[seen], stances[seen], leg[seen], head_q[seen], pixels[seen])
+
+
+ROWS = {"exact": exact, "coarse": coarse, "head": head, "few": few, "soft": soft, "verdict": verdict}
 
 
 def main() -> None:
