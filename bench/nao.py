@@ -7,8 +7,8 @@ paper's noise (0.0486, 0.0403) px, not rendered; joints stop within 0.2 deg of w
 column of the paper's Table 2; with springs 0.3 to 0.9 deg/Nm and half plays 0.2 to 0.6 deg in rows that say so. 24
 stances a leg with three postures of the head, drawn anew for each seed from a pool of 300 a leg, unless a row says
 `planned`. Models are chosen by hand but in the verdict's rows; whether play is hard or smooth is found by the fit.
-Joint errors: rms over the 12 offsets. Standing error: rms distance of the soles in the camera over 600 standing and swinging postures,
-gravity down.
+Joint errors: rms over the 12 offsets. Standing error: rms distance of the soles in the camera over 600 standing and
+swinging postures, gravity down.
 """
 
 from __future__ import annotations
