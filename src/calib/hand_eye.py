@@ -3,7 +3,7 @@ the arm's zeros and links are off by, from images of the target and the joints a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,7 @@ from calib.free_poses import fit_free_poses
 from calib.model_choice import Part
 from calib.reading_steps import reading_sigmas
 from calib.robot_world_start import start_robot_world
+from calib.turned_images import turned_images
 
 LINKS = "errors of the links"
 ZERO = np.radians(3.0)  # rad; no joint's zero is further off in an arm that was ever homed
@@ -170,6 +171,15 @@ def calibrate_hand_eye(
         length = lengths[names.index(name)]
         return f"{1e3 * value:.3g} mm" if length else f"{np.degrees(value):.3g} deg"
 
+    chain = judged(chain, in_words)
+    flipped = tuple(
+        f"{len(images)} of the images that were left out show the target taken for turned by {turn} deg (a flipped "
+        f"marker): {', '.join(map(str, images[:8]))}{', ...' if len(images) > 8 else ''}"
+        for turn, images in turned_images(chain).items()
+    )
     return HandEye(
-        recording, judged(chain, in_words), (begin.T_base_camera, begin.T_gripper_target), alone.pixel_sigma
+        recording,
+        replace(chain, remarks=(*chain.remarks, *flipped)),
+        (begin.T_base_camera, begin.T_gripper_target),
+        alone.pixel_sigma,
     )
