@@ -22,7 +22,7 @@ from cell.handtarget import read_hand_target
 from cell.scenery import unseen_scene
 from cell.simulation import SimulatedCamera, SimulatedCell
 from cell.worldfile import read_world
-from command_line import refused, replace_in
+from command_line import a465, replace_in
 from vision.camera import read_camera
 from vision.target import TargetFinder
 
@@ -97,6 +97,7 @@ def test_a_wrong_target_file_is_told_by_its_key(tmp_path: Path, old: str, new: s
 def test_zeros_and_camera_are_found_and_what_was_recorded_is_not_taken_again(tmp_path: Path) -> None:
     shutil.copytree(data_file("scenes"), tmp_path / "scenes")
     scenes = tmp_path / "scenes" / "uncalibrated"
+    replace_in(scenes / "cell.toml", "photographs = 5", "photographs = 1")
     task, recording = scenes / "task2.toml", tmp_path / "recorded.json"
     told: list[str] = []
 
@@ -184,5 +185,5 @@ def test_what_cannot_be_is_refused_before_anything_opens(
 
 
 def test_options_of_a_collection_go_with_it(tmp_path: Path) -> None:
-    said = refused("calibrate", "hand-eye", "recorded.json", "--poses", "9", code=2, cwd=tmp_path)
+    _, said = a465("calibrate", "hand-eye", "recorded.json", "--poses", "9", code=2, cwd=tmp_path)
     assert "--poses: goes with --collect TASK" in said
