@@ -33,6 +33,7 @@ class ArmCalibration:
         links: errors of the arm's links.
         unit: name of the unit that it was found on; "" if not known.
         lens: digest of the lens that it rests on; "" if not known.
+        dh: digest of the arm's nominal numbers that it adds to; "" if not known.
         made: how good it is, and when and of what it was made, for people; texts, numbers, flags, or lists of these.
     """
 
@@ -41,6 +42,7 @@ class ArmCalibration:
     links: LinkErrors = field(default_factory=LinkErrors.none)
     unit: str = ""
     lens: str = ""
+    dh: str = ""
     made: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -51,7 +53,7 @@ class ArmCalibration:
             "offsets": self.joint_offsets.tolist(),
             "links": self.links.to_json(),
         }
-        return "hand-eye-" + sha256({**found, "unit": self.unit, "lens": self.lens})[:12]
+        return "hand-eye-" + sha256({**found, "unit": self.unit, "lens": self.lens, "dh": self.dh})[:12]
 
 
 def read_arm_calibration(path: Path) -> ArmCalibration:
@@ -75,8 +77,8 @@ def read_arm_calibration(path: Path) -> ArmCalibration:
         )
     )
     made = root.value("made", "a table") if "made" in root else {}
-    unit, lens = root.text("unit", default=""), root.text("lens", default="")
-    calibration = ArmCalibration(T_base_camera, frozen(offsets), links, unit, lens, made)
+    unit, lens, dh = (root.text(key, default="") for key in ("unit", "lens", "dh"))
+    calibration = ArmCalibration(T_base_camera, frozen(offsets), links, unit, lens, dh, made)
     if written != calibration.id:
         raise root.error(
             "id", f"must be {calibration.id}, that of the values; they were changed after the calibration"
@@ -91,7 +93,7 @@ def write_arm_calibration(path: Path, calibration: ArmCalibration) -> None:
     Raises:
         InputError: it cannot be written.
     """
-    names = {"unit": calibration.unit, "lens": calibration.lens}
+    names = {"unit": calibration.unit, "lens": calibration.lens, "dh": calibration.dh}
     lines = [
         '# Made by a465 calibrate hand-eye; a cell file names it with its key "calibration".',
         *toml_lines({"id": calibration.id} | {key: value for key, value in names.items() if value}),

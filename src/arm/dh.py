@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arm.files import sha256
 from arm.se3 import Array, frozen
 
 
@@ -20,6 +21,11 @@ class DhTable:
     a: Array
     alpha: Array
     theta_offset: Array
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of all numbers."""
+        return sha256([v.tolist() for v in (self.d, self.a, self.alpha, self.theta_offset)])
 
     @property
     def joints(self) -> int:

@@ -1,8 +1,8 @@
 """Recorded images of a target in an arm's gripper, seen by a camera that stands still, with the joints at each.
 
 ``camera{K_px, distortion_k1k2p1p2k3, size_px}``, ``dh{d_m, a_m, alpha_rad, theta_offset_rad}``, ``target{kind,
-points_m}`` and ``poses[]{joints_rad, corners_px[n][2]}``, null for a corner that was not seen; nothing else in the file
-is read.
+points_m}`` and ``poses[]{joints_rad, corners_px[n][2]}``, null for a corner that was not seen; and ``unit`` where it is
+known. Nothing else in the file is read.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ class ArmRecording:
         kind: of the target, in a word.
         joints: (n, joints) rad; they may lie outside the arm's limits.
         pixels: (n, m, 2), NaN where a corner was not seen.
+        unit: name of the unit that the joints are of; "" if the file does not say.
     """
 
     camera: Camera
@@ -40,6 +41,7 @@ class ArmRecording:
     kind: str
     joints: Array
     pixels: Array
+    unit: str = ""
 
 
 def read_arm_recording(path: Path) -> ArmRecording:
@@ -65,6 +67,7 @@ def read_arm_recording(path: Path) -> ArmRecording:
         root["target"]["kind"].text() if "kind" in root["target"] else "target",
         frozen(np.array([pose["joints_rad"].numbers(len(d)) for pose in poses])),
         frozen(np.array([_corners(pose["corners_px"], len(points)) for pose in poses])),
+        root["unit"].text() if "unit" in root else "",
     )
 
 

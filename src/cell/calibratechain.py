@@ -77,8 +77,9 @@ def kinematic_step(
     """
     limits, step = limits_of(NAO_LIMITS, limit_mm), _step(encoder_step_deg)
     report = report_beside(output, report)
-    keep_apart(output, data, report)
+    keep_apart(output, data)
     keep_apart(report, data)
+    require_files(output, report)
     recording = read_nao_recording(data)
     console.step(f"fit: {len(recording.pixels)} images of {len(recording.board)} vertices")
     calibration = calibrate_nao(recording, limits, step)
@@ -108,14 +109,33 @@ def hand_eye_step(
     """
     limits, step = limits_of(HAND_EYE_LIMITS, limit_mm), _step(encoder_step_deg)
     report = report_beside(output, report)
-    keep_apart(output, data, report)
+    keep_apart(output, data)
     keep_apart(report, data)
-    return solve_hand_eye(data, read_arm_recording(data), "", output, report, limits, step, console)
+    require_files(output, report)
+    recording = read_arm_recording(data)
+    return solve_hand_eye(data, recording, recording.unit, output, report, limits, step, console)
 
 
 def report_beside(output: Path | None, report: Path | None) -> Path | None:
     """Where the report goes: beside the result if it is not said."""
     return report or (output.with_suffix(".html") if output is not None else None)
+
+
+def require_files(*written: Path | None) -> None:
+    """Before anything is done that takes long, see that what comes of it can be written.
+
+    Raises:
+        InputError: one of the files to write is something else than a file, or two are the same.
+    """
+    given = [path for path in written if path is not None]
+    for path in given:
+        if path.exists() and not path.is_file():
+            raise InputError(f"{path}: is no ordinary file; give the name of a file", path=str(path))
+    if len({path.resolve() for path in given}) < len(given):
+        raise InputError(
+            f"{given[0]}: is the name of the report too; give -o and --report different names",
+            path=str(given[0]),
+        )
 
 
 def _write_report(
@@ -185,6 +205,7 @@ def arm_calibration(found: HandEye, unit: str) -> ArmCalibration:
         LinkErrors(*found.link_errors),
         unit,
         found.recording.camera.lens_digest,
+        found.recording.dh.digest,
         {
             "poses": c.images - sum(map(len, c.wrong)),
             "target": found.recording.kind,

@@ -235,9 +235,12 @@ def _calibration(root: TomlTable, unit: Unit, camera: Camera) -> ArmCalibration 
         return None
     path = root.path("calibration")
     calibration = read_arm_calibration(path)
-    if calibration.unit not in ("", unit.name):
+    if calibration.unit != unit.name:
+        of = f"is of {calibration.unit}" if calibration.unit else "does not say of which unit it is"
+        raise root.error("calibration", f"{of}, but unit is {unit.name}; calibrate this arm")
+    if calibration.dh not in ("", A465.digest):
         raise root.error(
-            "calibration", f"is of {calibration.unit}, but unit is {unit.name}; calibrate this arm"
+            "calibration", "adds to an arm of other dimensions (dh of its recording) than the cell's"
         )
     if calibration.lens not in ("", camera.lens_digest):
         raise root.error(

@@ -18,6 +18,7 @@ from arm.errors import ImpossibleError, InputError
 from arm.files import write_atomic
 from arm.se3 import Array, frozen
 from calib.arm_recording import FEWEST_CORNERS, ArmRecording, read_arm_recording
+from calib.hand_eye import HAND_EYE_LIMITS
 from calib.next_poses import plan_poses
 from cell.console import Console
 from cell.handposes import hand_pool, nearest_order
@@ -30,6 +31,7 @@ from plan.way import plan_way
 from vision.frames import FrameSource
 from vision.target import TargetFinder
 
+FEWEST_POSES = HAND_EYE_LIMITS.images
 POOL = 300  # configurations from which poses are chosen
 SETTLE_S = 0.5  # of the controller, after the arm has stopped: plates ring
 
@@ -47,10 +49,14 @@ class CollectOptions:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if not 6 <= self.poses <= 300:
+        if not FEWEST_POSES <= self.poses <= 300:
             raise InputError(
-                f"--poses {self.poses}: must be from 6 to 300", option="--poses", value=self.poses
+                f"--poses {self.poses}: must be from {FEWEST_POSES} to 300",
+                option="--poses",
+                value=self.poses,
             )
+        if self.seed < 0:
+            raise InputError(f"--seed {self.seed}: must be 0 or more", option="--seed", value=self.seed)
 
 
 class Collector:
@@ -80,15 +86,24 @@ class Collector:
 
     def _go_on(self) -> None:
         before = read_arm_recording(self.file)
-        if before.points.shape != self.hand.target.points().shape or not np.allclose(
-            before.points, self.hand.target.points(), atol=1e-9
-        ):
+        cell, points = self.run.task.cell, self.hand.target.points()
+        other = {
+            "target": before.points.shape != points.shape
+            or not np.allclose(before.points, points, atol=1e-9),
+            "camera": before.camera.lens_digest != cell.camera.lens_digest,
+            "arm": before.dh.digest != A465.digest or before.unit != cell.unit.name,
+        }
+        differing = [name for name, is_other in other.items() if is_other]
+        if differing:
             raise InputError(
-                f"{self.file}: holds poses of another target; give a new file, or the target file it was taken with",
+                f"{self.file}: holds poses of another {' and '.join(differing)}; give a new file",
                 file=str(self.file),
+                differing=differing,
             )
         self.joints, self.pixels = list(before.joints), list(before.pixels)
-        self.console.say(f"{self.file}: {len(self.joints)} poses are there from before")
+        self.console.say(
+            f"{self.file}: {len(self.joints)} poses are there from before; the plate must not have moved"
+        )
 
     def recording(self) -> ArmRecording:
         """What was recorded so far; joints are what the unit's own zeros say."""
@@ -100,6 +115,7 @@ class Collector:
             self.hand.target.kind,
             frozen(np.array(self.joints)),
             frozen(np.array(self.pixels)),
+            self.run.task.cell.unit.name,
         )
 
     def choose(self) -> list[Array]:
@@ -157,12 +173,11 @@ class Collector:
             if self._photograph():
                 taken += 1
                 self.write()
+                seen = f"{int(np.isfinite(self.pixels[-1][:, 0]).sum())} corners"
             else:
                 unseen += 1
-            self.console.step(
-                f"pose {number} of {total}: {int(np.isfinite(self.pixels[-1][:, 0]).sum()) if self.pixels else 0} "
-                f"corners, {len(self.joints)} recorded"
-            )
+                seen = "the target was not seen"
+            self.console.step(f"pose {number} of {total}: {seen}, {len(self.joints)} recorded")
             if unseen >= 5 and unseen > taken:
                 raise ImpossibleError(
                     f"the target was not seen in {unseen} of {number} poses: is it {self.hand.target.label()}, lit, "
@@ -171,6 +186,17 @@ class Collector:
                     poses=number,
                 )
         return taken
+
+    def take_into_use(self) -> None:
+        """Home the arm. The jaws stay as they are: they may hold the plate."""
+        mars, cell = self.run.connection.mars, self.run.task.cell
+        self.console.step(
+            "homing: the controller moves every axis, nothing checks its way; the jaws stay as they are, the plate "
+            "must be firm in the hand"
+        )
+        mars.initialise(home=True, soft_home=False)
+        mars.set_registers(cell.speed_registers, cell.acceleration_registers)
+        self.run.homed = True
 
     def home(self) -> None:
         """Back to q_start, the target still in hand."""
@@ -232,6 +258,7 @@ def recording_json(r: ArmRecording) -> dict[str, Any]:
     dh = r.dh
     return {
         "kind": "eye_to_hand_fixed_camera",
+        **({"unit": r.unit} if r.unit else {}),
         "camera": {
             "K_px": r.camera.K.tolist(),
             "distortion_k1k2p1p2k3": r.camera.distortion.tolist(),

@@ -9,7 +9,7 @@ from arm.errors import InputError
 from arm.files import keep_apart
 from calib.hand_eye import HAND_EYE_LIMITS
 from cell.applying import apply_calibration
-from cell.calibratechain import limits_of, report_beside, solve_hand_eye
+from cell.calibratechain import limits_of, report_beside, require_files, solve_hand_eye
 from cell.collecting import CollectOptions, Collector
 from cell.console import Console
 from cell.handtarget import read_hand_target
@@ -54,8 +54,10 @@ def collect_step(
         )
     keep_apart(recording, task_file, target_file, task.cell.file)
     report = report_beside(output, report)
-    keep_apart(output, recording, task_file, target_file, task.cell.file, report)
-    keep_apart(report, recording, task_file, target_file, task.cell.file)
+    inputs = (recording, task_file, target_file, task.cell.file, task.cell.camera_file)
+    keep_apart(output, *inputs)
+    keep_apart(report, *inputs)
+    require_files(output, report)
     speed = task.cell.speed if speed is None else speed
     task.cell.limits.scaled(speed)
     if port is None and recording.suffix != ".json":
@@ -64,7 +66,7 @@ def collect_step(
         if run.connection.simulated is not None:
             run.connection.simulated.in_hand = hand.roughly_mounted(run.connection.simulated.world.seed)
         collector = Collector(run, hand, recording, options, console)
-        run.take_into_use()
+        collector.take_into_use()
         collector.home()
         taken = collector.collect()
         collector.home()

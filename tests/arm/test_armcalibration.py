@@ -23,6 +23,7 @@ FOUND = ArmCalibration(
     ERRORS,
     "crs93",
     "abc",
+    "def",
     {"poses": 24, "ok": True},
 )
 
@@ -46,14 +47,15 @@ def test_the_id_is_of_all_that_a_cell_takes_from_it() -> None:
     T, turned = FOUND.T_base_camera, FOUND.joint_offsets.copy()
     turned[4] += 1e-12
     others = [
-        ArmCalibration(T @ transform(t=(1e-12, 0.0, 0.0)), OFFSETS, ERRORS, "crs93", "abc"),
-        ArmCalibration(T, frozen(turned), ERRORS, "crs93", "abc"),
-        ArmCalibration(T, OFFSETS, ERRORS, "crs97", "abc"),
-        ArmCalibration(T, OFFSETS, ERRORS, "crs93", "abd"),
-        ArmCalibration(T, OFFSETS, LinkErrors.none(), "crs93", "abc"),
+        ArmCalibration(T @ transform(t=(1e-12, 0.0, 0.0)), OFFSETS, ERRORS, "crs93", "abc", "def"),
+        ArmCalibration(T, frozen(turned), ERRORS, "crs93", "abc", "def"),
+        ArmCalibration(T, OFFSETS, ERRORS, "crs97", "abc", "def"),
+        ArmCalibration(T, OFFSETS, ERRORS, "crs93", "abd", "def"),
+        ArmCalibration(T, OFFSETS, ERRORS, "crs93", "abc", "deg"),
+        ArmCalibration(T, OFFSETS, LinkErrors.none(), "crs93", "abc", "def"),
     ]
-    assert len({FOUND.id, *(c.id for c in others)}) == 6
-    assert ArmCalibration(T, OFFSETS, ERRORS, "crs93", "abc", {"poses": 3}).id == FOUND.id
+    assert len({FOUND.id, *(c.id for c in others)}) == 7
+    assert ArmCalibration(T, OFFSETS, ERRORS, "crs93", "abc", "def", {"poses": 3}).id == FOUND.id
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from arm.armcalibration import ArmCalibration, write_arm_calibration
+from arm.dh import A465
 from arm.errors import InputError
 from arm.files import data_file
 from arm.links import LinkErrors
@@ -30,11 +31,15 @@ def scenes(tmp_path: Path) -> Path:
 
 
 def calibration_of(
-    cell: Cell, unit: str = "crs93", lens: str | None = None, links: LinkErrors | None = None
+    cell: Cell,
+    unit: str = "crs93",
+    lens: str | None = None,
+    links: LinkErrors | None = None,
+    dh: str = A465.digest,
 ) -> ArmCalibration:
     T = cell.nominal_camera.T_base_camera @ transform(t=(0.003, -0.004, 0.0))
     lens = cell.camera.lens_digest if lens is None else lens
-    return ArmCalibration(frozen(T), OFFSETS, links or LinkErrors.none(), unit, lens)
+    return ArmCalibration(frozen(T), OFFSETS, links or LinkErrors.none(), unit, lens, dh)
 
 
 def test_it_moves_the_camera_and_the_zeros_and_nothing_else(scenes: Path) -> None:
@@ -92,7 +97,9 @@ def test_a_calibration_of_another_arm_or_lens_is_refused(scenes: Path) -> None:
     before = (scenes / "cell.toml").read_bytes()
     for found, rule in (
         (calibration_of(cell, unit="crs97"), "is of crs97, but unit is crs93"),
+        (calibration_of(cell, unit=""), "does not say of which unit it is"),
         (calibration_of(cell, lens="0" * 64), "another lens"),
+        (calibration_of(cell, dh="0" * 64), "an arm of other dimensions"),
     ):
         write_arm_calibration(scenes / "c.toml", found)
         with pytest.raises(InputError, match=rule):

@@ -124,9 +124,11 @@ def test_zeros_and_camera_are_found_and_what_was_recorded_is_not_taken_again(tmp
             Heard(),
         )
 
-    collect(6, "first")
-    assert len(read_arm_recording(recording).joints) == 6
-    before = json.loads(recording.read_text())["poses"]
+    collect(8, "first")
+    whole = json.loads(recording.read_text())
+    assert whole["unit"] == "crs93"
+    before = whole["poses"][:6]
+    recording.write_text(json.dumps({**whole, "poses": before}))  # as if it had been interrupted
     (scenes / "cell.toml").write_text(
         "\n".join(x for x in (scenes / "cell.toml").read_text().splitlines() if "calibration =" not in x)
     )
@@ -150,8 +152,11 @@ def test_zeros_and_camera_are_found_and_what_was_recorded_is_not_taken_again(tmp
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"poses": 5}, "--poses 5: must be from 6 to 300"),
+        ({"poses": 5}, "--poses 5: must be from 8 to 300"),
+        ({"seed": -1}, "--seed -1: must be 0 or more"),
         ({"output": None}, "--apply needs -o FILE"),
+        ({"output": "camera"}, "camera.toml: is read by this command"),
+        ({"output": "folder"}, "is no ordinary file"),
         ({"output": "task"}, "task2.toml"),
         ({"speed": 2.0}, "speed = 2"),
         ({"recording": "recorded.txt"}, "is a .json file"),
@@ -167,10 +172,10 @@ def test_what_cannot_be_is_refused_before_anything_opens(
             tmp_path / str(changed.get("recording", "recorded.json")),
             task,
             HAND,
-            task if output == "task" else output,  # type: ignore[arg-type]
+            {"task": task, "camera": task.parent / "camera.toml", "folder": task.parent}.get(output, output),  # type: ignore
             None,
             True,
-            CollectOptions(int(changed.get("poses", 8))),  # type: ignore[call-overload]
+            CollectOptions(int(changed.get("poses", 8)), int(changed.get("seed", 0))),  # type: ignore[call-overload]
             None,
             None,
             None,
