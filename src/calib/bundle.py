@@ -221,18 +221,37 @@ def _stepped(views: Sequence[View], now: Bundle, blocks: Sequence[Blocks], dampi
 
 
 def solve_scaled(S: Array, g: Array) -> Array:
-    """S^-1 g for a positive matrix whose rows differ by many powers of ten, as px and k3 do."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(S), 1e-300))
-    solution, *_ = np.linalg.lstsq(S * np.outer(scale, scale), scale * g, rcond=1e-14)
+    """S^-1 g for a positive matrix whose rows differ by many powers of ten, as px and k3 do.
+
+    Raises:
+        numpy.linalg.LinAlgError: there are numbers that are not finite.
+    """
+    scale, scaled = _scaled(S)
+    solution, *_ = np.linalg.lstsq(scaled, _finite(scale * g), rcond=1e-14)
     return np.asarray(scale * solution)
 
 
 def inverse_scaled(S: Array) -> Array:
-    """S^-1 for such a matrix; what is not determined gets a very large variance, not an error."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(S), 1e-300))
-    values, vectors = np.linalg.eigh(S * np.outer(scale, scale))
+    """S^-1 for such a matrix; what is not determined gets a very large variance, not an error.
+
+    Raises:
+        numpy.linalg.LinAlgError: there are numbers that are not finite.
+    """
+    scale, scaled = _scaled(S)
+    values, vectors = np.linalg.eigh(scaled)
     inverse = vectors @ np.diag(1.0 / np.maximum(values, 1e-15)) @ vectors.T
     return np.asarray(inverse * np.outer(scale, scale))
+
+
+def _scaled(S: Array) -> tuple[Array, Array]:
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(S), 1e-300))
+    return scale, _finite(S * np.outer(scale, scale))
+
+
+def _finite(numbers: Array) -> Array:
+    if not np.isfinite(numbers).all():  # LAPACK would write of it to the terminal
+        raise np.linalg.LinAlgError("they grow beyond all bounds")
+    return numbers
 
 
 def information(bundle: Bundle, views: Sequence[View]) -> list[Array]:

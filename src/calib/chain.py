@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from arm.se3 import Array, frozen, inverse
+from arm.se3 import Array, frozen, inverse, skew
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,11 +116,11 @@ class Chain:
 def _at_right_end(e: Motion, B: Array) -> Array:
     """The motion's twist (n, 6) per unit in the frame to which the transforms B (n, 4, 4) lead."""
     R, p = B[:, :3, :3], B[:, :3, 3]
-    axis = np.broadcast_to(e.axis, p.shape)
+    along = e.axis @ R
     if not e.turns:
-        return np.concatenate([np.einsum("nij,ni->nj", R, axis), np.zeros_like(p)], axis=1)
-    across = np.cross(axis, p)
-    return np.concatenate([np.einsum("nij,ni->nj", R, across), np.einsum("nij,ni->nj", R, axis)], axis=1)
+        return np.concatenate([along, np.zeros_like(p)], axis=1)
+    across = p @ skew(e.axis).T
+    return np.concatenate([(across[:, None] @ R)[:, 0], along], axis=1)
 
 
 def _moved(e: Motion, amount: Array, B: Array) -> Array:
@@ -129,8 +129,7 @@ def _moved(e: Motion, amount: Array, B: Array) -> Array:
     if not e.turns:
         moved[:, :3, 3] += amount[:, None] * e.axis
         return moved
-    x, y, z = e.axis
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    K = skew(e.axis)
     R = np.eye(3) + np.sin(amount)[:, None, None] * K + (1.0 - np.cos(amount))[:, None, None] * (K @ K)
     moved[:, :3] = R @ B[:, :3]
     return moved

@@ -18,6 +18,10 @@ from calib.model_choice import Choice, Part, Trial, choose_model, largest_rise
 FOLDS = 5
 CHANCE = 1e-4  # how often a complete model is refused for its residuals
 CORRELATED = 0.9
+_TELLING = (
+    2  # measurements beyond the unknowns, for each that is optional, from which exact readings are believed
+)
+SIZE = 1e-3  # part of a target's size that its maker may be off by
 
 
 @dataclass(frozen=True)
@@ -35,7 +39,7 @@ class ChainLimits:
 
     chi2_dof: float = 1.25
     held_out: float = 1e-3
-    wrong: float = 0.5
+    wrong: float = 0.4
     images: int = 8
     undetermined: tuple[float, float] = (np.radians(2.0), 0.02)
 
@@ -98,7 +102,18 @@ class ChainCalibration:
     def chi2_limit(self) -> float:
         """Largest cost per degree of freedom that is accepted: that of the limits, or what chance makes of few images
         if that is more."""
-        return chi2_limit(self.limits, self.fit.freedom, self.noise_freedom)
+        return _chi2_limit(self.limits, self.fit, self.noise_freedom)
+
+    @property
+    def excess(self) -> float:
+        """Cost per degree of freedom of what images say of each other (`ChainFit.excess`)."""
+        return self.fit.excess(self.noise_freedom)
+
+    @property
+    def excess_limit(self) -> float:
+        """What chance makes of it."""
+        more = _more(self.fit, self.noise_freedom)
+        return largest_rise(CHANCE, more, self.noise_freedom) / more
 
     @property
     def images(self) -> int:
@@ -112,8 +127,15 @@ class ChainCalibration:
 
     @cached_property
     def covariance(self) -> Array:
-        """Of all unknowns, SI; wider than the fit says by what its residuals are too large. Zero where held."""
-        return frozen(self.fit.covariance(self.problem.free) * max(1.0, self.fit.chi2_dof))
+        """Of all unknowns, SI; zero where held. Wider than the fit says by what its residuals are too large, and by
+        what the target's size may be off (`SIZE`), which links of unknown length make up for."""
+        covariance = self.fit.covariance(self.problem.free) * max(1.0, self.excess)
+        size = next((s for s in self.suspects if s.name == "target size" and len(s.others)), None)
+        if size is not None:  # inverse of the blocks with the size as one more unknown
+            by_size = np.zeros(len(covariance))
+            by_size[self.problem.free] = size.others
+            covariance += np.outer(by_size, by_size) / (size.sigma**-2 + SIZE**-2)
+        return frozen(covariance)
 
     @cached_property
     def residual_std(self) -> Array:
@@ -155,6 +177,8 @@ def calibrate_chain(
     weights: Sequence[Array] | None = None,
     noise_freedom: float = np.inf,
     refined: Callable[[Choice], Choice] = lambda choice: choice,
+    readings: Sequence[str] = (),
+    step_known: bool = False,
 ) -> ChainCalibration:
     """Choose a model, fit it, hold images out, and look for what else could be wrong; the verdict is not yet made.
 
@@ -167,9 +191,12 @@ def calibrate_chain(
         weights: of a start that knows some images to be wrong, (n,) of every chain.
         noise_freedom: measurements that the problem's `pixel_sigma` rests on.
         refined: makes more of a choice, such as a better shape of one of its parts.
+        readings: their names, in a single chain.
+        step_known: whether `reading_sigma` is certain; otherwise readings that explain everything are taken as exact.
     """
-    exact = _exact_if_it_fits(problem, limits, noise_freedom)
-    choice = refined(choose_model(exact, parts, weights, noise_freedom))
+    if not step_known:
+        problem = _exact_if_it_fits(problem, parts, limits, noise_freedom)
+    choice = refined(choose_model(problem, parts, weights, noise_freedom))
     began = time.perf_counter()
     again = fit_chains(choice.problem, choice.fit.weights)
     took = time.perf_counter() - began
@@ -183,7 +210,7 @@ def calibrate_chain(
         fit,
         choice.trials,
         hold_out(choice),
-        find_suspects(choice.problem, believed, noise_freedom),
+        find_suspects(choice.problem, believed, noise_freedom, readings),
         again.iterations,
         took,
         limits,
@@ -203,25 +230,47 @@ def _either_side(problem: Problem, fit: ChainFit, change: int) -> Array:
     return np.where(wrong & mistaken & (off < 3.0 * usual), 1.0, fit.weights[0])
 
 
-def chi2_limit(limits: ChainLimits, freedom: int, noise_freedom: float) -> float:
+def chi2_limit(limits: ChainLimits, known: int, more: int, noise_freedom: float) -> float:
     """See `ChainCalibration.chi2_limit`.
 
     The noise is known from the images alone; what an arm between them adds to their squares varies by chance, the more
     the fewer they are.
+
+    Args:
+        limits: of the verdict.
+        known: degrees of freedom of the images alone.
+        more: degrees of freedom beyond those.
+        noise_freedom: measurements that the noise was estimated from; infinite if it was given.
     """
-    more = max(freedom - noise_freedom, 1.0) if np.isfinite(noise_freedom) else float(max(freedom, 1))
-    rise = largest_rise(CHANCE, int(np.ceil(more)), noise_freedom)
-    known = noise_freedom if np.isfinite(noise_freedom) else 0.0
-    return max(limits.chi2_dof, (known + rise) / (known + more))
+    return max(limits.chi2_dof, (known + largest_rise(CHANCE, more, noise_freedom)) / (known + more))
 
 
-def _exact_if_it_fits(problem: Problem, limits: ChainLimits, noise_freedom: float) -> Problem:
-    """With readings taken as exact where that explains everything: a grid may be that of the commands."""
+def _chi2_limit(limits: ChainLimits, fit: ChainFit, noise_freedom: float) -> float:
+    more = _more(fit, noise_freedom)
+    return chi2_limit(limits, max(fit.freedom - more, 0), more, noise_freedom)
+
+
+def _more(fit: ChainFit, noise_freedom: float) -> int:
+    """Degrees of freedom beyond the images' own that the noise was estimated from."""
+    return max(fit.freedom - (fit.own if np.isfinite(noise_freedom) else 0), 1)
+
+
+def _exact_if_it_fits(
+    problem: Problem, parts: Sequence[Part], limits: ChainLimits, noise_freedom: float
+) -> Problem:
+    """With readings taken as exact where that explains everything: a grid may be that of the commands.
+
+    Of few images nothing is explained by exact readings that optional unknowns would not swallow.
+    """
     if not (problem.reading_sigma > 0.0).any():
         return problem
     exact = replace(problem, reading_sigma=np.zeros_like(problem.reading_sigma))
     fit = fit_chains(exact)
-    return exact if fit.chi2_dof < chi2_limit(limits, fit.freedom, noise_freedom) else problem
+    optional = {place for part in parts for place in part.unknowns}
+    known = int(np.isfinite(problem.prior_sigma[problem.free]).sum())
+    if _more(fit, noise_freedom) - known < _TELLING * len(optional):
+        return problem
+    return exact if fit.chi2_dof < _chi2_limit(limits, fit, noise_freedom) else problem
 
 
 def hold_out(choice: Choice, folds: int = FOLDS) -> HeldOut:
@@ -241,8 +290,9 @@ def hold_out(choice: Choice, folds: int = FOLDS) -> HeldOut:
             count += int(np.isfinite(r).sum())
             focal = np.diag(problem.camera.K)[:2]
             metres.append(np.linalg.norm(np.nanmean(r, axis=1) / focal * depth[:, None], axis=1))
-    together = np.concatenate(metres) if metres else np.array([np.nan])
-    return HeldOut(float(np.sqrt(squares / max(count, 1))), float(np.sqrt(np.mean(together**2))))
+    if not count:
+        return HeldOut(float("nan"), float("nan"))
+    return HeldOut(float(np.sqrt(squares / count)), float(np.sqrt(np.mean(np.concatenate(metres) ** 2))))
 
 
 def _fold(s: Sightings, folds: int) -> npt.NDArray[np.intp]:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from arm.se3 import Array
+from arm.se3 import Array, by_twist
 from calib.bundle import inverse_scaled, solve_scaled
 from calib.chain import Chain, Evaluated
 from vision.camera import Camera
@@ -114,6 +114,29 @@ class ChainFit:
     def chi2_dof(self) -> float:
         """About 1 if the model is complete and the standard deviations are right."""
         return self.cost / max(self.freedom, 1)
+
+    @property
+    def own(self) -> int:
+        """Coordinates that are left if every used image is given a pose of its own: what noise alone shows in."""
+        seen = [
+            np.isfinite(r[w > 0.0]).sum(axis=(1, 2))
+            for r, w in zip(self.residuals, self.weights, strict=True)
+        ]
+        return int(np.maximum(np.concatenate(seen) - 6, 0).sum())
+
+    def excess(self, noise_freedom: float, drop: float = 0.0, unknowns: int = 0) -> float:
+        """Cost per degree of freedom of what images say of each other, about 1 if the model is complete.
+
+        Where the images told the noise, their own coordinates cost what they number; what is beyond is the chain's.
+        With many corners an image, `chi2_dof` hardly sees that.
+
+        Args:
+            noise_freedom: measurements that the noise rests on; infinite if it was known before, then all count.
+            drop: of the cost, by further unknowns.
+            unknowns: how many.
+        """
+        own = self.own if np.isfinite(noise_freedom) else 0
+        return (self.cost - drop - own) / max(self.freedom - unknowns - own, 1)
 
     def covariance(self, free: npt.NDArray[np.bool_]) -> Array:
         """Of all unknowns, (count, count); zero rows where they were not fitted."""
@@ -350,15 +373,12 @@ def _linearised(problem: Problem, s: Sightings, at: Evaluated, weights: Array) -
     points = np.einsum("nij,mj->nmi", R, s.points) + at.T[:, None, :3, 3]
     r = s.pixels - problem.camera.project(points)
     by_point = np.einsum("nmuk,nki->nmui", problem.camera.projection_jacobian(points), R)
-    # a twist (v, w) of the target moves its point p by v + w x p; a . (w x p) = w . (p x a)
-    p = s.points[None, :, None]
-    by_twist = np.concatenate([by_point, np.cross(np.broadcast_to(p, by_point.shape), by_point)], axis=-1)
     scale = np.sqrt(weights)[:, None, None] / s.sigma(problem.pixel_sigma)
     seen = np.isfinite(r)
-    by_twist = np.where(seen[..., None], by_twist * scale[..., None], 0.0)
+    twists = np.where(seen[..., None], by_twist(by_point, s.points) * scale[..., None], 0.0)
     r = np.where(seen, r * scale, 0.0)
     return (
         r,
-        np.einsum("nmut,nkt->nmuk", by_twist, at.by_unknown),
-        np.einsum("nmut,nkt->nmuk", by_twist, at.by_reading),
+        np.einsum("nmut,nkt->nmuk", twists, at.by_unknown),
+        np.einsum("nmut,nkt->nmuk", twists, at.by_reading),
     )

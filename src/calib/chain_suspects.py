@@ -7,19 +7,22 @@ test, 1948); nothing has to be fitted again.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 from scipy import special, stats
 
-from arm.se3 import Array
+from arm.se3 import Array, by_twist
 from calib.bundle import inverse_scaled, solve_scaled
 from calib.chain_fit import ChainFit, NormalEquations, Problem, Sightings, normal_equations
 from calib.model_choice import largest_rise
 
 SURE = 1e-5  # how often a cause that is not there would look so strong
+_ACROSS = 3.0  # an arm's scatter shows in two of the six numbers of a pose: across the line of sight
+_MOST = 0.5  # a part, or m; a target of half or twice the size is no matter of derivatives
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +30,7 @@ class ChainSuspect:
     """A possible cause.
 
     Attributes:
-        name: "target size", "time skew", "focal length", "target moved", "camera moved", "scale of reading k".
+        name: "target size", "time skew", "focal length", "target moved", "camera moved", "scale of" a reading.
         amount: its size in `unit` (of what moved: the distance).
         sigma: standard deviation of the amount, as if the model were complete otherwise.
         unit: "" for a part of something.
@@ -35,6 +38,7 @@ class ChainSuspect:
         limit: drop up to which it may be chance.
         moves: how far it moves targets that are predicted at the images' readings, rms, m.
         image: from which on, where it is something that moved; -1 otherwise.
+        others: (free,) what the other unknowns make up for it by, for an amount of 1; empty for what moved.
     """
 
     name: str
@@ -45,11 +49,12 @@ class ChainSuspect:
     limit: float
     moves: float = 0.0
     image: int = -1
+    others: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def sure(self) -> bool:
-        """Whether chance does not explain it."""
-        return self.drop > self.limit
+        """Whether chance does not explain it, and it is small enough for derivatives to tell."""
+        return self.drop > self.limit and abs(self.amount) < _MOST
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +65,7 @@ class _View:
     s: Sightings
     projected: Array
     by_point: Array
-    by_twist: Array
+    by_target: Array
     by_camera: Array
     by_reading: Array
     target_by_free: Array
@@ -72,14 +77,11 @@ class _View:
         in_camera = np.einsum("nij,mj->nmi", R, s.points) + at.T[:, None, :3, 3]
         by_camera_point = problem.camera.projection_jacobian(in_camera)
         by_point = np.einsum("nmuk,nki->nmui", by_camera_point, R)
-        p = np.broadcast_to(s.points[None, :, None], by_point.shape)
-        P = np.broadcast_to(in_camera[:, :, None], by_point.shape)
-        by_twist = np.concatenate([by_point, np.cross(p, by_point)], axis=-1)
-        by_camera = np.concatenate([by_camera_point, np.cross(P, by_camera_point)], axis=-1)
-        by_reading = np.einsum("nmut,nkt->nmuk", by_twist, at.by_reading)
+        by_target, by_camera = by_twist(by_point, s.points), by_twist(by_camera_point, in_camera)
+        by_reading = np.einsum("nmut,nkt->nmuk", by_target, at.by_reading)
         projected = problem.camera.project(in_camera)
         target_by_free = np.swapaxes(at.by_unknown[:, problem.free, :3], 1, 2)
-        return cls(s, projected, by_point, by_twist, by_camera, by_reading, target_by_free)
+        return cls(s, projected, by_point, by_target, by_camera, by_reading, target_by_free)
 
     def by_size(self) -> Array:
         return np.asarray(np.einsum("nmui,mi->nmu", self.by_point, self.s.points)[..., None])
@@ -96,13 +98,16 @@ class _View:
         return np.asarray((self.by_reading[..., j] * self.s.readings[:, None, None, j])[..., None])
 
 
-def find_suspects(problem: Problem, fit: ChainFit, noise_freedom: float = np.inf) -> tuple[ChainSuspect, ...]:
+def find_suspects(
+    problem: Problem, fit: ChainFit, noise_freedom: float = np.inf, readings: Sequence[str] = ()
+) -> tuple[ChainSuspect, ...]:
     """All causes that are known by name, most telling first.
 
     Args:
         problem: of the fit.
         fit: that lacks them.
         noise_freedom: measurements that the problem's `pixel_sigma` rests on.
+        readings: their names, in a single chain; their numbers if not given.
     """
     views = [
         _View.of(problem, s, fit.unknowns, e) for s, e in zip(problem.sightings, fit.errors, strict=True)
@@ -114,10 +119,10 @@ def find_suspects(problem: Problem, fit: ChainFit, noise_freedom: float = np.inf
     }
     single = len(views) == 1
     if single:
-        columns |= {
-            f"scale of reading {j}": [views[0].by_scale(j)] for j in range(views[0].s.readings.shape[1])
-        }
-        columns |= {"target moved": [views[0].by_twist], "camera moved": [views[0].by_camera]}
+        count = views[0].s.readings.shape[1]
+        called = readings or [f"reading {j}" for j in range(count)]
+        columns |= {f"scale of {called[j]}": [views[0].by_scale(j)] for j in range(count)}
+        columns |= {"target moved": [views[0].by_target], "camera moved": [views[0].by_camera]}
     together = [np.concatenate([of[v] for of in columns.values()], axis=-1) for v in range(len(views))]
     sums = _Sums(
         normal_equations(problem, fit, together),
@@ -158,9 +163,9 @@ class _Sums:
         self._gradient = equations.prior[1] + self._g
         self.stances = len(equations.S)
 
-    def score(self, chosen: slice, first: int) -> tuple[Array, Array, float, float]:
-        """Estimate and covariance of unknowns that act from a stance on, what they would save of the cost, and how far
-        the other unknowns, which follow, move the targets."""
+    def score(self, chosen: slice, first: int) -> tuple[Array, Array, float, float, Array]:
+        """Estimate and covariance of unknowns that act from a stance on, what they would save of the cost, how far
+        the other unknowns, which follow, move the targets, and by what they follow each, (free, chosen)."""
         n = self.free
         columns = slice(chosen.start - n, chosen.stop - n)
         S_fe, S_ee = self._S_from[first, :n, columns], self._S_from[first, chosen, columns]
@@ -170,7 +175,7 @@ class _Sums:
         amount = solve_scaled(schur, rest)
         moves = self._target_by_free @ (back @ amount)
         rms = float(np.sqrt(np.mean(np.sum(moves**2, axis=1))))
-        return amount, inverse_scaled(schur), float(rest @ amount), rms
+        return amount, inverse_scaled(schur), float(rest @ amount), rms, back
 
     @cached_property
     def _scale(self) -> Array:
@@ -185,13 +190,14 @@ class _Sums:
 def _test(
     name: str, unit: str, sums: _Sums, chosen: slice, first: int, fit: ChainFit, tries: int = 1
 ) -> ChainSuspect:
-    amount, covariance, drop, moves = sums.score(chosen, first)
+    amount, covariance, drop, moves, back = sums.score(chosen, first)
     k = len(amount)
-    limit = largest_rise(SURE / tries, k, sums.noise_freedom) * max(1.0, fit.chi2_dof)
+    # an arm that scatters more than it should scatters into every cause; the cause's own part is no scatter
+    scatter = 1.0 + _ACROSS * max(0.0, fit.excess(sums.noise_freedom, drop, k) - 1.0)
+    limit = largest_rise(SURE / tries, k, sums.noise_freedom) * scatter
     if k == 1:
-        return ChainSuspect(
-            name, float(amount[0]), float(np.sqrt(covariance[0, 0])), unit, drop, limit, moves
-        )
+        sigma = float(np.sqrt(covariance[0, 0]))
+        return ChainSuspect(name, float(amount[0]), sigma, unit, drop, limit, moves, -1, back[:, 0])
     size, sigma = float(np.linalg.norm(amount[:3])), float(np.sqrt(np.trace(covariance[:3, :3])))
     return ChainSuspect(name, size, sigma, unit, drop, limit, size, sums.first_images[first])
 

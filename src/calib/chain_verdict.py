@@ -11,6 +11,7 @@ from calib.chain_calibration import ChainCalibration
 from calib.chain_suspects import ChainSuspect
 
 HIGH = 0.95  # correlations that a person should know of
+_HINT = 2.0  # standard deviations from which a size is asked about that would matter
 
 
 def judged(c: ChainCalibration, shown: Callable[[str, float], str]) -> ChainCalibration:
@@ -20,8 +21,7 @@ def judged(c: ChainCalibration, shown: Callable[[str, float], str]) -> ChainCali
         c: a calibration.
         shown: a value of an unknown in words, with its unit, from its name and its value in SI.
     """
-    reasons = (
-        *_number(c),
+    reasons = tuple(_number(c)) or (
         *_wrong(c),
         *_changed(c),
         *_complete(c),
@@ -83,10 +83,11 @@ def _complete(c: ChainCalibration) -> list[str]:
 
 
 def _accuracy(c: ChainCalibration) -> list[str]:
-    if not c.held_out.metres > c.limits.held_out:
+    if c.held_out.metres <= c.limits.held_out:
         return []
+    off = f"{1e3 * c.held_out.metres:.2f} mm" if c.held_out.metres < 1.0 else "more than a metre"
     return [
-        f"targets that were held out are {1e3 * c.held_out.metres:.2f} mm from where they are predicted, the limit is "
+        f"targets that were held out are {off} from where they are predicted, the limit is "
         f"{1e3 * c.limits.held_out:g} mm: more images, in more different postures, would help"
     ]
 
@@ -110,8 +111,8 @@ def describe(suspect: ChainSuspect) -> str:
     match suspect.name:
         case "target size":
             return (
-                f"the target's size: the one that was seen is {100 * amount:+.2f} +- {100 * sigma:.2f} % larger than "
-                "the file says; measure it"
+                f"the target's size: the one that was seen is {100 * abs(amount):.2f} +- {100 * sigma:.2f} % "
+                f"{'larger' if amount > 0.0 else 'smaller'} than the file says; measure it"
             )
         case "focal length":
             return f"the lens: its focal length is off by {100 * amount:+.2f} +- {100 * sigma:.2f} %; calibrate it"
@@ -146,6 +147,16 @@ def _remarks(c: ChainCalibration) -> list[str]:
     if c.weakest:
         together = ", ".join(f"{name} ({share:+.2f})" for name, share in c.weakest)
         remarks.append(f"weakest direction: {together}")
+    if c.excess > max(c.excess_limit, 1.0):
+        remarks.append(
+            f"images agree {np.sqrt(c.excess):.1f} times less well with each other than corners and encoders explain, "
+            "as of an arm that does not quite come back; all uncertainties are wider by that"
+        )
     if not c.reasons and c.fit.chi2_dof <= c.chi2_limit:
-        remarks += [f"worth a look: {describe(s)}" for s in c.suspects if s.sure][:1]
+        remarks += [f"worth a look: {describe(s)}" for s in c.suspects if s.sure or _would_matter(c, s)][:1]
     return remarks
+
+
+def _would_matter(c: ChainCalibration, s: ChainSuspect) -> bool:
+    """Whether it is a target's size that links of unknown length follow: where it shows at all, it shows hardly."""
+    return s.name == "target size" and abs(s.amount) > _HINT * s.sigma and s.moves > c.limits.held_out

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from scipy import special, stats
 
 from arm.errors import InputError
-from arm.se3 import Array
+from arm.se3 import Array, by_twist
 from calib.bundle import View
 from calib.camera_start import pose_of
 from vision.camera import Camera
@@ -23,6 +23,7 @@ WRONG_CORNER = 6.0  # standard deviations
 _MANY = 8  # corners from which wrong ones can be told
 _FEW_IMAGES, _SURE = 6, 3.0  # images, and standard deviations, from which they are believed to differ
 _PER_AXIS = 16  # corners from which x and y are told apart
+_FINEST = 1e-6  # px; drawn images have no noise, and nothing can be weighed with none
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +59,7 @@ def fit_free_poses(camera: Camera, points: Array, pixels: Array) -> FreePoses:
         pixels: (n, m, 2), NaN where a corner was not seen; four at least in every image.
 
     Raises:
-        InputError: of some image fewer than four corners lie where the lens can see anything.
+        InputError: of some image fewer than four corners lie where the lens can see anything, or no pose fits it.
     """
     shown = pixels.copy()
     with np.errstate(all="ignore"):
@@ -81,13 +82,21 @@ def fit_free_poses(camera: Camera, points: Array, pixels: Array) -> FreePoses:
         residuals, spared = _residuals(camera, points, pixels, shown, poses)
         sigma, freedom = _sigma(residuals, spared, np.isfinite(shown[..., 0]))
         off = np.linalg.norm(residuals / sigma, axis=-1)
+        lost = np.flatnonzero(~np.isfinite(off).any(axis=1))
+        if len(lost):
+            raise InputError(
+                f"image {lost[0]}: in no pose does the target look like that; is it this target, and this camera?",
+                images=lost.tolist(),
+            )
         worst = np.nanargmax(off, axis=1)
         rows = np.arange(len(off))
-        enough = np.isfinite(shown[..., 0]).sum(axis=1) > _MANY
-        drop = enough & (off[rows, worst] > WRONG_CORNER) & ~wrong[rows, worst]
+        count = np.isfinite(shown[..., 0]).sum(axis=1)
+        far = (off > WRONG_CORNER) & (off >= 0.5 * off[rows, worst][:, None])
+        # where most corners are far off, the image shows something else, whichever of them are believed
+        drop = (count > _MANY) & ~wrong[rows, worst] & (2 * far.sum(axis=1) < count) & far[rows, worst]
         if not drop.any():
             break
-        far = (off > WRONG_CORNER) & drop[:, None] & (off >= 0.5 * off[rows, worst][:, None])
+        far &= drop[:, None]
         wrong |= far
         shown[far] = np.nan
     noise = _noise(residuals / sigma, np.where(np.isfinite(shown), spared, 0.0))
@@ -103,8 +112,7 @@ def _residuals(
         at = points @ T[:3, :3].T + T[:3, 3]
         residuals[i] = pixels[i] - camera.project(at)
         by_point = camera.projection_jacobian(at) @ T[:3, :3]
-        p = np.broadcast_to(points[:, None], by_point.shape)
-        J = np.concatenate([by_point, np.cross(p, by_point)], axis=-1)
+        J = by_twist(by_point, points)
         J[~np.isfinite(shown[i, :, 0])] = 0.0
         Q, _ = np.linalg.qr(J.reshape(-1, 6))
         spared[i] = 1.0 - (Q**2).sum(axis=1).reshape(-1, 2)
@@ -122,8 +130,8 @@ def _sigma(residuals: Array, spared: Array, seen: npt.NDArray[np.bool_]) -> tupl
     good[usable] = mean * freedom[usable] < typical * stats.chi2.isf(1e-4, freedom[usable])
     total = squares[good].sum(axis=(0, 1)), np.where(seen[..., None], spared, 0.0)[good].sum(axis=(0, 1))
     if np.median(seen.sum(axis=1)) < _PER_AXIS:
-        return np.full(2, np.sqrt(total[0].sum() / total[1].sum())), float(total[1].sum())
-    return np.asarray(np.sqrt(total[0] / total[1])), float(total[1].sum())
+        return np.full(2, max(np.sqrt(total[0].sum() / total[1].sum()), _FINEST)), float(total[1].sum())
+    return np.maximum(np.sqrt(total[0] / total[1]), _FINEST), float(total[1].sum())
 
 
 def _noise(whitened: Array, spared: Array) -> Array:

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from arm.armcalibration import LARGEST_LINK, LARGEST_ZERO
 from arm.errors import CalibrationRefused
 from arm.se3 import Array, frozen
 from calib.arm_chain import CAMERA, OFFSETS, TARGET, arm_chain, place_and_mount, unknown_names
@@ -19,6 +20,7 @@ from calib.chain_verdict import judged
 from calib.free_poses import fit_free_poses
 from calib.model_choice import Part
 from calib.reading_steps import reading_sigmas
+from calib.recorded_points import numbers_of_this_world
 from calib.robot_world_start import start_robot_world
 from calib.turned_images import turned_images
 
@@ -137,8 +139,13 @@ def calibrate_hand_eye(
         encoder_step: rad; None to see it from the readings.
 
     Raises:
-        CalibrationRefused: too few poses, or motions that determine nothing.
+        CalibrationRefused: too few poses, motions that determine nothing, or numbers that no arm and camera have.
     """
+    with numbers_of_this_world():
+        return _calibrated(recording, limits, encoder_step)
+
+
+def _calibrated(recording: ArmRecording, limits: ChainLimits, encoder_step: float | None) -> HandEye:
     dh = recording.dh
     alone = fit_free_poses(recording.camera, recording.points, recording.pixels)
     names = unknown_names(dh.joints)
@@ -165,6 +172,8 @@ def calibrate_hand_eye(
         limits,
         [begin.inliers.astype(float)],
         alone.freedom,
+        readings=[f"J{j + 1}" for j in range(dh.joints)],
+        step_known=encoder_step is not None,
     )
 
     def in_words(name: str, value: float) -> str:
@@ -177,9 +186,37 @@ def calibrate_hand_eye(
         f"marker): {', '.join(map(str, images[:8]))}{', ...' if len(images) > 8 else ''}"
         for turn, images in turned_images(chain).items()
     )
-    return HandEye(
+    found = HandEye(
         recording,
         replace(chain, remarks=(*chain.remarks, *flipped)),
         (begin.T_base_camera, begin.T_gripper_target),
         alone.pixel_sigma,
     )
+    return replace(found, chain=replace(found.chain, reasons=(*chain.reasons, *_beyond_belief(found))))
+
+
+def _beyond_belief(found: HandEye) -> list[str]:
+    """Errors of the arm that no calibration file takes: that is another arm, or one that was homed wrongly."""
+    d, a, alpha = found.link_errors
+    length, angle = LARGEST_LINK
+    checked = (
+        ("zero", found.joint_offsets, LARGEST_ZERO, np.degrees(1.0), "deg"),
+        ("d", d, length, 1e3, "mm"),
+        ("a", a, length, 1e3, "mm"),
+        ("alpha", alpha, angle, np.degrees(1.0), "deg"),
+    )
+    beyond = [
+        (
+            float(abs(values[j]) / most),
+            f"{what} of J{j + 1} is off by {unit * values[j]:.3g} {symbol}, at most {unit * most:.3g} is believed",
+        )
+        for what, values, most, unit, symbol in checked
+        for j in np.flatnonzero(np.abs(values) > most)
+    ]
+    if not beyond:
+        return []
+    others = f", and {len(beyond) - 1} more such numbers" if len(beyond) > 1 else ""
+    return [
+        f"{max(beyond)[1]}{others}: home the arm again; is it the one of the recording's dh, and are that and the "
+        "target in m and rad?"
+    ]

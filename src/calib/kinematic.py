@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib.chain_calibration import ChainCalibration, ChainLimits, calibrate_chain
-from calib.chain_fit import Problem
+from calib.chain_fit import MOST_STEPS, Problem
 from calib.chain_verdict import judged
 from calib.free_poses import fit_free_poses
 from calib.model_choice import Choice, Part, choose_model
@@ -16,9 +16,12 @@ from calib.nao import SIDES, NaoUnknowns
 from calib.nao_play import fit_springs_and_play
 from calib.nao_recording import NaoRecording
 from calib.reading_steps import reading_sigmas
+from calib.recorded_points import numbers_of_this_world
 
 HEAD, SPRINGS, PLAY = "offsets of the head", "springs in the joints", "play in the joints"
 WELL_KEPT = 0.95  # share of the images, from which no other start is tried
+_ASTRAY = 100.0  # chi2 per degree of freedom at which a fit that found no end is not looked into
+_CERTAIN = 5.0  # standard deviations from which a sign is certain
 GEARS = np.radians(2.0)  # rad/Nm and rad: how soft and how loose the gears of such a robot may be
 _ALL = NaoUnknowns(head=True, springs=True, play=True)
 NAO_LIMITS = ChainLimits(held_out=2e-3)
@@ -38,7 +41,8 @@ def _shaped(
     fit play that is smooth.
     """
     gears = [i for i, name in enumerate(_ALL.names) if "compliance" in name or "backlash" in name]
-    if not choice.problem.free[gears].any():
+    astray = choice.fit.iterations >= MOST_STEPS and choice.fit.chi2_dof > _ASTRAY
+    if astray or not choice.problem.free[gears].any():
         return choice
     full = replace(full, reading_sigma=choice.problem.reading_sigma)
     best: Choice | None = None
@@ -66,7 +70,15 @@ def calibrate_nao(
         recording: images.
         limits: of the verdict.
         encoder_step: rad; None to see it from the readings.
+
+    Raises:
+        CalibrationRefused: the recording has numbers that no robot and camera have.
     """
+    with numbers_of_this_world():
+        return _calibrated(recording, limits, encoder_step)
+
+
+def _calibrated(recording: NaoRecording, limits: ChainLimits, encoder_step: float | None) -> ChainCalibration:
     names, si = _ALL.names, _ALL.si()
     recorded = recording.sightings(_ALL)
     alone = fit_free_poses(recording.camera, recording.board, np.concatenate([s.pixels for s in recorded]))
@@ -108,10 +120,28 @@ def calibrate_nao(
         None,
         alone.freedom,
         lambda choice: _shaped(choice, problem, optional, recording, sorted(seen), alone.freedom),
+        step_known=encoder_step is not None,
     )
 
     def in_words(name: str, value: float) -> str:
         unit = name.rpartition("_")[2] if "_per_" not in name else "deg/Nm"
         return f"{value / si[names.index(name)]:.3g} {unit}"
 
-    return judged(calibration, in_words)
+    calibration = judged(calibration, in_words)
+    return replace(calibration, reasons=(*calibration.reasons, *_pushing_springs(calibration)))
+
+
+def _pushing_springs(c: ChainCalibration) -> list[str]:
+    """Joints that give way against their load, which no spring does."""
+    values, sigma = c.fit.unknowns, np.sqrt(np.diag(c.covariance))
+    wrong = [
+        name
+        for name, value, s in zip(c.names, values, sigma, strict=True)
+        if "compliance" in name and value < -_CERTAIN * s
+    ]
+    if not wrong:
+        return []
+    return [
+        f"{len(wrong)} joints give way against their load ({', '.join(wrong[:3])}{', ...' if len(wrong) > 3 else ''} "
+        "below 0): is gravity_m_s2 the other way round? On its back it is -9.81, 0, 0 in the torso's frame"
+    ]

@@ -20,7 +20,7 @@ import numpy.typing as npt
 import pinocchio as pin
 from scipy.stats import norm
 
-from arm.se3 import Array
+from arm.se3 import Array, by_twist
 from calib.chain_fit import ChainFit, Problem, Sightings, fit_chains
 from calib.nao import LEG, KnownSides, NaoUnknowns, gravity_gains, gravity_torques, nao_model
 from vision.camera import Camera
@@ -248,8 +248,7 @@ def pixels_by_twists(camera: Camera, points: Array, T: Array, twists: Array) -> 
     """Derivatives (n, m, 2, k) px of points (m, 3) m at poses T (n, 4, 4) by twists (n, k, 6) in their own frames."""
     at = np.einsum("nij,mj->nmi", T[:, :3, :3], points) + T[:, None, :3, 3]
     by_point = np.einsum("nmuk,nki->nmui", camera.projection_jacobian(at), T[:, :3, :3])
-    turned = np.cross(np.broadcast_to(points[None, :, None], by_point.shape), by_point)
-    return np.asarray(np.einsum("nmut,nkt->nmuk", np.concatenate([by_point, turned], axis=-1), twists))
+    return np.asarray(np.einsum("nmut,nkt->nmuk", by_twist(by_point, points), twists))
 
 
 def _columns(

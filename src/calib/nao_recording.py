@@ -1,7 +1,8 @@
 """Recorded images of the checkerboards on a NAO's soles.
 
 ``camera{focal_px, centre_px, size_px}``, ``board.vertices_sole_m``, ``gravity_m_s2`` and ``images[]{side, stance,
-leg_encoder_deg[6], head_encoder_deg[2], vertices_px[n][2]}``; nothing else in the file is read.
+leg_encoder_deg[6], head_encoder_deg[2], vertices_px[n][2]}``, null for a vertex that was not seen (docs/nao.md);
+nothing else in the file is read. Vertices may lie outside the image: those of simulated soft legs do.
 """
 
 from __future__ import annotations
@@ -15,9 +16,11 @@ from arm.jsonnode import JsonNode
 from arm.se3 import Array, frozen
 from calib.chain_fit import Sightings
 from calib.nao import SIDES, NaoUnknowns, nao_sightings
+from calib.recorded_points import refuse_repeats, seen_points, target_points
 from vision.camera import Camera
 
 _MOST_IMAGES, _FEWEST_VERTICES = 100_000, 4
+GRAVITY, _GRAVITY_VARIES = 9.81, 0.05  # m/s^2; it is 9.78 at the equator and 9.83 at the poles
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,13 +64,22 @@ class NaoRecording:
         ]
 
 
+def _gravity(node: JsonNode) -> Array:
+    gravity = node.numbers(3)
+    if not abs(np.linalg.norm(gravity) - GRAVITY) < _GRAVITY_VARIES:
+        raise node.error(f"must be {GRAVITY} m/s^2 long, to {_GRAVITY_VARIES}")
+    return gravity
+
+
 def read_nao_recording(path: Path) -> NaoRecording:
     """Read such a file.
 
     Raises:
-        InputError: with the key that breaks the format.
+        InputError: with the key that breaks the format; an image is there twice.
     """
     root = JsonNode.of_file(path)
+    if "poses" in root and "images" not in root:
+        raise root["poses"].error("belongs to a recording of an arm, which a465 calibrate hand-eye reads")
     node = root["camera"]
     focal = float(node["focal_px"].numbers())
     centre, size = node["centre_px"].numbers(2), node["size_px"].numbers(2)
@@ -76,28 +88,24 @@ def read_nao_recording(path: Path) -> NaoRecording:
     if (size < 1.0).any():
         raise node["size_px"].error("must be width and height in px")
     K = np.array([[focal, 0.0, centre[0]], [0.0, focal, centre[1]], [0.0, 0.0, 1.0]])
-    board = root["board"]["vertices_sole_m"].numbers(None, 3)
-    if len(board) < _FEWEST_VERTICES:
-        raise root["board"]["vertices_sole_m"].error(f"must be {_FEWEST_VERTICES} vertices at least")
+    board = target_points(root["board"]["vertices_sole_m"], _FEWEST_VERTICES, "vertices")
     images = root["images"].items()
     if not images:
         raise root["images"].error("must be one image at least")
-    pixels = [_pixels(image["vertices_px"], len(board)) for image in images]
+    side = np.array([SIDES.index(image["side"].text(*SIDES)) for image in images])
+    leg = np.radians([image["leg_encoder_deg"].numbers(6) for image in images])
+    head = np.radians([image["head_encoder_deg"].numbers(2) for image in images])
+    pixels = np.array(
+        [seen_points(image["vertices_px"], len(board), _FEWEST_VERTICES, "vertices") for image in images]
+    )
+    refuse_repeats(images, np.column_stack([side, leg, head]), pixels)
     return NaoRecording(
         Camera(K, np.zeros(5), (int(size[0]), int(size[1])), np.eye(4)),
         board,
-        root["gravity_m_s2"].numbers(3),
-        frozen(np.array([SIDES.index(image["side"].text(*SIDES)) for image in images])),
+        _gravity(root["gravity_m_s2"]),
+        frozen(side),
         frozen(np.array([image["stance"].integer(0, _MOST_IMAGES) for image in images])),
-        frozen(np.radians([image["leg_encoder_deg"].numbers(6) for image in images])),
-        frozen(np.radians([image["head_encoder_deg"].numbers(2) for image in images])),
-        frozen(np.array(pixels)),
+        frozen(leg),
+        frozen(head),
+        frozen(pixels),
     )
-
-
-def _pixels(node: JsonNode, count: int) -> Array:
-    pixels = node.numbers(count, 2, gaps=True).copy()
-    pixels[np.isnan(pixels).any(axis=1)] = np.nan
-    if np.isfinite(pixels[:, 0]).sum() < _FEWEST_VERTICES:
-        raise node.error(f"must hold {_FEWEST_VERTICES} vertices at least that are not null")
-    return pixels

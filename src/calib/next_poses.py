@@ -12,6 +12,7 @@ import numpy as np
 
 from arm.dh import DhTable
 from arm.se3 import Array, frozen
+from arm.unit import UNITS, load_unit
 from calib.arm_chain import CAMERA, OFFSETS, arm_chain
 from calib.arm_recording import ArmRecording
 from calib.chain_fit import ChainFit, Problem, normal_equations
@@ -99,20 +100,21 @@ def plan_poses(
     )
 
 
-def next_poses(found: HandEye, count: int = 3, seed: int = 0) -> list[NextPose]:
+def next_poses(found: HandEye, count: int = 3, seed: int = 0, pool: Array | None = None) -> list[NextPose]:
     """The poses that would lower the error of predicted targets most, each with those before it taken.
-
-    They are looked for where the recorded joints were and a little around, with the target wholly in the image, its
-    face to the camera. Whether the arm can go there is for the caller to see.
 
     Args:
         found: a calibration.
         count: how many.
         seed: of the poses that are tried.
+        pool: readings (n, joints) rad to choose from. Without it they are looked for where the recorded joints were
+            and a little around, within the limits of the unit if the recording says which, with the target wholly in
+            the image and its face to the camera; whether the arm is clear there is then for the caller to see.
     """
     recording, problem = found.recording, found.chain.problem
     x = found.chain.fit.unknowns
-    pool = _pool(found, np.random.default_rng(seed))
+    if pool is None:
+        pool = _pool(found, np.random.default_rng(seed))
     if not len(pool):
         return []
     unseen = _unseen(recording.dh, recording.camera, recording.points, pool, found.start)
@@ -161,6 +163,8 @@ def _pool(found: HandEye, rng: np.random.Generator) -> Array:
     """Readings (n, joints) near those of the recording at which the whole target is seen, not too obliquely."""
     r = found.recording
     low, high = r.joints.min(axis=0) - WIDER, r.joints.max(axis=0) + WIDER
+    if r.unit in UNITS and len((unit := load_unit(r.unit)).lower) == r.dh.joints:
+        low, high = np.maximum(low, unit.lower), np.minimum(high, unit.upper)
     chain = arm_chain(r.dh, *found.start)
     last = np.array(r.camera.size) - 1.0 - MARGIN_PX
     good = np.zeros((0, r.dh.joints))

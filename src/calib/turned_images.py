@@ -15,6 +15,8 @@ _SAME = 0.05  # of the target's size, how well a point has to meet another
 def turned_images(c: ChainCalibration) -> dict[int, tuple[int, ...]]:
     """Left out images of the first chain that fit with their corners counted from elsewhere, per turn in degrees.
 
+    The turn is what the target would have to be turned by about its z, to look as it was taken for.
+
     Args:
         c: a calibration.
     """
@@ -30,7 +32,7 @@ def turned_images(c: ChainCalibration) -> dict[int, tuple[int, ...]]:
     found: dict[int, list[int]] = {}
     for image, seen, wanted, sigma in zip(images, s.pixels[images], expected, noise, strict=True):
         for turn, order in orders.items():
-            rms = float(np.sqrt(np.nanmean(((seen[order] - wanted) / sigma) ** 2)))
+            rms = float(np.sqrt(np.nanmean(((seen - wanted[order]) / sigma) ** 2)))
             if rms < FITS:
                 found.setdefault(turn, []).append(int(image))
     return {turn: tuple(of) for turn, of in sorted(found.items())}

@@ -1,5 +1,6 @@
 """Recordings of an arm before a camera: what breaks the format is named, what is no measurement is not read."""
 
+import copy
 import json
 
 import numpy as np
@@ -75,6 +76,14 @@ def test_corners_that_were_not_seen_are_null(tmp_path):
         (lambda v: v["dh"].pop("alpha_rad"), "dh.alpha_rad: is missing"),
         (lambda v: v["dh"]["a_m"].pop(), "dh.a_m: must be 6 finite numbers"),
         (lambda v: v["target"]["points_m"].pop(), "target.points_m: must be 4 points at least"),
+        (
+            lambda v: v["target"].update(points_m=[[0.01 * k, 0.02 * k, 0] for k in range(4)]),
+            "target.points_m: must be points that do not all lie on one line",
+        ),
+        (
+            lambda v: v["poses"][3].update(corners_px=[[300, 200]] * 4),
+            "poses[3].corners_px: must hold corners that do not all lie on one line",
+        ),
         (lambda v: v["target"]["points_m"][0].pop(), "target.points_m: must be n x 3 finite numbers"),
         (lambda v: v.update(poses=[]), "poses: must be one pose at least"),
         (lambda v: v["poses"][3].pop("joints_rad"), "poses[3].joints_rad: is missing"),
@@ -98,6 +107,74 @@ def test_what_breaks_the_format_is_named(tmp_path, break_it, said):
         read(tmp_path, value)
     assert said in str(caught.value)
     assert "poses.json" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("corner", "axis", "out", "within"),
+    [(0, 0, -19.3, -19.2), (1, 1, -19.3, -19.2), (2, 0, 1938.3, 1938.2), (3, 1, 1218.3, 1218.2)],
+)
+def test_a_corner_far_outside_the_image_is_refused(tmp_path, corner, axis, out, within):
+    """The image is 1920 x 1200 px: a hundredth of its longer side is 19.2 px."""
+    value = content()
+    value["poses"][4]["corners_px"][corner][axis] = within
+    assert read(tmp_path, value).pixels[4, corner, axis] == within
+    value["poses"][4]["corners_px"][corner][axis] = out
+    with pytest.raises(FileInputError, match=r"poses\.json: poses\[4\]\.corners_px.*1920 x 1200") as caught:
+        read(tmp_path, value)
+    assert caught.value.data["key"] == f"poses[4].corners_px[{corner}][{axis}]"
+    assert caught.value.data["value"] == out
+    assert caught.value.data["rule"].startswith(f"must be from -19.2 to {(1938.2, 1218.2)[axis]} px")
+    assert caught.value.exit_code == 2
+
+
+def test_a_corner_that_was_not_seen_is_nowhere(tmp_path):
+    value = content()
+    value["target"]["points_m"].append([0.0, 0.0, 0.0])
+    for pose in value["poses"]:
+        pose["corners_px"].append([None, 1e6])
+    assert np.isnan(read(tmp_path, value).pixels[:, 4]).all()
+
+
+def test_a_pose_that_is_there_twice_is_refused(tmp_path):
+    value = content()
+    value["target"]["points_m"].append([0.0, 0.0, 0.0])
+    for pose in value["poses"]:
+        pose["corners_px"].append([None, None])
+        pose["joints_rad"][0] = 0.0
+    again = copy.deepcopy(value["poses"][3])
+    again["joints_rad"][0] = -0.0
+    value["poses"].insert(9, again)
+    with pytest.raises(FileInputError, match=r"poses\.json: poses\[9\]: repeats poses\[3\]") as caught:
+        read(tmp_path, value)
+    assert (caught.value.data["key"], caught.value.exit_code) == ("poses[9]", 2)
+
+
+def test_a_pose_that_nearly_is_there_twice_is_refused(tmp_path):
+    """No arm comes back to 1e-9 rad; noise that differs by 1e-6 px is the same noise, written otherwise."""
+    value = content()
+    again = copy.deepcopy(value["poses"][3])
+    again["joints_rad"][2] += 1e-9
+    again["corners_px"][1][0] -= 1e-6
+    value["poses"].append(again)
+    with pytest.raises(FileInputError, match=r"poses\[12\]: repeats poses\[3\]"):
+        read(tmp_path, value)
+    again["joints_rad"][2] += 1e-5
+    assert len(read(tmp_path, value).joints) == 13
+
+
+@pytest.mark.parametrize("same", ["joints_rad", "corners_px"])
+def test_two_images_from_one_place_or_one_wrong_image_are_no_repeat(tmp_path, same):
+    value = content()
+    value["poses"][9][same] = value["poses"][3][same]
+    assert len(read(tmp_path, value).joints) == 12
+
+
+def test_a_recording_of_a_nao_is_sent_to_its_own_command(tmp_path):
+    for value in ({"images": [], "board": {}}, content() | {"images": 3}):
+        value.pop("poses", None)
+        with pytest.raises(FileInputError, match=r"poses\.json: images.* a465 calibrate kinematic"):
+            read(tmp_path, value)
+    assert len(read(tmp_path, content() | {"images": ["a.png"]}).joints) == 12
 
 
 def test_truth_and_noise_are_never_read(tmp_path):

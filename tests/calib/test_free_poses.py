@@ -57,3 +57,12 @@ def test_corners_that_were_not_seen_are_left_out():
     assert np.isfinite(found.residuals[1::2]).all()
     assert found.freedom == pytest.approx(20 * 42 + 20 * 24, abs=1.0)
     assert found.pixel_sigma == pytest.approx([NOISE_PX] * 2, rel=0.08)
+
+
+def test_images_without_noise_are_weighed_too():
+    pixels, T = pictured(7, noise=(0.0, 0.0))
+    found = fit_free_poses(LENS, TARGETS["charuco"], pixels)
+    assert (found.pixel_sigma > 0.0).all()
+    assert found.pixel_sigma.max() < 1e-3
+    assert np.isfinite(found.noise).all()
+    assert np.abs(found.T_camera_target - T).max() < 1e-4

@@ -140,3 +140,15 @@ def test_the_same_recording_gives_the_same_bytes():
     one, other = calibrate_hand_eye(recording), calibrate_hand_eye(recording)
     assert one.T_base_camera.tobytes() == other.T_base_camera.tobytes()
     assert one.chain.remarks == other.chain.remarks
+
+
+def test_an_arm_that_no_cell_would_take_is_refused():
+    rng = np.random.default_rng(4)
+    truth = draw_truth(rng)
+    homed_wrongly = np.array(truth.offsets)
+    homed_wrongly[1] = np.radians(6.0)
+    truth = replace(truth, offsets=homed_wrongly)
+    found = calibrate_hand_eye(recorded(truth, wide(truth, TARGETS["charuco"], 30, rng), "charuco", rng))
+    assert np.degrees(found.joint_offsets[1]) == pytest.approx(6.0, abs=0.05)
+    (reason,) = found.chain.reasons
+    assert "zero of J2 is off by 6 deg, at most 5 is believed" in reason

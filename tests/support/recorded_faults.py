@@ -51,6 +51,6 @@ FAULTS: dict[str, tuple[Fault, str]] = {
     "target slips 1 mm half way": (partial(moved, "T_gripper_target"), "target moved"),
     "camera moves 1 mm half way": (partial(moved, "T_base_camera"), "camera moved"),
     "joints read 2 % of the way early": (late, "time skew"),
-    **{f"J{j + 1} geared 0.2 % otherwise": (partial(geared, j), f"scale of reading {j}") for j in range(6)},
+    **{f"J{j + 1} geared 0.2 % otherwise": (partial(geared, j), f"scale of J{j + 1}") for j in range(6)},
 }
 """By what is wrong: how it is drawn, and the name of its cause."""
