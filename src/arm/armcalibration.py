@@ -6,6 +6,7 @@ unit's encoders. The unit's and the camera's own files stay as they are.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -47,13 +48,14 @@ class ArmCalibration:
 
     @property
     def id(self) -> str:
-        """Of what it changes: the same numbers have the same id."""
+        """Of all that it says: the same numbers have the same id, and nothing can be changed by hand."""
         found: dict[str, Any] = {
             "camera": self.T_base_camera.tolist(),
             "offsets": self.joint_offsets.tolist(),
             "links": self.links.to_json(),
         }
-        return "hand-eye-" + sha256({**found, "unit": self.unit, "lens": self.lens, "dh": self.dh})[:12]
+        of = {"unit": self.unit, "lens": self.lens, "dh": self.dh, "made": dict(self.made)}
+        return "hand-eye-" + sha256({**found, **of})[:12]
 
 
 def read_arm_calibration(path: Path) -> ArmCalibration:
@@ -76,7 +78,7 @@ def read_arm_calibration(path: Path) -> ArmCalibration:
             )
         )
     )
-    made = root.value("made", "a table") if "made" in root else {}
+    made = _made(root.table("made", required=False))
     unit, lens, dh = (root.text(key, default="") for key in ("unit", "lens", "dh"))
     calibration = ArmCalibration(T_base_camera, frozen(offsets), links, unit, lens, dh, made)
     if written != calibration.id:
@@ -85,6 +87,21 @@ def read_arm_calibration(path: Path) -> ArmCalibration:
         )
     root.finish()
     return calibration
+
+
+def _made(table: TomlTable) -> dict[str, Any]:
+    """What is told of the calibration; only what a calibration can have written, for the id is of it too."""
+    values = table.value_dict()
+    for key, value in values.items():
+        if not _tellable(value):
+            raise table.error(key, "must be a text, a finite number, true or false, or a list of these")
+    return values
+
+
+def _tellable(value: object) -> bool:
+    if isinstance(value, list):
+        return all(map(_tellable, value))
+    return isinstance(value, str | int) or (isinstance(value, float) and math.isfinite(value))
 
 
 def write_arm_calibration(path: Path, calibration: ArmCalibration) -> None:
@@ -100,8 +117,8 @@ def write_arm_calibration(path: Path, calibration: ArmCalibration) -> None:
         f"T_base_camera = {toml_rows(calibration.T_base_camera)}",
         f"joint_offsets_rad = {calibration.joint_offsets.tolist()}",
     ]
-    if calibration.links.any:
-        d, a, alpha = calibration.links.to_json()
+    d, a, alpha = calibration.links.to_json()
+    if any((*d, *a, *alpha)):
         lines += [f"dh_d_error_m = {d}", f"dh_a_error_m = {a}", f"dh_alpha_error_rad = {alpha}"]
     if calibration.made:
         lines += ["", "[made]", *toml_lines(calibration.made)]

@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import json
 import os
+import stat
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -83,10 +84,13 @@ def keep_apart(output: Path | None, *inputs: Path | None) -> None:
 def write_atomic(path: Path, data: bytes | str) -> None:
     """Write a file whole or not at all (a temporary file in the same folder, synced, then renamed).
 
+    Of a link, the file that it leads to is written; an older file's mode stays.
+
     Raises:
         InputError: the folder is missing, read-only or full; an older file at `path` is then untouched.
     """
     content = data.encode() if isinstance(data, str) else data
+    path = path.resolve() if path.is_symlink() else path
     temporary: str | None = None
     if path.exists() and not path.is_file():
         raise InputError(f"{path}: is no ordinary file, so it is not replaced", file=str(path))
@@ -97,9 +101,7 @@ def write_atomic(path: Path, data: bytes | str) -> None:
             stream.write(content)
             stream.flush()
             os.fsync(stream.fileno())
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(temporary, 0o666 & ~umask)
+        os.chmod(temporary, _mode_of(path))
         os.replace(temporary, path)
         temporary = None
     except OSError as error:
@@ -108,6 +110,15 @@ def write_atomic(path: Path, data: bytes | str) -> None:
         if temporary is not None:
             with contextlib.suppress(FileNotFoundError):
                 os.unlink(temporary)
+
+
+def _mode_of(path: Path) -> int:
+    """That of the file, or of a new one."""
+    if path.exists():
+        return stat.S_IMODE(path.stat().st_mode)
+    umask = os.umask(0)
+    os.umask(umask)
+    return 0o666 & ~umask
 
 
 def canonical_json(value: Any) -> str:

@@ -13,6 +13,8 @@ from arm.files import sha256
 from arm.robot import Robot
 from arm.se3 import Array, frozen, inverse, rot_x, rot_z, transform
 
+_SAME = 1e-6  # m, and of unit vectors
+
 
 @dataclass(frozen=True, eq=False)
 class LinkErrors:
@@ -36,8 +38,8 @@ class LinkErrors:
         return any(bool(np.any(values[:-1])) for values in (self.d, self.a, self.alpha))
 
     def to_json(self) -> list[list[float]]:
-        """d, a, alpha as lists."""
-        return [values.tolist() for values in (self.d, self.a, self.alpha)]
+        """d, a, alpha as lists; no zero has a sign."""
+        return [(values + 0.0).tolist() for values in (self.d, self.a, self.alpha)]
 
 
 def with_link_errors(robot: Robot, dh: DhTable, errors: LinkErrors) -> Robot:
@@ -54,9 +56,10 @@ def with_link_errors(robot: Robot, dh: DhTable, errors: LinkErrors) -> Robot:
     if not errors.any:
         return robot
     n = dh.joints
-    if len(robot.joint_names) != n or max(len(v) for v in (errors.d, errors.a, errors.alpha)) != n:
+    counts = [len(v) for v in (errors.d, errors.a, errors.alpha)]
+    if {len(robot.joint_names), *counts} != {n}:
         raise InputError(
-            f"link errors are of {len(errors.d)} joints, the arm has {len(robot.joint_names)}, its table {n}"
+            f"link errors d, a, alpha are of {counts} joints, the arm has {len(robot.joint_names)}, its table {n}"
         )
     poses = robot.joint_poses(np.zeros(n))
     model = robot.model.copy()
@@ -64,7 +67,8 @@ def with_link_errors(robot: Robot, dh: DhTable, errors: LinkErrors) -> Robot:
     for j in range(n):
         turn = transform(rot_z(float(dh.theta_offset[j])))
         nominal = _link(dh.d[j], dh.a[j], dh.alpha[j])
-        if np.linalg.norm(np.cross(T_base_link[:3, 2], _axis(robot, poses, j))) > 1e-6:
+        z, apart = T_base_link[:3, 2], poses[j + 1][:3, 3] - T_base_link[:3, 3]
+        if np.linalg.norm(z - _axis(robot, poses, j)) > _SAME or np.linalg.norm(np.cross(z, apart)) > _SAME:
             raise InputError(f"joint {robot.joint_names[j]}: its axis is not that of the table", joint=j)
         T_base_link = T_base_link @ turn @ nominal
         if j + 1 == n:

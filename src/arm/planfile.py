@@ -13,12 +13,14 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from arm.errors import FileInputError
+from arm.bodies import body_from_json
+from arm.errors import FileInputError, InputError
 from arm.files import canonical_json, read_json, sha256, write_atomic
 from arm.jsonfields import JsonFields
 from arm.motion import CountPath, Segment, chain
 
 FORMAT = "a465-plan/2"
+_LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # none that looks like another
 ROUNDING = 1e-6  # by which a move's clearance may be below the least of its segments, m
 
 
@@ -171,6 +173,14 @@ class Plan:
         """Hash of the file's text."""
         return sha256(self.to_json())
 
+    @property
+    def code(self) -> str:
+        """Eight characters, as in ``7KQM-2XVD``, that a preview shows and nothing else does: who knows them has seen
+        what this plan will do, so a real arm is moved for them alone."""
+        number = int(sha256(f"seen {self.sha256}"), 16)
+        letters = "".join(_LETTERS[(number >> 5 * place) % 32] for place in range(8))
+        return f"{letters[:4]}-{letters[4:]}"
+
 
 def write_plan(path: Path, plan: Plan) -> None:
     """Write a plan whole or not at all."""
@@ -246,6 +256,23 @@ class _PlanReader(JsonFields):
 
     help = "make the plan again"
 
+    def scene(self, value: dict[str, Any]) -> dict[str, Any]:
+        """The scene as JSON types, its bodies seen to be bodies."""
+        scene: dict[str, Any] = self.get(value, "scene", "", dict, "a table")
+        for key in {"bodies", "cubes", "allowed"} & set(scene):
+            if not isinstance(scene[key], list):
+                raise self.fail(f"scene.{key}", scene[key], "must be a list")
+        for index, pair in enumerate(scene.get("allowed", ())):
+            if not isinstance(pair, list) or len(pair) != 2 or not all(isinstance(n, str) for n in pair):
+                raise self.fail(f"scene.allowed[{index}]", pair, "must be the names of two bodies")
+        for key in {"bodies", "cubes"} & set(scene):
+            for index, body in enumerate(scene[key]):
+                try:
+                    body_from_json(body)
+                except InputError as error:
+                    raise self.fail(f"scene.{key}[{index}]", None, f"is no body: {error}") from error
+        return scene
+
     def plan(self, value: dict[str, Any]) -> Plan:
         steps = self.get(value, "steps", "", list, "a list of steps")
         plan = Plan(
@@ -258,7 +285,7 @@ class _PlanReader(JsonFields):
             ),
             steps=tuple(self.step(step, f"steps[{i}].") for i, step in enumerate(steps)),
             provenance=self.get(value, "provenance", "", dict, "a table"),
-            scene=self.get(value, "scene", "", dict, "a table"),
+            scene=self.scene(value),
         )
         moves = list(plan.moves)
         if not moves:

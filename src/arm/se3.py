@@ -54,6 +54,15 @@ def cross(a: Array, b: Array) -> Array:
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
+def by_twist(by_point: Array, points: Array) -> Array:
+    """Derivatives (..., r, 6) by the twist of a body in its own frame, translation first, of what depends on a point of
+    it, from those by the point, (..., r, 3), and the points (..., 3) in that frame.
+
+    A twist (v, w) moves a point p by v + w x p, and a . (w x p) = w . (p x a).
+    """
+    return np.concatenate([by_point, cross(points[..., None, :], by_point)], axis=-1)
+
+
 def rotation(rotation_vector: npt.ArrayLike) -> Array:
     """SO(3) exponential (Rodrigues): rotation vector (3, rad) to 3x3 matrix."""
     w = np.asarray(rotation_vector, dtype=float)

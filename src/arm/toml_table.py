@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import sys
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -46,6 +47,8 @@ class TomlTable:
             raise FileInputError(path, "", None, f"is not valid TOML: {error}") from error
         except RecursionError as error:
             raise FileInputError(path, "", None, "is nested too deeply") from error
+        except ValueError as error:  # thousands of digits
+            raise FileInputError(path, "", None, f"has a number that is too long: {error}") from error
 
     def error(self, key: str, rule: str, help: str = "") -> FileInputError:
         """The error to raise when the value of `key` breaks `rule`."""
@@ -216,7 +219,7 @@ class TomlTable:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def _range(low: float, high: float) -> str:

@@ -85,7 +85,7 @@ def _complete(c: ChainCalibration) -> list[str]:
 def _accuracy(c: ChainCalibration) -> list[str]:
     if c.held_out.metres <= c.limits.held_out:
         return []
-    off = f"{1e3 * c.held_out.metres:.2f} mm" if c.held_out.metres < 1.0 else "more than a metre"
+    off = "more than a metre" if c.held_out.metres > 1.0 else f"{1e3 * c.held_out.metres:.2f} mm"
     return [
         f"targets that were held out are {off} from where they are predicted, the limit is "
         f"{1e3 * c.limits.held_out:g} mm: more images, in more different postures, would help"

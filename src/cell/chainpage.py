@@ -10,6 +10,8 @@ import numpy as np
 from arm.se3 import Array
 from calib.chain_calibration import ChainCalibration
 from calib.chain_verdict import describe
+from calib.twin import SelfTest
+from cell.chainresult import Numbers, describe_self_test, left_out, numbers
 from cell.htmlparts import bullets, page, section, table
 
 _WIDE, _MOST_DOTS = 420, 6000
@@ -21,6 +23,8 @@ def chain_page(
     source: str,
     c: ChainCalibration,
     found: Sequence[tuple[str, Sequence[str], Sequence[Sequence[str]]]],
+    test: SelfTest | None = None,
+    images: Sequence[Numbers] = (),
 ) -> str:
     """The page, self-contained; the same calibration gives the same bytes.
 
@@ -29,17 +33,25 @@ def chain_page(
         source: file of the recording.
         c: the calibration.
         found: tables of what was found: title, header and rows each.
+        test: on synthetic twins; None: what was refused before needs none.
+        images: as for `cell.chainresult.left_out`.
     """
     badge = '<span class="badge">accepted</span>' if c.accepted else '<span class="badge no">refused</span>'
     used = c.images - sum(map(len, c.wrong))
+    without = f"; without {numbers(left_out(c, images))} (images count from 0)" if used < c.images else ""
     parts = [
         f"<h1>{escape(title)} {badge}</h1>",
-        f'<p class="muted">{escape(source)}: {used} of {c.images} images</p>',
+        f'<p class="muted">{escape(source)}: {used} of {c.images} images{escape(without)}</p>',
         section(
-            "", bullets(c.reasons, "Why it is refused") + _figures(c) + bullets(c.remarks, "Worth knowing")
+            "",
+            bullets(c.reasons, "Why it is refused")
+            + _figures(c)
+            + _self_test(test)
+            + bullets(c.remarks, "Worth knowing"),
         ),
-        '<div class="two">',
+        # a row for each joint and a column for each number: too wide for half a page
         *(section(escape(name), table(header, [("", row) for row in rows])) for name, header, rows in found),
+        '<div class="two">',
         section("Residuals of all corners", _scatter(c)),
         section("Where in the image they are", _arrows(c)),
         section("Image by image", _bars(c)),
@@ -61,6 +73,11 @@ def _figures(c: ChainCalibration) -> str:
         (f"{c.fit.chi2_dof:.3f}", f"chi2/dof (limit {c.limits.chi2_dof:g})"),
     )
     return f'<div class="figures">{"".join(f"<div><b>{a}</b>{escape(b)}</div>" for a, b in shown)}</div>'
+
+
+def _self_test(test: SelfTest | None) -> str:
+    said = "not made: what is refused needs none" if test is None else describe_self_test(test)
+    return f"<p><b>Self-test:</b> {escape(said)}</p>"
 
 
 def _residuals(c: ChainCalibration) -> tuple[Array, Array]:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="calibrate",
+    short_help="Find the camera's lens and place, and the arm's errors.",
     help="Find out what the planner rests on: the camera's lens, its place, and the arm's own errors.",
     rich_markup_mode=None,
     no_args_is_help=True,
@@ -22,6 +23,7 @@ app = typer.Typer(
 
 @app.command(
     name="camera",
+    short_help="Find a camera's lens from photographs of a target.",
     help="Fit a camera's lens to photographs of a ChArUco board or checkerboard, with its uncertainty and a verdict. "
     "A lens that is not good enough is refused (exit code 5), with the reason and what would help.",
     epilog="Example: a465 calibrate camera photographs -o camera.toml; then open camera.html",
@@ -45,7 +47,9 @@ def calibrate_lens(
     ] = None,
     limit_mm: Annotated[
         float | None,
-        typer.Option("--limit-mm", help="Largest standard deviation at the work points; default 0.3."),
+        typer.Option(
+            "--limit-mm", help="Largest standard deviation at the work points that is accepted; default 0.3."
+        ),
     ] = None,
     most_views: Annotated[
         int | None, typer.Option("--most-views", help="More are held out; default 40.")
@@ -81,12 +85,11 @@ def calibrate_lens(
     _finish(camera_step(images, options, live, camera, simulated, console), output, console)
 
 
-_DATA = Annotated[
-    Path, typer.Argument(help="Recorded images and joints (JSON, docs/hand-eye.md).", metavar="DATA")
-]
 _LIMIT = Annotated[
     float | None,
-    typer.Option("--limit-mm", help="Largest error of held-out images; default 1, of a NAO 2."),
+    typer.Option(
+        "--limit-mm", help="Largest error of predicted images that is accepted; default 1, of a NAO 2."
+    ),
 ]
 _STEP = Annotated[
     float | None,
@@ -102,12 +105,15 @@ _JSON = Annotated[
 
 @app.command(
     name="hand-eye",
+    short_help="Find the camera's place and the arm's zeros and links.",
     help="Find where the fixed camera stands, how the target is held and what the arm's zeros (and links) are off by. "
     "What is not good enough is refused (exit code 5), with the reason and what would help.",
     epilog="Example: a465 calibrate hand-eye recorded.json --collect scenes/task2.toml -o calibration.toml",
 )
 def calibrate_hand_eye(
-    data: _DATA,
+    data: Annotated[
+        Path, typer.Argument(help="Recorded images and joints (JSON, docs/hand-eye.md).", metavar="DATA")
+    ],
     collect: Annotated[
         Path | None,
         typer.Option(
@@ -121,8 +127,12 @@ def calibrate_hand_eye(
         ),
     ] = None,
     poses: Annotated[
-        int | None, typer.Option("--poses", help="With --collect: how many; default 24.")
+        int | None, typer.Option("--poses", help="With --collect: how many; default 24, with --recipe 270.")
     ] = None,
+    recipe: Annotated[
+        bool,
+        typer.Option("--recipe", help="With --collect: the first report's poses, not the most telling ones."),
+    ] = False,
     seed: Annotated[
         int | None, typer.Option("--seed", help="With --collect: of the choice of poses.")
     ] = None,
@@ -131,6 +141,9 @@ def calibrate_hand_eye(
     ] = None,
     world: Annotated[
         Path | None, typer.Option("--world", help="With --collect: truth of the simulated cell.")
+    ] = None,
+    images: Annotated[
+        Path | None, typer.Option("--images", help="With --port: folder that gets photographs.")
     ] = None,
     camera: Annotated[str | None, typer.Option("--camera", help="With --port: a Basler camera.")] = None,
     speed: Annotated[
@@ -160,36 +173,24 @@ def calibrate_hand_eye(
     if collect is not None:
         from arm.files import data_file
         from cell.collecting import CollectOptions
-        from cell.collectstep import collect_step
+        from cell.collectstep import CollectFiles, WhichCell, collect_step
 
-        options = CollectOptions(poses or CollectOptions.poses, seed or 0)
         hand = target or data_file("scenes/targets/hand.toml")
-        result = collect_step(
-            data,
-            collect,
-            hand,
-            output,
-            report,
-            apply,
-            options,
-            limit_mm,
-            port,
-            world,
-            camera,
-            speed,
-            time_scale,
-            folder,
-            console,
-        )
+        files = CollectFiles(data, collect, hand, output, report, apply, folder)
+        where = WhichCell(port, world, images, camera, speed, time_scale)
+        options = CollectOptions.of(poses, seed, recipe)
+        result = collect_step(files, options, limit_mm, where, console, encoder_step_deg)
     else:
         from cell.calibratechain import hand_eye_step
 
         _only_with_collect(
             target=target,
             poses=poses,
+            recipe=recipe or None,
             seed=seed,
             port=port,
             world=world,
+            images=images,
             camera=camera,
             speed=speed,
             time_scale=time_scale,
@@ -211,12 +212,15 @@ def _only_with_collect(**options: object) -> None:
 
 @app.command(
     name="kinematic",
+    short_help="Find a NAO's camera and legs from its own images.",
     help="Find camera, joint offsets, springs and play of a NAO from images of the boards on its soles. "
     "What is not good enough is refused (exit code 5), with the reason and what would help.",
     epilog="Example: a465 calibrate kinematic recorded.json -o nao.json",
 )
 def calibrate_kinematic(
-    data: _DATA,
+    data: Annotated[
+        Path, typer.Argument(help="Recorded images and joints (JSON, docs/nao.md).", metavar="DATA")
+    ],
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Result to write (JSON), if it is accepted.")
     ] = None,

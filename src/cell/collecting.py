@@ -1,39 +1,43 @@
 """``a465 calibrate hand-eye --collect``: the arm shows a target to the camera in poses that tell most.
 
-Every way between poses is planned and certified before it is driven, around everything that the cell file has and the
-whole zone in which boards may stand. The recording is written after every pose: what was interrupted goes on.
+Poses are chosen before anything is sent. Every way between them is planned and certified before it is driven, around
+everything that the cell file has and the whole zone in which boards may stand.
 """
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from arm.dh import A465
 from arm.errors import ImpossibleError, InputError
-from arm.files import write_atomic
 from arm.se3 import Array, frozen
-from calib.arm_recording import FEWEST_CORNERS, ArmRecording, read_arm_recording
+from calib.arm_recording import FEWEST_CORNERS
 from calib.hand_eye import HAND_EYE_LIMITS
 from calib.next_poses import plan_poses
+from cell import handrecipe
 from cell.console import Console
-from cell.handposes import hand_pool, nearest_order
-from cell.handtarget import HandTarget
+from cell.handposes import HandView, hand_pool, nearest_order
+from cell.handrecipe import recipe_poses
+from cell.handrecord import HandRecord
 from cell.planning import options_of, provenance
 from cell.scenery import unseen_scene
 from cell.taskrun import TaskRun
+from driver.rest import STILL_COUNTS, farthest
 from plan.scene import Scene
 from plan.way import plan_way
 from vision.frames import FrameSource
 from vision.target import TargetFinder
 
 FEWEST_POSES = HAND_EYE_LIMITS.images
+PLANNED = 24  # poses, if nobody says how many
 POOL = 300  # configurations from which poses are chosen
 SETTLE_S = 0.5  # of the controller, after the arm has stopped: plates ring
+SAME_PX = 2.0  # rms; a target that was not touched appears so near to where it was at the same counts
+SAME_POSE = np.radians(0.05)  # of every joint
+MOST_FAILED = 5  # poses, before it is given up if they are more than half
+_REPEATS = 3  # poses that are tried for that
 
 
 @dataclass(frozen=True)
@@ -41,12 +45,14 @@ class CollectOptions:
     """What a person asks for.
 
     Attributes:
-        poses: how many.
+        poses: how many, with those that a recording holds already.
         seed: of their choice.
+        recipe: take those of the first report (`cell.handrecipe`) instead of the most telling.
     """
 
-    poses: int = 24
+    poses: int = PLANNED
     seed: int = 0
+    recipe: bool = False
 
     def __post_init__(self) -> None:
         if not FEWEST_POSES <= self.poses <= 300:
@@ -58,134 +64,89 @@ class CollectOptions:
         if self.seed < 0:
             raise InputError(f"--seed {self.seed}: must be 0 or more", option="--seed", value=self.seed)
 
+    @classmethod
+    def of(cls, poses: int | None, seed: int | None, recipe: bool) -> CollectOptions:
+        """With defaults where nothing was said."""
+        usual = handrecipe.POSES if recipe else PLANNED
+        return cls(usual if poses is None else poses, seed or 0, recipe)
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Configurations to take, and those that may be advised afterwards.
+
+    Attributes:
+        q: (k, 6) rad.
+        pool: (n, 6) rad, all certified to be clear and in view.
+    """
+
+    q: Array
+    pool: Array
+
+
+def hand_scene(record: HandRecord) -> Scene:
+    """The cell with the target in the arm's hand and the whole zone occupied."""
+    robot = record.hand.carried_by(record.cell.robot())
+    return Scene(robot, robot, unseen_scene(record.cell).bodies, ())
+
+
+def choose(record: HandRecord, scene: Scene, options: CollectOptions, console: Console) -> Choice:
+    """Configurations that are missing in a recording.
+
+    Raises:
+        ImpossibleError: the target cannot be shown to the camera.
+    """
+    cell, hand = record.cell, record.hand
+    view = HandView(scene.robot_open, scene.bodies, cell.limits, cell.camera, hand, cell.clearance)
+
+    def progress(part: float) -> None:
+        console.progress("poses that the camera sees", part)
+
+    missing, taken = options.poses - len(record), record.configurations()
+    pool = others(hand_pool(view, POOL, options.seed, progress).q, taken)
+    if options.recipe:
+        recipe = recipe_poses(view, options.poses, options.seed, progress)
+        left = others(recipe, taken)[:missing]
+        console.step(f"{len(left)} of the recipe's {len(recipe)} poses to be taken")
+        return Choice(left, pool)
+    plan = plan_poses(
+        pool,
+        missing,
+        A465,
+        cell.camera.at(np.eye(4)),
+        hand.target.points(),
+        cell.camera.T_base_camera,
+        hand.T_flange_target,
+        taken,
+    )
+    console.step(
+        f"{missing} of {len(pool)} poses chosen: the camera's place will be known to about "
+        f"{1e3 * plan.sigma:.2f} mm and {np.degrees(plan.sigma_turn):.3f} deg"
+    )
+    return Choice(pool[list(plan.places)], pool)
+
+
+def others(q: Array, taken: Array) -> Array:
+    """Configurations (n, 6) that are not among those taken."""
+    if not len(taken):
+        return q
+    off = np.abs(q[:, None] - taken).max(axis=-1).min(axis=1)
+    return np.asarray(q[off > SAME_POSE])
+
 
 class Collector:
     """Drives the arm from pose to pose and records what the camera sees.
 
     Args:
-        run: of an open cell; its task says which cell.
-        hand: target in the gripper, about where it is.
-        file: recording to write; poses that are in it already count.
-        options: what is asked for.
+        run: of an open cell.
+        record: what it adds to.
+        scene: the cell around the arm, the target in its hand.
         console: where progress is told.
     """
 
-    def __init__(
-        self, run: TaskRun, hand: HandTarget, file: Path, options: CollectOptions, console: Console
-    ) -> None:
-        self.run, self.hand, self.file, self.options, self.console = run, hand, file, options, console
-        cell = run.task.cell
-        self.robot = hand.carried_by(cell.robot())
-        bare = unseen_scene(cell)
-        self.scene = Scene(self.robot, self.robot, bare.bodies, ())
-        self.finder = TargetFinder(hand.target)
-        self.joints: list[Array] = []
-        self.pixels: list[Array] = []
-        if file.exists():
-            self._go_on()
-
-    def _go_on(self) -> None:
-        before = read_arm_recording(self.file)
-        cell, points = self.run.task.cell, self.hand.target.points()
-        other = {
-            "target": before.points.shape != points.shape
-            or not np.allclose(before.points, points, atol=1e-9),
-            "camera": before.camera.lens_digest != cell.camera.lens_digest,
-            "arm": before.dh.digest != A465.digest or before.unit != cell.unit.name,
-        }
-        differing = [name for name, is_other in other.items() if is_other]
-        if differing:
-            raise InputError(
-                f"{self.file}: holds poses of another {' and '.join(differing)}; give a new file",
-                file=str(self.file),
-                differing=differing,
-            )
-        self.joints, self.pixels = list(before.joints), list(before.pixels)
-        self.console.say(
-            f"{self.file}: {len(self.joints)} poses are there from before; the plate must not have moved"
-        )
-
-    def recording(self) -> ArmRecording:
-        """What was recorded so far; joints are what the unit's own zeros say."""
-        camera = self.run.task.cell.camera.at(np.eye(4))
-        return ArmRecording(
-            camera,
-            A465,
-            self.hand.target.points(),
-            self.hand.target.kind,
-            frozen(np.array(self.joints)),
-            frozen(np.array(self.pixels)),
-            self.run.task.cell.unit.name,
-        )
-
-    def choose(self) -> list[Array]:
-        """Configurations still to be taken, in the order in which they are driven."""
-        cell = self.run.task.cell
-        progress = lambda part: self.console.progress("poses that the camera sees", part)  # noqa: E731
-        pool = hand_pool(
-            self.robot,
-            self.scene.bodies,
-            cell.limits,
-            cell.camera,
-            self.hand,
-            cell.clearance,
-            POOL,
-            self.options.seed,
-            progress,
-        )
-        missing = self.options.poses - len(self.joints)
-        if missing <= 0:
-            return []
-        plan = plan_poses(
-            pool.q,
-            missing,
-            A465,
-            cell.camera.at(np.eye(4)),
-            self.hand.target.points(),
-            cell.camera.T_base_camera,
-            self.hand.T_flange_target,
-            np.array([self._read(j) for j in self.joints]) if self.joints else None,
-        )
-        self.console.step(
-            f"{missing} of {len(pool.q)} poses chosen: the camera's place will be known to about "
-            f"{1e3 * plan.sigma:.2f} mm and {np.degrees(plan.sigma_turn):.3f} deg"
-        )
-        left = pool.q[list(plan.places)]
-        return [left[i] for i in nearest_order(self.run.q_now(), left)]
-
-    def _read(self, recorded: Array) -> Array:
-        """A recorded configuration as the cell's unit has it."""
-        cell = self.run.task.cell
-        return cell.unit.positions(cell.nominal_unit.counts(recorded))
-
-    def collect(self) -> int:
-        """Take all poses that are left; how many were taken.
-
-        Raises:
-            ImpossibleError: no pose can be driven to, or the target is not seen where it should be.
-            ExecutionStopped: motion stopped; what was recorded before is in the file.
-        """
-        left = self.choose()
-        total, taken, unseen = len(left), 0, 0
-        for number, q in enumerate(left, start=1):
-            if not self._drive(q, f"pose {number} of {total}"):
-                continue
-            if self._photograph():
-                taken += 1
-                self.write()
-                seen = f"{int(np.isfinite(self.pixels[-1][:, 0]).sum())} corners"
-            else:
-                unseen += 1
-                seen = "the target was not seen"
-            self.console.step(f"pose {number} of {total}: {seen}, {len(self.joints)} recorded")
-            if unseen >= 5 and unseen > taken:
-                raise ImpossibleError(
-                    f"the target was not seen in {unseen} of {number} poses: is it {self.hand.target.label()}, lit, "
-                    "and held about where the target file says?",
-                    unseen=unseen,
-                    poses=number,
-                )
-        return taken
+    def __init__(self, run: TaskRun, record: HandRecord, scene: Scene, console: Console) -> None:
+        self.run, self.record, self.scene, self.console = run, record, scene, console
+        self.finder = TargetFinder(record.hand.target)
 
     def take_into_use(self) -> None:
         """Home the arm. The jaws stay as they are: they may hold the plate."""
@@ -201,6 +162,78 @@ class Collector:
     def home(self) -> None:
         """Back to q_start, the target still in hand."""
         self._drive(self.run.task.cell.q_start, "back to q_start")
+
+    def require_same_hold(self) -> None:
+        """Look at one of the recorded poses again: who goes on must hold the target as it was held.
+
+        Raises:
+            ImpossibleError: it appears elsewhere, or no recorded pose can be taken again; data: off_px.
+        """
+        recorded = self.record.configurations()
+        for place in nearest_order(self.run.q_now(), recorded)[:_REPEATS]:
+            if not self._drive(recorded[place], f"poses[{place}] again"):
+                continue
+            _, corners = self._look()
+            off = corners - self.record.pixels[place]
+            both = np.isfinite(off).all(axis=1)
+            if not both.any():
+                continue
+            off_px = float(np.sqrt(np.mean(np.sum(off[both] ** 2, axis=1))))
+            if off_px > SAME_PX:
+                raise ImpossibleError(
+                    f"at the configuration of poses[{place}] of {self.record.file} the target is {off_px:.1f} px "
+                    f"from where it was (allowed {SAME_PX:g}): it was put in anew, or the camera or the arm's zeros "
+                    "moved; give a new file",
+                    off_px=off_px,
+                    pose=place,
+                )
+            self.console.step(f"poses[{place}] again: the target is where it was, within {off_px:.2f} px")
+            return
+        raise ImpossibleError(
+            f"none of {_REPEATS} poses of {self.record.file} could be taken again, so nothing says that the target is "
+            "held as it was; give a new file",
+            off_px=None,
+        )
+
+    def collect(self, wanted: Array, nearest_first: bool) -> int:
+        """Take configurations (k, 6) rad; how many were taken.
+
+        Raises:
+            ImpossibleError: the target is not seen where it should be.
+            ExecutionStopped: motion stopped; what was recorded before is in the file.
+        """
+        order = nearest_order(self.run.q_now(), wanted) if nearest_first else range(len(wanted))
+        total, taken, failed = len(wanted), 0, 0
+        for number, place in enumerate(order, start=1):
+            name = f"pose {number} of {total}"
+            if self._take(wanted[place], name):
+                taken += 1
+                continue
+            failed += 1
+            if failed >= MOST_FAILED and failed > taken:
+                raise ImpossibleError(
+                    f"nothing could be taken in {failed} of {number} poses: is the target "
+                    f"{self.record.hand.target.label()}, lit, and held about where the target file says?",
+                    failed=failed,
+                    poses=number,
+                )
+        return taken
+
+    def _take(self, q: Array, name: str) -> bool:
+        """Go to a configuration and record what is seen; whether that could be done."""
+        if not self._drive(q, name):
+            return False
+        counts, corners = self._look()
+        shown = int(np.isfinite(corners[:, 0]).sum())
+        if counts is None:
+            found = "left out, the arm did not stand still"
+        elif shown < FEWEST_CORNERS:
+            found = "left out, the target was not seen"
+        else:
+            self.record.add(counts, corners)
+            found = f"{shown} corners"
+        self.console.step(f"{name}: {found}, {len(self.record)} recorded")
+        return counts is not None and shown >= FEWEST_CORNERS
 
     def _drive(self, q: Array, what: str) -> bool:
         """Plan the way to a configuration, certify it, drive it; False if there is none."""
@@ -223,21 +256,14 @@ class Collector:
             self.run.execute(plan.steps)
         return True
 
-    def _photograph(self) -> bool:
-        """Photograph the target with the arm at rest, and keep its corners' means over the frames."""
+    def _look(self) -> tuple[tuple[int, ...] | None, Array]:
+        """Counts of the arm at rest, None if it moved meanwhile, and corners (m, 2) px, means over the frames."""
         mars, cell = self.run.connection.mars, self.run.task.cell
         mars.link.wait(SETTLE_S)
         counts = mars.settled_counts()
         corners = seen_corners(self.run.connection.frames, self.finder, cell.photographs)
-        if mars.settled_counts() != counts or np.isfinite(corners[:, 0]).sum() < FEWEST_CORNERS:
-            return False
-        self.joints.append(frozen(cell.nominal_unit.positions(counts)))
-        self.pixels.append(corners)
-        return True
-
-    def write(self) -> None:
-        """Write the recording, whole or not at all."""
-        write_atomic(self.file, json.dumps(recording_json(self.recording()), indent=1) + "\n")
+        still = farthest(counts, mars.settled_counts()) <= STILL_COUNTS
+        return (counts if still else None), corners
 
 
 def seen_corners(frames: FrameSource, finder: TargetFinder, count: int) -> Array:
@@ -251,31 +277,3 @@ def seen_corners(frames: FrameSource, finder: TargetFinder, count: int) -> Array
     mean = np.full(shown.shape[1:], np.nan)
     mean[seen] = np.nanmean(shown[:, seen], axis=0)
     return frozen(mean)
-
-
-def recording_json(r: ArmRecording) -> dict[str, Any]:
-    """A recording as its file has it."""
-    dh = r.dh
-    return {
-        "kind": "eye_to_hand_fixed_camera",
-        **({"unit": r.unit} if r.unit else {}),
-        "camera": {
-            "K_px": r.camera.K.tolist(),
-            "distortion_k1k2p1p2k3": r.camera.distortion.tolist(),
-            "size_px": list(r.camera.size),
-        },
-        "dh": {
-            "d_m": dh.d.tolist(),
-            "a_m": dh.a.tolist(),
-            "alpha_rad": dh.alpha.tolist(),
-            "theta_offset_rad": dh.theta_offset.tolist(),
-        },
-        "target": {"kind": r.kind, "points_m": r.points.tolist()},
-        "poses": [
-            {
-                "joints_rad": q.tolist(),
-                "corners_px": [[None, None] if np.isnan(c).any() else c.tolist() for c in corners],
-            }
-            for q, corners in zip(r.joints, r.pixels, strict=True)
-        ],
-    }

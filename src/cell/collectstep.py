@@ -1,44 +1,81 @@
-"""The collection as a command: open the cell, take the poses, calibrate."""
+"""The collection as a command: choose the poses, open the cell, take them, calibrate."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from arm.errors import InputError
+import numpy as np
+
+from arm.errors import ExecutionStopped, InputError
 from arm.files import keep_apart
+from arm.se3 import Array
 from calib.hand_eye import HAND_EYE_LIMITS
-from cell.applying import apply_calibration
-from cell.calibratechain import limits_of, report_beside, require_files, solve_hand_eye
-from cell.collecting import CollectOptions, Collector
+from cell.calibratechain import Results, encoder_step_of, limits_of, solve_hand_eye
+from cell.collecting import CollectOptions, Collector, choose, hand_scene
+from cell.connection import require_openable
 from cell.console import Console
+from cell.handrecord import CHANGED, HandRecord
 from cell.handtarget import read_hand_target
-from cell.run import opened
-from cell.taskfile import read_task
+from cell.run import opened, run_folder
+from cell.taskfile import Task, read_task
 from driver.control import Control
 
 
+@dataclass(frozen=True)
+class CollectFiles:
+    """What a collection reads and writes.
+
+    Attributes:
+        recording: that is begun, or gone on with.
+        task, target: files of the task, whose cell it is, and of what the hand holds.
+        output, report: of the calibration; None: not written.
+        apply: let the task's cell file name the calibration, if it is accepted.
+        folder: for plans and the wire log; None: a new one.
+    """
+
+    recording: Path
+    task: Path
+    target: Path
+    output: Path | None = None
+    report: Path | None = None
+    apply: bool = False
+    folder: Path | None = None
+
+
+@dataclass(frozen=True)
+class WhichCell:
+    """The real cell behind a port, or the simulated one.
+
+    Attributes:
+        port: of the real controller; None: the simulated cell.
+        world: truth of the simulated cell.
+        images, camera: where the real one's photographs come from.
+        speed: factor of velocities; None: the cell file's.
+        time_scale: of the simulated cell.
+    """
+
+    port: str | None = None
+    world: Path | None = None
+    images: Path | None = None
+    camera: str | None = None
+    speed: float | None = None
+    time_scale: float | None = None
+
+
 def collect_step(
-    recording: Path,
-    task_file: Path,
-    target_file: Path,
-    output: Path | None,
-    report: Path | None,
-    apply: bool,
+    files: CollectFiles,
     options: CollectOptions,
     limit_mm: float | None,
-    port: str | None,
-    world: Path | None,
-    camera: str | None,
-    speed: float | None,
-    time_scale: float | None,
-    folder: Path | None,
+    where: WhichCell,
     console: Console,
+    encoder_step_deg: float | None = None,
 ) -> dict[str, Any]:
     """Record the target in the arm's hand and calibrate; both files are written as soon as they can be.
 
-    Args:
-        apply: let the task's cell file name the calibration, if it is accepted.
+    A recording that is complete is not added to, and nothing moves. A calibration that the cell file names and that
+    cannot be used is left out: it is to be made here.
 
     Raises:
         InputError: a file, value or port is wrong.
@@ -46,35 +83,88 @@ def collect_step(
         ExecutionStopped: motion stopped; the same command goes on from what was recorded.
         CalibrationRefused: nothing could be computed.
     """
-    task, hand = read_task(task_file), read_hand_target(target_file)
-    limits = limits_of(HAND_EYE_LIMITS, limit_mm)
-    if apply and output is None:
+    recording, output = files.recording, files.output
+    limits, encoder_step = limits_of(HAND_EYE_LIMITS, limit_mm), encoder_step_of(encoder_step_deg)
+    task = read_task(files.task, lambda why: console.step(f"begun without the cell's calibration: {why}"))
+    hand = read_hand_target(files.target)
+    if files.apply and output is None:
         raise InputError(
             "--apply needs -o FILE: the calibration file that the cell is to name", option="--apply"
         )
-    keep_apart(recording, task_file, target_file, task.cell.file)
-    report = report_beside(output, report)
-    inputs = (recording, task_file, target_file, task.cell.file, task.cell.camera_file)
-    keep_apart(output, *inputs)
-    keep_apart(report, *inputs)
-    require_files(output, report)
-    speed = task.cell.speed if speed is None else speed
-    task.cell.limits.scaled(speed)
-    if port is None and recording.suffix != ".json":
+    if recording.suffix != ".json":
         raise InputError(f"{recording}: a recording is a .json file", file=str(recording))
-    with opened(task, console, port, world, None, camera, speed, time_scale, folder, Control()) as run:
-        if run.connection.simulated is not None:
-            run.connection.simulated.in_hand = hand.roughly_mounted(run.connection.simulated.world.seed)
-        collector = Collector(run, hand, recording, options, console)
-        collector.take_into_use()
-        collector.home()
-        taken = collector.collect()
-        collector.home()
-        console.step(f"{taken} poses taken, {len(collector.joints)} in {recording}")
+    world = where.world or task.file.with_suffix(".world.toml")
+    read = (files.task, files.target, task.cell.file, task.cell.camera_file, world)
+    keep_apart(recording, *read)
+    results = Results.beside(output, files.report, recording, *read)
+    record = HandRecord(recording, task.cell, hand)
+    folder, pool = None, None
+    if len(record) < options.poses:
+        pool, folder = _add(task, record, options, files.folder, where, console)
+    else:
+        console.step(f"{recording}: holds {len(record)} poses already, so nothing moves")
     result = solve_hand_eye(
-        recording, collector.recording(), task.cell.unit.name, output, report, limits, None, console
+        recording,
+        record.recording(),
+        results,
+        limits,
+        encoder_step,
+        console,
+        task.cell.file,
+        files.apply,
+        pool,
     )
-    if apply and output is not None and not result["reasons"]:
-        line = apply_calibration(task.cell.file, output)
-        console.say(f"{task.cell.file} says now: {line}")
-    return {**result, "recording": str(recording), "folder": str(run.folder)}
+    return {**result, "recording": str(recording), "folder": None if folder is None else str(folder)}
+
+
+def _add(
+    task: Task,
+    record: HandRecord,
+    options: CollectOptions,
+    folder: Path | None,
+    where: WhichCell,
+    console: Console,
+) -> tuple[Array, Path]:
+    """Take the poses that are missing; readings (n, 6) rad at which the target could be shown, and the run's folder.
+
+    What can be seen without the arm is seen first: the choice of poses takes long.
+    """
+    if len(record):
+        console.step(f"{record.file}: {len(record)} poses are there from before")
+    speed = task.cell.speed if where.speed is None else where.speed
+    task.cell.limits.scaled(speed)
+    require_openable(task, where.port, where.world, where.images, where.camera, where.time_scale)
+    run_folder(folder, task.name)
+    scene = hand_scene(record)
+    choice = choose(record, scene, options, console)
+    opening = opened(
+        task,
+        console,
+        where.port,
+        where.world,
+        where.images,
+        where.camera,
+        speed,
+        where.time_scale,
+        folder,
+        Control(),
+    )
+    try:
+        with opening as run:
+            if run.connection.simulated is not None:
+                run.connection.simulated.hold(record.hand)
+            collector = Collector(run, record, scene, console)
+            collector.take_into_use()
+            if len(record):
+                collector.require_same_hold()
+            taken = collector.collect(choice.q, nearest_first=not options.recipe)
+            collector.home()
+    except ExecutionStopped as error:
+        if not len(record) or error.data.get("reason") == CHANGED:
+            raise
+        raise ExecutionStopped(
+            f"{error}; {len(record)} poses are in {record.file}, and the same command goes on from them",
+            **error.data,
+        ) from error
+    console.step(f"{taken} taken, {len(record)} poses in {record.file}")
+    return np.array([record.to_readings(q) for q in choice.pool]), run.folder

@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING
 
 from arm.errors import InputError
 from cell.cameras import open_basler, require_one_camera
+from cell.cellcamera import OF_CELL
 from cell.console import say_on_stderr
 from cell.taskfile import Task
 from driver.clock import Clock
 from driver.mars import Mars
 from driver.wirelog import WireLog
+from vision.basler_devices import read_selector
 from vision.frames import IMAGE_SUFFIXES, FrameSource, Image, ImageFolder
 
 if TYPE_CHECKING:
@@ -125,6 +127,46 @@ def world_file(task: Task, world: Path | None) -> Path:
     return path
 
 
+def require_openable(
+    task: Task,
+    port: str | None,
+    world: Path | None,
+    images: Path | None,
+    camera: str | None,
+    time_scale: float | None,
+) -> None:
+    """See that options go together and that what they name is there; nothing is opened.
+
+    Args: those of `open_cell`.
+
+    Raises:
+        InputError: an option is wrong, or world file, folder or the name of a camera are not there.
+    """
+    if time_scale is not None and not 0.01 <= time_scale <= 100.0:
+        raise InputError(f"time scale = {time_scale:g}: must be from 0.01 to 100", time_scale=time_scale)
+    if time_scale is not None and port is not None:
+        raise InputError(
+            f"--time-scale {time_scale:g} is of the simulated cell; the unit on {port} has its own time",
+            time_scale=time_scale,
+        )
+    require_one_camera(images, camera)
+    for option, given in (("--images", images), ("--camera", camera)):
+        if port is None and given is not None:
+            raise InputError(f"{option} needs --port: the simulated cell has its own camera", option=option)
+    if port is None:
+        world_file(task, world)
+    elif images is not None:
+        AwaitedPhotographs(images)
+    elif camera in (None, OF_CELL) and task.cell.basler.device is None:
+        raise InputError(
+            "a camera is needed with --port: name one with --camera or in the cell file ([look.basler] device), or "
+            "give photographs with --images",
+            port=port,
+        )
+    elif camera is not None and camera != OF_CELL:
+        read_selector(camera)
+
+
 @contextmanager
 def open_cell(
     task: Task,
@@ -144,21 +186,10 @@ def open_cell(
     Raises:
         InputError: port, world file or camera are not there.
     """
-    if time_scale is not None and not 0.01 <= time_scale <= 100.0:
-        raise InputError(f"time scale = {time_scale:g}: must be from 0.01 to 100", time_scale=time_scale)
-    if time_scale is not None and port is not None:
-        raise InputError(
-            f"--time-scale {time_scale:g} is of the simulated cell; the unit on {port} has its own time",
-            time_scale=time_scale,
-        )
-    require_one_camera(images, camera)
-    for option, given in (("--images", images), ("--camera", camera)):
-        if port is None and given is not None:
-            raise InputError(f"{option} needs --port: the simulated cell has its own camera", option=option)
-    real = port is not None
+    require_openable(task, port, world, images, camera, time_scale)
     opened = (
-        _open_real(task, port or "", images, camera, log)
-        if real
+        _open_real(task, port, images, camera, log)
+        if port is not None
         else _open_simulated(task, world, time_scale or TIME_SCALE, log)
     )
     with opened as connection:
@@ -172,7 +203,7 @@ def _open_real(
     clock = Clock()
     # the camera is there before anything is sent, and is let go after the arm was told to stop
     with (
-        _real_camera(task.cell, port, images, camera) as frames,
+        _real_camera(task.cell, images, camera) as frames,
         WireLog(log, clock) as wire,
         Mars(port, task.cell.unit, clock, wire) as mars,
     ):
@@ -180,16 +211,10 @@ def _open_real(
 
 
 @contextmanager
-def _real_camera(cell: Cell, port: str, images: Path | None, camera: str | None) -> Iterator[FrameSource]:
+def _real_camera(cell: Cell, images: Path | None, camera: str | None) -> Iterator[FrameSource]:
     if images is not None:
         yield AwaitedPhotographs(images)
         return
-    if camera is None and cell.basler.device is None:
-        raise InputError(
-            "a camera is needed with --port: name one with --camera or in the cell file ([look.basler] device), or "
-            "give photographs with --images",
-            port=port,
-        )
     with open_basler(cell, camera) as frames:
         yield frames
 

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from arm.bodies import Body, Convex, convex
+from arm.bodies import Body, convex
 from arm.errors import ImpossibleError
 from arm.robot import Robot
 from arm.se3 import Array, frozen, inverse
 from arm.unit import Limits
 from cell.handtarget import PLATE, HandTarget
 from cell.targetviews import held
-from plan.ik import inverse_kinematics
+from plan.ik import Branches, inverse_kinematics
 from plan.world import World
 from vision.camera import Camera
 
@@ -24,6 +24,7 @@ UNSURE_PX = (
     60.0  # how far the target must appear inside the image while camera and arm are only roughly known
 )
 LIMIT_MARGIN = np.radians(3.0)  # rad, from the limits of the joints
+TOO_NEAR, HIDDEN = "too near something", "hidden by the arm"
 _BATCH, _MOST_BATCHES = 200, 60
 
 
@@ -40,21 +41,8 @@ class HandPool:
     tried: int
 
 
-def hand_pool(
-    robot: Robot,
-    bodies: tuple[Body, ...],
-    limits: Limits,
-    camera: Camera,
-    hand: HandTarget,
-    clearance: float,
-    count: int,
-    seed: int,
-    progress: Callable[[float], None] = lambda part: None,
-) -> HandPool:
-    """Configurations in which the camera sees the whole target in the hand.
-
-    Targets are held anywhere in the image, at any distance and turn; of the arm's ways to hold one there, one is
-    taken by chance, so that all joints turn.
+class HandView:
+    """What the camera sees of a target in the hand, as far as place and mount are known.
 
     Args:
         robot: the arm with the plate (`HandTarget.carried_by`).
@@ -63,6 +51,74 @@ def hand_pool(
         camera: about where it stands.
         hand: about how the target is held.
         clearance: from all bodies, m.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        bodies: tuple[Body, ...],
+        limits: Limits,
+        camera: Camera,
+        hand: HandTarget,
+        clearance: float,
+    ) -> None:
+        self.robot, self.camera, self.hand = robot, camera, hand
+        self.lower, self.upper = limits.lower + LIMIT_MARGIN, limits.upper - LIMIT_MARGIN
+        self._clearance = clearance
+        self._T_target_tool = inverse(hand.T_flange_target) @ robot.T_end_tool
+        self._world = World(robot, bodies)
+        self._bare = replace(robot, bodies=tuple(b for b in robot.bodies if b.name != PLATE))
+
+    def T_base_target(self, q: Array) -> Array:
+        """Where the target is at a configuration (6,) rad, 4x4."""
+        return np.asarray(self.robot.T_base_tool(q) @ inverse(self._T_target_tool))
+
+    def ways(self, T_base_target: Array) -> Branches:
+        """Configurations that hold targets at poses (n, 4, 4)."""
+        return inverse_kinematics(self.robot, T_base_target @ self._T_target_tool, self.lower, self.upper)
+
+    def in_image(self, T_camera_target: Array) -> bool:
+        """Whether all corners of a target at a pose appear well inside the image."""
+        points = self.hand.target.points() @ T_camera_target[:3, :3].T + T_camera_target[:3, 3]
+        if (points[:, 2] <= 0.0).any():
+            return False
+        pixels, last = self.camera.project(points), np.array(self.camera.size) - 1.0
+        return bool(((pixels >= UNSURE_PX) & (pixels <= last - UNSURE_PX)).all())
+
+    def obstacle(self, q: Array) -> str | None:
+        """Why a configuration that holds the target in view cannot be used; None if it can."""
+        if self._world.in_collision(q, self._clearance):
+            return TOO_NEAR
+        return HIDDEN if self._hidden(q) else None
+
+    def shows(self, q: Array) -> bool:
+        """Whether a configuration is within limits, clear, and shows the target not too obliquely."""
+        if (q < self.lower).any() or (q > self.upper).any():
+            return False
+        T = inverse(self.camera.T_base_camera) @ self.T_base_target(q)
+        facing = float(T[2, 2]) >= np.cos(TILT)  # z goes into the plate
+        return facing and self.in_image(T) and self.obstacle(q) is None
+
+    def _hidden(self, q: Array) -> bool:
+        """Whether the arm reaches into the sight between camera and target."""
+        sight = self.hand.sight(self.camera.T_base_camera, self.T_base_target(q))
+        middle = sight.mean(axis=0)
+        T = np.eye(4)
+        T[:3, 3] = middle
+        seen = Body("sight", convex(sight - middle), frozen(T), "sight")
+        return World(self._bare, (seen,)).in_collision(q)
+
+
+def hand_pool(
+    view: HandView, count: int, seed: int, progress: Callable[[float], None] = lambda part: None
+) -> HandPool:
+    """Configurations in which the camera sees the whole target in the hand.
+
+    Targets are held anywhere in the image, at any distance and turn; of the arm's ways to hold one there, one is
+    taken by chance, so that all joints turn.
+
+    Args:
+        view: of the target in the hand.
         count: configurations wanted.
         seed: of the choice.
         progress: told what part is there.
@@ -71,28 +127,24 @@ def hand_pool(
         ImpossibleError: fewer than a tenth of them can be had; data: tried, found, and why the others cannot.
     """
     rng = np.random.default_rng(seed)
-    world = World(robot, bodies)
-    lower, upper = limits.lower + LIMIT_MARGIN, limits.upper - LIMIT_MARGIN
-    T_target_tool = inverse(hand.T_flange_target) @ robot.T_end_tool
     found: list[Array] = []
-    why = {"out of the image": 0, "out of reach": 0, "too near something": 0, "hidden by the arm": 0}
+    why = {"out of the image": 0, "out of reach": 0, TOO_NEAR: 0, HIDDEN: 0}
     tried = 0
     for _ in range(_MOST_BATCHES):
-        seen = [T for T in (_held(camera, hand, rng) for _ in range(_BATCH)) if T is not None]
+        drawn = (_held(view, rng) for _ in range(_BATCH))
+        seen = [T for T in drawn if view.in_image(T)]
         tried += _BATCH
         why["out of the image"] += _BATCH - len(seen)
-        T_base_target = camera.T_base_camera @ np.array(seen).reshape(-1, 4, 4)
-        branches = inverse_kinematics(robot, T_base_target @ T_target_tool, lower, upper)
+        branches = view.ways(view.camera.T_base_camera @ np.array(seen).reshape(-1, 4, 4))
         why["out of reach"] += len(seen) - len(np.unique(branches.pose))
         for pose in np.unique(branches.pose):
             q = branches.q[rng.choice(np.flatnonzero(branches.pose == pose))]
-            if world.in_collision(q, clearance):
-                why["too near something"] += 1
-            elif _hidden(robot, camera, hand, T_base_target[pose], q):
-                why["hidden by the arm"] += 1
-            else:
-                found.append(q)
-                progress(len(found) / count)
+            obstacle = view.obstacle(q)
+            if obstacle is not None:
+                why[obstacle] += 1
+                continue
+            found.append(q)
+            progress(len(found) / count)
             if len(found) == count:
                 return HandPool(frozen(np.array(found)), tried)
     if len(found) < count / 10:
@@ -107,38 +159,17 @@ def hand_pool(
     return HandPool(frozen(np.array(found)), tried)
 
 
-def _held(camera: Camera, hand: HandTarget, rng: np.random.Generator) -> Array | None:
-    """T_camera_target somewhere, or None if not all of its corners are in the image."""
-    size = np.array(camera.size)
-    turn = rng.uniform(0.0, TILT) * _direction(rng)
-    T = held(
-        camera,
-        hand.target,
-        rng.uniform(0.1, 0.9, 2) * size,
+def _held(view: HandView, rng: np.random.Generator) -> Array:
+    """T_camera_target with the target's middle somewhere in the image."""
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    return held(
+        view.camera,
+        view.hand.target,
+        rng.uniform(0.1, 0.9, 2) * np.array(view.camera.size),
         rng.uniform(*DISTANCES),
-        turn,
+        rng.uniform(0.0, TILT) * np.array([np.cos(angle), np.sin(angle)]),
         rng.uniform(-np.pi, np.pi),
     )
-    pixels = camera.project(hand.target.points() @ T[:3, :3].T + T[:3, 3])
-    inside = ((pixels >= UNSURE_PX) & (pixels <= size - 1.0 - UNSURE_PX)).all()
-    return T if bool(inside) else None
-
-
-def _direction(rng: np.random.Generator) -> Array:
-    angle = rng.uniform(0.0, 2.0 * np.pi)
-    return np.array([np.cos(angle), np.sin(angle)])
-
-
-def _hidden(robot: Robot, camera: Camera, hand: HandTarget, T_base_target: Array, q: Array) -> bool:
-    """Whether the arm reaches into the sight between camera and target."""
-    sight = hand.sight(camera.T_base_camera, T_base_target)
-    middle = sight.mean(axis=0)
-    shape: Convex = convex(sight - middle)
-    T = np.eye(4)
-    T[:3, 3] = middle
-    bodies = tuple(b for b in robot.bodies if b.name != PLATE)
-    bare = replace(robot, bodies=bodies)
-    return World(bare, (Body("sight", shape, frozen(T), "sight"),)).in_collision(q)
 
 
 def nearest_order(q_from: Array, q: Array) -> list[int]:

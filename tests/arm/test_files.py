@@ -65,3 +65,16 @@ def test_what_is_read_is_not_written_over_by_any_name(tmp_path: Path) -> None:
 def test_what_is_no_file_name_is_told(name: str) -> None:
     with pytest.raises(FileInputError, match="is no file name"):
         read_text(Path(name))
+
+
+def test_a_link_stays_a_link_and_a_mode_stays_what_it_was(tmp_path: Path) -> None:
+    real, link = tmp_path / "folder" / "real.txt", tmp_path / "link.txt"
+    real.parent.mkdir()
+    real.write_text("before")
+    real.chmod(0o640)
+    link.symlink_to(real)
+    write_atomic(link, "after")
+    assert link.is_symlink()
+    assert real.read_text() == "after"
+    assert real.stat().st_mode & 0o777 == 0o640
+    assert [p.name for p in real.parent.iterdir()] == ["real.txt"]

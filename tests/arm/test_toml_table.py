@@ -70,6 +70,20 @@ def test_bad_values_are_told(table: TomlTable, read, message: str) -> None:  # t
     assert {"file", "key", "value", "rule"} <= set(error.value.data)
 
 
+def test_numbers_that_no_float_holds_are_no_numbers(tmp_path: Path) -> None:
+    path = tmp_path / "t.toml"
+    for digits, told in (
+        ("9" * 400, r"t\.toml: a = 9"),
+        ("9" * 5000, r"t\.toml: has a number that is too long"),
+    ):
+        path.write_text(f"a = {digits}\nb = [{digits}, 1]\n")
+        with pytest.raises(FileInputError, match=told):
+            TomlTable.read(path).number("a", "mm")
+    path.write_text(f"b = [{'9' * 400}, 1]\n")
+    with pytest.raises(FileInputError, match=r"must be 2 numbers"):
+        TomlTable.read(path).numbers("b", 2, "mm")
+
+
 def test_a_misspelt_key_gets_the_nearest_known_one(table: TomlTable) -> None:
     for key in ("length_mm", "names", "on", "triple", "rows", "sub", "list", "count"):
         assert key in table or key == "names"
