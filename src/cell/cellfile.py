@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -145,8 +146,13 @@ class Cell:
         return 1.0 - jaw_opening / self.jaw_opening
 
 
-def read_cell(path: Path) -> Cell:
+def read_cell(path: Path, uncalibrated: Callable[[InputError], None] | None = None) -> Cell:
     """Read a cell file.
+
+    Args:
+        path: the file.
+        uncalibrated: told why the calibration that the file names cannot be used; the cell is then read without it.
+            None: that is an error.
 
     Raises:
         InputError: with file, key, value, unit and rule.
@@ -161,7 +167,13 @@ def read_cell(path: Path) -> Cell:
     cube = root.table("cube")
 
     nominal_unit, nominal_camera = load_unit(unit_name), read_camera(camera_file)
-    calibration = _calibration(root, nominal_unit, nominal_camera)
+    calibration = None
+    try:
+        calibration = _calibration(root, nominal_unit, nominal_camera)
+    except InputError as error:
+        if uncalibrated is None:
+            raise
+        uncalibrated(error)
     unit, camera = nominal_unit, nominal_camera
     if calibration is not None:
         unit = unit.calibrated(calibration.joint_offsets)

@@ -42,9 +42,9 @@ def _check_plan(plan_file: Path, task_file: Path, console: Console) -> dict[str,
     """Everything the plan would send, judged anew."""
     from arm.planfile import read_plan
     from cell.checking import check_plan
-    from cell.taskfile import read_task
+    from cell.placefile import read_place
 
-    task, plan = read_task(task_file), read_plan(plan_file)
+    task, plan = read_place(task_file), read_plan(plan_file)
     result = check_plan(task, plan)
     console.table(
         ("move", "mm stated", "mm proved", "closest"),

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import sys
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,6 +14,9 @@ from arm.errors import A465Error, ExecutionStopped, ImpossibleError, InputError
 from cell.cli_calibrate import app as calibrate_app
 from cell.console import Console, OutputLost, say_on_stderr
 from driver.interrupt import interruptible
+
+if TYPE_CHECKING:
+    from cell.watcher import Watcher
 
 app = typer.Typer(
     name="a465",
@@ -83,7 +86,17 @@ Output = Annotated[
 ]
 
 
+LiveFlag = Annotated[
+    bool, typer.Option("--live", help="Show the run in a browser of this machine, while it runs.")
+]
+LivePort = Annotated[
+    int | None,
+    typer.Option("--live-port", help="Port of the live view, on 127.0.0.1; default: any free one."),
+]
+
+
 @app.command(
+    short_help="Do a whole task: look, plan, stream, look again, report.",
     help="Do the whole task: look, check reach, plan, stream, look again after each cube, report. "
     "In the simulated cell, or on the real one with --port.",
     epilog="Example: a465 run scenes/task2.toml --speed 0.5",
@@ -100,15 +113,22 @@ def run(
         Path | None, typer.Option("-o", "--output", help="New folder of the run; default: runs/TASK-1, -2 ..")
     ] = None,
     advice: Advice = True,
+    live: LiveFlag = False,
+    live_port: LivePort = None,
     as_json: Json = False,
 ) -> None:
     from cell.run import run_task
 
     console = Console(as_json)
-    _finish(console, run_task(task, console, port, world, images, speed, time_scale, output, advice, camera))
+    with _watched(console, live, live_port) as watcher:
+        report = run_task(
+            task, console, port, world, images, speed, time_scale, output, advice, camera, watcher
+        )
+        _finish(console, report)
 
 
 @app.command(
+    short_help="Find the boards, their holes and cubes.",
     help="Find the boards, their holes and cubes: in photographs, with a camera, or in the simulated cell.",
     epilog="Example: a465 look scenes/task2.toml -o look.json",
 )
@@ -151,6 +171,7 @@ def look(
 
 
 @app.command(
+    short_help="Say for every hole whether the arm can serve it.",
     help="Say for every hole whether the arm can serve it, on which branches, and by how much not.",
     epilog="Example: a465 reach scenes/task2.toml --look look.json",
 )
@@ -162,6 +183,7 @@ def reach(task: TaskFile, look: LookFile, advice: Advice = True, as_json: Json =
 
 
 @app.command(
+    short_help="Plan a whole task from what was seen.",
     help="Plan the whole task from what was seen and write the plan file.",
     epilog="Example: a465 plan scenes/task2.toml --look look.json -o plan.json",
 )
@@ -180,6 +202,42 @@ def plan(
 
 
 @app.command(
+    "plan-poses",
+    short_help="Plan through a list of poses and configurations.",
+    help="Plan the arm through a list of poses and joint configurations, as programs for ctu_crs have them, "
+    "clear of all that stands in the cell, and write the plan file. docs/interop.md tells the formats.",
+    epilog="Example: a465 plan-poses scenes/cell.toml poses.json -o plan.json -- or: "
+    "a465 plan-poses scenes/task2.toml poses.npy --frame flange --look look.json",
+)
+def plan_poses(
+    place: Annotated[Path, typer.Argument(help="Cell file, or task file with its cell.", metavar="CELL")],
+    poses: Annotated[Path, typer.Argument(help="The list: JSON, CSV or .npy.", metavar="POSES")],
+    look: Annotated[
+        Path | None, typer.Option("--look", help="What was seen; else table and walls alone are there.")
+    ] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Plan file to write.")] = Path("plan.json"),
+    frame: Annotated[
+        str | None,
+        typer.Option("--frame", help="Whose poses bare numbers are: flange (as ctu_crs has them) or tool."),
+    ] = None,
+    angles: Annotated[
+        str | None, typer.Option("--angles", help="Unit of bare joint angles: rad or deg.")
+    ] = None,
+    lengths: Annotated[str, typer.Option("--lengths", help="Unit of places in poses: m or mm.")] = "m",
+    speed: Speed = None,
+    back: Annotated[bool, typer.Option("--back", help="Go back to q_start in the end.")] = False,
+    as_json: Json = False,
+) -> None:
+    from cell.poselistfile import reading_of
+    from cell.poseliststep import plan_poses_step
+
+    console = Console(as_json)
+    reading = reading_of(frame, angles, lengths)
+    console.result(plan_poses_step(place, poses, look, output, reading, speed, back, console))
+
+
+@app.command(
+    short_help="Check a plan again, a scene, or a configuration.",
     help="Check a plan file again: limits and clearance of everything it would send. "
     "Or a scene file: verdicts and distances against those it expects; with --q, "
     "the closest pairs at any configuration of a scene, cell or task file.",
@@ -205,6 +263,7 @@ def check(
 
 
 @app.command(
+    short_help="Write a page that shows a plan or a log in 3D.",
     help="Write a page that shows a plan in 3D, or what a log says was executed over what was planned; "
     "it opens in any browser without a network.",
     epilog="Example: a465 preview plan.json scenes/task2.toml -o plan.html -- or: "
@@ -229,6 +288,7 @@ def preview(
 
 
 @app.command(
+    short_help="Execute a plan: simulated, or on the arm with --port.",
     help="Execute a plan file, if it matches the cell of now: in the simulated cell, or on the arm with --port. "
     "On a terminal: space pauses, + and - change the speed, q or Ctrl-C aborts.",
     epilog="Example: a465 execute plan.json scenes/task2.toml --speed 0.5",
@@ -248,18 +308,34 @@ def execute(
         bool, typer.Option("--resume", help="After a stop: plan what is left anew, from where the arm is.")
     ] = False,
     time_scale: TimeScale = None,
+    yes: Annotated[
+        str | None,
+        typer.Option(
+            "--yes", help="With --port: the code that the plan's preview shows; else it is asked for."
+        ),
+    ] = None,
+    live: LiveFlag = False,
+    live_port: LivePort = None,
     as_json: Json = False,
 ) -> None:
+    from cell.approval import Approval, require_a_port
     from cell.run import execute_plan, resume_plan
 
     console = Console(as_json)
-    if resume:
-        _finish(console, resume_plan(plan, task, console, port, images, None, speed, camera))
-        return
-    _finish(console, execute_plan(plan, task, console, port, world, images, time_scale, None, speed, camera))
+    require_a_port(yes, port)
+    confirm = None if port is None else Approval(plan, yes, console)
+    with _watched(console, live, live_port) as watcher:
+        if resume:
+            report = resume_plan(plan, task, console, port, images, None, speed, camera, confirm, watcher)
+        else:
+            report = execute_plan(
+                plan, task, console, port, world, images, time_scale, None, speed, camera, confirm, watcher
+            )
+        _finish(console, report)
 
 
 @app.command(
+    short_help="Be a MARS-8 controller with an arm, for rehearsals.",
     help="Be a MARS-8 controller with an arm on a pseudo-terminal, until interrupted. "
     "With --task, one among the boards and cubes of a simulated cell; with --fault, one on which things go wrong "
     "as told.",
@@ -292,16 +368,21 @@ def emulate(
         Path | None,
         typer.Option("--photographs", help="Folder that gets photographs of that cell while the arm stands."),
     ] = None,
+    hand: Annotated[
+        Path | None,
+        typer.Option("--hand", help="Target that the gripper holds, such as scenes/targets/hand.toml."),
+    ] = None,
     time_scale: Annotated[
         float, typer.Option("--time-scale", help="Emulated seconds per wall second.")
     ] = 1.0,
 ) -> None:
     from cell.emulating import emulate_step
 
-    emulate_step(unit, link, tcp, time_scale, fault, log, task, world, photographs)
+    emulate_step(unit, link, tcp, time_scale, fault, log, task, world, photographs, hand)
 
 
 @app.command(
+    short_help="Render photographs of the simulated cell.",
     help="Render photographs of the simulated cell with the arm at q_start.",
     epilog="Example: a465 render scenes/task2.toml -o photographs",
 )
@@ -329,27 +410,119 @@ def render(
 
 
 @app.command(
-    help="Write what a log holds in another form: a table of samples, a ROS 2 JointTrajectory, or MCAP.",
-    epilog="Example: a465 export runs/task2-1/wire.jsonl --format csv -o samples.csv",
+    short_help="Write a log, a plan or a scene as CSV, ROS, MCAP or URDF.",
+    help="Write a log or a plan in another form: a table of samples, a ROS 2 JointTrajectory, or MCAP. "
+    "Or the arm and what stands around it, of a plan, scene, cell or task file: URDF and SRDF in a folder.",
+    epilog="Example: a465 export runs/task2-1/wire.jsonl --format csv -o samples.csv -- or: "
+    "a465 export scenes/cell.toml -o cell_description",
 )
 def export(
-    log: Annotated[
-        Path, typer.Argument(help="Log of a run, such as runs/task2-1/wire.jsonl.", metavar="LOG")
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help="Log of a run, plan, scene, cell or task file; told by what is in it.", metavar="FILE"
+        ),
     ],
-    form: Annotated[str, typer.Option("--format", help="csv, trajectory or mcap.")] = "csv",
-    output: Output = None,
+    form: Annotated[
+        str | None,
+        typer.Option("--format", help="csv, trajectory, mcap or urdf; default: csv, of a scene urdf."),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="File to write; of urdf a new folder.")
+    ] = None,
     planned: Annotated[
-        bool, typer.Option("--planned", help="Of a trajectory: what was sent, not where the arm was seen.")
+        bool,
+        typer.Option("--planned", help="Of a log's trajectory: what was sent, not where the arm was seen."),
     ] = False,
     unit: Annotated[
-        str | None, typer.Option("--unit", help="crs93 or crs97; default: what the log tells.")
+        str | None, typer.Option("--unit", help="Of a log: crs93 or crs97; default: what it tells.")
+    ] = None,
+    period: Annotated[
+        float | None, typer.Option("--period", help="Of a plan: seconds between samples; default: 0.02.")
+    ] = None,
+    cell: Annotated[
+        Path | None,
+        typer.Option("--cell", help="Of a plan for a calibrated arm: its cell or task file."),
+    ] = None,
+    look: Annotated[
+        Path | None, typer.Option("--look", help="Of a cell or task file: what was seen, put into it.")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    from cell.export import export_step
+    from cell.export import Asked, export_file
 
     console = Console(as_json)
-    console.result(export_step(log, form, output, planned, unit, console))
+    asked = Asked(form, output, planned, unit, period, cell, look)
+    console.result(export_file(file, asked, console))
+
+
+@app.command(
+    name="new-cell",
+    short_help="Write a commented cell of your own to start from.",
+    help="Write a cell of your own to start from, with a task of each kind, into a new or empty folder: every value "
+    "with what to measure. It works in the simulated cell at once.",
+    epilog="Example: a465 new-cell my-cell --unit crs97",
+)
+def new_cell(
+    folder: Annotated[Path, typer.Argument(help="New or empty folder.", metavar="DIR")],
+    unit: Annotated[str, typer.Option("--unit", help="crs93 or crs97.")] = "crs93",
+    name: Annotated[
+        str | None, typer.Option("--name", help="What the cell is called; default: as the folder.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    from cell.newcell import new_cell_step
+
+    console = Console(as_json)
+    console.result(new_cell_step(folder, unit, name, console))
+
+
+@app.command(
+    short_help="Look whether everything is there and works.",
+    help="Look whether everything is there and works: libraries, ports, cameras, a cell and its calibrations, and a "
+    "self-test of five seconds. Nothing moves. Exit code 3 if something is wrong.",
+    epilog="Example: a465 doctor --cell scenes/task2.toml --port /dev/mars --camera name:camera-crs93",
+)
+def doctor(
+    port: Annotated[
+        str | None,
+        typer.Option(
+            "--port", help="Ask the controller on this port who it is, by ECHO, STAMP and VER alone."
+        ),
+    ] = None,
+    camera: Annotated[
+        str | None,
+        typer.Option(
+            "--camera",
+            help="Take a photograph with this Basler camera: name:NAME, serial:NUMBER, ip:ADDRESS, class:CLASS, or "
+            "cell for the cell file's.",
+            metavar="SELECTOR",
+        ),
+    ] = None,
+    cell: Annotated[
+        Path | None,
+        typer.Option(
+            "--cell", help="Cell or task file to look at; default: the built-in one.", metavar="CELL"
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    from cell.doctor import doctor_step
+
+    console = Console(as_json)
+    report = doctor_step(port, camera, cell, console)
+    console.result(report)
+    if report["wrong"]:
+        _refuse(f"doctor: wrong: {', '.join(report['wrong'])}")
+
+
+def _watched(console: Console, live: bool, port: int | None) -> AbstractContextManager[Watcher | None]:
+    """A live view, if one is asked for; a port asks for it too."""
+    if not live and port is None:
+        return nullcontext()
+    from cell.live import live_view
+
+    return live_view(console, port or 0)
 
 
 def _finish(console: Console, report: dict[str, Any]) -> None:

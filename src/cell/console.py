@@ -8,7 +8,7 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, TextIO
 
 from arm.errors import ExecutionStopped
@@ -32,6 +32,9 @@ class Console:
 
     With `as_json`, standard output gets exactly one JSON object at the end and everything else goes to standard
     error, so that a program can read the one while a person follows the other.
+
+    Attributes:
+        listener: called with every line of `step`, before it is written; None if nobody listens.
     """
 
     def __init__(self, as_json: bool = False) -> None:
@@ -42,6 +45,7 @@ class Console:
         self._lost: OSError | None = None
         self._needed = False
         self._started = time.monotonic()
+        self.listener: Callable[[str], None] | None = None
 
     @contextlib.contextmanager
     def heard(self) -> Iterator[None]:
@@ -64,8 +68,11 @@ class Console:
         self._write(f"{text}\n")
 
     def step(self, text: str) -> None:
-        """One line with the wall time since the start."""
-        self.say(f"[{time.monotonic() - self._started:5.1f} s] {text}")
+        """One line with the wall time since the start; a listener hears it too."""
+        line = f"[{time.monotonic() - self._started:5.1f} s] {text}"
+        if self.listener is not None:
+            self.listener(line)
+        self.say(line)
 
     def progress(self, text: str, fraction: float, hint: str = "") -> None:
         """A bar that redraws itself on a terminal, with a hint behind it; silent elsewhere."""

@@ -39,6 +39,7 @@ def emulate_step(
     task_file: Path | None = None,
     world: Path | None = None,
     photographs: Path | None = None,
+    hand_file: Path | None = None,
 ) -> None:
     """Serve until a signal comes, then say what happened to the cubes, if there are any.
 
@@ -52,6 +53,7 @@ def emulate_step(
         task_file: of the cell around the arm; None leaves the arm alone.
         world: truth of that cell; default: beside the task file.
         photographs: folder that gets photographs of that cell (`cell.foldercamera`).
+        hand_file: target that the gripper of that cell holds, about where the file says.
 
     Raises:
         InputError: unit, link, port, time scale, fault file, log, task, world or folder is wrong; nothing was served.
@@ -66,7 +68,7 @@ def emulate_step(
     if tcp is not None and not 0 <= tcp <= 65535:
         raise InputError(f"tcp = {tcp}: must be a port from 0 to 65535", tcp=tcp)
     keep_apart(log_file, fault_file, task_file, world)
-    simulated = _cell(task_file, world, photographs)
+    simulated = _cell(task_file, world, photographs, hand_file)
     unit, clock = _unit(unit_name, simulated), Clock(time_scale)
     options = EmulatorOptions(faults=read_faults(fault_file) if fault_file else ())
     over = threading.Event()
@@ -110,17 +112,24 @@ def _is_dead(link: Path) -> bool:
     return link.is_symlink() and os.readlink(link).startswith("/dev/pts/") and not link.exists()
 
 
-def _cell(task_file: Path | None, world: Path | None, photographs: Path | None) -> SimulatedCell | None:
+def _cell(
+    task_file: Path | None, world: Path | None, photographs: Path | None, hand_file: Path | None
+) -> SimulatedCell | None:
     """The cell around the arm, if one is asked for."""
     if task_file is None:
-        for name, value in (("--world", world), ("--photographs", photographs)):
+        for name, value in (("--world", world), ("--photographs", photographs), ("--hand", hand_file)):
             if value is not None:
                 raise InputError(f"{name} needs --task: the unit alone has no cell", value=str(value))
         return None
     from cell.connection import simulated_cell
     from cell.taskfile import read_task
 
-    return simulated_cell(read_task(task_file), world)
+    simulated = simulated_cell(read_task(task_file), world)
+    if hand_file is not None:
+        from cell.handtarget import read_hand_target
+
+        simulated.hold(read_hand_target(hand_file))
+    return simulated
 
 
 def _unit(name: str | None, simulated: SimulatedCell | None) -> Unit:

@@ -1,24 +1,158 @@
-"""``a465 export``: a wire log as CSV, as a ROS 2 JointTrajectory in JSON, or as MCAP."""
+"""``a465 export``: a log, plan, scene, cell or task file in other programs' forms; its content tells which it is."""
 
 from __future__ import annotations
 
 import json
 import math
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from arm.errors import InputError
-from arm.files import keep_apart, write_atomic
+from arm.files import keep_apart, read_text, write_atomic
+from arm.planfile import read_plan
 from arm.unit import Unit
 from cell.console import Console
-from cell.exportros import joint_trajectory
+from cell.exportros import JOINTS, joint_trajectory
 from cell.exportseries import Executed, executed, planned, unit_of
-from driver.logfile import Session, read_log
+from driver.logfile import Session, is_log, read_log
 
+if TYPE_CHECKING:
+    from cell.exporturdf import Surroundings
+
+PERIOD_S = 0.02  # between samples of a plan
+URDF = "urdf"
 SUFFIXES = {"csv": ".csv", "trajectory": ".trajectory.json", "mcap": ".mcap"}
-JOINTS = ("J1", "J2", "J3", "J4", "J5", "J6")  # of the arm's URDF
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Options of an export; None and False where they were not given.
+
+    Attributes:
+        form: of `SUFFIXES`, or `URDF`.
+        output: file or folder to write.
+        planned: of a log's trajectory: what was sent.
+        unit: of a log.
+        period: between samples of a plan, s.
+        cell: file of the cell or task that a plan is for.
+        look: what was seen, of a cell or task.
+    """
+
+    form: str | None = None
+    output: Path | None = None
+    planned: bool = False
+    unit: str | None = None
+    period: float | None = None
+    cell: Path | None = None
+    look: Path | None = None
+
+
+def export_file(file: Path, asked: Asked, console: Console) -> dict[str, Any]:
+    """Write a file in another form; what was written, as JSON types.
+
+    Raises:
+        InputError: it is nothing that can be exported, an option or form that does not go with it, or nothing can be
+            written.
+    """
+    if is_log(file):
+        _refuse_options(file, "a log", asked, ("planned", "unit"), tuple(SUFFIXES))
+        return export_step(file, asked.form or "csv", asked.output, asked.planned, asked.unit, console)
+    if read_text(file).lstrip().startswith(("{", "[")):
+        _refuse_options(file, "a plan", asked, ("period", "cell"), (*SUFFIXES, URDF))
+        return _plan_step(file, asked, console)
+    _refuse_options(file, "a scene, cell or task file", asked, ("look",), (URDF,))
+    from cell.exportscene import surroundings_of_file
+
+    output = asked.output or file.with_name(f"{file.stem}_{URDF}")
+    return {"scene": str(file), **_urdf_step(surroundings_of_file(file, asked.look), output, console)}
+
+
+def _refuse_options(
+    file: Path, kind: str, asked: Asked, fitting: tuple[str, ...], forms: tuple[str, ...]
+) -> None:
+    if asked.form is not None and asked.form not in forms:
+        raise InputError(
+            f"--format {asked.form}: must be one of {', '.join(forms)}, as {file} is {kind}",
+            value=asked.form,
+            choices=list(forms),
+        )
+    for name in ("planned", "unit", "period", "cell", "look"):
+        if name not in fitting and getattr(asked, name) not in (None, False):
+            raise InputError(f"--{name} does not go with {kind}, which {file} is", option=name)
+
+
+def _plan_step(file: Path, asked: Asked, console: Console) -> dict[str, Any]:
+    from cell.exportplan import csv_of, messages_of, sampled, trajectory_of
+    from cell.exportscene import surroundings_of_plan, unit_of_plan
+    from cell.placefile import read_place
+
+    plan, form = read_plan(file), asked.form or "csv"
+    place = None if asked.cell is None else read_place(asked.cell)
+    if form == URDF:
+        if asked.period is not None:
+            raise InputError("--period does not go with --format urdf", option="period")
+        output = asked.output or file.with_name(f"{file.stem}_{URDF}")
+        told = _urdf_step(surroundings_of_plan(file, plan, place), output, console)
+        return {"plan": str(file), "plan_sha256": plan.sha256, **told}
+    unit = unit_of_plan(file, plan, place)
+    if form == "trajectory" and asked.period is not None:
+        raise InputError(
+            "--period does not go with --format trajectory, which has the ends of segments", option="period"
+        )
+    path = asked.output or file.with_suffix(SUFFIXES[form])
+    keep_apart(path, file, asked.cell)
+    period = PERIOD_S if asked.period is None else asked.period
+    if form == "csv":
+        samples = sampled(plan, unit, period)
+        content: str | bytes = csv_of(samples)
+        counted: dict[str, Any] = {"samples": len(samples.time_s)}
+    elif form == "trajectory":
+        trajectory = trajectory_of(plan, unit)
+        content = json.dumps(trajectory, separators=(",", ":"), allow_nan=False) + "\n"
+        counted = {"points": len(trajectory["points"])}
+    else:
+        from cell.exportmcap import mcap_of
+
+        content, topics = mcap_of(messages_of(plan, unit, period))
+        counted = {"messages": topics}
+    write_atomic(path, content)
+    told = {
+        "plan": str(file),
+        "plan_sha256": plan.sha256,
+        "format": form,
+        "unit": unit.name,
+        "file": str(path),
+    }
+    told |= {**counted, "damaged": 0, "bytes": path.stat().st_size}
+    console.say(_phrase(told))
+    return told
+
+
+def _urdf_step(there: Surroundings, output: Path, console: Console) -> dict[str, Any]:
+    from cell.exportfolder import write_folder
+    from cell.exporturdf import describe
+
+    made = describe(there)
+    write_folder(output, made.files)
+    console.say(
+        f"the arm and {len(made.links)} bodies in {output}: {', '.join(sorted(made.files))}; "
+        f"{len(made.disabled)} pairs are not checked"
+    )
+    if there.padding:
+        console.say(
+            f"the scene's padding of {1e3 * there.padding:g} mm is not in it: URDF has no place for it"
+        )
+    return {
+        "format": URDF,
+        "folder": str(output),
+        "files": sorted(made.files),
+        "links": dict(made.links),
+        "disabled_pairs": len(made.disabled),
+        "padding_mm": 1e3 * there.padding,
+    }
 
 
 def export_step(

@@ -1,4 +1,4 @@
-"""A session as an MCAP file: JSON messages with JSON schemas, times in ns since the log was opened."""
+"""A session or a plan as an MCAP file: JSON messages with JSON schemas, times in ns since the log was opened."""
 
 from __future__ import annotations
 
@@ -45,6 +45,15 @@ def mcap_bytes(
     Raises:
         InputError: the library `mcap` is not installed.
     """
+    return mcap_of(_messages(session, names, seen, sent))
+
+
+def mcap_of(messages: Sequence[tuple[int, str, dict[str, Any]]]) -> tuple[bytes, dict[str, int]]:
+    """A file of messages (time in ns, topic of `TOPICS`, value), and how many each topic has.
+
+    Raises:
+        InputError: the library `mcap` is not installed.
+    """
     try:
         from mcap.writer import CompressionType, Writer
     except ImportError as error:
@@ -53,7 +62,6 @@ def mcap_bytes(
             "mcap beside a465",
             format="mcap",
         ) from error
-    messages = _messages(session, names, seen, sent)
     buffer = BytesIO()
     writer = Writer(buffer, compression=CompressionType.NONE)
     writer.start(profile="", library="a465")

@@ -11,6 +11,7 @@ from typing import Any
 
 from arm.se3 import Array
 
+JOINTS = ("J1", "J2", "J3", "J4", "J5", "J6")  # of the arm's URDF
 NS = 1_000_000_000
 DIGITS = 9  # of an angle in rad: a thousandth of a count
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
 
@@ -22,10 +23,17 @@ section { background:var(--panel); border:1px solid var(--line); border-radius:1
 table { border-collapse:collapse; width:100% }
 td,th { text-align:right; padding:3px 8px; border-bottom:1px solid var(--line) }
 th { color:var(--muted); font-weight:500 }
-td:first-child,th:first-child,td:nth-child(7),th:nth-child(7) { text-align:left }
+td.t,th.t { text-align:left }
 svg { width:100%; height:auto; display:block } svg text { fill:var(--muted); font-size:13px } figure { margin:0 }
+img { max-width:100%; display:block; border-radius:8px }
+.looks { display:grid; grid-template-columns:repeat(auto-fill, minmax(min(100%, 420px), 1fr)); gap:16px }
+details { margin-top:8px } summary { cursor:pointer; color:var(--muted) } a { color:var(--blue) }
 .frame { fill:none; stroke:var(--line) } ul { margin:4px 0; padding-left:20px } .out td { color:var(--muted) }
 """
+
+
+_NUMBER = re.compile(r"[-+]?[\d.]|-?$|held$")
+"""A cell of a column of numbers may be empty, too."""
 
 
 def page(title: str, parts: Iterable[str]) -> str:
@@ -50,9 +58,15 @@ def bullets(items: Sequence[str], title: str) -> str:
 
 
 def table(header: Sequence[str], rows: Iterable[tuple[str, Sequence[str]]]) -> str:
-    """Rows of a class ("" or "out") and their texts."""
-    head = "".join(f"<th>{h}</th>" for h in header)
+    """Rows of a class ("" or "out") and their texts; columns of numbers stand to the right."""
+    rows = list(rows)
+    text = [not all(_NUMBER.match(row[k]) for _, row in rows) for k in range(len(header))]
+    marks = [' class="t"' if is_text else "" for is_text in text]
+    head = "".join(f"<th{mark}>{h}</th>" for mark, h in zip(marks, header, strict=True))
     body = "".join(
-        f'<tr class="{kind}">{"".join(f"<td>{escape(v)}</td>" for v in row)}</tr>' for kind, row in rows
+        f'<tr class="{kind}">'
+        + "".join(f"<td{mark}>{escape(v)}</td>" for mark, v in zip(marks, row, strict=True))
+        + "</tr>"
+        for kind, row in rows
     )
     return f"<table><tr>{head}</tr>{body}</table>"

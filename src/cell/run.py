@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from arm.errors import A465Error, ExecutionStopped, InputError
+from arm.errors import A465Error, ExecutionStopped, ImpossibleError, InputError
 from arm.planfile import read_plan
 from cell.checking import replayed, require_match, require_scene, require_start_at
 from cell.connection import open_cell
@@ -17,6 +17,7 @@ from cell.keyboard import HELP, hint, keyboard
 from cell.resume import resume
 from cell.taskfile import Task, read_task
 from cell.taskrun import TaskRun
+from cell.watcher import Watcher
 from driver.control import Control
 from driver.interrupt import interruptible
 from driver.mars import Mars
@@ -33,8 +34,12 @@ def run_task(
     folder: Path | None = None,
     advice: bool = False,
     camera: str | None = None,
+    watcher: Watcher | None = None,
 ) -> dict[str, Any]:
     """Do a whole task; its report as JSON types. With `advice`, a refusal to plan says what would help.
+
+    Args:
+        watcher: follows the run.
 
     Raises:
         InputError: a file, value or port is wrong.
@@ -45,7 +50,9 @@ def run_task(
     task = read_task(task_file)
     speed = task.cell.speed if speed is None else speed
     task.cell.limits.scaled(speed)
-    with opened(task, console, port, world, images, camera, speed, time_scale, folder, Control()) as run:
+    with opened(
+        task, console, port, world, images, camera, speed, time_scale, folder, Control(), None, watcher
+    ) as run:
         run.advice = advice
         before = run.try_look("before anything moves")
         if before is not None and not run.foresee(before):
@@ -69,11 +76,15 @@ def execute_plan(
     folder: Path | None = None,
     speed: float = 1.0,
     camera: str | None = None,
+    confirm: Confirm | None = None,
+    watcher: Watcher | None = None,
 ) -> dict[str, Any]:
     """Execute a plan file if it holds and matches the cell of now; its report as JSON types.
 
     Args:
         speed: override of the whole execution, 0 to 1: velocities are those of the plan, or lower by this.
+        confirm: see `opened`; a real arm has one (`cell.approval`).
+        watcher: follows the run.
 
     Raises:
         InputError: a file, value or port is wrong.
@@ -86,8 +97,10 @@ def execute_plan(
     moves = replayed(task, plan)
     require_start_at(task, plan)
     console.step(f"plan {plan.sha256[:12]}: {len(moves)} moves hold and match this cell")
-    with opened(task, console, port, world, images, camera, plan.speed, time_scale, folder, control) as run:
-        run.followed = plan_file
+    with opened(
+        task, console, port, world, images, camera, plan.speed, time_scale, folder, control, confirm, watcher
+    ) as run:
+        run.followed = plan_file if plan.task["cubes"] else None
         before = run.try_look("before anything moves")
         if before is not None:
             require_scene(task.cell, plan, before)
@@ -96,7 +109,11 @@ def execute_plan(
         seen = run.look("from q_start")
         require_scene(task.cell, plan, seen)
         run.keep(plan, "plan")
-        _, again = run.follow(plan, seen)
+        again = False
+        if plan.task["cubes"]:
+            _, again = run.follow(plan, seen)
+        else:
+            run.execute(plan.steps)
         report = run.report()
     if again:
         raise ExecutionStopped(f"{run.remarks[-1]}; plan again", **report)
@@ -112,6 +129,8 @@ def resume_plan(
     folder: Path | None = None,
     speed: float = 1.0,
     camera: str | None = None,
+    confirm: Confirm | None = None,
+    watcher: Watcher | None = None,
 ) -> dict[str, Any]:
     """Go on after a stop, from where the arm is: what the plan was to do and is not done is planned anew.
 
@@ -125,10 +144,20 @@ def resume_plan(
     control = Control(ceiling=speed)
     task, plan = read_task(task_file), read_plan(plan_file)
     require_match(task, plan)
-    with opened(task, console, port, None, images, camera, plan.speed, None, folder, control) as run:
+    if not plan.task.get("cubes"):
+        raise ImpossibleError(
+            f"{plan_file}: moves no cubes, so nothing tells what of it is left; execute all of it again",
+            file=str(plan_file),
+        )
+    with opened(
+        task, console, port, None, images, camera, plan.speed, None, folder, control, confirm, watcher
+    ) as run:
         run.followed = plan_file
         resume(run, plan)
         return run.report()
+
+
+Confirm = Callable[[TaskRun], None]
 
 
 @contextmanager
@@ -143,13 +172,19 @@ def opened(
     time_scale: float | None,
     asked: Path | None,
     control: Control,
+    confirm: Confirm | None = None,
+    watcher: Watcher | None = None,
 ) -> Iterator[TaskRun]:
-    """A run on an open cell; however it ends, its folder tells how."""
+    """A run on an open cell; however it ends, its folder tells how.
+
+    Args:
+        confirm: asks a person, before keys mean anything else; raises if the answer is no.
+        watcher: follows the run.
+    """
     folder = run_folder(asked, task.name)
     with (
         console.heard(),
         interruptible(ends=True),
-        keyboard(control) as keys,
         open_cell(task, port, world, images, camera, time_scale, folder / "wire.jsonl") as connection,
     ):
         control.tell = console.step
@@ -160,13 +195,17 @@ def opened(
             speed,
             folder,
             control,
-            lambda running: hint(control, running) if keys else "",
+            watcher=watcher,
         )
         try:
-            if keys:
-                console.say(HELP)
             run.introduce()
-            yield run
+            if confirm is not None:
+                confirm(run)
+            with keyboard(control) as keys:
+                if keys:
+                    console.say(HELP)
+                    run.hint = lambda running: hint(control, running)
+                yield run
         except KeyboardInterrupt:
             raise _ended(run, _interrupted(connection.mars), port, images, camera) from None
         except A465Error as error:

@@ -125,6 +125,10 @@ class SimulatedCell:
                 for c in self._cubes
             ]
 
+    def hold(self, hand: HandTarget) -> None:
+        """Put a target into the gripper, as well as a person would."""
+        self.in_hand = hand.roughly_mounted(self.world.seed)
+
     def true_robot(self, jaw_opening: float) -> Robot:
         """The arm as it is, jaws at an opening in m."""
         return with_link_errors(self.cell.nominal_robot(jaw_opening), A465, self.world.links)

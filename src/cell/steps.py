@@ -178,8 +178,9 @@ def preview_step(plan_file: Path, task_file: Path, output: Path, console: Consol
     """``a465 preview``; a plan that is not for the cell of now is shown with a warning."""
     from cell.checking import require_match
     from cell.pages import write_page
+    from cell.placefile import read_place
 
-    task, plan = read_task(task_file), read_plan(plan_file)
+    task, plan = read_place(task_file), read_plan(plan_file)
     warning = None
     try:
         require_match(task, plan)

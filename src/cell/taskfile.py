@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from arm.board import Board
+from arm.errors import InputError
 from arm.files import canonical_json, sha256
 from arm.toml_table import TomlTable
 from cell.cellfile import Cell, read_cell
@@ -75,15 +77,19 @@ class Task:
         return (self.from_board,) if self.to_board is None else (self.from_board, self.to_board)
 
 
-def read_task(path: Path) -> Task:
+def read_task(path: Path, uncalibrated: Callable[[InputError], None] | None = None) -> Task:
     """Read a task file and the cell file that it names.
+
+    Args:
+        path: the file.
+        uncalibrated: see `cell.cellfile.read_cell`.
 
     Raises:
         InputError: with file, key, value and rule.
     """
     root = TomlTable.read(path)
     kind = root.text("task", choices=KINDS)
-    cell = read_cell(root.path("cell"))
+    cell = read_cell(root.path("cell"), uncalibrated)
     from_board = _board(root, cell, "from_board")
     to_board = places = height = None
     if kind == "board-to-board":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from datetime import datetime
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -23,9 +24,11 @@ from cell.looking import look_and_save
 from cell.pages import write_page
 from cell.planning import back_out, plan_rest, plan_to_start, reach_of
 from cell.report import CubeRow, judge_release, print_rows
+from cell.runpage import KeptPlan, Picture, run_page
 from cell.scenery import T_base_cube_on_table, cube_name
 from cell.taskfile import Task
 from cell.visits import Visit, visits
+from cell.watcher import Watcher
 from driver.control import Control
 from driver.execute import StepResult, execute
 from driver.progress import Progress, StreamOptions
@@ -42,6 +45,7 @@ class TaskRun:
         folder: where plans, pictures and the report go.
         control: what may be asked for while it runs.
         hint: the end of the status line, for the override of the motion that runs.
+        watcher: is told of plans, steps and motion.
     """
 
     def __init__(
@@ -53,6 +57,7 @@ class TaskRun:
         folder: Path,
         control: Control | None = None,
         hint: Callable[[float], str] = lambda _: "",
+        watcher: Watcher | None = None,
     ) -> None:
         self.task = task
         self.connection = connection
@@ -61,12 +66,17 @@ class TaskRun:
         self.folder = folder
         self.control = control or Control()
         self.hint = hint
+        self.watcher = watcher or Watcher()
+        self.watcher.begins(task, self.control)
         self.rows: list[CubeRow] = []
         self.done: dict[str, str] = {}  # cube -> place
         self.on_table: dict[str, Array] = {}
         self.held: Held | None = None
         self.given_up: set[int] = set()  # holes of the source board
         self.plans: list[Plan] = []
+        self.kept: list[KeptPlan] = []
+        self.pictures: list[Picture] = []
+        self.began = datetime.now().astimezone()
         self.remarks: list[str] = []
         self.followed: Path | None = None  # the plan file that is executed, once cubes are moved
         self.homed = False  # in this run: a stop can be gone on from
@@ -113,6 +123,7 @@ class TaskRun:
     def see(self, why: str, arm_in_view: bool = False) -> Seen:
         """Look from where the arm is, whatever is found."""
         picture = self.folder / f"look-{next(self._looks)}.png"
+        self.pictures.append(Picture(why, picture))
         return look_and_save(self.task, self.connection.frames, picture, self.console, why, arm_in_view)
 
     def check_reach(self, seen: Seen) -> None:
@@ -198,6 +209,7 @@ class TaskRun:
     def keep(self, plan: Plan, name: str) -> None:
         """Write a plan into the folder, with its preview if it moves cubes."""
         self.plans.append(plan)
+        self.kept.append(KeptPlan(name, plan))
         file = self.folder / f"{name}.json"
         write_plan(file, plan)
         if plan.task["cubes"]:
@@ -206,6 +218,7 @@ class TaskRun:
         if name.startswith("plan"):
             page = self.folder / name.replace("plan", "preview")
             write_page(self.task, plan, page.with_suffix(".html"))
+        self.watcher.plan(plan, name)
 
     def follow(self, plan: Plan, seen: Seen) -> tuple[Seen, bool]:
         """Execute a plan cube by cube; ends early, with True, where the rest must be planned anew.
@@ -333,10 +346,12 @@ class TaskRun:
 
     def _on_step(self, step: Step, index: int, total: int) -> None:
         self._step_name = step.name
+        self.watcher.step(step)
         if self.held is not None and isinstance(step, GripperStep):
             self.held.require(self.connection.mars.jaws(), looks=1)  # at rest a reading is sure
 
     def _on_progress(self, progress: Progress) -> None:
+        self.watcher.progress(progress)
         self.console.progress(
             self._step_name, progress.done / max(progress.total, 1), self.hint(progress.override)
         )
@@ -351,7 +366,9 @@ class TaskRun:
         """Print the table and write the report."""
         self.tell_rows()
         self._write_report({})
-        self.console.say(f"\nwhat was seen, planned and sent is in {self.folder}")
+        self.console.say(
+            f"\nwhat was seen, planned and sent is in {self.folder}; {self.folder / 'report.html'} tells it"
+        )
         return self._as_json()
 
     def tell_rows(self) -> None:
@@ -367,8 +384,12 @@ class TaskRun:
 
     def _write_report(self, more: dict[str, Any]) -> None:
         """Write the report; that it could not be written is told, and does not hide how the run ended."""
+        report = {**self._as_json(), **more}
         try:
-            write_atomic(self.folder / "report.json", _json({**self._as_json(), **more}))
+            write_atomic(self.folder / "report.json", _json(report))
+            now = datetime.now().astimezone()
+            page = run_page(self.task, report, self.pictures, self.kept, self.began, now)
+            write_atomic(self.folder / "report.html", page)
         except InputError as error:
             self._tell(f"no report: {error}")
 

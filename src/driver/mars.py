@@ -20,7 +20,7 @@ from driver.homing import home_all
 from driver.identity import identify, read_back
 from driver.interrupt import hear_again, interruptible
 from driver.link import Link, NoAnswer
-from driver.protocol import Position, Status, encode
+from driver.protocol import Position, Status, encode, parse_integer
 from driver.ready import wait_ready
 from driver.refusals import POSITION_TOLERANCE, refuse_faults, refuse_outside, refuse_unhomed
 from driver.rest import SAMPLE_S, STILL_COUNTS, RestState, bring_to_rest, farthest, read_position, read_status
@@ -158,6 +158,16 @@ class Mars:
                 "position: initialise() comes first; home=False moves nothing, if the unit is homed"
             )
         return read_position(self.link, len(self.unit.axes))
+
+    def counters(self) -> tuple[int, ...]:
+        """What the axes' counters say, (6,), also before `initialise`: positions if the arm was homed since power-up.
+
+        Raises:
+            InputError: `identify` was not called.
+        """
+        if not self.link.identified:
+            raise InputError("identify() comes before counters()")
+        return tuple(parse_integer(self.link.ask("AP", axis)) for axis in self.unit.axes)
 
     def counts(self) -> tuple[int, ...]:
         """Encoder counts now, (6,)."""

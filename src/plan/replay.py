@@ -15,6 +15,7 @@ import numpy as np
 
 from arm.bodies import Body
 from arm.errors import ImpossibleError
+from arm.jaws import with_any_jaws
 from arm.motion import CountPath, chain
 from arm.planfile import GripperStep, Motion, Move, Plan
 from arm.se3 import Array, angle_between, frozen, inverse
@@ -69,6 +70,8 @@ class Setting:
 def settings(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, Setting]]:
     """Every move with the world it is made in: cubes where the steps before have brought them.
 
+    Jaws that close for no cube of the task hold nothing that is known; from then on they may be anywhere.
+
     Raises:
         ImpossibleError: the jaws close where no cube stands, or a move says it holds what it does not.
     """
@@ -78,6 +81,8 @@ def settings(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, Setti
     q = unit.positions(plan.start)
     for step in plan.steps:
         match step:
+            case GripperStep(action="close", cube=None):
+                scene = replace(scene, robot_open=with_any_jaws(scene.robot_open))
             case GripperStep(action="close"):
                 T_base_tool = scene.robot_open.T_base_tool(q)
                 held, T_tool_held = _gripped(cubes, T_base_tool, step.name)

@@ -2,7 +2,7 @@
 
 What is executed must be what was judged, so the order of the file is the order of execution, and nothing in it can
 be read in two ways. Cubes come in the order of ``task.cubes``, whatever holes they stand in; the arm looks, if it does,
-where a cube's steps end.
+where a cube's steps end. A plan without cubes only moves, and opens and closes the jaws for nothing that it knows of.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ def require_shape(plan: Plan) -> None:
         if step.cube is None:
             if number == 0 and isinstance(step, GripperStep) and step.action == "open":
                 continue
-            if not cubes and isinstance(step, Move):
+            if not cubes:
+                _require_action(step)
                 continue
             raise _refused(f"step {step.name!r} serves no cube")
         if step.cube not in (at, at + 1) or step.cube >= len(cubes):
@@ -68,12 +69,16 @@ def _require_group(index: int, group: list[Step], cube: str) -> None:
             wanted.pop(0)
         if not wanted or wanted.pop(0) != found:
             raise _refused(f"step {step.name!r} is out of order for cube {index + 1}")
-        if isinstance(step, GripperStep) and (step.fraction_closed > 0.0) != (step.action == "close"):
-            raise _refused(f"step {step.name!r} says {step.action} but closes by {step.fraction_closed:g}")
+        _require_action(step)
         if isinstance(step, Move) and step.held not in (None, cube):
             raise _refused(f"step {step.name!r} holds {step.held}, not {cube}")
     if any(role not in _OPTIONAL for role in wanted):
         raise _refused(f"cube {index + 1} lacks its {wanted[0]}")
+
+
+def _require_action(step: Step) -> None:
+    if isinstance(step, GripperStep) and (step.fraction_closed > 0.0) != (step.action == "close"):
+        raise _refused(f"step {step.name!r} says {step.action} but closes by {step.fraction_closed:g}")
 
 
 def _refused(why: str) -> ImpossibleError:

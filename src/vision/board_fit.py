@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from arm.se3 import Array, rotation, transform
+from arm.se3 import Array, by_twist, rotation, transform
 from vision.camera import Camera
 
 TRUSTED, REFUSED = (
@@ -215,12 +215,7 @@ def pose_jacobian(T_camera_board: Array, points: Array, camera: Camera) -> Array
     """Derivative of the projections (n, 2) by the twist of the board in its own frame, (n, 2, 6) px per m and rad."""
     R = T_camera_board[:3, :3]
     by_point = camera.projection_jacobian(points @ R.T + T_camera_board[:3, 3]) @ R
-    by_turn = np.empty_like(by_point)  # a . (w x p) = w . (p x a), written out: np.cross costs half the fit
-    x, y, z = points[:, 0, None], points[:, 1, None], points[:, 2, None]
-    by_turn[..., 0] = y * by_point[..., 2] - z * by_point[..., 1]
-    by_turn[..., 1] = z * by_point[..., 0] - x * by_point[..., 2]
-    by_turn[..., 2] = x * by_point[..., 1] - y * by_point[..., 0]
-    return np.concatenate([by_point, by_turn], axis=-1)
+    return by_twist(by_point, points)
 
 
 def _least_squares(

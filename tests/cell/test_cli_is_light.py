@@ -1,5 +1,6 @@
 """Help answers at once because nothing heavy is imported for it; checked by what is imported, not by the clock."""
 
+import re
 import subprocess
 import sys
 
@@ -26,13 +27,18 @@ VERBS = (
     "look",
     "reach",
     "plan",
+    "plan-poses",
     "check",
     "preview",
     "execute",
     "emulate",
     "render",
     "export",
+    "new-cell",
+    "doctor",
     "calibrate camera",
+    "calibrate hand-eye",
+    "calibrate kinematic",
 )
 
 
@@ -49,7 +55,7 @@ def _imported_by(arguments: list[str]) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    "arguments", [["--help"], *([*verb.split(), "--help"] for verb in VERBS)], ids=lambda a: a[0]
+    "arguments", [["--help"], *([*verb.split(), "--help"] for verb in VERBS)], ids=lambda a: "-".join(a[:2])
 )
 def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
     assert not _imported_by(arguments) & HEAVY
@@ -71,3 +77,13 @@ def test_every_verb_has_an_example() -> None:
         )
         assert f"a465 {verb}" in ran.stdout
         assert max(map(len, ran.stdout.splitlines())) <= 80
+
+
+@pytest.mark.parametrize("of", [(), ("calibrate",)])
+def test_the_list_of_verbs_is_told_whole_in_80_columns(of: tuple[str, ...]) -> None:
+    code = f"import sys; sys.argv = ['a465', *{of!r}, '--help']\nfrom cell.cli import main\nmain()"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    listed = said.split("Commands:\n")[1].strip("\n").splitlines()
+    assert all(re.match(r"  [a-z-]+ +[A-Z].*\.$", line) for line in listed), listed
+    assert not any(line.endswith("...") for line in listed)
+    assert max(map(len, said.splitlines())) <= 80

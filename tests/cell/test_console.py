@@ -14,9 +14,10 @@ import pytest
 
 from arm.files import data_file
 from cell.console import Console, OutputLost
+from cell.start import main
 from driver.logfile import read_log
 
-BEGIN = "import sys; from cell.cli import main; sys.argv = ['a465', *sys.argv[1:]]; main()"
+BEGIN = "import sys; from cell.start import main; sys.argv = ['a465', *sys.argv[1:]]; main()"
 
 
 class Gone(io.StringIO):
@@ -124,3 +125,17 @@ def test_a_closed_or_full_output_makes_no_traceback(
     assert ended.returncode == code, ended.stderr
     assert "Traceback" not in ended.stderr
     assert words in ended.stderr
+
+
+@pytest.mark.parametrize("end", [KeyboardInterrupt("SIGINT"), SystemExit(130)])
+def test_an_interrupt_where_nothing_is_open_is_told_in_one_line(
+    end: BaseException, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def ended() -> None:
+        raise end
+
+    monkeypatch.setattr("cell.cli.main", ended)
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert left.value.code == 130
+    assert capsys.readouterr().err == "a465: interrupted; nothing that was being written is half there\n"

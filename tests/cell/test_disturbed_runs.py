@@ -10,16 +10,22 @@ import numpy as np
 import pytest
 
 from arm.errors import ExecutionStopped
-from arm.files import data_file
 from arm.se3 import transform
 from cell.connection import Connection
 from cell.worldfile import board_placement
+from small_scenes import small_scenes
 from whole_run import run_whole
 
 pytestmark = pytest.mark.xdist_group("disturbed_runs")
 
 
-def test_a_board_that_moves_on_the_way_makes_the_rest_be_planned_anew(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def task2(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The task that all these runs begin to do; nothing changes its files."""
+    return small_scenes(tmp_path_factory.mktemp("disturbed")) / "task2.toml"
+
+
+def test_a_board_that_moves_on_the_way_makes_the_rest_be_planned_anew(task2: Path, tmp_path: Path) -> None:
     def meddle(connection: Connection) -> None:
         simulated, grab, looks = connection.simulated, connection.frames.grab, [0]
         assert simulated is not None
@@ -39,7 +45,7 @@ def test_a_board_that_moves_on_the_way_makes_the_rest_be_planned_anew(tmp_path: 
 
         connection.frames.grab = pushed  # type: ignore[method-assign]
 
-    run = run_whole(data_file("scenes/task2.toml"), tmp_path, meddle=meddle)
+    run = run_whole(task2, tmp_path, meddle=meddle)
     assert run.error is None, run.said
     assert any("board 03-04 moved by 7.2 mm" in remark for remark in run.report["remarks"])
     assert len(run.report["plans_sha256"]) == 2
@@ -47,7 +53,9 @@ def test_a_board_that_moves_on_the_way_makes_the_rest_be_planned_anew(tmp_path: 
     assert max(c["error_mm"] for c in run.report["cubes"]) <= 1.0
 
 
-def test_a_cube_taken_from_under_the_jaws_stops_the_run_with_the_arm_at_q_start(tmp_path: Path) -> None:
+def test_a_cube_taken_from_under_the_jaws_stops_the_run_with_the_arm_at_q_start(
+    task2: Path, tmp_path: Path
+) -> None:
     def meddle(connection: Connection) -> None:
         simulated = connection.simulated
         assert simulated is not None
@@ -66,7 +74,7 @@ def test_a_cube_taken_from_under_the_jaws_stops_the_run_with_the_arm_at_q_start(
 
         simulated._close = stolen  # type: ignore[method-assign]
 
-    run = run_whole(data_file("scenes/task2.toml"), tmp_path, meddle=meddle)
+    run = run_whole(task2, tmp_path, meddle=meddle)
     assert isinstance(run.error, ExecutionStopped)
     cubes = run.error.data["cubes"]
     assert [c["placed"] for c in cubes] == [True, False]
@@ -76,7 +84,7 @@ def test_a_cube_taken_from_under_the_jaws_stops_the_run_with_the_arm_at_q_start(
     assert unit.positions(run.record.counts[-1]) == pytest.approx(run.task.cell.q_start, abs=2e-5)
 
 
-def test_a_cube_lost_on_the_way_and_jaws_that_stay_shut_stop_the_run(tmp_path: Path) -> None:
+def test_a_cube_lost_on_the_way_and_jaws_that_stay_shut_stop_the_run(task2: Path, tmp_path: Path) -> None:
     def lose(connection: Connection) -> None:
         """The jaws of the unit close further in the middle of the carrying motion."""
         emulator, frames = connection.emulator, connection.mars.note
@@ -105,7 +113,7 @@ def test_a_cube_lost_on_the_way_and_jaws_that_stay_shut_stop_the_run(tmp_path: P
         (slip, "let go", "was lost on the way"),
         (jam, "", "the jaws do not open to let go"),
     ):
-        run = run_whole(data_file("scenes/task2.toml"), tmp_path / meddle.__name__, meddle=meddle)
+        run = run_whole(task2, tmp_path / meddle.__name__, meddle=meddle)
         assert isinstance(run.error, ExecutionStopped), run.said
         assert words in str(run.error)
         assert step in run.error.data.get("step", "")
@@ -114,7 +122,7 @@ def test_a_cube_lost_on_the_way_and_jaws_that_stay_shut_stop_the_run(tmp_path: P
         assert report["error"]["exit_code"] == 4
 
 
-def test_jaws_that_fail_to_hold_a_cube_leave_it_and_go_on(tmp_path: Path) -> None:
+def test_jaws_that_fail_to_hold_a_cube_leave_it_and_go_on(task2: Path, tmp_path: Path) -> None:
     def meddle(connection: Connection) -> None:
         simulated = connection.simulated
         assert simulated is not None
@@ -126,7 +134,7 @@ def test_jaws_that_fail_to_hold_a_cube_leave_it_and_go_on(tmp_path: Path) -> Non
 
         simulated._close = slipping  # type: ignore[method-assign]
 
-    run = run_whole(data_file("scenes/task2.toml"), tmp_path, meddle=meddle)
+    run = run_whole(task2, tmp_path, meddle=meddle)
     assert run.error is None, run.said
     cubes = run.report["cubes"]
     assert [c["placed"] for c in cubes] == [True, False, True, True]
@@ -134,7 +142,7 @@ def test_jaws_that_fail_to_hold_a_cube_leave_it_and_go_on(tmp_path: Path) -> Non
     assert any(f"{cubes[1]['from']} is not where it should be" in remark for remark in run.report["remarks"])
 
 
-def test_a_cube_taken_away_before_its_turn_is_told_and_left_out(tmp_path: Path) -> None:
+def test_a_cube_taken_away_before_its_turn_is_told_and_left_out(task2: Path, tmp_path: Path) -> None:
     taken_from: list[str] = []
 
     def meddle(connection: Connection) -> None:
@@ -151,7 +159,7 @@ def test_a_cube_taken_away_before_its_turn_is_told_and_left_out(tmp_path: Path) 
 
         connection.frames.grab = taken  # type: ignore[method-assign]
 
-    run = run_whole(data_file("scenes/task2.toml"), tmp_path, meddle=meddle)
+    run = run_whole(task2, tmp_path, meddle=meddle)
     assert run.error is None, run.said
     (hole,) = taken_from
     assert {c["from"] for c in run.report["cubes"]} == {f"01-02/{n}" for n in (1, 2, 3, 4)} - {hole}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -23,9 +22,10 @@ from cell.simulation import CellEvent
 from cell.steps import look_step, plan_step
 from cell.taskfile import read_task
 from driver.clock import Clock
+from small_scenes import small_scenes
 from wire_client import Client
 
-COMMAND = [sys.executable, "-c", "from cell.cli import main; main()", "emulate"]
+COMMAND = [sys.executable, "-c", "from cell.start import main; main()", "emulate"]
 TIME_SCALE = 10.0
 
 
@@ -143,12 +143,10 @@ def test_a_whole_task_over_a_port_with_photographs_from_a_folder(
 ) -> None:
     # The client's clock runs as the unit's, for speed alone: docs/emulator.md has what was seen of plain clients.
     monkeypatch.setattr(cell.connection, "Clock", lambda: Clock(TIME_SCALE))
-    shutil.copytree(data_file("scenes"), tmp_path / "scenes")
-    task, world = tmp_path / "scenes/task2.toml", tmp_path / "elsewhere.toml"
-    text = (tmp_path / "scenes/task2.world.toml").read_text().replace('"boards/', '"scenes/boards/')
+    scenes = small_scenes(tmp_path)
+    task, world = scenes / "task2.toml", tmp_path / "elsewhere.toml"
+    text = (scenes / "task2.world.toml").read_text().replace('"boards/', '"scenes/boards/')
     world.write_text(text.replace("cubes = [1, 2, 3, 4]", "cubes = [1, 3]"))
-    cell_file = tmp_path / "scenes/cell.toml"
-    cell_file.write_text(cell_file.read_text().replace("photographs = 5", "photographs = 2"))
     shots, log, plan = tmp_path / "shots", tmp_path / "unit.jsonl", tmp_path / "plan.json"
     console = Console(as_json=True)
     look_step(task, None, world, tmp_path / "look.json", None, console)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from arm.files import data_file
+from small_scenes import small_scenes
 
 pytestmark = pytest.mark.xdist_group("interrupts")
 DEADLINE_S = 60.0
@@ -32,15 +32,15 @@ def test_a_signal_stops_the_arm(tmp_path: Path, when: str, count: int, number: s
         "-c",
         "import cell.cli; cell.cli.main()",
         "run",
-        str(data_file("scenes/task2.toml")),
+        str(small_scenes(tmp_path) / "task2.toml"),
     ]
     run = subprocess.Popen(
-        [*command, "-o", str(tmp_path), "--time-scale", "5"],
+        [*command, "-o", str(tmp_path / "run"), "--time-scale", "5"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
-    log, over = tmp_path / "wire.jsonl", time.monotonic() + DEADLINE_S
+    log, over = tmp_path / "run/wire.jsonl", time.monotonic() + DEADLINE_S
     while sum(line.startswith(when) for line in _sent(log)) < count and time.monotonic() < over:
         time.sleep(0.05)
     run.send_signal(number)

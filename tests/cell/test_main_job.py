@@ -17,6 +17,7 @@ from cell.furniture import plate_body, plate_name, stand_body
 from cell.logpages import preview_log
 from driver.logfile import read_log
 from mujoco_cell import MujocoCell
+from small_scenes import small_scenes
 from whole_run import WholeRun, executed, homed_ms, run_whole
 
 pytestmark = pytest.mark.xdist_group("main_job")
@@ -233,8 +234,8 @@ def test_the_log_tells_task_and_plan_and_is_shown_over_it(task2: WholeRun, tmp_p
     assert sum(m["planned_s"] for m in told["motions"]) == pytest.approx(task2.plan().duration_s)
 
 
-def test_without_looks_the_arm_stops_only_where_the_jaws_act(scenes: Path, tmp_path: Path) -> None:
-    task = scenes / "task2.toml"
+def test_without_looks_the_arm_stops_only_where_the_jaws_act(tmp_path: Path) -> None:
+    task = small_scenes(tmp_path) / "task2.toml"
     task.write_text(task.read_text().replace('look_after = "each"', 'look_after = "never"'))
     run = run_whole(task, tmp_path / "run")
     assert run.error is None, run.said

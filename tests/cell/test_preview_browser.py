@@ -1,32 +1,28 @@
 """The page in a real browser, from disk, with every request refused: it draws, plays, seeks, jumps, and says no error.
 
 Needs Debian's chromium and playwright; skipped without, unless A465_REQUIRE_BROWSER is set (as in .ci/run).
+Screenshots are kept in the tests' own folders, or in the one that A465_SCREENSHOTS names.
 """
 
-import os
-import shutil
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
 from arm.bodies import body_from_json
 from arm.motion import CountPath
 from arm.planfile import Move
+from browsers import DEADLINE_MS, chromium, complaints_of, keep_screenshot, picture_of, until
 from cell.console import Console
 from cell.logpages import preview_log
+from cell.preview.clearance import sample_clearance
 from cell.preview.overlays import ExecutedMove
 from cell.preview.page import write_preview
 from cell.preview.timeline import cube_tracks, timed_steps
 from logged_session import logged_run
-
-FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
-DEADLINE_MS = 20_000
 
 
 @dataclass(frozen=True)
@@ -45,29 +41,10 @@ CAMERA = Camera(
 )
 
 
-def _missing() -> str:
-    if shutil.which("chromium") is None:
-        return "no chromium: apt-get install chromium"
-    try:
-        import playwright.sync_api  # noqa: F401
-    except ImportError:
-        return "no playwright: pip install 'a465[test]'"
-    return ""
-
-
 @pytest.fixture(scope="module")
 def browser() -> Iterator[object]:
-    missing = _missing()
-    if missing and os.environ.get("A465_REQUIRE_BROWSER"):
-        pytest.fail(missing)
-    if missing:
-        pytest.skip(missing)
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
-        yield chromium
-        chromium.close()
+    with chromium() as started:
+        yield started
 
 
 @pytest.fixture(scope="module")
@@ -97,38 +74,17 @@ def _open(browser, path: Path, width: int = 1280, height: int = 800, scheme: str
     context = browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme)
     page = context.new_page()
     page.set_default_timeout(DEADLINE_MS)
-    asked, complaints = [], []
+    asked, complaints = [], complaints_of(page)
     context.set_offline(True)
     page.on("request", lambda request: asked.append(request.url))
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    # Software drawing warns about its own speed when a screenshot is taken; errors are never excused.
-    page.on(
-        "console",
-        lambda m: complaints.append(m.text) if m.type == "error" or "GPU stall" not in m.text else None,
-    )
     page.goto(path.as_uri() + at)
-    _until(page, "window.a465 !== undefined")
+    until(page, "window.a465 !== undefined")
     try:
         yield page
     finally:
         context.close()
     assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
     assert complaints == []
-
-
-def _until(page, condition: str) -> None:
-    """Ask until it is true. Playwright's own waiting evaluates text inside the page, which the page forbids."""
-    deadline = time.monotonic() + DEADLINE_MS / 1e3
-    while not page.evaluate(condition):
-        assert time.monotonic() < deadline, f"not within {DEADLINE_MS / 1e3:g} s: {condition}"
-        page.wait_for_timeout(30)
-
-
-def _canvas(page) -> np.ndarray:
-    """What the canvas shows with the panels over it hidden, BGR."""
-    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
-    picture = page.locator("#stage").screenshot()
-    return cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)
 
 
 def _time(page) -> float:
@@ -223,19 +179,102 @@ def test_cubes_are_drawn_where_the_plan_brings_them(browser, page_file, preview_
 
 def test_the_picture_is_not_empty_and_moves(browser, page_file) -> None:
     with _open(browser, page_file) as page:
-        first = _canvas(page).astype(int)
+        first = picture_of(page).astype(int)
         assert first.std(axis=(0, 1)).max() > 20
         page.evaluate("a465.seek(40)")
-        second = _canvas(page).astype(int)
+        second = picture_of(page).astype(int)
         changed = (np.abs(second - first).max(axis=2) > 24).mean()
         assert 0.01 < changed < 0.6
+
+
+def test_all_of_the_cell_is_in_the_picture(browser, page_file) -> None:
+    """What is taken out is missed: the arm, the boards, the cubes, table and walls, and the camera's view."""
+    parts = {
+        "[a465.cell.frames[0]]": 0.02,
+        "a465.cell.boards": 0.005,
+        "a465.cell.cubes.map((cube) => cube.mesh)": 0.001,
+        "a465.cell.bodies": 0.1,
+        "a465.cell.view.children": 0.001,
+    }
+    with _open(browser, page_file, 500, 500) as page:
+        page.click("#views button:has-text('camera')")
+        page.evaluate("a465.seek(0)")
+        page.mouse.move(0, 0)
+        whole = picture_of(page).astype(int)
+
+        def changed() -> float:
+            return float((np.abs(picture_of(page).astype(int) - whole).max(axis=2) > 16).mean())
+
+        show = "for (const part of {}) part.visible = {}; a465.stage.moved()"
+        for part, least in parts.items():
+            page.evaluate(show.format(part, "false"))
+            assert changed() > least, part
+            page.evaluate(show.format(part, "true"))
+
+
+def test_the_camera_is_shown_when_asked_for(browser, page_file) -> None:
+    with _open(browser, page_file, 500, 500) as page:
+        for shown in (False, True, False):
+            assert page.evaluate("a465.cell.view.visible") is shown
+            page.click("#views button:has-text('camera')")
+
+
+def test_the_closest_pair_at_the_cursor(browser, page_file, preview_case) -> None:
+    """Named with its clearance, and joined by a line as long as that; none while the arm stands."""
+    case = preview_case
+    steps = timed_steps(case.plan)
+    samples = sample_clearance(case.plan, case.robot_open, case.robot_holding, case.unit)
+    rng = np.random.default_rng(5)
+    indices = rng.choice(list(samples), 12, replace=False)
+    chosen = [(i, samples[i][rng.integers(1, len(samples[i]) - 1)]) for i in indices]
+    still = next(i for i, timed in enumerate(steps) if not isinstance(timed.step, Move))
+    times = [steps[i].start_s + sample.time_s + 1e-3 for i, sample in chosen] + [steps[still].start_s + 0.1]
+    with _open(browser, page_file, 500, 500) as page:
+        # all in one call, so that the page draws once
+        *shown, at_rest = page.evaluate(
+            """(times) => times.map((t) => {
+                a465.seek(t);
+                const { visible, geometry } = a465.trace.closest;
+                const [told, card] = ["closest", "now"].map((id) => document.getElementById(id).innerText);
+                return { told, card, visible, line: [...geometry.attributes.instanceStart.array.slice(0, 6)] };
+            })""",
+            times,
+        )
+    for (_, sample), now in zip(chosen, shown, strict=True):
+        mm, pair = now["told"].split(" mm · ")
+        assert pair == " \N{EN DASH} ".join(sample.pair)
+        assert float(mm) == pytest.approx(1e3 * sample.distance, abs=0.51)
+        assert f"{mm} mm {pair}" in now["card"]
+        assert now["visible"]
+        assert np.reshape(now["line"], (2, 3)) == pytest.approx(np.array(sample.points), abs=1e-4)
+    assert len({sample.pair for _, sample in chosen}) > 2
+    assert at_rest["told"] == "at rest"
+    assert not at_rest["visible"]
+
+
+def test_the_trace_has_its_colour_from_the_clearance(browser, page_file) -> None:
+    """Redder where it is nearer, until the roles are asked for; the legend says which."""
+    colours = "[...a465.trace.ahead.geometry.attributes.instanceColorStart.data.array]"
+    with _open(browser, page_file, 500, 500) as page:
+        assert "mm clearance" in page.locator("#legend").inner_text()
+        rgb = np.reshape(page.evaluate(colours), (-1, 6))[:, :3]
+        mm = np.array(
+            page.evaluate("a465.trace.times.map((t) => (a465.trace.clearance(t) || { mm: NaN }).mm)"), float
+        )[: len(rgb)]
+        greener = (rgb[:, 1] / rgb[:, 0])[np.argsort(mm)]
+        means = [part.mean() for part in np.array_split(greener, 5)]
+        assert means[0] < 1 < means[-1]
+        assert np.all(np.diff(means) > 0)
+        page.click("#views button:has-text('clearance')")
+        assert "approach" in page.locator("#legend").inner_text()
+        assert not np.allclose(np.reshape(page.evaluate(colours), (-1, 6))[:, :3], rgb)
 
 
 def test_play_pause_and_keys(browser, page_file) -> None:
     with _open(browser, page_file) as page:
         page.select_option("#rate", "5")
         page.click("#play")
-        _until(page, "a465.state.time > 2")
+        until(page, "a465.state.time > 2")
         page.keyboard.press("Escape")
         page.locator("#canvas").focus()
         page.keyboard.press(" ")
@@ -256,14 +295,14 @@ def test_play_pause_and_keys(browser, page_file) -> None:
         page.keyboard.press("End")
         assert _time(page) == pytest.approx(page.evaluate("a465.motion.duration"))
         page.keyboard.press(" ")  # from the end it starts anew
-        _until(page, "a465.state.time > 0 && a465.state.time < 20")
+        until(page, "a465.state.time > 0 && a465.state.time < 20")
 
 
 def test_playing_ends_by_itself(browser, page_file) -> None:
     with _open(browser, page_file) as page:
         page.evaluate("a465.seek(a465.motion.duration - 0.5)")
         page.click("#play")
-        _until(page, "!a465.state.playing")
+        until(page, "!a465.state.playing")
         assert _time(page) == pytest.approx(page.evaluate("a465.motion.duration"))
 
 
@@ -272,6 +311,8 @@ def test_seek_by_slider_plot_and_step(browser, page_file) -> None:
         duration = page.evaluate("a465.motion.duration")
         page.fill("#slider", str(round(duration / 2, 2)))
         assert _time(page) == pytest.approx(duration / 2, abs=0.02)
+        cursors = page.locator(".chart .cursor").all()
+        assert [c.get_attribute("d").split(" ")[0] for c in cursors] == ["M500.0", "M500.0"]
         for chart in ("#joint-chart", "#clearance-chart"):
             box = page.locator(chart).bounding_box()
             page.mouse.click(box["x"] + box["width"] * 0.25, box["y"] + box["height"] / 2)
@@ -294,13 +335,9 @@ def test_tabs_views_and_theme(browser, page_file) -> None:
             page.click(f"#tabs button:has-text('{name}')")
             assert page.locator("#readout th").nth(1).inner_text() == unit
             assert page.locator("#joint-chart .curve").count() == 6
-        before = _canvas(page).astype(int)
+        before = picture_of(page).astype(int)
         page.click("#views button:has-text('top')")
-        assert (np.abs(_canvas(page).astype(int) - before).max(axis=2) > 24).mean() > 0.1
-        page.click("#views button:has-text('clearance')")
-        assert "60 mm" in page.locator("#legend").inner_text()
-        page.click("#views button:has-text('camera')")
-        assert page.evaluate("a465.cell.view.visible") is True
+        assert (np.abs(picture_of(page).astype(int) - before).max(axis=2) > 24).mean() > 0.1
 
 
 def test_peaks_stay_under_the_limits_that_were_planned(browser, page_file, preview_case) -> None:
@@ -312,7 +349,7 @@ def test_peaks_stay_under_the_limits_that_were_planned(browser, page_file, previ
             assert np.all(peaks <= limit * 1.001)
 
 
-@pytest.mark.parametrize("cubes", [1, 2, 3])
+@pytest.mark.parametrize("cubes", [1, 2, 3, 4])
 def test_plans_of_other_lengths(browser, make_preview_case: Callable, tmp_path: Path, cubes: int) -> None:
     case = make_preview_case(cubes)
     _write(case, tmp_path / "plan.html")
@@ -320,8 +357,18 @@ def test_plans_of_other_lengths(browser, make_preview_case: Callable, tmp_path: 
         assert page.locator("#list button").count() == len(case.plan.steps)
         assert page.evaluate("a465.state.step") == 3
         assert page.locator("#cubes span").count() == cubes
-        code = case.plan.sha256
-        assert f"{code[:4]} {code[4:8]}" in page.locator("#code").inner_text()
+        assert f"code {case.plan.code}" in page.locator("#code").inner_text()
+        assert page.title().endswith(case.plan.sha256[:8])
+        page.click("#provenance summary")
+        told = page.locator("#provenance dl").inner_text()
+        assert case.plan.sha256 in told
+        assert all(key in told for key in case.plan.provenance)
+        page.click("#provenance summary")
+        page.evaluate("a465.seek(0.4 * a465.motion.duration)")
+        keep_screenshot(page, tmp_path, f"preview-{cubes}-laptop-light")
+        page.emulate_media(color_scheme="dark")
+        page.set_viewport_size({"width": 390, "height": 844})
+        keep_screenshot(page, tmp_path, f"preview-{cubes}-phone-dark")
 
 
 def test_readable_on_a_phone(browser, page_file) -> None:
@@ -366,7 +413,7 @@ def test_a_log_alone_is_shown_without_clearance(browser, tmp_path: Path) -> None
         assert page.locator("#closest").inner_text() == "not known"
         assert "clearance" not in page.locator("#summary").inner_text()
         assert page.evaluate("a465.motion.farthest.degrees") == pytest.approx(told["farthest_deg"], abs=2e-4)
-        assert _canvas(page).std() > 5
+        assert picture_of(page).std() > 5
 
 
 def test_a_scene_without_boards_or_cubes_is_shown(browser, preview_case, tmp_path: Path) -> None:
@@ -380,4 +427,4 @@ def test_a_scene_without_boards_or_cubes_is_shown(browser, preview_case, tmp_pat
     _write(case, tmp_path / "bare.html")
     with _open(browser, tmp_path / "bare.html") as page:
         assert page.locator("#title").inner_text() == "plan"
-        assert _canvas(page).std() > 5
+        assert picture_of(page).std() > 5

@@ -3,21 +3,36 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from arm.files import data_file
 from cell.taskfile import read_task
 from command_line import a465, refused, replace_in
 
 pytestmark = pytest.mark.xdist_group("refused_plans")
 
 
+@pytest.fixture(scope="module")
+def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The shipped scenes with a plan of the second task, for all tests of this file; none may change them."""
+    folder = Path(shutil.copytree(data_file("scenes"), tmp_path_factory.mktemp("planned") / "scenes"))
+    a465("look", folder / "task2.toml", "-o", folder / "look.json")
+    a465("plan", folder / "task2.toml", "--look", folder / "look.json", "-o", folder / "plan.json")
+    return folder
+
+
+@pytest.fixture
+def scenes(planned: Path, tmp_path: Path) -> Path:
+    """A copy of them that a test may change."""
+    return Path(shutil.copytree(planned, tmp_path / "scenes"))
+
+
 def test_a_plan_for_another_camera_arm_or_limits_is_refused(scenes: Path) -> None:
-    a465("look", scenes / "task2.toml", "-o", scenes / "look.json")
-    a465("plan", scenes / "task2.toml", "--look", scenes / "look.json", "-o", scenes / "plan.json")
     a465("check", scenes / "plan.json", scenes / "task2.toml")
     for file, old, new, word in (
         ("cameras/lab.toml", "1072.72375", "1071.72375", "calibration"),
@@ -31,15 +46,8 @@ def test_a_plan_for_another_camera_arm_or_limits_is_refused(scenes: Path) -> Non
         (scenes / file).write_text(before)
 
 
-def _planned(scenes: Path) -> Path:
-    plan = scenes / "plan.json"
-    a465("look", scenes / "task2.toml", "-o", scenes / "look.json")
-    a465("plan", scenes / "task2.toml", "--look", scenes / "look.json", "-o", plan)
-    return plan
-
-
 def test_a_cell_that_got_another_wall_refuses_the_plan(scenes: Path) -> None:
-    plan = _planned(scenes)
+    plan = scenes / "plan.json"
     wall = '\n[[walls]]\nname = "new"\ncentre_mm = [360, -340, 160]\nsize_mm = [40, 40, 40]\n'
     (scenes / "cell.toml").write_text((scenes / "cell.toml").read_text() + wall)
     for verb in ("check", "execute"):
@@ -118,7 +126,7 @@ def _shut_jaws(value: dict[str, Any]) -> None:
 def test_a_plan_file_that_was_tampered_with_is_refused(
     scenes: Path, change: Callable[[dict[str, Any]], None], words: str
 ) -> None:
-    plan = _planned(scenes)
+    plan = scenes / "plan.json"
     value = json.loads(plan.read_text())
     change(value)
     plan.write_text(json.dumps(value))
@@ -127,15 +135,13 @@ def test_a_plan_file_that_was_tampered_with_is_refused(
 
 
 def test_a_plan_is_not_executed_where_a_hole_holds_a_cube_by_now(scenes: Path) -> None:
-    plan = _planned(scenes)
+    plan = scenes / "plan.json"
     replace_in(scenes / "task2.world.toml", "cubes = []", "cubes = [1]")
     _, told = a465("execute", plan, scenes / "task2.toml", "--time-scale", 30, code=3, cwd=scenes)
     assert "hole 03-04/1 looks cube, the plan has it empty" in told
 
 
 def test_a_plan_whose_certificate_was_tampered_with_is_refused(scenes: Path) -> None:
-    a465("look", scenes / "task2.toml", "-o", scenes / "look.json")
-    a465("plan", scenes / "task2.toml", "--look", scenes / "look.json", "-o", scenes / "plan.json")
     plan = json.loads((scenes / "plan.json").read_text())
     move = next(s for s in plan["steps"] if s["step"] == "move" and s["role"] == "transit")
     move["clearance"] += 0.01

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -14,7 +13,6 @@ import pytest
 
 import cell.run
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
-from arm.files import data_file
 from arm.planfile import Step, read_plan
 from arm.se3 import inverse
 from cell.connection import Connection
@@ -32,6 +30,7 @@ from driver.emulator import Emulator
 from driver.mars import Mars
 from driver.progress import Progress
 from driver.wirelog import WireLog
+from small_scenes import small_scenes
 
 pytestmark = pytest.mark.xdist_group("resume")
 TIME_SCALE = 20.0
@@ -41,9 +40,9 @@ class LastingCell:
     """A simulated cell that outlives the sessions with its controller."""
 
     def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch, task: str) -> None:
-        shutil.copytree(data_file("scenes"), folder / "scenes")
-        self.folder, self.file = folder, folder / f"scenes/{task}.toml"
-        world = folder / f"scenes/{task}.world.toml"
+        scenes = small_scenes(folder)
+        self.folder, self.file = folder, scenes / f"{task}.toml"
+        world = scenes / f"{task}.world.toml"
         world.write_text(world.read_text().replace("cubes = [1, 2, 3, 4]", "cubes = [1, 3]"))
         self.task = read_task(self.file)
         cell_ = self.task.cell

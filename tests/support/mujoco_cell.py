@@ -95,11 +95,11 @@ class MujocoCell:
     def penetrations(self, tolerance: float = 1e-6) -> Iterable[tuple[frozenset[str], float]]:
         """Pairs inside each other by more than `tolerance` m where everything stands now."""
         mujoco.mj_collision(self.model, self.data)
-        for contact in self.data.contact[: self.data.ncon]:
-            if contact.dist < -tolerance:
-                pair = frozenset(self._names[g] for g in contact.geom)
-                if pair not in self._apart and not pair <= self._static:
-                    yield pair, -float(contact.dist)
+        found = self.data.contact  # its arrays: an object a contact costs ten times what finding it does
+        for i in np.flatnonzero(found.dist < -tolerance):
+            pair = frozenset(self._names[g] for g in found.geom[i])
+            if pair not in self._apart and not pair <= self._static:
+                yield pair, -float(found.dist[i])
 
     def distance(self, a: str, b: str, limit: float = 5.0) -> float:
         """Signed distance of two bodies, m, and `limit` where they are further apart."""

@@ -77,6 +77,7 @@ def page_content(
         "unit": plan.unit,
         "speed": plan.speed,
         "sha256": plan.sha256,
+        "code": None if executed else plan.code,  # a log's page shows what was, and confirms nothing
         "provenance": plan.provenance,
         "motion_s": plan.duration_s,
         "motions": len(list(plan.moves)) - len(joined),

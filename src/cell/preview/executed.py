@@ -120,26 +120,46 @@ def _matched(number: int, step: int, logged: LoggedMotion, path: CountPath, unit
     )
 
 
+class OnPath:
+    """Lays samples of a motion on its planned path, one after the other; never back.
+
+    Args:
+        path: of the motion.
+        unit: whose counts they are.
+    """
+
+    def __init__(self, path: CountPath, unit: Unit) -> None:
+        count = max(1, int(np.ceil(path.duration_s / STEP_S)))
+        self._grid = np.linspace(0.0, path.duration_s, count + 1)
+        self._planned = unit.positions(path.at(self._grid))
+        self._ends = np.concatenate([[0.0], np.cumsum([s.duration_ms for s in path.segments]) / 1e3])
+        self._last = 0
+
+    def place(self, q: Array, segment: int | None) -> tuple[float, Array]:
+        """Time on the path's clock and joint positions (6,) rad of its nearest point.
+
+        Args:
+            q: (6,) rad, the sample.
+            segment: index of the one that ran, -1 before the first, or None if that is not known.
+        """
+        grid, ends = self._grid, self._ends
+        first, end_s = self._last, grid[self._last] + BLIND_S
+        if segment is not None:
+            end_s = ends[min(max(segment + 1, 0), len(ends) - 1)]
+            first = max(first, int(np.searchsorted(grid, ends[max(segment - LAG_SEGMENTS, 0)])) - 1)
+        stop = max(first + 1, int(np.searchsorted(grid, end_s, side="right")))
+        index, share = _on_lines(self._planned[first : stop + 1], q)
+        low, high = first + index, min(first + index + 1, len(grid) - 1)
+        self._last = low
+        planned = self._planned[low] + share * (self._planned[high] - self._planned[low])
+        return float(grid[low] + share * (grid[high] - grid[low])), planned
+
+
 def _nearest(path: CountPath, q: Array, places: Sequence[int | None], unit: Unit) -> tuple[Array, Array]:
     """Per sample the time (m,) on the path's clock and the joint positions (m, 6) of the nearest point; never back."""
-    count = max(1, int(np.ceil(path.duration_s / STEP_S)))
-    grid = np.linspace(0.0, path.duration_s, count + 1)
-    planned = unit.positions(path.at(grid))
-    ends = np.concatenate([[0.0], np.cumsum([s.duration_ms for s in path.segments]) / 1e3])
-    times, points = np.zeros(len(q)), np.zeros((len(q), 6))
-    last = 0
-    for i, (here, place) in enumerate(zip(q, places, strict=True)):
-        first, end_s = last, grid[last] + BLIND_S
-        if place is not None:
-            end_s = ends[min(max(place + 1, 0), len(ends) - 1)]
-            first = max(first, int(np.searchsorted(grid, ends[max(place - LAG_SEGMENTS, 0)])) - 1)
-        stop = max(first + 1, int(np.searchsorted(grid, end_s, side="right")))
-        index, share = _on_lines(planned[first : stop + 1], here)
-        low, high = first + index, min(first + index + 1, count)
-        times[i] = grid[low] + share * (grid[high] - grid[low])
-        points[i] = planned[low] + share * (planned[high] - planned[low])
-        last = low
-    return times, points
+    on_path = OnPath(path, unit)
+    found = [on_path.place(here, place) for here, place in zip(q, places, strict=True)]
+    return np.array([time_s for time_s, _ in found]), np.array([point for _, point in found]).reshape(-1, 6)
 
 
 def _on_lines(knots: Array, here: Array) -> tuple[int, float]:

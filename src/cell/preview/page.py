@@ -29,6 +29,8 @@ SCRIPTS = (
     "panels.js",
     "main.js",
 )
+LIVE_SCRIPTS = ("live.js",)
+_POLICY = "img-src data: blob:"  # the end of the pages' content security policy
 
 
 def write_preview(
@@ -47,16 +49,53 @@ def write_preview(
     """Write a plan as one HTML file that opens without network; the same input gives the same bytes.
 
     Args:
-        plan, robot_open, robot_holding, unit: what is shown; see `cell.preview.content.page_content`.
         path: of the file, usually ``.html``.
+
+    All others as in `preview_page`.
+
+    Raises:
+        InputError: the plan does not fit the unit or the arms, or the file cannot be written.
+    """
+    text = preview_page(
+        plan,
+        robot_open,
+        robot_holding,
+        unit,
+        boards=boards,
+        dictionary=dictionary,
+        camera=camera,
+        clearance_every_s=clearance_every_s,
+        executed=executed,
+    )
+    write_atomic(path, text)
+
+
+def preview_page(
+    plan: Plan,
+    robot_open: Robot,
+    robot_holding: Robot,
+    unit: Unit,
+    *,
+    boards: Sequence[Board] = (),
+    dictionary: str = "DICT_4X4_50",
+    camera: CameraView | None = None,
+    clearance_every_s: float = CLEARANCE_EVERY_S,
+    executed: Sequence[ExecutedMove] = (),
+    live: str | None = None,
+) -> str:
+    """A plan as one HTML text; the same input gives the same text.
+
+    Args:
+        plan, robot_open, robot_holding, unit: what is shown; see `cell.preview.content.page_content`.
         boards: known to the cell; those in the plan's scene are drawn with holes and markers.
         dictionary: of the boards' markers.
         camera: drawn with its view.
         clearance_every_s: spacing of the clearance samples along the moves; 0 shows one figure a move instead.
         executed: drawn over the plan.
+        live: the mark of a page that follows the events of the server that gives it (`cell.liveserver`).
 
     Raises:
-        InputError: the plan does not fit the unit or the arms, or the file cannot be written.
+        InputError: the plan does not fit the unit or the arms.
     """
     sampled = (
         sample_clearance(plan, robot_open, robot_holding, unit, clearance_every_s)
@@ -74,15 +113,16 @@ def write_preview(
         clearance=sampled,
         executed=executed,
     )
-    write_atomic(path, page(content))
+    return page(content if live is None else content | {"live": live, "code": None})
 
 
 def page(content: dict[str, Any]) -> str:
-    """The HTML text around `content` (what `page_content` gives)."""
-    scripts = "".join(f"<script>\n{_script(name)}</script>\n" for name in SCRIPTS)
+    """The HTML text around `content` (what `page_content` gives, and the mark of a live page)."""
+    is_live = "live" in content
+    scripts = _scripts((*LIVE_SCRIPTS, *SCRIPTS) if is_live else SCRIPTS)
     licence = read_text(_HERE / "vendor" / "LICENSE.three.txt").replace("--", "- -")
     parts = {
-        "<!--style-->": f"<style>\n{read_text(_HERE / 'page' / 'style.css')}</style>",
+        "<!--style-->": f"<style>\n{_part('style.css')}</style>",
         # "<" cannot end the element early, whatever a name in the plan holds.
         "<!--content-->": '<script id="content" type="application/json">'
         + canonical_json(content).replace("<", "\\u003c")
@@ -90,15 +130,39 @@ def page(content: dict[str, Any]) -> str:
         "<!--three-->": f"<!-- three.js\n{licence}-->\n<script>{_vendored()}</script>",
         "<!--scripts-->": scripts,
     }
-    text = read_text(_HERE / "page" / "page.html")
+    template = _part("page.html")
+    return _filled(_connected(template) if is_live else template, parts)
+
+
+def waiting_page() -> str:
+    """The page of a run that has no plan yet; it follows the same events as a live page."""
+    parts = {
+        "<!--style-->": f"<style>\n{_part('style.css')}</style>",
+        "<!--scripts-->": _scripts((*LIVE_SCRIPTS, "waiting.js")),
+    }
+    return _filled(_connected(_part("waiting.html")), parts)
+
+
+def _connected(template: str) -> str:
+    """With leave to ask the server that gave the page, and nobody else; and with no wish for an icon from there."""
+    leave = template.replace(_POLICY, f"{_POLICY}; connect-src 'self'")
+    return leave.replace("<title>", '<link rel="icon" href="data:,">\n<title>')
+
+
+def _filled(template: str, parts: dict[str, str]) -> str:
+    text = template
     for mark, part in parts.items():
         before, _, after = text.partition(mark)
         text = before + part + after
     return text
 
 
-def _script(name: str) -> str:
+def _part(name: str) -> str:
     return read_text(_HERE / "page" / name)
+
+
+def _scripts(names: Sequence[str]) -> str:
+    return "".join(f"<script>\n{_part(name)}</script>\n" for name in names)
 
 
 def _vendored() -> str:

@@ -28,6 +28,7 @@ class Cell3D {
 
   addStill(content) {
     this.themed = [];
+    this.bodies = [];
     const drawn = new Set(content.boards.map((board) => board.body));
     for (const body of content.bodies) {
       if (drawn.has(body.name)) continue;
@@ -39,10 +40,12 @@ class Cell3D {
         made.castShadow = made.receiveShadow = false;
       }
       this.scene.add(made);
+      this.bodies.push(made);
       if (look.dark) this.themed.push({ material, look });
       if (body.kind === "table" && body.shape.box) this.scene.add(tableGrid(body));
     }
-    for (const board of content.boards) this.scene.add(boardGroup(board));
+    this.boards = content.boards.map(boardGroup);
+    if (this.boards.length) this.scene.add(...this.boards);
   }
 
   addArm(arm) {
@@ -50,12 +53,7 @@ class Cell3D {
     const cover = standardMaterial("#4a525b", 0.42);
     const tool = standardMaterial("#a3abb2", 0.35, 0.1);
     const finger = standardMaterial("#4a5158", 0.5);
-    this.frames = [new THREE.Group()];
-    for (let i = 0; i < this.motion.chain.length; i++) this.frames.push(new THREE.Group());
-    this.frames.forEach((frame, i) => {
-      frame.matrixAutoUpdate = false;
-      (i ? this.frames[i - 1] : this.scene).add(frame);
-    });
+    this.frames = this.addFrames();
     this.jaws = [];
     const seen = new Set();
     for (const body of arm.bodies) {
@@ -77,12 +75,44 @@ class Cell3D {
     for (const { material, look } of this.themed) material.color.set(dark ? look.dark : look.colour);
   }
 
-  pose(t) {
-    const q = this.motion.q(t);
-    q.forEach((value, i) => {
-      this.motion.jointMatrix(i, value, this.frames[i + 1].matrix);
-      this.frames[i + 1].matrixWorldNeedsUpdate = true;
+  // A frame for the base and each joint, each in the one before.
+  addFrames() {
+    const frames = Array.from({ length: this.motion.chain.length + 1 }, () => new THREE.Group());
+    frames.forEach((frame, i) => {
+      frame.matrixAutoUpdate = false;
+      (i ? frames[i - 1] : this.scene).add(frame);
     });
+    return frames;
+  }
+
+  bend(frames, q) {
+    q.forEach((value, i) => {
+      this.motion.jointMatrix(i, value, frames[i + 1].matrix);
+      frames[i + 1].matrixWorldNeedsUpdate = true;
+    });
+  }
+
+  // The arm once more, as a ghost at joint positions q; null takes it away.
+  haunt(arm, q) {
+    if (q && !this.ghost) {
+      this.ghost = this.addFrames();
+      const material = standardMaterial(styleColour("executed"), 0.6);
+      // Behind the arm where both are at one place.
+      Object.assign(material, { transparent: true, opacity: 0.45, depthWrite: false, polygonOffset: true,
+        polygonOffsetFactor: 2, polygonOffsetUnits: 2 });
+      for (const body of arm.bodies.filter(({ joint }) => joint > 0)) {
+        const made = mesh(bodyGeometry(body.shape, 0.02), material, matrix(body.open));
+        made.castShadow = made.receiveShadow = false;
+        this.ghost[body.joint].add(made);
+      }
+    }
+    if (this.ghost) this.ghost[0].visible = Boolean(q);
+    if (q) this.bend(this.ghost, q);
+  }
+
+  // Everything as at time t; the arm at joint positions q, if they are known better.
+  pose(t, q = this.motion.q(t)) {
+    this.bend(this.frames, q);
     const closed = this.motion.jaws(t);
     for (const jaw of this.jaws) {
       const between = jaw.open.clone();

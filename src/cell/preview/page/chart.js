@@ -99,6 +99,11 @@ class Chart {
     this.at(this.time || 0);
   }
 
+  // The lines that move, above what was drawn since.
+  raise() {
+    this.svg.append(this.hover, this.cursor);
+  }
+
   at(t) {
     this.time = t;
     this.cursor?.setAttribute("d", vertical(this.x(t)));

@@ -23,7 +23,7 @@
   const forward = boards.length ? boards.reduce((sum, p) => sum + p[0], 0) / boards.length : 0.4;
   let stage = null;
   try {
-    stage = new Stage(document.getElementById("canvas"), [0.6 * forward, 0, 0.2], 0.71);
+    stage = new Stage(document.getElementById("canvas"), [0.6 * forward, 0, 0.24], 0.71);
   } catch (error) {
     document.getElementById("legend").textContent = `No 3D picture: ${error.message}`;
   }
@@ -37,15 +37,18 @@
   const parts = fillBar(content);
   const plots = new Plots(content, motion, (t) => seek(t));
   slider.max = motion.duration;
+  let live = null;
 
-  function seek(t, follow = false) {
+  // By the user, by playing (follow), or by the arm (live: at joint positions q).
+  function seek(t, follow = false, q = undefined) {
     state.time = Math.min(motion.duration, Math.max(0, t));
     if (!follow) pause();
-    const index = motion.stepAt(state.time);
+    if (!q) live?.left();
+    const index = live?.current ?? motion.stepAt(state.time);
     slider.value = state.time;
     clock.innerHTML = `${clockText(state.time)} <span>/ ${clockText(motion.duration)}</span>`;
     const clearance = trace ? trace.at(state.time) : clearanceAt(content, motion, state.time);
-    cell?.pose(state.time);
+    cell?.pose(state.time, q);
     plots.at(state.time, clearance);
     if (index !== state.step) enterStep(index);
     showNow(motion.steps[index], clearance);
@@ -89,6 +92,7 @@
   }
   function play() {
     if (state.playing) return;
+    live?.left();
     if (state.time >= motion.duration) seek(0);
     state.playing = true;
     before = 0;
@@ -143,7 +147,8 @@
       views.append(made);
     };
     switchOn("trace", true, (on) => trace.show(on));
-    switchOn("clearance", false, (on) => {
+    const known = motion.steps.some((step) => step.kind === "move" && step.clearance !== null);
+    switchOn("clearance", known, (on) => {
       trace.colour(on ? "clearance" : "role");
       fillLegend(content, trace.mode);
     });
@@ -168,5 +173,34 @@
   const [, key, value] = location.hash.match(/^#(t|step)=([\d.]+)$/) || [];
   const first = key === "step" ? motion.steps[Math.min(Number(value), motion.steps.length - 1)].start : Number(value || 0);
   seek(first);
-  window.a465 = { content, motion, state, seek, stage, cell };
+
+  // ---- a running execution
+  if (content.live) {
+    const kept = JSON.parse(sessionStorage.getItem("a465") || "null");
+    sessionStorage.removeItem("a465");
+    if (kept) {
+      setTheme(kept.dark);
+      showTheme();
+      stage?.look(kept.from, kept.at);
+    }
+    live = new LiveView(content, motion, {
+      seek: (t, q) => seek(t, true, q),
+      pause,
+      ghost: (q) => {
+        cell?.haunt(content.arm, q);
+        stage?.moved();
+      },
+      changed: () => {
+        plots.executedChanged();
+        trace?.drawExecuted();
+        stage?.draw();
+      },
+      leave: () => sessionStorage.setItem("a465", JSON.stringify({
+        dark: root.dataset.theme === "dark",
+        from: stage?.camera.position.toArray(),
+        at: stage?.controls.target.toArray(),
+      })),
+    });
+  }
+  window.a465 = { content, motion, state, seek, stage, cell, trace, live };
 })();

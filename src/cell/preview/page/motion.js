@@ -124,14 +124,29 @@ class Motion {
     this.executed = executed.map(({ step, time, counts }) => {
       const times = time.map((t) => this.steps[step].start + t);
       const q = counts.map((c) => this.positions(c));
-      const off = q.map((v, i) => {
-        const planned = this.q(Math.min(times[i], this.duration));
-        return v.map((value, j) => ((value - planned[j]) * 180) / Math.PI);
-      });
-      off.forEach((row) => row.forEach((degrees, joint) => {
-        if (Math.abs(degrees) > this.farthest.degrees) this.farthest = { degrees: Math.abs(degrees), joint };
-      }));
+      const off = q.map((v, i) => this.offPlan(times[i], v));
       return { times, q, off };
+    });
+  }
+
+  // One more sample of the motion that begins with step `first`, at time t of the plan; how far it is from it there.
+  addSample(first, t, q) {
+    let run = this.executed[this.executed.length - 1];
+    if (!run || run.first !== first) this.executed.push((run = { first, times: [], q: [], off: [] }));
+    const off = this.offPlan(t, q);
+    run.times.push(t);
+    run.q.push(q);
+    run.off.push(off);
+    return off;
+  }
+
+  // Joint positions less the plan's at time t, in degrees; `farthest` keeps the worst.
+  offPlan(t, q) {
+    const planned = this.q(Math.min(t, this.duration));
+    return q.map((value, joint) => {
+      const degrees = ((value - planned[joint]) * 180) / Math.PI;
+      if (Math.abs(degrees) > this.farthest.degrees) this.farthest = { degrees: Math.abs(degrees), joint };
+      return degrees;
     });
   }
 

@@ -25,16 +25,16 @@ function fillHeading(content, motion) {
   document.getElementById("summary").textContent = [
     content.unit,
     `${cubes} cube${cubes === 1 ? "" : "s"}`,
-    `${moves.length} moves in ${content.motions} motion${content.motions === 1 ? "" : "s"}, ${clockText(content.motion_s)} of motion at speed ${content.speed}`,
+    `${moves.length} move${moves.length === 1 ? "" : "s"} in ${content.motions} motion${content.motions === 1 ? "" : "s"}, ${clockText(content.motion_s)} of motion at speed ${content.speed}`,
     known.length ? `least clearance ${millimetres(1e3 * Math.min(...known))}` : "",
     content.executed.length ? `executed within ${motion.farthest.degrees.toFixed(3)}° of the plan` : "",
   ].filter(Boolean).join(" · ");
   const code = document.getElementById("code");
-  const hash = content.sha256;
-  code.innerHTML = `plan <b>${hash.slice(0, 4)} ${hash.slice(4, 8)}</b>`;
+  code.hidden = content.code === null;
+  code.innerHTML = `code <b>${content.code}</b>`;
   code.addEventListener("click", async () => {
-    const copied = await navigator.clipboard?.writeText(hash).then(() => true, () => false);
-    code.title = copied ? "Copied" : hash;
+    const copied = await navigator.clipboard?.writeText(content.code).then(() => true, () => false);
+    code.title = copied ? "Copied" : content.code;
     code.classList.toggle("copied", Boolean(copied));
   });
 }
@@ -151,7 +151,7 @@ function fillLegend(content, mode) {
       legend.append(label);
     }
   }
-  if (content.executed.length) {
+  if (content.executed.length || content.live) {
     const label = element("span");
     const line = element("i");
     line.style.background = "var(--executed)";

@@ -25,7 +25,7 @@ class Plots {
     this.makeReadout();
     this.show(0);
     this.drawClearance();
-    this.drawDifference(onSeek);
+    if (content.executed.length || content.live) this.makeDifference(onSeek);
   }
 
   limits(order) {
@@ -77,19 +77,30 @@ class Plots {
   }
 
   drawExecuted() {
-    for (const { times, q } of this.motion.executed) {
-      this.motion.joints.names.forEach((_, j) =>
-        this.chart.curve(q.map((v, i) => [times[i], this.share(0, j, v[j])]), "executed"));
-    }
+    this.executed = this.motion.executed.flatMap(({ times, q }) =>
+      this.motion.joints.names.map((_, j) =>
+        this.chart.curve(q.map((v, i) => [times[i], this.share(0, j, v[j])]), "executed")));
   }
 
-  // Executed less planned, in degrees, joint by joint.
-  drawDifference(onSeek) {
-    if (!this.motion.executed.length) return;
+  makeDifference(onSeek) {
     document.getElementById("difference").hidden = false;
     this.off = document.getElementById("off");
     this.difference = new Chart(document.getElementById("difference-chart"), this.motion.duration, onSeek);
-    const top = Math.max(1e-3, 1.1 * this.motion.farthest.degrees);
+    this.drawDifference();
+  }
+
+  // More was executed.
+  executedChanged() {
+    this.drawDifference();
+    if (this.order !== 0) return;
+    this.executed.forEach((curve) => curve.remove());
+    this.drawExecuted();
+    this.chart.raise();
+  }
+
+  // Executed less planned, in degrees, joint by joint.
+  drawDifference() {
+    const top = Math.max(0.012, 1.1 * this.motion.farthest.degrees); // under a few counts it is rounding
     const tick = roundDown(0.9 * top);
     this.difference.clear({ low: -top, high: top }, [-tick, 0, tick].map((v) => [v, v ? `${signed(v, 4).replace(/\.?0+$/, "")}°` : "0"]));
     this.motion.joints.names.forEach((_, j) => this.motion.executed.forEach(({ times, off }) =>
@@ -143,7 +154,8 @@ class Plots {
     const top = Math.min(500, Math.max(20, ...known));
     const inside = series.map(([t, mm]) => [t, mm === null ? null : Math.min(top, Math.max(0, mm))]);
     const under = proved.map(([t, mm]) => [t, mm === null ? null : Math.min(top, Math.max(0, mm))]);
-    const ticks = [0, 5, 10, 25, 50, 100, 200, 400].filter((mm) => mm <= top);
+    // 5 and 10 would lie upon each other on a long axis.
+    const ticks = [0, 5, 10, 25, 50, 100, 200, 400].filter((mm) => mm <= top && (mm !== 5 || top < 60));
     chart.clear({ low: 0, high: 1.06 * top, map: Math.sqrt }, ticks.map((mm) => [mm, mm === 0 ? "0 mm" : String(mm)]));
     chart.curve(under, "proved");
     // One stroke for each run of one colour: the curve is read like the trace.

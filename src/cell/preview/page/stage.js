@@ -68,16 +68,25 @@ class Stage {
       front: [2.0 * r, 0, 0.25 * r],
       side: [0, -2.0 * r, 0.25 * r],
     }[name];
-    this.camera.position.copy(this.centre).add(new THREE.Vector3(...from).multiplyScalar(narrow));
-    this.controls.target.copy(this.centre);
+    this.look(this.centre.clone().add(new THREE.Vector3(...from).multiplyScalar(narrow)), this.centre);
+  }
+
+  // From one place at another, (x, y, z).
+  look(from, at) {
+    this.camera.position.set(...from);
+    this.controls.target.set(...at);
     this.controls.update();
     this.draw();
   }
 
   resize() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
-    if (!width || !height) return;
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
+    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const size = `${width} ${height} ${ratio}`;
+    // The observer tells of the first size too; a second drawing of the same takes a third of a second in software.
+    if (!width || !height || size === this.size) return;
+    this.size = size;
+    this.renderer.setPixelRatio(ratio);
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();

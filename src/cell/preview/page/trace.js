@@ -40,12 +40,16 @@ class Trace {
     this.points = points;
     this.ahead = this.line(1.8, 0.5);
     this.done = this.line(3.2, 1);
-    if (content.executed.length) scene.add((this.executed = executedLine(content, motion)));
+    this.drawExecuted();
     this.closest = thickSegments([0, 0, 0, 0, 0, 0], CLEARANCE_RAMP[0][1], 3);
     this.closest.material.depthTest = false;
     this.closest.visible = false;
     scene.add(this.closest);
     this.colour("role");
+  }
+
+  clearance(t) {
+    return clearanceAt(this.content, this.motion, t);
   }
 
   line(width, opacity) {
@@ -65,12 +69,26 @@ class Trace {
     for (const t of this.times) {
       const hex = mode === "role"
         ? roles[this.motion.steps[this.motion.stepAt(t)].role]
-        : clearanceColour((clearanceAt(this.content, this.motion, t) || { mm: NaN }).mm);
+        : clearanceColour((this.clearance(t) || { mm: NaN }).mm);
       if (!found.has(hex)) found.set(hex, new THREE.Color(hex).toArray());
       colours.push(...found.get(hex));
     }
     for (const line of [this.ahead, this.done]) line.geometry.setColors(colours);
     this.done.geometry.instanceCount = this.shown || 0;
+  }
+
+  // Anew, as there may be more of it.
+  drawExecuted() {
+    const { executed: old, motion } = this;
+    if (old) {
+      this.scene.remove(old);
+      old.geometry.dispose();
+      old.material.dispose();
+    }
+    this.executed = motion.executed.some(({ q }) => q.length > 1) ? executedLine(motion) : null;
+    if (!this.executed) return;
+    this.executed.visible = this.ahead.visible;
+    this.scene.add(this.executed);
   }
 
   show(visible) {
@@ -82,7 +100,7 @@ class Trace {
     if (passed < 0) passed = this.times.length;
     this.shown = Math.max(0, passed - 1);
     this.done.geometry.instanceCount = this.shown;
-    const now = clearanceAt(this.content, this.motion, t);
+    const now = this.clearance(t);
     this.closest.visible = Boolean(now && now.points);
     if (this.closest.visible) {
       this.closest.geometry.setPositions(now.points);
@@ -96,10 +114,10 @@ function position(pose) {
   return [pose.elements[12], pose.elements[13], pose.elements[14]];
 }
 
-function executedLine(content, motion) {
+function executedLine(motion) {
   const points = [];
-  for (const { counts } of content.executed) {
-    const path = counts.map((c) => position(motion.toolPose(motion.positions(c))));
+  for (const { q } of motion.executed) {
+    const path = q.map((v) => position(motion.toolPose(v)));
     for (let i = 1; i < path.length; i++) points.push(...path[i - 1], ...path[i]);
   }
   const made = thickSegments(points, styleColour("executed"), 1.6);

@@ -1,0 +1,203 @@
+"""Before a plan moves a real arm: what will move, how far and how fast, where the arm is, and the code of the preview.
+
+The code stands in the preview alone (`arm.planfile.Plan.code`), so nobody runs by accident what nobody has seen.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from arm.errors import InputError
+from arm.planfile import Plan, read_plan
+from arm.robot import Robot
+from arm.se3 import Array
+from arm.unit import Unit
+from cell.console import Console
+from cell.taskrun import TaskRun
+from driver.refusals import POSITION_TOLERANCE
+
+SAMPLE_S = 0.02  # of the plan, for ranges and speeds
+TRIES = 3
+WAIT_S = 600.0  # for a person to type
+ABOUT_HOMING = "first the controller homes the arm: every axis moves, and nothing checks its way; keep clear"
+
+
+@dataclass(frozen=True, eq=False)
+class Overview:
+    """What a plan moves.
+
+    Attributes:
+        lowest, highest: of each joint, (n,) rad.
+        travel: of each joint, all ways summed, (n,) rad.
+        fastest: of each joint, (n,) rad/s at the plan's speed.
+        tool: fastest speed of the tool, m/s.
+        clearance: least of all moves, m.
+        closest: the two bodies that come so near.
+    """
+
+    lowest: Array
+    highest: Array
+    travel: Array
+    fastest: Array
+    tool: float
+    clearance: float
+    closest: tuple[str, str]
+
+
+def overview(plan: Plan, robot: Robot, unit: Unit) -> Overview:
+    """Ranges and speeds of all that a plan sends.
+
+    Args:
+        plan: with one move at least.
+        robot: that it moves.
+        unit: whose counts it is in.
+    """
+    ways = [unit.positions(move.path.sample(SAMPLE_S)) for move in plan.moves]
+    steps = [np.diff(way, axis=0) for way in ways]
+    at = [np.array([robot.T_base_tool(q)[:3, 3] for q in way]) for way in ways]
+    joined, moved = np.concatenate(ways), np.abs(np.concatenate(steps))
+    nearest = min(plan.moves, key=lambda move: move.clearance)
+    return Overview(
+        joined.min(axis=0),
+        joined.max(axis=0),
+        moved.sum(axis=0),
+        moved.max(axis=0) / SAMPLE_S,
+        max(float(np.linalg.norm(np.diff(p, axis=0), axis=1).max(initial=0.0)) for p in at) / SAMPLE_S,
+        nearest.clearance,
+        nearest.closest,
+    )
+
+
+class Approval:
+    """Asks a person for the code of a plan's preview, unless it was given.
+
+    Args:
+        plan_file: that is to be executed.
+        code: given on the command line, or None to ask for it at the terminal.
+        console: where it is told and asked.
+        answer: gives a line that was typed, None if there is nobody to type; default: the terminal.
+
+    Raises:
+        InputError: the code is of no preview of this plan, or there is neither a code nor a terminal.
+    """
+
+    def __init__(
+        self,
+        plan_file: Path,
+        code: str | None,
+        console: Console,
+        answer: Callable[[], str | None] | None = None,
+    ) -> None:
+        self.plan_file, self.plan, self.console = plan_file, read_plan(plan_file), console
+        self._answer = answer or _typed
+        self._known = code is not None
+        if code is not None and not self._is_right(code):
+            raise InputError(
+                f"--yes {code}: is not the code that the preview of {plan_file} shows; {self._where()}",
+                option="--yes",
+                value=code,
+            )
+        if code is None and answer is None and not _at_terminal():
+            raise InputError(
+                f"nobody is there to confirm {plan_file} on a real arm: give --yes CODE, the code that its preview "
+                f"shows; {self._where()}",
+                option="--yes",
+            )
+
+    def _is_right(self, code: str) -> bool:
+        return "".join(filter(str.isalnum, code)).upper() == self.plan.code.replace("-", "")
+
+    def _where(self) -> str:
+        return f"a465 preview {self.plan_file} writes the preview"
+
+    def __call__(self, run: TaskRun) -> None:
+        """Tell what will move, and go on only with the code.
+
+        Raises:
+            InputError: it was not given; nothing moved.
+        """
+        self._tell(run)
+        if self._known:
+            return
+        for left in reversed(range(TRIES)):
+            self.console.say(f"the code that the preview of this plan shows ({self._where()}):")
+            typed = self._answer()
+            if typed is None:
+                break
+            if self._is_right(typed):
+                return
+            if left:
+                self.console.say(f"that is not the code of this plan; {left} more tries")
+        raise InputError(
+            f"{self.plan_file}: was not confirmed with the code of its preview; nothing moved",
+            option="--yes",
+        )
+
+    def _tell(self, run: TaskRun) -> None:
+        plan, cell, say = self.plan, run.task.cell, self.console.say
+        of = overview(plan, cell.robot(cell.cube_size), cell.unit)
+        factor = run.control.ceiling
+        cubes = len(plan.task["cubes"])
+        what = f"{cubes} cube{'' if cubes == 1 else 's'}" if cubes else "no cube"
+        say(f"this moves the real arm: {what}, {plan.duration_s / factor:.0f} s of motion")
+        limits = cell.unit.limits(plan.speed_registers, plan.acceleration_registers).velocity
+        fastest = factor * of.fastest
+        columns = (of.lowest, of.highest, of.travel)
+        self.console.table(
+            ("joint", "from deg", "to deg", "way deg", "deg/s at most", "of the limit"),
+            [
+                (
+                    f"J{j + 1}",
+                    *(f"{np.degrees(column[j]):.0f}" for column in columns),
+                    f"{np.degrees(fastest[j]):.1f}",
+                    f"{100 * fastest[j] / limits[j]:.0f} %",
+                )
+                for j in range(len(limits))
+            ],
+        )
+        near = " - ".join(name for name in of.closest if name)
+        say(
+            f"tool: {1e3 * factor * of.tool:.0f} mm/s at most; clearance: {1e3 * of.clearance:.1f} mm at least"
+            + (f" ({near})" if near else "")
+        )
+        say(f"the arm: {self._place(run)}")
+        say(ABOUT_HOMING)
+
+    def _place(self, run: TaskRun) -> str:
+        counters = run.connection.mars.counters()
+        if max(abs(c) for c in counters) <= POSITION_TOLERANCE:
+            return "not homed since it was switched on, so its place is not known"
+        degrees = ", ".join(
+            f"{d:.0f}" for d in np.round(np.degrees(run.task.cell.unit.positions(counters))) + 0.0
+        )
+        return f"at [{degrees}] deg by its counters, which are right if it was homed since it was switched on"
+
+
+def require_a_port(code: str | None, port: str | None) -> None:
+    """A code is of use on a real arm alone.
+
+    Raises:
+        InputError: there is one, and no port.
+    """
+    if code is not None and port is None:
+        raise InputError("--yes goes with --port: the simulated cell asks for no code", option="--yes")
+
+
+def _at_terminal() -> bool:
+    return sys.stdin is not None and sys.stdin.isatty()
+
+
+def _typed() -> str | None:
+    """A line from the terminal; None if none came in time, or the terminal is gone."""
+    ready, _, _ = select.select([sys.stdin], [], [], WAIT_S)
+    if not ready:
+        return None
+    line = os.read(sys.stdin.fileno(), 200).decode(errors="replace")
+    return line.strip() if line else None

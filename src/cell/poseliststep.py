@@ -1,0 +1,84 @@
+"""``a465 plan-poses``: a list of poses and configurations as a certified plan file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from arm.files import keep_apart
+from arm.planfile import Move, write_plan
+from cell.console import Console
+from cell.lookfile import read_seen
+from cell.placefile import POSES, read_place
+from cell.planning import require_above_table
+from cell.poselistfile import Reading, read_pose_list
+from cell.poselistplan import plan_pose_list
+
+
+def plan_poses_step(
+    place_file: Path,
+    poses_file: Path,
+    look: Path | None,
+    output: Path,
+    reading: Reading,
+    speed: float | None,
+    back: bool,
+    console: Console,
+) -> dict[str, Any]:
+    """Plan from q_start through the whole list and write the plan file; what was planned, as JSON types.
+
+    Args:
+        place_file: a task file, or a cell file.
+        poses_file: the list; see `cell.poselistfile.read_pose_list`.
+        look: what was seen, or None: table and walls alone.
+        output: the plan file.
+        reading: what bare numbers of the list mean.
+        speed: factor of velocities; default: the cell's.
+        back: whether the arm goes back to q_start in the end.
+
+    Raises:
+        InputError: a file or value is wrong.
+        ImpossibleError: names the entry that cannot be reached, or is too near to something.
+    """
+    keep_apart(output, place_file, poses_file, look)
+    task = read_place(place_file)
+    poses = read_pose_list(poses_file, reading)
+    seen = None if look is None else read_seen(look, task.cell.boards)
+    if seen is not None:
+        if task.kind != POSES:
+            seen.require(task)
+        require_above_table(task, seen)
+    plan = plan_pose_list(task, seen, poses, task.cell.speed if speed is None else speed, back)
+    write_plan(output, plan)
+    console.table(
+        ("step", "s", "mm", "closest"),
+        [
+            (s.name, s.path.duration_s, 1e3 * s.clearance, " - ".join(s.closest))
+            if isinstance(s, Move)
+            else (s.name, None, None, "")
+            for s in plan.steps
+        ],
+    )
+    least = 1e3 * min(m.clearance for m in plan.moves)
+    console.say(
+        f"{len(poses.entries)} entries, {plan.duration_s:.1f} s at speed {plan.speed:g}, "
+        f"at least {least:.1f} mm clear of everything"
+    )
+    if seen is None:
+        console.say("of table and walls alone: boards and cubes are not in this plan (--look FILE)")
+    if any(entry.jaws for entry in poses.entries):
+        console.say("what the jaws hold is not known, so nothing is said about it")
+    console.say(f"plan {plan.sha256[:12]} is in {output}")
+    return {
+        "plan": str(output),
+        "plan_sha256": plan.sha256,
+        "entries": len(poses.entries),
+        "motion_s": plan.duration_s,
+        "min_clearance_mm": least,
+        "boards": None if seen is None else [b.name for b in seen.boards],
+        "poses": plan.task["poses"],
+        "moves": [
+            {"name": m.name, "motion_s": m.path.duration_s, "clearance_mm": 1e3 * m.clearance}
+            for m in plan.moves
+        ],
+    }

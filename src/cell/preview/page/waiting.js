@@ -1,0 +1,14 @@
+"use strict";
+// A run that has no plan yet: what it tells, until there is one.
+
+(() => {
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+  const setTheme = () => (document.documentElement.dataset.theme = dark.matches ? "dark" : "light");
+  dark.addEventListener("change", setTheme);
+  setTheme();
+  window.a465 = followRun(null, {
+    past: ({ lines }) => showTold(lines, true),
+    told: ({ lines }) => showTold(lines),
+    state: showState,
+  });
+})();

@@ -1,0 +1,154 @@
+"""Before a plan moves a real arm a person has seen its preview, and is told what will move."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm.errors import InputError
+from arm.planfile import Move, Plan, write_plan
+from cell.approval import TRIES, Approval, overview
+from cell.console import Console
+from cell.preview.content import page_content
+from command_line import a465
+from driver.clock import Clock
+from driver.control import Control
+from driver.emulator import Emulator
+from driver.mars import Mars
+from driver.wirelog import WireLog
+
+
+def test_a_code_is_of_one_plan_alone_and_not_of_its_hash(preview_case) -> None:
+    plan: Plan = preview_case.plan
+    assert re.fullmatch(r"[2-9A-HJ-NP-Z]{4}-[2-9A-HJ-NP-Z]{4}", plan.code)
+    assert replace(plan).code == plan.code
+    others = {replace(plan, provenance={**plan.provenance, "seed": seed}).code for seed in range(1000, 1050)}
+    assert len(others | {plan.code}) == 51
+
+
+def test_the_preview_shows_the_code(preview_case) -> None:
+    case = preview_case
+    assert page_content(case.plan, case.robot_open, case.robot_holding, case.unit)["code"] == case.plan.code
+
+
+def test_ranges_and_speeds_are_those_of_what_is_sent(preview_case) -> None:
+    plan, robot, unit = preview_case.plan, preview_case.robot_open, preview_case.unit
+    of = overview(plan, robot, unit)
+    knots = unit.positions(np.concatenate([move.path.knots() for move in plan.moves]))
+    assert (of.lowest <= knots.min(axis=0) + 1e-9).all()
+    assert (of.highest >= knots.max(axis=0) - 1e-9).all()
+    fine = [unit.positions(move.path.sample(1e-3)) for move in plan.moves]
+    velocity = np.array([np.abs(np.diff(q, axis=0)).max(axis=0) / 1e-3 for q in fine]).max(axis=0)
+    assert of.fastest == pytest.approx(velocity, rel=0.02)
+    assert of.travel == pytest.approx(
+        np.sum([np.abs(np.diff(q, axis=0)).sum(axis=0) for q in fine], axis=0), rel=1e-3
+    )
+    tips = [np.array([robot.T_base_tool(x)[:3, 3] for x in q[::20]]) for q in fine]
+    speed = max(float(np.linalg.norm(np.diff(p, axis=0), axis=1).max()) for p in tips) / 0.02
+    assert of.tool == pytest.approx(speed, rel=0.02)
+    assert of.clearance == min(move.clearance for move in plan.moves)
+
+
+@pytest.fixture
+def plan(preview_case) -> Plan:
+    """As a file may have it: what is called certified has a clearance for every segment."""
+    steps = [replace(s, certified=False) if isinstance(s, Move) else s for s in preview_case.plan.steps]
+    return replace(preview_case.plan, steps=tuple(steps))
+
+
+@pytest.fixture
+def plan_file(plan: Plan, tmp_path: Path) -> Path:
+    write_plan(tmp_path / "plan.json", plan)
+    return tmp_path / "plan.json"
+
+
+@pytest.fixture
+def run(preview_case, tmp_path: Path) -> Iterator[Any]:
+    """What an approval looks at, with an emulated unit that was never homed."""
+    unit, clock = preview_case.unit, Clock(20.0)
+    cell = SimpleNamespace(unit=unit, cube_size=0.04, robot=lambda opening: preview_case.robot_holding)
+    with (
+        Emulator(unit, clock) as emulator,
+        WireLog(tmp_path / "wire.jsonl", clock) as wire,
+        Mars(emulator.open_pty(), unit, clock, wire) as mars,
+    ):
+        mars.identify()
+        yield SimpleNamespace(
+            task=SimpleNamespace(cell=cell),
+            control=Control(ceiling=0.5),
+            connection=SimpleNamespace(mars=mars),
+            wire=tmp_path / "wire.jsonl",
+        )
+
+
+def sent(wire: Path) -> list[str]:
+    records = map(json.loads, wire.read_text().splitlines())
+    return [r["data"].strip() for r in records if r["kind"] == "sent"]
+
+
+def test_what_will_move_is_told_and_nothing_but_questions_is_sent(
+    plan_file: Path, plan: Plan, preview_case, run: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked: list[str] = []
+
+    def answer() -> str:
+        asked.append(capsys.readouterr().out)
+        return f" {plan.code.replace('-', ' ').lower()} "
+
+    Approval(plan_file, None, Console(), answer)(run)
+    (told,) = asked
+    of = overview(plan, preview_case.robot_holding, preview_case.unit)
+    assert f"{plan.duration_s / 0.5:.0f} s of motion" in told
+    row = next(line.split() for line in told.splitlines() if line.startswith("J2"))
+    assert row[1:4] == [f"{np.degrees(v[1]):.0f}" for v in (of.lowest, of.highest, of.travel)]
+    assert row[4] == f"{np.degrees(0.5 * of.fastest[1]):.1f}"
+    limits = preview_case.unit.limits(plan.speed_registers).velocity
+    assert row[5] == f"{50 * of.fastest[1] / limits[1]:.0f}"
+    assert f"tool: {500 * of.tool:.0f} mm/s at most" in told
+    assert "not homed since it was switched on, so its place is not known" in told
+    assert "nothing checks its way" in told
+    assert plan.code not in told
+    assert max(len(line) for line in told.splitlines() if re.match("joint|J[1-6]", line)) <= 80
+    others = [line for line in sent(run.wire) if not re.fullmatch(r"|ECHO:0|STAMP:\d+|VER\?|AP[A-F]\?", line)]
+    assert others == []
+
+
+def test_where_a_homed_arm_stands_is_told(
+    plan_file: Path, plan: Plan, preview_case, run: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run.connection.mars.initialise()
+    Approval(plan_file, plan.code, Console())(run)
+    home = ", ".join(f"{d:.0f}" for d in np.degrees(preview_case.unit.soft_home))
+    assert f"the arm: at [{home}] deg by its counters" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("typed", [["", "AAAA-AAAA", "2"], [None]])
+def test_without_the_code_nothing_goes_on(plan_file: Path, run: Any, typed: list[str | None]) -> None:
+    answers = iter(typed)
+    approval = Approval(plan_file, None, Console(), lambda: next(answers))
+    with pytest.raises(InputError, match="was not confirmed with the code of its preview; nothing moved"):
+        approval(run)
+    assert next(answers, "none") == "none", f"asked {TRIES} times at most"
+
+
+def test_a_wrong_code_and_nobody_to_ask_are_told_before_a_port_is_opened(
+    plan_file: Path, plan: Plan, tmp_path: Path
+) -> None:
+    task = tmp_path / "none.toml"
+    port = ("--port", tmp_path / "no-such-port")
+    _, told = a465("execute", plan_file, task, *port, "--yes", "ABCD-EFGH", code=2)
+    assert "--yes ABCD-EFGH: is not the code that the preview of" in told
+    _, told = a465("execute", plan_file, task, *port, code=2)
+    assert "nobody is there to confirm" in told
+    assert "--yes CODE" in told
+    _, told = a465("execute", plan_file, task, "--yes", plan.code, code=2)
+    assert "--yes goes with --port" in told
+    assert plan.code not in told
