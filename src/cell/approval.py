@@ -1,6 +1,8 @@
-"""Before a plan moves a real arm: what will move, how far and how fast, where the arm is, and the code of the preview.
+"""Before a real arm moves: a person is told what will move, and says yes.
 
-The code stands in the preview alone (`arm.planfile.Plan.code`), so nobody runs by accident what nobody has seen.
+A plan file is executed with the code of its preview (`Approval`), which stands there alone (`arm.planfile.Plan.code`):
+nobody runs by accident what nobody has seen. Commands that plan as they go have no preview to be seen before; they are
+told to by the unit's name (`Consent`).
 """
 
 from __future__ import annotations
@@ -126,19 +128,12 @@ class Approval:
         self._tell(run)
         if self._known:
             return
-        for left in reversed(range(TRIES)):
-            self.console.say(f"the code that the preview of this plan shows ({self._where()}):")
-            typed = self._answer()
-            if typed is None:
-                break
-            if self._is_right(typed):
-                return
-            if left:
-                self.console.say(f"that is not the code of this plan; {left} more tries")
-        raise InputError(
-            f"{self.plan_file}: was not confirmed with the code of its preview; nothing moved",
-            option="--yes",
-        )
+        asked = f"the code that the preview of this plan shows ({self._where()}):"
+        if not _asked(self.console, asked, "the code of this plan", self._is_right, self._answer):
+            raise InputError(
+                f"{self.plan_file}: was not confirmed with the code of its preview; nothing moved",
+                option="--yes",
+            )
 
     def _tell(self, run: TaskRun) -> None:
         plan, cell, say = self.plan, run.task.cell, self.console.say
@@ -167,27 +162,92 @@ class Approval:
             f"tool: {1e3 * factor * of.tool:.0f} mm/s at most; clearance: {1e3 * of.clearance:.1f} mm at least"
             + (f" ({near})" if near else "")
         )
-        say(f"the arm: {self._place(run)}")
+        say(f"the arm: {_place(run)}")
         say(ABOUT_HOMING)
 
-    def _place(self, run: TaskRun) -> str:
-        counters = run.connection.mars.counters()
-        if max(abs(c) for c in counters) <= POSITION_TOLERANCE:
-            return "not homed since it was switched on, so its place is not known"
-        degrees = ", ".join(
-            f"{d:.0f}" for d in np.round(np.degrees(run.task.cell.unit.positions(counters))) + 0.0
+
+class Consent:
+    """Asks a person whether plans that nobody has seen may move a real arm, unless that was said.
+
+    Args:
+        said: on the command line, by --unseen.
+        console: where it is told and asked.
+        answer: gives a line that was typed, None if there is nobody to type; default: the terminal.
+    """
+
+    def __init__(self, said: bool, console: Console, answer: Callable[[], str | None] | None = None) -> None:
+        self.said, self.console, self._answer = said, console, answer
+
+    def __call__(self, run: TaskRun) -> None:
+        """Tell what will move, and go on only if a person says so.
+
+        Raises:
+            InputError: nobody did; nothing moved.
+        """
+        if not self.said and self._answer is None and not _at_terminal():
+            raise InputError(
+                "nobody is there to let a real arm move by plans that nobody has seen: give --unseen, or look, plan, "
+                "preview and execute, each a command",
+                option="--unseen",
+            )
+        name, say = run.task.cell.unit.name, self.console.say
+        say(
+            f"this moves the real arm, {name}, by plans that are made on the way: certified, but seen by nobody before"
         )
-        return f"at [{degrees}] deg by its counters, which are right if it was homed since it was switched on"
+        say(f"speed: {100 * run.speed:.0f} % of the cell file's registers; the arm: {_place(run)}")
+        say(ABOUT_HOMING)
+        if self.said:
+            return
+        asked = f"type {name} to let it move:"
+        if not _asked(
+            self.console,
+            asked,
+            name,
+            lambda typed: typed.casefold() == name.casefold(),
+            self._answer or _typed,
+        ):
+            raise InputError("nobody let the arm move; nothing moved", option="--unseen")
 
 
-def require_a_port(code: str | None, port: str | None) -> None:
-    """A code is of use on a real arm alone.
+def _asked(
+    console: Console,
+    asked: str,
+    wanted: str,
+    is_right: Callable[[str], bool],
+    answer: Callable[[], str | None],
+) -> bool:
+    """Whether what was asked for was typed in one of `TRIES` tries."""
+    for left in reversed(range(TRIES)):
+        console.say(asked)
+        typed = answer()
+        if typed is None:
+            return False
+        if is_right(typed):
+            return True
+        if left:
+            console.say(f"that is not {wanted}; {left} more tries")
+    return False
+
+
+def _place(run: TaskRun) -> str:
+    """Where the arm is, by its counters."""
+    counters = run.connection.mars.counters()
+    if max(abs(c) for c in counters) <= POSITION_TOLERANCE:
+        return "not homed since it was switched on, so its place is not known"
+    degrees = ", ".join(
+        f"{d:.0f}" for d in np.round(np.degrees(run.task.cell.unit.positions(counters))) + 0.0
+    )
+    return f"at [{degrees}] deg by its counters, which are right if it was homed since it was switched on"
+
+
+def require_a_port(option: str, given: bool, port: str | None) -> None:
+    """What a person says of a real arm is of no use without one.
 
     Raises:
-        InputError: there is one, and no port.
+        InputError: the option was given, and no port.
     """
-    if code is not None and port is None:
-        raise InputError("--yes goes with --port: the simulated cell asks for no code", option="--yes")
+    if given and port is None:
+        raise InputError(f"{option} goes with --port: the simulated cell asks for nothing", option=option)
 
 
 def _at_terminal() -> bool:

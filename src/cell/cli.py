@@ -10,8 +10,27 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from arm.errors import A465Error, ExecutionStopped, ImpossibleError, InputError
+from arm.errors import A465Error, ExecutionStopped, InputError
 from cell.cli_calibrate import app as calibrate_app
+from cell.cli_options import (
+    Advice,
+    Camera,
+    Images,
+    Json,
+    LiveFlag,
+    LivePort,
+    LookFile,
+    Output,
+    PlanFile,
+    Port,
+    Speed,
+    TaskFile,
+    TimeScale,
+    Unseen,
+    WorldFile,
+    refuse,
+)
+from cell.cli_tools import tools
 from cell.console import Console, OutputLost, say_on_stderr
 from driver.interrupt import interruptible
 
@@ -46,55 +65,6 @@ def _root(
     """Every verb answers --help with an example, and --json with one JSON object."""
 
 
-TaskFile = Annotated[Path, typer.Argument(help="Task file, such as scenes/task2.toml.", metavar="TASK")]
-PlanFile = Annotated[Path, typer.Argument(help="Plan file, as written by a465 plan.", metavar="PLAN")]
-LookFile = Annotated[Path, typer.Option("--look", help="What was seen, as written by a465 look.")]
-Json = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object on standard output, all else on standard error.")
-]
-Speed = Annotated[
-    float | None, typer.Option("--speed", help="Factor of velocities, 0 < s <= 1; default: the cell file's.")
-]
-WorldFile = Annotated[
-    Path | None, typer.Option("--world", help="Truth of the simulated cell; default: TASK with .world.toml.")
-]
-Port = Annotated[
-    str | None,
-    typer.Option("--port", help="Serial port of the controller, such as /dev/mars or socket://..."),
-]
-Images = Annotated[
-    Path | None, typer.Option("--images", help="Folder of photographs to look at, in place of a camera.")
-]
-Camera = Annotated[
-    str | None,
-    typer.Option(
-        "--camera",
-        help="Basler camera to look with: name:NAME, serial:NUMBER, ip:ADDRESS, class:CLASS, "
-        "or cell for the cell file's.",
-        metavar="SELECTOR",
-    ),
-]
-TimeScale = Annotated[
-    float | None,
-    typer.Option("--time-scale", help="Emulated seconds per wall second (simulated cell only; default: 10)."),
-]
-Advice = Annotated[
-    bool, typer.Option("--advice/--no-advice", help="After a refusal, try what would help, with the planner.")
-]
-Output = Annotated[
-    Path | None, typer.Option("-o", "--output", help="File to write; it replaces an older one.")
-]
-
-
-LiveFlag = Annotated[
-    bool, typer.Option("--live", help="Show the run in a browser of this machine, while it runs.")
-]
-LivePort = Annotated[
-    int | None,
-    typer.Option("--live-port", help="Port of the live view, on 127.0.0.1; default: any free one."),
-]
-
-
 @app.command(
     short_help="Do a whole task: look, plan, stream, look again, report.",
     help="Do the whole task: look, check reach, plan, stream, look again after each cube, report. "
@@ -113,18 +83,21 @@ def run(
         Path | None, typer.Option("-o", "--output", help="New folder of the run; default: runs/TASK-1, -2 ..")
     ] = None,
     advice: Advice = True,
+    unseen: Unseen = False,
     live: LiveFlag = False,
     live_port: LivePort = None,
     as_json: Json = False,
 ) -> None:
+    from cell.approval import Consent, require_a_port
+    from cell.connection import WhichCell
     from cell.run import run_task
 
     console = Console(as_json)
+    require_a_port("--unseen", unseen, port)
+    confirm = None if port is None else Consent(unseen, console)
+    where = WhichCell(port, world, images, camera, speed, time_scale)
     with _watched(console, live, live_port) as watcher:
-        report = run_task(
-            task, console, port, world, images, speed, time_scale, output, advice, camera, watcher
-        )
-        _finish(console, report)
+        _finish(console, run_task(task, console, where, output, advice, confirm, watcher))
 
 
 @app.command(
@@ -259,7 +232,7 @@ def check(
     report = check_step(file, task, q, console)
     console.result(report)
     if report.get("differing"):
-        _refuse(f"not as expected: {', '.join(report['differing'])}")
+        refuse(f"not as expected: {', '.join(report['differing'])}")
 
 
 @app.command(
@@ -319,201 +292,16 @@ def execute(
     as_json: Json = False,
 ) -> None:
     from cell.approval import Approval, require_a_port
+    from cell.connection import WhichCell
     from cell.run import execute_plan, resume_plan
 
     console = Console(as_json)
-    require_a_port(yes, port)
+    require_a_port("--yes", yes is not None, port)
     confirm = None if port is None else Approval(plan, yes, console)
+    where = WhichCell(port, world, images, camera, speed, time_scale)
     with _watched(console, live, live_port) as watcher:
-        if resume:
-            report = resume_plan(plan, task, console, port, images, None, speed, camera, confirm, watcher)
-        else:
-            report = execute_plan(
-                plan, task, console, port, world, images, time_scale, None, speed, camera, confirm, watcher
-            )
-        _finish(console, report)
-
-
-@app.command(
-    short_help="Be a MARS-8 controller with an arm, for rehearsals.",
-    help="Be a MARS-8 controller with an arm on a pseudo-terminal, until interrupted. "
-    "With --task, one among the boards and cubes of a simulated cell; with --fault, one on which things go wrong "
-    "as told.",
-    epilog="Example: a465 emulate --task scenes/task2.toml --photographs shots --link mars -- or: "
-    "a465 emulate --unit crs93 --link mars --fault scenes/faults/noisy-line.toml --log unit.jsonl",
-)
-def emulate(
-    unit: Annotated[
-        str | None, typer.Option("--unit", help="crs93 or crs97; default: that of the task, or crs93.")
-    ] = None,
-    link: Annotated[
-        Path | None, typer.Option("--link", help="Symbolic link to make to the pseudo-terminal.")
-    ] = None,
-    tcp: Annotated[
-        int | None, typer.Option("--tcp", help="Listen on this port of the loopback too; 0 takes any.")
-    ] = None,
-    fault: Annotated[
-        Path | None,
-        typer.Option("--fault", help="File of faults to come, such as scenes/faults/bad-day.toml."),
-    ] = None,
-    log: Annotated[
-        Path | None,
-        typer.Option("--log", help="File for every line received and answered, faults and violations."),
-    ] = None,
-    task: Annotated[
-        Path | None, typer.Option("--task", help="Put the arm into the simulated cell of this task file.")
-    ] = None,
-    world: WorldFile = None,
-    photographs: Annotated[
-        Path | None,
-        typer.Option("--photographs", help="Folder that gets photographs of that cell while the arm stands."),
-    ] = None,
-    hand: Annotated[
-        Path | None,
-        typer.Option("--hand", help="Target that the gripper holds, such as scenes/targets/hand.toml."),
-    ] = None,
-    time_scale: Annotated[
-        float, typer.Option("--time-scale", help="Emulated seconds per wall second.")
-    ] = 1.0,
-) -> None:
-    from cell.emulating import emulate_step
-
-    emulate_step(unit, link, tcp, time_scale, fault, log, task, world, photographs, hand)
-
-
-@app.command(
-    short_help="Render photographs of the simulated cell.",
-    help="Render photographs of the simulated cell with the arm at q_start.",
-    epilog="Example: a465 render scenes/task2.toml -o photographs",
-)
-def render(
-    task: TaskFile,
-    world: WorldFile = None,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder to write.")] = None,
-    count: Annotated[int | None, typer.Option("--count", help="How many; default: the cell file's.")] = None,
-    target: Annotated[
-        str | None,
-        typer.Option("--target", help="Of a calibration target instead: a target file, or charuco."),
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of the target's poses and of noise.")] = 0,
-    as_json: Json = False,
-) -> None:
-    console = Console(as_json)
-    if target is not None:
-        from cell.targetstep import target_step
-
-        console.result(target_step(task, target, seed, output or Path("photographs"), count, console))
-        return
-    from cell.steps import render_step
-
-    console.result(render_step(task, world, output or Path("photographs"), count, console))
-
-
-@app.command(
-    short_help="Write a log, a plan or a scene as CSV, ROS, MCAP or URDF.",
-    help="Write a log or a plan in another form: a table of samples, a ROS 2 JointTrajectory, or MCAP. "
-    "Or the arm and what stands around it, of a plan, scene, cell or task file: URDF and SRDF in a folder.",
-    epilog="Example: a465 export runs/task2-1/wire.jsonl --format csv -o samples.csv -- or: "
-    "a465 export scenes/cell.toml -o cell_description",
-)
-def export(
-    file: Annotated[
-        Path,
-        typer.Argument(
-            help="Log of a run, plan, scene, cell or task file; told by what is in it.", metavar="FILE"
-        ),
-    ],
-    form: Annotated[
-        str | None,
-        typer.Option("--format", help="csv, trajectory, mcap or urdf; default: csv, of a scene urdf."),
-    ] = None,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="File to write; of urdf a new folder.")
-    ] = None,
-    planned: Annotated[
-        bool,
-        typer.Option("--planned", help="Of a log's trajectory: what was sent, not where the arm was seen."),
-    ] = False,
-    unit: Annotated[
-        str | None, typer.Option("--unit", help="Of a log: crs93 or crs97; default: what it tells.")
-    ] = None,
-    period: Annotated[
-        float | None, typer.Option("--period", help="Of a plan: seconds between samples; default: 0.02.")
-    ] = None,
-    cell: Annotated[
-        Path | None,
-        typer.Option("--cell", help="Of a plan for a calibrated arm: its cell or task file."),
-    ] = None,
-    look: Annotated[
-        Path | None, typer.Option("--look", help="Of a cell or task file: what was seen, put into it.")
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    from cell.export import Asked, export_file
-
-    console = Console(as_json)
-    asked = Asked(form, output, planned, unit, period, cell, look)
-    console.result(export_file(file, asked, console))
-
-
-@app.command(
-    name="new-cell",
-    short_help="Write a commented cell of your own to start from.",
-    help="Write a cell of your own to start from, with a task of each kind, into a new or empty folder: every value "
-    "with what to measure. It works in the simulated cell at once.",
-    epilog="Example: a465 new-cell my-cell --unit crs97",
-)
-def new_cell(
-    folder: Annotated[Path, typer.Argument(help="New or empty folder.", metavar="DIR")],
-    unit: Annotated[str, typer.Option("--unit", help="crs93 or crs97.")] = "crs93",
-    name: Annotated[
-        str | None, typer.Option("--name", help="What the cell is called; default: as the folder.")
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    from cell.newcell import new_cell_step
-
-    console = Console(as_json)
-    console.result(new_cell_step(folder, unit, name, console))
-
-
-@app.command(
-    short_help="Look whether everything is there and works.",
-    help="Look whether everything is there and works: libraries, ports, cameras, a cell and its calibrations, and a "
-    "self-test of five seconds. Nothing moves. Exit code 3 if something is wrong.",
-    epilog="Example: a465 doctor --cell scenes/task2.toml --port /dev/mars --camera name:camera-crs93",
-)
-def doctor(
-    port: Annotated[
-        str | None,
-        typer.Option(
-            "--port", help="Ask the controller on this port who it is, by ECHO, STAMP and VER alone."
-        ),
-    ] = None,
-    camera: Annotated[
-        str | None,
-        typer.Option(
-            "--camera",
-            help="Take a photograph with this Basler camera: name:NAME, serial:NUMBER, ip:ADDRESS, class:CLASS, or "
-            "cell for the cell file's.",
-            metavar="SELECTOR",
-        ),
-    ] = None,
-    cell: Annotated[
-        Path | None,
-        typer.Option(
-            "--cell", help="Cell or task file to look at; default: the built-in one.", metavar="CELL"
-        ),
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    from cell.doctor import doctor_step
-
-    console = Console(as_json)
-    report = doctor_step(port, camera, cell, console)
-    console.result(report)
-    if report["wrong"]:
-        _refuse(f"doctor: wrong: {', '.join(report['wrong'])}")
+        do = resume_plan if resume else execute_plan
+        _finish(console, do(plan, task, console, where, None, confirm, watcher))
 
 
 def _watched(console: Console, live: bool, port: int | None) -> AbstractContextManager[Watcher | None]:
@@ -534,10 +322,7 @@ def _finish(console: Console, report: dict[str, Any]) -> None:
         raise typer.Exit(ExecutionStopped.exit_code)
 
 
-def _refuse(message: str) -> None:
-    """End with "refused" after the report was printed."""
-    say_on_stderr(f"a465: {message}")
-    raise typer.Exit(ImpossibleError.exit_code)
+app.registered_commands += tools.registered_commands
 
 
 def main() -> None:

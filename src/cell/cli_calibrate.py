@@ -153,6 +153,12 @@ def calibrate_hand_eye(
     time_scale: Annotated[
         float | None, typer.Option("--time-scale", help="With --collect: of the simulated cell.")
     ] = None,
+    unseen: Annotated[
+        bool,
+        typer.Option(
+            "--unseen", help="With --port: move by plans that nobody has seen; else it is asked for."
+        ),
+    ] = False,
     folder: Annotated[
         Path | None, typer.Option("--folder", help="With --collect: for plans and the wire log.")
     ] = None,
@@ -172,14 +178,18 @@ def calibrate_hand_eye(
     console = Console(as_json)
     if collect is not None:
         from arm.files import data_file
+        from cell.approval import Consent, require_a_port
         from cell.collecting import CollectOptions
-        from cell.collectstep import CollectFiles, WhichCell, collect_step
+        from cell.collectstep import CollectFiles, collect_step
+        from cell.connection import WhichCell
 
+        require_a_port("--unseen", unseen, port)
+        confirm = None if port is None else Consent(unseen, console)
         hand = target or data_file("scenes/targets/hand.toml")
         files = CollectFiles(data, collect, hand, output, report, apply, folder)
         where = WhichCell(port, world, images, camera, speed, time_scale)
         options = CollectOptions.of(poses, seed, recipe)
-        result = collect_step(files, options, limit_mm, where, console, encoder_step_deg)
+        result = collect_step(files, options, limit_mm, where, console, encoder_step_deg, confirm)
     else:
         from cell.calibratechain import hand_eye_step
 
@@ -194,6 +204,7 @@ def calibrate_hand_eye(
             camera=camera,
             speed=speed,
             time_scale=time_scale,
+            unseen=unseen or None,
             folder=folder,
             apply=apply or None,
         )

@@ -14,11 +14,11 @@ from arm.se3 import Array
 from calib.hand_eye import HAND_EYE_LIMITS
 from cell.calibratechain import Results, encoder_step_of, limits_of, solve_hand_eye
 from cell.collecting import CollectOptions, Collector, choose, hand_scene
-from cell.connection import require_openable
+from cell.connection import WhichCell, require_openable
 from cell.console import Console
 from cell.handrecord import CHANGED, HandRecord
 from cell.handtarget import read_hand_target
-from cell.run import opened, run_folder
+from cell.run import Confirm, opened, run_folder
 from cell.taskfile import Task, read_task
 from driver.control import Control
 
@@ -44,26 +44,6 @@ class CollectFiles:
     folder: Path | None = None
 
 
-@dataclass(frozen=True)
-class WhichCell:
-    """The real cell behind a port, or the simulated one.
-
-    Attributes:
-        port: of the real controller; None: the simulated cell.
-        world: truth of the simulated cell.
-        images, camera: where the real one's photographs come from.
-        speed: factor of velocities; None: the cell file's.
-        time_scale: of the simulated cell.
-    """
-
-    port: str | None = None
-    world: Path | None = None
-    images: Path | None = None
-    camera: str | None = None
-    speed: float | None = None
-    time_scale: float | None = None
-
-
 def collect_step(
     files: CollectFiles,
     options: CollectOptions,
@@ -71,6 +51,7 @@ def collect_step(
     where: WhichCell,
     console: Console,
     encoder_step_deg: float | None = None,
+    confirm: Confirm | None = None,
 ) -> dict[str, Any]:
     """Record the target in the arm's hand and calibrate; both files are written as soon as they can be.
 
@@ -100,7 +81,7 @@ def collect_step(
     record = HandRecord(recording, task.cell, hand)
     folder, pool = None, None
     if len(record) < options.poses:
-        pool, folder = _add(task, record, options, files.folder, where, console)
+        pool, folder = _add(task, record, options, files.folder, where, console, confirm)
     else:
         console.step(f"{recording}: holds {len(record)} poses already, so nothing moves")
     result = solve_hand_eye(
@@ -124,6 +105,7 @@ def _add(
     folder: Path | None,
     where: WhichCell,
     console: Console,
+    confirm: Confirm | None,
 ) -> tuple[Array, Path]:
     """Take the poses that are missing; readings (n, 6) rad at which the target could be shown, and the run's folder.
 
@@ -133,24 +115,12 @@ def _add(
         console.step(f"{record.file}: {len(record)} poses are there from before")
     speed = task.cell.speed if where.speed is None else where.speed
     task.cell.limits.scaled(speed)
-    require_openable(task, where.port, where.world, where.images, where.camera, where.time_scale)
+    require_openable(task, where)
     run_folder(folder, task.name)
     scene = hand_scene(record)
     choice = choose(record, scene, options, console)
-    opening = opened(
-        task,
-        console,
-        where.port,
-        where.world,
-        where.images,
-        where.camera,
-        speed,
-        where.time_scale,
-        folder,
-        Control(),
-    )
     try:
-        with opening as run:
+        with opened(task, console, where, speed, folder, Control(), confirm) as run:
             if run.connection.simulated is not None:
                 run.connection.simulated.hold(record.hand)
             collector = Collector(run, record, scene, console)

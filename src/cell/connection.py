@@ -34,6 +34,26 @@ POLL_S = 0.1
 
 
 @dataclass(frozen=True)
+class WhichCell:
+    """The real cell behind a port, or the simulated one.
+
+    Attributes:
+        port: of the real controller; None: the simulated cell.
+        world: truth of the simulated cell.
+        images, camera: where the real one's photographs come from; None: the cell file's camera.
+        speed: factor of velocities; None: the cell file's, of a plan file all of its own.
+        time_scale: of the simulated cell; None: `TIME_SCALE`.
+    """
+
+    port: str | None = None
+    world: Path | None = None
+    images: Path | None = None
+    camera: str | None = None
+    speed: float | None = None
+    time_scale: float | None = None
+
+
+@dataclass(frozen=True)
 class Connection:
     """An open cell.
 
@@ -127,21 +147,13 @@ def world_file(task: Task, world: Path | None) -> Path:
     return path
 
 
-def require_openable(
-    task: Task,
-    port: str | None,
-    world: Path | None,
-    images: Path | None,
-    camera: str | None,
-    time_scale: float | None,
-) -> None:
+def require_openable(task: Task, where: WhichCell) -> None:
     """See that options go together and that what they name is there; nothing is opened.
-
-    Args: those of `open_cell`.
 
     Raises:
         InputError: an option is wrong, or world file, folder or the name of a camera are not there.
     """
+    port, images, camera, time_scale = where.port, where.images, where.camera, where.time_scale
     if time_scale is not None and not 0.01 <= time_scale <= 100.0:
         raise InputError(f"time scale = {time_scale:g}: must be from 0.01 to 100", time_scale=time_scale)
     if time_scale is not None and port is not None:
@@ -154,7 +166,7 @@ def require_openable(
         if port is None and given is not None:
             raise InputError(f"{option} needs --port: the simulated cell has its own camera", option=option)
     if port is None:
-        world_file(task, world)
+        world_file(task, where.world)
     elif images is not None:
         AwaitedPhotographs(images)
     elif camera in (None, OF_CELL) and task.cell.basler.device is None:
@@ -168,29 +180,17 @@ def require_openable(
 
 
 @contextmanager
-def open_cell(
-    task: Task,
-    port: str | None,
-    world: Path | None,
-    images: Path | None,
-    camera: str | None,
-    time_scale: float | None,
-    log: Path,
-) -> Iterator[Connection]:
-    """The real cell if a port is given, else the simulated one.
-
-    Args:
-        images, camera: where the real cell's photographs come from; default: the cell file's camera.
-        time_scale: of the simulated cell; default `TIME_SCALE`.
+def open_cell(task: Task, where: WhichCell, log: Path) -> Iterator[Connection]:
+    """The real cell if it has a port, else the simulated one; what is sent and received goes into a log.
 
     Raises:
         InputError: port, world file or camera are not there.
     """
-    require_openable(task, port, world, images, camera, time_scale)
+    require_openable(task, where)
     opened = (
-        _open_real(task, port, images, camera, log)
-        if port is not None
-        else _open_simulated(task, world, time_scale or TIME_SCALE, log)
+        _open_real(task, where.port, where.images, where.camera, log)
+        if where.port is not None
+        else _open_simulated(task, where.world, where.time_scale or TIME_SCALE, log)
     )
     with opened as connection:
         yield connection

@@ -11,7 +11,7 @@ from typing import Any
 from arm.errors import A465Error, ExecutionStopped, ImpossibleError, InputError
 from arm.planfile import read_plan
 from cell.checking import replayed, require_match, require_scene, require_start_at
-from cell.connection import open_cell
+from cell.connection import WhichCell, open_cell
 from cell.console import Console, OutputLost
 from cell.keyboard import HELP, hint, keyboard
 from cell.resume import resume
@@ -22,23 +22,28 @@ from driver.control import Control
 from driver.interrupt import interruptible
 from driver.mars import Mars
 
+SIMULATED = WhichCell()
+Confirm = Callable[[TaskRun], None]
+
 
 def run_task(
     task_file: Path,
     console: Console,
-    port: str | None = None,
-    world: Path | None = None,
-    images: Path | None = None,
-    speed: float | None = None,
-    time_scale: float | None = None,
+    where: WhichCell = SIMULATED,
     folder: Path | None = None,
     advice: bool = False,
-    camera: str | None = None,
+    confirm: Confirm | None = None,
     watcher: Watcher | None = None,
 ) -> dict[str, Any]:
-    """Do a whole task; its report as JSON types. With `advice`, a refusal to plan says what would help.
+    """Do a whole task; its report as JSON types.
 
     Args:
+        task_file: the task.
+        console: where it is told.
+        where: the cell it is done in.
+        folder: of the run; None: a new one.
+        advice: a refusal to plan says what would help.
+        confirm: see `opened`; a real arm has one (`cell.approval`).
         watcher: follows the run.
 
     Raises:
@@ -48,11 +53,9 @@ def run_task(
         ExecutionStopped: motion stopped; the state is in the error's data.
     """
     task = read_task(task_file)
-    speed = task.cell.speed if speed is None else speed
+    speed = task.cell.speed if where.speed is None else where.speed
     task.cell.limits.scaled(speed)
-    with opened(
-        task, console, port, world, images, camera, speed, time_scale, folder, Control(), None, watcher
-    ) as run:
+    with opened(task, console, where, speed, folder, Control(), confirm, watcher) as run:
         run.advice = advice
         before = run.try_look("before anything moves")
         if before is not None and not run.foresee(before):
@@ -69,20 +72,18 @@ def execute_plan(
     plan_file: Path,
     task_file: Path,
     console: Console,
-    port: str | None = None,
-    world: Path | None = None,
-    images: Path | None = None,
-    time_scale: float | None = None,
+    where: WhichCell = SIMULATED,
     folder: Path | None = None,
-    speed: float = 1.0,
-    camera: str | None = None,
     confirm: Confirm | None = None,
     watcher: Watcher | None = None,
 ) -> dict[str, Any]:
     """Execute a plan file if it holds and matches the cell of now; its report as JSON types.
 
     Args:
-        speed: override of the whole execution, 0 to 1: velocities are those of the plan, or lower by this.
+        plan_file, task_file: what to execute, and in which cell.
+        console: where it is told.
+        where: the cell; its speed is an override of the whole execution, 0 to 1, which only lowers velocities.
+        folder: of the run; None: a new one.
         confirm: see `opened`; a real arm has one (`cell.approval`).
         watcher: follows the run.
 
@@ -92,14 +93,12 @@ def execute_plan(
             the arm stands, at most moved to q_start.
         ExecutionStopped: motion stopped, or something changed on the way; the state is in the error's data.
     """
-    control = Control(ceiling=speed)
+    control = _override(where)
     task, plan = read_task(task_file), read_plan(plan_file)
     moves = replayed(task, plan)
     require_start_at(task, plan)
     console.step(f"plan {plan.sha256[:12]}: {len(moves)} moves hold and match this cell")
-    with opened(
-        task, console, port, world, images, camera, plan.speed, time_scale, folder, control, confirm, watcher
-    ) as run:
+    with opened(task, console, where, plan.speed, folder, control, confirm, watcher) as run:
         run.followed = plan_file if plan.task["cubes"] else None
         before = run.try_look("before anything moves")
         if before is not None:
@@ -124,11 +123,8 @@ def resume_plan(
     plan_file: Path,
     task_file: Path,
     console: Console,
-    port: str | None,
-    images: Path | None = None,
+    where: WhichCell,
     folder: Path | None = None,
-    speed: float = 1.0,
-    camera: str | None = None,
     confirm: Confirm | None = None,
     watcher: Watcher | None = None,
 ) -> dict[str, Any]:
@@ -139,9 +135,9 @@ def resume_plan(
         ImpossibleError: the plan is for another cell, the unit lost its positions, or there is no certified way.
         ExecutionStopped: motion stopped; the state is in the error's data.
     """
-    if port is None:
-        raise InputError("--resume needs --port: a simulated cell begins anew with every command", port=port)
-    control = Control(ceiling=speed)
+    if where.port is None:
+        raise InputError("--resume needs --port: a simulated cell begins anew with every command", port=None)
+    control = _override(where)
     task, plan = read_task(task_file), read_plan(plan_file)
     require_match(task, plan)
     if not plan.task.get("cubes"):
@@ -149,27 +145,22 @@ def resume_plan(
             f"{plan_file}: moves no cubes, so nothing tells what of it is left; execute all of it again",
             file=str(plan_file),
         )
-    with opened(
-        task, console, port, None, images, camera, plan.speed, None, folder, control, confirm, watcher
-    ) as run:
+    with opened(task, console, where, plan.speed, folder, control, confirm, watcher) as run:
         run.followed = plan_file
         resume(run, plan)
         return run.report()
 
 
-Confirm = Callable[[TaskRun], None]
+def _override(where: WhichCell) -> Control:
+    return Control() if where.speed is None else Control(ceiling=where.speed)
 
 
 @contextmanager
 def opened(
     task: Task,
     console: Console,
-    port: str | None,
-    world: Path | None,
-    images: Path | None,
-    camera: str | None,
+    where: WhichCell,
     speed: float,
-    time_scale: float | None,
     asked: Path | None,
     control: Control,
     confirm: Confirm | None = None,
@@ -178,6 +169,12 @@ def opened(
     """A run on an open cell; however it ends, its folder tells how.
 
     Args:
+        task: that is run.
+        console: where it is told.
+        where: the cell to open.
+        speed: factor of velocities that is planned with.
+        asked: folder of the run; None: a new one.
+        control: of the execution.
         confirm: asks a person, before keys mean anything else; raises if the answer is no.
         watcher: follows the run.
     """
@@ -185,18 +182,10 @@ def opened(
     with (
         console.heard(),
         interruptible(ends=True),
-        open_cell(task, port, world, images, camera, time_scale, folder / "wire.jsonl") as connection,
+        open_cell(task, where, folder / "wire.jsonl") as connection,
     ):
         control.tell = console.step
-        run = TaskRun(
-            task,
-            connection,
-            console,
-            speed,
-            folder,
-            control,
-            watcher=watcher,
-        )
+        run = TaskRun(task, connection, console, speed, folder, control, watcher=watcher)
         try:
             run.introduce()
             if confirm is not None:
@@ -207,9 +196,9 @@ def opened(
                     run.hint = lambda running: hint(control, running)
                 yield run
         except KeyboardInterrupt:
-            raise _ended(run, _interrupted(connection.mars), port, images, camera) from None
+            raise _ended(run, _interrupted(connection.mars), where) from None
         except A465Error as error:
-            end = _ended(run, _told(run, error), port, images, camera)
+            end = _ended(run, _told(run, error), where)
             if end is error:
                 raise
             raise end from error
@@ -242,12 +231,11 @@ def _told(run: TaskRun, error: A465Error) -> A465Error:
     )
 
 
-def _ended(
-    run: TaskRun, error: A465Error, port: str | None, images: Path | None, camera: str | None
-) -> A465Error:
+def _ended(run: TaskRun, error: A465Error, where: WhichCell) -> A465Error:
     """Write and tell what a run that ends by an error has done, and how to go on."""
     error.data["folder"] = str(run.folder)
     words: list[str] = []
+    port, images, camera = where.port, where.images, where.camera
     if isinstance(error, ExecutionStopped) and run.followed is not None and run.homed and port is not None:
         error.data["resume_with"] = str(run.followed)
         words = ["a465", "execute", str(run.followed), str(run.task.file), "--port", port]

@@ -14,8 +14,10 @@ import numpy as np
 import pytest
 
 from arm.errors import InputError
+from arm.files import data_file
 from arm.planfile import Move, Plan, write_plan
-from cell.approval import TRIES, Approval, overview
+from arm.unit import load_unit
+from cell.approval import TRIES, Approval, Consent, overview
 from cell.console import Console
 from cell.preview.content import page_content
 from command_line import a465
@@ -152,3 +154,51 @@ def test_a_wrong_code_and_nobody_to_ask_are_told_before_a_port_is_opened(
     _, told = a465("execute", plan_file, task, "--yes", plan.code, code=2)
     assert "--yes goes with --port" in told
     assert plan.code not in told
+
+
+def test_plans_that_nobody_has_seen_move_a_real_arm_by_its_name_alone(
+    run: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run.speed = 0.1
+    asked: list[str] = []
+
+    def answer() -> str:
+        asked.append(capsys.readouterr().out)
+        return ("yes", run.task.cell.unit.name.upper())[len(asked) - 1]
+
+    Consent(False, Console(), answer)(run)
+    told = asked[0]
+    assert f"this moves the real arm, {run.task.cell.unit.name}, by plans that are made on the way" in told
+    assert "speed: 10 %" in told
+    assert "nothing checks its way" in told
+    assert f"that is not {run.task.cell.unit.name}; 2 more tries" in asked[1]
+    Consent(True, Console())(run)
+    assert "seen by nobody before" in capsys.readouterr().out
+    others = [line for line in sent(run.wire) if not re.fullmatch(r"|ECHO:0|STAMP:\d+|VER\?|AP[A-F]\?", line)]
+    assert others == []
+
+
+def test_nobody_lets_the_arm_move_by_silence(run: Any) -> None:
+    run.speed = 0.1
+    for answer in (lambda: None, lambda: ""):
+        with pytest.raises(InputError, match="nobody let the arm move; nothing moved"):
+            Consent(False, Console(), answer)(run)
+
+
+def test_a_run_on_a_port_without_a_terminal_needs_to_be_told(tmp_path: Path) -> None:
+    """With an emulated unit that is heard, and photographs that never come: it ends before any is waited for."""
+    unit, clock = load_unit("crs93"), Clock(20.0)
+    task = data_file("scenes/task2.toml")
+    (tmp_path / "shots").mkdir()
+    with Emulator(unit, clock) as emulator:
+        _, told = a465(
+            "run", task, "--port", emulator.open_pty(), "--images", tmp_path / "shots", code=2, cwd=tmp_path
+        )
+        assert "nobody is there to let a real arm move" in told
+        assert "--unseen" in told
+        moving = ("COORDMV", "COORDS", "HH", "GG:", "INIT")
+        assert not any(line.startswith(moving) for _, line in emulator.lines)
+    _, told = a465("run", task, "--unseen", code=2, cwd=tmp_path)
+    assert "--unseen goes with --port" in told
+    _, told = a465("calibrate", "hand-eye", tmp_path / "r.json", "--unseen", code=2, cwd=tmp_path)
+    assert "--unseen: goes with --collect" in told

@@ -15,7 +15,7 @@ from arm.errors import ExecutionStopped, InputError
 from arm.files import data_file
 from cell.cellfile import read_cell
 from cell.cli import app
-from cell.connection import open_cell, simulated_cell
+from cell.connection import WhichCell, open_cell, simulated_cell
 from cell.console import Console
 from cell.inputs import changes
 from cell.run import execute_plan
@@ -158,12 +158,12 @@ def test_the_device_of_the_cell_file_looks_unless_another_is_named(place: Path, 
     with emulated(place) as port:
         for asked, opened in ((None, SERIAL), ("cell", SERIAL), ("0815-0001", "0815-0001")):
             log = tmp_path / f"{asked}.jsonl"
-            with open_cell(task, port, None, None, asked, None, log) as connection:
+            with open_cell(task, WhichCell(port, camera=asked), log) as connection:
                 assert isinstance(connection.frames, BaslerCamera)
                 assert str(connection.frames.selector) == opened
                 assert connection.frames.grab(1)[0].shape == (1200, 1920)
             assert connection.frames.device is None
-        with open_cell(task, port, None, place / "shots", None, None, tmp_path / "i.jsonl") as connection:
+        with open_cell(task, WhichCell(port, images=place / "shots"), tmp_path / "i.jsonl") as connection:
             assert not isinstance(connection.frames, BaslerCamera)
 
 
@@ -187,7 +187,7 @@ def test_a_camera_that_fails_on_the_way_stops_the_run(
 
     monkeypatch.setattr(BaslerCamera, "grab", broken_after_one)
     with emulated(place) as port, pytest.raises(ExecutionStopped) as caught:
-        execute_plan(plan, task, Console(), port, folder=tmp_path / "run", camera=SERIAL)
+        execute_plan(plan, task, Console(), WhichCell(port, camera=SERIAL), tmp_path / "run")
     assert looks == [2, 2]
     assert f"camera {SERIAL}: 3 frames of one look were damaged" in str(caught.value)
     assert caught.value.data["reason"] == "failed"

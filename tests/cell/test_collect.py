@@ -22,8 +22,8 @@ from arm.se3 import Array, angle_between, rot_x, transform
 from calib.arm_recording import read_arm_recording, recording_json
 from cell.cellfile import read_cell
 from cell.collecting import SAME_POSE, CollectOptions, others, seen_corners
-from cell.collectstep import CollectFiles, WhichCell, collect_step
-from cell.connection import join, simulated_cell
+from cell.collectstep import CollectFiles, collect_step
+from cell.connection import WhichCell, join, simulated_cell
 from cell.console import Console
 from cell.foldercamera import FolderCamera
 from cell.handposes import LIMIT_MARGIN, HandView, hand_pool, nearest_order

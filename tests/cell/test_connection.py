@@ -15,7 +15,7 @@ import pytest
 from arm.errors import InputError
 from arm.files import data_file
 from cell import connection
-from cell.connection import AwaitedPhotographs, open_cell, world_file
+from cell.connection import AwaitedPhotographs, WhichCell, open_cell, world_file
 from cell.run import run_folder
 from cell.taskfile import Task, read_task
 from driver.interrupt import SIGNALS, interruptible
@@ -102,7 +102,7 @@ def test_a_world_that_is_not_there_is_told(task: Task, tmp_path: Path) -> None:
 def test_what_cannot_be_opened_is_told(
     task: Task, tmp_path: Path, port: str | None, images: Path | None, time_scale: float | None, message: str
 ) -> None:
-    opened = open_cell(task, port, None, images, None, time_scale, tmp_path / "wire.jsonl")
+    opened = open_cell(task, WhichCell(port, images=images, time_scale=time_scale), tmp_path / "wire.jsonl")
     with pytest.raises(InputError, match=message), opened:
         pass
 

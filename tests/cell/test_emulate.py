@@ -15,7 +15,7 @@ import pytest
 import cell.connection
 from arm.files import data_file
 from cell import emulating
-from cell.connection import simulated_cell
+from cell.connection import WhichCell, simulated_cell
 from cell.console import Console
 from cell.run import execute_plan
 from cell.simulation import CellEvent
@@ -153,7 +153,7 @@ def test_a_whole_task_over_a_port_with_photographs_from_a_folder(
     plan_step(task, tmp_path / "look.json", plan, 1.0, console, False)
     asked = ["--task", str(task), "--world", str(world), "--photographs", str(shots), "--log", str(log)]
     with Program(*asked, "--time-scale", f"{TIME_SCALE:g}") as unit:
-        report = execute_plan(plan, task, Console(), unit.urls[0], None, shots, folder=tmp_path / "run")
+        report = execute_plan(plan, task, Console(), WhichCell(unit.urls[0], images=shots), tmp_path / "run")
         assert unit.interrupt() == (0, "")
     assert [c["placed"] for c in report["cubes"]] == [True, True]
     assert not report["simulated"]

@@ -24,6 +24,7 @@ from arm.files import data_file
 from arm.planfile import Move, Plan, read_plan
 from cell.checking import require_start_at
 from cell.cli import main
+from cell.connection import WhichCell
 from cell.console import Console, progress_line
 from cell.keyboard import hint, on_key
 from cell.run import execute_plan
@@ -213,7 +214,9 @@ def test_pause_go_on_slower_and_abort_from_the_keyboard(terminal: Terminal) -> N
 def test_a_speed_that_is_not_one_is_refused(planned: Path) -> None:
     for speed in (0.0, 1.5, -1.0):
         with pytest.raises(InputError, match="an override only lowers"):
-            execute_plan(planned / "plan.json", planned / "scenes/task2.toml", Console(True), speed=speed)
+            execute_plan(
+                planned / "plan.json", planned / "scenes/task2.toml", Console(True), WhichCell(speed=speed)
+            )
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from arm.files import data_file
 from arm.motion import CountPath
 from arm.planfile import Move, Plan, write_plan
 from arm.unit import Unit, load_unit
+from cell.connection import WhichCell
 from cell.console import Console, OutputLost
 from cell.taskfile import read_task
 from cell.taskrun import TaskRun
@@ -44,11 +45,11 @@ def emulator(unit: Unit) -> Iterator[Emulator]:
 
 
 def _run(port: str, images: Path) -> None:
-    cell.run.run_task(TASK, Console(), port, None, images)
+    cell.run.run_task(TASK, Console(), WhichCell(port, images=images))
 
 
 def _execute(port: str, images: Path) -> None:
-    cell.run.execute_plan(images.parent / "plan.json", TASK, Console(), port, None, images)
+    cell.run.execute_plan(images.parent / "plan.json", TASK, Console(), WhichCell(port, images=images))
 
 
 @pytest.fixture

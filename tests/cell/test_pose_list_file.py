@@ -24,6 +24,7 @@ from arm.se3 import angle_between, rot_x, rot_z, transform
 from arm.unit import load_unit
 from cell.cellfile import read_cell
 from cell.checking import check_plan
+from cell.connection import WhichCell
 from cell.console import Console
 from cell.placefile import read_place
 from cell.poselistfile import PoseList, Reading, read_pose_list
@@ -377,7 +378,7 @@ def test_a_plan_through_poses_is_executed_in_its_task(tmp_path: Path) -> None:
     reached = np.degrees(plan.task["poses"][-1]["q"])
     assert np.abs(last - reached).max() < 0.05
     with pytest.raises(ImpossibleError, match="moves no cubes, so nothing tells what of it is left"):
-        resume_plan(tmp_path / "p.json", task, Console(as_json=True), "/dev/null")
+        resume_plan(tmp_path / "p.json", task, Console(as_json=True), WhichCell("/dev/null"))
     a465("plan-poses", task, poses, "-o", tmp_path / "blind.json")
     _, told = a465(
         "execute", tmp_path / "blind.json", task, "--world", world, "--time-scale", 60, code=3, cwd=tmp_path

@@ -15,7 +15,7 @@ import cell.run
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.planfile import Step, read_plan
 from arm.se3 import inverse
-from cell.connection import Connection
+from cell.connection import Connection, WhichCell
 from cell.console import Console
 from cell.lookfile import Seen
 from cell.resume import _known, carried_by
@@ -119,10 +119,12 @@ def test_stopped_again_and_again_the_task_is_finished(
 
     def resume() -> dict[str, Any]:
         number[0] += 1
-        return resume_plan(at.newest, at.file, Console(), at.url, None, at.folder / f"resumed-{number[0]}")
+        return resume_plan(
+            at.newest, at.file, Console(), WhichCell(at.url), at.folder / f"resumed-{number[0]}"
+        )
 
     def first() -> dict[str, Any]:
-        return execute_plan(at.plan, at.file, Console(), at.url, folder=at.folder / "first")
+        return execute_plan(at.plan, at.file, Console(), WhichCell(at.url), at.folder / "first")
 
     at.stopped(first, "close on it", 0.0)  # the fingers are beside the cube
     assert at.held() == []
@@ -165,10 +167,10 @@ def test_clearing_a_board_goes_on_with_the_cubes_that_stand_on_the_table(
     at = clearing
 
     def resume(name: str) -> dict[str, Any]:
-        return resume_plan(at.newest, at.file, Console(), at.url, None, at.folder / name)
+        return resume_plan(at.newest, at.file, Console(), WhichCell(at.url), at.folder / name)
 
     def first() -> dict[str, Any]:
-        return execute_plan(at.plan, at.file, Console(), at.url, folder=at.folder / "first")
+        return execute_plan(at.plan, at.file, Console(), WhichCell(at.url), at.folder / "first")
 
     at.stopped(first, "let go", 0.0)  # on the table, still in the jaws
     assert len(at.held()) == 1
@@ -189,7 +191,7 @@ def test_clearing_a_board_goes_on_with_the_cubes_that_stand_on_the_table(
 
 def test_a_unit_that_lost_its_positions_is_not_resumed(lasting: LastingCell) -> None:
     with pytest.raises(ImpossibleError, match="must be homed"):
-        resume_plan(lasting.plan, lasting.file, Console(), lasting.url, None, lasting.folder / "run")
+        resume_plan(lasting.plan, lasting.file, Console(), WhichCell(lasting.url), lasting.folder / "run")
     moving = ("COORDMV", "COORDS", "HH", "GG:")
     assert not any(line.startswith(moving) for _, line in lasting.emulator.lines)
 
@@ -214,4 +216,4 @@ def test_which_cube_is_in_the_jaws_is_told_or_refused(lasting: LastingCell) -> N
 
 def test_resuming_needs_a_controller(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--resume needs --port"):
-        resume_plan(tmp_path, tmp_path, Console(), None)
+        resume_plan(tmp_path, tmp_path, Console(), WhichCell())

@@ -42,8 +42,12 @@ def whole_cell(scenes: Path) -> Path:
     cell = scenes / "cell.toml"
     camera = read_camera(scenes / "cameras/lab.toml")
     write_calibration(scenes / "calibration.toml", camera.T_base_camera)
-    text = re.sub(r"^# (\w+ = )", r"\1", cell.read_text(), flags=re.M).replace("# [look.basler]", "[look.basler]")
-    text = text.replace("[motion]", "features = { ReverseX = false }\ntimeout_s = 2\nheartbeat_s = 3\n[motion]", 1)
+    text = re.sub(r"^# (\w+ = )", r"\1", cell.read_text(), flags=re.M).replace(
+        "# [look.basler]", "[look.basler]"
+    )
+    text = text.replace(
+        "[motion]", "features = { ReverseX = false }\ntimeout_s = 2\nheartbeat_s = 3\n[motion]", 1
+    )
     text = text.replace("[look]", _MORE_WALLS + "[look]", 1)
     cell.write_text(text.replace("camera =", 'calibration = "calibration.toml"\ncamera =', 1))
     return cell

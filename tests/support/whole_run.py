@@ -14,7 +14,7 @@ import numpy as np
 import cell.run
 from arm.errors import A465Error
 from arm.planfile import Plan, read_plan
-from cell.connection import Connection, open_cell
+from cell.connection import Connection, WhichCell, open_cell
 from cell.console import Console
 from cell.simulation import CellState, SimulatedCell
 from cell.taskfile import Task, read_task
@@ -85,7 +85,9 @@ def run_whole(
     output = io.StringIO()
     try:
         with redirect_stdout(output), redirect_stderr(output):
-            run.report = cell.run.run_task(task_file, Console(), None, world, None, speed, time_scale, folder)
+            run.report = cell.run.run_task(
+                task_file, Console(), WhichCell(world=world, speed=speed, time_scale=time_scale), folder
+            )
     except A465Error as error:
         run.error = error
     finally:
