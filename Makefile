@@ -1,5 +1,6 @@
 # make run     sets up and runs the main job in the simulated cell
 # make test    sets up and passes the tests
+# make docs    builds docs/_build/html
 # make mcap    adds what `a465 export --format mcap` needs
 # make basler  adds what a Basler camera needs (pypylon, 85 MB)
 VENV := .venv
@@ -14,13 +15,17 @@ export PIP_BUILD_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 PIP := $(PYTHON) -m pip --python $(BIN)/python install --quiet
 
-.PHONY: run test mcap basler lint clean
+.PHONY: run test docs mcap basler lint clean
 
 run: $(VENV)/installed
 	$(BIN)/a465 run $(TASK)
 
 test: $(VENV)/installed-test lint
 	$(BIN)/pytest -n 2 --dist loadgroup
+
+docs: $(VENV)/installed-docs
+	$(BIN)/sphinx-build -W --keep-going --quiet docs docs/_build/html
+	@echo "docs/_build/html/index.html"
 
 mcap: $(VENV)/installed
 	$(PIP) --editable '.[mcap]'
@@ -47,5 +52,10 @@ $(VENV)/installed-test: $(VENV)/installed
 	$(PIP) --editable '.[test]'
 	@touch $@
 
+$(VENV)/installed-docs: $(VENV)/installed
+	@echo "installing what builds the documentation into $(VENV) (once)"
+	$(PIP) --editable '.[docs]'
+	@touch $@
+
 clean:
-	rm -rf $(VENV) runs
+	rm -rf $(VENV) runs docs/_build docs/api

@@ -88,11 +88,12 @@ def run(
     live_port: LivePort = None,
     as_json: Json = False,
 ) -> None:
-    from cell.approval import Consent, require_a_port
-    from cell.connection import WhichCell
-    from cell.run import run_task
-
     console = Console(as_json)
+    with console.doing("beginning"):
+        from cell.approval import Consent, require_a_port
+        from cell.connection import WhichCell
+        from cell.run import run_task
+
     require_a_port("--unseen", unseen, port)
     confirm = None if port is None else Consent(unseen, console)
     where = WhichCell(port, world, images, camera, speed, time_scale)
@@ -130,17 +131,21 @@ def look(
                 raise InputError(
                     f"{name} does not go with --detections: corners are no photographs", option=name
                 )
-        from cell.recorded import detections_step
+        with console.doing("looking"):
+            from cell.recorded import detections_step
 
-        console.result(detections_step(detections, task, output, console))
+            result = detections_step(detections, task, output, console)
+        console.result(result)
         return
     if task is None:
         raise InputError(
             "look: TASK is missing, such as scenes/task2.toml; or give --detections FILE", task=None
         )
-    from cell.steps import look_step
+    with console.doing("looking"):
+        from cell.steps import look_step
 
-    console.result(look_step(task, images, world, output, picture, console, camera))
+        result = look_step(task, images, world, output, picture, console, camera)
+    console.result(result)
 
 
 @app.command(
@@ -149,10 +154,12 @@ def look(
     epilog="Example: a465 reach scenes/task2.toml --look look.json",
 )
 def reach(task: TaskFile, look: LookFile, advice: Advice = True, as_json: Json = False) -> None:
-    from cell.steps import reach_step
-
     console = Console(as_json)
-    console.result(reach_step(task, look, console, advice))
+    with console.doing("reaching for every hole"):
+        from cell.steps import reach_step
+
+        result = reach_step(task, look, console, advice)
+    console.result(result)
 
 
 @app.command(
@@ -168,10 +175,12 @@ def plan(
     advice: Advice = True,
     as_json: Json = False,
 ) -> None:
-    from cell.steps import plan_step
-
     console = Console(as_json)
-    console.result(plan_step(task, look, output, speed, console, advice))
+    with console.doing("planning"):
+        from cell.steps import plan_step
+
+        result = plan_step(task, look, output, speed, console, advice)
+    console.result(result)
 
 
 @app.command(
@@ -201,12 +210,14 @@ def plan_poses(
     back: Annotated[bool, typer.Option("--back", help="Go back to q_start in the end.")] = False,
     as_json: Json = False,
 ) -> None:
-    from cell.poselistfile import reading_of
-    from cell.poseliststep import plan_poses_step
-
     console = Console(as_json)
-    reading = reading_of(frame, angles, lengths)
-    console.result(plan_poses_step(place, poses, look, output, reading, speed, back, console))
+    with console.doing("planning"):
+        from cell.poselistfile import reading_of
+        from cell.poseliststep import plan_poses_step
+
+        reading = reading_of(frame, angles, lengths)
+        result = plan_poses_step(place, poses, look, output, reading, speed, back, console)
+    console.result(result)
 
 
 @app.command(
@@ -226,10 +237,11 @@ def check(
     q: Annotated[str | None, typer.Option("--q", help="J1 to J6 in deg with commas.", metavar="Q")] = None,
     as_json: Json = False,
 ) -> None:
-    from cell.checkstep import check_step
-
     console = Console(as_json)
-    report = check_step(file, task, q, console)
+    with console.doing("checking"):
+        from cell.checkstep import check_step
+
+        report = check_step(file, task, q, console)
     console.result(report)
     if report.get("differing"):
         refuse(f"not as expected: {', '.join(report['differing'])}")
@@ -254,10 +266,12 @@ def preview(
     output: Output = None,
     as_json: Json = False,
 ) -> None:
-    from cell.previewstep import preview_file
-
     console = Console(as_json)
-    console.result(preview_file(file, task, output, console))
+    with console.doing("drawing"):
+        from cell.previewstep import preview_file
+
+        result = preview_file(file, task, output, console)
+    console.result(result)
 
 
 @app.command(
@@ -291,11 +305,12 @@ def execute(
     live_port: LivePort = None,
     as_json: Json = False,
 ) -> None:
-    from cell.approval import Approval, require_a_port
-    from cell.connection import WhichCell
-    from cell.run import execute_plan, resume_plan
-
     console = Console(as_json)
+    with console.doing("beginning"):
+        from cell.approval import Approval, require_a_port
+        from cell.connection import WhichCell
+        from cell.run import execute_plan, resume_plan
+
     require_a_port("--yes", yes is not None, port)
     confirm = None if port is None else Approval(plan, yes, console)
     where = WhichCell(port, world, images, camera, speed, time_scale)

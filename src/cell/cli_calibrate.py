@@ -77,12 +77,15 @@ def calibrate_lens(
         typer.Option("--json", help="Print one JSON object on standard output, all else on standard error."),
     ] = False,
 ) -> None:
-    from cell.calibratecamera import LensOptions, camera_step
     from cell.console import Console
 
     console = Console(as_json)
-    options = LensOptions(target, tuple(hold or ()), work_mm, limit_mm, most_views, output, report)
-    _finish(camera_step(images, options, live, camera, simulated, console), output, console)
+    with console.doing("calibrating"):
+        from cell.calibratecamera import LensOptions, camera_step
+
+        options = LensOptions(target, tuple(hold or ()), work_mm, limit_mm, most_views, output, report)
+        result = camera_step(images, options, live, camera, simulated, console)
+    _finish(result, output, console)
 
 
 _LIMIT = Annotated[
@@ -191,8 +194,6 @@ def calibrate_hand_eye(
         options = CollectOptions.of(poses, seed, recipe)
         result = collect_step(files, options, limit_mm, where, console, encoder_step_deg, confirm)
     else:
-        from cell.calibratechain import hand_eye_step
-
         _only_with_collect(
             target=target,
             poses=poses,
@@ -208,7 +209,10 @@ def calibrate_hand_eye(
             folder=folder,
             apply=apply or None,
         )
-        result = hand_eye_step(data, output, report, limit_mm, encoder_step_deg, console)
+        with console.doing("calibrating"):
+            from cell.calibratechain import hand_eye_step
+
+            result = hand_eye_step(data, output, report, limit_mm, encoder_step_deg, console)
     _finish(result, output, console)
 
 
@@ -240,11 +244,14 @@ def calibrate_kinematic(
     encoder_step_deg: _STEP = None,
     as_json: _JSON = False,
 ) -> None:
-    from cell.calibratechain import kinematic_step
     from cell.console import Console
 
     console = Console(as_json)
-    _finish(kinematic_step(data, output, report, limit_mm, encoder_step_deg, console), output, console)
+    with console.doing("calibrating"):
+        from cell.calibratechain import kinematic_step
+
+        result = kinematic_step(data, output, report, limit_mm, encoder_step_deg, console)
+    _finish(result, output, console)
 
 
 def _finish(result: dict[str, Any], output: Path | None, console: Console) -> None:

@@ -79,13 +79,16 @@ def render(
 ) -> None:
     console = Console(as_json)
     if target is not None:
-        from cell.targetstep import target_step
+        with console.doing("rendering"):
+            from cell.targetstep import target_step
 
-        console.result(target_step(task, target, seed, output or Path("photographs"), count, console))
-        return
-    from cell.steps import render_step
+            result = target_step(task, target, seed, output or Path("photographs"), count, console)
+    else:
+        with console.doing("rendering"):
+            from cell.steps import render_step
 
-    console.result(render_step(task, world, output or Path("photographs"), count, console))
+            result = render_step(task, world, output or Path("photographs"), count, console)
+    console.result(result)
 
 
 @tools.command(
@@ -128,11 +131,13 @@ def export(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    from cell.export import Asked, export_file
-
     console = Console(as_json)
-    asked = Asked(form, output, planned, unit, period, cell, look)
-    console.result(export_file(file, asked, console))
+    with console.doing("exporting"):
+        from cell.export import Asked, export_file
+
+        asked = Asked(form, output, planned, unit, period, cell, look)
+        result = export_file(file, asked, console)
+    console.result(result)
 
 
 @tools.command(

@@ -84,17 +84,18 @@ def collect_step(
         pool, folder = _add(task, record, options, files.folder, where, console, confirm)
     else:
         console.step(f"{recording}: holds {len(record)} poses already, so nothing moves")
-    result = solve_hand_eye(
-        recording,
-        record.recording(),
-        results,
-        limits,
-        encoder_step,
-        console,
-        task.cell.file,
-        files.apply,
-        pool,
-    )
+    with console.doing("calibrating"):
+        result = solve_hand_eye(
+            recording,
+            record.recording(),
+            results,
+            limits,
+            encoder_step,
+            console,
+            task.cell.file,
+            files.apply,
+            pool,
+        )
     return {**result, "recording": str(recording), "folder": None if folder is None else str(folder)}
 
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import shutil
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, TextIO
@@ -14,6 +16,7 @@ from typing import Any, TextIO
 from arm.errors import ExecutionStopped
 
 WIDTH = 80
+TICK_S = 0.5  # between signs of life; what takes less shows none
 _LABEL, _BAR, _LEAST_BAR = 22, 30, 6
 
 
@@ -42,6 +45,9 @@ class Console:
         self._stream: TextIO | None = sys.stderr if as_json else sys.stdout  # None: closed before we began
         self._live = self._stream is not None and self._stream.isatty()
         self._open_line = False
+        self._busy = ""  # with what, while a sign of life is shown
+        self._bar_at = -math.inf  # when a bar was last drawn: no other sign of life is needed then
+        self._lock = threading.Lock()
         self._lost: OSError | None = None
         self._needed = False
         self._started = time.monotonic()
@@ -64,7 +70,6 @@ class Console:
 
     def say(self, text: str = "") -> None:
         """One line."""
-        self._end_progress()
         self._write(f"{text}\n")
 
     def step(self, text: str) -> None:
@@ -79,8 +84,49 @@ class Console:
         if not self._live:
             return
         line = progress_line(text, fraction, hint, shutil.get_terminal_size((WIDTH, 24)).columns)
-        self._write(f"\r{line}\x1b[K")
-        self._open_line = True
+        self._bar_at = time.monotonic()
+        self._write(f"\r{line}\x1b[K", open_line=True)
+
+    @contextlib.contextmanager
+    def doing(self, text: str) -> Iterator[None]:
+        """Inside, a terminal shows what is done and for how long, where nothing else is shown; silent elsewhere."""
+        before, self._busy = self._busy, text
+        if before or not self._live:
+            try:
+                yield
+            finally:
+                self._busy = before
+            return
+        over = threading.Event()
+        ticking = threading.Thread(target=self._tick, args=(over,), daemon=True)
+        ticking.start()
+        try:
+            yield
+        finally:
+            over.set()
+            ticking.join(TICK_S)
+            self._busy = ""
+            self._end_progress()
+
+    def _tick(self, over: threading.Event) -> None:
+        began, what, stream = time.monotonic(), self._busy, self._stream
+        while not over.wait(TICK_S):
+            now = time.monotonic()
+            if self._busy != what:
+                began, what = now, self._busy
+            if now - self._bar_at < 2.0 * TICK_S:
+                continue
+            columns = shutil.get_terminal_size((WIDTH, 24)).columns
+            line = f"{what} ... {now - began:.0f} s"[: columns - 1]
+            with self._lock:
+                if over.is_set() or stream is None or self._stream is not stream:
+                    return
+                try:
+                    stream.write(f"\r{line}\x1b[K")
+                    stream.flush()
+                except OSError:  # whoever writes next is told
+                    return
+                self._open_line = True
 
     def table(self, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
         """A table; numbers to the right, text to the left."""
@@ -96,21 +142,22 @@ class Console:
 
     def _end_progress(self) -> None:
         if self._open_line:
-            self._open_line = False
-            self._write("\r\x1b[K")
+            self._write("")
 
-    def _write(self, text: str) -> None:
-        stream = self._stream
-        if stream is None:
-            return
-        try:
-            stream.write(text)
-            stream.flush()
-        except OSError as error:
-            self._stream, self._live, self._lost = None, False, error
-            _silence(stream)
-            if self._needed or not isinstance(error, BrokenPipeError):
-                raise OutputLost(error) from error
+    def _write(self, text: str, open_line: bool = False) -> None:
+        with self._lock:
+            stream = self._stream
+            if stream is None:
+                return
+            ended, self._open_line = self._open_line and not open_line, open_line
+            try:
+                stream.write(f"\r\x1b[K{text}" if ended else text)
+                stream.flush()
+            except OSError as error:
+                self._stream, self._live, self._lost = None, False, error
+                _silence(stream)
+                if self._needed or not isinstance(error, BrokenPipeError):
+                    raise OutputLost(error) from error
 
 
 def say_on_stderr(text: str) -> None:

@@ -95,7 +95,8 @@ def execute_plan(
     """
     control = _override(where)
     task, plan = read_task(task_file), read_plan(plan_file)
-    moves = replayed(task, plan)
+    with console.doing("checking the plan"):
+        moves = replayed(task, plan)
     require_start_at(task, plan)
     console.step(f"plan {plan.sha256[:12]}: {len(moves)} moves hold and match this cell")
     with opened(task, console, where, plan.speed, folder, control, confirm, watcher) as run:

@@ -124,7 +124,8 @@ class TaskRun:
         """Look from where the arm is, whatever is found."""
         picture = self.folder / f"look-{next(self._looks)}.png"
         self.pictures.append(Picture(why, picture))
-        return look_and_save(self.task, self.connection.frames, picture, self.console, why, arm_in_view)
+        with self.console.doing("looking"):
+            return look_and_save(self.task, self.connection.frames, picture, self.console, why, arm_in_view)
 
     def check_reach(self, seen: Seen) -> None:
         """Every hole of the task's boards must be in reach.
@@ -150,7 +151,8 @@ class TaskRun:
         """
         self.check_reach(seen)
         q_start = self.task.cell.q_start
-        with explained(self.task, seen, q_start, self.speed, self.advice, every_hole=True):
+        explaining = explained(self.task, seen, q_start, self.speed, self.advice, every_hole=True)
+        with self.console.doing("planning"), explaining:
             plan = plan_rest(self.task, seen, q_start, self.speed, {}, {})
         if plan is None:
             self.console.step(f"board {self.task.from_board.name} holds no cube: nothing to do")
@@ -164,7 +166,8 @@ class TaskRun:
         self.console.step(
             "homing: the controller moves every axis, nothing checks its way; then the jaws open"
         )
-        mars.initialise(home=True, soft_home=False)  # the way from the marks is planned like any other
+        with self.console.doing("homing"):
+            mars.initialise(home=True, soft_home=False)  # the way from the marks is planned like any other
         cell = self.task.cell
         mars.set_registers(cell.speed_registers, cell.acceleration_registers)
         if mars.gripper(0.0).stalled:
@@ -194,7 +197,8 @@ class TaskRun:
 
     def _plan_rest(self, seen: Seen) -> Plan | None:
         q_now, rest = self.q_now(), (self.done, self.on_table, self.given_up)
-        with explained(self.task, seen, q_now, self.speed, self.advice, *rest):
+        explaining = explained(self.task, seen, q_now, self.speed, self.advice, *rest)
+        with self.console.doing("planning"), explaining:
             plan = plan_rest(self.task, seen, q_now, self.speed, *rest)
         if plan is None:
             return None

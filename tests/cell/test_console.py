@@ -8,10 +8,13 @@ import json
 import os
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import pytest
 
+import cell.console
 from arm.files import data_file
 from cell.console import Console, OutputLost
 from cell.start import main
@@ -139,3 +142,79 @@ def test_an_interrupt_where_nothing_is_open_is_told_in_one_line(
         main()
     assert left.value.code == 130
     assert capsys.readouterr().err == "a465: interrupted; nothing that was being written is half there\n"
+
+
+class Terminal(io.StringIO):
+    """What a person sees: the last line is what stands there now."""
+
+    def isatty(self) -> bool:
+        return True
+
+    def lines(self) -> list[str]:
+        """As a terminal would show them."""
+        return [line.split("\r")[-1].replace("\x1b[K", "") for line in self.getvalue().split("\n")]
+
+
+def wait_for(terminal: Terminal, text: str) -> None:
+    over = time.monotonic() + 10.0
+    while text not in terminal.getvalue():
+        assert time.monotonic() < over, f"no {text!r} in {terminal.getvalue()!r}"
+        time.sleep(0.005)
+
+
+def test_a_sign_of_life_is_shown_while_nothing_else_is_and_leaves_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(cell.console, "TICK_S", 0.02)
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stdout", terminal)
+    console = Console()
+    with console.doing("planning"):
+        wait_for(terminal, "\rplanning ... 0 s")
+        console.say("one line")
+        with console.doing("looking"):
+            wait_for(terminal, "\rlooking ... 0 s")
+        assert console.result({}) is None
+    assert terminal.lines() == ["one line", ""]
+    assert not any("_tick" in thread.name for thread in threading.enumerate())
+    quick = Terminal()
+    monkeypatch.setattr(sys, "stdout", quick)
+    with Console().doing("what takes no time"):
+        pass
+    assert quick.getvalue() == ""
+
+
+def test_a_bar_is_a_sign_of_life_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cell.console, "TICK_S", 0.05)
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stdout", terminal)
+    console = Console()
+    with console.doing("running"):
+        for k in range(30):
+            console.progress("cube 1", k / 30)
+            time.sleep(0.01)
+    assert "running ..." not in terminal.getvalue()
+    assert terminal.lines() == [""]
+
+
+def test_a_terminal_that_goes_away_while_a_sign_of_life_is_shown_is_told_by_the_next_word(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(cell.console, "TICK_S", 0.01)
+    stream = Gone(0, errno.EIO)
+    monkeypatch.setattr(stream, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(sys, "stdout", stream)
+    console = Console()
+    with console.heard(), console.doing("homing"):
+        time.sleep(0.1)
+        with pytest.raises(OutputLost):
+            console.say("a word")
+
+
+def test_nothing_of_it_is_piped(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cell.console, "TICK_S", 0.01)
+    piped = io.StringIO()
+    monkeypatch.setattr(sys, "stdout", piped)
+    with Console().doing("planning"):
+        time.sleep(0.1)
+    assert piped.getvalue() == ""

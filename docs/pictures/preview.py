@@ -1,0 +1,54 @@
+"""Draws preview.png: the page of a plan of scenes/task2.toml, made here, in Debian's chromium.
+
+python docs/pictures/preview.py
+"""
+
+from __future__ import annotations
+
+import io
+import shutil
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+from playwright.sync_api import sync_playwright
+
+from arm.files import data_file
+from cell.console import Console
+from cell.steps import look_step, plan_step, preview_step
+
+HERE = Path(__file__).resolve().parent
+SIZE = {"width": 1280, "height": 760}
+SHOWN_S = 18.2  # of the plan
+STEP = 6  # of a colour's 256: what the eye does not miss, and a picture of half the bytes
+FLAGS = ["--no-sandbox", "--disable-gpu"]
+
+
+def main() -> None:
+    """Look, plan, preview, and a photograph of the page."""
+    task, console = data_file("scenes/task2.toml"), Console()
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+        look, plan, page_file = (Path(folder) / name for name in ("look.json", "plan.json", "plan.html"))
+        look_step(task, None, None, look, None, console)
+        plan_step(task, look, plan, None, console)
+        preview_step(plan, task, page_file, console)
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
+        page = browser.new_page(viewport=SIZE)
+        page.goto(page_file.as_uri())
+        page.wait_for_timeout(3000)
+        page.evaluate(
+            "s => { const slider = document.getElementById('slider'); slider.value = s;"
+            " slider.dispatchEvent(new Event('input')) }",
+            SHOWN_S,
+        )
+        page.wait_for_timeout(2000)
+        photograph = io.BytesIO(page.screenshot())
+        browser.close()
+    colours = np.asarray(Image.open(photograph).convert("RGB"), dtype=int)
+    fewer = np.minimum((colours + STEP // 2) // STEP * STEP, 255).astype(np.uint8)
+    Image.fromarray(fewer).save(HERE / "preview.png", optimize=True)
+
+
+if __name__ == "__main__":
+    main()
