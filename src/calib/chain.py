@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -60,17 +61,49 @@ Element = Fixed | Motion
 
 @dataclass(frozen=True, eq=False)
 class Evaluated:
-    """A chain at n observations.
+    """A chain at n observations. Derivatives are worked out when they are asked for.
 
     Attributes:
         T: (n, 4, 4).
-        by_unknown: twists (n, unknowns, 6) of the right end in its own frame, translation first, per unit.
-        by_reading: the same per reading, (n, readings, 6).
+        motions: of the chain from right to left.
+        behind: rotation and place of the right end behind each of them, (motions, n, 3, 4).
+        gains: by name, (n,) each.
+        counts: of readings and unknowns.
     """
 
     T: Array
-    by_unknown: Array
-    by_reading: Array
+    motions: tuple[Motion, ...]
+    behind: Array
+    gains: dict[str, Array]
+    counts: tuple[int, int]
+
+    @cached_property
+    def _twists(self) -> Array:
+        """Of the right end in its own frame, translation first, for each motion's unit, (motions, n, 6)."""
+        R, p = self.behind[..., :3], self.behind[..., 3]
+        axes = np.array([e.sign * e.axis for e in self.motions]).reshape(-1, 3)
+        turns = np.array([e.turns for e in self.motions], dtype=bool)[:, None, None]
+        along = np.einsum("mi,mnij->mnj", axes, R)
+        across = np.einsum("mni,mnij->mnj", np.cross(axes[:, None], p), R)
+        return np.concatenate([np.where(turns, across, along), np.where(turns, along, 0.0)], axis=-1)
+
+    @cached_property
+    def by_unknown(self) -> Array:
+        """Twists (n, unknowns, 6) of the right end in its own frame, translation first, per unit."""
+        by_unknown = np.zeros((len(self.T), self.counts[1], 6))
+        for e, twist in zip(self.motions, self._twists, strict=True):
+            for u in e.unknowns:
+                by_unknown[:, u.index] += self.gains[u.gain][:, None] * twist if u.gain else twist
+        return by_unknown
+
+    @cached_property
+    def by_reading(self) -> Array:
+        """The same per reading, (n, readings, 6)."""
+        by_reading = np.zeros((len(self.T), self.counts[0], 6))
+        for e, twist in zip(self.motions, self._twists, strict=True):
+            if e.reading is not None:
+                by_reading[:, e.reading] += twist
+        return by_reading
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,47 +125,40 @@ class Chain:
 
     def evaluate(self, readings: Array, unknowns: Array, gains: dict[str, Array] | None = None) -> Evaluated:
         """The chain at readings (n, readings) rad or m for unknowns (count,) and gains (n,) by name."""
-        n = len(readings)
-        B = np.tile(np.eye(4), (n, 1, 1))
-        by_unknown = np.zeros((n, len(unknowns), 6))
-        by_reading = np.zeros((n, readings.shape[1], 6))
-        gains = gains or {}
+        n, gains = len(readings), gains or {}
+        motions = tuple(e for e in reversed(self.elements) if isinstance(e, Motion))
+        amounts = np.zeros((len(motions), n))
+        for amount, motion in zip(amounts, motions, strict=True):
+            if motion.reading is not None:
+                amount += readings[:, motion.reading]
+            for u in motion.unknowns:
+                amount += gains[u.gain] * unknowns[u.index] if u.gain else unknowns[u.index]
+            amount *= motion.sign
+        turned = _turned(motions, amounts)
+        behind = np.empty((len(motions), n, 3, 4))
+        at = np.tile(np.eye(3, 4), (n, 1, 1))
+        k = 0
         for e in reversed(self.elements):
             if isinstance(e, Fixed):
-                B = e.T @ B
+                at = e.T[:3, :3] @ at
+                at[..., 3] += e.T[:3, 3]
                 continue
-            amount = np.zeros(n) if e.reading is None else readings[:, e.reading].copy()
-            twist = e.sign * _at_right_end(e, B)
-            if e.reading is not None:
-                by_reading[:, e.reading] += twist
-            for u in e.unknowns:
-                gain = gains[u.gain] if u.gain else np.ones(n)
-                amount += gain * unknowns[u.index]
-                by_unknown[:, u.index] += gain[:, None] * twist
-            B = _moved(e, e.sign * amount, B)
-        return Evaluated(B, by_unknown, by_reading)
+            behind[k] = at
+            if e.turns:
+                at = turned[k] @ at
+            else:
+                at[..., 3] += amounts[k, :, None] * e.axis
+            k += 1
+        T = np.tile(np.eye(4), (n, 1, 1))
+        T[:, :3] = at
+        return Evaluated(T, motions, behind, gains, (readings.shape[1], len(unknowns)))
 
 
-def _at_right_end(e: Motion, B: Array) -> Array:
-    """The motion's twist (n, 6) per unit in the frame to which the transforms B (n, 4, 4) lead."""
-    R, p = B[:, :3, :3], B[:, :3, 3]
-    along = e.axis @ R
-    if not e.turns:
-        return np.concatenate([along, np.zeros_like(p)], axis=1)
-    across = p @ skew(e.axis).T
-    return np.concatenate([(across[:, None] @ R)[:, 0], along], axis=1)
-
-
-def _moved(e: Motion, amount: Array, B: Array) -> Array:
-    """exp(axis amount) B, for amounts (n,)."""
-    moved = B.copy()
-    if not e.turns:
-        moved[:, :3, 3] += amount[:, None] * e.axis
-        return moved
-    K = skew(e.axis)
-    R = np.eye(3) + np.sin(amount)[:, None, None] * K + (1.0 - np.cos(amount))[:, None, None] * (K @ K)
-    moved[:, :3] = R @ B[:, :3]
-    return moved
+def _turned(motions: Sequence[Motion], amounts: Array) -> Array:
+    """Rotation matrices (motions, n, 3, 3) for amounts (motions, n), by O. Rodrigues' formula."""
+    K = np.array([skew(e.axis) for e in motions]).reshape(-1, 1, 3, 3)
+    angles = amounts[..., None, None]
+    return np.asarray(np.eye(3) + np.sin(angles) * K + (1.0 - np.cos(angles)) * (K @ K))
 
 
 def pose_unknowns(first: int) -> tuple[Motion, ...]:

@@ -233,7 +233,7 @@ def normal_equations(
 
 
 def _residual(problem: Problem, s: Sightings, at: Evaluated) -> Array:
-    points = np.einsum("nij,mj->nmi", at.T[:, :3, :3], s.points) + at.T[:, None, :3, 3]
+    points = s.points @ np.swapaxes(at.T[:, :3, :3], 1, 2) + at.T[:, None, :3, 3]
     return np.asarray(s.pixels - problem.camera.project(points))
 
 
@@ -286,7 +286,7 @@ class _System:
         S, g = _priors(problem, x)
         stances: list[_Stance] = []
         for number in range(len(problem.sightings)):
-            for stance in _stances(problem, number, x, errors, weights):
+            for stance in _stances(problem, number, x, errors, weights, apart=False):
                 S += stance.S
                 g += stance.g
                 stances.append(stance)
@@ -315,18 +315,20 @@ def _stances(
     errors: Sequence[Array],
     weights: Sequence[Array],
     extra: Sequence[Array] | None = None,
+    apart: bool = True,
 ) -> Iterator[_Stance]:
-    """Every stance of a chain that has an image of weight."""
+    """Every stance of a chain that has an image of weight; if not `apart`, those without errors as one."""
     s, e, w = problem.sightings[chain], errors[chain], weights[chain]
-    r, by_unknown, by_reading = _linearised(problem, s, s.evaluate(x, e), w)
-    J = by_unknown[..., problem.free]
+    r, J, by_reading = _linearised(problem, s, s.evaluate(x, e), w)
     if extra is not None:
         scale = (np.sqrt(w)[:, None, None] / s.sigma(problem.pixel_sigma))[..., None]
         seen = np.isfinite(s.pixels)[..., None]
         J = np.concatenate([J, np.where(seen, extra[chain] * scale, 0.0)], axis=-1)
     inexact = np.flatnonzero(problem.reading_sigma > 0.0)
     if not len(inexact):
-        yield from _exact_stances(s, chain, J.reshape(len(J), -1, J.shape[-1]), r.reshape(len(r), -1), w)
+        yield from _exact_stances(
+            s, chain, J.reshape(len(J), -1, J.shape[-1]), r.reshape(len(r), -1), w, apart
+        )
         return
     for stance in np.unique(s.stances):
         together = np.flatnonzero(s.stances == stance)
@@ -357,28 +359,42 @@ def _stances(
         yield _Stance(chain, S, g, columns, back[:, :-1], back[:, -1])
 
 
-def _exact_stances(s: Sightings, chain: int, J: Array, r: Array, weights: Array) -> Iterator[_Stance]:
+def _exact_stances(
+    s: Sightings, chain: int, J: Array, r: Array, weights: Array, apart: bool
+) -> Iterator[_Stance]:
     """Every stance of weight where readings have no errors: sums over its images."""
+    none = np.zeros((0, J.shape[-1])), np.zeros(0)
+    if not apart:
+        whole = J.reshape(-1, J.shape[-1])
+        yield _Stance(chain, whole.T @ whole, r.reshape(-1) @ whole, [], *none)
+        return
     S = np.swapaxes(J, 1, 2) @ J
     g = np.einsum("nrk,nr->nk", J, r)
-    none = np.zeros((0, J.shape[-1])), np.zeros(0)
     for stance in np.unique(s.stances[weights > 0.0]):
         images = np.flatnonzero((s.stances == stance) & (weights > 0.0))
         yield _Stance(chain, S[images].sum(axis=0), g[images].sum(axis=0), [], *none)
 
 
 def _linearised(problem: Problem, s: Sightings, at: Evaluated, weights: Array) -> tuple[Array, Array, Array]:
-    """Whitened residuals (n, m, 2) and their derivatives by unknowns and readings, (n, m, 2, count)."""
+    """Whitened residuals (n, m, 2) and their derivatives by free unknowns and by readings, (n, m, 2, count); by none
+    of the readings if all are exact."""
     R = at.T[:, :3, :3]
-    points = np.einsum("nij,mj->nmi", R, s.points) + at.T[:, None, :3, 3]
+    points = s.points @ np.swapaxes(R, 1, 2) + at.T[:, None, :3, 3]
     r = s.pixels - problem.camera.project(points)
-    by_point = np.einsum("nmuk,nki->nmui", problem.camera.projection_jacobian(points), R)
+    by_point = problem.camera.projection_jacobian(points) @ R[:, None]
     scale = np.sqrt(weights)[:, None, None] / s.sigma(problem.pixel_sigma)
     seen = np.isfinite(r)
     twists = np.where(seen[..., None], by_twist(by_point, s.points) * scale[..., None], 0.0)
     r = np.where(seen, r * scale, 0.0)
+    inexact = (problem.reading_sigma > 0.0).any()
     return (
         r,
-        np.einsum("nmut,nkt->nmuk", twists, at.by_unknown),
-        np.einsum("nmut,nkt->nmuk", twists, at.by_reading),
+        _along(twists, at.by_unknown[:, problem.free]),
+        _along(twists, at.by_reading) if inexact else np.zeros((*r.shape, 0)),
     )
+
+
+def _along(twists: Array, by: Array) -> Array:
+    """Derivatives (n, m, 2, k) of points by what gives their frames the twists (n, k, 6)."""
+    n, m = twists.shape[:2]
+    return np.asarray((twists.reshape(n, -1, 6) @ np.swapaxes(by, 1, 2)).reshape(n, m, 2, -1))
