@@ -28,6 +28,7 @@ from driver.refusals import POSITION_TOLERANCE
 SAMPLE_S = 0.02  # of the plan, for ranges and speeds
 TRIES = 3
 WAIT_S = 600.0  # for a person to type
+ABOUT_GOING_ON = "nothing is homed: it goes on from where the arm stands; keep clear"
 ABOUT_HOMING = "first the controller homes the arm: every axis moves, and nothing checks its way; keep clear"
 
 
@@ -85,6 +86,7 @@ class Approval:
         code: given on the command line, or None to ask for it at the terminal.
         console: where it is told and asked.
         answer: gives a line that was typed, None if there is nobody to type; default: the terminal.
+        resumes: whether only what is left of the plan is done, from where the arm is.
 
     Raises:
         InputError: the code is of no preview of this plan, or there is neither a code nor a terminal.
@@ -96,8 +98,10 @@ class Approval:
         code: str | None,
         console: Console,
         answer: Callable[[], str | None] | None = None,
+        resumes: bool = False,
     ) -> None:
         self.plan_file, self.plan, self.console = plan_file, read_plan(plan_file), console
+        self.resumes = resumes
         self._answer = answer or _typed
         self._known = code is not None
         if code is not None and not self._is_right(code):
@@ -141,7 +145,15 @@ class Approval:
         factor = run.control.ceiling
         cubes = len(plan.task["cubes"])
         what = f"{cubes} cube{'' if cubes == 1 else 's'}" if cubes else "no cube"
-        say(f"this moves the real arm: {what}, {plan.duration_s / factor:.0f} s of motion")
+        if self.resumes:
+            say(
+                f"this moves the real arm: what is left of {what}, at most {plan.duration_s / factor:.0f} s of motion"
+            )
+            say(
+                "the whole plan, of which some was done; what is left is planned anew, within the same limits:"
+            )
+        else:
+            say(f"this moves the real arm: {what}, {plan.duration_s / factor:.0f} s of motion")
         limits = cell.unit.limits(plan.speed_registers, plan.acceleration_registers).velocity
         fastest = factor * of.fastest
         columns = (of.lowest, of.highest, of.travel)
@@ -163,7 +175,7 @@ class Approval:
             + (f" ({near})" if near else "")
         )
         say(f"the arm: {_place(run)}")
-        say(ABOUT_HOMING)
+        say(ABOUT_GOING_ON if self.resumes else ABOUT_HOMING)
 
 
 class Consent:
@@ -225,7 +237,7 @@ def _asked(
         if is_right(typed):
             return True
         if left:
-            console.say(f"that is not {wanted}; {left} more tries")
+            console.say(f"that is not {wanted}; {left} more {'try' if left == 1 else 'tries'}")
     return False
 
 

@@ -312,7 +312,7 @@ def execute(
         from cell.run import execute_plan, resume_plan
 
     require_a_port("--yes", yes is not None, port)
-    confirm = None if port is None else Approval(plan, yes, console)
+    confirm = None if port is None else Approval(plan, yes, console, resumes=resume)
     where = WhichCell(port, world, images, camera, speed, time_scale)
     with _watched(console, live, live_port) as watcher:
         do = resume_plan if resume else execute_plan

@@ -82,7 +82,7 @@ def extra_findings() -> Iterator[Finding]:
             yield Finding(f"extra {extra}", OK, shown, "", {"versions": there})
         else:
             missing = "; ".join(_complaint(r, there[r.name]) for r in of if not _good(r, there[r.name]))
-            yield Finding(f"extra {extra}", NOTE, f"{missing}; {what} needs it", help, {"versions": there})
+            yield Finding(f"extra {extra}", NOTE, f"{missing}; needed for {what}", help, {"versions": there})
 
 
 def requirements(package: Distribution) -> list[Requirement]:

@@ -114,6 +114,7 @@ def execute_plan(
             _, again = run.follow(plan, seen)
         else:
             run.execute(plan.steps)
+            console.step(f"done: {len(moves)} moves, {plan.duration_s / control.ceiling:.1f} s of motion")
         report = run.report()
     if again:
         raise ExecutionStopped(f"{run.remarks[-1]}; plan again", **report)

@@ -79,12 +79,13 @@ def _heading(task: Task, report: dict[str, Any], began: datetime, ended: datetim
     cubes = report["cubes"]
     placed = sum(cube["placed"] for cube in cubes)
     error = report.get("error")
-    good = error is None and placed == len(cubes)
-    verdict = "done" if good else (error["kind"] if error else "not done")
+    wanted = max(len(cubes), report["cubes_planned"])
+    good = error is None and placed == wanted
+    verdict = "done" if good else (error["word"] if error else "not done")
     where = f"simulated cell, time scale {report['time_scale']:g}" if report["simulated"] else "real cell"
     lowered = f", override {report['override']:g}" if report["override"] < 1.0 else ""
     figures = [
-        (f"{placed} of {len(cubes)}", "cubes placed"),
+        *([(f"{placed} of {wanted}", "cubes placed")] if wanted else []),
         (f"{report['motion_s']:.1f} s", "of planned motion"),
         *_extreme(cubes, "min_clearance_mm", min, "mm least clearance", 1),
         *_extreme(cubes, "error_mm", max, "mm largest error (truth)", 3),
@@ -96,7 +97,7 @@ def _heading(task: Task, report: dict[str, Any], began: datetime, ended: datetim
         "",
         f'<h1>{escape(task.name)} <span class="badge{"" if good else " no"}">{escape(verdict)}</span></h1>'
         f'<p class="muted">{escape(task.kind)} · {escape(report["unit"])} · {where} · speed {report["speed"]:g}'
-        f"{lowered} · {began:%Y-%m-%d %H:%M} to {ended:%H:%M}</p>{told}"
+        f"{lowered} · {began:%Y-%m-%d %H:%M:%S} to {ended:%H:%M:%S}</p>{told}"
         f'<div class="figures">{shown}</div>',
     )
 
@@ -142,6 +143,8 @@ def _pictures(pictures: Sequence[Picture]) -> list[str]:
 
 def _figure(number: int, picture: Picture) -> str:
     caption = f"<figcaption>Look {number}: {escape(picture.why)}</figcaption>"
+    if not picture.file.is_file():
+        return f"<figure>{caption}<p>It was not finished.</p></figure>"
     image = cv2.imread(str(picture.file), cv2.IMREAD_COLOR)
     if image is None:
         return f"<figure>{caption}<p>{escape(picture.file.name)} cannot be read</p></figure>"
@@ -189,10 +192,12 @@ def _provenance(task: Task, plans: Sequence[KeptPlan]) -> str:
     ]
     rest = [] if not plans else list(_flat(plans[-1].plan.provenance))
     asked = [row for row in rest if row[0].startswith("inputs.")]
-    known += [row for row in rest if row not in asked]
-    files = table(("key", "value"), [("", (key.removeprefix("inputs."), value)) for key, value in asked])
-    return table(("what", "value"), [("", row) for row in known]) + (
-        f"<details><summary>What the files said</summary>{files}</details>" if asked else ""
+    made = [row for row in rest if row not in asked]
+    said = [(key.removeprefix("inputs."), value) for key, value in asked]
+    return table(("what", "value"), [("", row) for row in known]) + "".join(
+        f"<details><summary>{summary}</summary>{table(('key', 'value'), [('', row) for row in rows])}</details>"
+        for summary, rows in (("What the plan was made with", made), ("What the files said", said))
+        if rows
     )
 
 

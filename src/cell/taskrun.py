@@ -33,6 +33,8 @@ from driver.control import Control
 from driver.execute import StepResult, execute
 from driver.progress import Progress, StreamOptions
 
+TO_START = "to-start"  # name of a plan that only goes to q_start
+
 
 class TaskRun:
     """State of one run; every public method is one stage.
@@ -181,7 +183,7 @@ class TaskRun:
         """Go to q_start, around what was seen, or around all that may stand there."""
         plan = plan_to_start(self.task, seen, self.q_now(), self.speed, self.on_table)
         if plan is not None:
-            self.keep(plan, "to-start")
+            self.keep(plan, TO_START)
             self.execute(plan.steps)
 
     def q_now(self) -> Array:
@@ -382,7 +384,12 @@ class TaskRun:
 
     def record(self, error: A465Error) -> None:
         """Write the report of a run that ended by an error."""
-        kind = {"kind": type(error).__name__, "message": str(error), "exit_code": error.exit_code}
+        kind = {
+            "kind": type(error).__name__,
+            "word": error.word,
+            "message": str(error),
+            "exit_code": error.exit_code,
+        }
         known = {key: error.data[key] for key in ("failure", "advice") if key in error.data}
         self._write_report({"error": {**kind, **known}})
 
@@ -398,12 +405,13 @@ class TaskRun:
             self._tell(f"no report: {error}")
 
     def _as_json(self) -> dict[str, Any]:
-        whole = [p for p in self.plans if p.task["cubes"]]
+        whole = [kept.plan for kept in self.kept if kept.name != TO_START]
         return {
             "task": self.task.name,
             "kind": self.task.kind,
             "unit": self.task.cell.unit.name,
             "cubes": [row.to_json() for row in self.rows],
+            "cubes_planned": len(whole[0].task["cubes"]) if whole else 0,
             "plan_sha256": whole[0].sha256 if whole else None,
             "plans_sha256": [p.sha256 for p in whole],
             "motion_s": round(sum(p.duration_s for p in whole), 3),

@@ -123,6 +123,16 @@ def test_what_will_move_is_told_and_nothing_but_questions_is_sent(
     assert others == []
 
 
+def test_of_what_goes_on_nothing_is_said_to_be_homed(
+    plan_file: Path, plan: Plan, run: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Approval(plan_file, plan.code, Console(), resumes=True)(run)
+    told = capsys.readouterr().out
+    assert "this moves the real arm: what is left of" in told
+    assert "nothing is homed" in told
+    assert "homes the arm" not in told
+
+
 def test_where_a_homed_arm_stands_is_told(
     plan_file: Path, plan: Plan, preview_case, run: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -203,7 +203,7 @@ def test_libraries_that_are_missing_or_too_old_are_named(monkeypatch: pytest.Mon
     assert found.found == f"numpy {np.__version__} is not >=99; no-such-library is missing"
     mcap, basler = doctorinstall.extra_findings()
     assert (mcap.verdict, basler.verdict) == (NOTE, OK)
-    assert "is not >=99; a465 export --format mcap needs it" in mcap.found
+    assert "is not >=99; needed for a465 export --format mcap" in mcap.found
     assert "a465[mcap]" in mcap.help
     python = doctorinstall.python_finding()
     assert (python.verdict, python.help) == (WRONG, "a465 needs Python >=99.1")

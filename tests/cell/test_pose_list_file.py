@@ -369,6 +369,8 @@ def test_a_plan_through_poses_is_executed_in_its_task(tmp_path: Path) -> None:
         "execute", tmp_path / "p.json", task, "--world", world, "--time-scale", 60, "--json", cwd=tmp_path
     )
     report = json.loads(said)
+    assert report["plan_sha256"] == plan.sha256
+    assert report["motion_s"] == pytest.approx(plan.duration_s, abs=1e-3)
     wire = (tmp_path / report["folder"] / "wire.jsonl").read_text()
     sent = "".join(r["data"] for r in map(json.loads, wire.splitlines()) if r.get("kind") == "sent")
     assert "COORDSPLINET:200" in sent  # the rest

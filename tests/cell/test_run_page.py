@@ -42,6 +42,7 @@ def cube(number: int, **other: Any) -> dict[str, Any]:
 def report(*cubes: dict[str, Any], **other: Any) -> dict[str, Any]:
     said = {
         "cubes": list(cubes),
+        "cubes_planned": len(cubes),
         "unit": "crs93",
         "motion_s": 41.25,
         "speed": 0.5,
@@ -67,7 +68,7 @@ def test_a_run_that_is_done_says_so_with_its_figures(task: Task) -> None:
     assert "7.0 mm least clearance" in text
     assert "0.008 mm largest error (truth)" in text
     assert "0.020 deg largest tilt (truth)" in text
-    assert "2026-11-22 09:05 to 09:07" in text
+    assert f"{BEGAN:%Y-%m-%d %H:%M:%S} to {ENDED:%H:%M:%S}" in text
     assert "2 01-02/2 03-04/2 yes 22.0 7.0 0.008 0.020" in text
     assert "hand-eye calibration none" in text
 
@@ -82,11 +83,15 @@ def test_a_cube_that_was_left_and_an_error_are_not_done(task: Task) -> None:
     assert "1 of 2 cubes placed" in text
     assert "real cell · speed 0.5, override 0.3" in text
     assert "2 01-02/2 03-04/2 NO 22.0 7.0 - - the jaws closed on &lt;nothing&gt;" in text
-    stopped = report(cube(1), error={"kind": "ExecutionStopped", "message": "interrupted & stopped"})
-    text = words(run_page(task, stopped, [], [], BEGAN, ENDED))
-    assert "task2 ExecutionStopped" in text
+    error = {"kind": "ExecutionStopped", "word": "stopped", "message": "interrupted & stopped"}
+    text = words(run_page(task, report(cube(1), error=error, cubes_planned=4), [], [], BEGAN, ENDED))
+    assert "task2 stopped" in text
+    assert "1 of 4 cubes placed" in text
     assert "interrupted &amp; stopped" in text
-    assert "None was moved." in words(run_page(task, report(), [], [], BEGAN, ENDED))
+    text = words(run_page(task, report(), [], [], BEGAN, ENDED))
+    assert "None was moved." in text
+    assert "cubes placed" not in text, "a list of poses places none"
+    assert "41.2 s of planned motion" in text
 
 
 def test_pictures_are_in_the_page_and_no_larger_than_they_need(task: Task, tmp_path: Path) -> None:
@@ -103,6 +108,9 @@ def test_pictures_are_in_the_page_and_no_larger_than_they_need(task: Task, tmp_p
     assert np.abs(shown[150, 900].astype(int) - [0, 0, 255]).max() < 20
     assert "Look 1: from q_start" in html
     assert "look-2.png cannot be read" in html
+    assert "It was not finished" in words(
+        run_page(task, report(), [Picture("stopped", tmp_path / "look-3.png")], [], BEGAN, ENDED)
+    )
     assert not re.search(r"https?:|//[a-z]|src=\"(?!data:)", html)
 
 

@@ -19,12 +19,12 @@ function fillHeading(content, motion) {
   const title = content.task.name || content.task.kind || content.task.task || "plan";
   document.title = `${title} · a465 plan ${content.sha256.slice(0, 8)}`;
   document.getElementById("title").textContent = title;
-  const cubes = content.cubes.length;
+  const cubes = (content.task.cubes || content.task.transfers || content.cubes).length;
   const moves = content.steps.filter((step) => step.kind === "move");
   const known = moves.map((step) => step.clearance).filter((c) => c !== null);
   document.getElementById("summary").textContent = [
     content.unit,
-    `${cubes} cube${cubes === 1 ? "" : "s"}`,
+    cubes ? `${cubes} cube${cubes === 1 ? "" : "s"}` : "",
     `${moves.length} move${moves.length === 1 ? "" : "s"} in ${content.motions} motion${content.motions === 1 ? "" : "s"}, ${clockText(content.motion_s)} of motion at speed ${content.speed}`,
     known.length ? `least clearance ${millimetres(1e3 * Math.min(...known))}` : "",
     content.executed.length ? `executed within ${motion.farthest.degrees.toFixed(3)}° of the plan` : "",
@@ -59,7 +59,8 @@ function taskEntry(content, cube) {
 function groupTitle(content, cube) {
   const entry = taskEntry(content, cube);
   const name = entry.cube || content.cubes[cube]?.name || `cube ${cube + 1}`;
-  return entry.from && entry.to ? `${name}   ${entry.from} → ${entry.to}` : name;
+  if (!entry.from || !entry.to) return name;
+  return name.endsWith(entry.from) ? `${name} → ${entry.to}` : `${name}   ${entry.from} → ${entry.to}`;
 }
 
 // The cube's place among the scene's cubes decides its colour, in the list as in the picture.
