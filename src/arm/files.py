@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import math
 import os
 import stat
+import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -61,8 +63,28 @@ def read_json(path: Path) -> Any:
         return json.loads(read_text(path))
     except json.JSONDecodeError as error:
         raise FileInputError(path, "", None, f"is not JSON: {error}") from error
+    except ValueError as error:
+        most = sys.get_int_max_str_digits()
+        raise FileInputError(path, "", None, f"holds a number of more than {most} digits") from error
     except RecursionError as error:
         raise FileInputError(path, "", None, "is nested too deeply") from error
+
+
+def require_finite(path: Path, value: Any) -> None:
+    """See that a file's value holds no NaN and no infinity, which Python reads and JSON does not know.
+
+    Raises:
+        FileInputError: with the key.
+    """
+    left = [("", value)]
+    while left:
+        key, now = left.pop()
+        if isinstance(now, dict):
+            left += [(f"{key}.{name}" if key else name, inner) for name, inner in now.items()]
+        elif isinstance(now, list):
+            left += [(f"{key}[{i}]", inner) for i, inner in enumerate(now)]
+        elif isinstance(now, float) and not math.isfinite(now):
+            raise FileInputError(path, key, now, "must be a finite number")
 
 
 def keep_apart(output: Path | None, *inputs: Path | None) -> None:

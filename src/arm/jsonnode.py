@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -47,11 +46,7 @@ class JsonNode:
         Raises:
             InputError: it cannot be read, or is no JSON.
         """
-        try:
-            return cls(path, "", read_json(path))
-        except ValueError as error:
-            most = sys.get_int_max_str_digits()
-            raise FileInputError(path, "", None, f"holds a number of more than {most} digits") from error
+        return cls(path, "", read_json(path))
 
     def error(self, rule: str) -> FileInputError:
         """The error to raise: `rule` says what must be."""

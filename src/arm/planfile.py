@@ -15,7 +15,7 @@ from typing import Any
 
 from arm.bodies import body_from_json
 from arm.errors import FileInputError, InputError
-from arm.files import canonical_json, read_json, sha256, write_atomic
+from arm.files import canonical_json, read_json, require_finite, sha256, write_atomic
 from arm.jsonfields import JsonFields
 from arm.motion import CountPath, Segment, chain
 
@@ -201,6 +201,7 @@ def read_plan(path: Path) -> Plan:
         raise FileInputError(
             path, "format", found, f"must be {FORMAT!r}; make the plan again with this version"
         )
+    require_finite(path, value)
     return _PlanReader(path).plan(value)
 
 

@@ -7,9 +7,12 @@ told to by the unit's name (`Consent`).
 
 from __future__ import annotations
 
+import contextlib
 import os
 import select
 import sys
+import termios
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +30,7 @@ from driver.refusals import POSITION_TOLERANCE
 
 SAMPLE_S = 0.02  # of the plan, for ranges and speeds
 TRIES = 3
+LONGEST = 20_000  # bytes of a line; a terminal gives no longer one
 WAIT_S = 600.0  # for a person to type
 ABOUT_GOING_ON = "nothing is homed: it goes on from where the arm stands; keep clear"
 ABOUT_HOMING = "first the controller homes the arm: every axis moves, and nothing checks its way; keep clear"
@@ -106,7 +110,7 @@ class Approval:
         self._known = code is not None
         if code is not None and not self._is_right(code):
             raise InputError(
-                f"--yes {code}: is not the code that the preview of {plan_file} shows; {self._where()}",
+                f"--yes {code!r}: is not the code that the preview of {plan_file} shows; {self._where()}",
                 option="--yes",
                 value=code,
             )
@@ -118,17 +122,28 @@ class Approval:
             )
 
     def _is_right(self, code: str) -> bool:
-        return "".join(filter(str.isalnum, code)).upper() == self.plan.code.replace("-", "")
+        return code.isascii() and "".join(filter(str.isalnum, code)).upper() == self.plan.code.replace(
+            "-", ""
+        )
 
     def _where(self) -> str:
         return f"a465 preview {self.plan_file} writes the preview"
 
-    def __call__(self, run: TaskRun) -> None:
+    def __call__(self, run: TaskRun, plan: Plan) -> None:
         """Tell what will move, and go on only with the code.
 
+        Args:
+            run: that asks.
+            plan: that it will send; the file may have changed since it was read here.
+
         Raises:
-            InputError: it was not given; nothing moved.
+            InputError: it was not given, or the plan is another one; nothing moved.
         """
+        if plan.code != self.plan.code:
+            raise InputError(
+                f"{self.plan_file}: was changed while it was read; see its preview, and try again",
+                file=str(self.plan_file),
+            )
         self._tell(run)
         if self._known:
             return
@@ -215,10 +230,14 @@ class Consent:
             self.console,
             asked,
             name,
-            lambda typed: typed.casefold() == name.casefold(),
+            _same_name(name),
             self._answer or _typed,
         ):
             raise InputError("nobody let the arm move; nothing moved", option="--unseen")
+
+
+def _same_name(name: str) -> Callable[[str], bool]:
+    return lambda typed: typed.lower() == name.lower()
 
 
 def _asked(
@@ -230,6 +249,7 @@ def _asked(
 ) -> bool:
     """Whether what was asked for was typed in one of `TRIES` tries."""
     for left in reversed(range(TRIES)):
+        _forget_what_was_typed()
         console.say(asked)
         typed = answer()
         if typed is None:
@@ -263,13 +283,30 @@ def require_a_port(option: str, given: bool, port: str | None) -> None:
 
 
 def _at_terminal() -> bool:
-    return sys.stdin is not None and sys.stdin.isatty()
+    """Whether a person can answer: a terminal, and the program in its foreground."""
+    if sys.stdin is None or not sys.stdin.isatty():
+        return False
+    with contextlib.suppress(OSError):
+        return os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
+    return False
+
+
+def _forget_what_was_typed() -> None:
+    """What was typed before a question is no answer to it."""
+    with contextlib.suppress(OSError, ValueError, termios.error):
+        termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
 
 
 def _typed() -> str | None:
-    """A line from the terminal; None if none came in time, or the terminal is gone."""
-    ready, _, _ = select.select([sys.stdin], [], [], WAIT_S)
-    if not ready:
+    """A whole line from the terminal; None if none came in time, or the terminal is gone."""
+    line, over = b"", time.monotonic() + WAIT_S
+    try:
+        while not line.endswith(b"\n"):
+            ready, _, _ = select.select([sys.stdin], [], [], max(over - time.monotonic(), 0.0))
+            more = os.read(sys.stdin.fileno(), 4096) if ready else b""
+            if not more or len(line) > LONGEST:
+                return None
+            line += more
+    except OSError:
         return None
-    line = os.read(sys.stdin.fileno(), 200).decode(errors="replace")
-    return line.strip() if line else None
+    return line.decode(errors="replace").strip()

@@ -69,8 +69,8 @@ class Console:
             self._needed = False
 
     def say(self, text: str = "") -> None:
-        """One line."""
-        self._write(f"{text}\n")
+        """One line; characters that would do something to the terminal are shown, not sent."""
+        self._write(f"{_harmless(text)}\n")
 
     def step(self, text: str) -> None:
         """One line with the wall time since the start; a listener hears it too."""
@@ -165,10 +165,15 @@ def say_on_stderr(text: str) -> None:
     if sys.stderr is None:
         return
     try:
-        sys.stderr.write(f"{text}\n")
+        sys.stderr.write(f"{_harmless(text)}\n")
         sys.stderr.flush()
     except OSError:
         _silence(sys.stderr)
+
+
+def _harmless(text: str) -> str:
+    """Names may come from anybody's file."""
+    return "".join(c if c.isprintable() or c in "\n\t" else ascii(c)[1:-1] for c in text)
 
 
 def _silence(stream: TextIO) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from arm.board import Board
 from arm.errors import A465Error, FileInputError, ImpossibleError
-from arm.files import read_json
+from arm.files import read_json, require_finite
 from arm.poses import BoardPose, TiltHypothesis, hole_poses
 from arm.se3 import Array, angle_between, frozen, inverse, orthonormalised
 from cell.cellfile import Cell
@@ -234,6 +234,7 @@ def read_seen(path: Path, boards: Sequence[Board]) -> Seen:
         FileInputError: not a look file, or of boards that the cell does not list.
     """
     value = read_json(path)
+    require_finite(path, value)
     try:
         scene = value["scenes"][0]
         found = [_board_from_json(path, entry, boards) for entry in scene["boards"]]

@@ -144,7 +144,7 @@ def read_pose_list(path: Path, reading: Reading | None = None) -> PoseList:
 def _of_array(path: Path, data: bytes, reading: Reading) -> Iterator[Entry]:
     try:
         array = np.load(io.BytesIO(data), allow_pickle=False)
-    except (ValueError, EOFError, OSError) as error:
+    except (ValueError, EOFError, OSError, MemoryError, OverflowError) as error:
         raise FileInputError(path, "", None, f"is no .npy file of numbers: {error}") from error
     if array.dtype.kind not in "fiu":
         raise FileInputError(path, "", str(array.dtype), "must be an array of real numbers")

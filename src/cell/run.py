@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from arm.errors import A465Error, ExecutionStopped, ImpossibleError, InputError
-from arm.planfile import read_plan
+from arm.planfile import Plan, read_plan
 from cell.checking import replayed, require_match, require_scene, require_start_at
 from cell.connection import WhichCell, open_cell
 from cell.console import Console, OutputLost
@@ -24,6 +24,7 @@ from driver.mars import Mars
 
 SIMULATED = WhichCell()
 Confirm = Callable[[TaskRun], None]
+ConfirmPlan = Callable[[TaskRun, Plan], None]
 
 
 def run_task(
@@ -74,7 +75,7 @@ def execute_plan(
     console: Console,
     where: WhichCell = SIMULATED,
     folder: Path | None = None,
-    confirm: Confirm | None = None,
+    confirm: ConfirmPlan | None = None,
     watcher: Watcher | None = None,
 ) -> dict[str, Any]:
     """Execute a plan file if it holds and matches the cell of now; its report as JSON types.
@@ -84,7 +85,7 @@ def execute_plan(
         console: where it is told.
         where: the cell; its speed is an override of the whole execution, 0 to 1, which only lowers velocities.
         folder: of the run; None: a new one.
-        confirm: see `opened`; a real arm has one (`cell.approval`).
+        confirm: see `opened`, of this plan; a real arm has one (`cell.approval`).
         watcher: follows the run.
 
     Raises:
@@ -99,7 +100,7 @@ def execute_plan(
         moves = replayed(task, plan)
     require_start_at(task, plan)
     console.step(f"plan {plan.sha256[:12]}: {len(moves)} moves hold and match this cell")
-    with opened(task, console, where, plan.speed, folder, control, confirm, watcher) as run:
+    with opened(task, console, where, plan.speed, folder, control, _of_plan(confirm, plan), watcher) as run:
         run.followed = plan_file if plan.task["cubes"] else None
         before = run.try_look("before anything moves")
         if before is not None:
@@ -127,7 +128,7 @@ def resume_plan(
     console: Console,
     where: WhichCell,
     folder: Path | None = None,
-    confirm: Confirm | None = None,
+    confirm: ConfirmPlan | None = None,
     watcher: Watcher | None = None,
 ) -> dict[str, Any]:
     """Go on after a stop, from where the arm is: what the plan was to do and is not done is planned anew.
@@ -147,10 +148,15 @@ def resume_plan(
             f"{plan_file}: moves no cubes, so nothing tells what of it is left; execute all of it again",
             file=str(plan_file),
         )
-    with opened(task, console, where, plan.speed, folder, control, confirm, watcher) as run:
+    with opened(task, console, where, plan.speed, folder, control, _of_plan(confirm, plan), watcher) as run:
         run.followed = plan_file
         resume(run, plan)
         return run.report()
+
+
+def _of_plan(confirm: ConfirmPlan | None, plan: Plan) -> Confirm | None:
+    """Ask about this very plan, whatever the file holds by now."""
+    return None if confirm is None else lambda run: confirm(run, plan)
 
 
 def _override(where: WhichCell) -> Control:
@@ -188,17 +194,19 @@ def opened(
     ):
         control.tell = console.step
         run = TaskRun(task, connection, console, speed, folder, control, watcher=watcher)
+        let_move = confirm is None
         try:
             run.introduce()
             if confirm is not None:
                 confirm(run)
+                let_move = True
             with keyboard(control) as keys:
                 if keys:
                     console.say(HELP)
                     run.hint = lambda running: hint(control, running)
                 yield run
         except KeyboardInterrupt:
-            raise _ended(run, _interrupted(connection.mars), where) from None
+            raise _ended(run, _interrupted(connection.mars, let_move), where) from None
         except A465Error as error:
             end = _ended(run, _told(run, error), where)
             if end is error:
@@ -206,8 +214,12 @@ def opened(
             raise end from error
 
 
-def _interrupted(mars: Mars) -> ExecutionStopped:
-    """The end by an interrupt that came between motions; with the arm's state, if there is an arm."""
+def _interrupted(mars: Mars, let_move: bool) -> ExecutionStopped:
+    """The end by an interrupt that came between motions; with the arm's state, if there is an arm that was let move."""
+    if not let_move:
+        return ExecutionStopped(
+            "interrupted before the arm was let move; nothing moved", reason="interrupted"
+        )
     if not mars.link.identified:
         return ExecutionStopped("interrupted before anything was sent; nothing moved", reason="interrupted")
     state = mars.stop()

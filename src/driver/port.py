@@ -44,6 +44,8 @@ def open_port(url: str, write_timeout_s: float) -> serial.Serial:
     """
     if url.startswith("socket://") and not re.fullmatch(r"socket://[^/:]+:\d{1,5}/?(\?.*)?", url):
         raise InputError(f"port {url}: must be socket://HOST:PORT, such as socket://127.0.0.1:4650", port=url)
+    if "://" in url and not url.startswith("socket://"):
+        raise InputError(f"port {url}: must be a device, or socket://HOST:PORT", port=url)
     try:
         port = serial.serial_for_url(
             url, baudrate=BAUD, rtscts=True, timeout=0, write_timeout=write_timeout_s, exclusive=True

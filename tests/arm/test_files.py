@@ -6,7 +6,16 @@ from pathlib import Path
 import pytest
 
 from arm.errors import FileInputError, InputError
-from arm.files import canonical_json, data_file, keep_apart, read_text, sha256, write_atomic
+from arm.files import (
+    canonical_json,
+    data_file,
+    keep_apart,
+    read_json,
+    read_text,
+    require_finite,
+    sha256,
+    write_atomic,
+)
 
 
 def test_an_older_file_survives_a_failed_write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,3 +87,21 @@ def test_a_link_stays_a_link_and_a_mode_stays_what_it_was(tmp_path: Path) -> Non
     assert real.read_text() == "after"
     assert real.stat().st_mode & 0o777 == 0o640
     assert [p.name for p in real.parent.iterdir()] == ["real.txt"]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ('{"a": {"b": [1, NaN]}}', r"a\.b\[1\] = nan: must be a finite number"),
+        ('[{"a": -Infinity}]', r"\[0\]\.a = -inf: must be a finite number"),
+        ('{"a": ' + "9" * 5000 + "}", "holds a number of more than"),
+    ],
+)
+def test_json_that_cannot_be_written_again_is_refused(tmp_path: Path, text: str, told: str) -> None:
+    (tmp_path / "a.json").write_text(text)
+    with pytest.raises(FileInputError, match=rf"a\.json: {told}"):
+        require_finite(tmp_path / "a.json", read_json(tmp_path / "a.json"))
+
+
+def test_what_is_finite_is_let_through(tmp_path: Path) -> None:
+    require_finite(tmp_path, {"a": [1, 2.5, None, "NaN", True, {"b": 1e308}]})

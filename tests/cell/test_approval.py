@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+import pty
 import re
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +16,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+import cell.approval
+import cell.run
 from arm.errors import InputError
 from arm.files import data_file
 from arm.planfile import Move, Plan, write_plan
@@ -105,7 +110,7 @@ def test_what_will_move_is_told_and_nothing_but_questions_is_sent(
         asked.append(capsys.readouterr().out)
         return f" {plan.code.replace('-', ' ').lower()} "
 
-    Approval(plan_file, None, Console(), answer)(run)
+    Approval(plan_file, None, Console(), answer)(run, plan)
     (told,) = asked
     of = overview(plan, preview_case.robot_holding, preview_case.unit)
     assert f"{plan.duration_s / 0.5:.0f} s of motion" in told
@@ -126,7 +131,7 @@ def test_what_will_move_is_told_and_nothing_but_questions_is_sent(
 def test_of_what_goes_on_nothing_is_said_to_be_homed(
     plan_file: Path, plan: Plan, run: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    Approval(plan_file, plan.code, Console(), resumes=True)(run)
+    Approval(plan_file, plan.code, Console(), resumes=True)(run, plan)
     told = capsys.readouterr().out
     assert "this moves the real arm: what is left of" in told
     assert "nothing is homed" in told
@@ -137,17 +142,19 @@ def test_where_a_homed_arm_stands_is_told(
     plan_file: Path, plan: Plan, preview_case, run: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run.connection.mars.initialise()
-    Approval(plan_file, plan.code, Console())(run)
+    Approval(plan_file, plan.code, Console())(run, plan)
     home = ", ".join(f"{d:.0f}" for d in np.degrees(preview_case.unit.soft_home))
     assert f"the arm: at [{home}] deg by its counters" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("typed", [["", "AAAA-AAAA", "2"], [None]])
-def test_without_the_code_nothing_goes_on(plan_file: Path, run: Any, typed: list[str | None]) -> None:
+def test_without_the_code_nothing_goes_on(
+    plan_file: Path, plan: Plan, run: Any, typed: list[str | None]
+) -> None:
     answers = iter(typed)
     approval = Approval(plan_file, None, Console(), lambda: next(answers))
     with pytest.raises(InputError, match="was not confirmed with the code of its preview; nothing moved"):
-        approval(run)
+        approval(run, plan)
     assert next(answers, "none") == "none", f"asked {TRIES} times at most"
 
 
@@ -157,7 +164,7 @@ def test_a_wrong_code_and_nobody_to_ask_are_told_before_a_port_is_opened(
     task = tmp_path / "none.toml"
     port = ("--port", tmp_path / "no-such-port")
     _, told = a465("execute", plan_file, task, *port, "--yes", "ABCD-EFGH", code=2)
-    assert "--yes ABCD-EFGH: is not the code that the preview of" in told
+    assert "--yes 'ABCD-EFGH': is not the code that the preview of" in told
     _, told = a465("execute", plan_file, task, *port, code=2)
     assert "nobody is there to confirm" in told
     assert "--yes CODE" in told
@@ -212,3 +219,49 @@ def test_a_run_on_a_port_without_a_terminal_needs_to_be_told(tmp_path: Path) -> 
     assert "--unseen goes with --port" in told
     _, told = a465("calibrate", "hand-eye", tmp_path / "r.json", "--unseen", code=2, cwd=tmp_path)
     assert "--unseen: goes with --collect" in told
+
+
+def test_a_plan_that_was_changed_since_it_was_read_is_not_sent(plan_file: Path, plan: Plan, run: Any) -> None:
+    other = replace(plan, provenance={**plan.provenance, "seed": 99})
+    with pytest.raises(InputError, match="was changed while it was read"):
+        Approval(plan_file, plan.code, Console())(run, other)
+    asked: list[tuple[Any, Plan]] = []
+    confirm = cell.run._of_plan(lambda run, plan: asked.append((run, plan)), other)
+    assert confirm is not None
+    confirm(run)
+    assert asked == [(run, other)], "asked about what is sent, not about what the file holds by then"
+
+
+@pytest.mark.parametrize(
+    ("before", "then"),
+    [
+        ("ls\ncrs93\n", "no\n"),  # pasted with other lines, before the question was there
+        ("", "x" * 200 + "crs93\n"),
+        ("", "crs93\x04\x04"),  # no line
+        ("", "cr\u017f93\n"),
+    ],
+)
+def test_only_a_whole_line_that_was_typed_after_the_question_answers_it(
+    monkeypatch: pytest.MonkeyPatch, before: str, then: str
+) -> None:
+    master, slave = pty.openpty()
+    with open(slave) as stdin:
+        monkeypatch.setattr(sys, "stdin", stdin)
+        os.write(master, before.encode())
+        console = Console()
+        monkeypatch.setattr(console, "say", lambda text: os.write(master, then.encode()))
+        right = cell.approval._same_name("crs93")
+        assert not cell.approval._asked(console, "?", "crs93", right, cell.approval._typed)
+        monkeypatch.setattr(console, "say", lambda text: os.write(master, b"CRS93\n"))
+        assert cell.approval._asked(console, "?", "crs93", right, cell.approval._typed)
+    os.close(master)
+
+
+def test_an_interrupt_while_it_asks_sends_nothing(run: Any) -> None:
+    mars = run.connection.mars
+    before = len(sent(run.wire))
+    error = cell.run._interrupted(mars, False)
+    assert "interrupted before the arm was let move; nothing moved" in str(error)
+    assert len(sent(run.wire)) == before
+    cell.run._interrupted(mars, True)
+    assert "STOP:" in "".join(sent(run.wire)[before:])

@@ -16,7 +16,7 @@ import pytest
 
 import cell.console
 from arm.files import data_file
-from cell.console import Console, OutputLost
+from cell.console import Console, OutputLost, say_on_stderr
 from cell.start import main
 from driver.logfile import read_log
 
@@ -218,3 +218,10 @@ def test_nothing_of_it_is_piped(monkeypatch: pytest.MonkeyPatch) -> None:
     with Console().doing("planning"):
         time.sleep(0.1)
     assert piped.getvalue() == ""
+
+
+def test_names_of_a_file_do_nothing_to_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    Console().say("cube \x1b[2J\x1b[H\r\ud800 ä · \u2028 end")
+    assert capsys.readouterr().out == "cube \\x1b[2J\\x1b[H\\r\\ud800 ä · \\u2028 end\n"
+    say_on_stderr("a465: \x07wrong\ninput")
+    assert capsys.readouterr().err == "a465: \\x07wrong\ninput\n"

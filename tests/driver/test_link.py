@@ -140,7 +140,7 @@ def test_stop_ends_a_half_sent_line_at_once() -> None:
         ("/tmp", "is a folder"),
         ("socket://127.0.0.1:9", "refused"),
         ("nonsense://x", "nonsense"),
-        ("loop://", "has no file behind it"),
+        ("loop://", "must be a device, or socket://HOST:PORT"),
     ],
 )
 def test_a_port_that_cannot_be_opened_is_one_clear_line(url: str, said: str) -> None:

@@ -10,6 +10,8 @@ const STILL = {
   zone: { colour: "#d08a3a", roughness: 1, rounding: 0.001, opacity: 0.1 },
 };
 
+const LOOKED_AT = 60; // of the plan, for what the picture has to show
+
 class Cell3D {
   constructor(content, motion, scene) {
     this.motion = motion;
@@ -90,6 +92,19 @@ class Cell3D {
       this.motion.jointMatrix(i, value, frames[i + 1].matrix);
       frames[i + 1].matrixWorldNeedsUpdate = true;
     });
+  }
+
+  // Where joints and finger tips pass in the whole plan, beside the base.
+  passed() {
+    const points = [];
+    for (let i = 0; i <= LOOKED_AT; i++) {
+      const q = this.motion.q((i / LOOKED_AT) * this.motion.duration);
+      this.bend(this.frames, q);
+      this.frames[0].updateMatrixWorld(true);
+      points.push(...this.frames.map((frame) => new THREE.Vector3().setFromMatrixPosition(frame.matrixWorld)));
+      points.push(new THREE.Vector3().setFromMatrixPosition(this.motion.toolPose(q)));
+    }
+    return points;
   }
 
   // The arm once more, as a ghost at joint positions q; null takes it away.

@@ -23,12 +23,16 @@
   const forward = boards.length ? boards.reduce((sum, p) => sum + p[0], 0) / boards.length : 0.4;
   let stage = null;
   try {
-    stage = new Stage(document.getElementById("canvas"), [0.6 * forward, 0, 0.24], 0.71);
+    stage = new Stage(document.getElementById("canvas"), [0.6 * forward, 0, 0.24]);
   } catch (error) {
     document.getElementById("legend").textContent = `No 3D picture: ${error.message}`;
   }
   const cell = stage && new Cell3D(content, motion, stage.scene);
   const trace = stage && new Trace(content, motion, stage.scene);
+  if (stage) {
+    stage.shown = [...cell.passed(), ...boards.map((place) => new THREE.Vector3(...place))];
+    stage.view("room");
+  }
 
   // ---- the page
   fillHeading(content, motion);

@@ -126,7 +126,7 @@ function fillBar(content) {
   for (const { cube, indices } of stepGroups(content)) {
     if (cube === null) continue;
     const [start, end] = [content.steps[indices[0]].start, content.steps[indices[indices.length - 1]].end];
-    const label = element("span", "", groupTitle(content, cube).split("   ")[0]);
+    const label = element("span", "", groupTitle(content, cube).split(/ {3}| → /)[0]);
     Object.assign(label.style, { left: percent(start), width: percent(end - start), borderColor: cubeColour(content, cube) });
     cubes.append(label);
   }

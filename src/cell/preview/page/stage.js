@@ -1,11 +1,13 @@
 "use strict";
 // Light, camera and drawing on demand: nothing is drawn while nothing changes.
 
+const ABOUT_M = 0.09; // bodies are so wide about the points that are looked at
+
 class Stage {
-  constructor(canvas, centre, reach) {
+  constructor(canvas, centre) {
     this.canvas = canvas;
     this.centre = new THREE.Vector3(...centre);
-    this.reach = reach;
+    this.shown = [this.centre];
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
     this.renderer.setClearColor(0x000000, 0);
     this.renderer.toneMapping = THREE.NoToneMapping;
@@ -23,7 +25,6 @@ class Stage {
     this.controls.zoomToCursor = true;
     this.controls.addEventListener("change", () => this.draw());
     this.light();
-    this.view("room");
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
     this.resize();
   }
@@ -58,17 +59,26 @@ class Stage {
     this.draw();
   }
 
-  // room, top, front, side
+  // room, top, front, side: from so far away that all points of `shown` are in the picture, with what is about them.
   view(name) {
-    const r = this.reach;
-    const narrow = this.canvas.clientWidth < this.canvas.clientHeight * 1.15 ? 1.3 : 1;
-    const from = {
-      room: [0.95 * r, -1.42 * r, 0.92 * r],
-      top: [0, -0.001, 2.0 * r],
-      front: [2.0 * r, 0, 0.25 * r],
-      side: [0, -2.0 * r, 0.25 * r],
-    }[name];
-    this.look(this.centre.clone().add(new THREE.Vector3(...from).multiplyScalar(narrow)), this.centre);
+    const from = { room: [0.95, -1.42, 0.92], top: [0, -0.001, 1], front: [1, 0, 0.12], side: [0, -1, 0.12] }[name];
+    const back = new THREE.Vector3(...from).normalize();
+    const right = new THREE.Vector3().crossVectors(this.camera.up, back).normalize();
+    const up = new THREE.Vector3().crossVectors(back, right);
+    const between = (axis) => {
+      const along = this.shown.map((point) => point[axis]);
+      return (Math.min(...along) + Math.max(...along)) / 2;
+    };
+    const middle = new THREE.Vector3(between("x"), between("y"), between("z"));
+    const high = Math.tan((this.camera.fov * Math.PI) / 360);
+    const wide = high * (this.canvas.clientWidth / Math.max(this.canvas.clientHeight, 1) || 1);
+    let away = 0.3;
+    for (const point of this.shown) {
+      const p = point.clone().sub(middle);
+      const needed = Math.max((Math.abs(p.dot(right)) + ABOUT_M) / wide, (Math.abs(p.dot(up)) + ABOUT_M) / high);
+      away = Math.max(away, p.dot(back) + needed);
+    }
+    this.look(middle.clone().addScaledVector(back, away), middle);
   }
 
   // From one place at another, (x, y, z).
