@@ -226,6 +226,33 @@ def _only_with_collect(**options: object) -> None:
 
 
 @app.command(
+    name="target",
+    short_help="Write a calibration target to print, true to size.",
+    help="Write the drawing of a calibration target, to be printed at its true size: of a target file, or the ChArUco "
+    "board that calibrate camera expects.",
+    epilog="Example: a465 calibrate target scenes/targets/hand.toml -o hand.svg",
+)
+def print_target(
+    target: Annotated[
+        Path | None,
+        typer.Argument(
+            help="Target file; default: ChArUco 7 x 5, 30/22 mm, DICT_5X5_100.", metavar="[TARGET]"
+        ),
+    ] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="SVG to write.")] = Path("target.svg"),
+    as_json: _JSON = False,
+) -> None:
+    from cell.console import Console
+
+    console = Console(as_json)
+    with console.doing("drawing"):
+        from cell.targetprint import target_print_step
+
+        result = target_print_step(target, output, console)
+    console.result(result)
+
+
+@app.command(
     name="kinematic",
     short_help="Find a NAO's camera and legs from its own images.",
     help="Find camera, joint offsets, springs and play of a NAO from images of the boards on its soles. "

@@ -114,10 +114,11 @@ def _remarks(replay: Replay, streams: int, shown: int) -> Iterator[str]:
 
 def _replay(log: Path, task_file: Path | None) -> Replay:
     session = read_log(log)
+    noted = [note.data["unit"] for note in session.noted("run") if "unit" in note.data]
     best: tuple[int, Path, Plan, tuple[MatchedMotion, ...]] | None = None
     for path in sorted(log.resolve().parent.glob("*.json")):
         plan = _plan(path)
-        if plan is None:
+        if plan is None or plan.unit not in (noted or [plan.unit]):
             continue
         unit = unit_of(session, plan.unit)
         matched = match(session, plan, unit)

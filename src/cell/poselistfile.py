@@ -10,13 +10,13 @@ import io
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from arm.errors import A465Error, FileInputError, InputError
-from arm.files import read_json
 from arm.jsonnode import JsonNode
 from arm.se3 import Array, frozen, orthonormalised
 
@@ -26,6 +26,7 @@ LENGTHS = {"m": 1.0, "mm": 1e-3}
 WAYS = ("transit", "line")
 JAWS = {"open": 0.0, "close": 1.0}
 FARTHEST = 5.0  # from the base, m
+MOST = 5000  # entries
 PRINTED = 1e-3  # by which a matrix with few digits may miss a rotation
 _LEAST_BY_NUMBERS = {6: "six joint angles", 12: "the upper three rows of a 4x4 pose", 16: "a 4x4 pose"}
 _BY_KEY = ("T_base_flange", "T_base_tool", "q_rad", "q_deg")
@@ -121,11 +122,14 @@ def read_pose_list(path: Path, reading: Reading | None = None) -> PoseList:
     except OSError as error:
         raise FileInputError(path, "", None, f"cannot be read: {error.strerror}") from error
     if data.startswith(b"\x93NUMPY"):
-        entries = list(_of_array(path, data, reading))
+        found = _of_array(path, data, reading)
     elif data.lstrip()[:1] in (b"{", b"["):
-        entries = list(_of_json(path, reading))
+        found = _of_json(path, reading)
     else:
-        entries = list(_of_text(path, data, reading))
+        found = _of_text(path, data, reading)
+    entries = list(islice(found, MOST + 1))
+    if len(entries) > MOST:
+        raise FileInputError(path, "", None, f"has more than {MOST} entries; a plan has room for no more")
     if not entries:
         raise FileInputError(path, "", None, "has no pose and no configuration; it must have one at least")
     seen: dict[str, str] = {}
@@ -238,7 +242,7 @@ def _pose(path: Path, key: str, rows: Array, lengths: str) -> Array:
 
 
 def _of_json(path: Path, reading: Reading) -> Iterator[Entry]:
-    root = JsonNode(path, "", read_json(path))
+    root = JsonNode.of_file(path)
     if isinstance(root.value, dict):
         _require_known(root, ("entries", "frame", "angles", "lengths"))
         reading = Reading(

@@ -27,7 +27,7 @@ from cell.checking import check_plan
 from cell.connection import WhichCell
 from cell.console import Console
 from cell.placefile import read_place
-from cell.poselistfile import PoseList, Reading, read_pose_list
+from cell.poselistfile import MOST, PoseList, Reading, read_pose_list
 from cell.poselistplan import plan_pose_list
 from cell.run import resume_plan
 from command_line import a465, replace_in
@@ -424,3 +424,18 @@ def test_the_page(tmp_path: Path) -> None:
     )
     for made in re.findall(r"`(\w+\.(?:csv|mcap|html|trajectory\.json))`", text):
         assert (tmp_path / made).exists(), made
+
+
+def test_a_list_without_end_is_refused_at_once(tmp_path: Path) -> None:
+    many = np.tile(np.zeros(6), (MOST + 1, 1))
+    np.save(tmp_path / "many.npy", many)
+    (tmp_path / "many.csv").write_text("0,0,0,0,0,0\n" * (MOST + 1))
+    (tmp_path / "many.json").write_text(json.dumps(many.tolist()))
+    for name in ("many.npy", "many.csv", "many.json"):
+        with pytest.raises(FileInputError, match=rf"{name}: has more than {MOST} entries"):
+            read_pose_list(tmp_path / name, Reading(angles="rad"))
+    with (tmp_path / "lying.npy").open("wb") as file:
+        shape = {"descr": "<f8", "fortran_order": False, "shape": (10**12, 6)}
+        np.lib.format.write_array_header_1_0(file, shape)
+    with pytest.raises(FileInputError, match=r"lying\.npy: is no \.npy file of numbers"):
+        read_pose_list(tmp_path / "lying.npy", Reading(angles="rad"))
