@@ -103,7 +103,7 @@ def test_a_million_random_bytes_neither_stop_nor_fatten_it(unit: Unit) -> None:
                 writer.start()
                 told = client.drain_until(b"STAMP=4321\r\n", 60.0)
                 writer.join(10.0)
-                assert told.endswith(b"STAMP=4321\r\n")
+                assert b"STAMP=4321\r\n" in told  # waits of before may end behind it
             assert emulator.failure is None
             gc.collect()
             if seed:
