@@ -27,7 +27,8 @@ from plan.reach import LineChoice
 from plan.scene import Station
 from plan.world import World
 
-MARGIN_PX = 6.0  # markers with their white border, and cubes in the holes, stay this far inside the image
+MARKER_MARGIN_PX = 3.0  # a marker's black square stays this far inside the image: nearer, a corner leaves it
+MARGIN_PX = 6.0  # and cubes in the holes this far
 CUBE_TOP = 0.032  # of a cube in its hole above the plate, m
 GAP = 0.010  # between plates seen from above, m
 LINE_CLEARANCE = 0.005  # that some approach line of every hole keeps from all that stands, m
@@ -156,15 +157,18 @@ def _visible(cell: Cell, placed: _Placed) -> bool:
     if (corners[:, 2] - PLATE_SIZE[2]).min() < cell.table_z + 0.003:
         return False
     board = next(b for b in cell.boards if placed.csv.endswith(f"{b.name}.csv"))
-    marked = board.marker_corners() * np.array([1.0, 1.0, 0.0])
-    centres = marked.mean(axis=1, keepdims=True)
-    marked = centres + (marked - centres) * (4.0 / 3.0)  # with the white border, one module wide
+    marked = board.marker_corners().reshape(-1, 3)
     half = POCKET_MOUTH / 2.0
     square = np.array([[i * half, j * half, z] for i in (-1, 1) for j in (-1, 1) for z in (0.0, CUBE_TOP)])
     mouths = (board.holes[:, None] + square).reshape(-1, 3)
-    points = apply(placed.T_base_board, np.concatenate([marked.reshape(-1, 3), mouths]))
+    return _within(cell, apply(placed.T_base_board, marked), MARKER_MARGIN_PX) and _within(
+        cell, apply(placed.T_base_board, mouths), MARGIN_PX
+    )
+
+
+def _within(cell: Cell, points: Array, margin_px: float) -> bool:
     pixels = cell.camera.project_base(points)
-    return bool(np.all(pixels > MARGIN_PX) and np.all(pixels < np.array(cell.camera.size) - MARGIN_PX))
+    return bool((pixels > margin_px).all() and (pixels < np.array(cell.camera.size) - 1.0 - margin_px).all())
 
 
 def _apart(placed: list[_Placed]) -> bool:

@@ -2,9 +2,10 @@
 
 python bench/occupancy.py --holes 1000 --mujoco 200
 
-Each scene is a board of the lab anywhere in the lab camera's view (1920 x 1200 px, about 1.1 m away), tilted 0, 7 or
-15 degrees towards anywhere, a cube in about half of its holes: 40 mm to 0.3 mm, grey level 25 to 235 (the plate has
-150, the markers 22 and 235), turned by up to 1 degree and 0.2 mm off. Two photographs, noise of 3 grey levels, exposure
+Each scene is a board of the lab anywhere in the lab camera's view (1920 x 1200 px, about 1.1 m away; "at the image's
+edge" a black corner of a marker is 3 px to a white border's width from it), tilted 0, 7 or 15 degrees towards
+anywhere, a cube in about half of its holes: 40 mm to 0.3 mm, grey level 25 to 235 (the plate has 150, the markers 22
+and 235), turned by up to 1 degree and 0.2 mm off. Two photographs, noise of 3 grey levels, exposure
 0.8 to 1.1, a lamp 50 to 80 degrees high, its shadow 30 % deep with a soft edge, unless a row says otherwise (figures in
 tests/support/hole_scenes.py). The board's pose is measured in the same photographs; where that is refused (overexposed
 markers), it is drawn with 0.1 mm across, 0.3 mm along the normal and 2 mrad of error. "across" has one hole a scene

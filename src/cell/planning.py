@@ -14,6 +14,7 @@ from arm.se3 import Array
 from cell.cellfile import Cell
 from cell.lookfile import Seen, SeenBoard
 from cell.scenery import (
+    CLEAR,
     RELEASE_GAP,
     Work,
     build_scene,
@@ -161,6 +162,11 @@ def work_left(
         _require_seat(source, hole)
     filled = {int(place.rsplit("/", 1)[1]) - 1 for place in done.values()} if target is not None else set()
     occupied = filled | (set(target.holes("cube", "unsure")) if target is not None else set())
+    notes = [] if target is None else [_taken(target, i) for i in sorted(occupied)]
+    doubted = target is not None and any(target.occupancy[i] == "unsure" for i in occupied - filled)
+    cure = (
+        "let the camera see the holes that it does not tell, or clear the target board" if doubted else CLEAR
+    )
     return work(
         task,
         seen.poses,
@@ -168,7 +174,8 @@ def work_left(
         occupied,
         taken_places=done.values(),
         reachable_places=reachable_places(task, seen, speed) if task.places is not None else None,
-        notes=[] if target is None else [_taken(target, i) for i in sorted(occupied)],
+        notes=notes,
+        cure=cure,
     )
 
 

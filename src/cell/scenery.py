@@ -20,6 +20,7 @@ from cell.furniture import T_hole_cube, cube_body, plate_body, plate_name, stand
 from cell.taskfile import Task
 from plan.scene import Pair, Scene, Station, Transfer
 
+CLEAR = "clear the target board, or give the task file more places"
 RELEASE_GAP = 1e-3  # a cube is let go this far above where it will sit, m
 
 
@@ -138,6 +139,7 @@ def work(
     taken_places: Iterable[str] = (),
     reachable_places: Iterable[str] | None = None,
     notes: Sequence[str] = (),
+    cure: str = CLEAR,
 ) -> Work:
     """What the task asks for, given what was seen.
 
@@ -149,6 +151,7 @@ def work(
         taken_places: names of table places in use (Task 1).
         reachable_places: names of the table places that the arm can serve, or None for all.
         notes: what else to tell if there are too few places.
+        cure: what helps then.
 
     Raises:
         ImpossibleError: more cubes than free places, or a board was not seen.
@@ -179,7 +182,7 @@ def work(
         raise ImpossibleError(
             f"{len(picks)} cubes to move but only {len(goals)} free places that can be reached"
             + (f" ({'; '.join(notes)})" if notes else "")
-            + "; clear the target board, or give the task file more places",
+            + f"; {cure}",
             cubes=len(picks),
             places=[g.name for g in goals],
         )

@@ -99,6 +99,10 @@ def _edge_points(
     strong = step > LEAST_STEP_GREY  # black inside, white outside
     shift = np.where(strong, (gradient * middle).sum(axis=-1) / np.where(strong, step, 1.0), 0.0)
     strong &= np.abs(shift) < half[:, None, None]
+    # past the image's edge there is no grey: where the white beside an edge is cut, its place is not known
+    outside = points[..., [0, -1], :]
+    beyond = np.maximum(-outside, outside - (image.shape[1] - 1.0, image.shape[0] - 1.0)).max(axis=(-1, -2))
+    strong &= beyond <= half[:, None, None] - LEAST_HALF_PX
     return _EdgePoints(centres + shift[..., None] * across, strong.astype(float))
 
 

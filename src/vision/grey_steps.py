@@ -143,7 +143,8 @@ def seen_stations(
     up, down = found > limits.least, found < -limits.least
     shows = np.concatenate([up, down]) if ring else up | down
     best = shows[int(np.argmax(shows.sum(axis=1)))]
-    return np.where(np.isnan(steps).any(axis=1), np.nan, best.astype(float))
+    # a place beside the border that is outside the image shows nothing; the border's own place must be in it
+    return np.where(np.isnan(steps[:, most]), np.nan, best.astype(float))
 
 
 def mean_step(view: PlateView, points: Array, outward: Array) -> float:

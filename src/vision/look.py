@@ -118,7 +118,10 @@ def _why_missing(board: Board, hidden: Sequence[int]) -> str:
     if len(hidden) == 2:
         return f"neither of its markers {board.marker_ids[0]} and {board.marker_ids[1]} is in view"
     other = next(i for i in board.marker_ids if i not in hidden)
-    return f"marker {hidden[0]} is hidden or out of view; marker {other} alone does not give the tilt"
+    return (
+        f"marker {hidden[0]} is hidden, or within 3 px of the image's edge or beyond it; marker {other} alone does not "
+        "give the tilt"
+    )
 
 
 def _require_known(frames: Sequence[Sequence[Marker]], boards: Sequence[Board]) -> None:

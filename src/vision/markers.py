@@ -38,6 +38,8 @@ class Marker:
 def detect_markers(image: Image, camera: Camera, dictionary: str = "DICT_4X4_50") -> list[Marker]:
     """Find all markers of a dictionary, ordered by id.
 
+    A marker is found up to where its black square comes within some 3 px of the image's edge; one that is cut is not.
+
     Args:
         image: grey (h, w) or BGR (h, w, 3), of the camera's size.
         camera: whose lens is undone for the border lines.
@@ -65,11 +67,17 @@ def detect_markers(image: Image, camera: Camera, dictionary: str = "DICT_4X4_50"
     for index, marker_id in enumerate(ids.reshape(-1)):
         if lines.good[index]:
             markers.append(Marker(int(marker_id), frozen(lines.corners_px[index]), "lines"))
-        else:
+        elif _inside(rough[index], grey):
             corners = np.ascontiguousarray(rough[index][:, None], dtype=np.float32)
             cv2.cornerSubPix(grey, corners, _SUBPIX_WINDOW, (-1, -1), _SUBPIX_STOP)
             markers.append(Marker(int(marker_id), frozen(corners.reshape(4, 2)), "subpix"))
     return sorted(markers, key=lambda marker: marker.id)
+
+
+def _inside(corners_px: Array, grey: Image) -> bool:
+    """Whether the windows of `cornerSubPix` are in the image; cut ones give corners that are pixels off."""
+    edge = _SUBPIX_WINDOW[0] + 1.0
+    return bool((corners_px >= edge).all() and (corners_px <= np.array(grey.shape[::-1]) - 1.0 - edge).all())
 
 
 @lru_cache(maxsize=4)
@@ -86,6 +94,7 @@ def _detector(dictionary: str) -> cv2.aruco.ArucoDetector:
     # by default a square's white border counts as the same candidate, and where that is cut by the image's edge the
     # marker is lost with it
     parameters.minMarkerDistanceRate = 0.05
+    parameters.minDistanceToBorder = 0  # boards fill the view; what is cut is told by its border lines
     return cv2.aruco.ArucoDetector(
         cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary)), parameters
     )

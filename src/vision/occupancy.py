@@ -50,6 +50,9 @@ MOST_STD = (
 )
 BLUR = 0.4e-3  # how far a blurred border reaches, m
 LEAST_STATIONS = 4  # of a border, else it is left out
+LEAST_MARKER = (
+    0.25  # part of a marker with its white border that must be in the image: it then shows black and white
+)
 SURE = 0.95  # score of a cube; 1 minus it that of an empty hole
 EVEN = 0.01  # part of an even patch at which a step of grey may be
 EVEN_SIDE = 0.04  # the same beside a mouth, where an edge along or across the patch takes more
@@ -83,6 +86,7 @@ WEIGHTS: Mapping[Kind, Weight] = {
 }
 
 LIGHT = "light: too dark, too bright or too little contrast on the board's markers"
+NO_MARKER = "no marker of the board is in the image, so that its light is not known"
 OUT = "the hole is not whole in the image"
 POSE = "the board's pose is not known well enough"
 FAINT = "poor contrast: too little shows of a cube's borders and of an empty pocket's"
@@ -130,21 +134,21 @@ def hole_occupancy(
         index: of the hole.
         cube_size: edge of a cube, m.
     """
+    hole = hole_poses(pose)[index]
+    eye = apply(inverse(pose.T_base_board), camera.T_base_camera[:3, 3])
+    view = plate_view(images, camera, hole.T_base_hole, REACH)
+    if eye[2] <= 2.0 * cube_size or view is None:
+        return Occupancy("unsure", 0.5, OUT)
     contrast = _contrast(images, camera, pose)
     if contrast is None:
-        return Occupancy("unsure", 0.5, OUT)
+        return Occupancy("unsure", 0.5, NO_MARKER)
     if contrast < LEAST_CONTRAST:
         return Occupancy("unsure", 0.5, LIGHT)
-    hole = hole_poses(pose)[index]
     top = np.array([0.0, 0.0, cube_size - CUBE_SEAT_DEPTH])
     std = _sideways_std(hole.T_base_hole, hole.covariance, top, camera)
     if not std <= MOST_STD:
         return Occupancy("unsure", 0.5, POSE)
     tolerance = float(np.clip(2.0 * std, TOLERANCE, MOST_TOLERANCE))
-    eye = apply(inverse(pose.T_base_board), camera.T_base_camera[:3, 3])
-    view = plate_view(images, camera, hole.T_base_hole, REACH)
-    if eye[2] <= 2.0 * cube_size or view is None:
-        return Occupancy("unsure", 0.5, OUT)
     borders = hole_borders(pose.board, index, eye, cube_size, 2.0 * tolerance + GAP + WINDOW + BLUR)
     limits = step_limits(view, contrast, tolerance)
     cube = [_look_at(b, view, limits) for b in borders.cube]
@@ -168,17 +172,25 @@ def hole_occupancy(
 
 
 def _contrast(images: Sequence[Image], camera: Camera, pose: BoardPose) -> float | None:
-    """Grey levels between black and white of the board's markers; None if they are not whole in the image."""
+    """Grey levels between black and white of what the image shows of the board's markers; None if it shows neither.
+
+    A marker at the image's edge may have its white border outside: boards fill the view, and its corners are measured
+    all the same.
+    """
     greys = []
     for square in marker_squares(pose.board):
         T = pose.T_base_board.copy()
         T[:3, 3] = apply(pose.T_base_board, square.centre)
         view = plate_view(images, camera, T, float(np.abs(square.points).max()) * 1.5)
-        grey = np.full(len(square.points), np.nan) if view is None else view.at(square.points)
-        if not np.isfinite(grey).all():
-            return None
-        greys.append(grey)
-    black, white = np.percentile(np.stack(greys), (10.0, 90.0))
+        if view is None:
+            continue
+        grey = view.at(square.points)
+        shown = np.isfinite(grey)
+        if shown.mean() >= LEAST_MARKER:
+            greys.append(grey[shown])
+    if not greys:
+        return None
+    black, white = np.percentile(np.concatenate(greys), (10.0, 90.0))
     return float(white - black)
 
 

@@ -52,6 +52,7 @@ class Conditions:
         psf_px: of the lens at full size.
         noise: grey levels.
         across: one thing lies across a hole.
+        at_edge: the white border of a marker leaves the image, all black corners are in it.
     """
 
     cube_grey: tuple[float, float] = (25.0, 235.0)
@@ -65,6 +66,7 @@ class Conditions:
     psf_px: float = 0.7
     noise: float = 3.0
     across: bool = False
+    at_edge: bool = False
 
 
 CONDITIONS = {
@@ -78,6 +80,7 @@ CONDITIONS = {
     "gradient of light": Conditions(gradient=0.6),
     "blur": Conditions(psf_px=2.5),
     "noise": Conditions(noise=10.0),
+    "at the image's edge": Conditions(at_edge=True),
 }
 ACROSS = Conditions(across=True)
 
@@ -131,7 +134,8 @@ def random_scene(seed: int, of: Conditions, camera: Camera) -> HoleScene:
     """A board of the lab whole in view, tilted 0, 7 or 15 degrees, with cubes in about half of its holes."""
     rng = np.random.default_rng([seed, 5])
     board = lab_board(BOARDS[seed % len(BOARDS)])
-    T = pose_in_view(rng, (0.0, 7.0, 15.0)[seed % 3] + rng.uniform(-0.3, 0.3), camera)
+    tilt_deg = (0.0, 7.0, 15.0)[seed % 3] + rng.uniform(-0.3, 0.3)
+    T = pose_at_edge(rng, tilt_deg, camera, board) if of.at_edge else pose_in_view(rng, tilt_deg, camera)
     holes: list[What] = ["cube" if rng.random() < 0.5 else "empty" for _ in range(4)]
     if of.across:
         holes[int(rng.integers(4))] = "other"
@@ -197,6 +201,23 @@ def pose_in_view(rng: np.random.Generator, tilt_deg: float, camera: Camera) -> A
         T = leaning(centre, rng.uniform(-180, 180), tilt_deg, rng.uniform(-180, 180))
         pixels = camera.project_base(apply(T, corners))
         if (pixels > 0.0).all() and (pixels < np.array(camera.size) - 1.0).all():
+            return T
+
+
+def pose_at_edge(rng: np.random.Generator, tilt_deg: float, camera: Camera, board: Board) -> Array:
+    """T_base_board of a board whose plate leaves the image: a black corner is 3 px to a white border from its edge."""
+    half = POCKET_MOUTH / 2.0
+    square = np.array([[x, y, z] for x in (-half, half) for y in (-half, half) for z in (0.0, CUBE - 0.008)])
+    mouths = (board.holes[:, None] + square).reshape(-1, 3)
+    while True:
+        centre = (rng.uniform(0.28, 0.65), rng.uniform(-0.20, 0.17), rng.uniform(0.06, 0.10))
+        T = leaning(centre, rng.uniform(-180, 180), tilt_deg, rng.uniform(-180, 180))
+        black = camera.project_base(apply(T, board.marker_corners().reshape(8, 3)))
+        border = np.linalg.norm(black[1] - black[0]) / 6.0  # px
+        nearest = np.minimum(black, np.array(camera.size) - 1.0 - black).min()
+        pixels = camera.project_base(apply(T, mouths))
+        inside = (pixels >= 6.0).all() and (pixels <= np.array(camera.size) - 7.0).all()
+        if inside and 3.0 <= nearest < border:
             return T
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from arm.errors import ImpossibleError, InputError
+from arm.se3 import apply
 from board_scenes import (
     CUBE,
     Photographed,
@@ -19,8 +20,10 @@ from board_scenes import (
     random_pose,
     smaller,
     twist_between,
+    window,
 )
 from vision.look import annotated, look
+from vision.occupancy import OUT
 
 CAMERA = lab_camera()
 A, B, C = lab_board("01-02"), lab_board("03-04"), lab_board("05-06")
@@ -93,7 +96,8 @@ def test_a_board_with_one_hidden_marker_is_missing_with_its_reason() -> None:
         image[max(0, v - 40) : v + 40, u - 40 : u + 40] = 90
     seen = look(images, CAMERA, [A, B], DICTIONARY, CUBE)
     assert seen.missing == {
-        "01-02": "marker 1 is hidden or out of view; marker 2 alone does not give the tilt"
+        "01-02": "marker 1 is hidden, or within 3 px of the image's edge or beyond it; marker 2 alone does not give "
+        "the tilt"
     }
     assert [p.board.name for p in seen.poses] == ["03-04"]
 
@@ -128,3 +132,54 @@ def test_one_marker_twice() -> None:
     image[:110, :110] = patch
     with pytest.raises(InputError, match="marker 1 is in view twice"):
         look([image], camera, [A], DICTIONARY, CUBE)
+
+
+@lru_cache(maxsize=1)
+def at_the_left() -> tuple[Photographed, int]:
+    """A board squared to the image, and the first column of its leftmost black corner."""
+    T = leaning((0.46, -0.015, 0.05), 0.0, 0.0, 0.0)
+    shot = photograph(CAMERA, [(A, T)], np.random.default_rng(3), cubes={A.name: [True, False, True, False]})
+    corners = CAMERA.project_base(apply(T, A.marker_corners().reshape(8, 3)))
+    return shot, int(np.floor(corners[:, 0].min()))
+
+
+@pytest.mark.parametrize("margin", [20, 9, 3])
+def test_a_board_at_the_edge_of_the_image_is_judged_by_what_is_in_it(margin: int) -> None:
+    """Its white border leaves the image; a hole beside the marker may be cut, the others must not suffer."""
+    shot, left = at_the_left()
+    first = left - margin
+    camera = window(CAMERA, (first, 0), (CAMERA.size[0] - first, CAMERA.size[1]))
+    seen = look([shot.images[0][:, first:].copy()], camera, [A], DICTIONARY, CUBE)
+    told = [(o.state, o.reason) for o in seen.occupancy[A.name]]
+    assert told[:3] == [("cube", ""), ("empty", ""), ("cube", "")]
+    assert told[3] in (("empty", ""), ("unsure", OUT))  # its mouth begins 16 px further out than the marker
+    twist = twist_between(seen.poses[0].T_base_board, shot.placed[0].T_base_board)
+    assert np.linalg.norm(twist[:3]) < 0.3e-3
+
+
+@pytest.mark.parametrize("cut", [0, 4])
+def test_a_marker_that_the_edge_of_the_image_cuts_is_not_measured(cut: int) -> None:
+    """Its corners would be pixels off; the reason says where it stands."""
+    shot, left = at_the_left()
+    first = left + cut
+    camera = window(CAMERA, (first, 0), (CAMERA.size[0] - first, CAMERA.size[1]))
+    seen = look([shot.images[0][:, first:].copy()], camera, [A], DICTIONARY, CUBE)
+    assert "marker 1 is hidden, or within 3 px of the image's edge or beyond it" in seen.missing[A.name]
+
+
+def test_a_pattern_that_passes_for_a_marker_in_one_photograph_of_five_is_clutter() -> None:
+    """In three of five it is a marker: its board is not in the cell file."""
+    shot = two_boards()
+    clear = [image.copy() for image in shot.images]
+    outlines = CAMERA.project_base(apply(shot.placed[1].T_base_board, B.marker_corners().reshape(8, 3)))
+    for image in clear:
+        for outline in outlines.reshape(2, 4, 2):
+            u, v = np.rint(outline.mean(axis=0)).astype(int)
+            image[v - 30 : v + 30, u - 30 : u + 30] = 90
+    for count in (1, 2, 3):
+        mixed = [*shot.images[:count], *clear[count:]]
+        if count < 3:
+            assert [p.board.name for p in look(mixed, CAMERA, [A], DICTIONARY, CUBE).poses] == [A.name]
+        else:
+            with pytest.raises(InputError, match="marker 3, 4 is in view but belongs to no board"):
+                look(mixed, CAMERA, [A], DICTIONARY, CUBE)

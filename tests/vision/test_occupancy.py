@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from arm.board import POCKET_MOUTH
 from arm.bodies import Body, Box
-from arm.poses import BoardPose
+from arm.poses import BoardPose, hole_poses
 from arm.se3 import Array, apply, transform
 from board_scenes import CUBE, lab_board, lab_camera, leaning, photograph, random_pose, smaller, window
 from hole_scenes import ACROSS, CONDITIONS, Conditions, drawn_pose, measured_pose, photographs, random_scene
-from vision.occupancy import FAINT, LIGHT, OTHER, OUT, POSE, Occupancy, hole_occupancy
+from vision.occupancy import FAINT, LIGHT, NO_MARKER, OTHER, OUT, POSE, Occupancy, hole_occupancy
 
 CAMERA = smaller(lab_camera(), 0.5)
 KNOWN = np.diag([1e-4, 1e-4, 3e-4, 2e-3, 2e-3, 5e-4]) ** 2  # covariance of a good pose
@@ -116,7 +117,12 @@ def test_no_light_or_out_of_view_is_unsure() -> None:
     centres = apply(pose.T_base_board, pose.board.marker_corners().mean(axis=1))
     u = int(CAMERA.project_base(centres)[:, 0].min())  # an image that begins here cuts a marker in two
     cut = window(CAMERA, (u, 0), (CAMERA.size[0] - u, CAMERA.size[1]))
-    assert hole_occupancy([i[:, u:].copy() for i in light], cut, pose, 1, CUBE).state == "unsure"
+    said = hole_occupancy([i[:, u:].copy() for i in light], cut, pose, 1, CUBE)
+    assert said.state == "empty"  # half a marker tells the light as well
+    corner = np.rint(CAMERA.project_base(hole_poses(pose)[1].T_base_hole[:3, 3])).astype(int) - 90
+    alone = window(CAMERA, corner, (180, 180))  # a hole, and no marker
+    part = [i[corner[1] : corner[1] + 180, corner[0] : corner[0] + 180].copy() for i in light]
+    assert hole_occupancy(part, alone, pose, 1, CUBE) == Occupancy("unsure", 0.5, NO_MARKER)
 
 
 def test_a_pose_that_is_badly_known_makes_it_unsure() -> None:
@@ -153,3 +159,36 @@ def test_a_wrong_pose_does_not_make_cubes() -> None:
         said = [hole_occupancy(shot.images, CAMERA, off, i, CUBE).state for i in range(4)]
         assert all(state in (true, "unsure") for state, true in zip(said, ["cube", "empty"] * 2, strict=True))
         assert "unsure" in said
+
+
+@pytest.mark.parametrize("cube", [True, False])
+def test_a_hole_that_the_edge_of_the_image_cuts_is_unsure(cube: bool) -> None:
+    """All but 3 mm of the pocket is seen; what lies beyond the edge nobody knows."""
+    pose = known(leaning((0.44, -0.015, 0.05), 20.0, 0.0, 0.0))
+    cubes = {pose.board.name: [cube] * 4}
+    image = photograph(
+        CAMERA, [(pose.board, pose.T_base_board)], np.random.default_rng(5), cubes=cubes
+    ).images[0]
+    hole = pose.board.holes[3]
+    half = POCKET_MOUTH / 2.0
+    square = hole + [[x, y, 0.0] for x in (-half, half) for y in (-half, half)]
+    rows = CAMERA.project_base(apply(pose.T_base_board, square))[:, 1]
+    for cut_mm, states in ((-4.0, {"cube" if cube else "empty"}), (3.0, {"unsure"})):
+        last = int(rows.max() - cut_mm * 1e-3 * CAMERA.K[1, 1] / 1.1)
+        camera = window(CAMERA, (0, 0), (CAMERA.size[0], last))
+        said = hole_occupancy([image[:last].copy()], camera, pose, 3, CUBE)
+        assert said.state in states
+        assert said.reason == ("" if cut_mm < 0.0 else OUT)
+
+
+def test_the_turn_counts_where_the_top_of_a_cube_is() -> None:
+    """A turn about the hole moves a cube's top; one about the top's place leaves it there."""
+    pose = known(leaning((0.44, -0.015, 0.05), 20.0, 15.0, 40.0))
+    shot = photograph(CAMERA, [(pose.board, pose.T_base_board)], np.random.default_rng(3))
+    for about, doubted in (((0.0, 0.0, 0.0), True), ((0.0, 0.0, 0.032), False)):
+        at = pose.board.holes[0] + about
+        twist = np.array([0.05, 0.0, 0.0])  # rad about the board's x through that place
+        column = np.concatenate([-np.cross(twist, at), twist])  # of the board's origin
+        turned = replace(pose, covariance=np.outer(column, column) + 1e-12 * np.eye(6))
+        said = hole_occupancy(shot.images, CAMERA, turned, 0, CUBE)
+        assert (said.reason == POSE) is doubted
