@@ -1,24 +1,20 @@
-"""A line-by-line link to a controller: one writer, one reader thread, a deadline on every wait.
+"""A line-by-line link to a controller: one writer, a port that delivers what arrives, a deadline on every wait.
 
-The thread that uses a `Link` is the only one that writes; the reader thread only splits lines and hands them over
-through a queue. So no lock exists that an interrupt could leave behind, and a stop can always be sent.
+The thread that uses a `Link` is the only one that writes; the port's reader thread only splits lines and hands them
+over through a queue. So no lock exists that an interrupt could leave behind, and a stop can always be sent.
 """
 
 from __future__ import annotations
 
 import contextlib
-import os
 import queue
 import re
-import select
-import threading
-import time
 from collections import deque
 from dataclasses import dataclass
 
 from arm.errors import A465Error, ExecutionStopped
 from driver.clock import Clock
-from driver.port import PORT_ERRORS, close_port, open_port
+from driver.port import PORT_ERRORS, Port, SerialPort
 from driver.protocol import (
     BYTES_PER_SECOND,
     HARMLESS,
@@ -67,7 +63,7 @@ class Link:
     be a MARS at all. Not for use from two threads.
 
     Args:
-        url: a device such as ``/dev/mars``, a pseudo-terminal, or ``socket://host:port``.
+        port: a device such as ``/dev/mars``, a pseudo-terminal, or ``socket://host:port``; or a port that is open.
         clock: the controller's time; all deadlines are in it.
         log: takes every byte, if given.
 
@@ -80,31 +76,30 @@ class Link:
         InputError: the port is not there, is no serial line, or is in use.
     """
 
-    def __init__(self, url: str, clock: Clock, log: WireLog | None = None) -> None:
-        self.url = url
+    def __init__(self, port: str | Port, clock: Clock, log: WireLog | None = None) -> None:
         self.clock = clock
         self.log = log
         self.identified = False
         self.events: deque[Ready | Failed] = deque(maxlen=64)
         self.restarted = False
         self._recent: deque[str] = deque(maxlen=8)  # lines sent since the unit was identified
-        self._port = open_port(url, write_timeout_s=max(clock.wall(ANSWER_S), LEAST_WALL_S))
+        if isinstance(port, str):
+            port = SerialPort(port, write_timeout_s=clock.wall(self.patience(ANSWER_S)))
+        self._port = port
+        self.url = port.url
+        self._rest = b""  # of a received line that is not complete
         self._inbox: queue.SimpleQueue[Reply | LinkLost | _Wake] = queue.SimpleQueue()
         self._lost: LinkLost | None = None
         self._interrupted = False
-        self._stamp = (
-            time.monotonic_ns() // 1_000_000 % STAMP_RANGE
-        )  # a stale answer of an earlier user differs
+        self._stamp = clock.unique_ms() % STAMP_RANGE  # a stale answer of an earlier user differs
         self._line_free_at = clock.now()
-        self._wake_reader, self._wake = os.pipe()
-        self._reader = threading.Thread(target=self._read, name=f"link {url}", daemon=True)
-        self._reader.start()
+        port.listen(self._arrived, self._gone)
 
     # -- time
 
     def patience(self, seconds: float) -> float:
         """That many controller seconds, but never less than LEAST_WALL_S of wall time: the host may be busy."""
-        return max(seconds, LEAST_WALL_S * self.clock.time_scale)
+        return self.clock.at_least(seconds, LEAST_WALL_S)
 
     def deadline(self, seconds: float) -> float:
         """The controller time when `patience(seconds)` from now is over."""
@@ -178,11 +173,7 @@ class Link:
 
     def _unsent_bytes(self) -> float:
         modelled = (self._line_free_at - self.clock.now()) * BYTES_PER_SECOND
-        try:
-            held = self._port.out_waiting
-        except (AttributeError, *PORT_ERRORS):  # sockets cannot tell
-            held = 0
-        return max(modelled, float(held), 0.0)
+        return max(modelled, float(self._port.out_waiting), 0.0)
 
     def _write(self, data: bytes) -> None:
         if self._lost is not None:
@@ -208,9 +199,8 @@ class Link:
             LinkLost: the port is gone and every line received before has been handed out.
         """
         self._heed()
-        wait = self.clock.wall(until - self.clock.now())
         try:
-            item = self._inbox.get(timeout=wait) if wait > 0.0 else self._inbox.get_nowait()
+            item = self.clock.next_of(self._inbox, until)
         except queue.Empty:
             if self._lost is not None:
                 raise self._lost from None
@@ -319,29 +309,20 @@ class Link:
                         reason="silent",
                     )
 
-    def _read(self) -> None:
-        """The reader thread: bytes to lines, until the link is closed, lost or flooded."""
-        rest = b""
-        try:
-            descriptor = self._port.fileno()
-            while True:
-                ready, _, _ = select.select([descriptor, self._wake_reader], [], [])
-                if self._wake_reader in ready:
-                    return
-                data = os.read(descriptor, 4096)
-                if not data:
-                    raise OSError("closed by the other side")
-                if self.log is not None:
-                    self.log.received(data)
-                *lines, rest = (rest + data).split(b"\n")
-                if len(rest) > LONGEST_LINE:
-                    rest = b""
-                for line in lines:
-                    self._hand_over(line)
-                if self._inbox.qsize() > UNREAD_ANSWERS:
-                    raise OSError(f"more than {UNREAD_ANSWERS} lines that nobody asked for")
-        except OSError as error:
-            self._inbox.put(LinkLost(f"{self.url}: the link is lost: {error}", url=self.url, reason="link"))
+    def _arrived(self, data: bytes) -> None:
+        """What the port delivers: bytes to lines. Raises OSError when flooded, which ends the link."""
+        if self.log is not None:
+            self.log.received(data)
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if len(self._rest) > LONGEST_LINE:
+            self._rest = b""
+        for line in lines:
+            self._hand_over(line)
+        if self._inbox.qsize() > UNREAD_ANSWERS:
+            raise OSError(f"more than {UNREAD_ANSWERS} lines that nobody asked for")
+
+    def _gone(self, error: OSError) -> None:
+        self._inbox.put(LinkLost(f"{self.url}: the link is lost: {error}", url=self.url, reason="link"))
 
     def _hand_over(self, line: bytes) -> None:
         reply = parse_reply(line.rstrip(b"\r").decode("latin-1"))
@@ -350,8 +331,4 @@ class Link:
 
     def close(self) -> None:
         """Close the port. Whatever is still unsent is dropped."""
-        os.write(self._wake, b"x")
-        self._reader.join()
-        os.close(self._wake)
-        os.close(self._wake_reader)
-        close_port(self._port)
+        self._port.close()

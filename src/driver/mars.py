@@ -20,6 +20,7 @@ from driver.homing import home_all
 from driver.identity import identify, read_back
 from driver.interrupt import hear_again, interruptible
 from driver.link import Link, NoAnswer
+from driver.port import Port
 from driver.protocol import Position, Status, encode, parse_integer
 from driver.ready import wait_ready
 from driver.refusals import POSITION_TOLERANCE, refuse_faults, refuse_outside, refuse_unhomed
@@ -39,7 +40,7 @@ class Mars:
     Call `identify`, then `initialise`, then move. Not for use from two threads.
 
     Args:
-        url: of the port, see `Link`.
+        port: see `Link`.
         unit: which arm and controller it must be.
         clock: controller time; default wall time.
         log: takes every byte and event.
@@ -52,11 +53,13 @@ class Mars:
         InputError: the port is not there, is no serial line, or is in use.
     """
 
-    def __init__(self, url: str, unit: Unit, clock: Clock | None = None, log: WireLog | None = None) -> None:
+    def __init__(
+        self, port: str | Port, unit: Unit, clock: Clock | None = None, log: WireLog | None = None
+    ) -> None:
         self.unit = unit
         self.clock = clock or Clock()
         self.log = log
-        self.link = Link(url, self.clock, log)
+        self.link = Link(port, self.clock, log)
         self.reference: tuple[int, ...] | None = None
         self.speed_registers = unit.speed_registers
         self.acceleration_registers = unit.acceleration_registers

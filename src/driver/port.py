@@ -1,4 +1,4 @@
-"""Opening a serial port so that every way it can fail is one clear line, and nobody else can write to it."""
+"""Ports: what a link sends and receives by. A serial one fails with one clear line, and has one user."""
 
 from __future__ import annotations
 
@@ -7,7 +7,11 @@ import errno
 import fcntl
 import os
 import re
+import select
 import termios
+import threading
+from collections.abc import Callable
+from typing import Protocol
 
 import serial
 
@@ -26,6 +30,99 @@ _WHY = {
     errno.EISDIR: "is a folder, not a serial line",
     errno.ENOTTY: "is not a serial line",
 }
+
+
+class Port(Protocol):
+    """Bytes to and from a controller. Used by the one thread that writes; bytes may be delivered by another."""
+
+    url: str
+
+    def listen(self, deliver: Callable[[bytes], None], lose: Callable[[OSError], None]) -> None:
+        """Hand over everything that arrives from now on, and tell once if the port is gone.
+
+        What `deliver` raises as an OSError ends the listening, and is told by `lose`.
+        """
+        ...
+
+    @property
+    def out_waiting(self) -> int:
+        """Bytes written that have not left this host, as far as the port can tell."""
+        ...
+
+    def write(self, data: bytes) -> object:
+        """Send bytes; raises one of PORT_ERRORS."""
+        ...
+
+    def reset_output_buffer(self) -> None:
+        """Drop what has not left this host; raises one of PORT_ERRORS."""
+        ...
+
+    def close(self) -> None:
+        """Listen no more and let the port go. Whatever is still unsent is dropped."""
+        ...
+
+
+class SerialPort:
+    """A device or a socket, with a thread that reads it.
+
+    Args:
+        url, write_timeout_s: see `open_port`.
+
+    Raises:
+        InputError: it cannot be opened.
+    """
+
+    def __init__(self, url: str, write_timeout_s: float) -> None:
+        self.url = url
+        self.serial = open_port(url, write_timeout_s)
+        self._wake_reader, self._wake = os.pipe()
+        self._thread: threading.Thread | None = None
+
+    def listen(self, deliver: Callable[[bytes], None], lose: Callable[[OSError], None]) -> None:
+        """Start the thread; see `Port.listen`."""
+        self._thread = threading.Thread(
+            target=self._read, args=(deliver, lose), name=f"port {self.url}", daemon=True
+        )
+        self._thread.start()
+
+    def _read(self, deliver: Callable[[bytes], None], lose: Callable[[OSError], None]) -> None:
+        try:
+            descriptor = self.serial.fileno()
+            while True:
+                ready, _, _ = select.select([descriptor, self._wake_reader], [], [])
+                if self._wake_reader in ready:
+                    return
+                data = os.read(descriptor, 4096)
+                if not data:
+                    raise OSError("closed by the other side")
+                deliver(data)
+        except OSError as error:
+            lose(error)
+
+    @property
+    def out_waiting(self) -> int:
+        """Bytes that the system still holds; 0 where it cannot tell (sockets)."""
+        try:
+            return self.serial.out_waiting
+        except (AttributeError, *PORT_ERRORS):
+            return 0
+
+    def write(self, data: bytes) -> None:
+        """Send bytes; raises one of PORT_ERRORS."""
+        self.serial.write(data)
+
+    def reset_output_buffer(self) -> None:
+        """Drop what the system still holds; raises one of PORT_ERRORS."""
+        self.serial.reset_output_buffer()
+
+    def close(self) -> None:
+        """End the thread and close the port."""
+        os.write(self._wake, b"x")
+        if self._thread is not None:
+            self._thread.join()
+        os.close(self._wake)
+        os.close(self._wake_reader)
+        close_port(self.serial)
 
 
 def open_port(url: str, write_timeout_s: float) -> serial.Serial:

@@ -214,8 +214,7 @@ class _Stream:
         self._watch()
 
     def _repeat_s(self) -> float:
-        scale: float = self.link.clock.time_scale
-        return max(REPEAT_S, REPEAT_WALL_S * scale)
+        return self.link.clock.at_least(REPEAT_S, REPEAT_WALL_S)
 
     def _ahead(self) -> float:
         """Planned motion that the unit holds, s; the running segment counts whole."""

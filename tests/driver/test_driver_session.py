@@ -242,7 +242,7 @@ def test_a_cut_cable_moves_the_arm_no_further_than_the_look_ahead(
     def pull(progress: Progress) -> None:
         if progress.done >= 20 and not cut:
             cut.append(emulator.now_ms())
-            mars.link._port._socket.shutdown(socket.SHUT_RDWR)
+            mars.link._port.serial._socket.shutdown(socket.SHUT_RDWR)
 
     with Mars(emulator.open_tcp(), unit, clock) as mars:
         mars.identify()

@@ -1,6 +1,7 @@
 """The emulated MARS-8: a thread that serves a pseudo-terminal or a TCP port in a clock's time.
 
-Controller's fact sheet, section 4.3, is what it must do. Nothing runs while nothing moves and nobody speaks.
+Controller's fact sheet, section 4.3, is what it must do. Nothing runs while nothing moves and nobody speaks. With a
+`driver.stepped.SteppedClock` there is no thread: the clock calls `Emulator.step` when something is due.
 """
 
 from __future__ import annotations
@@ -18,21 +19,25 @@ from driver.clock import Clock
 from driver.emulator.commands import Interpreter
 from driver.emulator.exchange import Exchange
 from driver.emulator.faults import Fault, FaultEvent
+from driver.emulator.line import MemoryLine, Tap
 from driver.emulator.machine import Machine
 from driver.emulator.options import EmulatorOptions
 from driver.emulator.plant import Plant
 from driver.emulator.ports import Ports
 from driver.emulator.record import Record, Violation
 from driver.emulator.trouble import Trouble
+from driver.stepped import SteppedClock
 from driver.wirelog import WireLog
 
 _BATCH_WALL_S = 0.004  # how late, in wall time, motion and R! may be seen
+_STEP_MS = 4  # the same in stepped time,
+_IDLE_STEP_MS = 100  # and while nothing waits for the motion: who asks is told what is true then
 _BATCH_MS = 20  # while somebody waits for R!, look this often
 _CLOSE_S = 5.0
 
 
 class Emulator:
-    """An emulated controller with an arm and a gripper. A context manager; runs in its own thread.
+    """An emulated controller with an arm and a gripper. A context manager; runs in its own thread, or in stepped time.
 
     What it remembers is bounded by `EmulatorOptions.keep_lines` and `keep_ms`, generously for a test, so that a
     session may last for days.
@@ -72,7 +77,10 @@ class Emulator:
         self.machine.now_ms = self._clock_ms()
         self._seen = (self.machine.now_ms, self.machine.true_counts())
         self._thread = threading.Thread(target=self._run, name="emulated MARS-8", daemon=True)
-        self._thread.start()
+        if isinstance(clock, SteppedClock):
+            clock.add(self)
+        else:
+            self._thread.start()
 
     def __enter__(self) -> Emulator:
         return self
@@ -93,6 +101,7 @@ class Emulator:
         Raises:
             InputError: `link` cannot be made.
         """
+        self._require_thread()
         with self._lock:
             path = self._ports.open_pty(link)
         self._wake()
@@ -100,10 +109,32 @@ class Emulator:
 
     def open_tcp(self, port: int = 0) -> str:
         """Serve a TCP port of this machine alone (0: any free one); the URL that a driver opens."""
+        self._require_thread()
         with self._lock:
             url = self._ports.open_tcp(port)
         self._wake()
         return url
+
+    def _require_thread(self) -> None:
+        if isinstance(self.clock, SteppedClock):
+            raise A465Error("a unit in stepped time has no thread to serve a port: use open_line()")
+
+    def open_line(
+        self, latency_s: float = 0.0, to_unit: Tap | None = None, to_host: Tap | None = None
+    ) -> MemoryLine:
+        """A line in memory, for a unit in stepped time; the port that a driver is given in place of a path.
+
+        Args:
+            latency_s, to_unit, to_host: see `MemoryLine`.
+
+        Raises:
+            A465Error: the clock is not a stepped one.
+        """
+        if not isinstance(self.clock, SteppedClock):
+            raise A465Error("a line in memory needs a driver.stepped.SteppedClock")
+        line = MemoryLine(self.clock, latency_s, to_unit, to_host)
+        self._ports.open_line(line)
+        return line
 
     def paths(self) -> tuple[str, ...]:
         """Of its pseudo-terminals now; another one after `port_gone`."""
@@ -115,8 +146,11 @@ class Emulator:
         if self._closing:
             return
         self._closing = True
-        self._wake()
-        self._thread.join(_CLOSE_S)
+        if isinstance(self.clock, SteppedClock):
+            self.clock.remove(self)
+        else:
+            self._wake()
+            self._thread.join(_CLOSE_S)
         self._ports.close()
         for descriptor in (self._wake_read, self._wake_write):
             os.close(descriptor)
@@ -125,15 +159,24 @@ class Emulator:
 
     def now_ms(self) -> int:
         """Emulated time up to which everything is executed."""
+        self._catch_up()
         return self._seen[0]
 
     def counts(self) -> tuple[int, ...]:
         """True position of the arm in the homed convention, also before homing."""
+        self._catch_up()
         return self._seen[1]
 
     def record(self) -> Record:
         """Every executed ms in which the arm moved, so far."""
+        self._catch_up()
         return self.machine.recorder.record()
+
+    def _catch_up(self) -> None:
+        """In stepped time motion is executed only when asked for."""
+        if isinstance(self.clock, SteppedClock) and not self._closing:
+            with self._lock:
+                self._advance(self._clock_ms())
 
     @property
     def violations(self) -> tuple[Violation, ...]:
@@ -199,39 +242,64 @@ class Emulator:
     # -- the thread
 
     def _clock_ms(self) -> int:
-        return int(self.clock.now() * 1e3)
+        return int(self.clock.now() * 1e3 + 1e-6)  # 1.001 s are 1001 ms
 
     def _wake(self) -> None:
-        os.write(self._wake_write, b"x")
+        if not isinstance(self.clock, SteppedClock):
+            os.write(self._wake_write, b"x")
+        elif not self._advancing:  # else the step that goes on ends with this
+            self._trouble.serve_ports()
 
     def _run(self) -> None:
         try:
             while not self._closing:
                 self._wait()
-                with self._lock:
-                    self._trouble.serve_ports()  # ordered by another thread
-                    now = self._clock_ms()
-                    self._ports.accept()
-                    self._read(now)
-                    self._advance(now)
-                    self._trouble.serve_ports()
+                self.step()
         except (OSError, A465Error) as error:
             self.failure = error
+
+    def step(self) -> None:
+        """Do what is due now: read, move, obey, answer. Called by the thread, or by a stepped clock."""
+        with self._lock:
+            self._trouble.serve_ports()  # ordered by another thread
+            now = self._clock_ms()
+            self._ports.accept()
+            self._read(now)
+            self._advance(now)
+            self._trouble.serve_ports()
+
+    def next_at(self) -> float:
+        """When `step` has something to do in stepped time, s; infinite while it only waits for bytes."""
+        now, wires = self._clock_ms(), self._ports.wires
+        if any(w.waiting() and not w.gone and not w.cut and w.wants_bytes(now) for w in wires):
+            return now / 1e3
+        due = self._due_ms(now)
+        if self._moving:
+            awaited = self.interpreter.waiting or math.isfinite(self.machine.halt_at_segment)
+            due = min(due, self._seen[0] + (_STEP_MS if awaited else _IDLE_STEP_MS))
+        return math.ceil(due) / 1e3 if math.isfinite(due) else due
+
+    @property
+    def _moving(self) -> bool:
+        return self.machine.busy or self.machine.following.active
+
+    def _due_ms(self, now: float) -> float:
+        """The ms at which a line is complete, an answer through, a fault due, or room for bytes."""
+        wires = self._ports.wires
+        due = [t for w in wires for t in (w.next_line_at(), w.next_answer_at()) if t is not None]
+        due += [w.room_at() for w in wires if not w.gone and not w.wants_bytes(now)]
+        return min(*due, self._trouble.schedule.next_at(), math.inf)
 
     def _wait(self) -> None:
         """Until something arrives, or is due; for ever if nothing is."""
         with self._lock:
             now, wires = self.clock.now() * 1e3, self._ports.wires
-            due = [t for w in wires for t in (w.next_line_at(), w.next_answer_at()) if t is not None]
-            due += [w.room_at() for w in wires if not w.gone and not w.wants_bytes(now)]
-            if math.isfinite(fault_at := self._trouble.schedule.next_at()):
-                due.append(fault_at)
+            due = self._due_ms(now)
             listen = [w.descriptor for w in wires if not w.gone and not w.cut and w.wants_bytes(now)]
             listen += [listener.fileno() for listener in self._ports.listeners] + [self._wake_read]
-            moving = self.machine.busy or self.machine.following.active
-            timeout = _BATCH_WALL_S if moving else None
-        if due:
-            soon = max(self.clock.wall((math.ceil(min(due)) - now) / 1e3), 0.0)
+            timeout = _BATCH_WALL_S if self._moving else None
+        if math.isfinite(due):
+            soon = max(self.clock.wall((math.ceil(due) - now) / 1e3), 0.0)
             timeout = soon if timeout is None else min(soon, timeout)
         ready, _, _ = select.select(listen, [], [], timeout)
         if self._wake_read in ready:

@@ -1,4 +1,4 @@
-"""The ports of an emulated unit: pseudo-terminals with their links, TCP listeners and connections."""
+"""The ports of an emulated unit: pseudo-terminals with their links, TCP listeners and connections, memory lines."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from arm.errors import InputError
+from driver.emulator.line import MemoryLine, MemoryWire
 from driver.emulator.wire import Wire
 
 
@@ -38,6 +39,7 @@ class Ports:
         self.listeners: list[socket.socket] = []
         self._sockets: dict[int, socket.socket] = {}
         self._terminals: list[_Terminal] = []
+        self._lines: list[MemoryLine] = []
         self._lost_links: list[Path | None] = []
         self._lost_ports: list[int] = []
 
@@ -69,6 +71,11 @@ class Ports:
         listener.setblocking(False)
         self.listeners.append(listener)
         return f"socket://127.0.0.1:{listener.getsockname()[1]}"
+
+    def open_line(self, line: MemoryLine) -> None:
+        """Listen at the unit's end of a line in memory. Once lost, it stays lost."""
+        self._lines.append(line)
+        self.wires.append(MemoryWire(line, self._paced))
 
     def paths(self) -> tuple[str, ...]:
         """Of the pseudo-terminals that are there now."""
@@ -115,12 +122,15 @@ class Ports:
         """Close everything and remove the links."""
         for connection in (*self._sockets.values(), *self.listeners):
             connection.close()
+        for line in self._lines:
+            line.hang_up()
         for terminal in self._terminals:
             if terminal.link is not None:
                 terminal.link.unlink(missing_ok=True)
             os.close(terminal.wire.descriptor)
             os.close(terminal.slave)
         self._sockets.clear()
+        self._lines.clear()
         self.wires.clear()
         self.listeners.clear()
         self._terminals.clear()

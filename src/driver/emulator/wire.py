@@ -55,7 +55,7 @@ class Wire:
     def receive(self, now_ms: float) -> bool:
         """Read what there is; False if the client has gone (a socket's)."""
         try:
-            data = os.read(self.descriptor, _AHEAD_BYTES)
+            data = self._read(_AHEAD_BYTES)
         except BlockingIOError:
             return True
         except OSError:
@@ -72,6 +72,18 @@ class Wire:
         self._received_until = begin + self._time(len(rest))
         self._partial = (self._partial + rest)[-_LONGEST:]
         return True
+
+    def _read(self, size: int) -> bytes:
+        """What there is of the client's bytes, at most that many; raises BlockingIOError if nothing."""
+        return os.read(self.descriptor, size)
+
+    def _write(self, data: bytes) -> None:
+        """Bytes that the line has carried, to the client."""
+        os.write(self.descriptor, data)
+
+    def waiting(self) -> int:
+        """Bytes that can be read, where that can be told without `select`; else 0."""
+        return 0
 
     def _time(self, size: int) -> float:
         return size / BYTES_PER_MS if self._paced else 0.0
@@ -119,6 +131,6 @@ class Wire:
             _, data = self._answers.popleft()
             self._backlog -= len(data)
             try:
-                os.write(self.descriptor, data)
+                self._write(data)
             except OSError:  # full, or the client has gone
                 continue
