@@ -33,8 +33,8 @@ def judge(c: CameraCalibration) -> Verdict:
     """The verdict on a calibration, each reason with its figure, limit and what would help."""
     facing = _facing(c)
     if facing:
-        return Verdict((*_number(c), facing), tuple(_photographs(c)), metric=False)
-    reasons = [*_number(c), *_target(c), *_accuracy(c)]
+        return Verdict((*_number(c), facing, *_blind(c)), tuple(_photographs(c)), metric=False)
+    reasons = [*_number(c), *_blind(c), *_target(c), *_accuracy(c)]
     return Verdict(tuple(reasons), (*_photographs(c), *_distances(c), *_lens(c)))
 
 
@@ -77,6 +77,18 @@ def _facing(c: CameraCalibration) -> str:
         f"{c.limits.tilted} are needed (the most is {np.degrees(tilts.max()):.0f} deg): of a target that faces the "
         "camera, focal length and distance cannot be told apart; tilt it by 20 to 45 deg"
     )
+
+
+def _blind(c: CameraCalibration) -> list[str]:
+    """The polynomial turns back on itself where no corner was seen."""
+    if not c.work.blind:
+        return []
+    return [
+        f"the lens that fits has no inverse in {100 * c.work.blind:.0f} % of the image, towards its corners: its "
+        f"distortion (k1 {c.camera.distortion[0]:.3g}, k2 {c.camera.distortion[1]:.3g}, k3 "
+        f"{c.camera.distortion[4]:.3g}) is extrapolated from the {100 * coverage(c):.0f} % in which corners lie; show "
+        "the target there too, or hold k2 and k3"
+    ]
 
 
 def _target(c: CameraCalibration) -> list[str]:

@@ -17,13 +17,13 @@ from calib.intrinsics import NAMES, vector_of
 from calib.view_choice import TargetPhoto
 from cell.console import Console
 from cell.lenspage import lens_page
+from vision.brightness import darkness
 from vision.camera import write_camera
 from vision.frames import IMAGE_SUFFIXES, Image, read_grey
 from vision.target import Target, TargetFinder, read_target
 from vision.target_quality import measure_quality
 
 HOLDABLE = NAMES[4:]
-DARK = 50  # grey levels; twelve bits in sixteen are read as less than 16
 
 
 @dataclass(frozen=True)
@@ -202,10 +202,7 @@ def find_target(folder: Path, target: Target, console: Console) -> tuple[list[Ta
     if first is None or all(photo.view is None for photo in photos):
         image = read_grey(files[0])
         instead = finder.seen_instead(image)
-        if not instead and image.max() < DARK:
-            instead = (
-                f"no pixel brighter than {image.max()} of 255: expose longer, or write photographs of 8 bits"
-            )
+        instead = instead or darkness(image) or ""
         raise InputError(
             f"{folder}: none of {len(files)} photographs shows the target ({target.label()})"
             + (f"; {files[0].name} shows {instead}" if instead else ""),

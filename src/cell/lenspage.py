@@ -91,8 +91,9 @@ def _residuals(c: CameraCalibration) -> str:
 
 
 def _work(c: CameraCalibration) -> str:
-    sigmas = 1e6 * c.work_sigmas.reshape(LAYERS, ROWS, COLUMNS)
-    most = float(sigmas.max())
+    sigmas = np.full((LAYERS, ROWS, COLUMNS), np.nan)  # where the lens has no inverse
+    sigmas[:, c.work.seen] = 1e6 * c.work_sigmas.reshape(LAYERS, -1)
+    most = float(np.nanmax(sigmas))
     limit = 1e3 * c.limits.work_mm
     shapes, cell_w, cell_h = [], 60, 40
     for layer in range(LAYERS):
@@ -102,6 +103,8 @@ def _work(c: CameraCalibration) -> str:
         for row in range(ROWS):
             for column in range(COLUMNS):
                 value = float(sigmas[layer, row, column])
+                if np.isnan(value):
+                    continue
                 colour = "var(--bad)" if value > limit else "var(--good)"
                 shapes.append(
                     f'<rect x="{column * cell_w}" y="{top + 24 + row * cell_h}" width="{cell_w - 2}" '
@@ -112,7 +115,9 @@ def _work(c: CameraCalibration) -> str:
     return (
         f'<figure><svg viewBox="0 0 {COLUMNS * cell_w} {LAYERS * (ROWS * cell_h + 34)}">{"".join(shapes)}</svg>'
         "<figcaption>One standard deviation across the line of sight, micrometres, over the image at three distances, "
-        "after the camera's place was determined anew with this lens.</figcaption></figure>"
+        "after the camera's place was determined anew with this lens."
+        + (" No value: the lens has no inverse there." if c.work.blind else "")
+        + "</figcaption></figure>"
     )
 
 

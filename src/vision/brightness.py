@@ -12,6 +12,7 @@ from vision.frames import Image
 from vision.markers import Marker
 
 SATURATED = 255  # grey
+DARK = 50  # grey: nothing is seen in a photograph without a brighter pixel; twelve bits in sixteen are read as below 16
 BORDER = 4.0 / 3.0  # a marker of 6 modules with its white border, by the marker alone
 # On rendered 36 mm markers, corners are 0.017 px off where all is well, 0.14 px if exposed 1.2 times too long (half of
 # the white is saturated), 0.8 px if 2 times, and 0.09 px with a contrast of 33 grey.
@@ -47,6 +48,13 @@ class MarkerBrightness:
                 "it is black; more light, exposure or gain"
             )
         return None
+
+
+def darkness(image: Image) -> str | None:
+    """That a photograph, grey or BGR, is black, in words for a person; None if it is not."""
+    if image.max() >= DARK:
+        return None
+    return f"nothing brighter than {image.max()} of 255: expose longer, or write photographs of 8 bits"
 
 
 def marker_brightness(image: Image, markers: Sequence[Marker]) -> tuple[MarkerBrightness, ...]:

@@ -14,6 +14,7 @@ from arm.errors import ImpossibleError, InputError
 from arm.poses import BoardPose, hole_poses
 from arm.se3 import apply
 from vision.board_pose import BoardLimits, estimate_board_pose
+from vision.brightness import darkness
 from vision.camera import Camera
 from vision.frames import Image
 from vision.markers import Marker, detect_markers
@@ -85,8 +86,8 @@ def look(
     Raises:
         InputError: no image, one of another size than the camera's, a marker that belongs to none of `boards`, or a
             marker that is in view twice.
-        ImpossibleError: a board is in view with both markers but its pose is refused: it stands somewhere, so it
-            cannot be left out like one that is missing (unless `arm_in_view`).
+        ImpossibleError: the photographs are black; or a board is in view with both markers but its pose is refused: it
+            stands somewhere, so it cannot be left out like one that is missing (unless `arm_in_view`).
     """
     if not images:
         raise InputError("a look needs at least one photograph", count=0)
@@ -95,6 +96,8 @@ def look(
     frames = tuple(tuple(detect_markers(image, camera, dictionary)) for image in images)
     _require_known(frames, boards)
     seen = {marker.id for frame in frames for marker in frame}
+    if not seen and (dark := darkness(max(images, key=np.max))):
+        raise ImpossibleError(f"the photographs show {dark}", brightest=int(max(i.max() for i in images)))
     found: list[BoardSight] = []
     missing: dict[str, str] = {}
     for board in boards:

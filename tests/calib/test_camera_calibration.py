@@ -11,6 +11,7 @@ from calib.calibrated_camera import CalibrationLimits
 from calib.camera_calibration import calibrate_camera
 from calib.intrinsics import NAMES, vector_of
 from calib.view_choice import TargetPhoto
+from cell.lenspage import lens_page
 from cell.targetviews import random_poses
 from target_scenes import CHARUCO, bent, camera, photos, poses, quality, seen
 
@@ -254,3 +255,25 @@ def test_views_at_one_distance_are_judged_a_little_beyond_it():
     distances = [view.distance for view in c.used]
     assert max(distances) < 1.02 * min(distances)
     assert c.work.far == pytest.approx(1.05 * min(distances), rel=1e-6)
+
+
+def test_a_lens_without_inverse_in_the_corners_is_a_verdict():
+    """Corners in a fifth of the image: distortion that is extrapolated from there turns back on itself outside."""
+    rng = np.random.default_rng(2)
+    middle = np.array([*CHARUCO.size, 0.0]) / 2.0
+    views = []
+    for _ in range(10):
+        around, tilt, z = rng.uniform(-np.pi, np.pi), rng.uniform(0.0, 0.4), rng.uniform(2.0, 2.4)
+        R = rotation(tilt * np.array([np.cos(around), np.sin(around), 0.0]))
+        place = np.array([rng.uniform(-0.08, 0.08), rng.uniform(-0.06, 0.06), z])
+        views.append(seen(transform(R, place - R @ middle), rng, noise_px=0.3))
+    c = calibrate_camera(photos(views), CHARUCO, SIZE)
+    assert not c.accepted
+    assert 0.0 < c.work.blind < 1.0
+    assert np.isfinite(c.work_sigmas).all()
+    assert any(
+        "has no inverse in" in reason and "show the target there too" in reason for reason in c.reasons
+    )
+    page = lens_page(c, "middle")
+    assert "the lens has no inverse there" in page
+    assert "nan" not in page

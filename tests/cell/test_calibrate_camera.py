@@ -207,7 +207,7 @@ def test_photographs_that_are_too_large_or_too_dark_are_told(photographs: Path, 
 
     twelve_bits = read_grey(photographs / "target-001.png").astype(np.uint16) * 16
     cv2.imwrite(str(tmp_path / "a.png"), twelve_bits)
-    assert "a.png shows no pixel brighter than" in wrong()
+    assert "a.png shows nothing brighter than" in wrong()
     (tmp_path / "a.png").write_bytes(_header_of_png(60000, 60000))
     assert "a.png: cannot be read as an image" in wrong()
 

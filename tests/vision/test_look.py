@@ -183,3 +183,12 @@ def test_a_pattern_that_passes_for_a_marker_in_one_photograph_of_five_is_clutter
         else:
             with pytest.raises(InputError, match="marker 3, 4 is in view but belongs to no board"):
                 look(mixed, CAMERA, [A], DICTIONARY, CUBE)
+
+
+@pytest.mark.parametrize("brightest", [0, 17])
+def test_black_photographs_are_told_as_such(brightest: int) -> None:
+    images = [np.full((1200, 1920), grey, np.uint8) for grey in (0, brightest)]
+    with pytest.raises(ImpossibleError, match=f"nothing brighter than {brightest} of 255: expose longer"):
+        look(images, CAMERA, [A], DICTIONARY, CUBE)
+    grey = [np.full((1200, 1920), 120, np.uint8)]
+    assert set(look(grey, CAMERA, [A], DICTIONARY, CUBE).missing) == {A.name}
