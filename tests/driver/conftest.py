@@ -1,19 +1,16 @@
-"""A small scripted controller on a pseudo-terminal. It behaves unless told to misbehave; the emulator never does."""
+"""A small scripted controller in stepped time. It behaves unless told to misbehave; the emulator never does."""
 
 from __future__ import annotations
 
-import os
-import pty
-import select
-import threading
-import tty
+import math
 from collections.abc import Callable, Iterator
 
 import pytest
 
 from arm.unit import Unit, load_unit
-from driver.clock import Clock
+from driver.emulator.line import MemoryLine
 from driver.mars import Mars
+from driver.stepped import SteppedClock
 
 Hook = Callable[[str], "list[str] | None"]
 
@@ -22,6 +19,7 @@ class FakeUnit:
     """Reads lines, answers like a MARS-8, executes queued segments by the clock (no dynamics at all).
 
     Attributes:
+        line: to it, for a `Link` or `Mars`.
         lines, times: everything received, in order, and when.
         hooks: name of a command -> function of the line; its answers replace the normal treatment, None keeps it.
         status_bits: OR-ed into ST.
@@ -29,7 +27,7 @@ class FakeUnit:
         mute: answer nothing.
     """
 
-    def __init__(self, clock: Clock, axes: int = 6) -> None:
+    def __init__(self, clock: SteppedClock, axes: int = 6) -> None:
         self.clock = clock
         self.lines: list[str] = []
         self.times: list[float] = []
@@ -45,31 +43,27 @@ class FakeUnit:
         self.queue: list[tuple[float, float, list[int], list[int]]] = []  # begin, end, from, to
         self.waits: list[str] = []
         self.partial = b""
-        self.master, slave = pty.openpty()
-        tty.setraw(slave)
-        self.slave = slave
-        self.url = os.ttyname(slave)
-        self.gone = False
-        self.thread = threading.Thread(target=self.run, daemon=True)
+        self.line = MemoryLine(clock)
+        clock.add(self)
 
-    def run(self) -> None:
-        while not self.gone:
-            ready, _, _ = select.select([self.master], [], [], 0.001)
-            if ready:
-                data = os.read(self.master, 4096)
-                if self.echo:
-                    self.write(data)
-                *lines, self.partial = (self.partial + data).split(b"\n")
-                for line in lines:
-                    if not self.gone:
-                        self.take(line.decode("latin-1"))
-            self.advance()
-        os.close(self.slave)
-        os.close(self.master)
+    def next_at(self) -> float:
+        if self.line.waiting():
+            return self.clock.now()
+        return self.queue[-1][1] if self.waits and self.queue else math.inf
+
+    def step(self) -> None:
+        if self.line.waiting():
+            data = self.line.read(4096)
+            if self.echo:
+                self.write(data)
+            *lines, self.partial = (self.partial + data).split(b"\n")
+            for line in lines:
+                self.take(line.decode("latin-1"))
+        self.advance()
 
     def write(self, data: bytes) -> None:
         if not self.mute:
-            os.write(self.master, data)
+            self.line.reply(data)
 
     def advance(self) -> None:
         now = self.clock.now()
@@ -161,17 +155,13 @@ class FakeUnit:
         return self.lines[self.lines.index(line) + 1 :]
 
     def unplug(self) -> None:
-        """The port goes away, after the line that is being treated."""
-        self.gone = True
-
-    def close(self) -> None:
-        self.gone = True
-        self.thread.join()
+        """The port goes away."""
+        self.line.hang_up()
 
 
 @pytest.fixture
-def clock() -> Clock:
-    return Clock(20.0)
+def clock() -> SteppedClock:
+    return SteppedClock()
 
 
 @pytest.fixture
@@ -180,17 +170,14 @@ def unit() -> Unit:
 
 
 @pytest.fixture
-def fake(clock: Clock) -> Iterator[FakeUnit]:
-    fake = FakeUnit(clock)
-    fake.thread.start()
-    yield fake
-    fake.close()
+def fake(clock: SteppedClock) -> FakeUnit:
+    return FakeUnit(clock)
 
 
 @pytest.fixture
-def mars(fake: FakeUnit, unit: Unit, clock: Clock) -> Iterator[Mars]:
+def mars(fake: FakeUnit, unit: Unit, clock: SteppedClock) -> Iterator[Mars]:
     """The scripted unit, homed and taken into use."""
-    with Mars(fake.url, unit, clock) as mars:
+    with Mars(fake.line, unit, clock) as mars:
         mars.identify()
         mars.initialise()
         yield mars

@@ -10,23 +10,23 @@ import pytest
 from arm.errors import ExecutionStopped
 from arm.unit import Unit
 from count_paths import distance_deg, sweep
-from driver.clock import Clock
 from driver.control import Control
 from driver.emulator import Emulator
 from driver.mars import Mars
 from driver.progress import Progress
+from driver.stepped import SteppedClock
 from driver.stream import stream
 
 
 @pytest.fixture
-def emulator(unit: Unit, clock: Clock) -> Iterator[Emulator]:
+def emulator(unit: Unit, clock: SteppedClock) -> Iterator[Emulator]:
     with Emulator(unit, clock) as emulator:
         yield emulator
 
 
 @pytest.fixture
-def mars(emulator: Emulator, unit: Unit, clock: Clock) -> Iterator[Mars]:
-    with Mars(emulator.open_pty(), unit, clock) as mars:
+def mars(emulator: Emulator, unit: Unit, clock: SteppedClock) -> Iterator[Mars]:
+    with Mars(emulator.open_line(), unit, clock) as mars:
         mars.identify()
         mars.initialise()
         yield mars
@@ -73,7 +73,7 @@ def test_an_override_keeps_the_path_and_takes_its_time(
     begin = emulator.now_ms()
     sent = stream(mars, path, control=Control(override))
     assert distance_deg(unit, executed_since(emulator, begin), path) <= 0.02
-    assert sent.duration_s >= path.duration_s / override
+    assert path.duration_s / override <= sent.duration_s < path.duration_s / override + 0.2
     assert sent.end_counts == path.end
     assert emulator.violations == ()
 
@@ -122,6 +122,6 @@ def test_an_abort_in_full_motion_leaves_a_state_that_is_known(
     assert state["at_rest"] is True
     assert tuple(state["counts"]) == emulator.counts()
     stops = [time_ms for time_ms, line in emulator.lines if line == "STOP:" and time_ms >= asked[0]]
-    # how soon is measured at real time (test_stream_control.py): here a busy host's 5 ms are 100 ms
     assert len(stops) == 1
+    assert stops[0] - asked[0] < 100
     assert not [line for time_ms, line in emulator.lines if time_ms > stops[0] and line.startswith("COORDS")]

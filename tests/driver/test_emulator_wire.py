@@ -43,6 +43,11 @@ class Terminal:
 
 
 @pytest.fixture
+def clock() -> Clock:
+    return Clock(20.0)
+
+
+@pytest.fixture
 def emulator(unit: Unit, clock: Clock) -> Iterator[Emulator]:
     with Emulator(unit, clock) as emulator:
         yield emulator

@@ -23,7 +23,7 @@ WATCHED = StreamOptions(watch_jaws=True)
 @pytest.fixture
 def mars(fake: Any, unit: Unit, clock: Clock) -> Any:
     fake.counts = list(SOFT_HOME)
-    with Mars(fake.url, unit, clock) as mars:
+    with Mars(fake.line, unit, clock) as mars:
         mars.identify()
         mars.initialise(home=False)
         yield mars

@@ -17,7 +17,7 @@ from soft_home import SOFT_HOME
 @pytest.mark.parametrize("version", ["LX_ROCON v2", "MARS81 x", "", "mars8"])
 def test_another_controller_is_refused_untouched(fake: Any, unit: Unit, clock: Clock, version: str) -> None:
     fake.hooks["VER"] = lambda line: [f"VER={version}"]
-    with Mars(fake.url, unit, clock) as mars, pytest.raises(InputError, match="is not MARS8"):
+    with Mars(fake.line, unit, clock) as mars, pytest.raises(InputError, match="is not MARS8"):
         mars.identify()
     assert {line.split(":")[0] for line in fake.lines} <= {"", "ECHO", "STAMP", "VER?"}
 
@@ -25,7 +25,10 @@ def test_another_controller_is_refused_untouched(fake: Any, unit: Unit, clock: C
 def test_something_that_only_echoes_is_refused(fake: Any, unit: Unit, clock: Clock) -> None:
     for name in ("STAMP", "VER", "ECHO"):
         fake.hooks[name] = lambda line: [line]
-    with Mars(fake.url, unit, clock) as mars, pytest.raises(InputError, match="does not answer like a MARS8"):
+    with (
+        Mars(fake.line, unit, clock) as mars,
+        pytest.raises(InputError, match="does not answer like a MARS8"),
+    ):
         mars.identify()
     assert {line.split(":")[0] for line in fake.lines} <= {"", "ECHO", "STAMP"}
 
@@ -33,12 +36,12 @@ def test_something_that_only_echoes_is_refused(fake: Any, unit: Unit, clock: Clo
 def test_power_up_noise_does_not_hide_the_unit(fake: Any, unit: Unit, clock: Clock) -> None:
     fake.echo = False  # an echoed line end would separate the noise from the answer
     fake.write(b"\xff\x00\x80MARS")  # half a line of noise that spoils the first answer
-    with Mars(fake.url, unit, clock) as mars:
+    with Mars(fake.line, unit, clock) as mars:
         assert mars.identify().startswith("MARS8 v1.0")
 
 
 def test_nothing_moves_before_identify(fake: Any, unit: Unit, clock: Clock) -> None:
-    with Mars(fake.url, unit, clock) as mars, pytest.raises(InputError, match=r"identify\(\) comes before"):
+    with Mars(fake.line, unit, clock) as mars, pytest.raises(InputError, match=r"identify\(\) comes before"):
         mars.initialise()
     assert fake.lines == []
 
@@ -69,7 +72,7 @@ def test_initialise_homes_in_the_units_order_and_goes_to_soft_home(mars: Mars, f
 
 def test_initialise_without_homing_moves_nothing(fake: Any, unit: Unit, clock: Clock) -> None:
     fake.counts = list(SOFT_HOME)
-    with Mars(fake.url, unit, clock) as mars:
+    with Mars(fake.line, unit, clock) as mars:
         mars.identify()
         mars.initialise(home=False)
         assert mars.reference is None  # where the unit's generator stands is not known
@@ -77,7 +80,7 @@ def test_initialise_without_homing_moves_nothing(fake: Any, unit: Unit, clock: C
 
 
 def test_a_unit_fresh_from_power_up_must_be_homed(fake: Any, unit: Unit, clock: Clock) -> None:
-    with Mars(fake.url, unit, clock) as mars:
+    with Mars(fake.line, unit, clock) as mars:
         mars.identify()
         with pytest.raises(ImpossibleError, match="must be homed"):
             mars.initialise(home=False)
@@ -88,7 +91,7 @@ def test_a_unit_fresh_from_power_up_must_be_homed(fake: Any, unit: Unit, clock: 
 )
 def test_faults_before_homing_are_refused(fake: Any, unit: Unit, clock: Clock, bits: int, said: str) -> None:
     fake.status_bits = bits
-    with Mars(fake.url, unit, clock) as mars:
+    with Mars(fake.line, unit, clock) as mars:
         mars.identify()
         with pytest.raises(ImpossibleError, match=f"{said}.*press Motion Stop, then Arm Power"):
             mars.initialise()
@@ -101,7 +104,7 @@ def test_a_failed_homing_stops_and_tells_the_state(fake: Any, unit: Unit, clock:
         return []
 
     fake.hooks["HHC"] = fail
-    with Mars(fake.url, unit, clock) as mars:
+    with Mars(fake.line, unit, clock) as mars:
         mars.identify()
         with pytest.raises(ExecutionStopped, match="homing: axes A, C: an axis is in error") as stopped:
             mars.initialise()
@@ -116,7 +119,7 @@ def test_a_failed_homing_stops_and_tells_the_state(fake: Any, unit: Unit, clock:
 def test_a_mark_that_was_not_found_is_an_error(fake: Any, unit: Unit, clock: Clock) -> None:
     fake.counts[1] = 5000
     fake.hooks["HHB"] = lambda line: []
-    with Mars(fake.url, unit, clock) as mars:
+    with Mars(fake.line, unit, clock) as mars:
         mars.identify()
         with pytest.raises(ExecutionStopped, match="axis B reads 5000 counts at its mark"):
             mars.initialise()
@@ -125,7 +128,7 @@ def test_a_mark_that_was_not_found_is_an_error(fake: Any, unit: Unit, clock: Clo
 def test_a_register_that_reads_back_otherwise_is_an_error(fake: Any, unit: Unit, clock: Clock) -> None:
     fake.hooks["REGMSB"] = lambda line: ["REGMSB=9999"] if line.endswith("?") else None
     fake.hooks["REGMSA"] = lambda line: ["REGMSA=7680"] if line.endswith("?") else None
-    with Mars(fake.url, unit, clock) as mars:
+    with Mars(fake.line, unit, clock) as mars:
         mars.identify()
         with pytest.raises(ExecutionStopped, match="REGMSB reads 9999 after 2048"):
             mars.initialise()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import time
 from typing import Any
 
 import pytest
@@ -24,10 +23,9 @@ def test_a_unit_that_echoes_again_was_switched_off_and_on(mars: Mars, fake: Any)
     assert "lost its positions" in stopped.value.data["state"]["note"]
 
 
-def test_an_interrupt_is_a_stop_within_a_tenth_of_a_second(fake: Any, unit: Unit) -> None:
-    clock = fake.clock = Clock(1.0)
+def test_an_interrupt_is_a_stop_within_a_tenth_of_a_second(fake: Any, unit: Unit, clock: Clock) -> None:
     fake.counts = list(SOFT_HOME)
-    with Mars(fake.url, unit, clock) as mars:
+    with Mars(fake.line, unit, clock) as mars:
         mars.identify()
         mars.initialise(home=False)
         at: list[float] = []
@@ -55,7 +53,7 @@ def test_an_error_of_the_caller_stops_the_arm(fake: Any, unit: Unit, clock: Cloc
     fake.counts = list(SOFT_HOME)
 
     def use() -> None:
-        with Mars(fake.url, unit, clock) as mars:
+        with Mars(fake.line, unit, clock) as mars:
             mars.identify()
             mars.initialise(home=False)
             fake.lines.clear()
@@ -67,10 +65,10 @@ def test_an_error_of_the_caller_stops_the_arm(fake: Any, unit: Unit, clock: Cloc
 
 
 def test_leaving_without_error_sends_nothing(fake: Any, unit: Unit, clock: Clock) -> None:
-    with Mars(fake.url, unit, clock) as mars:
+    with Mars(fake.line, unit, clock) as mars:
         mars.identify()
         fake.lines.clear()
-    time.sleep(0.02)
+    clock.sleep(0.5)
     assert fake.lines == []
 
 
