@@ -20,6 +20,7 @@ PLATE_CENTRE = (0.090, 0.070)  # of the top surface in the board frame, m
 SECOND_MARKER = (0.180, 0.140)  # m
 POCKET_MOUTH = 0.044  # m
 POCKET_FLOOR = 0.039  # m
+QUIET_ZONE = 1.0 / 6.0  # width of a marker's white border in marker sizes
 CUBE_SEAT_DEPTH = 0.008  # how deep a 40 mm cube wedges below the top surface, m
 
 
@@ -77,22 +78,59 @@ def read_board_csv(path: Path, marker_size: float) -> Board:
     ids = _pair(path, 1, lines[0], "two marker ids such as 1,2")
     if not all(v == int(v) and 0 <= v <= 999 for v in ids) or ids[0] == ids[1]:
         raise FileInputError(path, "line 1", lines[0], "must be two different whole marker ids such as 1,2")
-    low_x, low_y = PLATE_CENTRE[0] - PLATE_SIZE[0] / 2, PLATE_CENTRE[1] - PLATE_SIZE[1] / 2
-    holes = []
-    for number, line in enumerate(lines[1:], start=2):
-        x, y = (v / 1e3 for v in _pair(path, number, line, "x,y of a hole in mm"))
-        if not (low_x <= x <= low_x + PLATE_SIZE[0] and low_y <= y <= low_y + PLATE_SIZE[1]):
-            raise FileInputError(
-                path,
-                f"line {number}",
-                line,
-                f"is off the plate: x from {low_x * 1e3:g} to {(low_x + PLATE_SIZE[0]) * 1e3:g} mm, "
-                f"y from {low_y * 1e3:g} to {(low_y + PLATE_SIZE[1]) * 1e3:g} mm",
-                "values are millimetres from the centre of the lower-ID marker",
-            )
-        holes.append((x, y, 0.0))
+    holes = [
+        _pair(path, number, line, "x,y of a hole in mm") for number, line in enumerate(lines[1:], start=2)
+    ]
+    fault = _layout_fault(np.array(holes), marker_size)
+    if fault is not None:
+        line_index, rule = fault
+        raise FileInputError(
+            path, f"line {line_index + 2}", lines[line_index + 1], rule, _likely(np.array(holes), marker_size)
+        )
     low, high = sorted(int(v) for v in ids)
-    return Board(f"{low:02d}-{high:02d}", (low, high), frozen(holes), marker_size)
+    points = [(x / 1e3, y / 1e3, 0.0) for x, y in holes]
+    return Board(f"{low:02d}-{high:02d}", (low, high), frozen(points), marker_size)
+
+
+def _layout_fault(holes_mm: Array, marker_size: float) -> tuple[int, str] | None:
+    """The first hole (4, 2) that no plate can have, and why: its mouth is not on the plate, or on a marker or hole."""
+    mouth = 1e3 * POCKET_MOUTH
+    centre, room = 1e3 * np.array(PLATE_CENTRE), 500.0 * np.array(PLATE_SIZE[:2]) - mouth / 2.0
+    apart = mouth / 2.0 + 1e3 * marker_size * (0.5 + QUIET_ZONE)
+    for index, hole in enumerate(holes_mm):
+        if not (np.abs(hole - centre) <= room).all():
+            (x0, y0), (x1, y1) = centre - room, centre + room
+            return index, (
+                f"is off the plate, or its mouth of {mouth:g} mm is: x from {x0:g} to {x1:g} mm, y from {y0:g} to "
+                f"{y1:g} mm"
+            )
+        for marker in (np.zeros(2), 1e3 * np.array(SECOND_MARKER)):
+            if np.abs(hole - marker).max() < apart:
+                return index, (
+                    f"lies on the marker at {marker[0]:g}, {marker[1]:g} mm or its white border: a hole's centre is at "
+                    f"least {apart:g} mm from a marker's (of {1e3 * marker_size:g} mm) in x or in y"
+                )
+        for other in range(index):
+            between = float(np.abs(hole - holes_mm[other]).max())
+            if between < mouth:
+                return index, (
+                    f"is {between:.3g} mm from the hole of line {other + 2}: mouths of {mouth:g} mm would overlap"
+                )
+    return None
+
+
+def _likely(holes_mm: Array, marker_size: float) -> str:
+    """What the numbers (4, 2) of a board file probably are instead."""
+    readings = (
+        (1e3 * holes_mm, "these are metres: multiply them by 1000"),
+        (10.0 * holes_mm, "these are centimetres: multiply them by 10"),
+        (holes_mm[:, ::-1], "x and y are swapped: x runs along the plate's long side, 240 mm"),
+        (1e3 * holes_mm[:, ::-1], "these are metres, and x and y are swapped"),
+    )
+    for as_meant, words in readings:
+        if _layout_fault(as_meant, marker_size) is None:
+            return f"it looks as if {words}"
+    return "values are millimetres from the centre of the lower-ID marker"
 
 
 def _pair(path: Path, number: int, line: str, what: str) -> tuple[float, float]:

@@ -15,14 +15,21 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from arm.board import CUBE_SEAT_DEPTH, PLATE_CENTRE, PLATE_SIZE, POCKET_FLOOR, POCKET_MOUTH, Board
+from arm.board import (
+    CUBE_SEAT_DEPTH,
+    PLATE_CENTRE,
+    PLATE_SIZE,
+    POCKET_FLOOR,
+    POCKET_MOUTH,
+    QUIET_ZONE,
+    Board,
+)
 from arm.se3 import Array
 
 POCKET_DEPTH = 0.010  # m
 FINGER_HOLE_RADIUS = 0.008  # m
 PITCH = 1.5e-3  # m between stations on a border
 CORNER_GAP = 3e-3  # m of a straight border beside its ends that is not used: another border is near
-QUIET_ZONE = 1.0 / 6.0  # width of a marker's white border in marker sizes
 
 Bools = npt.NDArray[np.bool_]
 Kind = Literal["top", "upright", "mouth", "floor", "rim"]
