@@ -23,6 +23,23 @@ its middle, and delta_k the farthest that a control point lies from q in joint k
 pairs is cut (a run in two, a cubic in four); pairs that are proved need not be looked at again in its parts. Every
 distance is counted as `plan.world.DISTANCE_ERROR` shorter than it was computed.
 
+**The planes.** What a small motion does to first order is known better than its length. From the frame of joint i,
+the motion delta takes p to T_{i+1} .. T_j p, where T_k turns by delta_k about the axis of joint k (direction a_k,
+through o_k) as it stands at q. Let p' = T_{k+1} .. T_j p; by the bound, |p' - p| <= sum over l > k of |delta_l| r_l.
+With R_k the rotation of T_k,
+
+    T_k p' - p'  =  (R_k - 1)(p - o_k) + (R_k - 1)(p' - p),
+
+and the second term is at most |delta_k| |p' - p|, the first differs from delta_k a_k x (p - o_k) by at most
+r_k delta_k^2 / 2. (A sliding joint adds delta_k a_k exactly.) The sum over k: p moves by
+sum of delta_k a_k x (p - o_k), and by no more than
+
+    sum over k of r_k |delta_k| (|delta_k| / 2 + sum over i < l < k of |delta_l|)
+
+besides. For a unit vector n, n . p then grows by a linear form in delta and p less that remainder: over a motion in the
+hull of some configurations the least of it is at one of these, and over a body it is its support in a direction. The
+distance of two bodies is at least that least, less what the inner body reaches along n (`Volumes.plane_distances`).
+
 Pieces of one depth are looked at together. For each pair, balls and boxes around the bodies (`plan.volumes`) give a
 first lower bound of d; where that is enough, no distance is computed.
 """

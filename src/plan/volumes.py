@@ -127,14 +127,12 @@ class Volumes:
         outer = -self._supports.of(self._pairs[pairs, 1], -tilted, at.R, at.t, rows)
         inner = self._supports.of(self._pairs[pairs, 0], normals[:, None], at.R, at.t, rows)[:, 0]
         first_order = (outer + shift).min(axis=1) - inner
-        # what the linear form leaves out: points on circles, and axes that are themselves moved
+        # what the linear form leaves out: points run on circles, and inner joints turn what outer ones moved
         radius = np.where(between, at.radii[rows, self._outer[pairs]], 0.0)
         stray = spread[rows]
         delta = np.where(between, np.abs(moves).max(axis=1) + stray, 0.0)
-        reach = delta * radius
-        beyond = reach.sum(axis=1, keepdims=True) - np.cumsum(reach, axis=1)
         inside = np.cumsum(delta, axis=1) - 0.5 * delta
-        second_order = ((radius + beyond) * delta * inside).sum(axis=1)
+        second_order = (radius * delta * inside).sum(axis=1)
         return np.asarray(first_order - (radius * stray).sum(axis=1) - second_order - ROUNDING)
 
 

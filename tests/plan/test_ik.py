@@ -148,15 +148,28 @@ def test_out_of_reach_says_by_how_much(robot: Robot, unit: Unit) -> None:
     np.testing.assert_allclose([r.outside for r in reports], 0.05, atol=1e-9)
 
 
-def test_a_limit_is_named_with_its_excess(robot: Robot, unit: Unit) -> None:
+@pytest.mark.parametrize("side", ["lower", "upper"])
+@pytest.mark.parametrize("joint", range(6))
+def test_a_limit_is_named_with_its_excess(robot: Robot, unit: Unit, side: str, joint: int) -> None:
+    """Every joint of the solution has a radian of room, but for one: it is 7 deg beyond one of its limits."""
     q = (unit.lower + unit.upper) / 2 + [0.1, -0.4, -0.3, 0.2, -0.6, 0.1]
-    tight_upper = unit.upper.copy()
-    tight_upper[2] = q[2] - np.radians(7.0)
     T = robot.T_base_tool(q)
-    report = next(r for r in explain_pose(robot, T, unit.lower, tight_upper) if np.allclose(r.q, q))
-    assert (report.joint, report.inside) == ("J3", False)
+    lower, upper = q - 1.0, q + 1.0
+    assert any(r.inside and np.allclose(r.q, q) for r in explain_pose(robot, T, lower, upper))
+    shift = np.radians(7.0) + 1.0 if side == "lower" else -np.radians(7.0) - 1.0
+    lower[joint] += shift
+    upper[joint] += shift
+    report = next(r for r in explain_pose(robot, T, lower, upper) if np.allclose(r.q, q))
+    assert (report.joint, report.inside) == (f"J{joint + 1}", False)
     assert report.excess == pytest.approx(np.radians(7.0))
-    assert any(r.inside and np.allclose(r.q, q) for r in explain_pose(robot, T, unit.lower, unit.upper))
+
+
+def test_the_room_to_the_nearest_limit_is_told_where_a_pose_is_reached(robot: Robot, unit: Unit) -> None:
+    q = (unit.lower + unit.upper) / 2 + [0.1, -0.4, -0.3, 0.2, -0.6, 0.1]
+    lower, upper = q - [0.9, 0.8, 0.7, 0.6, 0.05, 0.4], q + [0.3, 0.4, 0.5, 0.6, 0.7, 0.8]
+    report = next(r for r in explain_pose(robot, robot.T_base_tool(q), lower, upper) if np.allclose(r.q, q))
+    assert (report.joint, report.inside) == ("J5", True)
+    assert report.excess == pytest.approx(-0.05)
 
 
 def test_a_calibrated_arm_is_solved_too(tmp_path, unit: Unit) -> None:  # type: ignore[no-untyped-def]

@@ -11,11 +11,11 @@ from arm.bodies import Body, Box
 from arm.errors import ImpossibleError
 from arm.robot import load_a465
 from arm.se3 import Array, transform
-from arm.unit import load_unit
+from arm.unit import Limits, load_unit
 from plan.budget import TransitBudget
 from plan.check import check_curve
 from plan.curve import curve_of_waypoints
-from plan.transit import plan_transit
+from plan.transit import Detours, plan_transit
 from plan.travel import path_time, path_times, straight_time
 from plan.world import World
 from task2_scene import POST, Q_START, TABLE, TOOL_LENGTH
@@ -138,3 +138,52 @@ def test_times_of_many_paths_are_times_of_each() -> None:
     rng = np.random.default_rng(2)
     paths = rng.uniform(-1.0, 1.0, (20, 4, 6))
     assert np.allclose(path_times(paths, LIMITS), [path_time(p, LIMITS) for p in paths])
+
+
+def near_limits(rng: np.random.Generator) -> Limits:
+    """Limits that leave the straight way from `RIGHT` to `LEFT`, and hardly more on some sides."""
+    low, high = np.minimum(RIGHT, LEFT), np.maximum(RIGHT, LEFT)
+    room = np.where(rng.random((2, 6)) < 0.3, 0.05, 1.2)
+    lower, upper = np.maximum(low - room[0], UNIT.lower), np.minimum(high + room[1], UNIT.upper)
+    return Limits(lower, upper, LIMITS.velocity, LIMITS.acceleration)
+
+
+def inside(corners: Array, limits: Limits) -> Array:
+    """Which of corners (m, c, n) are within limits, all of them."""
+    return np.asarray(((corners >= limits.lower) & (corners <= limits.upper)).all(axis=(1, 2)))
+
+
+def test_corners_are_within_limits_that_are_near() -> None:
+    """Of the corners that are tried, none takes a joint beyond its limits; none that does not is left out."""
+    world, kept, left_out = world_with(LOW_WALL), 0, 0
+    every = Detours(world, LIMITS, 0.011, np.random.default_rng(0), TransitBudget()).lifted(RIGHT, LEFT, 0.5)
+    for seed in range(12):
+        limits = near_limits(np.random.default_rng(seed))
+        detours = Detours(world, limits, 0.011, np.random.default_rng(seed), TransitBudget())
+        single, double = detours.lifted(RIGHT, LEFT, 0.5)
+        drawn = detours.drawn(RIGHT, LEFT)
+        assert inside(single, limits).all()
+        assert inside(double, limits).all()
+        assert inside(drawn[:, None], limits).all()
+        assert len(np.unique(drawn, axis=0)) > 0.9 * TransitBudget().corners  # clipped, not all to one corner
+        allowed = inside(every[0], limits)
+        assert len(single) == allowed.sum()
+        kept, left_out = kept + allowed.sum(), left_out + (~allowed).sum()
+    assert kept > 50
+    assert left_out > 50
+
+
+def test_ways_stay_within_limits_that_are_near() -> None:
+    found = []
+    for seed in range(8):
+        limits = near_limits(np.random.default_rng(seed))
+        world = world_with(LOW_WALL)
+        try:
+            way = plan_transit(world, RIGHT, LEFT, limits, 0.011, seed, TransitBudget(rrt=300))
+        except ImpossibleError:
+            continue
+        assert inside(way[None], limits).all()
+        assert check_curve(world, curve_of_waypoints(way), 0.011).proved
+        found.append(float(np.minimum(way - limits.lower, limits.upper - way)[1:-1].min()))
+    assert len(found) >= 4
+    assert min(found) < 0.02  # rad: a limit is what keeps a way from being faster

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from arm.bodies import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere
+from arm.robot import load_robot
 from arm.se3 import Array, apply, frozen, rotation, transform
 from grazing import ARMS, OBSTACLES, arm, obstacle, world_of
 from plan.volumes import cover, hull
@@ -185,3 +188,43 @@ def test_a_far_body_of_any_size_has_the_same_bounds() -> None:
             world.volumes.distances(alone)[0], world.volumes.distances(together)[i], atol=1e-12
         )
     assert frozen(together.radii).shape == (20, len(world.robot.bodies), 6)
+
+
+def planar(folder: Path, reach: float) -> World:
+    """Two parallel axes, 0.4 m apart, and a ball of 1 mm at `reach` from the second; a still ball inside of it."""
+    chain = "".join(
+        f'<joint name="q{k}" type="revolute"><parent link="l{k - 1}"/><child link="l{k}"/><origin xyz="{x} 0 0"/>'
+        '<axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="1" effort="1"/></joint>'
+        for k, x in ((1, 0.0), (2, 0.4))
+    )
+    tip = f'<collision><origin xyz="{reach} 0 0"/><geometry><sphere radius="0.001"/></geometry></collision>'
+    path = folder / "planar.urdf"
+    path.write_text(
+        f'<robot name="planar"><link name="l0"/><link name="l1"/><link name="l2">{tip}</link>{chain}</robot>'
+    )
+    still = Body("still", Sphere(0.001), transform(t=(0.4 + reach - 0.1, 0.0, 0.0)), "wall")
+    return World(load_robot(path, "l2", np.eye(4)), [still])
+
+
+@pytest.mark.parametrize("delta", [(0.2, 0.0), (0.0, 0.2), (0.15, 0.1), (-0.1, -0.2)])
+def test_what_planes_take_off_beyond_first_order_is_no_less_and_hardly_more_than_the_motion_needs(
+    tmp_path: Path, delta: tuple[float, float]
+) -> None:
+    """A stretched arm swings: to first order its tip goes sideways, to second order inward by all of the remainder."""
+    world = planar(tmp_path, 0.3)
+    q, swing = np.zeros((1, 2)), np.array(delta)
+    none = np.zeros(1, dtype=np.intp)
+    placed = world.volumes.placed(q)
+    found = world.witnesses(q, none, none)
+    assert found.normal[0] == pytest.approx([1.0, 0.0, 0.0])
+    hull_of = np.stack([-swing, swing])
+    bound = world.volumes.plane_distances(placed, none, none, found.normal, hull_of[None], 0.0 * q)[0]
+    tips = [world.robot.joint_poses(u * swing)[2] @ (0.3, 0.0, 0.0, 1.0) for u in np.linspace(-1.0, 1.0, 41)]
+    along = min(float(tip[0]) for tip in tips) - 0.6 - 0.002  # what is left of the gap, seen along the normal
+    lost = 0.098 - along
+    assert bound <= along
+    assert 0.098 - bound == pytest.approx(lost, rel=0.03)
+    # a spread about the hull takes off the same, and what its direction, which is not known, may do to first order
+    stray = world.volumes.plane_distances(placed, none, none, found.normal, q[None], np.abs(swing)[None])[0]
+    first_order = float(world.motion_radii(q[0])[0] @ np.abs(swing))
+    assert stray == pytest.approx(bound - first_order, abs=1e-4)

@@ -20,7 +20,7 @@ from plan.world import World
 from task2_scene import TABLE, TOOL_LENGTH
 
 UNIT = load_unit("crs93")
-MOTIONS = ("straight", "cubic", "counts", "run")
+MOTIONS = ("straight", "cubic", "counts", "run", "to and fro")
 OBSTACLES = ("box", "sheet", "plane", "cylinder", "capsule", "ball", "mesh", "self")
 ARMS = ("open", "holding", "seven joints")
 CLEARANCES = (0.0, 0.005, 0.01, 0.01, 0.03)
@@ -147,6 +147,8 @@ def motion(kind: str, lower: Array, upper: Array, rng: np.random.Generator) -> C
         return Curve(q + size * rng.normal(size=(1, 4, n)) * 0.6, np.array([1.0]))
     if kind == "counts":
         return curve_of_counts(count_path(q, size, rng), UNIT)
+    if kind == "to and fro":
+        return to_and_fro(q, size, rng)
     return run(q, size, rng)
 
 
@@ -171,6 +173,26 @@ def run(q: Array, size: Array, rng: np.random.Generator) -> Curve:
     points += rng.choice([0.0, 1e-5, 1e-3]) * rng.normal(size=points.shape)
     control = np.stack([points[3 * i : 3 * i + 4] for i in range(count)])
     return Curve(control, np.arange(1.0, count + 1.0))
+
+
+def to_and_fro(q: Array, size: Array, rng: np.random.Generator) -> Curve:
+    """One to three cubics that go out and come back: what is nearest is between their ends, and their middles.
+
+    Each goes out on one side (a bow) or on both (an S), or passes and turns back twice on its way; all joints in step.
+    """
+    cubics = []
+    for _ in range(int(rng.integers(1, 4))):
+        out = size * rng.uniform(-1.0, 1.0, len(q))
+        if rng.random() < 0.3:
+            middle, turn = rng.uniform(0.2, 0.8), rng.uniform(0.03, 0.3)
+            u = np.array([0.0, 1.0]) - middle
+            (begin, end), (leaving, coming) = u**3 - 3.0 * turn**2 * u, u**2 - turn**2
+            shape = np.array([begin, begin + leaving, end - coming, end]) - begin
+        else:
+            shape = np.array([0.0, 1.0, rng.uniform(0.5, 1.0) * rng.choice([-1.0, -1.0, 1.0]), 0.0])
+        cubics.append(q + (shape / np.abs(shape).max())[:, None] * out)
+        q = cubics[-1][3]
+    return Curve(np.stack(cubics), np.arange(1.0, len(cubics) + 1.0))
 
 
 def obstacle(kind: str, rng: np.random.Generator) -> Shape:
