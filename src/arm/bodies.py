@@ -138,15 +138,17 @@ class Body:
         shape: see `Shape`.
         T_base_body: pose in the base frame, 4x4.
         kind: what it is to the planner and the eye: table, wall, post, stand, board, cube, robot.
+        padding: how far any of its points may be from where shape and pose have it, m; taken off every distance.
 
     Raises:
-        InputError: no name, no shape, or a pose that is not rigid to 1e-6.
+        InputError: no name, no shape, a pose that is not rigid to 1e-6, or a padding that is not from 0 to 100 m.
     """
 
     name: str
     shape: Shape
     T_base_body: Array
     kind: str
+    padding: float = 0.0
 
     def __post_init__(self) -> None:
         if not (isinstance(self.name, str) and self.name and isinstance(self.kind, str)):
@@ -160,6 +162,9 @@ class Body:
                 name=self.name,
             )
         object.__setattr__(self, "T_base_body", rigid(f"body {self.name!r}: T_base_body", self.T_base_body))
+        if self.padding != 0.0:  # the usual one needs no check
+            checked = number(f"body {self.name!r}: padding", self.padding, 0.0, MOST_LENGTH, "m")
+            object.__setattr__(self, "padding", checked)
 
     def at(self, T_base_body: Array) -> Body:
         """The same body at another pose."""
@@ -260,13 +265,14 @@ def _length(value: Any) -> float:
 
 
 def body_to_json(body: Body) -> dict[str, Any]:
-    """A body as JSON types."""
-    return {
+    """A body as JSON types; a padding of 0 is left out."""
+    said = {
         "name": body.name,
         "kind": body.kind,
         "shape": shape_to_json(body.shape),
         "T_base_body": body.T_base_body.tolist(),
     }
+    return {**said, "padding": body.padding} if body.padding else said
 
 
 def body_from_json(value: Any) -> Body:
@@ -278,8 +284,9 @@ def body_from_json(value: Any) -> Body:
     try:
         name, kind, shape = value["name"], value["kind"], shape_from_json(value["shape"])
         pose = orthonormalised(value["T_base_body"], tolerance=1e-6)
+        padding = value.get("padding", 0.0)
     except (KeyError, TypeError, ValueError, A465Error) as error:
         raise InputError(f"body {str(value)[:60]}: {type(error).__name__} {error}", value=value) from error
     if not isinstance(name, str) or not isinstance(kind, str):
         raise InputError(f"body {str(name)[:60]}: name and kind must be texts", value=value)
-    return Body(name, shape, pose, kind)
+    return Body(name, shape, pose, kind, padding)

@@ -31,7 +31,9 @@ def with_tool(robot: Robot, T_end_tool: npt.ArrayLike, bodies: Iterable[Body] = 
     """
     end = robot.model.frames[robot.model.getFrameId(robot.end_frame)]
     joint, placement = int(end.parentJoint), end.placement.homogeneous
-    tool = tuple(LinkBody(b.name, joint, b.shape, frozen(placement @ b.T_base_body)) for b in bodies)
+    tool = tuple(
+        LinkBody(b.name, joint, b.shape, frozen(placement @ b.T_base_body), b.padding) for b in bodies
+    )
     names = [b.name for b in (*robot.bodies, *tool)]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -42,7 +44,10 @@ def with_tool(robot: Robot, T_end_tool: npt.ArrayLike, bodies: Iterable[Body] = 
     carrying = [b.name for b in robot.bodies if b.joint == before]
     touching = {frozenset((b.name, name)) for b in tool for name in carrying}
     frame = frozen(T_end_tool)
-    parts = [[b.name, shape_to_json(b.shape), b.T_joint_body.tolist()] for b in tool]
+    parts = [
+        [b.name, shape_to_json(b.shape), b.T_joint_body.tolist(), *([b.padding] if b.padding else [])]
+        for b in tool
+    ]
     return replace(
         robot,
         T_end_tool=frame,

@@ -19,7 +19,7 @@ from arm.files import canonical_json, read_json, require_finite, sha256, write_a
 from arm.jsonfields import JsonFields
 from arm.motion import CountPath, Segment, chain
 
-FORMAT = "a465-plan/2"
+FORMAT = "a465-plan/3"
 _LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # none that looks like another
 ROUNDING = 1e-6  # by which a move's clearance may be below the least of its segments, m
 
@@ -130,9 +130,11 @@ class Plan:
         speed: the factor that the motion was timed with, 0 < speed <= 1.
         speed_registers, acceleration_registers: that the controller must have while the plan runs.
         steps: in order.
-        provenance: hashes of robot, scene, limits and calibration, versions, seed.
+        provenance: what the plan is bound to: hashes of robot, scene, limits and calibration, options, seed, and what
+            the files said. All of it is compared before the plan is executed.
         scene: bodies and allowed contacts that the motion was checked against (JSON types), for preview and
             for independent checks.
+        notes: versions and the like, for people: nothing reads them, the plan's code covers them.
     """
 
     task: dict[str, Any]
@@ -143,6 +145,7 @@ class Plan:
     steps: tuple[Step, ...]
     provenance: dict[str, Any]
     scene: dict[str, Any] = field(default_factory=dict)
+    notes: dict[str, Any] = field(default_factory=dict)
 
     @property
     def moves(self) -> Iterator[Move]:
@@ -215,6 +218,7 @@ def _plan_to_json(plan: Plan) -> dict[str, Any]:
         "acceleration_registers": list(plan.acceleration_registers),
         "steps": [_step_to_json(step) for step in plan.steps],
         "provenance": plan.provenance,
+        "notes": plan.notes,
         "scene": plan.scene,
     }
 
@@ -286,6 +290,7 @@ class _PlanReader(JsonFields):
             ),
             steps=tuple(self.step(step, f"steps[{i}].") for i, step in enumerate(steps)),
             provenance=self.get(value, "provenance", "", dict, "a table"),
+            notes=self.get(value, "notes", "", dict, "a table"),
             scene=self.scene(value),
         )
         moves = list(plan.moves)

@@ -34,12 +34,14 @@ class LinkBody:
         joint: index of the moving joint before it, 1 to n; 0 for the fixed base.
         shape: its shape.
         T_joint_body: pose in that joint's frame.
+        padding: as of `arm.bodies.Body`, m.
     """
 
     name: str
     joint: int
     shape: Shape
     T_joint_body: Array
+    padding: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +105,10 @@ class Robot:
     def bodies_at(self, q: npt.ArrayLike) -> list[Body]:
         """The arm's bodies where they are at configuration q."""
         poses = self.joint_poses(q)
-        return [Body(b.name, b.shape, frozen(poses[b.joint] @ b.T_joint_body), "robot") for b in self.bodies]
+        return [
+            Body(b.name, b.shape, frozen(poses[b.joint] @ b.T_joint_body), "robot", b.padding)
+            for b in self.bodies
+        ]
 
 
 def load_robot(

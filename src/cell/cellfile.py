@@ -53,7 +53,8 @@ class Cell:
         q_start: from which looks are taken, (6,) rad.
         photographs: frames a look.
         basler: the camera that takes them on the real cell, if the file names one, and its settings.
-        moved, turned: how far a board may shift (m) or turn (rad) before the rest is planned anew.
+        moved, turned: how far any point of a board may move (m), and how far it may turn (rad), before the rest is
+            planned anew.
         offset, clearance, approach_speed: m, m, m/s at speed 1.
         speed: default factor of velocities.
         velocity_fraction, acceleration_fraction: of the limits at a speed that motion is planned for.
@@ -235,6 +236,14 @@ def read_cell(path: Path, uncalibrated: Callable[[InputError], None] | None = No
     if cell.cube_size >= cell.jaw_opening:
         raise tool.error("jaw_opening_mm", f"must be more than the cube's {cell.cube_size * 1e3:g} mm")
     cell.robot()  # the tool's length must be that of the fingers
+    room = (cell.jaw_opening - cell.cube_size) / 2.0 - PlanOptions.line_clearance
+    if cell.moved > room + 1e-9:
+        raise look.error(
+            "moved_mm",
+            f"must be at most {max(room, 0.0) * 1e3:g} mm: a cube that far aside, and "
+            f"{PlanOptions.line_clearance * 1e3:g} mm of clearance, must fit between open jaws "
+            f"(tool.jaw_opening_mm {cell.jaw_opening * 1e3:g}, cube.size_mm {cell.cube_size * 1e3:g})",
+        )
     for table in (tool, boards_table, look, motion, cube, root):
         table.finish()
     inputs = inputs_of(root.value_dict(), LEFT_OUT, cell.boards)

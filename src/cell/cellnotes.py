@@ -102,8 +102,10 @@ CELL: Notes = {
     "walls.size_mm": "Along x, y and z.",
     "look.photographs": "To a look. More of them average the camera's noise.",
     "look.moved_mm": (
-        "A board that moved more than this since the last look, or turned more than moved_deg, makes "
-        "the rest be planned anew. What a board may move unnoticed has to be in clearance_mm."
+        "A board of which any point moved more than this since the last look, or that turned more than "
+        "moved_deg, makes the rest be planned anew. Less goes unnoticed, so every distance to boards "
+        "and cubes is taken as this much shorter. Too small: what the camera sees differs that much "
+        "from look to look, and runs stop. Too large: the ways into holes are refused."
     ),
     "look.moved_deg": "Degrees.",
     "look.*": """# least_certain_mm = 0.6             # boards that are less certain are refused: sideways,

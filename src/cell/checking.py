@@ -9,14 +9,16 @@ import numpy as np
 
 from arm.bodies import Body, Shape
 from arm.errors import ImpossibleError
+from arm.files import canonical_json, sha256
 from arm.planfile import Plan
 from arm.poses import BoardPose
-from arm.se3 import Array, angle_between, frozen, inverse, transform
+from arm.se3 import Array, frozen, inverse, transform
+from cell.boardshift import board_shift
 from cell.cellfile import Cell
 from cell.furniture import plate_body, plate_name
 from cell.inputs import changes, shortened
 from cell.lookfile import Seen
-from cell.planning import limits_digest, options_of
+from cell.planning import options_of, pose_list_options, provenance
 from cell.scenery import T_base_cube_on_table, build_scene, cube_name
 from cell.taskfile import Task
 from driver.refusals import POSITION_TOLERANCE
@@ -24,41 +26,38 @@ from plan.replay import Asked, ReplayedMove, replay
 from plan.scene import Scene, scene_from_json
 from plan.shape import require_shape
 
+_FROM_FILES = ("task", "inputs", "seed", "options", "robot_open", "robot_holding")
 SAME = 1e-9  # bodies of one scene written twice differ by less, m
 
 
 def require_match(task: Task, plan: Plan) -> None:
-    """The plan's unit, arm, limits, calibration, task and cell must be those of now.
+    """All of the plan's provenance must be as it would be stated now: unit, arm, limits, calibration, files, options.
 
     Raises:
         ImpossibleError: naming each that differs, of task and cell file key by key; nothing moved.
     """
     cell = task.cell
     _require_same_job(task, plan)
-    now = {
-        "unit": cell.unit.name,
-        "robot_open": cell.robot().digest,
-        "robot_holding": cell.robot(cell.cube_size).digest,
-        "limits": limits_digest(cell),
-        "task": task.digest,
-        "calibration": cell.camera.digest,
-    }
-    then = {**plan.provenance, "unit": plan.unit}
-    differing = [key for key in now if then.get(key) != now[key]]
+    now, then = _provenance_of_now(task, plan), plan.provenance
+    differing = [
+        key
+        for key in sorted(
+            now.keys() | then.keys(), key=lambda key: list(now).index(key) if key in now else 99
+        )
+        if key not in now or key not in then or canonical_json(then[key]) != canonical_json(now[key])
+    ]
     registers = _other_registers(cell, plan)
     if registers:
         differing = [*(key for key in differing if key != "limits"), "limits"]
     if differing:
-        changed = _changed_inputs(task, plan) if "task" in differing else {}
-        # a changed file says it all: the arm is made from it
-        hashes = [
-            key for key in differing if not (changed and key in ("task", "robot_open", "robot_holding"))
-        ]
+        changed = _changed_inputs(task, plan) if {"task", "inputs"} & set(differing) else {}
+        # a changed file says it all: the rest follows from it
+        hashes = [key for key in differing if not (changed and key in _FROM_FILES)]
         shown = [f"{file}: {shortened(words)}" for file, words in changed.items()]
         shown += [
             f"limits: {', '.join(registers)}"
             if key == "limits" and registers
-            else f"{key} {str(then.get(key))[:12]}, now {now[key][:12]}"
+            else _difference(key, then.get(key), now.get(key))
             + (f" ({cell.camera_file.name})" if key == "calibration" else "")
             for key in hashes
         ]
@@ -67,8 +66,34 @@ def require_match(task: Task, plan: Plan) -> None:
             differing=differing,
             changed=changed,
             plan={key: then.get(key) for key in differing},
-            now={key: now[key] for key in differing},
+            now={key: now.get(key) for key in differing},
         )
+
+
+def _provenance_of_now(task: Task, plan: Plan) -> dict[str, Any]:
+    """What the plan would state if it were made now for its own scene, at its own speed."""
+    cell = task.cell
+    options = pose_list_options(task, plan.speed) if "poses" in plan.task else options_of(task, plan.speed)
+    stated = provenance(task)
+    del stated["notes"]
+    return {
+        **stated,
+        "robot_open": cell.robot().digest,
+        "robot_holding": cell.robot(cell.cube_size).digest,
+        "unit": cell.unit.digest,
+        "options": options.to_json(),
+        "scene": sha256(plan.scene),
+    }
+
+
+def _difference(key: str, then: Any, now: Any) -> str:
+    if isinstance(then, dict) and isinstance(now, dict):
+        return f"{key}: {shortened(changes(then, now))}"
+    return f"{key} {_short(then)}, now {_short(now)}"
+
+
+def _short(value: Any) -> str:
+    return "not given" if value is None else "given" if isinstance(value, dict) else str(value)[:12]
 
 
 def _require_same_job(task: Task, plan: Plan) -> None:
@@ -148,12 +173,11 @@ def require_scene(cell: Cell, plan: Plan, seen: Seen) -> None:
         if planned is None:
             faults.append(f"{plate.name} is not in the plan")
             continue
-        moved = inverse(planned) @ plate.T_base_body
-        shift, turn = float(np.linalg.norm(moved[:3, 3])), angle_between(np.eye(3), moved[:3, :3])
-        if shift > cell.moved or turn > cell.turned:
-            faults.append(
-                f"{plate.name} stands {1e3 * shift:.1f} mm and {np.degrees(turn):.2f} deg from the plan's"
-            )
+        # from where the plate is to where the board is, as in the look
+        T_plate_board = inverse(plate.T_base_body) @ pose.T_base_board
+        shift = board_shift(pose.board, cell.cube_size, planned @ T_plate_board, pose.T_base_board)
+        if shift.beyond(cell):
+            faults.append(f"{plate.name} stands {shift} from the plan's")
     holding = {c["name"].removeprefix(cube_name("")) for c in plan.scene["cubes"]}
     for board in seen.boards:
         for number, state in enumerate(board.occupancy, start=1):
@@ -235,7 +259,11 @@ def _differing(stated: Scene, now: Scene) -> list[str]:
     names = sorted(set(lists[0]) ^ set(lists[1]))
     for name in sorted(set(lists[0]) & set(lists[1])):
         a, b = (bodies[name] for bodies in lists)
-        if not _same_shape(a.shape, b.shape) or np.abs(a.T_base_body - b.T_base_body).max() > SAME:
+        if (
+            not _same_shape(a.shape, b.shape)
+            or np.abs(a.T_base_body - b.T_base_body).max() > SAME
+            or abs(a.padding - b.padding) > SAME
+        ):
             names.append(name)
     contacts = stated.allowed ^ now.allowed
     return names + [f"contact of {' and '.join(sorted(pair))}" for pair in sorted(contacts, key=sorted)]

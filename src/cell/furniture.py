@@ -24,23 +24,30 @@ def plate_body(board_name: str, T_base_board: Array) -> Body:
 
 
 def stand_body(
-    board_name: str, T_base_board: Array, footprint: tuple[float, float], table_z: float
+    board_name: str,
+    T_base_board: Array,
+    footprint: tuple[float, float],
+    table_z: float,
+    padding: float = 0.0,
 ) -> Body | None:
     """The stand under a plate as an upright box from the table to the plate's underside, or None if there is no room.
 
     Real stands are wedges; the box ends where the underside is lowest above its footprint, so it stays under the plate.
+    A padded one ends lower by its padding, so that it does not reach through the plate: no body of the arm is thin
+    enough for the slot between the two.
     """
     half_x, half_y = footprint[0] / 2.0, footprint[1] / 2.0
     cx, cy = PLATE_CENTRE
     corners = [(cx + i * half_x, cy + j * half_y, -PLATE_SIZE[2]) for i in (-1, 1) for j in (-1, 1)]
-    top = float(apply(T_base_board, corners)[:, 2].min()) - 1e-3
+    top = float(apply(T_base_board, corners)[:, 2].min()) - 1e-3 - padding
     if top - table_z < 2e-3:
         return None
     x, y, _ = apply(T_base_board, (cx, cy, -PLATE_SIZE[2]))
     yaw = float(np.arctan2(T_base_board[1, 0], T_base_board[0, 0]))
     c, s = np.cos(yaw), np.sin(yaw)
     pose = transform([[c, -s, 0], [s, c, 0], [0, 0, 1]], (x, y, (top + table_z) / 2.0))
-    return Body(f"stand {board_name}", Box((footprint[0], footprint[1], top - table_z)), pose, "stand")
+    box = Box((footprint[0], footprint[1], top - table_z))
+    return Body(f"stand {board_name}", box, pose, "stand", padding)
 
 
 def T_hole_cube(cube_size: float) -> Array:

@@ -13,7 +13,8 @@ from arm.board import Board
 from arm.errors import A465Error, FileInputError, ImpossibleError
 from arm.files import read_json, require_finite
 from arm.poses import BoardPose, TiltHypothesis, hole_poses
-from arm.se3 import Array, angle_between, frozen, inverse, orthonormalised
+from arm.se3 import Array, frozen, inverse, orthonormalised
+from cell.boardshift import board_shift
 from cell.cellfile import Cell
 from cell.taskfile import Task
 
@@ -138,12 +139,9 @@ class Seen:
             if new is None:
                 lines.append(f"board {old.name} is no longer in view")
                 continue
-            T_old_new = inverse(old.pose.T_base_board) @ new.pose.T_base_board
-            centre = np.array([0.09, 0.07, 0.0, 1.0])
-            shift = float(np.linalg.norm((T_old_new @ centre - centre)[:3]))
-            turn = angle_between(np.eye(3), T_old_new[:3, :3])
-            if shift > cell.moved or turn > cell.turned:
-                lines.append(f"board {old.name} moved by {1e3 * shift:.1f} mm and {np.degrees(turn):.2f} deg")
+            shift = board_shift(old.pose.board, cell.cube_size, old.pose.T_base_board, new.pose.T_base_board)
+            if shift.beyond(cell):
+                lines.append(f"board {old.name} moved by {shift}")
         return lines
 
 

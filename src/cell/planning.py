@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from importlib.metadata import version
 from typing import Any
 
@@ -54,6 +55,11 @@ def options_of(task: Task, speed: float) -> PlanOptions:
     )
 
 
+def pose_list_options(task: Task, speed: float) -> PlanOptions:
+    """The planner's options for a list of poses: lines keep as much clearance as transits, and nothing is looked at."""
+    return replace(options_of(task, speed), line_clearance=task.cell.clearance, look="never")
+
+
 def limits_digest(cell: Cell) -> str:
     """Hash of the limits that motion is planned under: unit and registers."""
     registers = {"speed": list(cell.speed_registers), "acceleration": list(cell.acceleration_registers)}
@@ -61,9 +67,12 @@ def limits_digest(cell: Cell) -> str:
 
 
 def provenance(task: Task) -> dict[str, Any]:
-    """What a plan rests on: hashes, and task and cell file key by key; execution compares them with those of now."""
+    """What a plan rests on: hashes, and task and cell file key by key; execution compares them with those of now.
+
+    What stands under `notes` is not compared (`arm.planfile.Plan.notes`).
+    """
     return {
-        "a465": version("a465"),
+        "notes": {"a465": version("a465")},
         "limits": limits_digest(task.cell),
         "calibration": task.cell.camera.digest,
         "calibration_id": task.cell.calibration.id if task.cell.calibration is not None else "none",

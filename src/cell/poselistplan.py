@@ -21,7 +21,7 @@ from arm.planfile import GripperStep, Move, Plan, Step
 from arm.robot import Robot
 from arm.se3 import Array, frozen
 from cell.lookfile import Seen
-from cell.planning import options_of, provenance, scene_of
+from cell.planning import pose_list_options, provenance, scene_of
 from cell.poselistfile import Entry, PoseList
 from cell.scenefile import beyond_limits
 from cell.taskfile import Task
@@ -86,8 +86,7 @@ def plan_pose_list(task: Task, seen: Seen | None, poses: PoseList, speed: float,
 class _Planner:
     def __init__(self, task: Task, seen: Seen | None, poses: PoseList, speed: float) -> None:
         self.task, self.cell, self.poses = task, task.cell, poses
-        clearance = self.cell.clearance
-        self.options = replace(options_of(task, speed), line_clearance=clearance, look="never")
+        self.options = pose_list_options(task, speed)
         self.closes = any(entry.jaws for entry in poses.entries)
         self.scene = Scene(self.cell.robot(), self.cell.robot(self.cell.cube_size), self.cell.fixed, ())
         if seen is not None:
@@ -122,7 +121,8 @@ class _Planner:
             "cubes": [],
             "poses": [{"name": name, "q": [round(float(v), 9) + 0.0 for v in q]} for name, q in self.reached],
         }
-        stated = {**provenance(self.task), "poses": sha256(self.poses.file.read_bytes())}
+        stated = provenance(self.task)
+        stated["notes"]["poses"] = sha256(self.poses.file.read_bytes())
         return plan_of(self.scene, self.steps, self.cell.unit, self.cell.limits, self.options, stated, task)
 
     def require(self, entry: Entry | None) -> None:

@@ -190,7 +190,8 @@ def _provenance(task: Task, plans: Sequence[KeptPlan]) -> str:
         ("hand-eye calibration", calibration),
         ("task and cell", task.digest[:12]),
     ]
-    rest = [] if not plans else list(_flat(plans[-1].plan.provenance))
+    last = plans[-1].plan if plans else None
+    rest = [] if last is None else [*_flat(last.provenance), *_flat(last.notes, "notes")]
     asked = [row for row in rest if row[0].startswith("inputs.")]
     made = [row for row in rest if row not in asked]
     said = [(key.removeprefix("inputs."), value) for key, value in asked]

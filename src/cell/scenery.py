@@ -6,7 +6,7 @@ Grip frames: the tool's z points into the plate, its jaws move along y; a cube c
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from cell.taskfile import Task
 from plan.scene import Pair, Scene, Station, Transfer
 
 CLEAR = "clear the target board, or give the task file more places"
+STAND_SHARE = 1.5  # a stand's box may be this many times as far aside as its plate
 RELEASE_GAP = 1e-3  # a cube is let go this far above where it will sit, m
 
 
@@ -69,13 +70,26 @@ def T_base_cube_on_table(task: Task, name: str) -> Array:
 
 
 def board_bodies(cell: Cell, poses: Iterable[BoardPose]) -> list[Body]:
-    """Plates and stands of the boards that were seen."""
+    """Plates and stands of the boards that were seen, padded by what a board may move unnoticed (`Cell.moved`).
+
+    No point of a plate moves further than that unnoticed (`cell.boardshift`). A stand is a box below the plate, turned
+    as the plate is. Let the plate's centre shift by c, and opposite corners by c + d and c - d. Neither is longer than
+    the tolerance t, so |c|^2 + |d|^2 <= t^2, and a corner of the stand shifts by no more than |c| + |d| <= sqrt(2) t.
+    """
     bodies = []
     for pose in poses:
-        bodies.append(plate_body(pose.board.name, pose.T_base_board))
-        stand = stand_body(pose.board.name, pose.T_base_board, cell.stand_size, cell.table_z)
+        plate = plate_body(pose.board.name, pose.T_base_board)
+        bodies.append(replace(plate, padding=cell.moved))
+        stand = stand_body(
+            pose.board.name, pose.T_base_board, cell.stand_size, cell.table_z, STAND_SHARE * cell.moved
+        )
         bodies += [stand] if stand else []
     return bodies
+
+
+def padded_cube(cell: Cell, name: str, T_base_cube: Array) -> Body:
+    """A cube that stands on a board, or was gripped there: as far aside as its board may have moved unnoticed."""
+    return replace(cube_body(name, cell.cube_size, T_base_cube), padding=cell.moved)
 
 
 def build_scene(
@@ -99,10 +113,11 @@ def build_scene(
         for hole in hole_poses(pose):
             if hole.index in set(cubes_in.get(pose.board.name, ())):
                 name = cube_name(hole.name)
-                cubes.append(cube_body(name, cell.cube_size, hole.T_base_hole @ T_hole_cube(cell.cube_size)))
+                T_base_cube = hole.T_base_hole @ T_hole_cube(cell.cube_size)
+                cubes.append(padded_cube(cell, name, T_base_cube))
                 allowed.add(frozenset((name, plate_name(pose.board.name))))
     for name, T_base_cube in (cubes_on_table or {}).items():
-        cubes.append(cube_body(name, cell.cube_size, T_base_cube))
+        cubes.append(padded_cube(cell, name, T_base_cube))
         allowed.add(frozenset((name, "table")))
     return Scene(
         robot_open=cell.robot(),

@@ -68,7 +68,7 @@ def _gradient(world: World, distance: Distance, q: Array, J: Array) -> Array:
     """Change of a pair's distance per joint (n,), m/rad; J (6, n) base axes at the base's origin, linear rows first."""
     first, second = distance.points
     apart = first - second
-    signed = distance.value + world.padding
+    signed = distance.value + world.padding_of(distance.pair)
     if not np.isfinite(apart).all() or min(abs(signed), float(np.linalg.norm(apart))) <= DISTANCE_ERROR:
         return _differences(world, distance.pair, q)
     normal = apart / np.linalg.norm(apart) * np.sign(signed)

@@ -202,7 +202,7 @@ class _Search:
         at = volumes.placed(pieces.middle)
         settled = np.full(len(pieces), np.inf)
         if first:
-            rough = volumes.distances(at) - (volumes.motion(at, pieces.reach) + world.padding)
+            rough = volumes.distances(at) - (volumes.motion(at, pieces.reach) + world.paddings)
             open_ = rough < enough
             settled = np.where(open_, np.inf, rough).min(axis=1, initial=np.inf)
         else:
@@ -222,7 +222,7 @@ class _Search:
             planes = volumes.plane_distances(
                 at, row[wanting], pair[wanting], seen.normal[wanting], pieces.control, pieces.spread
             )
-            bound[wanting] = np.maximum(bound[wanting], planes - world.padding)
+            bound[wanting] = np.maximum(bound[wanting], planes - world.paddings[pair[wanting]])
         left = (bound < enough) & (motion > RESOLUTION)
         np.minimum.at(settled, row[~left], bound[~left])
         self.settle(pieces, settled)

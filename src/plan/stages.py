@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -75,8 +75,8 @@ class Stages:
             # any of the cubes, where they are alike; else the one that is meant for this place
             i = min(standing.number, len(self.cubes) - 1)
             T = place.T_base_tool[0] @ T_tool_held(self.transfers[i], self.cubes[i], 0)
-            self._placed[standing.number] = Body(
-                f"{self.cubes[i].name} at {place.name}", self.cubes[i].shape, frozen(T), "cube"
+            self._placed[standing.number] = replace(
+                self.cubes[i], name=f"{self.cubes[i].name} at {place.name}", T_base_body=frozen(T)
             )
         return self._placed[standing.number]
 

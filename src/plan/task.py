@@ -57,7 +57,8 @@ def plan_task(
         unit: the arm's counts and registers.
         limits: at speed 1; default: those of the unit's default registers.
         options: see `PlanOptions`.
-        provenance: what else the plan rests on (calibration, files); JSON types.
+        provenance: what else the plan rests on (calibration, files); JSON types. Its key `notes` becomes the
+            plan's notes.
         task: name and kind of the task, for the plan file; JSON types.
         places: more places that cubes may go to.
 
@@ -96,7 +97,7 @@ def plan_task(
         unit,
         limits,
         options,
-        {**(provenance or {}), "scene": scene.digest},
+        provenance,
         {**(task or {}), "cubes": cubes, "no_plan_is_faster_than_s": _rounded_down(found.bound)},
     )
     return plan
@@ -111,8 +112,10 @@ def plan_of(
     provenance: Mapping[str, Any] | None,
     task: Mapping[str, Any],
 ) -> Plan:
-    """Steps as a plan, with what they rest on."""
+    """Steps as a plan, with what they rest on; the key `notes` of `provenance` becomes the plan's notes."""
     registers = _registers(unit, limits)
+    stated = dict(provenance or {})
+    notes = stated.pop("notes", {})
     return Plan(
         task=dict(task),
         unit=unit.name,
@@ -120,17 +123,27 @@ def plan_of(
         speed_registers=registers["speed"],
         acceleration_registers=registers["acceleration"],
         steps=tuple(steps),
-        provenance={
-            "scene": scene.digest,
-            **(provenance or {}),
-            "robot_open": scene.robot_open.digest,
-            "robot_holding": scene.robot_holding.digest,
-            "unit": unit.digest,
-            "options": options.to_json(),
-            "versions": dict(_versions()),
-        },
+        provenance={**stated, **resting_on(scene, unit, options)},
         scene=scene.to_json(),
+        notes={**notes, "versions": dict(_versions())},
     )
+
+
+def resting_on(scene: Scene, unit: Unit, options: PlanOptions) -> dict[str, Any]:
+    """The part of a plan's provenance that planning itself states; JSON types.
+
+    Args:
+        scene: of the plan, with all contacts that it allows.
+        unit: whose counts it is in.
+        options: that it was planned with.
+    """
+    return {
+        "scene": scene.digest,
+        "robot_open": scene.robot_open.digest,
+        "robot_holding": scene.robot_holding.digest,
+        "unit": unit.digest,
+        "options": options.to_json(),
+    }
 
 
 @cache

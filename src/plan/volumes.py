@@ -34,12 +34,13 @@ _MOST_BALLS = 4
 
 @dataclass(frozen=True)
 class Part:
-    """A body by the joint that it moves with (0: none), and its pose there."""
+    """A body by the joint that it moves with (0: none), its pose there, and its padding, m."""
 
     name: str
     joint: int
     shape: Shape
     T_joint_body: Array
+    padding: float = 0.0
 
 
 class Volumes:

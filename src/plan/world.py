@@ -97,7 +97,7 @@ class World:
         held: a body that moves with the tool, or None.
         T_tool_held: its pose in the tool frame, 4x4; required with `held`.
         allowed: pairs of names that may touch.
-        padding: taken off every distance, m.
+        padding: taken off every distance, besides the paddings of the two bodies, m.
 
     Raises:
         InputError: `held` without `T_tool_held`, two bodies of one name, a pose that is not rigid, `allowed` that are
@@ -107,6 +107,7 @@ class World:
     Attributes:
         robot: the arm.
         padding: m.
+        paddings: of each pair, (p,) m: `padding` and those of its two bodies.
         names: of all bodies; the arm's own first, then the held one, then the still ones.
         pairs: indices into `names` of each checked pair, (p, 2); the body nearer to the base first.
         volumes: bounds on motion and distance of the pairs, for many configurations at once.
@@ -131,17 +132,18 @@ class World:
         given.rigid("robot.T_end_tool", robot.T_end_tool)
         n = int(robot.model.nq)
         self._shape = (n,)
-        parts = [Part(b.name, b.joint, b.shape, b.T_joint_body) for b in robot.bodies]
+        parts = [Part(b.name, b.joint, b.shape, b.T_joint_body, b.padding) for b in robot.bodies]
         if held is not None:
             end = robot.model.frames[robot.model.getFrameId(robot.end_frame)]
             pose = end.placement.homogeneous @ robot.T_end_tool @ given.rigid("T_tool_held", T_tool_held)
-            parts.append(Part(held.name, int(end.parentJoint), held.shape, frozen(pose)))
-        parts += [Part(b.name, 0, b.shape, b.T_base_body) for b in bodies]
+            parts.append(Part(held.name, int(end.parentJoint), held.shape, frozen(pose), held.padding))
+        parts += [Part(b.name, 0, b.shape, b.T_base_body, b.padding) for b in bodies]
         self.names = tuple(p.name for p in parts)
         if len(set(self.names)) != len(parts):
             raise InputError(f"two bodies of one name among {', '.join(self.names)}", names=list(self.names))
 
         self.pairs = _pairs(parts, robot.touching | given.pairs("allowed", allowed))
+        self.paddings = frozen(self.padding + np.array([p.padding for p in parts])[self.pairs].sum(axis=1))
         self._joint = np.array([p.joint for p in parts], dtype=np.intp)
         # which joints move the bodies of a pair against each other
         joint = np.arange(1, n + 1)
@@ -166,16 +168,16 @@ class World:
         return self.names[outer], self.names[inner]
 
     def pair_distances(self, q: npt.ArrayLike, pairs: Indices) -> Array:
-        """Signed distances (k,) m of the pairs with indices `pairs` (k,) at configuration q (n,), less the padding."""
+        """Signed distances (k,) m of the pairs `pairs` (k,) at configuration q (n,), less their paddings."""
         self._place(q)
         geometry, data, compute = self._geometry, self._distances, pin.computeDistance
         values = [compute(geometry, data, i).min_distance for i in pairs.tolist()]
-        return np.maximum(values, UNKNOWN_DEPTH) - self.padding
+        return np.asarray(np.maximum(values, UNKNOWN_DEPTH) - self.paddings[pairs])
 
     def witnesses(
         self, q: npt.ArrayLike, rows: Indices, pairs: Indices, stop_below: float = -np.inf
     ) -> Witnesses:
-        """Signed distances, less the padding, of pairs at some of several configurations.
+        """Signed distances, less their paddings, of pairs at some of several configurations.
 
         Args:
             q: (m, n) rad.
@@ -184,7 +186,7 @@ class World:
         """
         q = np.asarray(q, dtype=float)
         geometry, data, results = self._geometry, self._distances, self._distances.distanceResults
-        least, compute, placed = stop_below + self.padding, pin.computeDistance, -1
+        least, compute, placed = stop_below + self.paddings[pairs], pin.computeDistance, -1
         values, normals, points = [], np.empty((len(rows), 3)), np.empty((len(rows), 3))
         for i, (row, pair) in enumerate(zip(rows.tolist(), pairs.tolist(), strict=True)):
             if row != placed:
@@ -195,11 +197,23 @@ class World:
             result = results[pair]
             normals[i], points[i] = result.normal, result.getNearestPoint2()
             values.append(result.min_distance)
-            if values[-1] < least:
+            if values[-1] < least[i]:
                 break
         count = len(values)
-        distances = np.maximum(values, UNKNOWN_DEPTH) - self.padding
+        distances = np.maximum(values, UNKNOWN_DEPTH) - self.paddings[pairs[:count]]
         return Witnesses(np.asarray(distances), normals[:count], points[:count])
+
+    def padding_of(self, pair: tuple[str, str]) -> float:
+        """What is taken off the distance of two bodies, m.
+
+        Raises:
+            InputError: they are no pair that is checked.
+        """
+        wanted = {self.names.index(name) for name in pair if name in self.names}
+        for index, indices in enumerate(self.pairs.tolist()):
+            if set(indices) == wanted:
+                return float(self.paddings[index])
+        raise InputError(f"{' and '.join(pair)}: are no pair that is checked", pair=list(pair))
 
     def joint_of(self, name: str) -> int:
         """Index of the joint that a body moves with, 1 to n; 0 for a body that stands still."""
@@ -244,7 +258,7 @@ class World:
                 shape=q.shape,
             )
         at = self.volumes.placed(q)
-        asked = self.volumes.distances(at) - self.padding < limit
+        asked = self.volumes.distances(at) - self.paddings < limit
         row, pair = np.nonzero(asked)
         found = self.witnesses(q, row, pair)
         close = found.distance < limit
@@ -268,22 +282,22 @@ class World:
         test = self._too_near.get(clearance)
         if test is None:  # NaN, which is not even equal to itself, always comes by here
             given.finite("clearance", clearance, "m")
-            test = self._too_near[clearance] = self._tester(clearance + self.padding)
+            test = self._too_near[clearance] = self._tester(clearance)
         return test
 
-    def _tester(self, margin: float) -> Callable[[Array], bool]:
+    def _tester(self, clearance: float) -> Callable[[Array], bool]:
         if not len(self.pairs):
             return lambda q: False
-        model, data, manager = self.robot.model, self._data, self._manager(margin)
+        model, data, manager = self.robot.model, self._data, self._manager(clearance)
         compute: Callable[..., bool] = pin.computeCollisions
         return lambda q: compute(model, data, manager, q, True)
 
-    def _manager(self, margin: float) -> Any:
+    def _manager(self, clearance: float) -> Any:
         data = pin.GeometryData(self._geometry)
         request = coal.CollisionRequest()
-        request.security_margin = margin
         request.gjk_tolerance = request.epa_tolerance = GJK_TOLERANCE
-        for i in range(len(self.pairs)):
+        for i, padding in enumerate(self.paddings.tolist()):
+            request.security_margin = clearance + padding
             data.collisionRequests[i] = request
         kind = (
             pin.BroadPhaseManager_NaiveCollisionManager

@@ -82,7 +82,7 @@ def _damaged(change: Any) -> str:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda v: v.update(format="other"), "format = 'other': must be 'a465-plan/2'"),
+        (lambda v: v.update(format="other"), "format = 'other': must be 'a465-plan/3'"),
         (lambda v: v.update(speed=1.5), "speed = 1.5: must be a number from"),
         (lambda v: v.pop("unit"), "unit: is missing"),
         (

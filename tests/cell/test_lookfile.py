@@ -100,7 +100,7 @@ def test_what_is_no_look_is_told(task: Task, tmp_path: Path, text: str) -> None:
         read_seen(path, task.cell.boards)
 
 
-def test_boards_that_moved_are_told_by_their_centre(task: Task) -> None:
+def test_boards_that_moved_are_told_by_their_farthest_point(task: Task) -> None:
     before = _seen(task)
     first, second = before.boards
     nudged = _seen_board(second.pose.board, transform(t=(0.003, 0, 0)) @ second.pose.T_base_board)
@@ -110,7 +110,7 @@ def test_boards_that_moved_are_told_by_their_centre(task: Task) -> None:
     centre = transform(t=(0.09, 0.07, 0.0))
     turned = first.pose.T_base_board @ centre @ transform(rot_z(np.radians(1.5))) @ inverse(centre)
     (line,) = Seen((_seen_board(first.pose.board, turned), second), {}).moved(before, task.cell)
-    assert "moved by 0.0 mm and 1.50 deg" in line
+    assert "moved by 4.1 mm and 1.50 deg" in line  # 0.156 m from centre to corner
 
 
 def test_task_1_wants_its_board_flat_and_as_high_as_stated() -> None:

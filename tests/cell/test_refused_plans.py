@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from arm.files import data_file
+from arm.files import data_file, sha256
 from cell.taskfile import read_task
 from command_line import a465, refused, replace_in
 
@@ -59,7 +59,9 @@ def test_a_cell_that_got_another_wall_refuses_the_plan(scenes: Path) -> None:
     assert json.loads(out)["warning"].startswith("the plan is not for the cell of now")
     assert (scenes / "old.html").stat().st_size > 100_000
     value = json.loads(plan.read_text())  # even if somebody makes the file say that it is for this cell
-    value["provenance"]["task"] = read_task(scenes / "task2.toml").digest
+    now = read_task(scenes / "task2.toml")
+    value["provenance"]["task"] = now.digest
+    value["provenance"]["inputs"]["cell"] = dict(now.cell.inputs)
     plan.write_text(json.dumps(value))
     told = refused("check", plan, scenes / "task2.toml", code=3, cwd=scenes)
     assert "scene is not that of the cell of now: new" in told
@@ -129,6 +131,7 @@ def test_a_plan_file_that_was_tampered_with_is_refused(
     plan = scenes / "plan.json"
     value = json.loads(plan.read_text())
     change(value)
+    value["provenance"]["scene"] = sha256(value["scene"])  # whoever does this mends the hash too
     plan.write_text(json.dumps(value))
     _, told = a465("check", plan, scenes / "task2.toml", code=3, cwd=scenes)
     assert words in told

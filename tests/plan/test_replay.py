@@ -12,9 +12,10 @@ from arm.bodies import Body, Box
 from arm.errors import ImpossibleError, InputError
 from arm.motion import CountPath, Segment
 from arm.planfile import GripperStep, LookStep, Move, Plan, Step
-from arm.se3 import transform
+from arm.se3 import frozen, transform
 from arm.unit import load_unit
 from plan.check import check_move
+from plan.extremes import segment_extremes
 from plan.replay import Asked, _require_line, replay, settings
 from plan.scene import Scene, scene_from_json
 from plan.task import plan_task
@@ -255,3 +256,84 @@ def test_a_line_that_goes_past_its_station_is_none(plan: Plan, scene: Scene) -> 
     assert found.value.data["length_m"] == pytest.approx(length, abs=1e-4)
     up = replace(down, role="retract", path=down.path.reversed())
     _require_line(up, scene, UNIT, 0.1)
+
+
+def test_joint_limits_are_kept_or_told_at_both_ends(plan: Plan, scene: Scene) -> None:
+    """Each joint alone: a limit just inside of where the plan goes is broken, one just outside is kept."""
+    extremes = [segment_extremes(move.path, UNIT) for move in plan.moves]
+    low = np.min([e.lower.min(axis=0) for e in extremes], axis=0)
+    high = np.max([e.upper.max(axis=0) for e in extremes], axis=0)
+    for joint in range(6):
+        for name, key, bound, inwards in (
+            ("lower limit", "lower", low, 1e-4),
+            ("upper limit", "upper", high, -1e-4),
+        ):
+            limit = np.array(getattr(LIMITS, key))
+            limit[joint] = bound[joint] + inwards
+            with pytest.raises(ImpossibleError, match=f"J{joint + 1} is 0.0057 deg over its {name}") as found:
+                replay(plan, scene, UNIT, replace(LIMITS, **{key: frozen(limit)}))
+            assert found.value.data["limit"] == name
+    replay(plan, scene, UNIT, replace(LIMITS, lower=frozen(low - 1e-4), upper=frozen(high + 1e-4)))
+
+
+def test_accelerations_are_kept_or_told(plan: Plan, scene: Scene) -> None:
+    extremes = [segment_extremes(move.path, UNIT) for move in plan.moves]
+    peak = np.max([e.acceleration.max(axis=0) for e in extremes], axis=0) / plan.speed**2
+    for joint in range(6):
+        push = np.array(LIMITS.acceleration)
+        push[joint] = 0.999 * peak[joint]
+        with pytest.raises(ImpossibleError, match=f"J{joint + 1} is .* deg/s2 over its acceleration"):
+            replay(plan, scene, UNIT, replace(LIMITS, acceleration=frozen(push)))
+
+
+def test_jaws_that_close_on_nothing_are_found(plan: Plan, scene: Scene, case: Task2) -> None:
+    """The cube stands elsewhere than where the jaws close, by more than reaches between them, or there is none."""
+    name = case.transfers[0].cube
+    for aside, closes in ((0.03, True), (0.08, False)):
+        cubes = tuple(
+            c.at(transform(t=(0.0, 0.0, aside)) @ c.T_base_body) if c.name == name else c for c in scene.cubes
+        )
+        moved = settings(plan, replace(scene, cubes=cubes), UNIT)
+        if closes:
+            assert any(setting.held is not None for _, setting in moved)
+            continue
+        with pytest.raises(ImpossibleError, match="closes the jaws where no cube stands"):
+            list(moved)
+    with pytest.raises(ImpossibleError, match="closes the jaws where no cube stands"):
+        list(settings(plan, replace(scene, cubes=(), allowed=frozenset()), UNIT))
+
+
+def test_a_line_that_turns_about_its_own_axis_is_none(plan: Plan, scene: Scene) -> None:
+    """The tool's frame stays on the line, but a cube between the jaws would turn in its pocket."""
+    down = next(m for m in plan.moves if m.role == "approach")
+    _require_line(down, scene, UNIT, 0.1)
+
+    def turned(degrees: float) -> Move:
+        more = round(np.radians(degrees) * UNIT.counts_per_rad[5] / len(down.path.segments))
+        segments = tuple(
+            Segment(
+                s.duration_ms, ((*s.coefficients[0][:5], s.coefficients[0][5] + more), *s.coefficients[1:])
+            )
+            for s in down.path.segments
+        )
+        return replace(down, path=CountPath(down.path.start, segments))
+
+    with pytest.raises(ImpossibleError, match="is no line") as found:
+        _require_line(turned(0.5), scene, UNIT, 0.1)
+    assert found.value.data["turned"] == pytest.approx(np.radians(0.5), rel=0.1)
+    assert found.value.data["aside_m"] < 1e-4
+
+
+def test_a_cube_that_was_set_down_stands_there_from_then_on(plan: Plan, scene: Scene, case: Task2) -> None:
+    transfer = case.transfers[0]
+    *_, (_, last) = settings(plan, scene, UNIT)
+    (cube,) = (c for c in last.standing if c.name == transfer.cube)
+    place = next(
+        s for s in (t.place for t in case.transfers) if s.name == plan.task["cubes"][0]["to"]
+    ).T_base_tool[0]
+    assert np.linalg.norm(cube.T_base_body[:3, 3] - place[:3, 3]) < 0.02
+    gone = next(c for c in scene.cubes if c.name == transfer.cube)
+    assert np.linalg.norm(cube.T_base_body[:3, 3] - gone.T_base_body[:3, 3]) > 0.1
+    retract = [m for m in plan.moves if m.role == "retract"][-1]
+    assert retract.clearance < 0.012  # it is the placed cube that is near: the palm is just above it
+    assert any(name == transfer.cube for name in retract.closest)

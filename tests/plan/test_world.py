@@ -13,6 +13,8 @@ from arm.errors import InputError
 from arm.robot import Robot, load_a465
 from arm.se3 import Array, apply, frozen, rotation, transform
 from arm.unit import load_unit
+from plan.check import check_curve
+from plan.curve import curve_of_waypoints
 from plan.world import DISTANCE_ERROR, UNKNOWN_DEPTH, World
 from task2_scene import TABLE, TOOL_LENGTH, task2
 
@@ -259,3 +261,50 @@ def test_an_overlap_of_unknown_depth_is_an_overlap() -> None:
     assert world.distance(q).value == UNKNOWN_DEPTH
     assert world.distance(q).pair == ("finger_l", "forearm")
     assert world.in_collision(q)
+
+
+def _padded(body: Body, padding: float) -> Body:
+    return replace(body, padding=padding)
+
+
+def test_paddings_of_bodies_are_taken_off_their_own_distances_only() -> None:
+    """Of arm, of a held body and of what stands still: in every way of asking, and in the proof."""
+    rng = np.random.default_rng(31)
+    bodies = random_bodies(rng, 6)
+    padding = {b.name: float(rng.uniform(0.0, 0.02)) for b in bodies} | {HELD.name: 0.004, "forearm": 0.01}
+    robot = load_a465(0.134112, 0.04)
+    padded = replace(robot, bodies=tuple(replace(b, padding=padding.get(b.name, 0.0)) for b in robot.bodies))
+    bare = World(robot, bodies, HELD, T_TOOL_HELD)
+    world = World(
+        padded,
+        [_padded(b, padding[b.name]) for b in bodies],
+        _padded(HELD, 0.004),
+        T_TOOL_HELD,
+        padding=0.001,
+    )
+    every = np.arange(len(bare.pairs))
+    for q in rng.uniform(-1.5, 1.5, (20, 6)):
+        off = np.array([0.001 + sum(padding.get(n, 0.0) for n in bare.pair_names(i)) for i in every])
+        wanted = bare.pair_distances(q, every) - off
+        assert np.abs(world.pair_distances(q, every) - wanted).max() < 1e-12
+        zeros = np.zeros_like(every)
+        assert np.abs(world.witnesses(q[None], zeros, every).distance - wanted).max() < 1e-12
+        near = world.near(q[None], 0.05)
+        assert set(near.pair.tolist()) == set(np.flatnonzero(wanted < 0.05).tolist())
+        assert world.padding_of(bare.pair_names(3)) == pytest.approx(off[3])
+        for clearance in (0.0, 0.01, float(wanted.min()) - 1e-5, float(wanted.min()) + 1e-5):
+            assert world.in_collision(q, clearance) == bool(wanted.min() < clearance)
+
+
+def test_a_proof_takes_the_paddings_off() -> None:
+    q = np.radians([10.0, -40.0, -80.0, 0.0, -60.0, 0.0])
+    robot, curve = load_a465(0.134112, 0.06), curve_of_waypoints(np.stack([q, q + 0.05]))
+    tool = robot.T_base_tool(q)[:3, 3]
+    low = Body("low", Box((0.2, 0.2, 0.02)), transform(t=(tool[0], tool[1], tool[2] - 0.06)), "wall")
+    bare = check_curve(World(robot, [low]), curve, 0.0, tight=True)
+    padded = check_curve(World(robot, [_padded(low, 0.03)]), curve, 0.0, tight=True)
+    asked = bare.seen - 0.02
+    assert bare.pair[1] == "low"
+    assert 0.0 < padded.clearance <= bare.seen - 0.03
+    assert check_curve(World(robot, [low]), curve, asked).proved
+    assert not check_curve(World(robot, [_padded(low, 0.03)]), curve, asked).proved

@@ -79,6 +79,7 @@ def page_content(
         "sha256": plan.sha256,
         "code": None if executed else plan.code,  # a log's page shows what was, and confirms nothing
         "provenance": plan.provenance,
+        "notes": plan.notes,
         "motion_s": plan.duration_s,
         "motions": len(list(plan.moves)) - len(joined),
         "duration_s": steps[-1].end_s,

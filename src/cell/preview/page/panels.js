@@ -174,5 +174,6 @@ function fillProvenance(content) {
     } else rows.push([path, String(value)]);
   };
   flatten(content.provenance, "");
+  flatten(content.notes, "notes");
   for (const [key, value] of rows) list.append(element("dt", "", key), element("dd", "", value));
 }

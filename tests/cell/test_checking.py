@@ -1,0 +1,279 @@
+"""What binds a saved plan to the cell of now: its provenance to the last digit, and where the boards stand."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm.bodies import body_from_json
+from arm.errors import A465Error, ImpossibleError, InputError
+from arm.files import data_file
+from arm.planfile import Plan, read_plan
+from arm.se3 import Array, frozen, rotation, transform
+from cell.boardshift import board_shift
+from cell.cellfile import read_cell
+from cell.checking import replayed, require_match, require_scene
+from cell.lookfile import Seen, read_seen
+from cell.planning import plan_rest
+from cell.scenery import board_bodies, build_scene
+from cell.taskfile import Task, read_task
+from command_line import a465, replace_in
+from plan.check import check_move
+from plan.replay import settings
+from plan.world import World
+
+pytestmark = pytest.mark.xdist_group("checking")
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The shipped scenes with a look and a plan of the second task; none may change them."""
+    folder = Path(shutil.copytree(data_file("scenes"), tmp_path_factory.mktemp("bound") / "scenes"))
+    a465("look", folder / "task2.toml", "-o", folder / "look.json")
+    a465("plan", folder / "task2.toml", "--look", folder / "look.json", "-o", folder / "plan.json")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def task(scenes: Path) -> Task:
+    return read_task(scenes / "task2.toml")
+
+
+@pytest.fixture(scope="module")
+def plan(scenes: Path) -> Plan:
+    return read_plan(scenes / "plan.json")
+
+
+@pytest.fixture(scope="module")
+def seen(scenes: Path, task: Task) -> Seen:
+    return read_seen(scenes / "look.json", task.cell.boards)
+
+
+def _changed_digits(text: str) -> Iterator[dict[str, Any]]:
+    """The JSON value with each of its digits (hexadecimal ones too, in hashes) changed, where that is still JSON."""
+    digits = "0123456789abcdef"
+    inside = False  # a quoted text: only hashes and such have digits that are letters
+    for i, c in enumerate(text):
+        inside ^= c == '"'
+        if c not in digits or (c.isalpha() and not inside):
+            continue
+        other = digits[(digits.index(c) + 1) % (16 if c.isalpha() else 10)]
+        try:
+            value = json.loads(text[:i] + other + text[i + 1 :])
+        except ValueError:
+            continue
+        yield value
+
+
+def test_every_digit_of_the_provenance_binds(task: Task, plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One after another is changed, of values and of keys: none of these plans is for the cell of now."""
+    require_match(task, plan)
+    robots = {opening: task.cell.robot(opening) for opening in (None, task.cell.cube_size)}
+    monkeypatch.setattr(type(task.cell), "robot", lambda _, opening=None: robots[opening])
+    tried = 0
+    for provenance in _changed_digits(json.dumps(plan.provenance)):
+        if provenance == plan.provenance:  # such as 0.5 and 0.50
+            continue
+        tried += 1
+        with pytest.raises(ImpossibleError, match="not for the cell of now") as refusal:
+            require_match(task, replace(plan, provenance=provenance))
+        assert refusal.value.data["differing"]
+    assert tried > 900
+
+
+def test_a_provenance_that_lacks_or_adds_a_key_is_refused(task: Task, plan: Plan) -> None:
+    for key in plan.provenance:
+        less = {k: v for k, v in plan.provenance.items() if k != key}
+        with pytest.raises(ImpossibleError, match="not for the cell of now") as refusal:
+            require_match(task, replace(plan, provenance=less))
+        assert key in refusal.value.data["differing"]
+    with pytest.raises(ImpossibleError, match="extra 1, now not given"):
+        require_match(task, replace(plan, provenance={**plan.provenance, "extra": 1}))
+
+
+def test_notes_bind_nothing_but_change_the_code(task: Task, plan: Plan) -> None:
+    assert {"a465", "versions"} <= set(plan.notes)
+    other = replace(plan, notes={**plan.notes, "a465": "another"})
+    require_match(task, other)
+    assert other.code != plan.code
+    assert other.sha256 != plan.sha256
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("moved_mm = 1.5", "moved_mm = 1.4"), ("moved_deg = 1.0", "moved_deg = 2")]
+)
+def test_what_a_board_may_move_is_part_of_what_a_plan_is_bound_to(
+    scenes: Path, tmp_path: Path, old: str, new: str
+) -> None:
+    copy = Path(shutil.copytree(scenes, tmp_path / "scenes"))
+    replace_in(copy / "cell.toml", old, new)
+    told = rf"cell.toml: look.{old.split()[0]} {float(old.split()[2]):g}, now {float(new.split()[2]):g}"
+    with pytest.raises(ImpossibleError, match=told):
+        require_match(read_task(copy / "task2.toml"), read_plan(copy / "plan.json"))
+
+
+def test_a_tolerance_that_lets_a_cube_out_from_between_the_jaws_is_refused(
+    scenes: Path, tmp_path: Path
+) -> None:
+    """Open jaws of 60 mm around a cube of 40 leave 10 mm a side, of which a line keeps 5."""
+    copy = Path(shutil.copytree(scenes, tmp_path / "scenes"))
+    replace_in(copy / "cell.toml", "moved_mm = 1.5", "moved_mm = 5.1")
+    with pytest.raises(InputError, match=r"look.moved_mm = 5.1: must be at most 5 mm: .*jaw_opening_mm"):
+        read_cell(copy / "cell.toml")
+    replace_in(copy / "cell.toml", "moved_mm = 5.1", "moved_mm = 5")
+    read_cell(copy / "cell.toml")
+
+
+def _moved(T: Array, cell_moved: float, rng: np.random.Generator, task: Task, name: str) -> Array:
+    """The pose of a board, shifted and turned at random as far as `cell_moved` allows."""
+    board = next(b for b in task.cell.boards if b.name == name)
+    twist = rng.normal(size=6) * (1.0, 1.0, 1.0, 8.0, 8.0, 8.0)
+    low, high = 0.0, 0.1
+    for _ in range(40):  # bisection on the size of the motion
+        middle = (low + high) / 2.0
+        step = transform(rotation(middle * twist[3:]), middle * twist[:3])
+        now = frozen(T @ step)
+        shift = board_shift(board, task.cell.cube_size, T, now)
+        low, high = (middle, high) if shift.farthest <= cell_moved else (low, middle)
+    return frozen(T @ transform(rotation(low * twist[3:]), low * twist[:3]))
+
+
+def test_wherever_boards_are_within_the_tolerance_the_certificate_holds(
+    task: Task, plan: Plan, seen: Seen
+) -> None:
+    """Boards, stands and cubes stand elsewhere by all that is not noticed: the plan's clearances are still true."""
+    rng, cell = np.random.default_rng(4), task.cell
+    worst = np.inf
+    for _ in range(3):
+        poses = [
+            replace(p, T_base_board=_moved(p.T_base_board, cell.moved, rng, task, p.board.name))
+            for p in seen.poses
+        ]
+        exact = replace(cell, moved=0.0)
+        truth = build_scene(exact, poses, seen.cubes_in())
+        by_name = {b.name: b for b in (*truth.bodies, *truth.cubes)}
+        stated = build_scene(cell, seen.poses, seen.cubes_in())
+        stated = replace(stated, allowed=frozenset(frozenset(pair) for pair in plan.scene["allowed"]))
+        for move, setting in settings(plan, stated, cell.unit):
+            if move.held is not None or any(c.name not in by_name for c in setting.standing):
+                continue
+            where = {c.name: c.T_base_body for c in stated.cubes}
+            standing = [
+                by_name[c.name] if np.array_equal(c.T_base_body, where[c.name]) else replace(c, padding=0.0)
+                for c in setting.standing
+            ]
+            world = World(truth.robot_open, [*truth.bodies, *standing])
+            found = check_move(world, move.path, cell.unit, move.clearance - 1e-6, tight=False)
+            assert found.proved, (move.name, found)
+            worst = min(worst, found.seen - move.clearance)
+    assert worst < 4e-3  # the tolerance was used, and not much more than it was taken off
+
+
+def test_stands_move_no_further_than_they_are_padded(task: Task, seen: Seen) -> None:
+    rng, cell = np.random.default_rng(5), task.cell
+    for pose in seen.poses:
+        before = {b.name: b for b in board_bodies(cell, [pose])}
+        for _ in range(40):
+            moved = replace(
+                pose, T_base_board=_moved(pose.T_base_board, cell.moved, rng, task, pose.board.name)
+            )
+            for body in board_bodies(cell, [moved]):
+                old = before[body.name]
+                corners = np.array(np.meshgrid(*[[-0.5, 0.5]] * 3)).reshape(3, -1).T
+                then, now = (
+                    corners * b.shape.size @ b.T_base_body[:3, :3].T + b.T_base_body[:3, 3]  # type: ignore[union-attr]
+                    for b in (old, body)
+                )
+                if (
+                    body.kind == "stand"
+                ):  # its height follows the plate's lowest edge; its foot stays on the table
+                    then, now = then[:, :2], now[:, :2]
+                assert np.linalg.norm(now - then, axis=1).max() <= old.padding + 1e-9
+
+
+def _with_pose(seen: Seen, name: str, T: Array) -> Seen:
+    boards = tuple(
+        replace(b, pose=replace(b.pose, T_base_board=frozen(T))) if b.name == name else b for b in seen.boards
+    )
+    return replace(seen, boards=boards)
+
+
+def test_a_saved_plan_is_refused_where_a_board_moved_or_turned(task: Task, plan: Plan, seen: Seen) -> None:
+    cell, name = task.cell, "03-04"
+    T = next(b for b in seen.boards if b.name == name).pose.T_base_board
+    require_scene(cell, plan, seen)
+    for shift in (0.9, 1.1):
+        moved = _with_pose(seen, name, transform(t=(shift * cell.moved, 0.0, 0.0)) @ T)
+        if shift < 1.0:
+            require_scene(cell, plan, moved)
+            continue
+        with pytest.raises(
+            ImpossibleError, match=r"plate 03-04 stands 1\.[67] mm and 0.00 deg from the plan's"
+        ):
+            require_scene(cell, plan, moved)
+    centre = T @ transform(t=(0.09, 0.07, 0.0))
+    for turn in (0.9, 1.1):  # about its centre, in the plane
+        turned = _with_pose(
+            seen,
+            name,
+            centre @ transform(rotation((0.0, 0.0, turn * cell.turned))) @ transform(t=(-0.09, -0.07, 0.0)),
+        )
+        loose = replace(cell, moved=0.1)
+        if turn < 1.0:
+            require_scene(loose, plan, turned)
+            continue
+        with pytest.raises(ImpossibleError, match=r"plate 03-04 stands .* mm and 1\.10 deg from the plan's"):
+            require_scene(loose, plan, turned)
+
+
+def test_a_small_turn_that_moves_a_corner_too_far_counts_as_moved(task: Task, plan: Plan, seen: Seen) -> None:
+    """Its centre stays: the board's corners are what the certificate is about."""
+    name = "03-04"
+    T = next(b for b in seen.boards if b.name == name).pose.T_base_board
+    about = T @ transform(t=(0.09, 0.07, 0.0)) @ transform(rotation((0.0, 0.0, np.radians(0.8))))
+    with pytest.raises(ImpossibleError, match=r"plate 03-04 stands 2\.[0-9] mm and 0.80 deg"):
+        require_scene(task.cell, plan, _with_pose(seen, name, about @ transform(t=(-0.09, -0.07, 0.0))))
+
+
+def test_a_saved_plan_is_refused_where_one_of_its_boards_is_not_seen(
+    task: Task, plan: Plan, seen: Seen
+) -> None:
+    for gone in seen.boards:
+        rest = replace(seen, boards=tuple(b for b in seen.boards if b.name != gone.name))
+        with pytest.raises(ImpossibleError, match=f"plate {gone.name} of the plan was not seen"):
+            require_scene(task.cell, plan, rest)
+
+
+def test_a_board_that_the_plan_does_not_know_refuses_it(task: Task, plan: Plan, seen: Seen) -> None:
+    other = next(b for b in task.cell.boards if b.name == "05-06")
+    extra = replace(seen.boards[0], pose=replace(seen.boards[0].pose, board=other), occupancy=("empty",) * 4)
+    with pytest.raises(ImpossibleError, match="plate 05-06 is not in the plan"):
+        require_scene(task.cell, plan, replace(seen, boards=(*seen.boards, extra)))
+
+
+def test_a_plan_whose_paddings_were_taken_away_is_refused(task: Task, plan: Plan) -> None:
+    """By its scene's hash, and where somebody mends that too, by the scene of the cell of now."""
+    bare = json.loads(json.dumps(plan.scene))
+    for body in (*bare["bodies"], *bare["cubes"]):
+        body.pop("padding", None)
+        assert body_from_json(body).padding == 0.0
+    with pytest.raises(ImpossibleError, match="not for the cell of now: scene"):
+        replayed(task, replace(plan, scene=bare))
+    from arm.files import sha256
+
+    mended = replace(plan, scene=bare, provenance={**plan.provenance, "scene": sha256(bare)})
+    with pytest.raises(ImpossibleError, match=r"scene is not that of the cell of now: .*plate 01-02"):
+        replayed(task, mended)
+
+
+def test_the_refusal_of_a_line_says_less_clearance_where_boards_may_move_more(task: Task, seen: Seen) -> None:
+    wide = replace(task, cell=replace(task.cell, moved=0.0045))
+    with pytest.raises(A465Error, match=r"asked: 5 mm"):
+        plan_rest(wide, seen, wide.cell.q_start, 0.5, {}, {})
