@@ -7,14 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arm.bodies import Body
+from arm.bodies import Body, Sphere
 from arm.errors import InputError
 from arm.robot import Robot
 from arm.se3 import Array, frozen, inverse
 from plan.targets import Target
-from plan.world import World
+from plan.world import Distance, World, distance_of
 
 Pairs = frozenset[frozenset[str]]
+
+_POINT = 1e-6  # m, radius of a ball that stands for a point
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +113,24 @@ class Worlds:
             still = [b for b in self.bodies.values() if b.name not in self.movable]
             self._worlds[key] = World(self.robot, still, None, None, touching, self.padding)
         return self._worlds[key]
+
+    def gap(self, situation: Situation, target: Target, T_base_tool: Array) -> Distance:
+        """How far the body that a target attaches is from the hand, or from the tool frame's origin if that is nearer.
+
+        The hand is all that moves with the last joint. With the tool at `T_base_tool` it stands where the tool does,
+        whatever the joints are.
+        """
+        body = self.bodies[target.attach or ""]
+        body = body.at(dict(situation.moved).get(body.name, body.T_base_body))
+        end = self.robot.model.frames[self.robot.model.getFrameId(self.robot.end_frame)]
+        T_base_joint = T_base_tool @ inverse(end.placement.homogeneous @ self.robot.T_end_tool)
+        hand = [
+            Body(b.name, b.shape, frozen(T_base_joint @ b.T_joint_body), "robot")
+            for b in self.robot.bodies
+            if b.joint == int(end.parentJoint)
+        ]
+        tool = Body("the tool frame", Sphere(_POINT), T_base_tool, "robot")
+        return min((distance_of(part, body) for part in (*hand, tool)), key=lambda d: d.value)
 
     def after(self, situation: Situation, target: Target, T_base_tool: Array) -> Situation:
         """The situation once the tool was at a target."""

@@ -39,7 +39,6 @@ __all__ = ["PosePlan", "SearchEffort", "Target", "plan_poses"]
 
 _ROUNDS = 6  # sequences that are tried where one could not be proved once it was timed
 _WIDENINGS = (1, 3, 9)  # times the candidates of each group, where fewer do not do
-_SAME = 1e-9  # rad between configurations that need no way
 _ROUNDING = 1e-4  # rad, that rounding to counts may move a joint at the most
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from arm.errors import ImpossibleError
 from arm.planfile import Move
 from plan.chains import At
@@ -15,8 +13,6 @@ from plan.posemotion import Join, Piece, PoseMover
 from plan.poseplan import Pause
 from plan.posesearch import Found, PoseSearch
 from plan.targets import Target
-
-_SAME = 1e-9  # rad between configurations that need no way
 
 
 class Unproved(ImpossibleError):
@@ -71,7 +67,8 @@ class PoseScript:
         for number, leg in enumerate(found.legs):
             situation = leg.before
             layer = search.layers[number + 1]
-            if np.abs(leg.waypoints[-1] - leg.waypoints[0]).max() > _SAME or len(leg.waypoints) > 2:
+            counts = self.mover.unit.counts(leg.waypoints)
+            if (counts != counts[0]).any():  # else the arm stands there already
                 world = self.worlds.world(situation)
                 piece = Piece(
                     f"to {layer.name}", "transit", world, self.options.clearance, situation.held, frozenset(),

@@ -25,9 +25,10 @@ from plan.chains import At, Chain
 from plan.check import MoveCheck, check_curve
 from plan.curve import Curve, curve_of_waypoints
 from plan.handling import Situation, Worlds
+from plan.margin import searched_clearance
 from plan.options import PlanOptions
 from plan.paths import Path, smooth_path
-from plan.poserefusals import end_blocked, line_blocked, way_blocked
+from plan.poserefusals import end_blocked, line_blocked, out_of_hand, way_blocked
 from plan.posetimes import ChainTime, way_bounds, way_estimates
 from plan.shorten import Ends
 from plan.targets import Target
@@ -35,8 +36,7 @@ from plan.transit import Detours
 from plan.travel import path_time
 from plan.world import World
 
-MARGIN = 1e-3  # m: ways are searched with this much more clearance than is asked, for what timing changes
-LINE_MARGIN = 1e-4  # and lines with this much
+LINE_MARGIN = 1e-4  # m: lines are proved with this much more clearance than is asked, for what timing changes
 _LOOKS = (0.5, 0.25, 0.75)  # of a straight way before it is proved
 
 
@@ -236,19 +236,18 @@ class PoseSearch:
         before, layer = self.layers[state.layer], self.layers[number]
         a, b = before.chains[state.index].q_out, layer.chains[index].q_in
         straight = float(self.estimates[state.layer][state.index, index])
-        world, clearance = self.worlds.world(state.situation), self.options.clearance + MARGIN
+        world, asked = self.worlds.world(state.situation), self.options.clearance
         for end, q in (("leaves", a), ("arrives", b)):
-            if world.in_collision(q, clearance):
+            if world.in_collision(q, asked):
                 seen = world.distance(q)
-                self._refuse(
-                    number, end_blocked(before.name, layer.name, end, seen.pair, seen.value, clearance)
-                )
+                self._refuse(number, end_blocked(before.name, layer.name, end, seen.pair, seen.value, asked))
                 return None
+        clearance = searched_clearance(world, (a, b), asked)
         check = _straight(world, a, b, clearance)
         if check.proved:
             return straight, np.stack([a, b])
         if self._made[number] >= self.most_detours:
-            self._refuse(number, way_blocked(before.name, layer.name, check, clearance, tried=False))
+            self._refuse(number, way_blocked(before.name, layer.name, check, asked, tried=False))
             return None
         self._made[number] += 1
         self.effort.detours += 1
@@ -257,7 +256,7 @@ class PoseSearch:
         detours = Detours(world, self.limits, clearance, rng, self.options.transit, ends, self._known)
         way = detours.around(a, b, check.time)
         if way is None:
-            self._refuse(number, way_blocked(before.name, layer.name, check, clearance, tried=True))
+            self._refuse(number, way_blocked(before.name, layer.name, check, asked, tried=True))
             return None
         # a way around never counts as less than the straight one, so that the search stays exact
         return max(straight, path_time(way, self.limits, ends.enter, ends.leave)), way
@@ -266,18 +265,26 @@ class PoseSearch:
         """The situation after a chain whose lines are proved; None where one is not."""
         for at, item in enumerate(chain.items):
             if isinstance(item, At):
-                situation = self.worlds.after(situation, self.targets[item.target], item.T_base_tool)
+                target = self.targets[item.target]
+                if target.attach is not None:
+                    gap = self.worlds.gap(situation, target, item.T_base_tool)
+                    if gap.value > target.attach_within:
+                        self._refuse(number, out_of_hand(target, gap.pair, gap.value))
+                        return None
+                situation = self.worlds.after(situation, target, item.T_base_tool)
                 continue
             key = (number, index, at, situation.key)
             target = self.targets[item.target]
             if key not in self._proofs:
                 self.effort.chains += 1
                 world = self.worlds.world(situation, target.pairs)
-                clearance = self.options.line_clearance + LINE_MARGIN
+                asked = self.options.line_clearance
+                ends = (item.path.q[0], item.path.q[-1])
+                clearance = searched_clearance(world, ends, asked, LINE_MARGIN)
                 check = check_curve(world, curve_of_path(smooth_path(item.path.q, item.path.s)), clearance)
                 self._proofs[key] = check.proved
                 if not check.proved:
-                    self._refuse(number, line_blocked(item.role, target.name, check, clearance))
+                    self._refuse(number, line_blocked(item.role, target.name, check, asked))
             if not self._proofs[key]:
                 return None
         return situation
@@ -285,8 +292,8 @@ class PoseSearch:
     def _refuse(self, number: int, error: ImpossibleError) -> None:
         self.effort.refused.setdefault(number, Counter())[str(error.data["reason"])] += 1
         known = self.effort.examples.get(number)
-        # the nearest miss helps most
-        if known is None or error.data["distance_m"] > known.data["distance_m"]:
+        # the nearest miss helps most: what is too near is nearly far enough, what is out of the hand nearly in it
+        if known is None or _miss(error) < _miss(known):
             self.effort.examples[number] = error
 
     def _impossible(self) -> ImpossibleError:
@@ -318,6 +325,14 @@ def curve_of_path(path: Path) -> Curve:
     a0, a1, a2, a3 = c[3], c[2] * h, c[1] * h**2, c[0] * h**3
     control = np.stack([a0, a0 + a1 / 3, a0 + (2 * a1 + a2) / 3, a0 + a1 + a2 + a3], axis=1)
     return Curve(control, path.x[1:] - path.x[0])
+
+
+def _miss(error: ImpossibleError) -> float:
+    """By how much a step was refused, m."""
+    data = error.data
+    if "attach_within_m" in data:
+        return float(data["distance_m"] - data["attach_within_m"])
+    return float(data["clearance_m"] - data["distance_m"])
 
 
 def _straight(world: World, a: Array, b: Array, clearance: float) -> MoveCheck:

@@ -17,6 +17,7 @@ from arm.se3 import Array, frozen
 from arm.unit import Limits
 from plan.check import MoveCheck, check_curve
 from plan.curve import curve_of_waypoints
+from plan.margin import MARGIN, searched_clearance
 from plan.options import PlanOptions
 from plan.reach import LineChoice
 from plan.shorten import Ends
@@ -24,9 +25,6 @@ from plan.stages import Stages, Standing
 from plan.transit import Detours
 from plan.world import Indices, World
 
-# Transits are searched with this much more clearance than is asked, for what timing and rounding change, m; less where
-# an end itself is nearer to something.
-MARGIN = 1e-3
 # Part of the margin that the proof of a way may lack: it is searched by samples.
 _SLACK = 0.5
 # Places on a straight way that are looked at before it is proved.
@@ -181,12 +179,8 @@ class Proofs:
 
     def clearance(self, crossing: Crossing, world: World) -> float:
         """What a way is searched with, m: the asked clearance and a margin, or half of what the ends leave of it."""
-        asked = self.options.clearance
-        margin = self.margin
-        for q in (crossing.q_from, crossing.q_to):
-            if world.in_collision(q, asked + margin):
-                margin = min(margin, max((world.distance(q).value - asked) / 2.0, 0.0))
-        return asked + margin
+        ends = (crossing.q_from, crossing.q_to)
+        return searched_clearance(world, ends, self.options.clearance, self.margin)
 
     def _absent(self, crossing: Crossing) -> Moment:
         return frozenset() if crossing.pick is None else frozenset((Standing(False, crossing.pick),))

@@ -18,9 +18,9 @@ from arm.se3 import Array, frozen
 from arm.unit import Limits, Unit
 from plan.backout import BESIDE
 from plan.line import Line, follow_line
+from plan.margin import MARGIN
 from plan.motion import Grip, Leg, Mover, Phase
 from plan.options import PlanOptions
-from plan.proofs import MARGIN
 from plan.reach import LineChoice
 from plan.scene import Scene, Station
 from plan.task import Planner, plan_of

@@ -13,6 +13,7 @@ from arm.se3 import Array, orthonormalised
 from plan.ik_numeric import FREE
 
 WAYS = ("transit", "line")
+ATTACH_WITHIN = 0.010  # m
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +35,8 @@ class Target:
             goes through the pose, and stops there unless the way goes on without a corner.
         dwell_s: time at rest there, s.
         attach: name of a body that moves with the tool from here on.
+        attach_within: that body may be so far at most from the hand (all that moves with the last joint) or from the
+            tool frame's origin, m.
         detach: whether the body that moves with the tool stays here.
         touching: pairs of names that may touch on the lines that lead to the target and out of it.
     """
@@ -48,6 +51,7 @@ class Target:
     within: float = 0.0
     dwell_s: float = 0.0
     attach: str | None = None
+    attach_within: float = ATTACH_WITHIN
     detach: bool = False
     touching: Iterable[Iterable[str]] = field(default_factory=frozenset)
 
@@ -58,7 +62,7 @@ class Target:
             raise self.error("free", wrong[0], f"must be of {', '.join(FREE)}")
         if self.by not in WAYS:
             raise self.error("by", self.by, f"must be one of {', '.join(WAYS)}")
-        for key in ("approach", "retract", "within", "dwell_s"):
+        for key in ("approach", "retract", "within", "dwell_s", "attach_within"):
             if not 0.0 <= getattr(self, key) < 100.0:
                 raise self.error(key, getattr(self, key), "must not be negative, and below 100")
         if self.speed is not None and not 0.0 < self.speed < 100.0:

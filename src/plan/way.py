@@ -12,9 +12,9 @@ from arm.errors import ImpossibleError
 from arm.planfile import Plan
 from arm.unit import Limits, Unit
 from plan.failure import nearness
+from plan.margin import searched_clearance
 from plan.motion import Leg, Mover, Phase
 from plan.options import PlanOptions
-from plan.proofs import MARGIN
 from plan.scene import Scene
 from plan.standing import standing
 from plan.task import ROUNDING, Planner, plan_of
@@ -54,14 +54,13 @@ def plan_way(
         closest = world.distance(q)
         if closest.value < asked:
             raise _refused(closest.pair, closest.value, asked, end)
-    room = min(world.distance(q).value for q in (planner.q_start, goal)) - asked
     try:
         waypoints = plan_transit(
             world,
             planner.q_start,
             goal,
             planner.planned,
-            asked + min(MARGIN, room / 2.0),
+            searched_clearance(world, (planner.q_start, goal), asked),
             options.seed,
             options.transit,
         )

@@ -357,6 +357,21 @@ def _geometry_model(parts: Sequence[Part], pairs: Indices) -> Any:
     return model
 
 
+def distance_of(first: Body, second: Body) -> Distance:
+    """The distance of two bodies where they are."""
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    request.gjk_tolerance = request.epa_tolerance = GJK_TOLERANCE
+    placed = [
+        coal.Transform3s(np.array(b.T_base_body[:3, :3]), np.array(b.T_base_body[:3, 3]))
+        for b in (first, second)
+    ]
+    value = coal.distance(
+        coal_shape(first.shape), placed[0], coal_shape(second.shape), placed[1], request, result
+    )
+    points = frozen([result.getNearestPoint1(), result.getNearestPoint2()])
+    return Distance(max(float(value), UNKNOWN_DEPTH), (first.name, second.name), points)
+
+
 def coal_shape(shape: Shape) -> Any:
     """The shape as coal has it, in its own frame."""
     match shape:
