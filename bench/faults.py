@@ -31,7 +31,6 @@ def main() -> None:
     parser.add_argument("--faults", nargs="*", choices=NAMES, metavar="FAULT", default=list(NAMES))
     parser.add_argument("--moments", nargs="*", choices=MOMENTS, metavar="MOMENT", default=list(MOMENTS))
     parser.add_argument("--first-seed", type=int, default=0)
-    parser.add_argument("--time-scale", type=float, default=20.0)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
@@ -39,13 +38,13 @@ def main() -> None:
     cases = [(*cells[i % len(cells)], options.first_seed + i // len(cells)) for i in range(options.cases)]
     print(
         f"Python {platform.python_version()}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}; "
-        f"{len(cases)} cases in {len(cells)} cells; emulated time x{options.time_scale:g}; unit crs93",
+        f"{len(cases)} cases in {len(cells)} cells; stepped time; unit crs93",
         flush=True,
     )
     began = time.monotonic()
     done: list[Outcome] = []
     with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor(options.jobs) as pool:
-        work = ((*case, Path(folder), options.time_scale) for case in cases)
+        work = ((*case, Path(folder)) for case in cases)
         for outcome in pool.map(_run, work):
             done.append(outcome)
             if not outcome.as_expected:
@@ -62,7 +61,7 @@ def main() -> None:
         options.json.write_text(json.dumps([asdict(o) for o in done], indent=1) + "\n")
 
 
-def _run(work: tuple[str, str, int, Path, float]) -> Outcome:
+def _run(work: tuple[str, str, int, Path]) -> Outcome:
     return run_case(*work)
 
 

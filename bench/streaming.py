@@ -3,8 +3,8 @@
 python bench/streaming.py --streams 1000 --plans 10000
 
 Streams: motions of all joints are planned (TOPP-RA at the given fractions of the registers, integer cubics), streamed
-by the driver over a pseudo-terminal, and compared with what the emulated unit did at every ms. Starved means that the
-arm stood while segments were still to come.
+by the driver over a line in memory with that latency, in stepped time, and compared with what the emulated unit did at
+every ms. Starved means that the arm stood while segments were still to come.
 Plans: what would be sent is encoded, read back as the unit reads it, and compared with what was planned to the count;
 positions, velocities and accelerations by their extremes inside segments, joins by the unit's rule for vertices.
 """
@@ -30,12 +30,12 @@ from arm.motion import CountPath
 from arm.se3 import Array
 from arm.unit import Limits, Unit, load_unit
 from count_paths import off_path_deg
-from driver.clock import Clock
 from driver.emulator import Emulator, EmulatorOptions
 from driver.emulator.commands import Interpreter
 from driver.emulator.machine import Machine
 from driver.mars import Mars
 from driver.protocol import VERTEX_STEPS, encode, encode_segment
+from driver.stepped import SteppedClock
 from driver.stream import stream
 from plan.extremes import segment_extremes
 from plan.segments import to_segments
@@ -69,7 +69,8 @@ def main() -> None:
     print(
         f"Python {platform.python_version()}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}; unit "
         f"{options.unit}; fractions {options.velocity:g} of velocity, {options.acceleration:g} of acceleration; "
-        f"segments of {options.segment_ms} ms; emulated time x{options.time_scale:g}; seed {options.seed}",
+        f"segments of {options.segment_ms} ms; stepped time, one-way latency {1e3 * options.latency_s:g} ms; "
+        f"seed {options.seed}",
         flush=True,
     )
     began = time.monotonic()
@@ -110,11 +111,11 @@ def streamed(options: argparse.Namespace, seeds: list[int]) -> list[Streamed]:
     """Motions of these seeds, one after the other on one unit."""
     unit = load_unit(options.unit)
     at_mark = tuple(float(d) for d in np.degrees(unit.positions(np.zeros(6))))
-    clock = Clock(options.time_scale)
+    clock = SteppedClock()
     found = []
     with (
         Emulator(unit, clock, options=EmulatorOptions(power_up_deg=at_mark)) as emulator,
-        Mars(emulator.open_pty(), unit, clock) as mars,
+        Mars(emulator.open_line(options.latency_s), unit, clock) as mars,
     ):
         mars.identify()
         mars.initialise(home=True)
@@ -246,7 +247,7 @@ def _options() -> argparse.Namespace:
     )
     parser.add_argument("--acceleration", type=float, default=0.5)
     parser.add_argument("--segment-ms", type=int, default=100)
-    parser.add_argument("--time-scale", type=float, default=20.0)
+    parser.add_argument("--latency-s", type=float, default=0.0, help="of the line, one way")
     parser.add_argument("--jobs", type=int, default=2, help="processes of the plans")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path)

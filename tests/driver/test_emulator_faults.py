@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import os
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,7 +14,8 @@ from arm.unit import Unit
 from driver.clock import Clock
 from driver.emulator import Emulator, EmulatorOptions, Fault, When
 from driver.emulator.faults import KINDS
-from wire_client import Client, wait_for
+from driver.stepped import SteppedClock
+from wire_client import Client, SteppedClient, wait_for
 
 GROUP = ("ECHO:0", "COORDGRP:A,B,C,D,E,F", "COORDDISCONT:5")
 
@@ -28,18 +28,20 @@ class Block:
 
 
 @contextmanager
-def emulated(unit: Unit, *faults: Fault, scale: float = 20.0, **options: object) -> Iterator[Emulator]:
-    made = EmulatorOptions(faults=faults, **options)  # type: ignore[arg-type]
-    with Emulator(unit, Clock(scale), Block(), made) as emulator:
+def on_ports(unit: Unit, *faults: Fault) -> Iterator[Emulator]:
+    """In wall time, for ports of the host."""
+    with Emulator(unit, Clock(20.0), Block(), EmulatorOptions(faults=faults)) as emulator:
         yield emulator
 
 
 @contextmanager
-def session(
-    unit: Unit, *faults: Fault, scale: float = 20.0, **options: object
-) -> Iterator[tuple[Emulator, Client]]:
+def session(unit: Unit, *faults: Fault, **options: object) -> Iterator[tuple[Emulator, SteppedClient]]:
     """An emulator with these faults, and a client that has switched the echo off and formed the group."""
-    with emulated(unit, *faults, scale=scale, **options) as emulator, Client(emulator.open_pty()) as client:
+    made = EmulatorOptions(faults=faults, **options)  # type: ignore[arg-type]
+    with (
+        Emulator(unit, SteppedClock(), Block(), made) as emulator,
+        SteppedClient(emulator.open_line()) as client,
+    ):
         client.send(*GROUP, "STAMP:1")
         assert client.read_until(b"STAMP=1\r\n").endswith(b"STAMP=1\r\n")
         yield emulator, client
@@ -49,11 +51,11 @@ def events(emulator: Emulator) -> list[tuple[str, bool]]:
     return [(e.kind, e.over) for e in emulator.faults]
 
 
-def status(client: Client) -> int:
+def status(client: SteppedClient) -> int:
     return int(client.ask("ST?").removeprefix("ST="))
 
 
-def position(client: Client) -> list[int]:
+def position(client: SteppedClient) -> list[int]:
     return [int(v) for v in client.ask("COORDAP?").removeprefix("COORDAP=").split(",")]
 
 
@@ -82,7 +84,7 @@ def test_power_comes_back_after_a_time_and_the_old_methods_stay(unit: Unit) -> N
         assert client.ask("ST?") == "ST=0"
         client.send("GA:1000")
         assert status(client) == 0x10000
-        wait_for(lambda: status(client) == 0)
+        client.wait_for(lambda: status(client) == 0)
         emulator.set_motion_stop(True)
         assert status(client) == 0x20000
         emulator.set_motion_stop(False)
@@ -100,14 +102,14 @@ def test_power_comes_back_after_a_time_and_the_old_methods_stay(unit: Unit) -> N
 
 
 def test_time_counts_from_the_first_byte_and_not_from_power_up(unit: Unit) -> None:
-    with emulated(unit, Fault("axis_error", When(after_ms=1000), axis="A")) as emulator:
-        time.sleep(0.15)  # 3 s of the unit's
-        with Client(emulator.open_pty()) as client:
+    fault = Fault("axis_error", When(after_ms=1000), axis="A")
+    with Emulator(unit, SteppedClock(), options=EmulatorOptions(faults=(fault,))) as emulator:
+        emulator.clock.sleep(3.0)
+        with SteppedClient(emulator.open_line()) as client:
             assert emulator.faults == ()
-            spoken = emulator.clock.now() * 1e3
             client.send("ECHO:0")
-            wait_for(lambda: emulator.faults)
-            assert emulator.faults[0].time_ms >= spoken + 1000
+            client.wait_for(lambda: emulator.faults)
+            assert emulator.faults[0].time_ms == 3000 + 1000
 
 
 def test_the_third_segment_is_the_first_to_meet_a_fault_at_the_third_segment(unit: Unit) -> None:
@@ -148,12 +150,12 @@ def test_ready_may_come_before_the_motion_has_ended(unit: Unit) -> None:
 
 
 def test_ready_may_come_before_the_arm_has_settled(unit: Unit) -> None:
-    with session(unit, Fault("lag", lag_ms=400), scale=5.0) as (_, client):
+    with session(unit, Fault("lag", lag_ms=400)) as (_, client):
         client.send("COORDMV:9000,0,0,0,0,0", "R:")
         assert client.read_until(b"!\r\n") == b"R!\r\n"
         assert status(client) == 0
         assert position(client)[3] < 8990
-        wait_for(lambda: position(client)[3] == 9000)
+        client.wait_for(lambda: position(client)[3] == 9000)
 
 
 def test_a_stuck_axis_stays_while_the_generator_goes_on(unit: Unit) -> None:
@@ -167,14 +169,16 @@ def test_a_stuck_axis_stays_while_the_generator_goes_on(unit: Unit) -> None:
         assert emulator.machine.reference[1] == 9000
         record = emulator.record().counts[:, 1]
         assert record[-1] - record[0] <= b  # the truth is what the encoders say
-        wait_for(lambda: position(client)[4] == 9000)  # and when it is free again, it follows
+        client.wait_for(lambda: position(client)[4] == 9000)  # and when it is free again, it follows
 
 
 def test_a_stuck_axis_never_finds_its_mark(unit: Unit) -> None:
     with session(unit, Fault("stuck_axis", axis="A")) as (emulator, client):
         client.send("HHA:", "HHB:", "RB:")
-        assert client.read_until(b"!\r\n", 20.0) == b"RB!\r\n"
-        wait_for(lambda: emulator.now_ms() > 25_000)  # at 15 counts/ms it would have been there after 16.6 s
+        assert client.read_until(b"!\r\n") == b"RB!\r\n"
+        client.wait_for(
+            lambda: emulator.now_ms() > 25_000
+        )  # at 15 counts/ms it would have been there after 16.6 s
         assert status(client) == 0x10
         assert position(client)[3:5] == [0, 0]
         client.send("STOP:", "R:")
@@ -189,7 +193,7 @@ def test_an_axis_creeps_away_and_homing_finds_it_again(unit: Unit) -> None:
         later, *_, second, _ = position(client)
         assert second <= first <= 0
         assert abs(second - first + 0.2 * (later - start)) <= 2
-        wait_for(lambda: position(client)[7] == -700)
+        client.wait_for(lambda: position(client)[7] == -700)
         client.send("HHE:", "R:")
         assert client.read_until(b"!\r\n") == b"R!\r\n"
         assert position(client)[7] == emulator.counts()[4] == 0
@@ -221,9 +225,9 @@ def test_a_smaller_queue_overflows_and_says_so_in_the_status(unit: Unit) -> None
 def test_a_power_cycle_forgets_everything_but_where_the_arm_is(unit: Unit) -> None:
     with session(unit, Fault("power_cycle", When(command="STAMP", nth=2))) as (emulator, client):
         client.send("HHA:", "HHB:", "REGMSA:5000", "R:")
-        assert client.read_until(b"!\r\n", 20.0) == b"R!\r\n"
+        assert client.read_until(b"!\r\n") == b"R!\r\n"
         client.send("COORDMV:9000,900,0,0,0,0", "R:")
-        wait_for(lambda: emulator.counts()[0] > 500)
+        client.wait_for(lambda: emulator.counts()[0] > 500)
         client.send("STAMP:9")
         back = client.read_until(b"STAMP=9\r\n")
         assert back == b"\x00\xff\x80\xfeSTAMP:9\nSTAMP=9\r\n"  # noise, echo, and no R!
@@ -236,7 +240,7 @@ def test_a_power_cycle_forgets_everything_but_where_the_arm_is(unit: Unit) -> No
         assert emulator.machine.registers["REGMSA"] == unit.speed_registers[0]
         assert emulator.machine.registers["COORDDISCONT"] == 1
         client.send("HHA:", "RA:")
-        assert client.read_until(b"!\r\n", 20.0) == b"RA!\r\n"
+        assert client.read_until(b"!\r\n") == b"RA!\r\n"
         assert emulator.counts()[0] == 0
         assert emulator.counts()[1:] == here[1:]
 
@@ -244,21 +248,21 @@ def test_a_power_cycle_forgets_everything_but_where_the_arm_is(unit: Unit) -> No
 def test_a_unit_that_is_off_hears_nothing(unit: Unit) -> None:
     with session(unit, Fault("power_cycle", When(command="VER"), for_ms=4000)) as (_, client):
         client.send("VER?", "STAMP:3")
-        assert client.read_for(0.1) == b""
-        wait_for(lambda: client.read_for(0.05) == b"\x00\xff\x80\xfe")
+        assert client.read_for(3.9) == b""
+        assert client.read_for(0.2) == b"\x00\xff\x80\xfe"
         client.send("STAMP:4")
         assert client.read_until(b"=4\r\n") == b"STAMP:4\nSTAMP=4\r\n"
 
 
 def test_a_pseudo_terminal_goes_and_comes_back_behind_its_link(unit: Unit, tmp_path: Path) -> None:
     link = tmp_path / "mars"
-    with emulated(unit, Fault("port_gone", When(command="GA"), back_after_s=20.0)) as emulator:
+    with on_ports(unit, Fault("port_gone", When(command="GA"), back_after_s=20.0)) as emulator:
         emulator.open_pty(link)
         with Client(str(link)) as client:
             client.send("ECHO:0", "GA:700")
             with pytest.raises(OSError, match=r"closed|Input/output"):
                 client.read_until(b"nothing", 5.0)
-            wait_for(lambda: not os.path.lexists(link), 1.0)
+            wait_for(lambda: not os.path.lexists(link))
         wait_for(link.exists)
         assert emulator.paths() == (os.readlink(link),)
         with Client(str(link)) as again:
@@ -268,24 +272,24 @@ def test_a_pseudo_terminal_goes_and_comes_back_behind_its_link(unit: Unit, tmp_p
 
 
 def test_a_tcp_connection_goes_and_a_new_one_is_taken(unit: Unit) -> None:
-    with emulated(unit) as emulator:
+    with on_ports(unit) as emulator:
         url = emulator.open_tcp()
         with Client(url) as client:
             client.send("ECHO:0", "STAMP:1")
             client.read_until(b"=1\r\n")
-            emulator.inject(Fault("port_gone", back_after_s=20.0))
+            emulator.inject(Fault("port_gone", back_after_s=200.0))
             with pytest.raises(OSError, match=r"closed|reset"):
                 client.read_until(b"nothing", 5.0)
         with pytest.raises(ConnectionRefusedError):
             Client(url)
-        wait_for(lambda: len(emulator.faults) == 2)
-        time.sleep(0.02)
+        wait_for(lambda: len(emulator.faults) == 2, 60.0)
+        wait_for(lambda: emulator._ports.listeners)
         with Client(url) as again:
             assert again.ask("APA?") == "APA=0"
 
 
 def test_a_port_that_never_comes_back(unit: Unit) -> None:
-    with emulated(unit, Fault("port_gone", When(after_ms=500))) as emulator:
+    with on_ports(unit, Fault("port_gone", When(after_ms=500))) as emulator:
         url = emulator.open_tcp()
         with Client(url) as client:
             client.send("ECHO:0", "GA:100000")
@@ -312,7 +316,7 @@ def test_the_same_seed_goes_wrong_the_same_way(unit: Unit) -> None:
         fault = Fault("garbled_bytes", When(command="STAMP", nth=2), probability=0.05, seed=seed)
         with session(unit, fault, paced=False) as (_, client):
             client.send(*[f"STAMP:{n}" for n in range(100, 200)])
-            return client.read_for(0.3)
+            return client.read_for(6.0)
 
     first = answers(1)
     assert first == answers(1)
@@ -333,7 +337,7 @@ def test_every_kind_can_be_injected_while_the_arm_moves(unit: Unit) -> None:
             client.read_until(b"=2\r\n")
             emulator.inject(Fault(kind, **fields.get(kind, {})))  # type: ignore[arg-type]
             assert events(emulator) == [(kind, False)]
-            time.sleep(0.01)
+            client.line.clock.sleep(0.5)
             assert emulator.failure is None
 
 
@@ -341,9 +345,9 @@ def test_a_link_that_somebody_else_has_made_meanwhile_ends_the_emulator_and_says
     unit: Unit, tmp_path: Path
 ) -> None:
     link = tmp_path / "mars"
-    with emulated(unit) as emulator:
+    with on_ports(unit) as emulator:
         emulator.open_pty(link)
-        emulator.inject(Fault("port_gone", back_after_s=20.0))
+        emulator.inject(Fault("port_gone", back_after_s=100.0))
         wait_for(lambda: not os.path.lexists(link))
         link.write_text("mine")
         wait_for(lambda: emulator.failure is not None)
@@ -358,8 +362,8 @@ def test_a_fault_may_be_ordered_while_the_jaws_act(unit: Unit) -> None:
             return to_adc
 
     with (
-        Emulator(unit, Clock(20.0), Trap()) as emulator,
-        Client(emulator.open_pty()) as client,
+        Emulator(unit, SteppedClock(), Trap()) as emulator,
+        SteppedClient(emulator.open_line()) as client,
     ):
         client.send("ECHO:0", "GG:103", "RG:", "STAMP:1")
         assert client.read_until(b"=1\r\n") == b"ECHO:0\nFAIL!\r\nSTAMP=1\r\n"

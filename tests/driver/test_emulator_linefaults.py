@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import os
-import time
 
 import pytest
 
 from arm.unit import Unit
-from driver.clock import Clock
 from driver.emulator import Emulator, EmulatorOptions, Fault, When
 from driver.emulator.linefaults import LineFaults
 from driver.emulator.wire import Wire
-from wire_client import Client
+from driver.stepped import SteppedClock
+from wire_client import SteppedClient
 
 
 def acting(*faults: Fault) -> LineFaults:
@@ -109,39 +108,40 @@ def test_a_line_that_lost_its_end_runs_into_the_next() -> None:
 def test_delayed_lines_keep_their_order_and_each_is_late_by_as_much(unit: Unit) -> None:
     fault = Fault("delayed_bytes", When(command="ECHO"), direction="to_unit", delay_ms=500.0)
     with (
-        Emulator(unit, Clock(10.0), options=EmulatorOptions(faults=(fault,))) as emulator,
-        Client(emulator.open_pty()) as client,
+        Emulator(unit, SteppedClock(), options=EmulatorOptions(faults=(fault,))) as emulator,
+        SteppedClient(emulator.open_line()) as client,
     ):
         client.send("ECHO:0", "STAMP:1", "STAMP:2", "STAMP:3")
         assert client.read_until(b"=3\r\n") == b"ECHO:0\nSTAMP=1\r\nSTAMP=2\r\nSTAMP=3\r\n"
         times = [ms for ms, _ in emulator.lines]
-        assert 500 <= times[1] - times[0] <= 510
-        assert times[3] - times[1] <= 12  # 16 bytes, 8 ms apart from each other as sent
+        assert 500 <= times[1] - times[0] <= 505
+        assert times[3] - times[1] <= 9  # 16 bytes, 8 ms apart from each other as sent
 
 
 def test_delayed_answers_are_late_on_the_unit_s_clock(unit: Unit) -> None:
     fault = Fault("delayed_bytes", When(command="STAMP"), direction="to_host", delay_ms=900.0, for_ms=20.0)
     with (
-        Emulator(unit, Clock(2.0), options=EmulatorOptions(faults=(fault,))) as emulator,
-        Client(emulator.open_pty()) as client,
+        Emulator(unit, SteppedClock(), options=EmulatorOptions(faults=(fault,))) as emulator,
+        SteppedClient(emulator.open_line()) as client,
     ):
         client.send("ECHO:0", "VER?")
         client.read_until(b"45\r\n")
-        begin = time.monotonic()
+        clock = emulator.clock
+        begin = clock.now()
         client.send("STAMP:1")
         assert client.read_until(b"=1\r\n") == b"STAMP=1\r\n"
-        assert time.monotonic() - begin >= 0.45
-        begin = time.monotonic()
+        assert clock.now() - begin == pytest.approx(0.9 + 17 / 1920, abs=2e-3)
+        begin = clock.now()
         client.send("STAMP:2")
         assert client.read_until(b"=2\r\n") == b"STAMP=2\r\n"
-        assert time.monotonic() - begin < 0.4
+        assert clock.now() - begin == pytest.approx(17 / 1920, abs=2e-3)
 
 
 def test_a_lost_line_end_joins_two_commands_at_the_wire(unit: Unit) -> None:
     fault = Fault("lost_bytes", When(command="ECHO"), direction="to_unit", byte=7)
     with (
-        Emulator(unit, Clock(20.0), options=EmulatorOptions(faults=(fault,))) as emulator,
-        Client(emulator.open_pty()) as client,
+        Emulator(unit, SteppedClock(), options=EmulatorOptions(faults=(fault,))) as emulator,
+        SteppedClient(emulator.open_line()) as client,
     ):
         client.send("ECHO:0", "GA:100", "GB:200", "STAMP:1")
         assert client.read_until(b"=1\r\n") == b"ECHO:0\nSTAMP=1\r\n"
@@ -152,8 +152,8 @@ def test_a_lost_line_end_joins_two_commands_at_the_wire(unit: Unit) -> None:
 def test_garbled_echoes_leave_the_answers_alone(unit: Unit) -> None:
     fault = Fault("garbled_bytes", direction="echo", seed=2)
     with (
-        Emulator(unit, Clock(20.0), options=EmulatorOptions(faults=(fault,))) as emulator,
-        Client(emulator.open_pty()) as client,
+        Emulator(unit, SteppedClock(), options=EmulatorOptions(faults=(fault,))) as emulator,
+        SteppedClient(emulator.open_line()) as client,
     ):
         client.send("STAMP:1")
         told = client.read_until(b"=1\r\n")

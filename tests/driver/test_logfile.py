@@ -81,7 +81,7 @@ def test_samples_know_their_segment(session: Session) -> None:
 
 def test_jaws_status_version_and_notes_are_there(session: Session) -> None:
     assert session.version.startswith("MARS8")
-    assert session.time_scale == 10.0
+    assert session.time_scale == 1.0
     assert session.jaws[-1].adc == 420
     (motion,) = [m for m in session.motions if m.path is not None and m.stopped_s is None]
     during = [s.status.busy for s in session.statuses if motion.sent_s < s.time_s <= motion.begin_s + 3.0]

@@ -22,9 +22,9 @@ from arm.errors import A465Error, ExecutionStopped, ImpossibleError
 from arm.motion import CountPath
 from arm.se3 import Array
 from arm.unit import Limits, load_unit
-from driver.clock import Clock
 from driver.emulator import Emulator, EmulatorOptions, Fault, When
 from driver.mars import Mars
+from driver.stepped import SteppedClock
 from driver.stream import stream
 from driver.wirelog import WireLog
 from plan.segments import to_segments
@@ -187,19 +187,19 @@ def motion() -> CountPath:
     return to_segments(time_path(q, limits), unit, 100, limits=sent)
 
 
-def run_case(name: str, moment: str, seed: int, folder: Path, time_scale: float = 20.0) -> Outcome:
-    """One fault at one moment, at the wire."""
+def run_case(name: str, moment: str, seed: int, folder: Path) -> Outcome:
+    """One fault at one moment, at the wire, in stepped time."""
     rng = np.random.default_rng([seed, NAMES.index(name), MOMENTS.index(moment)])
     unit = load_unit("crs93")
     near_marks = np.degrees(unit.positions(np.zeros(6))) + rng.uniform(-1.0, 1.0, 6)
-    clock = Clock(time_scale)
+    clock = SteppedClock()
     options = EmulatorOptions(power_up_deg=tuple(float(d) for d in near_marks), seed=seed)
     fault = fault_of(name, moment, when_of(name, moment, rng), rng)
     log = folder / f"{seed}-{NAMES.index(name)}-{moment}.jsonl"
     message, stood = "", None
     with Emulator(unit, clock, plant=Object(), options=options) as emulator:
         try:
-            with WireLog(log, clock) as wire, Mars(emulator.open_pty(), unit, clock, wire) as mars:
+            with WireLog(log, clock) as wire, Mars(emulator.open_line(), unit, clock, wire) as mars:
                 mars.identify()
                 seen = _act(moment, mars, emulator, fault)
         except ImpossibleError as error:

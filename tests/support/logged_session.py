@@ -9,10 +9,10 @@ from arm.errors import ExecutionStopped
 from arm.motion import CountPath, Segment
 from arm.unit import load_unit
 from count_paths import DISTANCE, Jaws, quintic
-from driver.clock import Clock
 from driver.emulator import Emulator, Record
 from driver.mars import Mars
 from driver.progress import Progress
+from driver.stepped import SteppedClock
 from driver.stream import stream
 from driver.wirelog import WireLog
 
@@ -35,11 +35,11 @@ class LoggedRun:
     record: Record
 
 
-def logged_run(log: Path, time_scale: float = 10.0) -> LoggedRun:
+def logged_run(log: Path) -> LoggedRun:
     """Home, an absolute move, a stream that ends in a straight segment, jaws on an object, a stream that is stopped."""
-    unit, clock = load_unit("crs93"), Clock(time_scale)
+    unit, clock = load_unit("crs93"), SteppedClock()
     with Emulator(unit, clock, Jaws()) as emulator:
-        with WireLog(log, clock) as wire, Mars(emulator.open_pty(), unit, clock, wire) as mars:
+        with WireLog(log, clock) as wire, Mars(emulator.open_line(), unit, clock, wire) as mars:
             mars.identify()
             mars.initialise()
             home = mars.counts()

@@ -1,11 +1,70 @@
-"""A raw client of an emulated unit: bytes out, bytes in, by pseudo-terminal or TCP."""
+"""A raw client of an emulated unit: bytes out, bytes in, by pseudo-terminal, TCP, or a line in stepped time."""
 
 from __future__ import annotations
 
 import os
+import queue
 import select
 import socket
 import time
+
+from driver.emulator.line import MemoryLine
+
+
+class SteppedClient:
+    """As `Client`, at the host's end of a line in memory; its times are those of the line's clock, s."""
+
+    def __init__(self, line: MemoryLine) -> None:
+        self.line = line
+        self._inbox: queue.SimpleQueue[bytes | OSError] = queue.SimpleQueue()
+        line.listen(self._inbox.put, self._inbox.put)
+
+    def send(self, *lines: str) -> None:
+        """Lines, each with its end, in one write."""
+        self.write("".join(line + "\n" for line in lines).encode("latin-1"))
+
+    def write(self, data: bytes) -> None:
+        self.line.write(data)
+
+    def read_until(self, ends: bytes, within_s: float = 200.0) -> bytes:
+        """Bytes until they end like that; what has come so far if they do not in time."""
+        until = self.line.clock.now() + within_s
+        data = b""
+        while not data.endswith(ends):
+            try:
+                item = self.line.clock.next_of(self._inbox, until)
+            except queue.Empty:
+                break
+            if isinstance(item, OSError):
+                raise item
+            data += item
+        return data
+
+    def ask(self, line: str) -> str:
+        """The one line that answers it."""
+        self.send(line)
+        return self.read_until(b"\n").decode("latin-1").strip()
+
+    def read_for(self, seconds: float) -> bytes:
+        """Whatever comes within a time."""
+        return self.read_until(b"never, for sure", seconds)
+
+    def wait_for(self, condition: object, within_s: float = 200.0) -> None:
+        """Until a function says yes; it must within that time."""
+        assert callable(condition)
+        until = self.line.clock.now() + within_s
+        while not condition():
+            assert self.line.clock.now() < until, "not in time"
+            self.line.clock.sleep(0.005)
+
+    def close(self) -> None:
+        self.line.close()
+
+    def __enter__(self) -> SteppedClient:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 class Client:
