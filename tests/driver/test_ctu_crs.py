@@ -19,7 +19,7 @@ from driver.clock import Clock
 from driver.emulator import Emulator, EmulatorOptions
 
 TIME_SCALE = 20.0
-LONGEST_S = 60.0
+LONGEST_S = 300.0
 
 SESSION = """
 import json, sys

@@ -7,12 +7,10 @@ work ask for.
 from __future__ import annotations
 
 import resource
-import time
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
-import serial
 
 from arm.motion import CountPath, Segment
 from arm.se3 import Array
@@ -20,33 +18,19 @@ from arm.unit import Unit, load_unit
 from count_paths import off_path_deg
 from driver.clock import Clock
 from driver.emulator import Emulator, EmulatorOptions, Record
+from driver.stepped import SteppedClock
+from wire_client import Client, SteppedClient
 
-SCALE = 10.0
 SEGMENTS, SEGMENT_MS = 60, 100
 DWELL_MS = 300
 ROUNDING_DEG = 0.0015  # a recorded position is a whole count: 0.0018 deg on axes D to F
 
 
-class Terminal:
-    """Types lines and reads lines, as a person would."""
-
-    def __init__(self, url: str) -> None:
-        self.port = serial.serial_for_url(url, baudrate=19200, rtscts=True, timeout=0.02)
-        self._rest = b""
-
-    def type(self, *lines: str) -> None:
-        self.port.write(b"".join(line.encode() + b"\n" for line in lines))
-
-    def await_line(self, wanted: str, wall_s: float = 20.0) -> None:
-        """Read until a line is exactly that; none may be FAIL!."""
-        deadline = time.monotonic() + wall_s
-        while True:
-            *lines, self._rest = self._rest.split(b"\n")
-            assert b"FAIL!\r" not in lines
-            if wanted.encode() + b"\r" in lines:
-                return
-            assert time.monotonic() < deadline, f"no {wanted}; {self._rest!r} is left"
-            self._rest += self.port.read(256)
+def await_line(client: Client | SteppedClient, wanted: str) -> None:
+    """Read until a line is exactly that; none may be FAIL!."""
+    told = client.read_until(wanted.encode() + b"\r\n")
+    assert b"FAIL!\r\n" not in told
+    assert told.endswith(wanted.encode() + b"\r\n")
 
 
 @pytest.fixture(scope="module")
@@ -57,21 +41,27 @@ def unit() -> Unit:
 @pytest.fixture
 def emulator(unit: Unit) -> Iterator[Emulator]:
     """Switched on with the arm at its homing marks, so that homing takes no time."""
-    at_mark = tuple(float(d) for d in np.degrees(unit.positions(np.zeros(6))))
-    with Emulator(unit, Clock(SCALE), options=EmulatorOptions(power_up_deg=at_mark)) as emulator:
+    with Emulator(unit, SteppedClock(), options=at_marks(unit)) as emulator:
         yield emulator
 
 
-@pytest.fixture
-def terminal(emulator: Emulator) -> Iterator[Terminal]:
+def at_marks(unit: Unit) -> EmulatorOptions:
+    return EmulatorOptions(power_up_deg=tuple(float(d) for d in np.degrees(unit.positions(np.zeros(6)))))
+
+
+def prepare(client: Client | SteppedClient) -> None:
     """Homed, with the group formed and the vertex rule set."""
-    terminal = Terminal(emulator.open_pty())
-    terminal.type("", "ECHO:0", *(f"HH{axis}:" for axis in "ABCDEF"), "R:")
-    terminal.await_line("R!")
-    terminal.type("COORDGRP:A,B,C,D,E,F", "COORDDISCONT:5", "STAMP:1")
-    terminal.await_line("STAMP=1")
-    yield terminal
-    terminal.port.close()
+    client.send("", "ECHO:0", *(f"HH{axis}:" for axis in "ABCDEF"), "R:")
+    await_line(client, "R!")
+    client.send("COORDGRP:A,B,C,D,E,F", "COORDDISCONT:5", "STAMP:1")
+    await_line(client, "STAMP=1")
+
+
+@pytest.fixture
+def terminal(emulator: Emulator) -> SteppedClient:
+    terminal = SteppedClient(emulator.open_line())
+    prepare(terminal)
+    return terminal
 
 
 def planned_curve(unit: Unit, seed: int) -> Array:
@@ -134,12 +124,12 @@ def motion(emulator: Emulator) -> Record:
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_preloaded_stream_keeps_path_and_time(
-    unit: Unit, emulator: Emulator, terminal: Terminal, seed: int
+    unit: Unit, emulator: Emulator, terminal: SteppedClient, seed: int
 ) -> None:
     curve = planned_curve(unit, seed)
     path = to_cubics(curve)
-    terminal.type(DWELL, *lines(path), "R:")
-    terminal.await_line("R!")
+    terminal.send(DWELL, *lines(path), "R:")
+    await_line(terminal, "R!")
     record = motion(emulator)
     counts = np.vstack([np.zeros(6), record.counts])
     assert np.all(np.diff(record.time_ms) == 1)
@@ -153,12 +143,12 @@ def test_a_preloaded_stream_keeps_path_and_time(
 
 
 def test_a_starved_stream_rests_on_the_path_and_goes_on(
-    unit: Unit, emulator: Emulator, terminal: Terminal
+    unit: Unit, emulator: Emulator, terminal: SteppedClient
 ) -> None:
     path = to_cubics(planned_curve(unit, 4))
     for half in (lines(path)[:30], lines(path)[30:]):
-        terminal.type(*half, "R:")
-        terminal.await_line("R!")
+        terminal.send(*half, "R:")
+        await_line(terminal, "R!")
         done = 30 if half == lines(path)[:30] else 60
         assert emulator.counts() == tuple(int(c) for c in path.knots()[done])
     counts = np.vstack([np.zeros(6), motion(emulator).counts])
@@ -167,12 +157,12 @@ def test_a_starved_stream_rests_on_the_path_and_goes_on(
     assert np.all(bends(counts) <= 1.5 * limits(unit)[1] + 2.0 / 20**2)
 
 
-def test_stop_brakes_on_the_path(unit: Unit, emulator: Emulator, terminal: Terminal) -> None:
+def test_stop_brakes_on_the_path(unit: Unit, emulator: Emulator, terminal: SteppedClient) -> None:
     path = to_cubics(planned_curve(unit, 5))
-    terminal.type(*lines(path)[:40])
-    time.sleep(2.5 / SCALE)
-    terminal.type("STOP:", "R:")
-    terminal.await_line("R!")
+    terminal.send(*lines(path)[:40])
+    emulator.clock.sleep(2.5)
+    terminal.send("STOP:", "R:")
+    await_line(terminal, "R!")
     counts = np.vstack([np.zeros(6), motion(emulator).counts])
     assert 1000 < len(counts) < 4000
     assert emulator.counts() == tuple(int(c) for c in counts[-1]) != path.end
@@ -180,15 +170,18 @@ def test_stop_brakes_on_the_path(unit: Unit, emulator: Emulator, terminal: Termi
     assert np.all(bends(counts) <= 1.5 * limits(unit)[1] + 2.0 / 20**2)
 
 
-def test_ten_times_real_time_costs_little(unit: Unit, emulator: Emulator, terminal: Terminal) -> None:
-    """At most 30 % of one core while it streams, the terminal's own share included."""
+def test_ten_times_real_time_costs_little(unit: Unit) -> None:
+    """At most 30 % of one core while it streams through a pseudo-terminal, the client's own share included."""
     path = to_cubics(planned_curve(unit, 6))
-    before, begun = _cpu_s(), time.monotonic()
-    terminal.type(DWELL, *lines(path), "R:")
-    terminal.await_line("R!")
-    wall = time.monotonic() - begun
-    assert (_cpu_s() - before) / wall <= 0.3
-    assert wall >= 6.3 / SCALE
+    clock = Clock(10.0)
+    with Emulator(unit, clock, options=at_marks(unit)) as emulator, Client(emulator.open_pty()) as client:
+        prepare(client)
+        before, begun = _cpu_s(), clock.now()
+        client.send(DWELL, *lines(path), "R:")
+        await_line(client, "R!")
+        took = clock.now() - begun
+        assert (_cpu_s() - before) / (took / clock.time_scale) <= 0.3
+        assert took >= 6.3
 
 
 def _cpu_s() -> float:

@@ -9,11 +9,12 @@ import sys
 import time
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
 from arm.unit import Unit, load_unit
 from driver.clock import Clock
-from driver.emulator import Emulator
+from driver.emulator import Emulator, EmulatorOptions
 from driver.interrupt import SIGNALS, hear_again, interruptible
 from driver.link import Link
 from driver.mars import Mars
@@ -26,7 +27,7 @@ from driver.clock import Clock
 from driver.mars import Mars
 
 unit = load_unit("crs93")
-with Mars(sys.argv[1], unit, Clock(10.0)) as mars:
+with Mars(sys.argv[1], unit, Clock(4.0)) as mars:
     mars.identify()
     mars.initialise(home=False)
     print("moving", flush=True)
@@ -35,14 +36,15 @@ with Mars(sys.argv[1], unit, Clock(10.0)) as mars:
 
 
 PAIRS = {"SIGINT-SIGTERM": (signal.SIGINT, signal.SIGTERM), "SIGHUP-SIGHUP": (signal.SIGHUP, signal.SIGHUP)}
-SCALE = 10.0
+SCALE = 4.0
 
 
 @pytest.fixture(scope="module")
 def homed() -> Iterator[Emulator]:
     """An emulated unit at its soft home, that nobody uses."""
     unit = load_unit("crs93")
-    with Emulator(unit, Clock(SCALE)) as emulator:
+    near_marks = tuple(float(d) for d in np.degrees(unit.positions(np.ones(6))))
+    with Emulator(unit, Clock(SCALE), options=EmulatorOptions(power_up_deg=near_marks)) as emulator:
         with Mars(emulator.open_pty(), unit, Clock(SCALE)) as mars:
             mars.identify()
             mars.initialise()
@@ -60,7 +62,7 @@ def test_two_signals_close_together_stop_the_arm(homed: Emulator, pair: str, gap
         assert child.stdout is not None
         assert child.stdout.readline() == b"moving\n"
         begun = homed.counts()
-        over = time.monotonic() + 20.0
+        over = time.monotonic() + 60.0
         while homed.counts() == begun:
             assert time.monotonic() < over, "it never moved"
             time.sleep(0.01)
@@ -68,7 +70,7 @@ def test_two_signals_close_together_stop_the_arm(homed: Emulator, pair: str, gap
         for number in PAIRS[pair]:
             os.kill(child.pid, number)
             time.sleep(gap_s)
-        _, told = child.communicate(timeout=30.0)
+        _, told = child.communicate(timeout=120.0)
     finally:
         child.kill()
         child.wait()

@@ -100,7 +100,7 @@ class Client:
                 data = (data + os.read(self.descriptor, 65536))[-70_000:]
         return data
 
-    def read_until(self, ends: bytes, wall_s: float = 10.0) -> bytes:
+    def read_until(self, ends: bytes, wall_s: float = 60.0) -> bytes:
         """Bytes until they end like that; what has come so far if they do not in time."""
         data, deadline = b"", time.monotonic() + wall_s
         while not data.endswith(ends) and time.monotonic() < deadline:
@@ -133,7 +133,7 @@ class Client:
         self.close()
 
 
-def wait_for(condition: object, wall_s: float = 10.0) -> None:
+def wait_for(condition: object, wall_s: float = 60.0) -> None:
     """Until a function says yes; it must within that wall time."""
     assert callable(condition)
     deadline = time.monotonic() + wall_s
