@@ -6,56 +6,67 @@
 VENV := .venv
 # A Python with pip: the one of VENV has none, and may be the first that is found if VENV is active.
 PYTHON ?= $(firstword $(wildcard $(addsuffix /python3,$(filter-out $(CURDIR)/$(VENV)/bin,$(subst :, ,$(PATH))))) python3)
-BIN := $(VENV)/bin
 TASK ?= scenes/task2.toml
 
-# Exact versions for what is installed and for what builds the wheel.
-export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
-export PIP_BUILD_CONSTRAINT := $(CURDIR)/constraints.txt
+# The path to this folder, or VENV, may hold spaces: quoted in recipes, escaped where they name targets.
+BIN := "$(VENV)"/bin
+SPACE := $(subst ,, )
+AT := $(subst $(SPACE),\$(SPACE),$(VENV))
+
+# Exact versions for what is installed and for what builds the wheel. Relative: pip splits these at spaces.
+export PIP_CONSTRAINT := constraints.txt
+export PIP_BUILD_CONSTRAINT := constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
-PIP := $(PYTHON) -m pip --python $(BIN)/python install --quiet
+PIP := "$(PYTHON)" -m pip --python $(BIN)/python install --quiet
+
+# $(call require_version,PYTHON): the oldest that pyproject.toml allows, told before pip looks for libraries in vain.
+require_version = @"$(1)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	{ echo "a465 needs Python 3.11 or later, and $(1) is $$("$(1)" --version 2>&1); give another: make PYTHON=python3.11$(2)"; \
+	exit 2; }
 
 .PHONY: run test docs mcap basler lint clean
 
-run: $(VENV)/installed
+run: $(AT)/installed
 	$(BIN)/a465 run $(TASK)
 
-test: $(VENV)/installed-test lint
+test: $(AT)/installed-test lint
 	$(BIN)/pytest -n 2 --dist loadgroup
 
-docs: $(VENV)/installed-docs
+docs: $(AT)/installed-docs
 	$(BIN)/sphinx-build -W --keep-going --quiet docs docs/_build/html
 	@echo "docs/_build/html/index.html"
 
-mcap: $(VENV)/installed
+mcap: $(AT)/installed
 	$(PIP) --editable '.[mcap]'
 
-basler: $(VENV)/installed
+basler: $(AT)/installed
 	$(PIP) --editable '.[basler]'
 
-lint: $(VENV)/installed-test
+lint: $(AT)/installed-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-$(VENV)/bin/python:
-	$(PYTHON) -m venv --without-pip $(VENV)
+$(AT)/bin/python:
+	$(call require_version,$(PYTHON))
+	"$(PYTHON)" -m venv --without-pip "$(VENV)"
 
-$(VENV)/installed: $(VENV)/bin/python pyproject.toml constraints.txt
+$(AT)/installed: $(AT)/bin/python pyproject.toml constraints.txt
+	$(call require_version,$(VENV)/bin/python,; and remove $(VENV))
 	@echo "installing a465 into $(VENV) (once)"
 	$(PIP) --editable .
-	@touch $@
+	@touch "$@"
 
-$(VENV)/installed-test: $(VENV)/installed
+$(AT)/installed-test: $(AT)/installed
 	@echo "installing what the tests need into $(VENV) (once)"
 	$(PIP) --editable '.[test]'
-	@touch $@
+	@touch "$@"
 
-$(VENV)/installed-docs: $(VENV)/installed
+$(AT)/installed-docs: $(AT)/installed
 	@echo "installing what builds the documentation into $(VENV) (once)"
 	$(PIP) --editable '.[docs]'
-	@touch $@
+	@touch "$@"
 
 clean:
-	rm -rf $(VENV) runs docs/_build docs/api
+	rm -rf "$(VENV)" runs docs/_build docs/api
