@@ -131,7 +131,7 @@ def reproduce(
         "runs": {"paper": [run_as_json(r) for r in papers], "ours": [run_as_json(r) for r in ours]},
         "poses_mm": poses,
         "field": field,
-        "without_settlingjoint_rms_deg": haste,
+        "without_settling_joint_rms_deg": haste,
     }
 
 

@@ -428,3 +428,13 @@ def test_a_scene_without_boards_or_cubes_is_shown(browser, preview_case, tmp_pat
     with _open(browser, tmp_path / "bare.html") as page:
         assert page.locator("#title").inner_text() == "plan"
         assert picture_of(page).std() > 5
+
+
+@pytest.mark.parametrize("width", [1900, 1280, 400])
+def test_the_steps_label_covers_nothing_of_the_picture(browser, page_file, width: int) -> None:
+    with _open(browser, page_file, width=width) as page:
+        for time in (0.0, 12.0):
+            page.evaluate(f"a465.seek({time})")
+            picture, label = (page.locator(part).bounding_box() for part in ("#canvas", "#now"))
+            assert label["y"] + label["height"] <= picture["y"]
+            assert picture["height"] > 200
