@@ -4,11 +4,25 @@ from __future__ import annotations
 
 from typing import Any
 
+MOST_MESSAGE = 500  # characters of a message; what a file or a name puts into it may have any length
+MOST_VALUE = 200  # characters of a value inside a message
+
+
+def shortened(text: str, most: int = MOST_MESSAGE) -> str:
+    """A text of at most `most` characters: its begin and its end, and between them how many were left out."""
+    if len(text) <= most:
+        return text
+    room = most - len(f" .. {len(text)} characters left out .. ")
+    end = room // 3
+    out = len(text) - room
+    return f"{text[: room - end]} .. {out} characters left out .. {text[-end:]}"
+
 
 class A465Error(Exception):
     """Base of every error of this project.
 
-    The message is one line for a person; `data` holds the same facts for a program.
+    The message is one line for a person, of at most `MOST_MESSAGE` characters; `data` holds the same facts for a
+    program.
 
     Args:
         message: what happened, with name, value, rule and what would help.
@@ -19,7 +33,7 @@ class A465Error(Exception):
     word = "refused"  # which a command's message begins with
 
     def __init__(self, message: str, **data: Any) -> None:
-        super().__init__(message)
+        super().__init__(shortened(message))
         self.data = data
 
 
@@ -35,7 +49,7 @@ class FileInputError(InputError):
 
     def __init__(self, file: object, key: str, value: object, rule: str, help: str = "") -> None:
         where = f"{file}: {key}" if key else f"{file}"
-        shown = "" if value is None else f" = {value!r}"
+        shown = "" if value is None else f" = {shortened(repr(value), MOST_VALUE)}"
         super().__init__(
             f"{where}{shown}: {rule}" + (f" ({help})" if help else ""),
             file=str(file),

@@ -1,19 +1,22 @@
-"""Data files: where the project's own are found, and how files are written so that none is ever half there."""
+"""Files: where the project's own are found, what may be read, and how files are written so that none is half there.
+
+Only regular files are read, and each kind of file has a size limit: a pipe, a terminal or ``/dev/zero`` would block the
+program or fill the memory. The limits stand here, in `MOST_BYTES`.
+"""
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import math
 import os
 import stat
 import sys
-import tempfile
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from arm.errors import FileInputError, InputError
+from arm.temporary import TemporaryFile, mode_of_new
 
 _SOURCE = Path(__file__).resolve().parents[1]
 # The checkout comes first: the wheel's copy also exists in an editable install and would hide edits.
@@ -35,22 +38,93 @@ def data_file(relative: str) -> Path:
     )
 
 
-def read_text(path: Path) -> str:
-    """The text of a file in UTF-8.
+MB = 1_000_000
+MOST_BYTES = {
+    "TOML": 2 * MB,  # a cell file has 10 kB, a calibration 100 kB
+    "text": 20 * MB,  # CSV, URDF, SRDF, vendored scripts
+    "JSON": 200 * MB,  # a plan of a whole task has 1 MB
+    "pose list": 100 * MB,
+    "mesh": 100 * MB,
+    "photograph": 200 * MB,
+    "log": 4000 * MB,  # read line by line; 1 MB a minute of motion
+}
+"""What a file of each kind may have at most; a larger one is refused before it is read."""
+
+
+def open_file(path: Path, kind: str) -> BinaryIO:
+    """A regular file of at most `MOST_BYTES` of its kind, open for reading.
 
     Raises:
-        FileInputError: it is not there, not readable, or not text.
+        FileInputError: it is not there, not readable, no regular file, or too large.
     """
     try:
-        return path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise FileInputError(
-            path, "", None, f"is not UTF-8 text: byte {error.start} cannot be read"
-        ) from error
+        # without O_NONBLOCK, opening a pipe waits until somebody writes to it
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError as error:
         raise FileInputError(path, "", None, f"cannot be read: {error.strerror}") from error
     except ValueError as error:  # a zero byte or half a surrogate in the name
         raise FileInputError(Path(ascii(str(path))), "", None, f"is no file name: {error}") from error
+    try:
+        found = os.fstat(handle)
+        if stat.S_ISDIR(found.st_mode):
+            raise FileInputError(path, "", None, "cannot be read: Is a directory")
+        if not stat.S_ISREG(found.st_mode):
+            raise FileInputError(
+                path, "", None, f"is {_what(found.st_mode)}; only regular files are read", "copy it to a file"
+            )
+        if found.st_size > MOST_BYTES[kind]:
+            raise _too_large(path, kind)
+        return os.fdopen(handle, "rb")
+    except BaseException:
+        os.close(handle)
+        raise
+
+
+def read_bytes(path: Path, kind: str) -> bytes:
+    """The content of a regular file of at most `MOST_BYTES` of its kind.
+
+    Raises:
+        FileInputError: it is not there, not readable, no regular file, or too large.
+    """
+    with open_file(path, kind) as stream:
+        try:
+            data = stream.read(MOST_BYTES[kind] + 1)  # files of /proc say that they are empty
+        except OSError as error:
+            raise FileInputError(path, "", None, f"cannot be read: {error.strerror}") from error
+    if len(data) > MOST_BYTES[kind]:
+        raise _too_large(path, kind)
+    return data
+
+
+def _too_large(path: Path, kind: str) -> FileInputError:
+    return FileInputError(
+        path, "", None, f"has more than {MOST_BYTES[kind] // MB} MB, which is the limit for a {kind} file"
+    )
+
+
+def _what(mode: int) -> str:
+    kinds = {
+        stat.S_IFIFO: "a named pipe",
+        stat.S_IFCHR: "a character device",
+        stat.S_IFBLK: "a block device",
+        stat.S_IFSOCK: "a socket",
+    }
+    return kinds.get(stat.S_IFMT(mode), "no regular file")
+
+
+def read_text(path: Path, kind: str = "text") -> str:
+    """The text of a file in UTF-8; its line ends are those of Python.
+
+    Raises:
+        FileInputError: it is not there, not readable, no regular file, too large, or not text.
+    """
+    try:
+        text = read_bytes(path, kind).decode()
+    except UnicodeDecodeError as error:
+        raise FileInputError(
+            path, "", None, f"is not UTF-8 text: byte {error.start} cannot be read"
+        ) from error
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def read_json(path: Path) -> Any:
@@ -60,7 +134,7 @@ def read_json(path: Path) -> Any:
         FileInputError: it cannot be read, or is no JSON.
     """
     try:
-        return json.loads(read_text(path))
+        return json.loads(read_text(path, "JSON"))
     except json.JSONDecodeError as error:
         raise FileInputError(path, "", None, f"is not JSON: {error}") from error
     except ValueError as error:
@@ -71,7 +145,7 @@ def read_json(path: Path) -> Any:
 
 
 def require_finite(path: Path, value: Any) -> None:
-    """See that a file's value holds no NaN and no infinity, which Python reads and JSON does not know.
+    """See that a file's numbers are finite, which JSON knows no others of, and its integers of at most 64 bits.
 
     Raises:
         FileInputError: with the key.
@@ -85,6 +159,8 @@ def require_finite(path: Path, value: Any) -> None:
             left += [(f"{key}[{i}]", inner) for i, inner in enumerate(now)]
         elif isinstance(now, float) and not math.isfinite(now):
             raise FileInputError(path, key, now, "must be a finite number")
+        elif isinstance(now, int) and not -(2**63) <= now < 2**63:
+            raise FileInputError(path, key, now, "must be a whole number of 64 bits")
 
 
 def keep_apart(output: Path | None, *inputs: Path | None) -> None:
@@ -113,34 +189,22 @@ def write_atomic(path: Path, data: bytes | str) -> None:
     """
     content = data.encode() if isinstance(data, str) else data
     path = path.resolve() if path.is_symlink() else path
-    temporary: str | None = None
     if path.exists() and not path.is_file():
         raise InputError(f"{path}: is no ordinary file, so it is not replaced", file=str(path))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(content)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.chmod(temporary, _mode_of(path))
-        os.replace(temporary, path)
-        temporary = None
+        with TemporaryFile(path) as temporary:
+            temporary.write(content)
+            temporary.become(_mode_of(path))
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}", file=str(path)) from error
-    finally:
-        if temporary is not None:
-            with contextlib.suppress(FileNotFoundError):
-                os.unlink(temporary)
 
 
 def _mode_of(path: Path) -> int:
     """That of the file, or of a new one."""
     if path.exists():
         return stat.S_IMODE(path.stat().st_mode)
-    umask = os.umask(0)
-    os.umask(umask)
-    return 0o666 & ~umask
+    return mode_of_new()
 
 
 def canonical_json(value: Any) -> str:

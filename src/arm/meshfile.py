@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from arm.errors import FileInputError
+from arm.files import read_bytes
 from arm.se3 import Array, frozen
 
-MOST_BYTES = 100_000_000
 _HEADER, _TRIANGLE = 84, 50  # bytes of a binary STL before its triangles, and of each
 
 
@@ -21,15 +21,7 @@ def read_mesh_points(path: Path) -> Array:
     Raises:
         FileInputError: it cannot be read, is too large, is no mesh, or a number in it is not finite.
     """
-    try:
-        size = path.stat().st_size
-        if size > MOST_BYTES:
-            raise FileInputError(
-                path, "", None, f"has {size} bytes; a mesh may have {MOST_BYTES}", "reduce its faces"
-            )
-        data = path.read_bytes()
-    except OSError as error:
-        raise FileInputError(path, "", None, f"cannot be read: {error.strerror}") from error
+    data = read_bytes(path, "mesh")
     points = _binary(data) if _is_binary(data) else _text(path, data)
     if not len(points):
         raise FileInputError(path, "", None, "has no corner; it must be an STL or OBJ file with faces")

@@ -278,10 +278,19 @@ class _PlanReader(JsonFields):
                     raise self.fail(f"scene.{key}[{index}]", None, f"is no body: {error}") from error
         return scene
 
+    def task(self, value: dict[str, Any]) -> dict[str, Any]:
+        """What is moved where, as JSON types."""
+        task: dict[str, Any] = self.get(value, "task", "", dict, "a table")
+        cubes = self.get(task, "cubes", "task.", list, "a list") if "cubes" in task else ()
+        for index, cube in enumerate(cubes):
+            for key in ("cube", "from", "to"):
+                self.get(cube, key, f"task.cubes[{index}].", str, "a name")
+        return task
+
     def plan(self, value: dict[str, Any]) -> Plan:
         steps = self.get(value, "steps", "", list, "a list of steps")
         plan = Plan(
-            task=self.get(value, "task", "", dict, "a table"),
+            task=self.task(value),
             unit=self.get(value, "unit", "", str, "a unit's name"),
             speed=self.number(value, "speed", "", 1e-6, 1.0),
             speed_registers=self.integers(value.get("speed_registers"), "speed_registers"),

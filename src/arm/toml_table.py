@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 import sys
 import tomllib
 from collections.abc import Sequence
@@ -17,6 +18,8 @@ from arm.files import read_text
 from arm.se3 import Array, frozen, orthonormalised
 
 _REQUIRED: Any = object()
+LARGEST = 1e9  # of a number in a matrix: its square can be computed
+MOST_PARTS = 16  # of a dotted key; ours have 4
 
 
 class TomlTable:
@@ -42,13 +45,17 @@ class TomlTable:
             FileInputError: unreadable, or not TOML (the message holds line and column).
         """
         try:
-            return cls(path, tomllib.loads(read_text(path)))
+            text = read_text(path, "TOML")
+            _require_short_keys(path, text)
+            values = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise FileInputError(path, "", None, f"is not valid TOML: {error}") from error
         except RecursionError as error:
             raise FileInputError(path, "", None, "is nested too deeply") from error
         except ValueError as error:  # thousands of digits
             raise FileInputError(path, "", None, f"has a number that is too long: {error}") from error
+        _require_integers(path, values)
+        return cls(path, values)
 
     def error(self, key: str, rule: str, help: str = "") -> FileInputError:
         """The error to raise when the value of `key` breaks `rule`."""
@@ -146,6 +153,8 @@ class TomlTable:
     def rigid(self, key: str) -> Array:
         """A rigid transform, 4x4; one that was printed with few digits is made one, one of ours is kept to the bit."""
         T = self.matrix(key, 4, 4)
+        if np.abs(T).max() > LARGEST:
+            raise self.error(key, f"must be numbers from {-LARGEST:g} to {LARGEST:g}")
         exact = np.abs(T[:3, :3].T @ T[:3, :3] - np.eye(3)).max() <= 1e-12
         if exact and np.linalg.det(T[:3, :3]) > 0.0 and np.array_equal(T[3], (0.0, 0.0, 0.0, 1.0)):
             return T
@@ -216,6 +225,43 @@ class TomlTable:
                     else f"known: {', '.join(sorted(self._asked))}"
                 )
                 raise self.error(key, "is not a known key", help)
+
+
+# What no key is part of; an unclosed text ends with its line, so that this is linear in the file's length.
+_TEXT = re.compile(r'"(?:[^"\\\n]|\\.)*+"?|\'[^\'\n]*+\'?|#[^\n]*+')
+_PARTS = re.compile(
+    rf"(?<![\w-])[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++){{{MOST_PARTS}}}",
+    re.ASCII,
+)
+
+
+def _require_short_keys(path: Path, text: str) -> None:
+    """See that no dotted key has more than `MOST_PARTS` parts: `tomllib` needs memory with the square of them.
+
+    Raises:
+        FileInputError: with the line.
+    """
+    # a quoted part of a key counts as a word; a comment counts as nothing
+    plain = _TEXT.sub(lambda found: "" if found[0].startswith("#") else "_", text)
+    if (found := _PARTS.search(plain)) is not None:
+        line = plain.count("\n", 0, found.start()) + 1
+        raise FileInputError(path, f"line {line}", None, f"has a key of more than {MOST_PARTS} parts")
+
+
+def _require_integers(path: Path, values: dict[str, Any]) -> None:
+    """See that every integer has 64 bits, as TOML says; `tomllib` reads longer ones.
+
+    Raises:
+        FileInputError: with the key.
+    """
+    every: list[tuple[str, Any]] = [("", values)]
+    for key, value in every:  # which grows
+        if isinstance(value, dict):
+            every += [(f"{key}.{name}" if key else name, inner) for name, inner in value.items()]
+        elif isinstance(value, list):
+            every += [(f"{key}[{i}]", inner) for i, inner in enumerate(value)]
+        elif isinstance(value, int) and not -(2**63) <= value < 2**63:
+            raise FileInputError(path, key, value, "must be a whole number of 64 bits, as TOML has them")
 
 
 def _is_number(value: Any) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.errors import InputError
-from arm.files import data_file, sha256
+from arm.files import data_file, read_bytes, sha256
 from arm.given import numbers, shown
 from arm.se3 import Array, frozen
 from arm.toml_table import TomlTable
@@ -238,11 +238,17 @@ def load_unit(name: str | Path) -> Unit:
     return _read_unit(data_file(f"urdf/a465/{name}.toml"))
 
 
+def _letters(value: object) -> tuple[str, ...]:
+    """Axis letters, of a list of them or a text; none if it is anything else."""
+    letters = tuple(value) if isinstance(value, list | str) else ()
+    return letters if all(isinstance(a, str) and len(a) == 1 and "A" <= a <= "H" for a in letters) else ()
+
+
 def _read_unit(path: Path) -> Unit:
     root = TomlTable.read(path)
     name, _model, firmware = root.text("name"), root.text("model"), root.text("firmware")
-    axes = tuple(root.value("axes", "six axis letters"))
-    if len(axes) != 6 or not all(isinstance(a, str) and len(a) == 1 and "A" <= a <= "H" for a in axes):
+    axes = _letters(root.value("axes", "six axis letters"))
+    if len(axes) != 6:
         raise root.error("axes", "must be six letters from A to H")
 
     encoder = root.table("encoder")
@@ -288,7 +294,8 @@ def _read_unit(path: Path) -> Unit:
 
     homing = root.table("homing")
     sequence = homing.value("sequence", "groups of axis letters")
-    if sorted(a for group in sequence for a in group) != sorted(axes):
+    groups = tuple(_letters(group) for group in sequence) if isinstance(sequence, list) else ()
+    if sorted(axis for group in groups for axis in group) != sorted(axes):
         raise homing.error("sequence", "must name every axis once, in groups")
     soft_home = frozen(np.radians(homing.numbers("soft_home_deg", 6, "deg", -360, 360)))
     homing.finish()
@@ -326,8 +333,8 @@ def _read_unit(path: Path) -> Unit:
         acceleration_registers=acceleration,
         axis_registers=axis_registers,
         idle_release_s=idle_release_s,
-        homing=tuple(tuple(group) for group in sequence),
+        homing=groups,
         soft_home=soft_home,
         gripper=gripper_axis,
-        digest=sha256(path.read_bytes()),
+        digest=sha256(read_bytes(path, "TOML")),
     )

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from arm.errors import A465Error, InputError
-from arm.files import write_atomic
+from arm.files import read_bytes, write_atomic
 from arm.toml_table import TomlTable
 from arm.toml_write import toml_value
 from cell.cellfile import read_cell
@@ -53,7 +53,7 @@ def apply_calibration(cell_file: Path, calibration: Path) -> str:
     is_named = _KEY in wanted
     wanted[_KEY] = name_in(cell_file, calibration)
     value = toml_value(wanted[_KEY])
-    before = cell_file.read_bytes().decode()
+    before = read_bytes(cell_file, "TOML").decode()
     ways = _replaced(before, value) if is_named else _added(before, value)
     after = next((text for text in ways if _content(text) == wanted), None)
     if after is None:

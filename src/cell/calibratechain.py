@@ -14,7 +14,7 @@ import numpy as np
 from arm.armcalibration import ArmCalibration, write_arm_calibration
 from arm.dh import A465
 from arm.errors import InputError
-from arm.files import keep_apart, write_atomic
+from arm.files import keep_apart, open_file, write_atomic
 from arm.links import LinkErrors
 from arm.se3 import Array
 from arm.unit import UNITS
@@ -120,7 +120,7 @@ def _require_ours(path: Path | None, what: str, marks: Sequence[bytes]) -> None:
     if path is None or not path.exists():
         return
     try:
-        with path.open("rb") as file:
+        with open_file(path, "JSON") as file:
             begins = file.read(_HEAD)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}", path=str(path)) from error

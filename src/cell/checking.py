@@ -211,7 +211,9 @@ def scene_of_now(task: Task, plan: Plan) -> Scene:
         else:
             cubes_in.setdefault(place, []).append(int(number) - 1)
     now = build_scene(cell, poses, cubes_in, on_table)
-    served = {frozenset((e["cube"], under(e[end]))) for e in plan.task["cubes"] for end in ("from", "to")}
+    served = {
+        frozenset((e["cube"], under(e[end]))) for e in plan.task.get("cubes", ()) for end in ("from", "to")
+    }
     now = replace(now, allowed=now.allowed | served)
     differing = _differing(stated, now)
     if differing:

@@ -14,7 +14,7 @@ def check_step(
     file: Path, task_file: Path | None, configuration: str | None, console: Console
 ) -> dict[str, Any]:
     """``a465 check``: a plan (which is JSON) with its task, or a scene file; with --q also a cell or task file."""
-    if not read_text(file).lstrip().startswith("{"):
+    if not read_text(file, "JSON").lstrip().startswith("{"):
         return _check_scene(file, task_file, configuration, console)
     if configuration is not None:
         raise InputError(f"{file} is a plan; --q asks about a scene, cell or task file", file=str(file))

@@ -18,7 +18,8 @@ from cell.connection import WhichCell, require_openable
 from cell.console import Console
 from cell.handrecord import CHANGED, HandRecord
 from cell.handtarget import read_hand_target
-from cell.run import Confirm, opened, run_folder
+from cell.run import Confirm, opened
+from cell.runfolder import require_new_folder
 from cell.taskfile import Task, read_task
 from driver.control import Control
 
@@ -117,7 +118,7 @@ def _add(
     speed = task.cell.speed if where.speed is None else where.speed
     task.cell.limits.scaled(speed)
     require_openable(task, where)
-    run_folder(folder, task.name)
+    require_new_folder(folder)
     scene = hand_scene(record)
     choice = choose(record, scene, options, console)
     try:

@@ -60,7 +60,7 @@ def export_file(file: Path, asked: Asked, console: Console) -> dict[str, Any]:
     if is_log(file):
         _refuse_options(file, "a log", asked, ("planned", "unit"), tuple(SUFFIXES))
         return export_step(file, asked.form or "csv", asked.output, asked.planned, asked.unit, console)
-    if read_text(file).lstrip().startswith(("{", "[")):
+    if read_text(file, "JSON").lstrip().startswith(("{", "[")):
         _refuse_options(file, "a plan", asked, ("period", "cell"), (*SUFFIXES, URDF))
         return _plan_step(file, asked, console)
     _refuse_options(file, "a scene, cell or task file", asked, ("look",), (URDF,))

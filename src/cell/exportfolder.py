@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
 from arm.errors import InputError
 from arm.files import write_atomic
+from arm.temporary import TemporaryFolder
 
 
 def write_folder(path: Path, files: Mapping[str, bytes | str]) -> None:
@@ -29,17 +27,9 @@ def write_folder(path: Path, files: Mapping[str, bytes | str]) -> None:
                 folder=str(path),
             )
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}."))
+        with TemporaryFolder(path) as temporary:
+            for name, content in files.items():
+                write_atomic(temporary.path / name, content)
+            temporary.become()
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}", folder=str(path)) from error
-    try:
-        for name, content in files.items():
-            write_atomic(temporary / name, content)
-        umask = os.umask(0)
-        os.umask(umask)
-        temporary.chmod(0o777 & ~umask)
-        temporary.rename(path)  # an empty folder is replaced, one that was filled meanwhile is not
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}", folder=str(path)) from error
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import re
 import time
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 import cv2
 
 from arm.errors import ExecutionStopped, InputError
+from arm.temporary import TemporaryFile, mode_of_new
 from cell.simulation import SimulatedCamera, SimulatedCell
 from driver.emulator import Emulator
 
@@ -81,18 +81,17 @@ class FolderCamera:
     def _take(self) -> bool:
         images = [cv2.imencode(".png", image)[1].tobytes() for image in self._camera.grab(self._count)]
         files = [self.folder / f"emulated-{self._number + n:06d}.png" for n in range(1, len(images) + 1)]
-        parts = [file.with_name(f".{file.name}.part") for file in files]  # no suffix of an image
-        try:
+        with contextlib.ExitStack() as held:
+            parts = [
+                held.enter_context(TemporaryFile(file)) for file in files
+            ]  # their names end as no image's
             for part, image in zip(parts, images, strict=True):
-                part.write_bytes(image)
+                part.write(image)
             if self._moved():
                 self._due = time.monotonic() + STILL_S
                 return False  # it shows a cell that is no more
-            for part, file in zip(parts, files, strict=True):
-                os.replace(part, file)
-        finally:
             for part in parts:
-                part.unlink(missing_ok=True)
+                part.become(mode_of_new())
         self._number += len(files)
         self._due = time.monotonic() + EVERY_S
         for number, file in self._own():

@@ -8,7 +8,7 @@ import numpy as np
 
 from arm.dh import A465
 from arm.errors import InputError
-from arm.files import sha256
+from arm.files import read_bytes, sha256
 from arm.se3 import Array, frozen
 from calib.arm_recording import ArmRecording, read_arm_recording, write_arm_recording
 from cell.cellfile import Cell
@@ -83,12 +83,7 @@ class HandRecord:
 
     def _on_disk(self) -> str | None:
         """What the file holds now, as a hash; None if there is none."""
-        try:
-            return sha256(self.file.read_bytes())
-        except FileNotFoundError:
-            return None
-        except OSError as error:
-            raise InputError(f"{self.file}: cannot be read: {error.strerror}", file=str(self.file)) from error
+        return sha256(read_bytes(self.file, "JSON")) if self.file.exists() else None
 
     def configurations(self) -> Array:
         """Where the poses were taken as the cell's unit has it, (n, 6) rad."""

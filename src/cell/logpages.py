@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from arm.errors import InputError
-from arm.files import data_file
+from arm.files import data_file, read_json
 from arm.planfile import FORMAT, Plan, read_plan
 from arm.robot import load_a465
 from arm.unit import Unit
@@ -139,8 +138,8 @@ def _replay(log: Path, task_file: Path | None) -> Replay:
 def _plan(path: Path) -> Plan | None:
     """The plan in a file, or None if it holds something else."""
     try:
-        head = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
+        head = read_json(path)
+    except InputError:
         return None
     if not isinstance(head, dict) or head.get("format") != FORMAT:
         return None

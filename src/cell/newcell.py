@@ -6,9 +6,7 @@ Values come from the project's own scenes, comments from `cell.cellnotes`.
 from __future__ import annotations
 
 import os
-import secrets
 import shlex
-import shutil
 import textwrap
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -18,6 +16,7 @@ from typing import Any
 
 from arm.errors import InputError
 from arm.files import data_file, read_text
+from arm.temporary import TemporaryFolder
 from arm.toml_write import toml_value
 from arm.unit import UNITS
 from cell import cellnotes
@@ -169,17 +168,16 @@ def _write_all(folder: Path, place: Path, texts: Mapping[str, str]) -> None:
     Raises:
         InputError: it cannot be written, or somebody has put something there meanwhile.
     """
-    beside = place.with_name(f".{place.name}.{secrets.token_hex(4)}")
     try:
-        for name, text in texts.items():
-            file = beside / name
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_text(text, encoding="utf-8")
-        os.rename(beside, place)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryFolder(place) as beside:
+            for name, text in texts.items():
+                file = beside.path / name
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_text(text, encoding="utf-8")
+            beside.become()
     except OSError as error:
         raise InputError(f"{folder}: cannot be written: {error.strerror}", folder=str(folder)) from error
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)  # not there any more if all went well
 
 
 def _commented(values: Mapping[str, Any], notes: Notes, name: str) -> str:

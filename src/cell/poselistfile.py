@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from arm.errors import A465Error, FileInputError, InputError
+from arm.files import read_bytes
 from arm.jsonnode import JsonNode
 from arm.se3 import Array, frozen, orthonormalised
 
@@ -117,10 +118,7 @@ def read_pose_list(path: Path, reading: Reading | None = None) -> PoseList:
         FileInputError: with file, row or entry, value and rule.
     """
     reading = reading or Reading()
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise FileInputError(path, "", None, f"cannot be read: {error.strerror}") from error
+    data = read_bytes(path, "pose list")
     if data.startswith(b"\x93NUMPY"):
         found = _of_array(path, data, reading)
     elif data.lstrip()[:1] in (b"{", b"["):

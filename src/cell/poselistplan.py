@@ -14,7 +14,7 @@ import numpy as np
 
 from arm.bodies import Body
 from arm.errors import FileInputError, ImpossibleError, InputError
-from arm.files import sha256
+from arm.files import read_bytes, sha256
 from arm.jaws import with_any_jaws
 from arm.motion import CountPath, Segment
 from arm.planfile import GripperStep, Move, Plan, Step
@@ -122,7 +122,7 @@ class _Planner:
             "poses": [{"name": name, "q": [round(float(v), 9) + 0.0 for v in q]} for name, q in self.reached],
         }
         stated = provenance(self.task)
-        stated["notes"]["poses"] = sha256(self.poses.file.read_bytes())
+        stated["notes"]["poses"] = sha256(read_bytes(self.poses.file, "pose list"))
         return plan_of(self.scene, self.steps, self.cell.unit, self.cell.limits, self.options, stated, task)
 
     def require(self, entry: Entry | None) -> None:

@@ -15,11 +15,12 @@ from cell.connection import WhichCell, open_cell
 from cell.console import Console, OutputLost
 from cell.keyboard import HELP, hint, keyboard
 from cell.resume import resume
+from cell.runfolder import LOG, run_folder
 from cell.taskfile import Task, read_task
 from cell.taskrun import TaskRun
 from cell.watcher import Watcher
 from driver.control import Control
-from driver.interrupt import interruptible
+from driver.interrupt import caught, interruptible
 from driver.mars import Mars
 
 SIMULATED = WhichCell()
@@ -186,11 +187,11 @@ def opened(
         confirm: asks a person, before keys mean anything else; raises if the answer is no.
         watcher: follows the run.
     """
-    folder = run_folder(asked, task.name)
     with (
         console.heard(),
         interruptible(ends=True),
-        open_cell(task, where, folder / "wire.jsonl") as connection,
+        run_folder(asked, task.name) as folder,
+        open_cell(task, where, folder / LOG) as connection,
     ):
         control.tell = console.step
         run = TaskRun(task, connection, console, speed, folder, control, watcher=watcher)
@@ -206,6 +207,7 @@ def opened(
                     run.hint = lambda running: hint(control, running)
                 yield run
         except KeyboardInterrupt:
+            caught()
             raise _ended(run, _interrupted(connection.mars, let_move), where) from None
         except A465Error as error:
             end = _ended(run, _told(run, error), where)
@@ -265,19 +267,3 @@ def _ended(run: TaskRun, error: A465Error, where: WhichCell) -> A465Error:
             if words:
                 run.console.say(f"to go on: {shlex.join([*words, '--resume'])}")
     return error
-
-
-def run_folder(asked: Path | None, name: str) -> Path:
-    """A folder for a run, new or empty: files of two runs are never mixed.
-
-    Raises:
-        InputError: the folder asked for holds something.
-    """
-    if asked is not None:
-        if asked.exists() and (not asked.is_dir() or any(asked.iterdir())):
-            raise InputError(f"{asked}: must be a new or empty folder; runs are not mixed", folder=str(asked))
-        return asked
-    number = 1
-    while (folder := Path("runs") / f"{name}-{number}").exists():
-        number += 1
-    return folder

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from driver.interrupt import interruptible
+from driver.interrupt import caught, interruptible
 
 INTERRUPTED = 130  # exit code of a command that was interrupted, as shells have it
 
@@ -17,9 +17,11 @@ def main() -> None:
 
             run()
         except KeyboardInterrupt:
+            caught()
             _tell()
             sys.exit(INTERRUPTED)
         except SystemExit as end:
+            caught()
             if end.code == INTERRUPTED:
                 _tell()
             raise

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from arm.errors import FileInputError
+from arm.files import open_file
 from driver.logmotions import LoggedMotion, MotionReader
 from driver.logsamples import LoggedSample, SampleReader
 from driver.protocol import (
@@ -136,7 +137,7 @@ def read_log(path: Path) -> Session:
         FileInputError: it cannot be read, or its first line is not the record that opens a log.
     """
     try:
-        with path.open("rb") as stream:
+        with open_file(path, "log") as stream:
             return _Reader(path).read(stream)
     except OSError as error:
         raise FileInputError(path, "", None, f"cannot be read: {error.strerror}") from error
@@ -149,7 +150,7 @@ def is_log(path: Path) -> bool:
         FileInputError: it cannot be read.
     """
     try:
-        with path.open("rb") as stream:
+        with open_file(path, "log") as stream:
             record = _record(stream.readline(1000))
     except OSError as error:
         raise FileInputError(path, "", None, f"cannot be read: {error.strerror}") from error

@@ -18,7 +18,7 @@ from driver.clock import Clock
 from driver.gripper import GripperResult, move_gripper, read_jaws
 from driver.homing import home_all
 from driver.identity import identify, read_back
-from driver.interrupt import hear_again, interruptible
+from driver.interrupt import caught, hear_again, interruptible
 from driver.link import Link, NoAnswer
 from driver.port import Port
 from driver.protocol import Position, Status, encode, parse_integer
@@ -363,6 +363,7 @@ class Mars:
             data = {**error.data, "state": state.to_json()}
             raise ExecutionStopped(f"{what}: {error}; {state.describe(self.unit)}", **data) from error
         except KeyboardInterrupt:
+            caught()
             state = self.stop()
             hear_again()
             raise ExecutionStopped(

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.errors import InputError
+from arm.files import read_bytes
 
 Image = npt.NDArray[np.uint8]
 """A photograph: 8-bit grey (h, w) or BGR (h, w, 3)."""
@@ -24,8 +25,11 @@ def read_grey(file: Path) -> Image:
     """
     import cv2
 
+    data = np.frombuffer(read_bytes(file, "photograph"), dtype=np.uint8)
     try:
-        image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+        image = (
+            cv2.imdecode(data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION) if len(data) else None
+        )
     except cv2.error:  # more pixels than OpenCV takes
         image = None
     if image is None:

@@ -1,15 +1,20 @@
 """Files are written whole or not at all; hashes depend on values only."""
 
 import os
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from arm.errors import FileInputError, InputError
 from arm.files import (
+    MOST_BYTES,
     canonical_json,
     data_file,
     keep_apart,
+    open_file,
+    read_bytes,
     read_json,
     read_text,
     require_finite,
@@ -94,6 +99,7 @@ def test_a_link_stays_a_link_and_a_mode_stays_what_it_was(tmp_path: Path) -> Non
     [
         ('{"a": {"b": [1, NaN]}}', r"a\.b\[1\] = nan: must be a finite number"),
         ('[{"a": -Infinity}]', r"\[0\]\.a = -inf: must be a finite number"),
+        ('{"a": [1, ' + "9" * 400 + "]}", r"a\[1\] = 9.*must be a whole number of 64 bits"),
         ('{"a": ' + "9" * 5000 + "}", "holds a number of more than"),
     ],
 )
@@ -105,3 +111,55 @@ def test_json_that_cannot_be_written_again_is_refused(tmp_path: Path, text: str,
 
 def test_what_is_finite_is_let_through(tmp_path: Path) -> None:
     require_finite(tmp_path, {"a": [1, 2.5, None, "NaN", True, {"b": 1e308}]})
+
+
+def _pipe(path: Path) -> None:
+    os.mkfifo(path)
+
+
+@pytest.mark.parametrize(
+    ("make", "what"),
+    [
+        (_pipe, "a named pipe"),
+        (lambda path: path.symlink_to("/dev/zero"), "a character device"),
+        (lambda path: path.symlink_to("/dev/tty0000"), "cannot be read: No such file"),
+        (Path.mkdir, "cannot be read: Is a directory"),
+    ],
+)
+def test_only_regular_files_are_read_and_nothing_is_waited_for(
+    tmp_path: Path, make: Callable[[Path], None], what: str
+) -> None:
+    make(tmp_path / "a")
+    for read in (
+        read_text,
+        read_json,
+        partial(read_bytes, kind="photograph"),
+        partial(open_file, kind="log"),
+    ):
+        with pytest.raises(FileInputError, match=rf"a: .*{what}"):
+            read(tmp_path / "a")
+
+
+@pytest.mark.parametrize("kind", sorted(MOST_BYTES))
+def test_each_kind_of_file_has_a_limit(tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(MOST_BYTES, kind, 1000)
+    (tmp_path / "a").write_bytes(b" " * 1000)
+    assert len(read_bytes(tmp_path / "a", kind)) == 1000
+    (tmp_path / "a").write_bytes(b" " * 1001)
+    for read in (read_bytes, open_file):
+        with pytest.raises(FileInputError, match=f"has more than 0 MB, which is the limit for a {kind} file"):
+            read(tmp_path / "a", kind)
+
+
+def test_a_file_that_says_it_is_empty_and_is_not_is_read_to_its_limit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert b"Linux" in read_bytes(Path("/proc/version"), "text")
+    monkeypatch.setitem(MOST_BYTES, "text", 3)
+    with pytest.raises(FileInputError, match="limit for a text file"):
+        read_bytes(Path("/proc/version"), "text")
+
+
+def test_line_ends_are_pythons(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"a\r\nb\rc\n")
+    assert read_text(tmp_path / "a") == (tmp_path / "a").read_text() == "a\nb\nc\n"

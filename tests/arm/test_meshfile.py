@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm import meshfile
 from arm.errors import FileInputError
+from arm.files import MOST_BYTES
 from arm.meshfile import read_mesh_points
 
 CORNERS = np.array([(0, 0, 0), (1, 0, 0), (0, 2, 0), (0, 0, 3.5)])
@@ -70,6 +70,6 @@ def test_a_mesh_that_is_not_there_or_too_large(tmp_path: Path, monkeypatch: pyte
     with pytest.raises(FileInputError, match="cannot be read"):
         read_mesh_points(tmp_path / "missing.stl")
     (tmp_path / "large.stl").write_bytes(ascii_stl())
-    monkeypatch.setattr(meshfile, "MOST_BYTES", 500)
-    with pytest.raises(FileInputError, match="bytes; a mesh may have 500"):
+    monkeypatch.setitem(MOST_BYTES, "mesh", 500)
+    with pytest.raises(FileInputError, match="which is the limit for a mesh file"):
         read_mesh_points(tmp_path / "large.stl")

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from arm.errors import FileInputError
@@ -80,7 +81,7 @@ def test_numbers_that_no_float_holds_are_no_numbers(tmp_path: Path) -> None:
         with pytest.raises(FileInputError, match=told):
             TomlTable.read(path).number("a", "mm")
     path.write_text(f"b = [{'9' * 400}, 1]\n")
-    with pytest.raises(FileInputError, match=r"must be 2 numbers"):
+    with pytest.raises(FileInputError, match=r"b\[0\] = 9.*must be a whole number of 64 bits"):
         TomlTable.read(path).numbers("b", 2, "mm")
 
 
@@ -96,3 +97,67 @@ def test_what_is_not_toml_is_told_with_its_line(tmp_path: Path) -> None:
     path.write_text("a = 1\nb = = 2\n")
     with pytest.raises(FileInputError, match="line 2"):
         TomlTable.read(path)
+
+
+def _dotted(parts: int) -> str:
+    return ".".join(["a"] * parts)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        (f"{_dotted(100_000)} = 1", 1),
+        (f"[{_dotted(17)}]", 1),
+        (f"x = 1\n# a\n[[{_dotted(17)}]]", 3),
+        ("x = { " + " . ".join(['"a b.c"', "'d'", "e-f_1"] * 6) + " = 1 }", 1),
+        ("\n" * 20 + _dotted(17), 21),
+    ],
+)
+def test_a_key_of_many_parts_is_refused_before_it_fills_the_memory(
+    tmp_path: Path, text: str, line: int
+) -> None:
+    (tmp_path / "a.toml").write_text(text)
+    with pytest.raises(FileInputError, match=rf"a\.toml: line {line}: has a key of more than 16 parts"):
+        TomlTable.read(tmp_path / "a.toml")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"{_dotted(16)} = 1",
+        f'a = "{_dotted(100)}"',
+        f"a = '{_dotted(100)}'",
+        f"a = 1 # {_dotted(100)}",
+        f'a = "\\"{_dotted(100)}"',
+        "a = [" + "1.5, " * 1000 + "]",
+    ],
+)
+def test_dots_elsewhere_are_no_key(tmp_path: Path, text: str) -> None:
+    (tmp_path / "a.toml").write_text(text)
+    assert "a" in TomlTable.read(tmp_path / "a.toml")
+
+
+@pytest.mark.parametrize(
+    "text", ['"' * 500_000, '"\\"' * 300_000, "a" * 1_000_000, "a." * 500_000, "a. " * 300_000]
+)
+def test_no_text_takes_long_to_look_through(tmp_path: Path, text: str) -> None:
+    """Seconds would be hours if time grew with the square of the length."""
+    (tmp_path / "a.toml").write_text(text)
+    with pytest.raises(FileInputError):
+        TomlTable.read(tmp_path / "a.toml")
+
+
+def test_an_integer_of_more_than_64_bits_is_refused_by_its_key(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text(f"a = [{{ b = {2**63 - 1} }}, {{ b = {-(2**63)} }}]")
+    TomlTable.read(tmp_path / "a.toml")
+    for wrong in (2**63, -(2**63) - 1, 10**400):
+        (tmp_path / "a.toml").write_text(f"a = [{{ b = 1 }}, {{ b = {wrong} }}]")
+        with pytest.raises(FileInputError, match=r"a\[1\]\.b = .*: must be a whole number of 64 bits"):
+            TomlTable.read(tmp_path / "a.toml")
+
+
+def test_a_matrix_of_giant_numbers_is_refused_in_one_line(tmp_path: Path) -> None:
+    rows = np.diag([1e200, 1.0, 1.0, 1.0]).tolist()
+    (tmp_path / "a.toml").write_text(f"T = {rows}")
+    with pytest.raises(FileInputError, match=r"T = .*: must be numbers from -1e\+09 to 1e\+09"):
+        TomlTable.read(tmp_path / "a.toml").rigid("T")

@@ -1,5 +1,6 @@
 """Unit files against the figures of the controller's fact sheet."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -104,3 +105,26 @@ def test_a_wrong_name_and_a_wrong_file_are_told(tmp_path: Path) -> None:
         path.write_text(text.replace(old, new))
         with pytest.raises(FileInputError, match=message):
             load_unit(path)
+
+
+@pytest.mark.parametrize(
+    ("key", "wrong"),
+    [
+        ("axes", "1"),
+        ("axes", "{ a = 1 }"),
+        ("axes", "[1, 2, 3, 4, 5, 6]"),
+        ("sequence", "5"),
+        ("sequence", "{ A = 1 }"),
+        ("sequence", "[1, 2]"),
+        ("sequence", "[[1], [2]]"),
+        ("counts_per_turn", "{ a = 1 }"),
+        ("idle_release_s", "{}"),
+    ],
+)
+def test_a_value_of_another_type_is_told_in_one_line(tmp_path: Path, key: str, wrong: str) -> None:
+    text = data_file("urdf/a465/crs93.toml").read_text()
+    changed = re.sub(rf"^{key} = .*$", f"{key} = {wrong}", text, count=1, flags=re.MULTILINE)
+    assert changed != text
+    (tmp_path / "mine.toml").write_text(changed)
+    with pytest.raises(FileInputError, match=rf"mine\.toml: (\w+\.)?{key} = .*: must (be|name) "):
+        load_unit(tmp_path / "mine.toml")

@@ -16,7 +16,6 @@ from arm.errors import InputError
 from arm.files import data_file
 from cell import connection
 from cell.connection import AwaitedPhotographs, WhichCell, open_cell, world_file
-from cell.run import run_folder
 from cell.taskfile import Task, read_task
 from driver.interrupt import SIGNALS, interruptible
 
@@ -105,19 +104,6 @@ def test_what_cannot_be_opened_is_told(
     opened = open_cell(task, WhichCell(port, images=images, time_scale=time_scale), tmp_path / "wire.jsonl")
     with pytest.raises(InputError, match=message), opened:
         pass
-
-
-def test_runs_are_not_mixed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert run_folder(None, "task2") == Path("runs/task2-1")
-    (tmp_path / "runs/task2-1").mkdir(parents=True)
-    assert run_folder(None, "task2") == Path("runs/task2-2")
-    assert run_folder(tmp_path / "new", "task2") == tmp_path / "new"
-    (tmp_path / "full").mkdir()
-    (tmp_path / "full/plan.json").touch()
-    for taken in (tmp_path / "full", tmp_path / "full/plan.json"):
-        with pytest.raises(InputError, match="new or empty folder"):
-            run_folder(taken, "task2")
 
 
 def _send_myself(number: signal.Signals) -> None:

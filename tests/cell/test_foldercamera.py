@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,7 +12,6 @@ import numpy as np
 import pytest
 
 from arm.errors import ExecutionStopped, InputError
-from cell import foldercamera
 from cell.foldercamera import FolderCamera
 
 
@@ -38,7 +38,7 @@ class Cell:
 def clock(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """Wall time as the camera sees it."""
     now = SimpleNamespace(s=100.0)
-    monkeypatch.setattr(foldercamera.time, "monotonic", lambda: now.s)
+    monkeypatch.setattr("cell.foldercamera.time.monotonic", lambda: now.s)
     return now
 
 
@@ -117,17 +117,17 @@ def test_nothing_is_ever_half_there(
 ) -> None:
     cell, before = Cell(), []
     camera = _camera(cell, tmp_path)
-    replace = foldercamera.os.replace
+    replace = os.replace
 
     def watched(part: Path, file: Path) -> None:
         before.append((part.suffix, cv2.imread(str(file)), part.stat().st_size))
         replace(part, file)
 
-    monkeypatch.setattr(foldercamera.os, "replace", watched)
+    monkeypatch.setattr(os, "replace", watched)
     camera.poll()
     clock.s += 10.0
     assert camera.poll()
-    assert [(suffix, there) for suffix, there, _ in before] == [(".part", None)] * 2
+    assert [(suffix.startswith(".a465-"), there) for suffix, there, _ in before] == [(True, None)] * 2
     assert [p.stat().st_size for p in sorted(tmp_path.iterdir())] == [size for _, _, size in before]
 
 

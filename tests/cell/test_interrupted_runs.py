@@ -55,3 +55,37 @@ def test_a_signal_stops_the_arm(tmp_path: Path, when: str, count: int, number: s
     sent = _sent(log)
     last = max(i for i, line in enumerate(sent) if line.startswith(("COORDSPLINET:", "HH", "GG:")))
     assert "STOP:" in sent[last:]
+
+
+@pytest.mark.parametrize("gap_s", [0.003, 0.3])
+def test_signals_in_a_burst_end_as_one_does(tmp_path: Path, gap_s: float) -> None:
+    """They come until the program has ended: a service manager, a shell and a person each send theirs."""
+    command = [sys.executable, "-c", "import cell.start; cell.start.main()", "run"]
+    run = subprocess.Popen(
+        [
+            *command,
+            str(small_scenes(tmp_path) / "task2.toml"),
+            "-o",
+            str(tmp_path / "run"),
+            "--time-scale",
+            "5",
+        ],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    log, over = tmp_path / "run/wire.jsonl", time.monotonic() + DEADLINE_S
+    while sum(line.startswith("COORDSPLINET:") for line in _sent(log)) < 40 and time.monotonic() < over:
+        time.sleep(0.05)
+    sent, over = 0, time.monotonic() + DEADLINE_S
+    while run.poll() is None and time.monotonic() < over:
+        run.send_signal((signal.SIGINT, signal.SIGTERM, signal.SIGHUP)[sent % 3])
+        sent += 1
+        time.sleep(gap_s)
+    _, told = run.communicate(timeout=DEADLINE_S)
+    assert run.returncode == 4, (sent, told)
+    assert sent > 2
+    lines = [line for line in told.splitlines() if line]
+    assert len(lines) == 1
+    assert "interrupted" in lines[0]
+    assert json.loads((tmp_path / "run/report.json").read_text())["error"]["exit_code"] == 4

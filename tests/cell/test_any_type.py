@@ -1,0 +1,185 @@
+"""Every key of every kind of file with values of other types: read, or refused in one line, and never a traceback.
+
+Each key gets a few types, drawn by a seed; docs/testing.md says how all of them are tried.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import os
+import random
+import shutil
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from any_type import JSON, TOML, keys_of, with_value, without
+from arm.armcalibration import read_arm_calibration
+from arm.errors import MOST_MESSAGE, A465Error
+from arm.files import data_file, read_text
+from arm.planfile import read_plan
+from arm.unit import load_unit
+from arm_sets import TARGETS, draw_truth, recorded, wide
+from board_scenes import lab_board, lab_camera, random_pose, seen_corners
+from calib.arm_recording import read_arm_recording, write_arm_recording
+from calib.nao import NaoUnknowns
+from calib.nao_recording import read_nao_recording
+from cell.cellfile import read_cell
+from cell.checking import require_match, require_scene, require_start_at, scene_of_now
+from cell.exportscene import surroundings_of_plan
+from cell.handtarget import read_hand_target
+from cell.lookfile import read_seen
+from cell.poselistfile import read_pose_list
+from cell.scenefile import read_scene_file
+from cell.taskfile import read_task
+from cell.worldfile import read_world
+from command_line import a465
+from driver.emulator.faultfile import read_faults
+from nao_recordings import as_json, nao_recording
+from recorded_sets import recorded_set
+from vision.camera import read_camera
+from vision.detections import read_detections
+from vision.target import read_target
+from whole_files import whole_camera, whole_cell, whole_world
+
+pytestmark = pytest.mark.xdist_group("any_type")
+EVERY = os.environ.get("A465_EVERY_TYPE") == "1"  # about 20 minutes
+TYPES = 2  # of each key otherwise
+
+TOMLS: dict[str, Callable[[Path], object]] = {
+    "cell.toml": read_cell,
+    "task1.toml": read_task,
+    "task2.toml": read_task,
+    "task2.world.toml": lambda path: read_world(path, 0.036),
+    "cameras/lab.toml": read_camera,
+    "calibration.toml": read_arm_calibration,
+    "targets/hand.toml": read_hand_target,
+    "target.toml": read_target,
+    "crs93.toml": load_unit,
+    "faults/bad-day.toml": read_faults,
+    "fixtures/mesh.toml": read_scene_file,
+}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The shipped scenes with every key, a unit, a target, a look and a plan; no test may change them."""
+    folder = Path(shutil.copytree(data_file("scenes"), tmp_path_factory.mktemp("whole") / "scenes"))
+    a465("look", folder / "task2.toml", "-o", folder / "look.json")
+    a465("plan", folder / "task2.toml", "--look", folder / "look.json", "-o", folder / "plan.json")
+    shutil.copytree(folder, folder.parent / "plain")
+    whole_cell(folder)
+    whole_camera(folder)
+    whole_world(folder)
+    shutil.copy(data_file("urdf/a465/crs93.toml"), folder / "crs93.toml")
+    hand = (folder / "targets/hand.toml").read_text()
+    (folder / "target.toml").write_text(hand[: hand.index("[hand]")])
+    return folder
+
+
+def _refusals(whole: Any, name: str, others: tuple[Any, ...], read: Callable[[Any], object]) -> int:
+    """How many spoilt copies of a file are refused."""
+    draw, refusals, longest = random.Random(name), 0, 0
+    for key in keys_of(whole):
+        for value in others if EVERY else draw.sample(others, 1 if name == "plan" else TYPES):
+            try:
+                read(with_value(whole, key, value))
+            except A465Error as error:
+                refusals += 1
+                longest = max(longest, len(str(error)))
+            except Exception as error:
+                raise AssertionError(f"{name}: {key} = {value!r}: {type(error).__name__}: {error}") from error
+    assert longest <= MOST_MESSAGE
+    return refusals
+
+
+@pytest.mark.parametrize("name", TOMLS)
+def test_toml(whole: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, parse = whole / name, tomllib.loads
+    text = read_text(path)
+
+    def read(spoilt: Any) -> None:
+        monkeypatch.setattr(tomllib, "loads", lambda t: copy.deepcopy(spoilt) if t == text else parse(t))
+        TOMLS[name](path)
+
+    TOMLS[name](path)
+    assert _refusals(parse(text), name, TOML, read)
+
+
+def _recording(folder: Path) -> None:
+    rng = np.random.default_rng(1)
+    truth = draw_truth(rng)
+    write_arm_recording(
+        folder / "arm.json", recorded(truth, wide(truth, TARGETS["marker"], 6, rng), "marker", rng)
+    )
+
+
+def _detections() -> dict[str, Any]:
+    rng, board, camera = np.random.default_rng(1), lab_board(marker_size=0.040), lab_camera()
+    T = random_pose(rng, 7.0)
+    return recorded_set(board, camera, [(seen_corners(board, T, camera, rng, noise_px=0.1), T)], 0.1)
+
+
+POSES = {
+    "frame": "tool",
+    "angles": "deg",
+    "lengths": "mm",
+    "entries": [
+        {"name": "a", "q_deg": [0, 0, 0, 0, 0, 0]},
+        {"name": "b", "T_base_tool": [[1, 0, 0, 400], [0, 1, 0, 0], [0, 0, 1, 300], [0, 0, 0, 1]]},
+        [0, 0, 0, 0, 0, 0],
+    ],
+}
+
+
+@pytest.mark.parametrize("name", ["look", "plan", "poses", "detections", "arm", "nao"])
+def test_json(whole: Path, tmp_path: Path, name: str) -> None:
+    plain = whole.parent / "plain"  # which the plan was made for
+    task = read_task(plain / "task2.toml")
+    seen = read_seen(plain / "look.json", task.cell.boards)
+
+    def judge_plan(path: Path) -> None:
+        plan = read_plan(path)
+        surroundings_of_plan(path, plan, task)
+        require_match(task, plan)
+        scene_of_now(task, plan)
+        require_start_at(task, plan)
+        require_scene(task.cell, plan, seen)
+
+    file, reader = tmp_path / "file.json", read_nao_recording
+    match name:
+        case "look":
+            content, reader = (
+                json.loads(read_text(plain / "look.json")),
+                lambda p: read_seen(p, task.cell.boards),
+            )
+        case "plan":
+            content, reader = json.loads(read_text(plain / "plan.json")), judge_plan
+            steps = content["steps"]
+            content["steps"] = [next(s for s in steps if s["step"] == kind) for kind in ("move", "gripper")]
+        case "poses":
+            content, reader = POSES, read_pose_list
+        case "detections":
+            content, reader = _detections(), read_detections
+        case "arm":
+            _recording(tmp_path)
+            content, reader = json.loads(read_text(tmp_path / "arm.json")), read_arm_recording
+        case "nao":
+            content = as_json(nao_recording(1, NaoUnknowns(), 2)[0])
+
+    def read(spoilt: Any) -> None:
+        file.write_text(json.dumps(spoilt))
+        reader(file)
+
+    read(content)
+    assert _refusals(content, name, JSON, read)
+    for key in keys_of(content):
+        try:
+            read(without(content, key))
+        except A465Error:
+            continue
