@@ -15,10 +15,6 @@ from vision.board_fit import Corners, Fit
 from vision.camera import Camera
 from vision.marker_size import fit_marker_size
 
-SIZE_EXPLAINS = (
-    0.2  # part of the residual that another marker size leaves where even a small difference is told
-)
-
 
 @dataclass(frozen=True)
 class BoardLimits:
@@ -105,10 +101,7 @@ def misfit(
     if (
         other is not None
         and other.rms_px < limits.residual_px
-        and abs(other.size - board.marker_size) > limits.size_sigmas * other.sigma
-        and (
-            abs(other.size - board.marker_size) > limits.size_m or other.rms_px < SIZE_EXPLAINS * residual_px
-        )
+        and abs(other.size - board.marker_size) > max(limits.size_sigmas * other.sigma, limits.size_m)
     ):
         return ImpossibleError(
             f"board {board.name}: marker size = {1e3 * board.marker_size:g} mm does not fit its photographs "

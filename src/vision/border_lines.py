@@ -14,13 +14,10 @@ import numpy as np
 from arm.se3 import Array
 from vision.camera import Camera
 from vision.frames import Image
+from vision.profiles import LEAST_HALF_PX, NARROW_PX, WIDE_PX, Grey, edge_offsets
 
 ROWS = 64  # profiles across a side
-STEP_PX = 0.5  # along a profile
 END_GAP_PX, END_GAP = 4.0, 0.06  # no profile nearer to a corner than this, px and part of the side
-WIDE_PX, NARROW_PX = 8.0, 3.5  # half lengths of the profiles of both passes
-LEAST_HALF_PX = 2.5  # shorter profiles do not hold a blurred edge
-LEAST_STEP_GREY = 12.0  # an edge of less contrast is none
 LEAST_INLIERS = 0.6  # part of a side's profiles that must agree on its line
 INLIER_PX = 1.0  # the widest that an edge point may be off its line
 MOST_MOVED_PX = (
@@ -77,9 +74,7 @@ def refine_by_border_lines(grey: Image, rough_px: Array, camera: Camera, modules
     return BorderCorners(corners, good & near)
 
 
-def _edge_points(
-    image: np.ndarray[tuple[int, int], np.dtype[np.float32]], corners: Array, half: Array
-) -> _EdgePoints:
+def _edge_points(image: Grey, corners: Array, half: Array) -> _EdgePoints:
     start, end = corners[:, :, None], np.roll(corners, -1, axis=1)[:, :, None]
     length = np.linalg.norm(end - start, axis=-1, keepdims=True)
     gap = np.maximum(END_GAP, np.minimum(END_GAP_PX / length, 0.3))
@@ -89,34 +84,9 @@ def _edge_points(
     across = np.stack(
         [direction[..., 1], -direction[..., 0]], axis=-1
     )  # outward: corners go clockwise in the image
-    count = int(np.ceil(2.0 * half.max() / STEP_PX)) + 1
-    s = half[:, None] * np.linspace(-1.0, 1.0, count)  # (m, count)
-    points = centres[..., None, :] + s[:, None, None, :, None] * across[..., None, :]
-    profile = _bilinear(image, points)
-    gradient = np.diff(profile, axis=-1)
-    middle = 0.5 * (s[:, 1:] + s[:, :-1])[:, None, None]
-    step = gradient.sum(axis=-1)
-    strong = step > LEAST_STEP_GREY  # black inside, white outside
-    shift = np.where(strong, (gradient * middle).sum(axis=-1) / np.where(strong, step, 1.0), 0.0)
-    strong &= np.abs(shift) < half[:, None, None]
-    # past the image's edge there is no grey: where the white beside an edge is cut, its place is not known
-    outside = points[..., [0, -1], :]
-    beyond = np.maximum(-outside, outside - (image.shape[1] - 1.0, image.shape[0] - 1.0)).max(axis=(-1, -2))
-    strong &= beyond <= half[:, None, None] - LEAST_HALF_PX
-    return _EdgePoints(centres + shift[..., None] * across, strong.astype(float))
-
-
-def _bilinear(image: np.ndarray[tuple[int, int], np.dtype[np.float32]], points: Array) -> Array:
-    # OpenCV's remap rounds places to 1/32 px, which is more than the error allowed here
-    height, width = image.shape
-    x = np.clip(points[..., 0], 0.0, width - 1.001)
-    y = np.clip(points[..., 1], 0.0, height - 1.001)
-    column, row = x.astype(np.intp), y.astype(np.intp)
-    fx, fy = x - column, y - row
-    flat, at = image.ravel(), row * width + column
-    top = flat[at] * (1.0 - fx) + flat[at + 1] * fx
-    bottom = flat[at + width] * (1.0 - fx) + flat[at + width + 1] * fx
-    return np.asarray(top * (1.0 - fy) + bottom * fy)
+    across = np.broadcast_to(across, centres.shape)
+    edges = edge_offsets(image, centres, across, np.broadcast_to(half[:, None, None], centres.shape[:-1]))
+    return _EdgePoints(centres + edges.offset[..., None] * across, edges.good.astype(float))
 
 
 def _fit_lines(edges: _EdgePoints, camera: Camera) -> _Lines:

@@ -8,10 +8,12 @@ from typing import Literal
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from arm.errors import InputError
 from arm.se3 import Array, frozen
 from vision.border_lines import refine_by_border_lines
+from vision.border_shift import border_shift, moved_outwards
 from vision.camera import Camera
 from vision.frames import Image
 
@@ -28,11 +30,14 @@ class Marker:
         corners_px: (4, 2) top left, top right, bottom right, bottom left of the marker as printed.
         method: how the corners were measured: "lines", or "subpix" where a side is hidden, blurred or too short;
             "recorded" where a file does not say.
+        side_sigma_px: (4,) px by which sides may still be off their places, in all photographs alike, after what moves
+            borders was taken off (`vision.border_shift`); None where nothing is known of it.
     """
 
     id: int
     corners_px: Array
     method: Literal["lines", "subpix", "recorded"]
+    side_sigma_px: Array | None = None
 
 
 def detect_markers(image: Image, camera: Camera, dictionary: str = "DICT_4X4_50") -> list[Marker]:
@@ -62,11 +67,20 @@ def detect_markers(image: Image, camera: Camera, dictionary: str = "DICT_4X4_50"
     scale = np.array([grey.shape[1] / small.shape[1], grey.shape[0] / small.shape[0]])
     # the centre of the first pixel of a shrunk image lies (scale - 1) / 2 pixels inside the full one
     rough = np.stack([c.reshape(4, 2) for c in found]).astype(float) * scale + (scale - 1.0) / 2.0
-    lines = refine_by_border_lines(grey, rough, camera, detector.getDictionary().markerSize + 2)
+    modules = detector.getDictionary().markerSize + 2
+    lines = refine_by_border_lines(grey, rough, camera, modules)
+    image_f = grey.astype(np.float32)
     markers = []
     for index, marker_id in enumerate(ids.reshape(-1)):
         if lines.good[index]:
-            markers.append(Marker(int(marker_id), frozen(lines.corners_px[index]), "lines"))
+            corners = lines.corners_px[index]
+            reach = (
+                0.45 * float(np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=-1).min()) / modules
+            )
+            shift = border_shift(image_f, corners, _bits(dictionary, int(marker_id)), reach, camera)
+            corners = moved_outwards(corners, -shift.shift_px)
+            sigma = frozen(shift.sigma_px) if shift.known else None
+            markers.append(Marker(int(marker_id), frozen(corners), "lines", sigma))
         elif _inside(rough[index], grey):
             corners = np.ascontiguousarray(rough[index][:, None], dtype=np.float32)
             cv2.cornerSubPix(grey, corners, _SUBPIX_WINDOW, (-1, -1), _SUBPIX_STOP)
@@ -78,6 +92,13 @@ def _inside(corners_px: Array, grey: Image) -> bool:
     """Whether the windows of `cornerSubPix` are in the image; cut ones give corners that are pixels off."""
     edge = _SUBPIX_WINDOW[0] + 1.0
     return bool((corners_px >= edge).all() and (corners_px <= np.array(grey.shape[::-1]) - 1.0 - edge).all())
+
+
+@lru_cache(maxsize=256)
+def _bits(dictionary: str, marker_id: int) -> npt.NDArray[np.uint8]:
+    """The code of a marker (n, n), 1 is white."""
+    known = _detector(dictionary).getDictionary()
+    return np.asarray(known.getBitsFromByteList(known.bytesList[marker_id : marker_id + 1], known.markerSize))
 
 
 @lru_cache(maxsize=4)

@@ -1,0 +1,63 @@
+"""Grey profiles across edges: where along a profile dark turns to light, as the centroid of its gradient."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.se3 import Array
+
+STEP_PX = 0.5  # along a profile
+WIDE_PX, NARROW_PX = 8.0, 3.5  # half lengths of the profiles of a first and a second pass
+LEAST_HALF_PX = 2.5  # shorter profiles do not hold a blurred edge
+LEAST_STEP_GREY = 12.0  # an edge of less contrast is none
+
+Grey = np.ndarray[tuple[int, int], np.dtype[np.float32]]
+
+
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """Where edges lie on their profiles, (...) px from the middle towards light, and whether there is one."""
+
+    offset: Array
+    good: npt.NDArray[np.bool_]
+
+
+def edge_offsets(image: Grey, centres: Array, to_light: Array, half: Array) -> Edges:
+    """Edges from dark to light on profiles.
+
+    Args:
+        image: (h, w).
+        centres: of the profiles, (..., 2) px.
+        to_light: unit vectors along them, (..., 2).
+        half: their half lengths, (...) px.
+    """
+    count = int(np.ceil(2.0 * half.max() / STEP_PX)) + 1
+    s = half[..., None] * np.linspace(-1.0, 1.0, count)
+    points = centres[..., None, :] + s[..., None] * to_light[..., None, :]
+    gradient = np.diff(_bilinear(image, points), axis=-1)
+    middle = 0.5 * (s[..., 1:] + s[..., :-1])
+    step = gradient.sum(axis=-1)
+    good = step > LEAST_STEP_GREY
+    offset = np.where(good, (gradient * middle).sum(axis=-1) / np.where(good, step, 1.0), 0.0)
+    good &= np.abs(offset) < half
+    # past the image's edge there is no grey: where the light side of an edge is cut, its place is not known
+    ends = points[..., [0, -1], :]
+    beyond = np.maximum(-ends, ends - (image.shape[1] - 1.0, image.shape[0] - 1.0)).max(axis=(-1, -2))
+    good &= beyond <= half - LEAST_HALF_PX
+    return Edges(offset, good)
+
+
+def _bilinear(image: Grey, points: Array) -> Array:
+    # OpenCV's remap rounds places to 1/32 px, which is more than the error allowed here
+    height, width = image.shape
+    x = np.clip(points[..., 0], 0.0, width - 1.001)
+    y = np.clip(points[..., 1], 0.0, height - 1.001)
+    column, row = x.astype(np.intp), y.astype(np.intp)
+    fx, fy = x - column, y - row
+    flat, at = image.ravel(), row * width + column
+    top = flat[at] * (1.0 - fx) + flat[at + 1] * fx
+    bottom = flat[at + width] * (1.0 - fx) + flat[at + width + 1] * fx
+    return np.asarray(top * (1.0 - fy) + bottom * fy)
