@@ -55,6 +55,7 @@ class Robot:
         bodies: collision bodies.
         touching: pairs of body names that are not checked against each other.
         digest: SHA-256 over URDF, SRDF, tool, locked joints and hulls of meshes.
+        urdf: text of the description.
         ideal: the arm that this one is nearly, if it is a calibrated one: closed forms begin there.
     """
 
@@ -65,6 +66,7 @@ class Robot:
     touching: frozenset[frozenset[str]]
     digest: str
     ideal: Robot | None = None
+    urdf: str = ""
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -117,6 +119,7 @@ def load_robot(
     T_end_tool: npt.ArrayLike,
     locked: Mapping[str, float] | None = None,
     srdf: Path | None = None,
+    text: str | None = None,
 ) -> Robot:
     """Read an arm from URDF (and pairs not to check from SRDF, by default the file of the same stem).
 
@@ -132,6 +135,7 @@ def load_robot(
         T_end_tool: the tool frame in it, 4x4, m.
         locked: position of each joint that is not to move, m or rad.
         srdf: the file; default: `urdf` with suffix ``.srdf`` if it exists.
+        text: instead of what the file `urdf` says, which is then named in messages only.
 
     Raises:
         FileInputError: not a URDF that Pinocchio reads whole, or with a body of another shape than box,
@@ -139,7 +143,7 @@ def load_robot(
             or with a mesh that is not there, flat, or of a size that no arm has.
         InputError: an unknown frame or joint.
     """
-    text = read_text(urdf)
+    text = read_text(urdf) if text is None else text
     locked = dict(locked or {})
     try:
         bounded = _bounded(text)
@@ -195,6 +199,7 @@ def load_robot(
         bodies=bodies,
         touching=_touching(srdf, srdf_text),
         digest=sha256(identity),
+        urdf=text,
     )
 
 
@@ -250,14 +255,18 @@ def _touching(srdf: Path, text: str) -> frozenset[frozenset[str]]:
     )
 
 
-def load_a465(tool_length: float, jaw_opening: float, urdf: Path | None = None) -> Robot:
+def load_a465(
+    tool_length: float, jaw_opening: float, urdf: Path | None = None, text: str | None = None
+) -> Robot:
     """The A465 with its two-finger gripper.
 
     Args:
         tool_length: from the flange to the tool frame at the finger tips, m; never implied, because
             programs for this arm differ by the 134.112 mm of gripper and fingers.
         jaw_opening: distance of the fingers' inner faces, m.
-        urdf: another description with the same flange and jaws.
+        urdf: another description with the same flange and jaws: links ``finger_l`` and ``finger_r``, each a box on a
+            sliding joint ``jaw_l``, ``jaw_r``, whose position is half of the opening.
+        text: instead of what the shipped description says (`arm.gripper`).
 
     Raises:
         InputError: the fingers of the description do not end at `tool_length`, or cannot open that far.
@@ -266,12 +275,13 @@ def load_a465(tool_length: float, jaw_opening: float, urdf: Path | None = None) 
 
     path = urdf or data_file("urdf/a465/a465.urdf")
     half = jaw_opening / 2.0
-    robot = load_robot(path, "flange", transform(t=(0.0, 0.0, tool_length)), {"jaw_l": half, "jaw_r": half})
+    tool = transform(t=(0.0, 0.0, tool_length))
+    robot = load_robot(path, "flange", tool, {"jaw_l": half, "jaw_r": half}, text=text)
     tips = [_tip_height(robot, b) for b in robot.bodies if b.name in ("finger_l", "finger_r")]
     if not tips or abs(max(tips) - tool_length) > 1e-6:
         raise InputError(
             f"tool length = {tool_length * 1e3:g} mm: the fingers in {path.name} end "
-            f"{max(tips, default=0.0) * 1e3:g} mm beyond the flange; give that length, or the URDF of your gripper",
+            f"{max(tips, default=0.0) * 1e3:g} mm beyond the flange; give that length, or measure your gripper",
             tool_length=tool_length,
         )
     return robot

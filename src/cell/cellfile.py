@@ -15,8 +15,9 @@ from arm.bodies import Body, Box
 from arm.dh import A465
 from arm.errors import InputError
 from arm.files import canonical_json, sha256
+from arm.gripper import Gripper
 from arm.links import with_link_errors
-from arm.robot import Robot, load_a465
+from arm.robot import Robot
 from arm.se3 import Array, frozen, transform
 from arm.toml_table import TomlTable
 from arm.unit import UNITS, Limits, Unit, load_unit
@@ -24,6 +25,7 @@ from cell.boardkeys import DICTIONARIES, read_board_limits, read_tilts
 from cell.bodytable import read_body
 from cell.cellcamera import CellCamera, read_cell_camera
 from cell.inputs import LEFT_OUT, Inputs, inputs_of
+from cell.toolkeys import read_gripper, with_force
 from plan.options import PlanOptions
 from vision.board_doubts import BoardLimits
 from vision.camera import Camera, read_camera
@@ -41,7 +43,8 @@ class Cell:
         nominal_unit, nominal_camera: as their own files say.
         calibration: of camera and arm, which makes the difference; None without one.
         camera_file: where the camera's calibration was read.
-        tool_length, jaw_opening, grip_height, settle_s, cube_size: of the gripper and cubes, m and s.
+        gripper: its measures.
+        grip_height, settle_s, cube_size: of gripping and of the cubes, m and s.
         boards: that may stand in the cell.
         dictionary: of the boards' markers.
         tilts: at which the stands hold boards, rad, ascending; none if they are not known.
@@ -71,8 +74,7 @@ class Cell:
     nominal_camera: Camera
     calibration: ArmCalibration | None
     camera_file: Path
-    tool_length: float
-    jaw_opening: float
+    gripper: Gripper
     grip_height: float
     settle_s: float
     cube_size: float
@@ -110,7 +112,17 @@ class Cell:
 
     def nominal_robot(self, jaw_opening: float | None = None) -> Robot:
         """The arm as its maker says."""
-        return load_a465(self.tool_length, self.jaw_opening if jaw_opening is None else jaw_opening)
+        return self.gripper.robot(self.jaw_opening if jaw_opening is None else jaw_opening)
+
+    @property
+    def tool_length(self) -> float:
+        """From the flange to the finger tips, m."""
+        return self.gripper.length
+
+    @property
+    def jaw_opening(self) -> float:
+        """Between the open fingers, m."""
+        return self.gripper.opening
 
     def noted(self) -> dict[str, Any]:
         """What a log must know to tell positions from counts."""
@@ -144,7 +156,7 @@ class Cell:
 
     def fraction_closed(self, jaw_opening: float) -> float:
         """How far the jaws are closed at an opening in m: 0 open, 1 shut. Linear in the stroke."""
-        return 1.0 - jaw_opening / self.jaw_opening
+        return self.gripper.fraction_closed(jaw_opening)
 
 
 def read_cell(path: Path, uncalibrated: Callable[[InputError], None] | None = None) -> Cell:
@@ -167,7 +179,8 @@ def read_cell(path: Path, uncalibrated: Callable[[InputError], None] | None = No
     motion = root.table("motion")
     cube = root.table("cube")
 
-    nominal_unit, nominal_camera = load_unit(unit_name), read_camera(camera_file)
+    nominal_unit, nominal_camera = with_force(load_unit(unit_name), tool), read_camera(camera_file)
+    cube_size = cube.number("size_mm", "mm", 5, 80) / 1e3
     calibration = None
     try:
         calibration = _calibration(root, nominal_unit, nominal_camera)
@@ -199,11 +212,10 @@ def read_cell(path: Path, uncalibrated: Callable[[InputError], None] | None = No
         nominal_camera=nominal_camera,
         calibration=calibration,
         camera_file=camera_file,
-        tool_length=tool.number("length_mm", "mm", 1, 1000) / 1e3,
-        jaw_opening=tool.number("jaw_opening_mm", "mm", 1, 100) / 1e3,
+        gripper=read_gripper(tool, cube_size),
         grip_height=tool.number("grip_height_mm", "mm", 0, 32) / 1e3,
         settle_s=tool.number("settle_s", "s", 0, 30),
-        cube_size=cube.number("size_mm", "mm", 5, 80) / 1e3,
+        cube_size=cube_size,
         boards=_boards(boards_table),
         dictionary=boards_table.text("dictionary", choices=DICTIONARIES),
         tilts=read_tilts(boards_table),
@@ -233,8 +245,6 @@ def read_cell(path: Path, uncalibrated: Callable[[InputError], None] | None = No
         inputs={},
         digest="",
     )
-    if cell.cube_size >= cell.jaw_opening:
-        raise tool.error("jaw_opening_mm", f"must be more than the cube's {cell.cube_size * 1e3:g} mm")
     cell.robot()  # the tool's length must be that of the fingers
     room = (cell.jaw_opening - cell.cube_size) / 2.0 - PlanOptions.line_clearance
     if cell.moved > room + 1e-9:

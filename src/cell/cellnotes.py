@@ -32,11 +32,28 @@ CELL: Notes = {
         " lists what is how near. Wrong: boards are not found, or the plan is refused with the two "
         "bodies that are too near."
     ),
-    "tool": "The gripper. No command finds its lengths.",
+    "tool": (
+        "The gripper: a round body, a palm and two fingers. No command finds its lengths. The values are "
+        "those of the shipped one. A gripper of another kind is described by a URDF: docs/new-cell.md."
+    ),
     "tool.length_mm": (
         "From the flange's face to the finger tips, by calliper, to 0.2 mm. Wrong by 1 mm: the fingers "
         "go 1 mm deeper than was certified, or grip 1 mm higher."
     ),
+    "tool.finger_mm": (
+        "A finger as a box: across the way that it closes, along it, and its length from the palm to the "
+        "tip; rounded up, but the last. Too small: it may touch a plate or the next cube."
+    ),
+    "tool.palm_mm": (
+        "What the fingers stand on as a box, in the same directions; cables, screws and the motor "
+        "included. Too small: it may touch a cube that is gripped deep, or a wall."
+    ),
+    "tool.body_radius_mm": (
+        "Of the round body between flange and palm, rounded up; its length is what is left of length_mm."
+    ),
+    "tool.*": """# jaw_shut_mm = 0                    # between the fingers' inner faces when they are shut
+# close_to_mm = 6                    # that the jaws are told to close to on a cube; they stop on it before
+# force_v = 7.5                      # of the gripper's motor, 0.75 to 11.25: how hard it holds""",
     "tool.jaw_opening_mm": (
         "Between the fingers' inner faces when open, to 0.5 mm. Wrong: open fingers are elsewhere than "
         "was certified and may touch the next cube, and the jaws close too far or not far enough."

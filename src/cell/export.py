@@ -145,6 +145,10 @@ def _urdf_step(there: Surroundings, output: Path, console: Console) -> dict[str,
         console.say(
             f"the scene's padding of {1e3 * there.padding:g} mm is not in it: URDF has no place for it"
         )
+    padded = there.paddings()
+    if padded:
+        shown = ", ".join(f"{name} {1e3 * padding:g}" for name, padding in padded.items())
+        console.say(f"paddings of single bodies are not in it, in mm: {shown}")
     return {
         "format": URDF,
         "folder": str(output),
@@ -152,6 +156,7 @@ def _urdf_step(there: Surroundings, output: Path, console: Console) -> dict[str,
         "links": dict(made.links),
         "disabled_pairs": len(made.disabled),
         "padding_mm": 1e3 * there.padding,
+        "paddings_mm": {name: 1e3 * padding for name, padding in padded.items()},
     }
 
 

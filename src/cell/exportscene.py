@@ -8,7 +8,7 @@ from typing import Any
 
 from arm.errors import FileInputError
 from arm.planfile import Plan
-from arm.robot import Robot, load_a465
+from arm.robot import Robot
 from arm.toml_table import TomlTable
 from arm.unit import Limits, Unit, load_unit
 from cell.exporturdf import Surroundings
@@ -17,6 +17,7 @@ from cell.placefile import POSES, read_place
 from cell.planning import scene_of
 from cell.scenefile import read_scene_file
 from cell.taskfile import Task
+from cell.toolkeys import gripper_of_inputs
 from plan.scene import Scene, scene_from_json
 
 _ANOTHER = "give --cell FILE, the cell or task file that the plan was made for"
@@ -123,12 +124,10 @@ def _arms(path: Path, plan: Plan, place: Task | None) -> tuple[Robot, Robot, flo
         return cell.robot(), cell.robot(cell.cube_size), cell.jaw_opening
     inputs = plan.provenance.get("inputs")
     said = inputs.get("cell") if isinstance(inputs, Mapping) else None
-    length, opening, cube = (
-        _metres(said, key) for key in ("tool.length_mm", "tool.jaw_opening_mm", "cube.size_mm")
-    )
-    if length is None or opening is None or cube is None:
+    gripper, cube = gripper_of_inputs(said), _metres(said, "cube.size_mm")
+    if gripper is None or cube is None:
         raise FileInputError(path, "provenance.inputs", None, "does not tell the arm's tool", _ANOTHER)
-    return load_a465(length, opening), load_a465(length, cube), opening
+    return gripper.robot(gripper.opening), gripper.robot(cube), gripper.opening
 
 
 def _metres(said: Any, key: str) -> float | None:

@@ -63,6 +63,12 @@ class Surroundings:
     states: Mapping[str, Array] = field(default_factory=dict)
     padding: float = 0.0
 
+    def paddings(self) -> dict[str, float]:
+        """Of the bodies that have one, m."""
+        bodies = self.bodies if self.held is None else (*self.bodies, self.held)
+        said = [(b.name, b.padding) for b in self.robot.bodies] + [(b.name, b.padding) for b in bodies]
+        return {name: padding for name, padding in said if padding}
+
 
 @dataclass(frozen=True)
 class Description:
@@ -85,7 +91,7 @@ def describe(there: Surroundings) -> Description:
     Raises:
         InputError: two bodies have one name.
     """
-    root = ElementTree.fromstring(read_text(data_file(f"{ARM}.urdf")))
+    root = ElementTree.fromstring(there.robot.urdf or read_text(data_file(f"{ARM}.urdf")))
     root.set("name", NAME)
     _place_joints(root, there.robot)
     _limit_joints(root, there)
@@ -263,6 +269,12 @@ def _semantics(there: Surroundings, disabled: Mapping[tuple[str, str], str]) -> 
         root.append(
             ElementTree.Comment(
                 f" a465 takes {1e3 * there.padding:g} mm off every distance; this file cannot "
+            )
+        )
+    for name, padding in there.paddings().items():
+        root.append(
+            ElementTree.Comment(
+                f" a465 takes {1e3 * padding:g} mm off every distance of {name!r} ".replace("--", "- -")
             )
         )
     arm = SubElement(root, "group", {"name": "arm"})

@@ -46,6 +46,7 @@ def options_of(task: Task, speed: float) -> PlanOptions:
         clearance=cell.clearance,
         offset=cell.offset,
         approach_speed=cell.approach_speed,
+        fraction_closed=round(cell.fraction_closed(cell.gripper.close_to), 9),
         jerk_time=cell.jerk_time,
         settle_s=cell.settle_s,
         look=task.look_after,

@@ -208,7 +208,7 @@ class _Planner:
 
     def move(self, move: Move, name: str) -> None:
         """As a plan file has it: any move that keeps the cell's clearance is a transit there."""
-        opening = (1.0 - self.fraction_closed) * self.cell.jaw_opening
+        opening = self.cell.gripper.width(self.fraction_closed)
         self.steps.append(replace(move, name=name, role="transit", cube=None, jaw_opening=opening))
         self.at = np.array(move.path.end, dtype=np.int64)
 

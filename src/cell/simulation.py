@@ -166,7 +166,7 @@ class SimulatedCell:
             T_base_tool = self.T_base_tool(counts)
             before, target = (min(max(gripper.fraction_closed(a), 0.0), 1.0) for a in (from_adc, to_adc))
             stop = self._close(T_base_tool, target) if target > before else self._open(T_base_tool, target)
-            self._opening = self.cell.jaw_opening * (1.0 - stop)
+            self._opening = self.cell.gripper.width(stop)
             self.history.append(CellState(self.now_ms(), tuple(self._cubes), self._opening))
             return gripper.adc(stop)
 

@@ -120,7 +120,12 @@ def test_placement_puts_the_plates_centre_and_leans_where_it_is_told() -> None:
             'unit = "crs39"',
             r"unit = 'crs39': must be one of crs93, crs97 \(did you mean",
         ),
-        ("cell.toml", "length_mm = 134.112", "length_mm = 108.712", "134.112 mm beyond the flange"),
+        (
+            "cell.toml",
+            "length_mm = 134.112",
+            "length_mm = 50",
+            "must be at least that of fingers and palm, 55.412 mm",
+        ),
         (
             "cell.toml",
             "length_mm = 134.112",

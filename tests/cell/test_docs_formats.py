@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from arm.armcalibration import ArmCalibration, read_arm_calibration, write_arm_calibration
+from arm.files import data_file
 from arm.links import LinkErrors
 from asked_keys import LEFT_OUT, REQUIRED, Asked, asked_keys
 from cell.cellfile import read_cell
@@ -60,6 +62,7 @@ def whole_cell(scenes: Path) -> tuple[Path, Callable[[], object]]:
     registers = (seen.unit.speed_registers, seen.unit.acceleration_registers)
     speed, acceleration = (list(r) for r in registers)
     given = f"\nspeed_registers = {speed}\nacceleration_registers = {acceleration}"
+    replace_in(cell, "# force_v = 7.5", "force_v = 7.5")
     replace_in(cell, "\n[motion]", f"\n{BASLER}[motion]{given}")
     replace_in(cell, 'camera = "', 'calibration = "calibration.toml"\ncamera = "')
     cell.write_text(cell.read_text() + WALLS)
@@ -68,7 +71,16 @@ def whole_cell(scenes: Path) -> tuple[Path, Callable[[], object]]:
         seen.camera.T_base_camera, np.full(6, 1e-3), links, "crs93", seen.camera.lens_digest
     )
     write_arm_calibration(scenes / "calibration.toml", calibration)
-    return cell, lambda: read_cell(cell)
+    shutil.copy(data_file("urdf/a465/a465.urdf"), scenes / "arm.urdf")
+
+    def read() -> None:
+        """With the gripper by its measures, then by a URDF."""
+        read_cell(cell)
+        text = re.sub(r"(?m)^(finger|palm|body_radius)_mm.*\n", "", cell.read_text())
+        cell.write_text(text.replace("[tool]", '[tool]\nurdf = "arm.urdf"'))
+        read_cell(cell)
+
+    return cell, read
 
 
 def whole_calibration(scenes: Path) -> tuple[Path, Callable[[], object]]:
