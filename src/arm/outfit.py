@@ -12,9 +12,10 @@ import numpy.typing as npt
 from arm.bodies import Body, shape_to_json
 from arm.errors import InputError
 from arm.files import sha256
-from arm.robot import LinkBody, Robot
+from arm.robot import LinkBody, Robot, by_link
 from arm.se3 import frozen
 from arm.unit import Limits
+from arm.urdf import bodies_of
 
 
 def with_tool(robot: Robot, T_end_tool: npt.ArrayLike, bodies: Iterable[Body] = ()) -> Robot:
@@ -62,20 +63,22 @@ def ignoring(robot: Robot, pairs: Iterable[Iterable[str]] = (), neighbours: bool
 
     Args:
         robot: the arm.
-        pairs: of names.
+        pairs: of names of links, which stand for all their bodies, or of single bodies.
         neighbours: add all pairs of bodies that one joint joins; joints that carry no body are passed over. For
             arms without an SRDF, whose links overlap where they meet.
 
     Raises:
         InputError: a name is not of the arm.
     """
-    more = {frozenset(pair) for pair in pairs}
+    named = {frozenset(pair) for pair in pairs}
     names = {b.name for b in robot.bodies}
-    unknown = sorted({name for pair in more for name in pair} - names)
+    links = by_link(robot.bodies)
+    unknown = sorted({name for pair in named for name in pair} - names - set(links))
     if unknown:
         raise InputError(
             f"pairs to ignore name {unknown[0]!r}; the arm has {', '.join(sorted(names))}", names=unknown
         )
+    more = set(bodies_of(named, links))
     if neighbours:
         bearing = sorted({b.joint for b in robot.bodies})
         for inner, outer in pairwise(bearing):

@@ -7,7 +7,7 @@ arm (jaws) are locked at stated positions.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -21,8 +21,7 @@ from arm.bodies import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, conv
 from arm.errors import FileInputError, InputError
 from arm.files import read_text, sha256
 from arm.se3 import Array, frozen, transform
-
-_TURNS = 2.0 * np.pi  # rad each way, of a continuous joint
+from arm.urdf import read_touching, read_urdf
 
 
 @dataclass(frozen=True)
@@ -30,11 +29,12 @@ class LinkBody:
     """A collision body that moves with the arm.
 
     Attributes:
-        name: of its link.
+        name: of its link; further bodies of one link have a number behind it.
         joint: index of the moving joint before it, 1 to n; 0 for the fixed base.
         shape: its shape.
         T_joint_body: pose in that joint's frame.
         padding: as of `arm.bodies.Body`, m.
+        link: that it is of; "" for a body of its own, such as a tool's.
     """
 
     name: str
@@ -42,6 +42,7 @@ class LinkBody:
     shape: Shape
     T_joint_body: Array
     padding: float = 0.0
+    link: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,11 +115,12 @@ class Robot:
 
 
 def load_robot(
-    urdf: Path,
+    urdf: str | Path,
     end_frame: str,
     T_end_tool: npt.ArrayLike,
     locked: Mapping[str, float] | None = None,
-    srdf: Path | None = None,
+    srdf: str | Path | None = None,
+    package_dirs: Iterable[str | Path] = (),
     text: str | None = None,
 ) -> Robot:
     """Read an arm from URDF (and pairs not to check from SRDF, by default the file of the same stem).
@@ -126,7 +128,7 @@ def load_robot(
     A continuous joint is one with a range of a turn each way, which limits may narrow.
 
     A collision mesh is taken as its convex hull, which is never smaller than the mesh: what is proved for the hull
-    holds for the mesh. Mesh files are looked for beside the URDF and up to two folders above it (``package://`` too).
+    holds for the mesh. Where mesh files are looked for, ``package://`` too, is told by `arm.urdf`.
     A cylinder that ``<collision_checking><capsule name=.../>`` names is a capsule, as Pinocchio has it.
 
     Args:
@@ -135,24 +137,23 @@ def load_robot(
         T_end_tool: the tool frame in it, 4x4, m.
         locked: position of each joint that is not to move, m or rad.
         srdf: the file; default: `urdf` with suffix ``.srdf`` if it exists.
+        package_dirs: folders that hold packages (or are packages) which ``package://`` names.
         text: instead of what the file `urdf` says, which is then named in messages only.
 
     Raises:
-        FileInputError: not a URDF that Pinocchio reads whole, or with a body of another shape than box,
-            cylinder, sphere, capsule, mesh (Pinocchio drops others in silence, so the number of bodies is compared);
-            or with a mesh that is not there, flat, or of a size that no arm has.
+        FileInputError: an SRDF that is given and not there; not a URDF that Pinocchio reads whole (xacro is none yet),
+            or with a body of another shape than box, cylinder, sphere, capsule, mesh (Pinocchio drops others in
+            silence, so the number of bodies is compared); or with a mesh that is not there, flat, or of a size that no
+            arm has.
         InputError: an unknown frame or joint.
     """
-    text = read_text(urdf) if text is None else text
+    urdf = Path(urdf)
+    text, ready = read_urdf(urdf, package_dirs, text)
     locked = dict(locked or {})
     try:
-        bounded = _bounded(text)
-        full = pin.buildModelFromXML(bounded)
-        folders = [str(folder) for folder in urdf.resolve().parents[:3]]
-        geometry = pin.buildGeomFromUrdfString(
-            full, bounded, pin.GeometryType.COLLISION, package_dirs=folders
-        )
-    except (ValueError, RuntimeError, ElementTree.ParseError) as error:
+        full = pin.buildModelFromXML(ready)
+        geometry = pin.buildGeomFromUrdfString(full, ready, pin.GeometryType.COLLISION)
+    except (ValueError, RuntimeError) as error:
         raise FileInputError(urdf, "", None, f"is not a URDF: {error}") from error
     wanted = len(ElementTree.fromstring(text).findall("./link/collision"))
     if wanted != geometry.ngeoms:
@@ -172,7 +173,16 @@ def load_robot(
     reference = pin.neutral(full)
     for name, value in locked.items():
         reference[full.joints[full.getJointId(name)].idx_q] = value
-    model, geometry = pin.buildReducedModel(full, geometry, [full.getJointId(n) for n in locked], reference)
+    links = [str(full.frames[g.parentFrame].name) for g in geometry.geometryObjects]
+    try:
+        full.getFrameId(end_frame)
+        model, geometry = pin.buildReducedModel(
+            full, geometry, [full.getJointId(n) for n in locked], reference
+        )
+    except ValueError as error:
+        raise FileInputError(
+            urdf, "", None, f"a joint and a link of one name cannot be told apart: {error}"
+        ) from error
     if model.nq != model.njoints - 1:
         raise FileInputError(urdf, "joint", None, "every moving joint must have one degree of freedom")
     branching = [model.names[k] for k in range(1, model.njoints) if model.parents[k] != k - 1]
@@ -184,10 +194,14 @@ def load_robot(
             "branches off; lock all moving joints that are not on the way to the tool",
         )
 
-    srdf = srdf or urdf.with_suffix(".srdf")
-    srdf_text = read_text(srdf) if srdf.is_file() else ""
+    given = srdf is not None
+    srdf = Path(srdf or urdf.with_suffix(".srdf"))
+    srdf_text = read_text(srdf) if given or srdf.is_file() else ""
     tool = frozen(T_end_tool)
-    bodies = tuple(_link_body(urdf, g) for g in geometry.geometryObjects)
+    bodies = tuple(
+        _link_body(urdf, g, link, name)
+        for g, link, name in zip(geometry.geometryObjects, links, _names(links), strict=True)
+    )
     identity = {"urdf": text, "srdf": srdf_text, "tool": tool.tolist(), "locked": locked}
     hulls = {b.name: shape_to_json(b.shape) for b in bodies if isinstance(b.shape, Convex)}
     if hulls:  # they come from other files than the URDF
@@ -197,29 +211,31 @@ def load_robot(
         end_frame=end_frame,
         T_end_tool=tool,
         bodies=bodies,
-        touching=_touching(srdf, srdf_text),
+        touching=read_touching(srdf, srdf_text, by_link(bodies)),
         digest=sha256(identity),
         urdf=text,
     )
 
 
-def _bounded(text: str) -> str:
-    """The URDF with continuous joints as turning ones, for which Pinocchio has one number and not a cosine and sine."""
-    root = ElementTree.fromstring(text)
-    endless = [joint for joint in root.findall("joint") if joint.get("type") == "continuous"]
-    for joint in endless:
-        joint.set("type", "revolute")
-        limit = joint.find("limit")
-        if limit is None:
-            limit = ElementTree.SubElement(joint, "limit", {"effort": "0", "velocity": "0"})
-        limit.set("lower", str(-_TURNS))
-        limit.set("upper", str(_TURNS))
-    return ElementTree.tostring(root, encoding="unicode") if endless else text
+def by_link(bodies: Iterable[LinkBody]) -> dict[str, list[str]]:
+    """Names of the bodies of each link."""
+    found: dict[str, list[str]] = {}
+    for body in bodies:
+        found.setdefault(body.link or body.name, []).append(body.name)
+    return found
 
 
-def _link_body(urdf: Path, geometry: Any) -> LinkBody:
-    name = str(geometry.name)
-    name = name[:-2] if name.endswith("_0") else name
+def _names(links: Sequence[str]) -> list[str]:
+    """Of bodies by their links: the link's, with a number from the second on that makes no name of another link."""
+    names: list[str] = []
+    for i, link in enumerate(links):
+        before = links[:i].count(link)
+        name = f"{link}_{before}" if before else link
+        names.append(f"{link} body {before}" if before and name in links else name)
+    return names
+
+
+def _link_body(urdf: Path, geometry: Any, link: str, name: str) -> LinkBody:
     shape = geometry.geometry
     match type(shape).__name__:
         case "Box":
@@ -240,19 +256,8 @@ def _link_body(urdf: Path, geometry: Any) -> LinkBody:
                 ) from error
         case other:
             raise FileInputError(urdf, f"link {name}", other, "must be a box, cylinder, sphere or mesh")
-    return LinkBody(name, int(geometry.parentJoint), ours, frozen(geometry.placement.homogeneous))
-
-
-def _touching(srdf: Path, text: str) -> frozenset[frozenset[str]]:
-    if not text:
-        return frozenset()
-    try:
-        root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise FileInputError(srdf, "", None, f"is not XML: {error}") from error
-    return frozenset(
-        frozenset((e.attrib["link1"], e.attrib["link2"])) for e in root.findall("disable_collisions")
-    )
+    pose = frozen(geometry.placement.homogeneous)
+    return LinkBody(name, int(geometry.parentJoint), ours, pose, link=link)
 
 
 def load_a465(

@@ -17,6 +17,7 @@ from plan.handling import Worlds
 from plan.ik import explain_pose, has_closed_form
 from plan.ik_numeric import SearchOptions, solve_ik
 from plan.options import PlanOptions
+from plan.own_overlaps import told_own_overlaps
 from plan.targets import Target
 from plan.travel import straight_time
 
@@ -139,10 +140,15 @@ class Candidates:
         pairs = Counter(miss.pair for miss in misses)
         best = max(misses, key=lambda miss: round(miss.value, 9))
         listed = ", ".join(f"{a} / {b} ({count} x)" for (a, b), count in sorted(pairs.items()))
+        at = solutions[misses.index(best)].q
+        own = told_own_overlaps(world, at, clearance)
+        help = own or (
+            f"; all: {listed}; turn the pose, let more of it free, or come to it by an approach that may touch "
+            "(touching)"
+        )
         raise ImpossibleError(
-            f"target {target.name!r}: all {len(solutions)} solutions are too near to something: {listed}; at best "
-            f"{best.pair[0]} is {best.value * 1e3:.1f} mm from {best.pair[1]} (asked: {clearance * 1e3:g} mm); "
-            "turn the pose, let more of it free, or come to it by an approach that may touch (touching)",
+            f"target {target.name!r}: all {len(solutions)} solutions are too near to something; at best "
+            f"{best.pair[0]} is {best.value * 1e3:.1f} mm from {best.pair[1]} (asked: {clearance * 1e3:g} mm){help}",
             target=target.name,
             solutions=len(solutions),
             pair=list(best.pair),

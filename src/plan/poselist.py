@@ -26,6 +26,7 @@ from plan.grid import fine_grid
 from plan.handling import Worlds
 from plan.ik_numeric import SearchOptions
 from plan.options import PlanOptions
+from plan.own_overlaps import told_own_overlaps
 from plan.posecandidates import Candidates
 from plan.posemotion import PoseMover
 from plan.poseplan import Pause, PosePlan, Reached
@@ -189,10 +190,10 @@ class _Problem:
         world = self.worlds.world(self.worlds.start)
         seen = world.distance(start.q_out[0])
         if seen.value < self.options.clearance:
+            own = told_own_overlaps(world, start.q_out[0], self.options.clearance)
             raise ImpossibleError(
                 f"q_start: {seen.pair[0]} is {seen.value * 1e3:.1f} mm from {seen.pair[1]} (asked: "
-                f"{self.options.clearance * 1e3:g} mm); start elsewhere, ask for less clearance, or let neighbours "
-                "touch (`arm.outfit.ignoring`)",
+                f"{self.options.clearance * 1e3:g} mm){own or '; start elsewhere, or ask for less clearance'}",
                 pair=list(seen.pair),
                 distance_m=seen.value,
                 clearance_m=self.options.clearance,

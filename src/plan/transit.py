@@ -27,6 +27,7 @@ from plan.budget import TransitBudget
 from plan.check import MoveCheck, check_curve
 from plan.curve import curve_of_waypoints
 from plan.ik import all_branches, nearest_turns
+from plan.own_overlaps import told_own_overlaps
 from plan.rrt import RrtConnect
 from plan.shorten import Ends, Shortener
 from plan.standing import standing
@@ -105,7 +106,8 @@ def _end_blocked(world: World, end: str, q: Array, clearance: float) -> Impossib
     where = "start" if end == "from" else "end"
     return ImpossibleError(
         f"the {where} of the move is itself too near: {closest.pair[0]} and {closest.pair[1]} are "
-        f"{closest.value * 1e3:.1f} mm apart (asked: {clearance * 1e3:g} mm)",
+        f"{closest.value * 1e3:.1f} mm apart (asked: {clearance * 1e3:g} mm)"
+        + told_own_overlaps(world, q, clearance),
         pair=list(closest.pair),
         distance_m=closest.value,
         clearance_m=clearance,

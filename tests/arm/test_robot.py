@@ -12,6 +12,7 @@ from arm.files import data_file
 from arm.robot import load_a465, load_robot
 from arm.se3 import inverse, rotation_vector, transform
 from arm.unit import UNITS, load_unit
+from made_up_arms import BOX_OBJ, MESH_ARM
 
 TOOL_LENGTH = 0.134112
 D = (0.3052, 0.0, 0.0, 0.3302, 0.0, 0.0762)
@@ -94,17 +95,6 @@ def test_a_capsule_that_pinocchio_drops_is_told(tmp_path: Path, capfd: pytest.Ca
     broken.write_text(text.replace('<sphere radius="0.048"/>', '<capsule radius="0.048" length="0.1"/>'))
     with pytest.raises(FileInputError, match="use cylinders, spheres, boxes and meshes"):
         load_a465(TOOL_LENGTH, 0.06, broken)
-
-
-BOX_OBJ = "\n".join(f"v {x} {y} {z}" for x in (0, 0.1) for y in (0, 0.2) for z in (0, 0.3))
-BOX_OBJ += "\nf 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\n"
-MESH_ARM = """<robot name="two">
-<link name="foot"><collision><origin xyz="0 0 1"/>
-<geometry><mesh filename="{mesh}" scale="2 1 1"/></geometry></collision></link>
-<link name="rod"><collision name="skin"><geometry><cylinder radius="0.1" length="0.5"/></geometry></collision>
-<collision_checking><capsule name="skin"/></collision_checking></link>
-<joint name="J1" type="revolute"><parent link="foot"/><child link="rod"/><axis xyz="0 0 1"/>
-<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
 
 
 @pytest.mark.parametrize("mesh", ["meshes/box.obj", "package://two/meshes/box.obj"])

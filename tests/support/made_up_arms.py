@@ -45,6 +45,44 @@ RAIL = [  # a carriage, then five turns: the tool can do all but turn about its 
 THICK = 0.06
 
 
+BOX_OBJ = "\n".join(f"v {x} {y} {z}" for x in (0, 0.1) for y in (0, 0.2) for z in (0, 0.3))
+BOX_OBJ += "\nf 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\n"
+MESH_ARM = """<robot name="two">
+<link name="foot"><collision><origin xyz="0 0 1"/>
+<geometry><mesh filename="{mesh}" scale="2 1 1"/></geometry></collision></link>
+<link name="rod"><collision name="skin"><geometry><cylinder radius="0.1" length="0.5"/></geometry></collision>
+<collision_checking><capsule name="skin"/></collision_checking></link>
+<joint name="J1" type="revolute"><parent link="foot"/><child link="rod"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+
+
+def several_bodies(text: str, count: int) -> str:
+    """The URDF with the box of every link in `count` slices of its longest edge; none are named."""
+    root = ElementTree.fromstring(text)
+    for link in root.findall("link"):
+        for collision in link.findall("collision"):
+            link.remove(collision)
+            origin, box = collision.find("origin"), collision.find("geometry/box")
+            if origin is None or box is None:
+                raise ValueError(f"link {link.get('name')} is no box with an origin")
+            middle, size = (
+                np.array([float(v) for v in x.split()]) for x in (origin.attrib["xyz"], box.attrib["size"])
+            )
+            axis = int(np.argmax(size))
+            step = np.zeros(3)
+            step[axis] = size[axis] / count
+            for k in range(count):
+                at = middle + (k - (count - 1) / 2.0) * step
+                part = np.where(np.arange(3) == axis, size / count, size)
+                link.append(
+                    ElementTree.fromstring(
+                        f'<collision><origin xyz="{" ".join(f"{v:.9g}" for v in at)}"/><geometry>'
+                        f'<box size="{" ".join(f"{v:.9g}" for v in part)}"/></geometry></collision>'
+                    )
+                )
+    return ElementTree.tostring(root, encoding="unicode")
+
+
 def urdf(joints: Sequence[tuple[str, str, str, str, float, float]], tip: str = "0 0 0.06") -> str:
     """Text of the URDF: links l0, l1, .. as boxes from each joint to the next, joints q1, q2, .."""
     offsets = [*(xyz for xyz, *_ in joints), tip]
