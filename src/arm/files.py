@@ -51,6 +51,9 @@ MOST_BYTES = {
 """What a file of each kind may have at most; a larger one is refused before it is read."""
 
 
+LARGEST = 1e100  # of a number in a file
+
+
 def open_file(path: Path, kind: str) -> BinaryIO:
     """A regular file of at most `MOST_BYTES` of its kind, open for reading.
 
@@ -145,7 +148,7 @@ def read_json(path: Path) -> Any:
 
 
 def require_finite(path: Path, value: Any) -> None:
-    """See that a file's numbers are finite, which JSON knows no others of, and its integers of at most 64 bits.
+    """See that a file's numbers are finite and can be squared, and its integers of at most 64 bits.
 
     Raises:
         FileInputError: with the key.
@@ -159,6 +162,8 @@ def require_finite(path: Path, value: Any) -> None:
             left += [(f"{key}[{i}]", inner) for i, inner in enumerate(now)]
         elif isinstance(now, float) and not math.isfinite(now):
             raise FileInputError(path, key, now, "must be a finite number")
+        elif isinstance(now, float) and abs(now) > LARGEST:
+            raise FileInputError(path, key, now, f"must be a number from {-LARGEST:g} to {LARGEST:g}")
         elif isinstance(now, int) and not -(2**63) <= now < 2**63:
             raise FileInputError(path, key, now, "must be a whole number of 64 bits")
 

@@ -99,6 +99,7 @@ def test_a_link_stays_a_link_and_a_mode_stays_what_it_was(tmp_path: Path) -> Non
     [
         ('{"a": {"b": [1, NaN]}}', r"a\.b\[1\] = nan: must be a finite number"),
         ('[{"a": -Infinity}]', r"\[0\]\.a = -inf: must be a finite number"),
+        ('{"a": [1, -1e200]}', r"a\[1\] = -1e\+200: must be a number from -1e\+100 to 1e\+100"),
         ('{"a": [1, ' + "9" * 400 + "]}", r"a\[1\] = 9.*must be a whole number of 64 bits"),
         ('{"a": ' + "9" * 5000 + "}", "holds a number of more than"),
     ],
@@ -110,7 +111,7 @@ def test_json_that_cannot_be_written_again_is_refused(tmp_path: Path, text: str,
 
 
 def test_what_is_finite_is_let_through(tmp_path: Path) -> None:
-    require_finite(tmp_path, {"a": [1, 2.5, None, "NaN", True, {"b": 1e308}]})
+    require_finite(tmp_path, {"a": [1, 2.5, None, "NaN", True, {"b": 1e100}]})
 
 
 def _pipe(path: Path) -> None:

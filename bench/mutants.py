@@ -1,0 +1,247 @@
+"""Do the tests see what they are for: mutants of the safety modules, and how many of them turn a test red.
+
+python bench/mutants.py --jobs 2                  # all that were not tried yet
+python bench/mutants.py --room plan --only pieces # names that hold the word
+python bench/mutants.py --check                   # only whether every mutant still stands where it stood
+python bench/mutants.py --draw 220                # draw the list bench/mutants_bench/drawn.json anew
+
+Each mutant is one change of one file, made in a copy of the project; the tests of that module run up to the first red
+one. Results go to bench/results/mutants.jsonl, a line each: a run that was ended goes on where it was. A result counts
+as long as the change and the text of its tests are the same.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+import threading
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from mutants_bench.by_hand import BY_HAND
+from mutants_bench.mutant import FOUND, Mutant, read_list, write_list
+from mutants_bench.operators import drawn
+from mutants_bench.tests_of import tests_of
+from mutants_bench.trial import GREEN, LATE, RED, ROOT, SKIPPED, Trial
+
+from arm.files import sha256
+
+SAFETY = {
+    "driver": ("rest", "link", "stream", "mars", "hold", "homing", "gripper", "startup", "refusals", "ready"),
+    "plan": ("check", "pieces", "volumes", "replay", "barrier", "world", "segments"),
+    "cell": ("checking", "approval", "inputs", "resume"),
+    "arm": ("unit", "planfile"),
+}
+DRAWN = Path(__file__).parent / "mutants_bench" / "drawn.json"
+RESULTS = Path(__file__).parent / "results" / "mutants.jsonl"
+BASE_LIMIT_S = 600.0  # of a module's tests without a mutant
+GOAL = 0.92
+
+
+def draw(count: int, seed: int) -> list[Mutant]:
+    """Mutants of all safety modules, as many from each as its number of lines asks for."""
+    modules = [f"{room}/{name}.py" for room, names in SAFETY.items() for name in names]
+    sources = {file: (ROOT / "src" / file).read_text() for file in modules}
+    whole = sum(text.count("\n") ** 0.5 for text in sources.values())
+    found: list[Mutant] = []
+    for file, text in sources.items():
+        share = round(count * text.count("\n") ** 0.5 / whole)
+        found += drawn(file, text, max(share, 3), seed)
+    return found
+
+
+def _known() -> dict[str, dict[str, Any]]:
+    """Results by their key; of several the last one counts."""
+    if not RESULTS.is_file():
+        return {}
+    rows = (json.loads(line) for line in RESULTS.read_text().splitlines() if line.endswith("}"))
+    return {row["key"]: row for row in rows}
+
+
+def _key(mutant: Mutant, tests: Sequence[str]) -> str:
+    """Of a result: the change and the tests that it was tried with."""
+    texts = [(ROOT / "tests" / name).read_text() for name in tests]
+    return sha256([mutant.digest, *texts])[:20]
+
+
+class Runner:
+    """Tries mutants, each thread in a copy of its own, and notes what comes of them."""
+
+    def __init__(self, jobs: int, factor: float) -> None:
+        self.jobs, self.factor = jobs, factor
+        self._trials: list[Trial] = []
+        self._own = threading.local()
+        self._lock = threading.Lock()
+        self._base: dict[tuple[str, ...], tuple[threading.Lock, list[float]]] = {}
+
+    def _trial(self) -> Trial:
+        if not hasattr(self._own, "trial"):
+            self._own.trial = Trial()
+            with self._lock:
+                self._trials.append(self._own.trial)
+        return self._own.trial
+
+    def limit_s(self, tests: tuple[str, ...]) -> float:
+        """The time limit of a mutant, from what its tests take without one; 0 if they are red without one."""
+        with self._lock:
+            lock, seconds = self._base.setdefault(tests, (threading.Lock(), []))
+        with lock:
+            if not seconds:
+                plain = self._trial().run(tests, BASE_LIMIT_S)
+                good = plain.result == GREEN
+                seconds.append(plain.seconds if good else 0.0)
+                told = (
+                    f"{plain.seconds:.0f} s" if good else f"{plain.result} WITHOUT A MUTANT: {plain.seen_by}"
+                )
+                print(f"  {' '.join(tests)}: {told}", flush=True)
+        return self.factor * seconds[0] + 60.0 if seconds[0] else 0.0
+
+    def run(self, mutants: Sequence[Mutant]) -> None:
+        """Try all; results are appended as they come."""
+        with ThreadPoolExecutor(self.jobs) as threads:
+            for number, _ in enumerate(threads.map(self._try, mutants), start=1):
+                if number % 10 == 0:
+                    print(f"{number} of {len(mutants)}", flush=True)
+        for trial in self._trials:
+            trial.close()
+
+    def _try(self, mutant: Mutant) -> None:
+        tests = mutant.tests
+        limit_s = self.limit_s(tests) if tests else 60.0
+        if not limit_s:
+            return  # nothing can be learnt from tests that are red
+        outcome = self._trial().try_one(mutant, tests, limit_s)
+        row = {
+            "key": _key(mutant, tests),
+            "name": mutant.name,
+            "file": mutant.file,
+            "result": outcome.result,
+            "seen_by": outcome.seen_by,
+            "seconds": round(outcome.seconds, 1),
+        }
+        with self._lock:
+            RESULTS.parent.mkdir(exist_ok=True)
+            handle = os.open(RESULTS, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
+            os.write(handle, json.dumps(row).encode() + b"\n")
+            os.close(handle)
+            print(f"{outcome.result:16} {mutant.name}: {mutant.what}", flush=True)
+
+
+def _score(mutants: Sequence[Mutant], known: dict[str, dict[str, Any]]) -> Iterator[str]:
+    """The table of rooms, and what survived."""
+    counts: dict[str, dict[str, int]] = defaultdict(lambda: defaultdict(int))
+    survivors = []
+    for mutant in mutants:
+        row = known.get(_key(mutant, mutant.tests))
+        result = "not tried" if row is None else row["result"]
+        kind = "equivalent" if mutant.equivalent else RED if result in (RED, LATE) else result
+        kind = SKIPPED if kind.startswith(SKIPPED) else kind
+        for place in (mutant.room, "all"):
+            counts[place][kind] += 1
+        if kind == GREEN:
+            survivors.append(mutant)
+    yield "| room | red | green | equivalent | not tried, or gone | red of the non-equivalent |"
+    yield "|---|---|---|---|---|---|"
+    for place in (*sorted(set(counts) - {"all"}), "all"):
+        c = counts[place]
+        tried = c[RED] + c[GREEN]
+        share = f"{100.0 * c[RED] / tried:.1f} %" if tried else "-"
+        rest = c["not tried"] + c[SKIPPED]
+        yield f"| {place} | {c[RED]} | {c[GREEN]} | {c['equivalent']} | {rest} | {share} |"
+    yield ""
+    yield f"asked: {100 * GOAL:.0f} %"
+    yield ""
+    for mutant in survivors:
+        yield f"- green: `{mutant.name}` ({mutant.what}): `{_line(mutant)}`"
+
+
+def _line(mutant: Mutant) -> str:
+    """The line that differs."""
+    old, new = mutant.old.splitlines(), mutant.new.splitlines()
+    differing = next((b for a, b in zip(old, new, strict=False) if a != b), "(left out)")
+    return " ".join(differing.split())[:120]
+
+
+def _conditions() -> str:
+    git = subprocess.run(
+        ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    return (
+        f"Python {platform.python_version()}, {platform.machine()}, {os.cpu_count()} cores; "
+        f"commit {git.stdout.strip()}; {len(BY_HAND)} mutants by hand, {len(read_list(DRAWN))} drawn"
+    )
+
+
+def main() -> None:
+    """Try mutants that were not tried, and print the scores."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--room", help="driver, plan ..")
+    parser.add_argument("--only", help="mutants whose name or file holds this")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument(
+        "--factor", type=float, default=5.0, help="time limit: so often the tests' own time, + 60 s"
+    )
+    parser.add_argument("--green", action="store_true", help="only those that were green: again")
+    parser.add_argument("--hand", action="store_true", help="only those by hand")
+    parser.add_argument("--check", action="store_true", help="try nothing; say which mutants are gone")
+    parser.add_argument(
+        "--score", action="store_true", help="try nothing; print the scores of what was tried"
+    )
+    parser.add_argument(
+        "--draw", type=int, help="draw the list anew, about so many; marks of equivalents stay"
+    )
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--report", type=Path, help="write the scores there")
+    options = parser.parse_args()
+    if options.draw:
+        marks = {m.digest: m.equivalent for m in (read_list(DRAWN) if DRAWN.is_file() else [])}
+        found = draw(options.draw, options.seed)
+        write_list(DRAWN, [Mutant(**{**vars(m), "equivalent": marks.get(m.digest, "")}) for m in found])
+        print(f"{len(found)} drawn")
+        return
+    every = [*BY_HAND, *([] if options.hand else read_list(DRAWN))]
+    tests = ROOT / "tests"
+    mutants = []
+    for m in every:
+        own = tuple(name for name in m.tests if (tests / name).is_file()) or tests_of(m.file, tests)
+        if (options.room in (None, m.room)) and (options.only or "") in f"{m.name} {m.file}":
+            mutants.append(Mutant(**{**vars(m), "tests": own}))
+    if options.check:
+        gone = [(m, m.place(ROOT / "src")[1]) for m in mutants]
+        for m, found in gone:
+            if found != FOUND:
+                print(f"{m.name}: {found} in {m.file}: {m.old.strip()[:100]!r}")
+        print(f"{sum(found == FOUND for _, found in gone)} of {len(mutants)} stand where they stood")
+        sys.exit(any(found != FOUND for _, found in gone))
+    print(_conditions(), flush=True)
+    if not options.score:
+        known = _known()
+
+        def is_due(m: Mutant) -> bool:
+            row = known.get(_key(m, m.tests))
+            if m.equivalent:
+                return False
+            return (
+                row is None or row["result"].startswith(SKIPPED) or (options.green and row["result"] == GREEN)
+            )
+
+        due = [m for m in mutants if is_due(m)]
+        print(f"{len(due)} of {len(mutants)} to try", flush=True)
+        Runner(options.jobs, options.factor).run(due)
+    lines = [_conditions(), "", *_score(mutants, _known())]
+    print("\n".join(lines[1:]))
+    if options.report is not None:
+        options.report.write_text("# Mutants\n\n" + "\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main()
