@@ -1,4 +1,6 @@
-"""Draws preview.png: the page of a plan of scenes/task2.toml, made here, in Debian's chromium.
+"""Draws preview.png, the page of a plan of scenes/task2.toml, and arm-bodies.png, what of it is checked for contact.
+
+Both are made here, in Debian's chromium.
 
 python docs/pictures/preview.py
 """
@@ -12,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Page, sync_playwright
 
 from arm.files import data_file
 from cell.console import Console
@@ -21,6 +23,7 @@ from cell.steps import look_step, plan_step, preview_step
 HERE = Path(__file__).resolve().parent
 SIZE = {"width": 1280, "height": 760}
 SHOWN_S = 18.2  # of the plan
+CHECKED_S = 6.2  # where the arm is stretched out
 STEP = 6  # of a colour's 256: what the eye does not miss, and a picture of half the bytes
 FLAGS = ["--no-sandbox", "--disable-gpu"]
 
@@ -37,17 +40,31 @@ def main() -> None:
         page = browser.new_page(viewport=SIZE)
         page.goto(page_file.as_uri())
         page.wait_for_timeout(3000)
-        page.evaluate(
-            "s => { const slider = document.getElementById('slider'); slider.value = s;"
-            " slider.dispatchEvent(new Event('input')) }",
-            SHOWN_S,
-        )
-        page.wait_for_timeout(2000)
-        photograph = io.BytesIO(page.screenshot())
+        _show(page, SHOWN_S)
+        _save(page.screenshot(), HERE / "preview.png")
+        page.get_by_role("button", name="checked", exact=True).click()
+        page.get_by_role("button", name="trace").click()
+        page.get_by_role("button", name="side").click()
+        _show(page, CHECKED_S)
+        _save(page.locator("#stage").screenshot(), HERE / "arm-bodies.png")
         browser.close()
-    colours = np.asarray(Image.open(photograph).convert("RGB"), dtype=int)
+
+
+def _show(page: Page, seconds: float) -> None:
+    """The page at a time of the plan."""
+    page.wait_for_timeout(1000)
+    page.evaluate(
+        "s => { const slider = document.getElementById('slider'); slider.value = s;"
+        " slider.dispatchEvent(new Event('input')) }",
+        seconds,
+    )
+    page.wait_for_timeout(2000)
+
+
+def _save(photograph: bytes, file: Path) -> None:
+    colours = np.asarray(Image.open(io.BytesIO(photograph)).convert("RGB"), dtype=int)
     fewer = np.minimum((colours + STEP // 2) // STEP * STEP, 255).astype(np.uint8)
-    Image.fromarray(fewer).save(HERE / "preview.png", optimize=True)
+    Image.fromarray(fewer).save(file, optimize=True)
 
 
 if __name__ == "__main__":

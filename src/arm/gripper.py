@@ -22,6 +22,7 @@ from arm.robot import Robot, load_a465
 SHIPPED_URDF = "urdf/a465/a465.urdf"
 LEAST_BODY = 1e-3  # a round body shorter than this is none, m
 SAME = 1e-9  # measures that differ by less are the same, m
+HAND = ("gripper", "palm", "finger_l", "finger_r")  # its links; what is no link of it is the arm's
 Size = tuple[float, float, float]
 
 

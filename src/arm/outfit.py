@@ -12,6 +12,7 @@ import numpy.typing as npt
 from arm.bodies import Body, shape_to_json
 from arm.errors import InputError
 from arm.files import sha256
+from arm.given import number
 from arm.robot import LinkBody, Robot, by_link
 from arm.se3 import frozen
 from arm.unit import Limits
@@ -56,6 +57,21 @@ def with_tool(robot: Robot, T_end_tool: npt.ArrayLike, bodies: Iterable[Body] = 
         touching=robot.touching | touching,
         digest=sha256({"robot": robot.digest, "tool": frame.tolist(), "bodies": parts}),
     )
+
+
+def padded(robot: Robot, padding: float, but: Iterable[str] = ()) -> Robot:
+    """The arm with bodies that are not known exactly: `padding` m is taken off every distance of all but those named.
+
+    Raises:
+        InputError: the padding is not from 0 to 0.5 m.
+    """
+    padding = number("padding", padding, 0.0, 0.5, "m")
+    if padding == 0.0:
+        return robot
+    left = set(but)
+    bodies = tuple(b if b.name in left else replace(b, padding=b.padding + padding) for b in robot.bodies)
+    said = {b.name: b.padding for b in bodies if b.padding}
+    return replace(robot, bodies=bodies, digest=sha256({"robot": robot.digest, "paddings": said}))
 
 
 def ignoring(robot: Robot, pairs: Iterable[Iterable[str]] = (), neighbours: bool = False) -> Robot:

@@ -24,6 +24,7 @@ from arm.planfile import Plan, read_plan
 from arm.robot import Robot
 from arm.se3 import Array
 from arm.unit import Unit
+from cell.armshape import arm_shape
 from cell.console import Console
 from cell.taskrun import TaskRun
 from driver.refusals import POSITION_TOLERANCE
@@ -189,6 +190,7 @@ class Approval:
             f"tool: {1e3 * factor * of.tool:.0f} mm/s at most; clearance: {1e3 * of.clearance:.1f} mm at least"
             + (f" ({near})" if near else "")
         )
+        say(arm_shape(cell))
         say(f"the arm: {_place(run)}")
         say(ABOUT_GOING_ON if self.resumes else ABOUT_HOMING)
 

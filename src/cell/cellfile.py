@@ -15,8 +15,9 @@ from arm.bodies import Body, Box
 from arm.dh import A465
 from arm.errors import InputError
 from arm.files import canonical_json, sha256
-from arm.gripper import Gripper
+from arm.gripper import HAND, Gripper
 from arm.links import with_link_errors
+from arm.outfit import padded
 from arm.robot import Robot
 from arm.se3 import Array, frozen, transform
 from arm.toml_table import TomlTable
@@ -31,6 +32,7 @@ from vision.board_doubts import BoardLimits
 from vision.camera import Camera, read_camera
 
 FRACTIONS = (0.01, 1.0)
+ARM_PADDING_MM = 10.0  # of links whose sizes nobody has compared with the arm
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,8 @@ class Cell:
         calibration: of camera and arm, which makes the difference; None without one.
         camera_file: where the camera's calibration was read.
         gripper: its measures.
+        arm_padding: taken off every distance of the arm's links, whose shape is assumed; not of the gripper's, m.
+        arm_compared: who compared the arm's bodies with the real arm, and when; empty if nobody did.
         grip_height, settle_s, cube_size: of gripping and of the cubes, m and s.
         boards: that may stand in the cell.
         dictionary: of the boards' markers.
@@ -75,6 +79,8 @@ class Cell:
     calibration: ArmCalibration | None
     camera_file: Path
     gripper: Gripper
+    arm_padding: float
+    arm_compared: str
     grip_height: float
     settle_s: float
     cube_size: float
@@ -105,13 +111,13 @@ class Cell:
 
     def robot(self, jaw_opening: float | None = None) -> Robot:
         """The arm with its gripper, jaws open unless said otherwise."""
-        nominal = self.nominal_robot(jaw_opening)
-        return (
-            nominal if self.calibration is None else with_link_errors(nominal, A465, self.calibration.links)
-        )
+        robot = self.nominal_robot(jaw_opening)
+        if self.calibration is not None:
+            robot = with_link_errors(robot, A465, self.calibration.links)
+        return padded(robot, self.arm_padding, but=HAND)
 
     def nominal_robot(self, jaw_opening: float | None = None) -> Robot:
-        """The arm as its maker says."""
+        """The arm as its maker says, its links not padded."""
         return self.gripper.robot(self.jaw_opening if jaw_opening is None else jaw_opening)
 
     @property
@@ -213,6 +219,8 @@ def read_cell(path: Path, uncalibrated: Callable[[InputError], None] | None = No
         calibration=calibration,
         camera_file=camera_file,
         gripper=read_gripper(tool, cube_size),
+        arm_padding=_arm_padding(root),
+        arm_compared=root.text("arm_compared", default=""),
         grip_height=tool.number("grip_height_mm", "mm", 0, 32) / 1e3,
         settle_s=tool.number("settle_s", "s", 0, 30),
         cube_size=cube_size,
@@ -258,6 +266,18 @@ def read_cell(path: Path, uncalibrated: Callable[[InputError], None] | None = No
         table.finish()
     inputs = inputs_of(root.value_dict(), LEFT_OUT, cell.boards)
     return replace(cell, inputs=inputs, digest=sha256(canonical_json(inputs)))
+
+
+def _arm_padding(root: TomlTable) -> float:
+    """``arm_padding_mm`` in m; less than the default is for arms that somebody has compared with their bodies."""
+    padding = root.number("arm_padding_mm", "mm", 0, 100, default=ARM_PADDING_MM)
+    if padding < ARM_PADDING_MM and not root.text("arm_compared", default="").strip():
+        raise root.error(
+            "arm_padding_mm",
+            f"must be at least {ARM_PADDING_MM:g} mm while nobody has compared the arm's assumed bodies with the arm",
+            'compare them (docs/real-cell.md), and add arm_compared = "who and when"',
+        )
+    return padding / 1e3
 
 
 def _calibration(root: TomlTable, unit: Unit, camera: Camera) -> ArmCalibration | None:

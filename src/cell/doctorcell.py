@@ -11,6 +11,7 @@ from arm.dh import A465
 from arm.errors import InputError
 from arm.files import data_file
 from arm.toml_table import TomlTable
+from cell.armshape import COMPARE, arm_shape
 from cell.cellfile import Cell, read_cell
 from cell.finding import NOTE, OK, WRONG, Finding
 from cell.taskfile import read_task
@@ -53,7 +54,7 @@ def read_named(file: Path | None) -> ReadCell:
 
 def cell_findings(read: ReadCell) -> Sequence[Finding]:
     """The cell, its lens, and what a calibration says of its arm and camera."""
-    return (_cell_finding(read), _lens_finding(read.cell), _arm_finding(read))
+    return (_cell_finding(read), _shape_finding(read.cell), _lens_finding(read.cell), _arm_finding(read))
 
 
 def _cell_finding(read: ReadCell) -> Finding:
@@ -64,6 +65,14 @@ def _cell_finding(read: ReadCell) -> Finding:
     )
     data = {"file": str(cell.file), "unit": cell.unit.name, "digest": cell.digest}
     return Finding("cell", OK, found, "", data)
+
+
+def _shape_finding(cell: Cell) -> Finding:
+    data = {"padding_mm": 1e3 * cell.arm_padding, "compared": cell.arm_compared}
+    compared = bool(cell.arm_compared.strip())
+    return Finding(
+        "arm's shape", OK if compared else NOTE, arm_shape(cell), "" if compared else COMPARE, data
+    )
 
 
 def _lens_finding(cell: Cell) -> Finding:

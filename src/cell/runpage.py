@@ -14,6 +14,7 @@ import cv2
 
 from arm.errors import InputError
 from arm.planfile import Plan
+from cell.armshape import arm_shape
 from cell.htmlparts import bullets, page, section, table
 from cell.taskfile import Task
 
@@ -188,6 +189,7 @@ def _provenance(task: Task, plans: Sequence[KeptPlan]) -> str:
         ("cell file", cell.file.name),
         ("camera file", cell.camera_file.name),
         ("hand-eye calibration", calibration),
+        ("arm's shape", arm_shape(cell)),
         ("task and cell", task.digest[:12]),
     ]
     last = plans[-1].plan if plans else None

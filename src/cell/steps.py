@@ -12,6 +12,7 @@ import numpy as np
 from arm.errors import ImpossibleError, InputError
 from arm.files import canonical_json, keep_apart, write_atomic
 from arm.planfile import Move, Plan, read_plan, write_plan
+from cell.armshape import arm_shape
 from cell.console import Console
 from cell.lookfile import Seen, read_seen, seen_to_json, tilt_words
 from cell.planning import plan_rest, reach_of, require_above_table
@@ -140,6 +141,7 @@ def plan_step(
         raise ImpossibleError(f"board {task.from_board.name} holds no cube, so there is nothing to plan")
     write_plan(output, plan)
     _print_plan(plan, console)
+    console.say(f"clearances are those of bodies as the cell file has them; {arm_shape(task.cell)}")
     console.say(f"plan {plan.sha256[:12]} is in {output}")
     return {
         "plan": str(output),

@@ -37,8 +37,8 @@ from vision.camera import read_camera, write_camera
 
 pytestmark = pytest.mark.xdist_group("doctor")
 CHECKS = [
-    "Python", "libraries", "extra mcap", "extra basler", "serial ports", "cell", "lens", "hand-eye", "cameras",
-    "self-test: plan", "self-test: look", "self-test: unit",
+    "Python", "libraries", "extra mcap", "extra basler", "serial ports", "cell", "arm's shape", "lens", "hand-eye",
+    "cameras", "self-test: plan", "self-test: look", "self-test: unit",
 ]  # fmt: skip
 
 

@@ -90,6 +90,7 @@ def page_content(
                 "name": b.name,
                 "kind": b.kind,
                 "shape": shape_numbers(b.shape),
+                "padding": b.padding,
                 "T": pose_numbers(b.T_base_body),
             }
             for b in bodies
@@ -98,6 +99,7 @@ def page_content(
             {
                 "name": c.name,
                 "shape": shape_numbers(c.shape),
+                "padding": c.padding,
                 "track": [
                     {"start": round(p.start_s, 6), "held": p.held, "T": pose_numbers(p.T)}
                     for p in tracks[c.name]
@@ -148,6 +150,7 @@ def _arm(robot_open: Robot, robot_holding: Robot) -> dict[str, Any]:
                 "name": body.name,
                 "joint": body.joint,
                 "shape": shape_numbers(body.shape),
+                "padding": body.padding,
                 "open": pose_numbers(body.T_joint_body),
                 "holding": pose_numbers(holding[body.name].T_joint_body),
             }

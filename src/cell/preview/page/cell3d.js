@@ -14,6 +14,7 @@ const LOOKED_AT = 60; // of the plan, for what the picture has to show
 
 class Cell3D {
   constructor(content, motion, scene) {
+    this.content = content;
     this.motion = motion;
     this.scene = scene;
     this.addStill(content);
@@ -69,8 +70,32 @@ class Cell3D {
       const open = matrix(body.open);
       const made = mesh(bodyGeometry(body.shape, moves ? 0.002 : 0.02), material, open);
       this.frames[body.joint].add(made);
-      if (moves) this.jaws.push({ mesh: made, open, holding: matrix(body.holding) });
+      if (moves) this.jaws.push({ name: body.name, mesh: made, open, holding: matrix(body.holding) });
     }
+  }
+
+  // Every body as it is checked, padded, as a shell about what is drawn.
+  showChecked(on) {
+    if (on && !this.checked) this.checked = this.shells();
+    for (const shell of this.checked || []) shell.visible = on;
+  }
+
+  shells() {
+    const { arm, bodies, cubes } = this.content;
+    const material = standardMaterial("#c2410c", 0.9);
+    Object.assign(material, { transparent: true, opacity: 0.24, depthWrite: false });
+    const shell = (body, pose, parent) => {
+      const made = mesh(checkedGeometry(body.shape, body.padding), material, pose);
+      made.castShadow = made.receiveShadow = false;
+      parent.add(made);
+      return made;
+    };
+    const moving = arm.bodies.map((body) => {
+      const jaw = this.jaws.find(({ name }) => name === body.name);
+      return jaw ? shell(body, undefined, jaw.mesh) : shell(body, matrix(body.open), this.frames[body.joint]);
+    });
+    const still = bodies.filter((body) => body.kind !== "zone").map((body) => shell(body, matrix(body.T), this.scene));
+    return [...moving, ...still, ...cubes.map((cube, i) => shell(cube, undefined, this.cubes[i].mesh))];
   }
 
   theme(dark) {

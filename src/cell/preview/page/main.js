@@ -156,6 +156,7 @@
       trace.colour(on ? "clearance" : "role");
       fillLegend(content, trace.mode);
     });
+    switchOn("checked", false, (on) => cell.showChecked(on));
     if (cell.view) switchOn("camera", false, (on) => (cell.view.visible = on));
   }
   const showTheme = () => {

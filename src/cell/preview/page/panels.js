@@ -26,7 +26,7 @@ function fillHeading(content, motion) {
     content.unit,
     cubes ? `${cubes} cube${cubes === 1 ? "" : "s"}` : "",
     `${moves.length} move${moves.length === 1 ? "" : "s"} in ${content.motions} motion${content.motions === 1 ? "" : "s"}, ${clockText(content.motion_s)} of motion at speed ${content.speed}`,
-    known.length ? `least clearance ${millimetres(1e3 * Math.min(...known))}` : "",
+    known.length ? `least clearance ${millimetres(1e3 * Math.min(...known))} (${armShape(content.arm)})` : "",
     content.executed.length ? `executed within ${motion.farthest.degrees.toFixed(3)}° of the plan` : "",
   ].filter(Boolean).join(" · ");
   const code = document.getElementById("code");
@@ -37,6 +37,12 @@ function fillHeading(content, motion) {
     code.title = copied ? "Copied" : content.code;
     code.classList.toggle("copied", Boolean(copied));
   });
+}
+
+// What clearances are of: the arm's bodies are assumed, and its links padded for that.
+function armShape(arm) {
+  const most = Math.max(0, ...arm.bodies.map((body) => body.padding));
+  return most > 0 ? `assumed arm, links padded ${millimetres(1e3 * most)}` : "arm not padded";
 }
 
 // Steps in groups by cube; what serves no cube goes with what follows it, the last looks with what was before.

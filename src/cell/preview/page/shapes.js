@@ -52,6 +52,21 @@ function bodyGeometry(shape, rounding) {
   return new THREE.SphereGeometry(shape.sphere, 48, 32);
 }
 
+// A body as it is checked for contact: with sharp edges, grown by its padding, which rounds them again. A hull is drawn
+// as it is.
+function checkedGeometry(shape, padding) {
+  const p = padding || 0;
+  const rounding = Math.max(p, 1e-5);
+  if (shape.box) {
+    const [x, y, z] = shape.box.map((side) => side + 2 * p);
+    return new THREE.RoundedBoxGeometry(x, y, z, 3, rounding);
+  }
+  if (shape.cylinder) return roundedCylinder(shape.cylinder[0] + p, shape.cylinder[1] + 2 * p, rounding);
+  if (shape.capsule) return capsule(shape.capsule[0] + p, shape.capsule[1]);
+  if (shape.convex) return facets(shape.convex, shape.faces);
+  return new THREE.SphereGeometry(shape.sphere + p, 48, 32);
+}
+
 function standardMaterial(colour, roughness, metalness = 0) {
   return new THREE.MeshStandardMaterial({ color: colour, roughness, metalness });
 }
