@@ -3,12 +3,12 @@
 import sys
 
 from arm.unit import load_unit
-from driver.clock import Clock
 from driver.emulator import Emulator
 from driver.mars import Mars
+from driver.stepped import SteppedClock
 
-unit, clock = load_unit("crs93"), Clock(time_scale=20.0)
-with Emulator(unit, clock) as emulator, Mars(emulator.open_pty(), unit, clock) as mars:
+unit, clock = load_unit("crs93"), SteppedClock()  # on a real port: Mars("/dev/mars", unit)
+with Emulator(unit, clock) as emulator, Mars(emulator.open_line(), unit, clock) as mars:
     print(mars.identify())
     mars.initialise(home=True)
     print("at soft home:", mars.counts())

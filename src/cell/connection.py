@@ -17,6 +17,7 @@ from cell.console import say_on_stderr
 from cell.taskfile import Task
 from driver.clock import Clock
 from driver.mars import Mars
+from driver.stepped import SteppedClock
 from driver.wirelog import WireLog
 from vision.basler_devices import read_selector
 from vision.frames import IMAGE_SUFFIXES, FrameSource, Image, ImageFolder
@@ -42,7 +43,7 @@ class WhichCell:
         world: truth of the simulated cell.
         images, camera: where the real one's photographs come from; None: the cell file's camera.
         speed: factor of velocities; None: the cell file's, of a plan file all of its own.
-        time_scale: of the simulated cell; None: `TIME_SCALE`.
+        time_scale: most controller seconds per wall second of the simulated cell; None: `TIME_SCALE`.
     """
 
     port: str | None = None
@@ -60,7 +61,7 @@ class Connection:
     Attributes:
         mars: the controller, not yet identified.
         frames: the camera.
-        time_scale: controller seconds per wall second.
+        time_scale: most controller seconds per wall second.
         simulated: truth of the simulated cell, for the report only; None on the real one.
         emulator: of the simulated cell; None on the real one.
     """
@@ -246,8 +247,8 @@ def _open_simulated(task: Task, world: Path | None, time_scale: float, log: Path
     from driver.emulator import Emulator
 
     unit, simulated = task.cell.unit, simulated_cell(task, world)
-    clock = Clock(time_scale)
+    clock = SteppedClock(time_scale)  # no host is too busy for it
     with Emulator(task.cell.nominal_unit, clock, plant=simulated) as emulator:
         frames = join(simulated, emulator)
-        with WireLog(log, clock) as wire, Mars(emulator.open_pty(), unit, clock, wire) as mars:
+        with WireLog(log, clock) as wire, Mars(emulator.open_line(), unit, clock, wire) as mars:
             yield Connection(mars, frames, time_scale, simulated, emulator)

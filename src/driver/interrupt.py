@@ -23,6 +23,8 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 QUIET_S = 1.0
 
 _armed = False
+_held = False
+_waits: KeyboardInterrupt | None = None  # while held
 _ends = False  # whether the program ends by a signal
 # Wall time after `caught` in which signals do nothing: stopping the arm and writing the report take less. Not for ever:
 # if they should hang, Ctrl-C must work again.
@@ -60,6 +62,23 @@ def interruptible(ends: bool = False) -> Iterator[None]:
         _armed = False
 
 
+@contextmanager
+def held() -> Iterator[None]:
+    """Inside, an `interruptible` signal waits for the end: what is begun is not left half done. For short work only."""
+    global _held, _waits
+    if _held:
+        yield
+        return
+    _held = True
+    try:
+        yield
+    finally:
+        _held = False
+        told, _waits = _waits, None
+        if told is not None:
+            raise told
+
+
 def hear_again() -> None:
     """What the last signal set going is done, the arm stands: the next one is heard at once."""
     global _heard_at
@@ -75,8 +94,11 @@ def caught() -> None:
 
 
 def _raise(number: int, frame: FrameType | None) -> None:
-    global _heard_at, _signalled
+    global _heard_at, _signalled, _waits
     now = time.monotonic()
     if now - _heard_at >= QUIET_S and now >= _deaf_until:
         _heard_at, _signalled = now, True
-        raise KeyboardInterrupt(signal.Signals(number).name)
+        told = KeyboardInterrupt(signal.Signals(number).name)
+        if not _held:
+            raise told
+        _waits = told

@@ -11,15 +11,19 @@ import heapq
 import itertools
 import math
 import queue
+import time
 from collections.abc import Callable
 from typing import Protocol, TypeVar
 
 from arm.errors import A465Error
 from driver.clock import Clock
+from driver.interrupt import held
 
 _T = TypeVar("_T")
 
 _LEAST_S = 1e-6  # of a wait: what is left of one by rounding would not move the time at all
+_SLICE_S = 0.02  # of wall time between two looks at what other threads have sent
+_LATE_S = 0.05  # of wall time that is caught up with; after more the pace begins anew
 _MOST_EVENTS = 100_000  # at one instant: something asks to be called again without an end
 
 
@@ -36,15 +40,20 @@ class Actor(Protocol):
 
 
 class SteppedClock(Clock):
-    """A clock that its user's waiting moves, from 0 s on. For one thread.
+    """A clock that its user's waiting moves, from 0 s on. For one thread, but for what others put into a queue.
 
     Hand it to `driver.emulator.Emulator` and `driver.mars.Mars` alike, and connect them by
     `Emulator.open_line`. What an event raises comes out of the wait that let it happen: a `KeyboardInterrupt` by
-    `call_at` strikes the driver where a real one would.
+    `call_at` strikes the driver where a real one would. A signal waits for the end of the event (`interrupt.held`).
+
+    Args:
+        time_scale: most seconds per wall second, for somebody who watches; None: as fast as it can be computed.
     """
 
-    def __init__(self) -> None:
-        super().__init__(1.0)
+    def __init__(self, time_scale: float | None = None) -> None:
+        super().__init__(time_scale or 1.0)
+        self._paced = time_scale is not None
+        self._wall_due = time.monotonic()  # when the wall's time has come for `_now`
         self._now = 0.0
         self._actors: list[Actor] = []
         self._events: list[tuple[float, int, Callable[[], object]]] = []
@@ -111,6 +120,8 @@ class SteppedClock(Clock):
                 event_at = self._events[0][0] if self._events else math.inf
                 actor, actor_at = self._next_actor()
                 at = min(event_at, actor_at)
+                if not self._pace(min(at, until), done):
+                    continue
                 if at > until:
                     self._now = max(self._now, until)
                     return
@@ -118,12 +129,26 @@ class SteppedClock(Clock):
                 if here > _MOST_EVENTS:
                     raise A465Error(f"{_MOST_EVENTS} events at {self._now:g} s: stepped time does not go on")
                 self._now = max(self._now, at)
-                if event_at <= actor_at:
-                    heapq.heappop(self._events)[2]()
-                elif actor is not None:
-                    actor.step()
+                with held():
+                    if event_at <= actor_at:
+                        heapq.heappop(self._events)[2]()
+                    elif actor is not None:
+                        actor.step()
         finally:
             self._stepping = False
+
+    def _pace(self, at: float, done: Callable[[], bool]) -> bool:
+        """Wait until the wall's time has come for `at`; False if another thread has ended the waiting before."""
+        if not self._paced:
+            return True
+        begin = max(self._wall_due, time.monotonic() - _LATE_S)
+        wall_due = begin + max(at - self._now, 0.0) / self.time_scale
+        while (left := wall_due - time.monotonic()) > 0.0:
+            time.sleep(min(left, _SLICE_S))
+            if done():
+                return False
+        self._wall_due = wall_due
+        return True
 
     def _next_actor(self) -> tuple[Actor | None, float]:
         """Who acts first, and when."""

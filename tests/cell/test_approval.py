@@ -30,6 +30,7 @@ from driver.clock import Clock
 from driver.control import Control
 from driver.emulator import Emulator
 from driver.mars import Mars
+from driver.stepped import SteppedClock
 from driver.wirelog import WireLog
 
 
@@ -80,12 +81,12 @@ def plan_file(plan: Plan, tmp_path: Path) -> Path:
 @pytest.fixture
 def run(preview_case, tmp_path: Path) -> Iterator[Any]:
     """What an approval looks at, with an emulated unit that was never homed."""
-    unit, clock = preview_case.unit, Clock(20.0)
+    unit, clock = preview_case.unit, SteppedClock()
     cell = SimpleNamespace(unit=unit, cube_size=0.04, robot=lambda opening: preview_case.robot_holding)
     with (
         Emulator(unit, clock) as emulator,
         WireLog(tmp_path / "wire.jsonl", clock) as wire,
-        Mars(emulator.open_pty(), unit, clock, wire) as mars,
+        Mars(emulator.open_line(), unit, clock, wire) as mars,
     ):
         mars.identify()
         yield SimpleNamespace(

@@ -222,7 +222,7 @@ class Collected:
         )
 
 
-FAST = WhichCell(speed=1.0, time_scale=30.0)
+FAST = WhichCell(speed=1.0, time_scale=100.0)
 
 
 @pytest.fixture(scope="module")

@@ -250,11 +250,9 @@ def test_without_looks_the_arm_stops_only_where_the_jaws_act(tmp_path: Path) -> 
     assert len(dwells) == streams
     times, q = executed(run, homed_ms(run))
     moving = times[1:][np.any(np.diff(q, axis=0) != 0.0, axis=1)]
-    rests = [(a, b) for a, b in pairwise(moving.tolist()) if b - a > 1500]
-    # while it rests the host does something: opens jaws, asks; a host that is held up itself says nothing at all
-    said = np.array([time_ms for time_ms, _ in run.sent])
-    meant = [(a, b) for a, b in rests if ((said > a + 200) & (said < b - 200)).any()]
-    assert 1 + len(meant) == streams
+    rests = [b - a for a, b in pairwise(moving.tolist()) if b - a > 100]
+    assert 1 + len(rests) == streams
+    assert sum(rest > 1500 for rest in rests) == 8  # each cube is gripped and let go
     assert sum(c["motion_s"] for c in run.report["cubes"]) == pytest.approx(plan.duration_s, abs=0.01)
 
 
@@ -266,7 +264,7 @@ def test_the_plan_follows_the_image_not_the_file(task2: WholeRun, scenes: Path, 
     """Only the world file is changed; nothing that the stack reads says where the board went."""
     world = scenes / "task2.world.toml"
     world.write_text(world.read_text().replace("centre_mm = [460, 110, 40]", "centre_mm = [450, 117, 45]"))
-    run = run_whole(scenes / "task2.toml", tmp_path / "run", time_scale=30.0)
+    run = run_whole(scenes / "task2.toml", tmp_path / "run")
     assert run.error is None, run.said
     assert all(c["placed"] and c["error_mm"] <= 1.0 for c in run.report["cubes"])
     first, moved = (r.plan() for r in (task2, run))

@@ -26,6 +26,7 @@ from driver.clock import Clock
 from driver.emulator import Emulator
 from driver.logfile import read_log
 from driver.mars import Mars
+from driver.stepped import SteppedClock
 from driver.stream import stream
 from driver.wirelog import WireLog
 
@@ -128,16 +129,22 @@ def test_without_a_log_not_one_byte_is_sent(
     assert emulator.counts() == stood
 
 
+@pytest.fixture
+def stepped(unit: Unit) -> Iterator[Emulator]:
+    with Emulator(unit, SteppedClock()) as emulator:
+        yield emulator
+
+
 def _used(use: Callable[[Mars], None], place: Path, unit: Unit, emulator: Emulator) -> None:
     clock = emulator.clock
-    with WireLog(place / "wire.jsonl", clock) as log, Mars(emulator.open_pty(), unit, clock, log) as mars:
+    with WireLog(place / "wire.jsonl", clock) as log, Mars(emulator.open_line(), unit, clock, log) as mars:
         use(mars)
 
 
 def test_a_disk_that_fills_before_homing_moves_nothing(
-    place: Path, unit: Unit, emulator: Emulator, monkeypatch: pytest.MonkeyPatch
+    place: Path, unit: Unit, stepped: Emulator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    stood = emulator.counts()
+    stood = stepped.counts()
     full: list[bool] = []
     _fill_disk(monkeypatch, lambda: bool(full))
 
@@ -147,13 +154,13 @@ def test_a_disk_that_fills_before_homing_moves_nothing(
         mars.initialise()
 
     with pytest.raises(ExecutionStopped, match="cannot be written any more: No space left on device"):
-        _used(use, place, unit, emulator)
-    assert emulator.counts() == stood
-    assert not [line for _, line in emulator.lines if line.startswith(("HH", "COORD", "SPDT", "G"))]
+        _used(use, place, unit, stepped)
+    assert stepped.counts() == stood
+    assert not [line for _, line in stepped.lines if line.startswith(("HH", "COORD", "SPDT", "G"))]
 
 
 def test_a_disk_that_fills_while_the_arm_moves_stops_it_and_leaves_a_log_that_reads(
-    place: Path, unit: Unit, emulator: Emulator, monkeypatch: pytest.MonkeyPatch
+    place: Path, unit: Unit, stepped: Emulator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     full: list[bool] = []
     _fill_disk(monkeypatch, lambda: bool(full))
@@ -166,13 +173,13 @@ def test_a_disk_that_fills_while_the_arm_moves_stops_it_and_leaves_a_log_that_re
         stream(mars, paths[0], lambda progress: full.append(True) if progress.done >= 10 else None)
 
     with pytest.raises(ExecutionStopped, match="cannot be written any more") as stopped:
-        _used(use, place, unit, emulator)
+        _used(use, place, unit, stepped)
     (path,) = paths
     error: A465Error = stopped.value
     assert error.data["reason"] == "log"
     assert error.data["state"]["at_rest"] is True
-    assert tuple(error.data["state"]["counts"]) == emulator.counts() != path.end
-    sent = [line for _, line in emulator.lines]
+    assert tuple(error.data["state"]["counts"]) == stepped.counts() != path.end
+    sent = [line for _, line in stepped.lines]
     assert not [
         line for line in sent[sent.index("STOP:", 20) :] if line.startswith("COORD") and line != "COORDAP?"
     ]

@@ -25,15 +25,14 @@ from cell.steps import look_step, plan_step
 from cell.taskfile import read_task
 from cell.taskrun import TaskRun
 from cell.worldfile import read_world
-from driver.clock import Clock
 from driver.emulator import Emulator
 from driver.mars import Mars
 from driver.progress import Progress
+from driver.stepped import SteppedClock
 from driver.wirelog import WireLog
 from small_scenes import small_scenes
 
 pytestmark = pytest.mark.xdist_group("resume")
-TIME_SCALE = 20.0
 
 
 class LastingCell:
@@ -48,13 +47,13 @@ class LastingCell:
         cell_ = self.task.cell
         truth = read_world(world, cell_.boards[0].marker_size)
         self.simulated = SimulatedCell(cell_, truth)
-        self.clock = Clock(TIME_SCALE)
+        self.clock = SteppedClock()
         self.emulator = Emulator(cell_.unit, self.clock, plant=self.simulated)
         self.simulated.now_ms = self.emulator.now_ms
         self.camera = SimulatedCamera(
             self.simulated, truth.camera or cell_.camera, self.emulator.counts, cell_.dictionary
         )
-        self.url = self.emulator.open_pty()
+        self.line = self.emulator.open_line()
         self.stop_at: Callable[[str, float], bool] | None = None
         monkeypatch.setattr(cell.run, "open_cell", self.opened)
         plain = TaskRun._on_progress
@@ -81,8 +80,8 @@ class LastingCell:
     @contextmanager
     def opened(self, *arguments: Any) -> Iterator[Connection]:
         log: Path = arguments[-1]
-        with WireLog(log, self.clock) as wire, Mars(self.url, self.task.cell.unit, self.clock, wire) as mars:
-            yield Connection(mars, self.camera, TIME_SCALE, self.simulated, self.emulator)
+        with WireLog(log, self.clock) as wire, Mars(self.line, self.task.cell.unit, self.clock, wire) as mars:
+            yield Connection(mars, self.camera, 1.0, self.simulated, self.emulator)
 
     def held(self) -> list[str]:
         return [c.name for c in self.simulated.cubes(self.emulator.counts()) if c.where == "jaws"]

@@ -19,7 +19,7 @@ from arm.unit import Unit
 from driver.clock import Clock
 from driver.emulator import Emulator
 from driver.link import Link, LinkLost, NoAnswer
-from driver.protocol import BYTES_PER_SECOND, Failed, Ready
+from driver.protocol import BYTES_PER_SECOND, Answer, Failed, Other, Ready
 from driver.stepped import SteppedClock
 from driver.wirelog import WireLog
 
@@ -206,6 +206,27 @@ def test_a_flood_of_noise_takes_bounded_memory(fake: Any, link: Link) -> None:
     link.clock.sleep(1.0)
     assert link._inbox.qsize() == 1000
     link.synchronise(attempts=2)
+
+
+def test_an_endless_line_is_not_kept(fake: Any, link: Link) -> None:
+    """A megabyte without a line end: nothing of it is handed over as a line, and the next answer is understood."""
+    for _ in range(1_000_000 // 500):
+        fake.write(b"y" * 500)
+    link.clock.sleep(1.0)
+    assert len(link._rest) <= 1024
+    fake.write(b"\nVER=MARS8\r\n")
+    told = []
+    while (reply := link.receive(link.clock.now() + 1.0)) is not None:
+        told.append(reply)
+    assert told[-1] == Answer("VER", "MARS8")
+    assert all(isinstance(r, Other) and len(r.text) <= 2048 for r in told[:-1])
+
+
+def test_a_line_as_long_as_any_answer_is_kept(fake: Any, link: Link) -> None:
+    """However the port cuts it into pieces."""
+    for piece in (b"VER=", *[b"x" * 100] * 10, b"\r\n"):
+        fake.write(piece)
+    assert link.await_answer("VER") == "x" * 1000
 
 
 def test_a_flood_of_answers_ends_the_link(fake: Any, link: Link) -> None:

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import math
+import os
+import queue
 import random
+import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -18,6 +22,7 @@ from count_paths import quintic
 from driver.clock import Clock
 from driver.emulator import Emulator, EmulatorOptions
 from driver.emulator.line import MemoryLine
+from driver.interrupt import interruptible
 from driver.link import Link, LinkLost, NoAnswer
 from driver.mars import Mars
 from driver.progress import Progress
@@ -215,3 +220,40 @@ def test_what_is_looked_at_is_true_now(emulator: Emulator, unit: Unit, clock: St
         assert len(set(seen)) > 30
         clock.sleep(1.0)
         assert emulator.counts()[0] == 1000
+
+
+def test_it_goes_no_faster_than_it_is_watched(unit: Unit) -> None:
+    clock = SteppedClock(50.0)
+    begin = time.monotonic()
+    clock.sleep(10.0)
+    assert time.monotonic() - begin >= 0.2
+    assert clock.now() == 10.0
+    time.sleep(0.3)  # a planner works: the pace begins anew
+    begin = time.monotonic()
+    clock.sleep(10.0)
+    assert time.monotonic() - begin >= 0.2 - 0.05
+
+
+def test_another_thread_may_end_a_wait_at_the_time_of_now(unit: Unit) -> None:
+    clock = SteppedClock(0.01)
+    items: queue.SimpleQueue[int] = queue.SimpleQueue()
+    threading.Timer(0.1, items.put, (7,)).start()
+    assert clock.next_of(items, 1e6) == 7
+    assert clock.now() == 0.0  # nothing happened until then
+
+
+def test_a_signal_waits_for_the_end_of_an_event(clock: SteppedClock) -> None:
+    done: list[str] = []
+
+    def event() -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.01)
+        done.append("whole")
+
+    clock.call_after(1.0, event)
+    with interruptible(), pytest.raises(KeyboardInterrupt, match="SIGINT"):
+        clock.sleep(2.0)
+    assert done == ["whole"]
+    assert clock.now() == 1.0
+    clock.sleep(1.0)
+    assert clock.now() == 2.0

@@ -54,7 +54,7 @@ class WholeRun:
 def run_whole(
     task_file: Path,
     folder: Path,
-    time_scale: float = 20.0,
+    time_scale: float = 100.0,
     world: Path | None = None,
     meddle: Callable[[Connection], None] | None = None,
     speed: float | None = None,

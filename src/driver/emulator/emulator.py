@@ -26,6 +26,7 @@ from driver.emulator.plant import Plant
 from driver.emulator.ports import Ports
 from driver.emulator.record import Record, Violation
 from driver.emulator.trouble import Trouble
+from driver.interrupt import held
 from driver.stepped import SteppedClock
 from driver.wirelog import WireLog
 
@@ -175,7 +176,7 @@ class Emulator:
     def _catch_up(self) -> None:
         """In stepped time motion is executed only when asked for."""
         if isinstance(self.clock, SteppedClock) and not self._closing:
-            with self._lock:
+            with self._lock, held():
                 self._advance(self._clock_ms())
 
     @property

@@ -1,0 +1,144 @@
+"""At rest is what was seen to stand and to be idle: a row a rule, at the wire of a scripted unit in stepped time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from driver.mars import Mars
+from driver.rest import bring_to_rest
+from driver.stepped import SteppedClock
+
+BRAKES_S = 1.3  # the arm goes on for so long after STOP
+AXES = tuple("ABCDEF")
+
+
+def slides(fake: Any, counts_per_s: float, axis: int = 2) -> None:
+    """From STOP on that axis moves for BRAKES_S, though nothing generates motion."""
+    begun: list[float] = []
+
+    def stop(line: str) -> None:
+        begun.append(fake.clock.now())
+
+    def at(line: str) -> None:
+        if begun:
+            passed = min(fake.clock.now() - begun[0], BRAKES_S)
+            fake.offset[axis] = round(counts_per_s * passed)
+
+    fake.hooks["STOP"], fake.hooks["COORDAP"] = stop, at
+
+
+def stays_busy(fake: Any, bits: int = 0x10, for_s: float = BRAKES_S) -> None:
+    """From STOP on the status has these bits for so long; the counts stand."""
+    fake.hooks["STOP"] = lambda line: (
+        setattr(fake, "status_bits", bits),
+        fake.clock.call_after(for_s, lambda: setattr(fake, "status_bits", 0)),
+        None,
+    )[-1]
+
+
+@pytest.mark.parametrize("axis", range(6))
+@pytest.mark.parametrize("counts_per_s", [4000.0, -45.0])
+def test_an_arm_whose_counts_change_is_not_at_rest(
+    mars: Mars, fake: Any, clock: SteppedClock, axis: int, counts_per_s: float
+) -> None:
+    slides(fake, counts_per_s, axis)
+    begin = clock.now()
+    state = mars.stop()
+    assert state.at_rest
+    assert clock.now() - begin >= BRAKES_S
+    assert state.counts == mars.counts()
+    assert state.counts[axis] == fake.counts[axis] + round(counts_per_s * BRAKES_S)
+
+
+def test_a_unit_that_is_busy_is_not_at_rest_though_its_counts_stand(
+    mars: Mars, fake: Any, clock: SteppedClock
+) -> None:
+    stays_busy(fake)
+    begin = clock.now()
+    state = mars.stop()
+    assert state.at_rest
+    assert clock.now() - begin >= BRAKES_S
+    assert state.status is not None
+    assert not state.status.busy
+
+
+@pytest.mark.parametrize("axes", [(), AXES])
+def test_before_the_group_is_formed_the_status_tells(
+    mars: Mars, fake: Any, clock: SteppedClock, axes: tuple[str, ...]
+) -> None:
+    stays_busy(fake)
+    begin = clock.now()
+    assert bring_to_rest(mars.link, axes).at_rest
+    assert clock.now() - begin >= BRAKES_S
+
+
+@pytest.mark.parametrize("what", ["counts", "busy"])
+def test_what_never_ends_is_told_as_not_at_rest(
+    mars: Mars, fake: Any, clock: SteppedClock, what: str
+) -> None:
+    if what == "busy":
+        stays_busy(fake, for_s=1e6)
+    else:
+        fake.hooks["COORDAP"] = lambda line: fake.offset.__setitem__(0, fake.offset[0] + 50)
+    begin = clock.now()
+    state = mars.stop()
+    assert not state.at_rest
+    assert "still moving or busy 10 s after STOP" in state.note
+    assert 10.0 <= clock.now() - begin < 11.0
+    assert "NOT known" in state.describe(mars.unit)
+
+
+@pytest.mark.parametrize("bits", [0x8, 0x10000, 0x20000])
+def test_a_fault_holds_the_arm_whatever_the_unit_still_generates(
+    mars: Mars, fake: Any, clock: SteppedClock, bits: int
+) -> None:
+    stays_busy(fake, bits | 0x10, 1e6)
+    begin = clock.now()
+    state = mars.stop()
+    assert state.at_rest
+    assert clock.now() - begin < 1.0
+    assert state.status is not None
+    assert state.status.fault
+
+
+def test_a_fault_does_not_make_moving_counts_stand(mars: Mars, fake: Any, clock: SteppedClock) -> None:
+    slides(fake, 4000.0)
+    fake.status_bits = 0x10000
+    begin = clock.now()
+    assert mars.stop().at_rest
+    assert clock.now() - begin >= BRAKES_S
+
+
+def test_standing_is_two_samples_apart_and_not_one(mars: Mars, clock: SteppedClock) -> None:
+    begin = clock.now()
+    assert mars.stop().at_rest
+    assert clock.now() - begin >= 0.099
+
+
+def test_a_damaged_sample_is_not_one_of_the_two(mars: Mars, fake: Any, clock: SteppedClock) -> None:
+    """The arm moves between the two that are sound: what lies between is nothing to compare with."""
+    asked: list[float] = []
+
+    def damaged(line: str) -> list[str] | None:
+        asked.append(fake.clock.now())
+        if len(asked) in (2, 3):  # asked twice in one look
+            return ["COORDAP=1,2,x"]
+        if len(asked) == 4:
+            fake.offset[0] += 500
+        return None
+
+    fake.hooks["COORDAP"] = damaged
+    state = mars.stop()
+    assert state.at_rest
+    assert state.counts is not None
+    assert state.counts[0] == fake.counts[0] + 500
+    assert len(asked) >= 5
+
+
+def test_a_link_that_is_lost_leaves_the_state_unknown(mars: Mars, fake: Any) -> None:
+    fake.hooks["STOP"] = lambda line: fake.unplug()
+    state = mars.stop()
+    assert not state.at_rest
+    assert "the link is lost" in state.note
