@@ -13,7 +13,7 @@ from arm.armcalibration import ArmCalibration, read_arm_calibration
 from arm.board import Board, read_board_csv
 from arm.bodies import Body, Box
 from arm.dh import A465
-from arm.errors import InputError
+from arm.errors import FileInputError, InputError
 from arm.files import canonical_json, sha256
 from arm.gripper import HAND, Gripper
 from arm.links import with_link_errors
@@ -27,7 +27,7 @@ from cell.bodytable import read_body
 from cell.cellcamera import CellCamera, read_cell_camera
 from cell.inputs import LEFT_OUT, Inputs, inputs_of
 from cell.toolkeys import read_gripper, with_force
-from plan.options import PlanOptions
+from plan.options import LEAST_CLEARANCE, PlanOptions
 from vision.board_doubts import BoardLimits
 from vision.camera import Camera, read_camera
 
@@ -62,7 +62,7 @@ class Cell:
         basler: the camera that takes them on the real cell, if the file names one, and its settings.
         moved, turned: how far any point of a board may move (m), and how far it may turn (rad), before the rest is
             planned anew.
-        offset, clearance, approach_speed: m, m, m/s at speed 1.
+        offset, clearance, least_clearance, approach_speed: m, m, m, m/s at speed 1.
         speed: default factor of velocities.
         velocity_fraction, acceleration_fraction: of the limits at a speed that motion is planned for.
         speed_registers, acceleration_registers: of the controller while it works.
@@ -99,6 +99,7 @@ class Cell:
     turned: float
     offset: float
     clearance: float
+    least_clearance: float
     approach_speed: float
     speed: float
     velocity_fraction: float
@@ -209,6 +210,7 @@ def read_cell(path: Path, uncalibrated: Callable[[InputError], None] | None = No
     acceleration_registers = _registers(
         motion, "acceleration_registers", unit.acceleration_registers, unit.acceleration_register_cap()
     )
+    clearance, least_clearance = _clearance(motion)
     table_z = root.table("table").number("top_z_mm", "mm", -2000, 2000) / 1e3
     cell = Cell(
         file=path,
@@ -238,7 +240,8 @@ def read_cell(path: Path, uncalibrated: Callable[[InputError], None] | None = No
         moved=look.number("moved_mm", "mm", 0.01, 100) / 1e3,
         turned=float(np.radians(look.number("moved_deg", "deg", 0.01, 90))),
         offset=motion.number("offset_mm", "mm", 45, 300) / 1e3,
-        clearance=motion.number("clearance_mm", "mm", 5, 100) / 1e3,
+        clearance=clearance,
+        least_clearance=least_clearance,
         approach_speed=motion.number("approach_mm_s", "mm/s", 1, 250) / 1e3,
         speed=motion.number("speed", "", 0.01, 1.0),
         velocity_fraction=motion.number(
@@ -278,6 +281,17 @@ def _arm_padding(root: TomlTable) -> float:
             'compare them (docs/real-cell.md), and add arm_compared = "who and when"',
         )
     return padding / 1e3
+
+
+def _clearance(motion: TomlTable) -> tuple[float, float]:
+    """What transits keep, and the least that may be asked of them, m."""
+    usual = LEAST_CLEARANCE * 1e3
+    least = motion.number("least_clearance_mm", "mm", 0, usual, default=usual)
+    try:
+        return motion.number("clearance_mm", "mm", least, 100) / 1e3, least / 1e3
+    except FileInputError as error:
+        help = "" if least < usual else "who means less says so by motion.least_clearance_mm"
+        raise motion.error("clearance_mm", str(error.data["rule"]), help) from error
 
 
 def _calibration(root: TomlTable, unit: Unit, camera: Camera) -> ArmCalibration | None:

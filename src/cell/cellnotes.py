@@ -138,8 +138,8 @@ CELL: Notes = {
 # gain_db = 0""",
     "motion.offset_mm": "Length of the straight way into and out of a hole, along the board's normal.",
     "motion.clearance_mm": (
-        "That transits keep from everything, at least 5. Add the error of your tape and of your "
-        "calibration. Too much: no way is found, and the refusal says where."
+        "That transits keep from everything, at least 5 (or least_clearance_mm). Add the error of your tape "
+        "and of your calibration. Too much: no way is found, and the refusal says where."
     ),
     "motion.speed": (
         "More than 0 to 1: velocities times speed, accelerations times its square. --speed is for one "
@@ -148,6 +148,7 @@ CELL: Notes = {
     "motion.approach_mm_s": "Speed of the finger tips into and out of a hole, at speed 1.",
     "motion.*": """# velocity_fraction = 0.9            # of the limits that motion is planned for; the rest is for
 # acceleration_fraction = 0.5        # rounding, and for what the controller adds where segments join
+# least_clearance_mm = 5.0           # that clearance_mm may be; less is told wherever a plan is shown
 # jerk_time_s = 0.0                  # s in which an acceleration builds up; the arm then rests at every corner
 # speed_registers = [...]            # of the controller, six whole numbers; up to twice the unit's default,
 # acceleration_registers = [...]     # never past the data sheet""",

@@ -44,6 +44,7 @@ def options_of(task: Task, speed: float) -> PlanOptions:
         velocity_fraction=cell.velocity_fraction,
         acceleration_fraction=cell.acceleration_fraction,
         clearance=cell.clearance,
+        least_clearance=cell.least_clearance,
         offset=cell.offset,
         approach_speed=cell.approach_speed,
         fraction_closed=round(cell.fraction_closed(cell.gripper.close_to), 9),

@@ -13,6 +13,7 @@ from cell.placefile import POSES, read_place
 from cell.planning import require_above_table
 from cell.poselistfile import Reading, read_pose_list
 from cell.poselistplan import plan_pose_list
+from cell.steps import warn_of_clearance
 
 
 def plan_poses_step(
@@ -64,6 +65,7 @@ def plan_poses_step(
         f"{len(poses.entries)} entries, {plan.duration_s:.1f} s at speed {plan.speed:g}, "
         f"at least {least:.1f} mm clear of everything"
     )
+    warn_of_clearance(plan, console)
     if seen is None:
         console.say("of table and walls alone: boards and cubes are not in this plan (--look FILE)")
     if any(entry.jaws for entry in poses.entries):

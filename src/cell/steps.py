@@ -17,6 +17,7 @@ from cell.console import Console
 from cell.lookfile import Seen, read_seen, seen_to_json, tilt_words
 from cell.planning import plan_rest, reach_of, require_above_table
 from cell.taskfile import Task, read_task
+from plan.options import told_clearance
 
 if TYPE_CHECKING:
     from vision.frames import FrameSource
@@ -164,6 +165,14 @@ def _print_plan(plan: Plan, console: Console) -> None:
         f"{len(rows)} moves in {len(plan.motions)} motions, {plan.duration_s:.1f} s at speed {plan.speed:g}; "
         f"no plan takes less than {plan.task['no_plan_is_faster_than_s']:.1f} s"
     )
+    warn_of_clearance(plan, console)
+
+
+def warn_of_clearance(plan: Plan, console: Console) -> None:
+    """Tell of a plan that was asked for less clearance than is usual."""
+    told = told_clearance(plan.provenance["options"])
+    if told:
+        console.say(f"NOTE: {told}")
 
 
 def _move_to_json(move: Move) -> dict[str, Any]:

@@ -13,7 +13,7 @@ import numpy as np
 from arm.se3 import Array
 from plan.change import Asked, Change, Displaced, Elsewhere, Groups, Removed, Request, Skipped
 from plan.failure import AFTER_TIMING, LINE_BLOCKED, NO_WAY_ACROSS, OUT_OF_REACH, START_BLOCKED, Failure
-from plan.options import LEAST_CLEARANCE, PlanOptions
+from plan.options import PlanOptions
 from plan.scene import Station
 
 STEP, STEPS = 0.010, 12  # m, of moves that are tried, and how many
@@ -78,15 +78,16 @@ def _options(request: Request, failure: Failure, spare: Sequence[Station]) -> It
         speeds = [s for s in (0.25, 0.5, 0.75, 1.0) if s > options.speed]
         yield Family(0, tuple(Asked(f"ask for speed {s:g}", (("speed", s),)) for s in speeds))
     if failure.kind in (NO_WAY_ACROSS, START_BLOCKED, AFTER_TIMING):
-        yield from _less_clearance(options.clearance, failure)
+        yield from _less_clearance(options, failure)
 
 
-def _less_clearance(clearance: float, failure: Failure) -> Iterator[Family]:
+def _less_clearance(options: PlanOptions, failure: Failure) -> Iterator[Family]:
     """Whole millimetres below what is asked.
 
     First what was seen, if no way can keep more: where a way across begins or ends. Then the default, then the least.
     """
-    now, least, usual = clearance * 1e3, round(LEAST_CLEARANCE * 1e3), round(PlanOptions.clearance * 1e3)
+    now, usual = options.clearance * 1e3, round(PlanOptions.clearance * 1e3)
+    least = int(np.ceil(options.least_clearance * 1e3 - 1e-9))
     sizes = range(int(np.ceil(now - 1e-9)) - 1, least - 1, -1)
     if not sizes:
         return

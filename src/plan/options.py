@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -12,7 +13,18 @@ from plan.budget import TransitBudget
 LOOKS = ("each", "never")
 CHOICES = ("free", "given")
 CERTIFICATES = ("tight", "decide")
-LEAST_CLEARANCE = 0.005  # m, that may be asked for in transits
+LEAST_CLEARANCE = 0.005  # m, that may be asked for in transits unless `least_clearance` says less
+
+
+def told_clearance(options: Mapping[str, Any]) -> str:
+    """That a plan with these options (`PlanOptions.to_json`) asks for less clearance than is usual; "" if not."""
+    clearance = options.get("clearance")
+    if clearance is None or clearance >= LEAST_CLEARANCE:
+        return ""
+    return (
+        f"asked for {clearance * 1e3:g} mm of clearance only, by name (least_clearance); the usual least is "
+        f"{LEAST_CLEARANCE * 1e3:g} mm"
+    )
 
 
 @dataclass(frozen=True)
@@ -24,6 +36,8 @@ class PlanOptions:
         velocity_fraction, acceleration_fraction: of the limits at that speed that motion is planned for; the rest is
             room for rounding to counts and for what the controller adds at joins of segments.
         clearance: asked for in transits, between all bodies that the arm or the held cube could touch, m.
+        least_clearance: that may be asked for in transits, m. Certificates hold for the bodies and the calibration as
+            they are given, so less than the usual 5 mm is asked for by name only, and told wherever the plan is shown.
         line_clearance: asked for on approach and retract, where the jaws pass the cube and the plate, m; the
             contacts that the station needs are left out.
         offset: length of approach and retract, m.
@@ -47,6 +61,7 @@ class PlanOptions:
     velocity_fraction: float = 0.9
     acceleration_fraction: float = 0.5
     clearance: float = 0.010
+    least_clearance: float = LEAST_CLEARANCE
     line_clearance: float = 0.005
     offset: float = 0.1
     approach_speed: float = 0.1
@@ -65,7 +80,15 @@ class PlanOptions:
         self._within("speed", 1e-3, 1.0)
         self._within("velocity_fraction", 1e-2, 1.0)
         self._within("acceleration_fraction", 1e-2, 1.0)
-        self._within("clearance", LEAST_CLEARANCE, 1.0, "m")
+        self._within("least_clearance", 0.0, LEAST_CLEARANCE, "m")
+        if self.least_clearance == LEAST_CLEARANCE and 0.0 <= self.clearance < LEAST_CLEARANCE:
+            raise InputError(
+                f"clearance = {self.clearance:g} m: must be from {LEAST_CLEARANCE:g} to 1 m; who means less says so by "
+                "least_clearance",
+                name="clearance",
+                value=self.clearance,
+            )
+        self._within("clearance", self.least_clearance, 1.0, "m")
         self._within("line_clearance", 0.0, 0.1, "m")
         self._within("offset", 1e-3, 1.0, "m")
         self._within("approach_speed", 1e-3, 2.0, "m/s")

@@ -347,6 +347,31 @@ def test_a_plan_through_poses_is_for_the_cell_that_it_was_made_in(tmp_path: Path
     assert "motion.clearance_mm 10, now 9" in told
 
 
+def test_less_clearance_than_usual_is_asked_for_by_name_and_shown(tmp_path: Path) -> None:
+    """In the cell file; the table, the page and the plan itself say so."""
+    small_scenes(tmp_path)
+    cell, poses = tmp_path / "scenes/cell.toml", written(tmp_path, [{"q_deg": CTU_DEG[1]}])
+    replace_in(cell, "clearance_mm = 10", "clearance_mm = 3")
+    _, told = a465("plan-poses", cell, poses, "-o", tmp_path / "p.json", code=2)
+    assert "motion.clearance_mm = 3: must be a number in mm from 5 to 100" in told
+    assert "motion.least_clearance_mm" in told
+    replace_in(cell, "clearance_mm = 3", "least_clearance_mm = 3.5\nclearance_mm = 3")
+    _, told = a465("plan-poses", cell, poses, "-o", tmp_path / "p.json", code=2)
+    assert "must be a number in mm from 3.5 to 100" in told
+    replace_in(cell, "least_clearance_mm = 3.5", "least_clearance_mm = 3")
+    told, _ = a465("plan-poses", cell, poses, "-o", tmp_path / "p.json")
+    line = "asked for 3 mm of clearance only, by name (least_clearance); the usual least is 5 mm"
+    assert f"NOTE: {line}" in told
+    options = read_plan(tmp_path / "p.json").provenance["options"]
+    assert (options["clearance"], options["least_clearance"]) == (0.003, 0.003)
+    a465("preview", tmp_path / "p.json", cell, "-o", tmp_path / "p.html")
+    assert line in (tmp_path / "p.html").read_text()
+    a465("check", tmp_path / "p.json", cell)
+    replace_in(cell, "least_clearance_mm = 3\nclearance_mm = 3", "clearance_mm = 10")
+    told, _ = a465("plan-poses", cell, poses, "-o", tmp_path / "q.json")
+    assert "NOTE" not in told
+
+
 def test_a_plan_through_poses_is_executed_in_its_task(tmp_path: Path) -> None:
     """With a look, so that boards and cubes are in it; without one, the boards that are seen refuse it."""
     scenes = small_scenes(tmp_path)

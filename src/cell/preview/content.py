@@ -30,6 +30,7 @@ from cell.preview.overlays import (
     shape_numbers,
 )
 from cell.preview.timeline import TimedStep, cube_tracks, timed_steps
+from plan.options import told_clearance
 
 
 def page_content(
@@ -80,6 +81,7 @@ def page_content(
         "code": None if executed else plan.code,  # a log's page shows what was, and confirms nothing
         "provenance": plan.provenance,
         "notes": plan.notes,
+        "less_clearance": told_clearance(plan.provenance.get("options", {})),
         "motion_s": plan.duration_s,
         "motions": len(list(plan.moves)) - len(joined),
         "duration_s": steps[-1].end_s,

@@ -27,6 +27,7 @@ function fillHeading(content, motion) {
     cubes ? `${cubes} cube${cubes === 1 ? "" : "s"}` : "",
     `${moves.length} move${moves.length === 1 ? "" : "s"} in ${content.motions} motion${content.motions === 1 ? "" : "s"}, ${clockText(content.motion_s)} of motion at speed ${content.speed}`,
     known.length ? `least clearance ${millimetres(1e3 * Math.min(...known))} (${armShape(content.arm)})` : "",
+    content.less_clearance,
     content.executed.length ? `executed within ${motion.farthest.degrees.toFixed(3)}° of the plan` : "",
   ].filter(Boolean).join(" · ");
   const code = document.getElementById("code");
