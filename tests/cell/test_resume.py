@@ -53,7 +53,7 @@ class LastingCell:
         self.camera = SimulatedCamera(
             self.simulated, truth.camera or cell_.camera, self.emulator.counts, cell_.dictionary
         )
-        self.line = self.emulator.open_line()
+        self.line, self.url = self.emulator.open_line(), "/dev/mars"  # as it is told; nothing is opened there
         self.stop_at: Callable[[str, float], bool] | None = None
         monkeypatch.setattr(cell.run, "open_cell", self.opened)
         plain = TaskRun._on_progress
