@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arm.products import norm
 from arm.robot import Robot
 from arm.se3 import Array
 from arm.unit import Limits
@@ -76,4 +77,4 @@ def grip_lines(
 
 def by_distance(lines: Sequence[GripLine], q: Array) -> list[GripLine]:
     """Lines whose offset point is nearest to q (Euclidean, as the seed has it) first."""
-    return sorted(lines, key=lambda g: float(np.linalg.norm(g.q_offset - q)))
+    return sorted(lines, key=lambda g: float(norm(g.q_offset - q)))

@@ -16,6 +16,7 @@ import numpy as np
 
 from arm.board import CUBE_SEAT_DEPTH, PLATE_CENTRE, PLATE_SIZE, POCKET_MOUTH, Board
 from arm.bodies import Body, Box
+from arm.products import mul, norm
 from arm.se3 import Array, apply, frozen, inverse, rot_x, rot_z, transform
 from cell.cellfile import Cell, read_cell
 from cell.furniture import T_hole_cube, cube_body, plate_body, plate_name, stand_body
@@ -44,7 +45,7 @@ class Placed:
     T_base_board: Array
 
     def T_base_hole(self, index: int) -> Array:
-        return frozen(self.T_base_board @ self.board.T_board_hole(index))
+        return frozen(mul(self.T_base_board, self.board.T_board_hole(index)))
 
     def outline(self) -> Array:
         half = np.array(PLATE_SIZE[:2]) / 2
@@ -107,11 +108,12 @@ def q_start(cell: Cell) -> Array:
 def station(cell: Cell, placed: Placed, index: int, gap: float = 0.0) -> Station:
     """The four grips of a hole."""
     grips = (
-        transform(rot_x(np.pi) @ rot_z(k * np.pi / 2), (0.0, 0.0, cell.grip_height + gap)) for k in range(4)
+        transform(mul(rot_x(np.pi), rot_z(k * np.pi / 2)), (0.0, 0.0, cell.grip_height + gap))
+        for k in range(4)
     )
     T = placed.T_base_hole(index)
     name = f"{placed.board.name}/{index + 1}"
-    return Station(name, tuple(frozen(T @ g) for g in grips), frozenset((plate_name(placed.board.name),)))
+    return Station(name, tuple(frozen(mul(T, g)) for g in grips), frozenset((plate_name(placed.board.name),)))
 
 
 def transfer_of(cell: Cell, a: Placed, b: Placed, index: int) -> Transfer:
@@ -122,12 +124,12 @@ def transfer_of(cell: Cell, a: Placed, b: Placed, index: int) -> Transfer:
 def scene_of(cell: Cell, a: Placed, b: Placed, obstacles: Sequence[Body], placed: int) -> Scene:
     """The scene with cubes 1 to `placed` on B, let go where the planner lets them go, and the others on A."""
     seat = T_hole_cube(cell.cube_size)
-    let_go = transform(t=(0.0, 0.0, RELEASE_GAP)) @ seat
+    let_go = mul(transform(t=(0.0, 0.0, RELEASE_GAP)), seat)
     cubes = [
         cube_body(
             f"cube {i + 1}",
             cell.cube_size,
-            b.T_base_hole(i) @ let_go if i < placed else a.T_base_hole(i) @ seat,
+            mul(b.T_base_hole(i), let_go) if i < placed else mul(a.T_base_hole(i), seat),
         )
         for i in range(4)
     ]
@@ -226,12 +228,12 @@ def _gap(a: Placed, b: Placed) -> Gap:
     best = Gap(np.array([1.0, 0.0]), np.zeros(2), -np.inf)
     for flat in flats:
         for edge in np.roll(flat, -1, axis=0) - flat:
-            normal = np.array([edge[1], -edge[0]]) / np.linalg.norm(edge)
-            normal = normal * np.sign((flats[1].mean(axis=0) - flats[0].mean(axis=0)) @ normal)
-            low, high = float((flats[0] @ normal).max()), float((flats[1] @ normal).min())
+            normal = np.array([edge[1], -edge[0]]) / norm(edge)
+            normal = normal * np.sign(mul(flats[1].mean(axis=0) - flats[0].mean(axis=0), normal))
+            low, high = float((mul(flats[0], normal)).max()), float((mul(flats[1], normal)).min())
             if high - low > best.width:
                 middle = (flats[0].mean(axis=0) + flats[1].mean(axis=0)) / 2
-                middle = middle + ((low + high) / 2 - middle @ normal) * normal
+                middle = middle + ((low + high) / 2 - mul(middle, normal)) * normal
                 best = Gap(normal, middle, high - low)
     return best
 
@@ -291,7 +293,7 @@ def _past(query: Query, obstacles: Sequence[Body], lines: FreeLines) -> FreeLine
     """The lines that keep clear of obstacles too."""
     scene, transfer = query.scene, query.transfers[0]
     cube = scene.cube(transfer.cube)
-    in_tool = frozen(inverse(transfer.pick.T_base_tool[0]) @ cube.T_base_body)
+    in_tool = frozen(mul(inverse(transfer.pick.T_base_tool[0]), cube.T_base_body))
     worlds = (World(scene.robot_open, obstacles), World(scene.robot_holding, obstacles, cube, in_tool))
 
     def past(found: list[GripLine]) -> list[GripLine]:
@@ -346,10 +348,10 @@ def lines_that_are_free(query: Query) -> FreeLines:
         allowed = [frozenset((cube.name, n)) for n in touches]
         return World(scene.robot_holding, still, cube, T_tool_cube, allowed)
 
-    in_tool = [frozen(inverse(T) @ cube.T_base_body) for T in transfer.pick.T_base_tool]
+    in_tool = [frozen(mul(inverse(T), cube.T_base_body)) for T in transfer.pick.T_base_tool]
     lifting = [holding(T, transfer.pick.touches) for T in in_tool]
     lowering = holding(in_tool[0], transfer.place.touches)  # a quarter turn changes no cube
-    placed = cube.at(transfer.place.T_base_tool[0] @ in_tool[0])
+    placed = cube.at(mul(transfer.place.T_base_tool[0], in_tool[0]))
     open_after = World(scene.robot_open, (*still, placed))
     robot = scene.robot_open
     return FreeLines(
@@ -390,7 +392,7 @@ def _blocked(query: Query, lines: FreeLines) -> bool:
     scene, transfer = query.scene, query.transfers[0]
     cube = scene.cube(transfer.cube)
     still = (*scene.bodies, *(c for c in scene.cubes if c.name != cube.name))
-    T = frozen(inverse(transfer.pick.T_base_tool[0]) @ cube.T_base_body)
+    T = frozen(mul(inverse(transfer.pick.T_base_tool[0]), cube.T_base_body))
     world = World(scene.robot_holding, still, cube, T)
     pairs = []
     for pick in {g.yaw: g for g in reversed(by_distance(lines.picks, query.q_start))}.values():

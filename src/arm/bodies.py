@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from arm.errors import A465Error, InputError
 from arm.given import number, numbers, rigid, shown
+from arm.products import mul
 from arm.se3 import Array, frozen, orthonormalised
 
 LEAST_LENGTH, MOST_LENGTH = 1e-4, 100.0  # of a body that is read from a file, m
@@ -239,7 +240,7 @@ def thickness(points: Array) -> float:
     """How far points (n, 3) spread across the plane that fits them best, m."""
     centred = points - points.mean(axis=0)
     _, _, axes = np.linalg.svd(centred, full_matrices=False)
-    return float(np.ptp(centred @ axes[-1])) if len(axes) == 3 else 0.0
+    return float(np.ptp(mul(centred, axes[-1]))) if len(axes) == 3 else 0.0
 
 
 def hull_faces(shape: Convex) -> Faces:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.errors import InputError
+from arm.products import mul
 from arm.se3 import Array, frozen
 
 RIGID = 1e-6  # what the axes of a pose may be off from unit length and right angles
@@ -153,7 +154,7 @@ def poses(name: str, T: npt.ArrayLike) -> Array:
     every = array.reshape(-1, 4, 4)
     R = every[:, :3, :3]
     with np.errstate(invalid="ignore", over="ignore"):
-        off = np.abs(np.swapaxes(R, 1, 2) @ R - np.eye(3)).sum(axis=(1, 2))
+        off = np.abs(mul(np.swapaxes(R, 1, 2), R) - np.eye(3)).sum(axis=(1, 2))
         # of a right-handed rotation the last axis is the product of the others
         off = np.maximum(off, np.abs(np.cross(R[:, :, 0], R[:, :, 1]) - R[:, :, 2]).max(axis=1))
         off = np.maximum(off, np.abs(every[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(axis=1))

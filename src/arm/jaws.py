@@ -7,6 +7,7 @@ from dataclasses import replace
 from arm.bodies import Box
 from arm.errors import InputError
 from arm.files import sha256
+from arm.products import mul
 from arm.robot import LinkBody, Robot
 from arm.se3 import Array, frozen, inverse
 
@@ -35,8 +36,8 @@ def with_any_jaws(robot: Robot) -> Robot:
 
 def _drawn(finger: LinkBody, T_joint_end: Array) -> LinkBody:
     """From its outer face to the middle."""
-    T_end_finger = inverse(T_joint_end) @ finger.T_joint_body
+    T_end_finger = mul(inverse(T_joint_end), finger.T_joint_body)
     x, y, z = finger.shape.size  # type: ignore[union-attr]
     outer = abs(float(T_end_finger[1, 3])) + y / 2.0
     T_end_finger[1, 3] = outer / 2.0 if T_end_finger[1, 3] > 0.0 else -outer / 2.0
-    return replace(finger, shape=Box((x, outer, z)), T_joint_body=frozen(T_joint_end @ T_end_finger))
+    return replace(finger, shape=Box((x, outer, z)), T_joint_body=frozen(mul(T_joint_end, T_end_finger)))

@@ -10,6 +10,7 @@ import pinocchio as pin
 from arm.dh import DhTable
 from arm.errors import InputError
 from arm.files import sha256
+from arm.products import mul, norm
 from arm.robot import Robot
 from arm.se3 import Array, frozen, inverse, rot_x, rot_z, transform
 
@@ -68,15 +69,15 @@ def with_link_errors(robot: Robot, dh: DhTable, errors: LinkErrors) -> Robot:
         turn = transform(rot_z(float(dh.theta_offset[j])))
         nominal = _link(dh.d[j], dh.a[j], dh.alpha[j])
         z, apart = T_base_link[:3, 2], poses[j + 1][:3, 3] - T_base_link[:3, 3]
-        if np.linalg.norm(z - _axis(robot, poses, j)) > _SAME or np.linalg.norm(np.cross(z, apart)) > _SAME:
+        if norm(z - _axis(robot, poses, j)) > _SAME or norm(np.cross(z, apart)) > _SAME:
             raise InputError(f"joint {robot.joint_names[j]}: its axis is not that of the table", joint=j)
-        T_base_link = T_base_link @ turn @ nominal
+        T_base_link = mul(mul(T_base_link, turn), nominal)
         if j + 1 == n:
             break
         true = _link(dh.d[j] + errors.d[j], dh.a[j] + errors.a[j], dh.alpha[j] + errors.alpha[j])
-        T_joint_link = inverse(poses[j + 1]) @ T_base_link
-        moved = T_joint_link @ inverse(nominal) @ true @ inverse(T_joint_link)
-        model.jointPlacements[j + 2] = pin.SE3(moved @ model.jointPlacements[j + 2].homogeneous)
+        T_joint_link = mul(inverse(poses[j + 1]), T_base_link)
+        moved = mul(mul(mul(T_joint_link, inverse(nominal)), true), inverse(T_joint_link))
+        model.jointPlacements[j + 2] = pin.SE3(mul(moved, model.jointPlacements[j + 2].homogeneous))
     digest = sha256({"robot": robot.digest, "link_errors": errors.to_json()})
     return replace(robot, model=model, digest=digest, ideal=robot)
 

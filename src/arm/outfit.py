@@ -13,6 +13,7 @@ from arm.bodies import Body, shape_to_json
 from arm.errors import InputError
 from arm.files import sha256
 from arm.given import number
+from arm.products import mul
 from arm.robot import LinkBody, Robot, by_link
 from arm.se3 import frozen
 from arm.unit import Limits
@@ -34,7 +35,7 @@ def with_tool(robot: Robot, T_end_tool: npt.ArrayLike, bodies: Iterable[Body] = 
     end = robot.model.frames[robot.model.getFrameId(robot.end_frame)]
     joint, placement = int(end.parentJoint), end.placement.homogeneous
     tool = tuple(
-        LinkBody(b.name, joint, b.shape, frozen(placement @ b.T_base_body), b.padding) for b in bodies
+        LinkBody(b.name, joint, b.shape, frozen(mul(placement, b.T_base_body)), b.padding) for b in bodies
     )
     names = [b.name for b in (*robot.bodies, *tool)]
     twice = sorted({name for name in names if names.count(name) > 1})

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm.board import Board
+from arm.products import mul
 from arm.se3 import Array, frozen, inverse, skew
 
 
@@ -83,7 +84,7 @@ def adjoint(T_a_b: Array) -> Array:
     R, t = T_a_b[:3, :3], T_a_b[:3, 3]
     Ad = np.zeros((6, 6))
     Ad[:3, :3] = Ad[3:, 3:] = R
-    Ad[:3, 3:] = skew(t) @ R
+    Ad[:3, 3:] = mul(skew(t), R)
     return Ad
 
 
@@ -97,8 +98,8 @@ def hole_poses(pose: BoardPose) -> tuple[HolePose, ...]:
             HolePose(
                 pose.board.name,
                 index,
-                frozen(pose.T_base_board @ T_board_hole),
-                frozen(Ad @ pose.covariance @ Ad.T),
+                frozen(mul(pose.T_base_board, T_board_hole)),
+                frozen(mul(mul(Ad, pose.covariance), Ad.T)),
             )
         )
     return tuple(holes)

@@ -20,6 +20,7 @@ import pinocchio as pin
 from arm.bodies import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, convex, shape_to_json
 from arm.errors import FileInputError, InputError
 from arm.files import read_text, sha256
+from arm.products import mul
 from arm.se3 import Array, frozen, transform
 from arm.urdf import read_touching, read_urdf
 
@@ -86,7 +87,7 @@ class Robot:
         """Pose of the tool at configuration q (n,) in rad; 4x4."""
         pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
         return frozen(
-            pin.updateFramePlacement(self.model, self._data, self._end).homogeneous @ self.T_end_tool
+            mul(pin.updateFramePlacement(self.model, self._data, self._end).homogeneous, self.T_end_tool)
         )
 
     def jacobian(self, q: npt.ArrayLike) -> Array:
@@ -98,7 +99,7 @@ class Robot:
             self.model, self._data, np.asarray(q, dtype=float), self._end, pin.ReferenceFrame.LOCAL
         )
         # of an arm with one joint Pinocchio makes a plain vector
-        return np.asarray(pin.SE3(self.T_end_tool).actionInverse @ J_end.reshape(6, -1))
+        return np.asarray(mul(pin.SE3(self.T_end_tool).actionInverse, J_end.reshape(6, -1)))
 
     def joint_poses(self, q: npt.ArrayLike) -> Array:
         """Poses of the base (index 0) and of every joint frame, (n + 1, 4, 4)."""
@@ -109,7 +110,7 @@ class Robot:
         """The arm's bodies where they are at configuration q."""
         poses = self.joint_poses(q)
         return [
-            Body(b.name, b.shape, frozen(poses[b.joint] @ b.T_joint_body), "robot", b.padding)
+            Body(b.name, b.shape, frozen(mul(poses[b.joint], b.T_joint_body)), "robot", b.padding)
             for b in self.bodies
         ]
 

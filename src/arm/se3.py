@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.errors import A465Error
+from arm.products import mul, nearest_rotation, norm
 
 Array = npt.NDArray[np.float64]
 
@@ -33,12 +34,12 @@ def transform(R: npt.ArrayLike | None = None, t: npt.ArrayLike = (0.0, 0.0, 0.0)
 def inverse(T: Array) -> Array:
     """T_b_a for T_a_b (4x4)."""
     R = T[:3, :3]
-    return transform(R.T, -R.T @ T[:3, 3])
+    return transform(R.T, mul(-R.T, T[:3, 3]))
 
 
 def apply(T_a_b: Array, points_b: npt.ArrayLike) -> Array:
     """Points (..., 3) given in frame b, expressed in frame a."""
-    return np.asarray(points_b, dtype=float) @ T_a_b[:3, :3].T + T_a_b[:3, 3]
+    return mul(np.asarray(points_b, dtype=float), T_a_b[:3, :3].T) + T_a_b[:3, 3]
 
 
 def skew(v: npt.ArrayLike) -> Array:
@@ -66,19 +67,19 @@ def by_twist(by_point: Array, points: Array) -> Array:
 def rotation(rotation_vector: npt.ArrayLike) -> Array:
     """SO(3) exponential (Rodrigues): rotation vector (3, rad) to 3x3 matrix."""
     w = np.asarray(rotation_vector, dtype=float)
-    angle = float(np.linalg.norm(w))
+    angle = float(norm(w))
     W = skew(w)
     if angle < 1e-8:
-        return np.asarray(np.eye(3) + W + 0.5 * W @ W)
+        return np.asarray(np.eye(3) + W + mul(0.5 * W, W))
     a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle**2
-    R: Array = np.eye(3) + a * W + b * W @ W
+    R: Array = np.eye(3) + a * W + mul(b * W, W)
     return R
 
 
 def rotation_vector(R: Array) -> Array:
     """SO(3) logarithm: 3x3 matrix to rotation vector (3, rad) with angle in [0, pi]."""
     vee = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    sine, cosine = 0.5 * float(np.linalg.norm(vee)), 0.5 * (float(np.trace(R)) - 1.0)
+    sine, cosine = 0.5 * float(norm(vee)), 0.5 * (float(np.trace(R)) - 1.0)
     angle = float(np.arctan2(sine, cosine))
     if sine < 1e-12 and cosine > 0.0:
         return 0.5 * vee
@@ -87,8 +88,8 @@ def rotation_vector(R: Array) -> Array:
     # near half a turn the axis comes from R + R^T, its sign from what is left of the skew part
     symmetric = 0.5 * (R + R.T) - cosine * np.eye(3)
     column = int(np.argmax(np.diag(symmetric)))
-    axis = symmetric[:, column] / np.linalg.norm(symmetric[:, column])
-    return angle * axis * (-1.0 if vee @ axis < 0.0 else 1.0)
+    axis = symmetric[:, column] / norm(symmetric[:, column])
+    return angle * axis * (-1.0 if mul(vee, axis) < 0.0 else 1.0)
 
 
 def rot_x(angle: float) -> Array:
@@ -108,7 +109,7 @@ def rot_z(angle: float) -> Array:
 
 def angle_between(R_a: Array, R_b: Array) -> float:
     """Geodesic distance of two rotations (3x3), rad."""
-    return float(np.linalg.norm(rotation_vector(R_a.T @ R_b)))
+    return float(norm(rotation_vector(mul(R_a.T, R_b))))
 
 
 def orthonormalised(T: npt.ArrayLike, tolerance: float = 1e-3) -> Array:
@@ -120,12 +121,11 @@ def orthonormalised(T: npt.ArrayLike, tolerance: float = 1e-3) -> Array:
     M = np.array(T, dtype=float)
     if M.shape != (4, 4) or not np.isfinite(M).all() or not np.allclose(M[3], (0.0, 0.0, 0.0, 1.0)):
         raise A465Error("a transform is a finite 4x4 matrix with last row 0 0 0 1", matrix=M.tolist())
-    U, singular_values, Vt = np.linalg.svd(M[:3, :3])
-    R = U @ Vt
-    if np.abs(singular_values - 1.0).max() > tolerance or np.linalg.det(R) < 0.0:
+    singular_values = np.linalg.svd(M[:3, :3], compute_uv=False)
+    if np.abs(singular_values - 1.0).max() > tolerance or np.linalg.det(M[:3, :3]) < 0.0:
         raise A465Error(
             "the upper left 3x3 part is not a rotation: singular values "
             f"{np.round(singular_values, 6).tolist()} should be 1 to {tolerance:g}, determinant positive",
             matrix=M.tolist(),
         )
-    return transform(R, M[:3, 3])
+    return transform(nearest_rotation(M[:3, :3]), M[:3, 3])

@@ -15,6 +15,7 @@ import numpy as np
 
 from arm.errors import A465Error, FileInputError
 from arm.files import read_text
+from arm.products import mul
 from arm.se3 import Array, frozen, orthonormalised
 
 _REQUIRED: Any = object()
@@ -155,7 +156,7 @@ class TomlTable:
         T = self.matrix(key, 4, 4)
         if np.abs(T).max() > LARGEST:
             raise self.error(key, f"must be numbers from {-LARGEST:g} to {LARGEST:g}")
-        exact = np.abs(T[:3, :3].T @ T[:3, :3] - np.eye(3)).max() <= 1e-12
+        exact = np.abs(mul(T[:3, :3].T, T[:3, :3]) - np.eye(3)).max() <= 1e-12
         if exact and np.linalg.det(T[:3, :3]) > 0.0 and np.array_equal(T[3], (0.0, 0.0, 0.0, 1.0)):
             return T
         try:

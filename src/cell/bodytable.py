@@ -7,6 +7,7 @@ import numpy as np
 from arm.bodies import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, convex
 from arm.errors import InputError
 from arm.meshfile import read_mesh_points
+from arm.products import mul
 from arm.se3 import Array, rot_x, rot_y, rot_z, transform
 from arm.toml_table import TomlTable
 
@@ -56,7 +57,7 @@ def read_pose(table: TomlTable, place_key: str) -> Array:
     """T_base_body from a place in mm and `rpy_deg`: turns about the fixed x, then y, then z, as in URDF; default 0."""
     place = table.numbers(place_key, 3, "mm", -FARTHEST_MM, FARTHEST_MM) / 1e3
     roll, pitch, yaw = np.radians(table.numbers("rpy_deg", 3, "deg", -360, 360, default=(0.0, 0.0, 0.0)))
-    return transform(rot_z(yaw) @ rot_y(pitch) @ rot_x(roll), place)
+    return transform(mul(mul(rot_z(yaw), rot_y(pitch)), rot_x(roll)), place)
 
 
 def _length(table: TomlTable, key: str) -> float:

@@ -12,6 +12,7 @@ from arm.errors import ImpossibleError
 from arm.files import canonical_json, sha256
 from arm.planfile import Plan
 from arm.poses import BoardPose
+from arm.products import mul
 from arm.se3 import Array, frozen, inverse, transform
 from cell.boardshift import board_shift
 from cell.cellfile import Cell
@@ -174,8 +175,8 @@ def require_scene(cell: Cell, plan: Plan, seen: Seen) -> None:
             faults.append(f"{plate.name} is not in the plan")
             continue
         # from where the plate is to where the board is, as in the look
-        T_plate_board = inverse(plate.T_base_body) @ pose.T_base_board
-        shift = board_shift(pose.board, cell.cube_size, planned @ T_plate_board, pose.T_base_board)
+        T_plate_board = mul(inverse(plate.T_base_body), pose.T_base_board)
+        shift = board_shift(pose.board, cell.cube_size, mul(planned, T_plate_board), pose.T_base_board)
         if shift.beyond(cell):
             faults.append(f"{plate.name} stands {shift} from the plan's")
     holding = {c["name"].removeprefix(cube_name("")) for c in plan.scene["cubes"]}
@@ -241,7 +242,7 @@ def pose_of_plate(cell: Cell, plate: Body) -> BoardPose:
         if board.name == name:
             nominal = plate_body(name, transform()).T_base_body
             return BoardPose(
-                board, frozen(plate.T_base_body @ inverse(nominal)), np.zeros((6, 6)), 0.0, np.inf
+                board, frozen(mul(plate.T_base_body, inverse(nominal))), np.zeros((6, 6)), 0.0, np.inf
             )
     raise ImpossibleError(
         f"the plan's scene has {plate.name!r}, which is no board of the cell file; plan again"

@@ -9,6 +9,7 @@ import numpy as np
 
 from arm.board import CUBE_SEAT_DEPTH, PLATE_CENTRE, PLATE_SIZE
 from arm.bodies import Body, Box
+from arm.products import mul
 from arm.se3 import Array, apply, frozen, transform
 
 
@@ -20,7 +21,7 @@ def plate_name(board_name: str) -> str:
 def plate_body(board_name: str, T_base_board: Array) -> Body:
     """The plate as a solid box: pockets are not cut out, so contact in one has to be allowed by name."""
     centre = transform(t=(*PLATE_CENTRE, -PLATE_SIZE[2] / 2.0))
-    return Body(plate_name(board_name), Box(PLATE_SIZE), frozen(T_base_board @ centre), "board")
+    return Body(plate_name(board_name), Box(PLATE_SIZE), frozen(mul(T_base_board, centre)), "board")
 
 
 def stand_body(

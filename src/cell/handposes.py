@@ -9,6 +9,7 @@ import numpy as np
 
 from arm.bodies import Body, convex
 from arm.errors import ImpossibleError
+from arm.products import mul
 from arm.robot import Robot
 from arm.se3 import Array, frozen, inverse
 from arm.unit import Limits
@@ -65,21 +66,21 @@ class HandView:
         self.robot, self.camera, self.hand = robot, camera, hand
         self.lower, self.upper = limits.lower + LIMIT_MARGIN, limits.upper - LIMIT_MARGIN
         self._clearance = clearance
-        self._T_target_tool = inverse(hand.T_flange_target) @ robot.T_end_tool
+        self._T_target_tool = mul(inverse(hand.T_flange_target), robot.T_end_tool)
         self._world = World(robot, bodies)
         self._bare = replace(robot, bodies=tuple(b for b in robot.bodies if b.name != PLATE))
 
     def T_base_target(self, q: Array) -> Array:
         """Where the target is at a configuration (6,) rad, 4x4."""
-        return np.asarray(self.robot.T_base_tool(q) @ inverse(self._T_target_tool))
+        return np.asarray(mul(self.robot.T_base_tool(q), inverse(self._T_target_tool)))
 
     def ways(self, T_base_target: Array) -> Branches:
         """Configurations that hold targets at poses (n, 4, 4)."""
-        return inverse_kinematics(self.robot, T_base_target @ self._T_target_tool, self.lower, self.upper)
+        return inverse_kinematics(self.robot, mul(T_base_target, self._T_target_tool), self.lower, self.upper)
 
     def in_image(self, T_camera_target: Array) -> bool:
         """Whether all corners of a target at a pose appear well inside the image."""
-        points = self.hand.target.points() @ T_camera_target[:3, :3].T + T_camera_target[:3, 3]
+        points = mul(self.hand.target.points(), T_camera_target[:3, :3].T) + T_camera_target[:3, 3]
         if (points[:, 2] <= 0.0).any():
             return False
         pixels, last = self.camera.project(points), np.array(self.camera.size) - 1.0
@@ -95,7 +96,7 @@ class HandView:
         """Whether a configuration is within limits, clear, and shows the target not too obliquely."""
         if (q < self.lower).any() or (q > self.upper).any():
             return False
-        T = inverse(self.camera.T_base_camera) @ self.T_base_target(q)
+        T = mul(inverse(self.camera.T_base_camera), self.T_base_target(q))
         facing = float(T[2, 2]) >= np.cos(TILT)  # z goes into the plate
         return facing and self.in_image(T) and self.obstacle(q) is None
 
@@ -135,7 +136,7 @@ def hand_pool(
         seen = [T for T in drawn if view.in_image(T)]
         tried += _BATCH
         why["out of the image"] += _BATCH - len(seen)
-        branches = view.ways(view.camera.T_base_camera @ np.array(seen).reshape(-1, 4, 4))
+        branches = view.ways(mul(view.camera.T_base_camera, np.array(seen).reshape(-1, 4, 4)))
         why["out of reach"] += len(seen) - len(np.unique(branches.pose))
         for pose in np.unique(branches.pose):
             q = branches.q[rng.choice(np.flatnonzero(branches.pose == pose))]

@@ -9,6 +9,7 @@ import numpy as np
 
 from arm.bodies import Box
 from arm.files import sha256
+from arm.products import mul
 from arm.robot import LinkBody, Robot
 from arm.se3 import Array, frozen, inverse, rot_x, rot_y, rot_z, rotation, transform
 from arm.toml_table import TomlTable
@@ -43,9 +44,12 @@ class HandTarget:
         flange = inverse(robot.T_end_tool)
         joint = len(robot.joint_names)
         q = np.zeros(joint)
-        T_joint_flange = inverse(robot.joint_poses(q)[joint]) @ robot.T_base_tool(q) @ flange
+        T_joint_flange = mul(mul(inverse(robot.joint_poses(q)[joint]), robot.T_base_tool(q)), flange)
         plate = LinkBody(
-            PLATE, joint, Box(self.plate), frozen(T_joint_flange @ self.T_flange_target @ self.T_target_plate)
+            PLATE,
+            joint,
+            Box(self.plate),
+            frozen(mul(mul(T_joint_flange, self.T_flange_target), self.T_target_plate)),
         )
         said = {"robot": robot.digest, "plate": [list(self.plate), plate.T_joint_body.tolist()]}
         return replace(robot, bodies=(*robot.bodies, plate), digest=sha256(said))
@@ -54,14 +58,14 @@ class HandTarget:
         """The same plate where a person really put it, for the simulated cell."""
         rng = np.random.default_rng([seed, 465])
         off = transform(rotation(rng.normal(0.0, _ROUGH[1], 3)), rng.normal(0.0, _ROUGH[0], 3))
-        return replace(self, T_flange_target=frozen(self.T_flange_target @ off))
+        return replace(self, T_flange_target=frozen(mul(self.T_flange_target, off)))
 
     def sight(self, T_base_camera: Array, T_base_target: Array) -> Array:
         """Corners (5, 3) m of the pyramid between camera and chessboard, which nothing may reach into."""
         width, height = self.target.size
         corners = np.array([[0, 0, 0], [width, 0, 0], [0, height, 0], [width, height, 0]], dtype=float)
         corners[:, 2] = -2e-3  # above the print
-        on_target = corners @ T_base_target[:3, :3].T + T_base_target[:3, 3]
+        on_target = mul(corners, T_base_target[:3, :3].T) + T_base_target[:3, 3]
         return np.vstack([on_target, T_base_camera[:3, 3]])
 
 
@@ -82,7 +86,7 @@ def read_hand_target(path: Path) -> HandTarget:
         raise hand.error("plate_mm", f"must be as large as the chessboard at least, {shown} mm")
     hand.finish()
     root.finish()
-    R = rot_z(float(yaw)) @ rot_y(float(pitch)) @ rot_x(float(roll))
+    R = mul(mul(rot_z(float(yaw)), rot_y(float(pitch))), rot_x(float(roll)))
     width, height = target.size
-    T = transform(R, centre) @ transform(t=(-width / 2.0, -height / 2.0, 0.0))
+    T = mul(transform(R, centre), transform(t=(-width / 2.0, -height / 2.0, 0.0)))
     return HandTarget(target, frozen(T), (float(x), float(y), float(z)))

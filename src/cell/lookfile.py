@@ -13,6 +13,7 @@ from arm.board import Board
 from arm.errors import A465Error, FileInputError, ImpossibleError
 from arm.files import read_json, require_finite
 from arm.poses import BoardPose, TiltHypothesis, hole_poses
+from arm.products import mul
 from arm.se3 import Array, frozen, inverse, orthonormalised
 from cell.boardshift import board_shift
 from cell.cellfile import Cell
@@ -171,7 +172,7 @@ def pose_to_json(pose: BoardPose, T_base_camera: Array) -> dict[str, Any]:
     """A board's pose, its uncertainty and its holes, as JSON types."""
     return {
         "marker_ids": list(pose.board.marker_ids),
-        "T_camera_board": (inverse(T_base_camera) @ pose.T_base_board).tolist(),
+        "T_camera_board": (mul(inverse(T_base_camera), pose.T_base_board)).tolist(),
         "T_base_board": pose.T_base_board.tolist(),
         "covariance": pose.covariance.tolist(),
         "residual_px": pose.residual_px,

@@ -18,6 +18,7 @@ from arm.files import read_bytes, sha256
 from arm.jaws import with_any_jaws
 from arm.motion import CountPath, Segment
 from arm.planfile import GripperStep, Move, Plan, Step
+from arm.products import mul
 from arm.robot import Robot
 from arm.se3 import Array, frozen
 from cell.lookfile import Seen
@@ -190,7 +191,7 @@ class _Planner:
         entry = place.entry
         if entry is None or entry.T is None:
             raise ImpossibleError(f"{place.name} is no pose; this is a fault of the planner")
-        T_base_tool = entry.T if entry.frame == "tool" else frozen(entry.T @ self.robot.T_end_tool)
+        T_base_tool = entry.T if entry.frame == "tool" else frozen(mul(entry.T, self.robot.T_end_tool))
         try:
             return Target(
                 entry.name,

@@ -13,6 +13,7 @@ import numpy as np
 from arm.errors import ExecutionStopped, ImpossibleError
 from arm.planfile import GripperStep, Move, Plan
 from arm.poses import hole_poses
+from arm.products import mul, norm
 from arm.se3 import Array, frozen, inverse
 from cell.checking import pose_of_plate, under
 from cell.furniture import plate_name
@@ -127,7 +128,7 @@ def carried_by(task: Task, plan: Plan, counts: tuple[int, ...], seen: Seen) -> C
     cube = scene_from_json(plan.scene, robot, cell.robot(cell.cube_size)).cube(transfer["cube"])
     index = plan.task["cubes"].index(transfer)
     lift = next(m for m in plan.moves if m.held is not None and m.cube == index)
-    T_tool_cube = inverse(robot.T_base_tool(cell.unit.positions(lift.path.start))) @ cube.T_base_body
+    T_tool_cube = mul(inverse(robot.T_base_tool(cell.unit.positions(lift.path.start))), cube.T_base_body)
     return Carried(transfer, InJaws(transfer["cube"], frozen(T_tool_cube)))
 
 
@@ -159,7 +160,7 @@ def _touched(task: Task, seen: Seen, transfer: dict[str, str], T_base_tool: Arra
     near = []
     for place in (transfer["from"], transfer["to"]):
         T = _station(task, seen, place).T_base_tool[0]
-        if np.linalg.norm(T_base_tool[:3, 3] - T[:3, 3]) < reach_m:
+        if norm(T_base_tool[:3, 3] - T[:3, 3]) < reach_m:
             near.append(under(place))
     return frozenset(near)
 

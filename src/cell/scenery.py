@@ -14,6 +14,7 @@ from arm.board import CUBE_SEAT_DEPTH
 from arm.bodies import Body
 from arm.errors import ImpossibleError
 from arm.poses import BoardPose, hole_poses
+from arm.products import mul
 from arm.se3 import Array, apply, frozen, inverse, rot_x, rot_z, transform
 from cell.cellfile import Cell
 from cell.furniture import T_hole_cube, cube_body, plate_body, plate_name, stand_body
@@ -32,14 +33,14 @@ def cube_name(place: str) -> str:
 
 def T_place_tool(height: float) -> tuple[Array, ...]:
     """The four tool poses over a place, finger tips `height` m above it, as T_place_tool."""
-    return tuple(transform(rot_x(np.pi) @ rot_z(k * np.pi / 2.0), (0.0, 0.0, height)) for k in range(4))
+    return tuple(transform(mul(rot_x(np.pi), rot_z(k * np.pi / 2.0)), (0.0, 0.0, height)) for k in range(4))
 
 
 def hole_station(cell: Cell, board: str, name: str, T_base_hole: Array, gap: float = 0.0) -> Station:
     """A hole as a station of the tool, its tips at grip height (and `gap` m above, to let go)."""
     return Station(
         name,
-        tuple(frozen(T_base_hole @ T) for T in T_place_tool(cell.grip_height + gap)),
+        tuple(frozen(mul(T_base_hole, T)) for T in T_place_tool(cell.grip_height + gap)),
         frozenset((plate_name(board),)),
     )
 
@@ -50,7 +51,7 @@ def table_station(cell: Cell, name: str, x: float, y: float, yaw: float) -> Stat
     T_base_place = transform(rot_z(yaw), (x, y, cell.table_z))
     return Station(
         name,
-        tuple(frozen(T_base_place @ T) for T in T_place_tool(grip_above_bottom + RELEASE_GAP)),
+        tuple(frozen(mul(T_base_place, T)) for T in T_place_tool(grip_above_bottom + RELEASE_GAP)),
         frozenset(("table",)),
     )
 
@@ -113,7 +114,7 @@ def build_scene(
         for hole in hole_poses(pose):
             if hole.index in set(cubes_in.get(pose.board.name, ())):
                 name = cube_name(hole.name)
-                T_base_cube = hole.T_base_hole @ T_hole_cube(cell.cube_size)
+                T_base_cube = mul(hole.T_base_hole, T_hole_cube(cell.cube_size))
                 cubes.append(padded_cube(cell, name, T_base_cube))
                 allowed.add(frozenset((name, plate_name(pose.board.name))))
     for name, T_base_cube in (cubes_on_table or {}).items():

@@ -17,6 +17,7 @@ from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_MOUTH
 from arm.bodies import Body
 from arm.dh import A465
 from arm.links import with_link_errors
+from arm.products import mul
 from arm.robot import Robot
 from arm.se3 import Array, apply, frozen, inverse, rot_z, transform
 from cell.cellfile import Cell
@@ -111,7 +112,9 @@ class SimulatedCell:
         seated = T_hole_cube(cell.cube_size)
         places = [(b, hole) for b in world.boards for hole in b.cubes]
         self._cubes = [
-            SimulatedCube(f"cube {n}", frozen(b.T_base_board @ b.board.T_board_hole(hole) @ seated), "pocket")
+            SimulatedCube(
+                f"cube {n}", frozen(mul(mul(b.T_base_board, b.board.T_board_hole(hole)), seated)), "pocket"
+            )
             for n, (b, hole) in enumerate(places, start=1)
         ]
         self.history = [CellState(0, tuple(self._cubes), self._opening)]
@@ -121,7 +124,9 @@ class SimulatedCell:
         with self._lock:
             T_base_tool = self.T_base_tool(counts)
             return [
-                c if c.T_tool_cube is None else replace(c, T_base_cube=frozen(T_base_tool @ c.T_tool_cube))
+                c
+                if c.T_tool_cube is None
+                else replace(c, T_base_cube=frozen(mul(T_base_tool, c.T_tool_cube)))
                 for c in self._cubes
             ]
 
@@ -145,8 +150,8 @@ class SimulatedCell:
         """Calibration targets as they are with the arm at `counts`."""
         if self.in_hand is None:
             return []
-        T_base_flange = self.T_base_tool(counts) @ inverse(self._robot.T_end_tool)
-        return [TargetSolid(self.in_hand.target, T_base_flange @ self.in_hand.T_flange_target, Light())]
+        T_base_flange = mul(self.T_base_tool(counts), inverse(self._robot.T_end_tool))
+        return [TargetSolid(self.in_hand.target, mul(T_base_flange, self.in_hand.T_flange_target), Light())]
 
     def bodies(self, counts: npt.ArrayLike, robot: Robot) -> list[Body]:
         """Everything that can be seen with the arm at `counts`."""
@@ -182,7 +187,7 @@ class SimulatedCell:
         if target < on_cube:
             return target
         for index, cube in enumerate(self._cubes):
-            T_tool_cube = inverse(T_base_tool) @ cube.T_base_cube
+            T_tool_cube = mul(inverse(T_base_tool), cube.T_base_cube)
             x, y, z = T_tool_cube[:3, 3]
             if max(abs(x), abs(y)) > self.cell.jaw_opening / 2.0 or abs(z) > self.cell.cube_size:
                 continue
@@ -210,22 +215,22 @@ class SimulatedCell:
     def _open(self, T_base_tool: Array, target: float) -> float:
         for index, cube in enumerate(self._cubes):
             if cube.T_tool_cube is not None and target < self.cell.fraction_closed(self.cell.cube_size):
-                self._cubes[index] = self._released(cube.name, frozen(T_base_tool @ cube.T_tool_cube))
+                self._cubes[index] = self._released(cube.name, frozen(mul(T_base_tool, cube.T_tool_cube)))
         return target
 
     def _released(self, name: str, T_base_cube: Array) -> SimulatedCube:
         half = self.cell.cube_size / 2.0
         for b in self.world.boards:
             for hole in range(len(b.board.holes)):
-                T_base_hole = b.T_base_board @ b.board.T_board_hole(hole)
-                T_hole_cube_now = inverse(T_base_hole) @ T_base_cube
+                T_base_hole = mul(b.T_base_board, b.board.T_board_hole(hole))
+                T_hole_cube_now = mul(inverse(T_base_hole), T_base_cube)
                 x, y, z = T_hole_cube_now[:3, 3]
                 tilt = float(np.arccos(np.clip(T_hole_cube_now[2, 2], -1.0, 1.0)))
                 sides = max(abs(x), abs(y))
                 if sides <= CAPTURE and tilt <= CAPTURE_TILT and abs(z - half) <= 2 * DROP:
                     quarter = np.round(np.arctan2(T_hole_cube_now[1, 0], T_hole_cube_now[0, 0]) / (np.pi / 2))
                     turned = transform(rot_z(quarter * np.pi / 2))
-                    seat = frozen(T_base_hole @ T_hole_cube(self.cell.cube_size) @ turned)
+                    seat = frozen(mul(mul(T_base_hole, T_hole_cube(self.cell.cube_size)), turned))
                     self._tell(
                         "placed",
                         name,
@@ -260,7 +265,7 @@ def angle_to_square(R: Array) -> float:
     for axis in range(3):
         column = int(np.argmax(np.abs(R[:, axis])))
         nearest[column, axis] = np.sign(R[column, axis])
-    return float(np.arccos(np.clip((np.trace(nearest.T @ R) - 1.0) / 2.0, -1.0, 1.0)))
+    return float(np.arccos(np.clip((np.trace(mul(nearest.T, R)) - 1.0) / 2.0, -1.0, 1.0)))
 
 
 class SimulatedCamera:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from arm.board import PLATE_CENTRE, Board, read_board_csv
 from arm.links import LinkErrors
+from arm.products import mul
 from arm.se3 import Array, frozen, rot_z, rotation, transform
 from arm.toml_table import TomlTable
 from vision.camera import Camera, read_camera
@@ -54,8 +55,8 @@ def board_placement(centre: npt.ArrayLike, yaw: float, tilt: float, lean_azimuth
     `lean_azimuth`; all rad, in the base frame.
     """
     axis = np.array([-np.sin(lean_azimuth), np.cos(lean_azimuth), 0.0])
-    R = rotation(tilt * axis) @ rot_z(yaw)
-    return transform(R, np.asarray(centre, dtype=float) - R @ np.array([*PLATE_CENTRE, 0.0]))
+    R = mul(rotation(tilt * axis), rot_z(yaw))
+    return transform(R, np.asarray(centre, dtype=float) - mul(R, np.array([*PLATE_CENTRE, 0.0])))
 
 
 def read_world(path: Path, marker_size: float) -> World:

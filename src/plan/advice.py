@@ -17,6 +17,7 @@ import numpy as np
 
 from arm.bodies import Body, Box
 from arm.errors import ImpossibleError, InputError
+from arm.products import mul
 from plan.candidates import Family, families, skipped_for
 from plan.cause import worlds_at
 from plan.change import Change, Displaced, Groups, Request, Skipped, groups_of
@@ -321,7 +322,7 @@ def _on_a_table(body: Body, scene: Scene) -> bool:
     """Whether the body's centre is above a table."""
     for table in scene.bodies:
         if table.kind == "table" and isinstance(table.shape, Box):
-            at = table.T_base_body[:3, :3].T @ (body.T_base_body[:3, 3] - table.T_base_body[:3, 3])
+            at = mul(table.T_base_body[:3, :3].T, body.T_base_body[:3, 3] - table.T_base_body[:3, 3])
             if abs(at[0]) <= table.shape.size[0] / 2 and abs(at[1]) <= table.shape.size[1] / 2:
                 return True
     return False

@@ -18,6 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from arm.errors import InputError
+from arm.products import mul, norm
 from arm.se3 import Array
 from plan.line_steps import Barrier
 from plan.world import DISTANCE_ERROR, Distance, World
@@ -69,15 +70,15 @@ def _gradient(world: World, distance: Distance, q: Array, J: Array) -> Array:
     first, second = distance.points
     apart = first - second
     signed = distance.value + world.padding_of(distance.pair)
-    if not np.isfinite(apart).all() or min(abs(signed), float(np.linalg.norm(apart))) <= DISTANCE_ERROR:
+    if not np.isfinite(apart).all() or min(abs(signed), float(norm(apart))) <= DISTANCE_ERROR:
         return _differences(world, distance.pair, q)
-    normal = apart / np.linalg.norm(apart) * np.sign(signed)
+    normal = apart / norm(apart) * np.sign(signed)
     # joints that move both bodies do not move them against each other
     outer, inner = (world.joint_of(name) for name in distance.pair)
     moving = slice(min(outer, inner), max(outer, inner))
     point, sign = (first, 1.0) if outer >= inner else (second, -1.0)
     gradient = np.zeros(len(q))
-    gradient[moving] = sign * (normal @ J[:3, moving] + np.cross(point, normal) @ J[3:, moving])
+    gradient[moving] = sign * (mul(normal, J[:3, moving]) + mul(np.cross(point, normal), J[3:, moving]))
     return gradient
 
 

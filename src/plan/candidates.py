@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arm.products import norm
 from arm.se3 import Array
 from plan.change import Asked, Change, Displaced, Elsewhere, Groups, Removed, Request, Skipped
 from plan.failure import AFTER_TIMING, LINE_BLOCKED, NO_WAY_ACROSS, OUT_OF_REACH, START_BLOCKED, Failure
@@ -218,12 +219,12 @@ def _from(failure: Failure) -> str:
 def _away(body: Array, at: Array) -> Array:
     """Level unit vector from `at` to the body; away from the base where one is above the other."""
     apart = np.array([body[0] - at[0], body[1] - at[1], 0.0])
-    return _level(apart) if np.linalg.norm(apart) > 5e-3 else _level(body)
+    return _level(apart) if norm(apart) > 5e-3 else _level(body)
 
 
 def _level(vector: Array) -> Array:
     flat = np.array([vector[0], vector[1], 0.0])
-    length = float(np.linalg.norm(flat))
+    length = float(norm(flat))
     return flat / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])
 
 

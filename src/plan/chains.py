@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm.errors import ImpossibleError
+from arm.products import mul, norm
 from arm.robot import Robot
 from arm.se3 import Array, frozen, rotation, rotation_vector
 from arm.unit import Limits, Unit
@@ -163,7 +164,7 @@ class Chains:
     ) -> LineStep | None:
         target = self.targets[index]
         line = Line(frozen(start), end)
-        if line.length < _NOWHERE and np.linalg.norm(line.turn) < _NOWHERE:
+        if line.length < _NOWHERE and norm(line.turn) < _NOWHERE:
             return None
         options = LineOptions(tolerance=_TOLERANCE, free_axis=axis)
         try:
@@ -186,14 +187,14 @@ def _nearest(T_now: Array, target: Target) -> Array:
     """The pose that a target allows, with what is free as it is now."""
     T = target.T_base_tool
     R = T[:3, :3]
-    shift = R.T @ (T_now[:3, 3] - T[:3, 3])
-    turn = rotation_vector(R.T @ T_now[:3, :3])
+    shift = mul(R.T, T_now[:3, 3] - T[:3, 3])
+    turn = rotation_vector(mul(R.T, T_now[:3, :3]))
     free = np.array([name in target.free for name in FREE])
     goal = np.eye(4)
     if free[3:].sum() == 1:
         # the turn about one axis that comes nearest to the tool as it is, whatever the tilt of the axis itself
         k = int(np.flatnonzero(free[3:])[0])
-        M = R.T @ T_now[:3, :3]
+        M = mul(R.T, T_now[:3, :3])
         i, j = (k + 1) % 3, (k + 2) % 3
         turn = np.zeros(3)
         turn[k] = np.arctan2(M[j, i] - M[i, j], M[i, i] + M[j, j])
@@ -201,6 +202,6 @@ def _nearest(T_now: Array, target: Target) -> Array:
         turn = np.where(free[3:], turn, 0.0)
     else:
         turn = np.zeros(3)
-    goal[:3, :3] = R @ rotation(turn)
-    goal[:3, 3] = T[:3, 3] + R @ np.where(free[:3], shift, 0.0)
+    goal[:3, :3] = mul(R, rotation(turn))
+    goal[:3, 3] = T[:3, 3] + mul(R, np.where(free[:3], shift, 0.0))
     return frozen(goal)

@@ -14,6 +14,7 @@ import numpy as np
 
 from arm.bodies import Body, Box
 from arm.planfile import Plan
+from arm.products import mul
 from arm.se3 import Array, frozen, rotation, transform
 from arm.unit import Limits, Unit
 from plan.options import PlanOptions
@@ -126,7 +127,7 @@ class Displaced(Change):
     def motion(self) -> Array:
         """The displacement, (4, 4) in the base frame."""
         R, centre = rotation(self.turn * np.array(self.axis)), np.array(self.about)
-        return transform(R, centre - R @ centre + self.by)
+        return transform(R, centre - mul(R, centre) + self.by)
 
     def apply(self, request: Request) -> Request:
         M, scene = self.motion(), request.scene
@@ -134,12 +135,12 @@ class Displaced(Change):
         def moved(body: Body) -> Body | None:
             if body.name not in self.bodies:
                 return body
-            return _restood(body, M) if _upright_stand(body) else body.at(M @ body.T_base_body)
+            return _restood(body, M) if _upright_stand(body) else body.at(mul(M, body.T_base_body))
 
         def displaced(station: Station) -> Station:
             if not station.touches & self.bodies:
                 return station
-            return replace(station, T_base_tool=tuple(frozen(M @ T) for T in station.T_base_tool))
+            return replace(station, T_base_tool=tuple(frozen(mul(M, T)) for T in station.T_base_tool))
 
         bodies, cubes = (
             tuple(b for b in map(moved, some) if b is not None) for some in (scene.bodies, scene.cubes)
@@ -173,7 +174,7 @@ def _upright_stand(body: Body) -> bool:
 def _restood(stand: Body, M: Array) -> Body | None:
     """An upright stand under what was moved by M, its foot where it was; None if there is no room for one."""
     size = stand.shape.size if isinstance(stand.shape, Box) else (0.0, 0.0, 0.0)
-    T = np.array(M @ stand.T_base_body)
+    T = np.array(mul(M, stand.T_base_body))
     foot = float(stand.T_base_body[2, 3]) - size[2] / 2.0
     top = float(T[2, 3]) + size[2] / 2.0
     if top - foot < _LEAST_STAND:

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.errors import InputError
+from arm.products import mul
 from arm.robot import Robot
 from arm.se3 import Array, frozen, skew
 from plan.ik import BRANCH_NAMES, Indices, RawBranches, all_branches, nearest_turns
@@ -98,7 +99,9 @@ def turned_poses(T_base_tool: npt.ArrayLike, axis: str, angles: npt.ArrayLike) -
     T, angle = np.asarray(T_base_tool, dtype=float), np.asarray(angles, dtype=float)[:, None, None]
     K = skew(np.eye(3)[AXES.index(axis)])
     turned = np.tile(T, (len(angle), 1, 1))
-    turned[:, :3, :3] = T[:3, :3] @ (np.eye(3) + np.sin(angle) * K + 2 * np.sin(angle / 2) ** 2 * (K @ K))
+    turned[:, :3, :3] = mul(
+        T[:3, :3], np.eye(3) + np.sin(angle) * K + 2 * np.sin(angle / 2) ** 2 * (mul(K, K))
+    )
     return turned
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from arm.bodies import Body, Sphere
 from arm.errors import InputError
+from arm.products import mul
 from arm.robot import Robot
 from arm.se3 import Array, frozen, inverse
 from plan.targets import Target
@@ -123,9 +124,9 @@ class Worlds:
         body = self.bodies[target.attach or ""]
         body = body.at(dict(situation.moved).get(body.name, body.T_base_body))
         end = self.robot.model.frames[self.robot.model.getFrameId(self.robot.end_frame)]
-        T_base_joint = T_base_tool @ inverse(end.placement.homogeneous @ self.robot.T_end_tool)
+        T_base_joint = mul(T_base_tool, inverse(mul(end.placement.homogeneous, self.robot.T_end_tool)))
         hand = [
-            Body(b.name, b.shape, frozen(T_base_joint @ b.T_joint_body), "robot")
+            Body(b.name, b.shape, frozen(mul(T_base_joint, b.T_joint_body)), "robot")
             for b in self.robot.bodies
             if b.joint == int(end.parentJoint)
         ]
@@ -139,8 +140,8 @@ class Worlds:
             body = self.bodies[target.attach]
             T_base_body = moved.pop(target.attach, body.T_base_body)
             rest = tuple(sorted(moved.items(), key=lambda item: item[0]))
-            return Situation(target.attach, frozen(inverse(T_base_tool) @ T_base_body), rest)
+            return Situation(target.attach, frozen(mul(inverse(T_base_tool), T_base_body)), rest)
         if target.detach and situation.held is not None and situation.T_tool_held is not None:
-            moved[situation.held] = frozen(T_base_tool @ situation.T_tool_held)
+            moved[situation.held] = frozen(mul(T_base_tool, situation.T_tool_held))
             return Situation(None, None, tuple(sorted(moved.items(), key=lambda item: item[0])))
         return situation

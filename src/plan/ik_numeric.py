@@ -19,6 +19,7 @@ from scipy.stats import qmc
 
 from arm.errors import InputError
 from arm.given import poses
+from arm.products import mul, solve_positive
 from arm.robot import Robot
 from arm.se3 import Array, frozen
 from plan.free_axis import free_sets, sample_free
@@ -237,7 +238,7 @@ class _Task:
         """Rows of `error`, per joint: (N, r, n)."""
         J = self.arm.jacobians(q, tips)
         R = np.swapaxes(T[:, :3, :3], -1, -2)
-        J[:, :3], J[:, 3:] = R @ J[:, :3], _ROTATION_SCALE * (R @ J[:, 3:])
+        J[:, :3], J[:, 3:] = mul(R, J[:, :3]), _ROTATION_SCALE * (mul(R, J[:, 3:]))
         return np.ascontiguousarray(J[:, self.rows])
 
     def search(self, starts: Array, T: Array, iterations: int) -> tuple[Array, Flags]:
@@ -254,13 +255,13 @@ class _Task:
             if not len(live):
                 break
             J, e, at = self.jacobian(q[live], T[live], tips[live]), error[live], q[live]
-            pull = (np.swapaxes(J, -1, -2) @ e[..., None])[..., 0]
+            pull = (mul(np.swapaxes(J, -1, -2), e[..., None]))[..., 0]
             held = ((at <= lower) & (pull < 0.0)) | ((at >= upper) & (pull > 0.0))
             J = np.where(held[:, None], 0.0, J)
             square = (e * e).sum(axis=1)
-            H = np.swapaxes(J, -1, -2) @ J
+            H = mul(np.swapaxes(J, -1, -2), J)
             H += (damping[live] * np.minimum(square, 1.0) + 1e-14)[:, None, None] * np.eye(q.shape[1])
-            step = np.linalg.solve(H, np.where(held, 0.0, pull)[..., None])[..., 0]
+            step = solve_positive(H, np.where(held, 0.0, pull))
             step *= np.minimum(1.0, 1.0 / np.maximum(np.abs(step).max(axis=1), 1e-12))[:, None]
             trial = np.clip(at + step, lower, upper)
             trial_error, trial_size, trial_tips = self.error(trial, T[live])

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
 from arm.errors import ImpossibleError, InputError
+from arm.products import norm
 from arm.robot import Robot
 from arm.se3 import Array, frozen
 from arm.unit import Limits
@@ -75,7 +76,7 @@ def follow_line(
     line = Line(frozen(T_start), frozen(T_end))
     q = np.array(q_start, dtype=float)
     _check_start(robot, q, line, limits, options)
-    angle = float(np.linalg.norm(line.turn))
+    angle = float(norm(line.turn))
     # without travel the turn is what is measured along the path
     length = line.length if line.length > options.tolerance else angle
     if length == 0.0:
@@ -141,7 +142,7 @@ def _extrapolated(path: list[Array]) -> Array:
 
 def _check_start(robot: Robot, q: Array, line: Line, limits: Limits, options: LineOptions) -> None:
     T = robot.T_base_tool(q)
-    distance = float(np.linalg.norm(T[:3, 3] - line.T_start[:3, 3]))
+    distance = float(norm(T[:3, 3] - line.T_start[:3, 3]))
     angle = float(Line(line.T_start, line.T_start).deviation(T[None], options.free_axis).angle[0])
     if distance > options.tolerance or angle > options.angle_tolerance:
         raise InputError(

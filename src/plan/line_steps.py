@@ -23,6 +23,7 @@ import qpsolvers
 import scipy.sparse
 
 from arm.errors import ImpossibleError
+from arm.products import mul, solve_positive
 from arm.robot import Robot
 from arm.se3 import Array, rotation_vector
 from arm.unit import Limits
@@ -99,9 +100,9 @@ def _twist(T: Array, goal: Array, free_axis: str | None) -> Array:
     With a free axis its rotation is 0, and the other two bring the axis onto the goal's.
     """
     R = T[:3, :3]
-    apart = R.T @ goal[:3]
+    apart = mul(R.T, goal[:3])
     twist = np.empty(6)
-    twist[:3] = apart[:, 3] - R.T @ T[:3, 3]
+    twist[:3] = apart[:, 3] - mul(R.T, T[:3, 3])
     if free_axis is not None:
         axis = AXES.index(free_axis)
         twist[3:] = np.cross(np.eye(3)[axis], apart[:, axis])
@@ -183,8 +184,8 @@ class Follower:
     def step(self, q: Array, twist: Array, lower: Array, upper: Array, barrier: Barrier) -> Array | None:
         """The step that the program of the module's head gives, or None where none keeps its constraints."""
         J, e, damping = self.program(q, twist)
-        free: Array = J.T @ np.linalg.solve(J @ J.T + damping * np.eye(len(J)), e)
-        kept = not len(barrier.h) or (barrier.G @ free <= barrier.h - _BARRIER_AIM).all()
+        free: Array = mul(J.T, solve_positive(mul(J, J.T) + damping * np.eye(len(J)), e))
+        kept = not len(barrier.h) or (mul(barrier.G, free) <= barrier.h - _BARRIER_AIM).all()
         if kept and (free >= lower).all() and (free <= upper).all():
             return free
         solution = _solve(J, e, damping, lower, upper, barrier, self.options.solver)
@@ -247,9 +248,9 @@ class Follower:
 def _solve(
     J: Array, e: Array, damping: float, lower: Array, upper: Array, barrier: Barrier, solver: str
 ) -> qpsolvers.Solution:
-    P = J.T @ J + damping * np.eye(J.shape[1])
+    P = mul(J.T, J) + damping * np.eye(J.shape[1])
     G, h = (barrier.G, barrier.h - _BARRIER_AIM) if len(barrier.h) else (None, None)
     if solver == "osqp":
         P, G = scipy.sparse.csc_matrix(P), None if G is None else scipy.sparse.csc_matrix(G)
-    problem = qpsolvers.Problem(P, -J.T @ e, G=G, h=h, lb=lower, ub=upper)
+    problem = qpsolvers.Problem(P, mul(-J.T, e), G=G, h=h, lb=lower, ub=upper)
     return qpsolvers.solve_problem(problem, solver=solver, **_SETTINGS[solver])

@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from arm.products import mul
 from arm.se3 import Array
 from plan.curve import Curve
 from plan.world import Indices
@@ -105,7 +106,7 @@ class Chain:
         low, high = self.low[first:last].min(axis=0), self.high[first:last].max(axis=0)
         begin, end = self.control[first, 0], self.control[last - 1, 3]
         points, way = self.control[first:last].reshape(-1, len(middle)), end - begin
-        along = np.clip((points - begin) @ way / max(float(way @ way), 1e-18), 0.0, 1.0)
+        along = np.clip(mul(points - begin, way) / max(float(mul(way, way)), 1e-18), 0.0, 1.0)
         spread = np.abs(points - begin - along[:, None] * way).max(axis=0)
         return middle, np.maximum(high - middle, middle - low), np.stack([begin, end, begin, end]), spread
 
@@ -127,7 +128,7 @@ class Chain:
 
 def _split(parts: Pieces, count: int) -> Pieces:
     """Parts of single cubics, each cut into `count`, a power of 2."""
-    control = (_split_matrix(count) @ parts.control[:, None]).reshape(-1, *parts.control.shape[1:])
+    control = (mul(_split_matrix(count), parts.control[:, None])).reshape(-1, *parts.control.shape[1:])
     middle = (control[:, 0] + 3.0 * (control[:, 1] + control[:, 2]) + control[:, 3]) / 8.0
     reach = np.abs(control - middle[:, None]).max(axis=1)
     edges = parts.begin[:, None] + (parts.end - parts.begin)[:, None] * (np.arange(count + 1) / count)
@@ -156,4 +157,4 @@ def _split_matrix(count: int) -> Array:
     )  # de Casteljau at the middle
     right = left[::-1, ::-1]
     finer = _split_matrix(count // 2)
-    return np.concatenate([finer @ left, finer @ right])
+    return np.concatenate([mul(finer, left), mul(finer, right)])

@@ -18,6 +18,7 @@ from arm.errors import ImpossibleError
 from arm.jaws import with_any_jaws
 from arm.motion import CountPath, chain
 from arm.planfile import GripperStep, Motion, Move, Plan
+from arm.products import mul, norm
 from arm.se3 import Array, angle_between, frozen, inverse
 from arm.unit import Limits, Unit
 from plan.check import MoveCheck, check_move
@@ -87,7 +88,7 @@ def settings(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, Setti
                 T_base_tool = scene.robot_open.T_base_tool(q)
                 held, T_tool_held = _gripped(cubes, T_base_tool, step.name)
             case GripperStep(action="open") if held is not None and T_tool_held is not None:
-                placed = scene.robot_open.T_base_tool(q) @ T_tool_held
+                placed = mul(scene.robot_open.T_base_tool(q), T_tool_held)
                 cubes[held] = cubes[held].at(placed)
                 held = T_tool_held = None
             case Move():
@@ -195,7 +196,7 @@ def _require_line(move: Move, scene: Scene, unit: Unit, offset: float) -> None:
     times = np.linspace(0.0, move.path.duration_s, max(3, int(move.path.duration_s / LINE_SAMPLE_S)))
     poses = [scene.robot_open.T_base_tool(q) for q in unit.positions(move.path.at(times))]
     station = poses[-1] if move.role == "approach" else poses[0]
-    relative = np.stack([inverse(station) @ T for T in poses])
+    relative = np.stack([mul(inverse(station), T) for T in poses])
     aside = float(np.hypot(relative[:, 0, 3], relative[:, 1, 3]).max())
     turned = max(angle_between(np.eye(3), T[:3, :3]) for T in relative)
     length, past = float(-relative[:, 2, 3].min()), float(relative[:, 2, 3].max())
@@ -214,17 +215,14 @@ def _require_line(move: Move, scene: Scene, unit: Unit, offset: float) -> None:
 
 def _gripped(cubes: dict[str, Body], T_base_tool: Array, step: str) -> tuple[str, Array]:
     found = min(
-        (
-            (float(np.linalg.norm((inverse(T_base_tool) @ c.T_base_body)[:3, 3])), name)
-            for name, c in cubes.items()
-        ),
+        ((float(norm((mul(inverse(T_base_tool), c.T_base_body))[:3, 3])), name) for name, c in cubes.items()),
         default=(np.inf, ""),
     )
     if found[0] > GRASP_REACH:
         raise ImpossibleError(
             f"{step!r} closes the jaws where no cube stands; make the plan again", step=step
         )
-    return found[1], frozen(inverse(T_base_tool) @ cubes[found[1]].T_base_body)
+    return found[1], frozen(mul(inverse(T_base_tool), cubes[found[1]].T_base_body))
 
 
 def _setting(

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from arm.errors import InputError
 from arm.poses import adjoint
+from arm.products import mul, norm
 from arm.robot import Robot
 from arm.se3 import Array, frozen, skew
 
@@ -46,7 +47,7 @@ class Axis:
 
     def turned(self, columns: Array, cosine: Array, sine: Array) -> Array:
         """Columns (3, ..., N) turned by N angles; a negative `sine` turns them back."""
-        parts = (self.parts @ columns.reshape(3, -1)).reshape(3, *columns.shape)
+        parts = (mul(self.parts, columns.reshape(3, -1))).reshape(3, *columns.shape)
         return np.asarray(parts[0] + cosine * parts[1] + sine * parts[2])
 
 
@@ -125,14 +126,14 @@ def screw_arm(robot: Robot) -> ScrewArm:
     """
     zero = np.zeros(robot.model.nq)
     T_base_tool = robot.T_base_tool(zero)
-    twists = adjoint(T_base_tool) @ robot.jacobian(zero).reshape(6, -1)
+    twists = mul(adjoint(T_base_tool), robot.jacobian(zero).reshape(6, -1))
     axes = []
     for name, twist in zip(robot.joint_names, twists.T, strict=True):
         velocity, direction = twist[:3], twist[3:]
-        slides = bool(np.linalg.norm(direction) < 1e-9)
+        slides = bool(norm(direction) < 1e-9)
         if slides:
             direction, velocity = velocity, np.zeros(3)
-        if abs(np.linalg.norm(direction) - 1.0) > 1e-9 or abs(velocity @ direction) > 1e-9:
+        if abs(norm(direction) - 1.0) > 1e-9 or abs(mul(velocity, direction)) > 1e-9:
             raise InputError(f"joint {name} is neither a rotation about an axis nor a slide", joint=name)
         along = np.outer(direction, direction)
         axes.append(

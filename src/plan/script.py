@@ -7,6 +7,7 @@ import numpy as np
 from arm.bodies import Body
 from arm.errors import A465Error, ImpossibleError
 from arm.planfile import GripperStep, Move, Step
+from arm.products import mul
 from arm.se3 import Array, frozen, inverse
 from arm.unit import Limits, Unit
 from plan.line import Line, follow_line
@@ -63,7 +64,7 @@ class Script:
         transfer, target = stages.transfers[stop.visit.pick], stages.places[stop.visit.place]
         name = transfer.cube
         pick, place = self.grip(transfer.pick, stop.pick), self.grip(target, stop.place)
-        T_tool_held = frozen(inverse(self.executed(pick)) @ self.cubes[name].T_base_body)
+        T_tool_held = frozen(mul(inverse(self.executed(pick)), self.cubes[name].T_base_body))
         cube = self.cubes[name]
         others = [c for c in self.cubes.values() if c.name != name]
 
@@ -106,7 +107,7 @@ class Script:
             ),
         )
         steps.append(GripperStep(f"{name}: let go", "open", index, 0.0, options.settle_s))
-        self.cubes[name] = cube.at(self.executed(place) @ T_tool_held)
+        self.cubes[name] = cube.at(mul(self.executed(place), T_tool_held))
         self.world = World(self.scene.robot_open, (*self.scene.bodies, *self.cubes.values()))
         self.left = (line("retract", f"retract from {target.name}", self.world), place)
         if stop.home is not None:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from arm.errors import ImpossibleError
 from arm.planfile import GripperStep, Move, Plan
+from arm.products import mul
 from arm.se3 import Array, frozen
 from arm.unit import Limits, Unit
 from plan.backout import BESIDE
@@ -72,7 +73,7 @@ def plan_set_down(
     table = planner.reach([target])
     table.require()
     at = planner.q_start
-    cube = scene.cube(held.cube).at(scene.robot_open.T_base_tool(at) @ held.T_tool_cube)
+    cube = scene.cube(held.cube).at(mul(scene.robot_open.T_base_tool(at), held.T_tool_cube))
     others = tuple(c for c in scene.cubes if c.name != held.cube)
     scene = Scene(scene.robot_open, scene.robot_holding, scene.bodies, (*others, cube), scene.allowed)
     home = unit.positions(unit.counts(q_home))
@@ -177,7 +178,7 @@ class _Carry:
         steps: list[Move | GripperStep] = [*self.mover.run(Leg(out, carrying, way, (lowering, place)))]
         steps.append(GripperStep(f"{name}: let go", "open", 0, 0.0, options.settle_s))
         at = self.robot.T_base_tool(self.unit.positions(self.unit.counts(place.path.q[0])))
-        stands = self.scene.cube(name).at(at @ self.held.T_tool_cube)
+        stands = self.scene.cube(name).at(mul(at, self.held.T_tool_cube))
         others = tuple(c for c in self.scene.cubes if c.name != name)
         world = World(self.robot, (*self.scene.bodies, *others, stands))
         leaving = Phase(

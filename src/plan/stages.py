@@ -9,6 +9,7 @@ import numpy as np
 
 from arm.bodies import Body
 from arm.errors import InputError
+from arm.products import mul, norm
 from arm.se3 import Array, frozen, inverse
 from plan.scene import Scene, Station, Transfer
 from plan.world import World
@@ -47,7 +48,7 @@ class Stages:
         self._worlds: dict[tuple[object, ...], World] = {}
         self._placed: dict[int, Body] = {}
         for transfer, cube in zip(self.transfers, self.cubes, strict=True):
-            away = float(np.linalg.norm(T_tool_held(transfer, cube, 0)[:3, 3]))
+            away = float(norm(T_tool_held(transfer, cube, 0)[:3, 3]))
             if away > _GRASP_REACH:
                 raise InputError(
                     f"cube {cube.name!r} stands {away * 1e3:.0f} mm from the tool at {transfer.pick.name}; "
@@ -74,7 +75,7 @@ class Stages:
             place = self.places[standing.number]
             # any of the cubes, where they are alike; else the one that is meant for this place
             i = min(standing.number, len(self.cubes) - 1)
-            T = place.T_base_tool[0] @ T_tool_held(self.transfers[i], self.cubes[i], 0)
+            T = mul(place.T_base_tool[0], T_tool_held(self.transfers[i], self.cubes[i], 0))
             self._placed[standing.number] = replace(
                 self.cubes[i], name=f"{self.cubes[i].name} at {place.name}", T_base_body=frozen(T)
             )
@@ -106,4 +107,4 @@ class Stages:
 
 def T_tool_held(transfer: Transfer, cube: Body, yaw: int) -> Array:
     """The cube in the tool frame, as it stands when gripped."""
-    return frozen(inverse(transfer.pick.T_base_tool[yaw]) @ cube.T_base_body)
+    return frozen(mul(inverse(transfer.pick.T_base_tool[yaw]), cube.T_base_body))

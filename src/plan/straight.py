@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arm.products import mul, norm
 from arm.se3 import Array, rotation_vector, skew
 
 AXES = ("x", "y", "z")
@@ -25,24 +26,24 @@ class Line:
     @property
     def length(self) -> float:
         """m."""
-        return float(np.linalg.norm(self.T_end[:3, 3] - self.T_start[:3, 3]))
+        return float(norm(self.T_end[:3, 3] - self.T_start[:3, 3]))
 
     @property
     def turn(self) -> Array:
         """Rotation vector (3,) from start to end, rad, in the tool's axes at the start."""
-        return rotation_vector(self.T_start[:3, :3].T @ self.T_end[:3, :3])
+        return rotation_vector(mul(self.T_start[:3, :3].T, self.T_end[:3, :3]))
 
     def poses(self, fraction: Array) -> Array:
         """Poses (m, 4, 4) at fractions (m,) of the way."""
         turn = self.turn
-        angle = float(np.linalg.norm(turn))
+        angle = float(norm(turn))
         T = np.tile(np.eye(4), (len(fraction), 1, 1))
         T[:, :3, 3] = self.T_start[:3, 3] + fraction[:, None] * (self.T_end[:3, 3] - self.T_start[:3, 3])
         T[:, :3, :3] = self.T_start[:3, :3]
         if angle > 0.0:
-            K = self.T_start[:3, :3] @ skew(turn / angle)
+            K = mul(self.T_start[:3, :3], skew(turn / angle))
             part = (fraction * angle)[:, None, None]
-            T[:, :3, :3] += np.sin(part) * K + 2 * np.sin(part / 2) ** 2 * (K @ skew(turn / angle))
+            T[:, :3, :3] += np.sin(part) * K + 2 * np.sin(part / 2) ** 2 * (mul(K, skew(turn / angle)))
         return T
 
     def deviation(
@@ -58,7 +59,7 @@ class Line:
         along = self.T_end[:3, 3] - self.T_start[:3, 3]
         offset = T_base_tool[:, :3, 3] - self.T_start[:3, 3]
         if fraction is None:
-            fraction = np.clip(offset @ along / max(float(along @ along), 1e-18), 0.0, 1.0)
+            fraction = np.clip(mul(offset, along) / max(float(mul(along, along)), 1e-18), 0.0, 1.0)
         wanted = self.poses(fraction)
         lateral = np.linalg.norm(T_base_tool[:, :3, 3] - wanted[:, :3, 3], axis=-1)
         apart = T_base_tool[:, :3, :3] - wanted[:, :3, :3]

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from arm.errors import ImpossibleError, InputError
 from arm.given import integer
+from arm.products import norm
 from arm.se3 import Array, frozen
 from arm.unit import Limits
 from plan.budget import TransitBudget
@@ -338,7 +339,7 @@ class _Looks:
 def _lifts(T_base_tool: Array) -> Array:
     """Poses (m, 4, 4) of a tool that is moved up, towards the base, both, or away from the base, by `_LIFTS`."""
     inward = -T_base_tool[:3, 3] * (1.0, 1.0, 0.0)
-    inward /= max(float(np.linalg.norm(inward)), 1e-6)
+    inward /= max(float(norm(inward)), 1e-6)
     up = np.array([0.0, 0.0, 1.0])
     ways = np.stack([up, inward, up + inward, up + 0.5 * inward, -inward])
     poses = np.tile(T_base_tool, (len(ways) * len(_LIFTS), 1, 1))

@@ -21,6 +21,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from arm.bodies import Box, Capsule, Convex, Cylinder, Shape, Sphere
+from arm.products import mul, norm
 from arm.se3 import Array, cross, skew
 
 Indices = npt.NDArray[np.intp]
@@ -57,7 +58,7 @@ class Volumes:
         moving = [i for i, part in enumerate(parts) if part.joint > 0]
         at_zero = self._axes.poses_at_zero
         placed = np.stack([part.T_joint_body for part in parts]) if parts else np.zeros((0, 4, 4))
-        poses = at_zero[[part.joint for part in parts]] @ placed
+        poses = mul(at_zero[[part.joint for part in parts]], placed)
         self._hulls = _Hulls([(parts[i], poses[i]) for i in moving], self._axes.turning)
         joints = np.array([part.joint for part in parts], dtype=np.intp)
         row = np.cumsum(joints > 0) - 1  # of each moving body among the moving ones
@@ -123,8 +124,8 @@ class Volumes:
         at_zero = np.where(
             turning, -(lever * point).sum(-1), np.where(between, (axis * normals[:, None]).sum(-1), 0.0)
         )
-        tilted = normals[:, None] + moves @ lever
-        shift = (moves @ at_zero[..., None])[..., 0]
+        tilted = normals[:, None] + mul(moves, lever)
+        shift = (mul(moves, at_zero[..., None]))[..., 0]
         outer = -self._supports.of(self._pairs[pairs, 1], -tilted, at.R, at.t, rows)
         inner = self._supports.of(self._pairs[pairs, 0], normals[:, None], at.R, at.t, rows)[:, 0]
         first_order = (outer + shift).min(axis=1) - inner
@@ -191,18 +192,18 @@ class Axes:
         m, n = q.shape
         cosine, sine = np.cos(q)[..., None, None], np.sin(q)[..., None, None]
         step = self._along + cosine * self._across + sine * self._turn
-        shift = self.point - (step @ self.point[..., None])[..., 0] + q[..., None] * self._slide
+        shift = self.point - (mul(step, self.point[..., None]))[..., 0] + q[..., None] * self._slide
         R, t = np.empty((m, n + 1, 3, 3)), np.empty((m, n + 1, 3))
         R[:, 0], t[:, 0] = np.eye(3), 0.0
         for k in range(n):
-            np.matmul(R[:, k], step[:, k], out=R[:, k + 1])
-            t[:, k + 1] = (R[:, k] @ shift[:, k, :, None])[..., 0] + t[:, k]
+            R[:, k + 1] = mul(R[:, k], step[:, k])
+            t[:, k + 1] = (mul(R[:, k], shift[:, k, :, None]))[..., 0] + t[:, k]
         return R, t
 
     def lines(self, R: Array, t: Array) -> tuple[Array, Array]:
         """A point (m, n, 3) and the direction (m, n, 3) of each axis."""
-        direction = (R[:, 1:] @ self.direction[..., None])[..., 0]
-        point = (R[:, 1:] @ self.point[..., None])[..., 0] + t[:, 1:]
+        direction = (mul(R[:, 1:], self.direction[..., None]))[..., 0]
+        point = (mul(R[:, 1:], self.point[..., None]))[..., 0] + t[:, 1:]
         return point, direction
 
 
@@ -213,7 +214,7 @@ class _Hulls:
         hulls = [hull(part.shape) for part, _ in bodies]
         self.ball = np.array([radius for _, radius in hulls])
         points = [
-            corners @ T[:3, :3].T + T[:3, 3] for (corners, _), (_, T) in zip(hulls, bodies, strict=True)
+            mul(corners, T[:3, :3].T) + T[:3, 3] for (corners, _), (_, T) in zip(hulls, bodies, strict=True)
         ]
         self.points = np.concatenate(points) if points else np.zeros((0, 3))
         # types and shapes are stated because an arm may have no bodies
@@ -226,12 +227,12 @@ class _Hulls:
 
     def radii(self, R: Array, t: Array, axis_point: Array, axis: Array) -> Array:
         """(m, bodies, n) m; a sliding joint moves all points alike: 1."""
-        points = (R[:, self.joint] @ self.points[..., None])[..., 0] + t[:, self.joint]
+        points = (mul(R[:, self.joint], self.points[..., None]))[..., 0] + t[:, self.joint]
         # |(p - o) x d|^2 = |p - o|^2 - ((p - o) . d)^2, written out so that all are matrix products
-        along = points @ np.swapaxes(axis, 1, 2) - (axis_point * axis).sum(-1)[:, None]
+        along = mul(points, np.swapaxes(axis, 1, 2)) - (axis_point * axis).sum(-1)[:, None]
         square = (
             (points * points).sum(-1)[..., None]
-            - 2.0 * points @ np.swapaxes(axis_point, 1, 2)
+            - mul(2.0 * points, np.swapaxes(axis_point, 1, 2))
             + (axis_point * axis_point).sum(-1)[:, None]
         )
         far = np.maximum.reduceat(square - along * along, self.first, axis=1)
@@ -249,13 +250,13 @@ class _Apart:
         counts = np.array([len(points) for points, _ in covers], dtype=np.intp)
         body = np.repeat(moving, counts)  # that each ball is of
         local = np.concatenate([points for points, _ in covers]) if covers else np.zeros((0, 3))
-        self.centres = (poses[body, :3, :3] @ local[..., None])[..., 0] + poses[body, :3, 3]
+        self.centres = (mul(poses[body, :3, :3], local[..., None]))[..., 0] + poses[body, :3, 3]
         self.joint = joints[body]
         size = np.repeat([radius for _, radius in covers], counts)
 
         boxes = [_rounded_box(parts[i].shape) for i in still.tolist()]
         self.turn = np.concatenate([poses[i, :3, :3] for i in still], axis=1) if boxes else np.zeros((3, 0))
-        middles = [poses[i, :3, 3] @ poses[i, :3, :3] + B[0] for i, B in zip(still, boxes, strict=True)]
+        middles = [mul(poses[i, :3, 3], poses[i, :3, :3]) + B[0] for i, B in zip(still, boxes, strict=True)]
         self.middle = np.array(middles).reshape(-1, 3)
         self.half = np.array([B[1] + (B[2], B[2], 0.0) for B in boxes]).reshape(-1, 3)
         extra = np.array([B[3] for B in boxes])
@@ -283,10 +284,10 @@ class _Apart:
 
     def distances(self, R: Array, t: Array) -> Array:
         m = len(R)
-        centres = (R[:, self.joint] @ self.centres[..., None])[..., 0] + t[:, self.joint]
+        centres = (mul(R[:, self.joint], self.centres[..., None]))[..., 0] + t[:, self.joint]
         out = np.empty((m, self.count))
         if len(self.box_pairs):
-            local = (centres @ self.turn).reshape(m, len(self.joint), -1, 3)
+            local = (mul(centres, self.turn)).reshape(m, len(self.joint), -1, 3)
             local -= self.middle
             np.abs(local, out=local)
             local -= self.half
@@ -312,7 +313,7 @@ class _Supports:
         self.joint = np.array([part.joint for part in parts], dtype=np.intp)
         self.R = poses[:, :3, :3]
         middle = np.array([size[0] for size in sizes]).reshape(-1, 3, 1)
-        self.middle = (self.R @ middle)[..., 0] + poses[:, :3, 3]
+        self.middle = (mul(self.R, middle))[..., 0] + poses[:, :3, 3]
         self.half = np.array([size[1] for size in sizes]).reshape(-1, 3)
         self.tube, self.ball = np.array([size[2] for size in sizes]), np.array([size[3] for size in sizes])
 
@@ -320,8 +321,8 @@ class _Supports:
         """(k, c) m for bodies (k,) and directions (k, c, 3), at configurations `rows` (k,) of R and t."""
         joint = self.joint[bodies]
         turn = R[rows, joint]
-        middle = (turn @ self.middle[bodies][..., None])[..., 0] + t[rows, joint]
-        local = directions @ (turn @ self.R[bodies])
+        middle = (mul(turn, self.middle[bodies][..., None]))[..., 0] + t[rows, joint]
+        local = mul(directions, mul(turn, self.R[bodies]))
         reach = (np.abs(local) * self.half[bodies][:, None]).sum(-1)
         reach += self.tube[bodies][:, None] * np.hypot(local[..., 0], local[..., 1])
         reach += self.ball[bodies][:, None] * np.sqrt((local * local).sum(-1))
@@ -371,7 +372,7 @@ def cover(shape: Shape) -> tuple[Array, float]:
 def _row(size: Array, radius: float | None) -> tuple[Array, float]:
     """Balls along the longest edge of a box, or along the axis of a cylinder of that radius."""
     axis = int(np.argmax(size)) if radius is None else 2
-    across = float(np.linalg.norm(np.delete(size, axis))) / 2.0 if radius is None else radius
+    across = float(norm(np.delete(size, axis))) / 2.0 if radius is None else radius
     count = int(np.clip(np.ceil(size[axis] / max(2.0 * across, 1e-9)), 1, _MOST_BALLS))
     part = size[axis] / count
     centres = np.zeros((count, 3))

@@ -21,6 +21,7 @@ import pinocchio as pin
 from arm import given
 from arm.bodies import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere
 from arm.errors import InputError
+from arm.products import mul
 from arm.robot import Robot
 from arm.se3 import Array, cross, frozen
 from plan.volumes import Axes, Part, Volumes
@@ -135,7 +136,9 @@ class World:
         parts = [Part(b.name, b.joint, b.shape, b.T_joint_body, b.padding) for b in robot.bodies]
         if held is not None:
             end = robot.model.frames[robot.model.getFrameId(robot.end_frame)]
-            pose = end.placement.homogeneous @ robot.T_end_tool @ given.rigid("T_tool_held", T_tool_held)
+            pose = mul(
+                mul(end.placement.homogeneous, robot.T_end_tool), given.rigid("T_tool_held", T_tool_held)
+            )
             parts.append(Part(held.name, int(end.parentJoint), held.shape, frozen(pose), held.padding))
         parts += [Part(b.name, 0, b.shape, b.T_base_body, b.padding) for b in bodies]
         self.names = tuple(p.name for p in parts)

@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.errors import InputError
+from arm.products import mul, norm, solve_positive
 from arm.robot import Robot
 from arm.se3 import Array, frozen
 from plan.screws import Axis, ScrewArm, screw_arm
@@ -131,10 +132,12 @@ def _wrist_arm(robot: Robot) -> _WristArm:
             + (f" and {len(arm.axes) - len(turning)} that slide" if len(turning) < len(arm.axes) else "")
         )
     hand = arm.axes[3:]
-    wrist = np.linalg.solve(sum(a.across for a in hand), sum(a.across @ a.point for a in hand))
-    miss = max(float(np.linalg.norm(a.across @ (wrist - a.point))) for a in hand)
+    wrist = solve_positive(
+        np.sum([a.across for a in hand], axis=0), np.sum([mul(a.across, a.point) for a in hand], axis=0)
+    )
+    miss = max(float(norm(mul(a.across, wrist - a.point))) for a in hand)
     second, third = arm.axes[1], arm.axes[2]
-    skewness = float(np.linalg.norm(np.cross(second.direction, third.direction)))
+    skewness = float(norm(np.cross(second.direction, third.direction)))
     if miss > _GEOMETRY_TOLERANCE or skewness > _GEOMETRY_TOLERANCE:
         raise InputError(
             "closed-form inverse kinematics needs axes 4, 5, 6 to meet in a point and axes 2, 3 to be parallel: "
@@ -144,8 +147,8 @@ def _wrist_arm(robot: Robot) -> _WristArm:
             wrist_miss=miss,
             skewness=skewness,
         )
-    square = bool(max(abs(hand[1].direction @ a.direction) for a in (hand[0], hand[2])) < 1e-12)
-    return _WristArm(arm, frozen(wrist), float(np.sign(second.direction @ third.direction)), square)
+    square = bool(max(abs(mul(hand[1].direction, a.direction)) for a in (hand[0], hand[2])) < 1e-12)
+    return _WristArm(arm, frozen(wrist), float(np.sign(mul(second.direction, third.direction))), square)
 
 
 @dataclass(frozen=True)
@@ -187,10 +190,10 @@ def _subproblem_4(
         d: (...).
         root: sqrt(amplitude^2 - level^2) where the caller knows it with more digits.
     """
-    cosine = _times(h @ axis.across, x)
-    sine = sign * _times(h @ axis.turn, x)
+    cosine = _times(mul(h, axis.across), x)
+    sine = sign * _times(mul(h, axis.turn), x)
     amplitude = np.hypot(cosine, sine)
-    level = d - _times(h @ axis.along, x)
+    level = d - _times(mul(h, axis.along), x)
     # (a - l)(a + l) keeps the digits that a^2 - l^2 loses near the border of the workspace
     if root is None:
         root = np.sqrt(np.maximum((amplitude - level) * (amplitude + level), 0.0))
@@ -202,7 +205,7 @@ def _subproblem_4(
 
 def _times(M: Array, columns: Array) -> Array:
     """M (3, 3) or (3,) by columns (3, ...)."""
-    return np.asarray((M @ columns.reshape(3, -1)).reshape(M.shape[:-1] + columns.shape[1:]))
+    return np.asarray((mul(M, columns.reshape(3, -1))).reshape(M.shape[:-1] + columns.shape[1:]))
 
 
 def _dot(x: Array, y: Array) -> Array:
@@ -218,23 +221,23 @@ def _closed_form(geometry: _WristArm, T: Array) -> RawBranches:
     """All branches at once; array axes after the columns': hand w, elbow e, shoulder s, pose."""
     axes, wrist, m = geometry.arm.axes, geometry.wrist, len(T)
     T0 = geometry.arm.T_base_tool_0
-    rotation = np.ascontiguousarray(np.moveaxis(T[:, :3, :3] @ T0[:3, :3].T, 0, -1))
+    rotation = np.ascontiguousarray(np.moveaxis(mul(T[:, :3, :3], T0[:3, :3].T), 0, -1))
     centre = T[:, :3, 3].T + np.einsum("ijm,j->im", rotation, wrist - T0[:3, 3])
 
     # turning joints 2 and 3 keeps the wrist's distance along axis 2: that fixes joint 1
     arm = centre - axes[0].point[:, None]
-    lateral = axes[1].direction @ (wrist - axes[0].point)
+    lateral = mul(axes[1].direction, wrist - axes[0].point)
     shoulder = _subproblem_4(axes[1].direction, axes[0], -1.0, arm, lateral)
     q1 = shoulder.angles
 
     # what is left along axis 2 can only be missed; across it, joint 3 sets the distance and joint 2 the direction
     seen = _turned(axes[0], np.repeat(arm[:, None], 2, axis=1), q1, back=True)
     seen += (axes[0].point - axes[1].point)[:, None, None]
-    sideways = np.abs(_times(axes[1].direction, seen) - axes[1].direction @ (wrist - axes[1].point))
+    sideways = np.abs(_times(axes[1].direction, seen) - mul(axes[1].direction, wrist - axes[1].point))
     flat = _times(axes[1].across, seen)
-    upper = axes[1].across @ (axes[2].point - axes[1].point)
-    fore = axes[1].across @ (wrist - axes[2].point)
-    middle = (upper @ upper + fore @ fore) / 2
+    upper = mul(axes[1].across, axes[2].point - axes[1].point)
+    fore = mul(axes[1].across, wrist - axes[2].point)
+    middle = (mul(upper, upper) + mul(fore, fore)) / 2
     distance = np.sqrt(_dot(flat, flat))
     elbow = _subproblem_4(upper, axes[2], 1.0, fore, distance**2 / 2 - middle)
     farthest = np.sqrt(2 * (middle + elbow.amplitude))
@@ -305,7 +308,7 @@ def _polished(arm: ScrewArm, T: Array, raw: RawBranches) -> RawBranches:
         # damped by what the pose is off, so that a singular configuration moves no joint far
         Jt = np.swapaxes(J, -1, -2)
         damping = np.minimum(best[rows] ** 2, 1e-6)[:, None, None] * np.eye(J.shape[-1])
-        trial = q[rows] + (np.linalg.pinv(Jt @ J + damping) @ Jt @ error[rows][..., None])[..., 0]
+        trial = q[rows] + solve_positive(mul(Jt, J) + damping, mul(Jt, error[rows][..., None])[..., 0])
         trial_error = pose_error(arm.tool_columns(trial), wanted[..., rows])
         size = np.abs(trial_error).max(axis=-1)
         better = size < best[rows]

@@ -1,0 +1,121 @@
+"""Products, lengths and solutions of small matrices, the same to the last bit on every processor.
+
+BLAS and LAPACK, which numpy asks for ``@`` and ``np.linalg``, sum in an order and with instructions of their own on
+every kind of processor, and with every number of threads. A search that takes the least of many then ends elsewhere.
+Here sums have one order, and each operation rounds once (IEEE 754). What decides in planning is computed with these.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+_SHORT = 8  # sums of up to so many terms are written out
+_NO_PIVOT = 1e-15  # of the largest: a pivot below has no digits left
+
+
+def mul(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:
+    """``a @ b``: of matrices, of stacks of matrices (..., n, k) and (..., k, m), and of vectors (k,)."""
+    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    if b.ndim == 1:
+        return np.einsum("...j,j->...", a, b)  # type: ignore[no-any-return]
+    if a.ndim == 1:
+        return np.asarray(np.einsum("j,...jk->...k", a, b))
+    terms = a.shape[-1]
+    if a.ndim + b.ndim == 4 or not 0 < terms <= _SHORT or terms != b.shape[-2]:
+        return np.asarray(np.einsum("...ij,...jk->...ik", a, b))
+    total = a[..., 0:1] * b[..., 0:1, :]
+    for j in range(1, terms):
+        total += a[..., j : j + 1] * b[..., j : j + 1, :]
+    return np.asarray(total)
+
+
+def norm(v: npt.ArrayLike) -> float:
+    """Euclidean length of all numbers of `v`."""
+    return math.sqrt(sum([x * x for x in np.asarray(v, dtype=float).ravel().tolist()]))
+
+
+def solve_positive(H: Array, b: Array) -> Array:
+    """x (..., n) of H x = b for symmetric positive matrices H (..., n, n) and b (..., n), by Cholesky's factors.
+
+    Where H has lost rank, directions that it says nothing of get 0.
+    """
+    H, b = np.asarray(H, dtype=float), np.asarray(b, dtype=float)
+    if H.ndim == 2:
+        return np.array(_solve_one(H.tolist(), b.tolist()))
+    n = H.shape[-1]
+    least = _NO_PIVOT * np.max([H[..., j, j] for j in range(n)], axis=0)
+    L = [[np.zeros(())] * n for _ in range(n)]
+    y: list[Array] = []
+    for j in range(n):
+        pivot, right = H[..., j, j], b[..., j]
+        for k in range(j):
+            pivot, right = pivot - L[j][k] * L[j][k], right - L[j][k] * y[k]
+        L[j][j] = np.where(pivot > least, np.sqrt(np.maximum(pivot, 0.0)), np.inf)
+        y.append(right / L[j][j])
+        for i in range(j + 1, n):
+            entry = H[..., i, j]
+            for k in range(j):
+                entry = entry - L[i][k] * L[j][k]
+            L[i][j] = entry / L[j][j]
+    x = [np.zeros(())] * n
+    for j in reversed(range(n)):
+        right = y[j]
+        for i in range(j + 1, n):
+            right = right - L[i][j] * x[i]
+        x[j] = right / L[j][j]
+    return np.stack(x, axis=-1)
+
+
+def _solve_one(H: list[list[float]], b: list[float]) -> list[float]:
+    """The same for one matrix, in plain numbers: a tenth of the time."""
+    n = len(b)
+    least = _NO_PIVOT * max(H[j][j] for j in range(n))
+    L = [[0.0] * n for _ in range(n)]
+    y: list[float] = []
+    for j in range(n):
+        pivot, right = H[j][j], b[j]
+        for k in range(j):
+            pivot, right = pivot - L[j][k] * L[j][k], right - L[j][k] * y[k]
+        L[j][j] = math.sqrt(pivot) if pivot > least else math.inf
+        y.append(right / L[j][j])
+        for i in range(j + 1, n):
+            entry = H[i][j]
+            for k in range(j):
+                entry -= L[i][k] * L[j][k]
+            L[i][j] = entry / L[j][j]
+    x = [0.0] * n
+    for j in reversed(range(n)):
+        right = y[j]
+        for i in range(j + 1, n):
+            right -= L[i][j] * x[i]
+        x[j] = right / L[j][j]
+    return x
+
+
+def nearest_rotation(M: Array) -> Array:
+    """The rotation that is nearest to a matrix M (3, 3) near one: the limit of X <- (X + X^-T) / 2 from M.
+
+    (N. Higham, "Computing the polar decomposition", SIAM J. Sci. Stat. Comput. 7, 1986.)
+    """
+    X = np.array(M, dtype=float)
+    for _ in range(30):
+        rows = [X[1], X[2]], [X[2], X[0]], [X[0], X[1]]
+        cofactors = np.stack([_cross(*pair) for pair in rows])
+        next_X = 0.5 * (X + cofactors / _dot(X[0], cofactors[0]))
+        if np.array_equal(next_X, X) or np.abs(next_X - X).max() < 1e-16:
+            return np.asarray(next_X)
+        X = next_X
+    return np.asarray(X)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def _dot(a: Array, b: Array) -> float:
+    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
