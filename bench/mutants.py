@@ -5,33 +5,36 @@ python bench/mutants.py --room plan --only pieces # names that hold the word
 python bench/mutants.py --check                   # only whether every mutant still stands where it stood
 python bench/mutants.py --draw 220                # draw the list bench/mutants_bench/drawn.json anew
 
-Each mutant is one change of one file, made in a copy of the project; the tests of that module run up to the first red
-one. Results go to bench/results/mutants.jsonl, a line each: a run that was ended goes on where it was. A result counts
-as long as the change and the text of its tests are the same.
+Each mutant is one change of one file, made in a copy of the project. Of its module's tests (`mutants_bench.tests_of`)
+those that reach the changed line run, the fastest first, up to the first red one or a budget; --budget-s 1000 takes all
+of them. Results go to bench/results/mutants.jsonl, a line each: a run that was ended goes on where it was. A result
+counts as long as the change and the text of its tests are the same.
 """
 
 from __future__ import annotations
 
 import argparse
+import atexit
 import json
 import os
 import platform
 import subprocess
 import sys
-import threading
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from mutants_bench.by_hand import BY_HAND
+from mutants_bench.choice import choose, reached
 from mutants_bench.mutant import FOUND, Mutant, read_list, write_list
 from mutants_bench.operators import drawn
 from mutants_bench.tests_of import tests_of
-from mutants_bench.trial import GREEN, LATE, RED, ROOT, SKIPPED, Trial
+from mutants_bench.trial import GREEN, LATE, RED, ROOT, SKIPPED, Outcome, Trial
 
 from arm.files import sha256
 
@@ -43,7 +46,6 @@ SAFETY = {
 }
 DRAWN = Path(__file__).parent / "mutants_bench" / "drawn.json"
 RESULTS = Path(__file__).parent / "results" / "mutants.jsonl"
-BASE_LIMIT_S = 600.0  # of a module's tests without a mutant
 GOAL = 0.92
 
 
@@ -73,67 +75,64 @@ def _key(mutant: Mutant, tests: Sequence[str]) -> str:
     return sha256([mutant.digest, *texts])[:20]
 
 
-class Runner:
-    """Tries mutants, each thread in a copy of its own, and notes what comes of them."""
+class Worker:
+    """One process with a copy of its own."""
 
-    def __init__(self, jobs: int, factor: float) -> None:
-        self.jobs, self.factor = jobs, factor
-        self._trials: list[Trial] = []
-        self._own = threading.local()
-        self._lock = threading.Lock()
-        self._base: dict[tuple[str, ...], tuple[threading.Lock, list[float]]] = {}
+    def __init__(self, budget_s: float) -> None:
+        self.trial, self.budget_s = Trial(), budget_s
+        self.reach: dict[str, list[dict[str, Any]]] = {}
 
-    def _trial(self) -> Trial:
-        if not hasattr(self._own, "trial"):
-            self._own.trial = Trial()
-            with self._lock:
-                self._trials.append(self._own.trial)
-        return self._own.trial
-
-    def limit_s(self, tests: tuple[str, ...]) -> float:
-        """The time limit of a mutant, from what its tests take without one; 0 if they are red without one."""
-        with self._lock:
-            lock, seconds = self._base.setdefault(tests, (threading.Lock(), []))
-        with lock:
-            if not seconds:
-                plain = self._trial().run(tests, BASE_LIMIT_S)
-                good = plain.result == GREEN
-                seconds.append(plain.seconds if good else 0.0)
-                told = (
-                    f"{plain.seconds:.0f} s" if good else f"{plain.result} WITHOUT A MUTANT: {plain.seen_by}"
-                )
-                print(f"  {' '.join(tests)}: {told}", flush=True)
-        return self.factor * seconds[0] + 60.0 if seconds[0] else 0.0
-
-    def run(self, mutants: Sequence[Mutant]) -> None:
-        """Try all; results are appended as they come."""
-        with ThreadPoolExecutor(self.jobs) as threads:
-            for number, _ in enumerate(threads.map(self._try, mutants), start=1):
-                if number % 10 == 0:
-                    print(f"{number} of {len(mutants)}", flush=True)
-        for trial in self._trials:
-            trial.close()
-
-    def _try(self, mutant: Mutant) -> None:
-        tests = mutant.tests
-        limit_s = self.limit_s(tests) if tests else 60.0
-        if not limit_s:
-            return  # nothing can be learnt from tests that are red
-        outcome = self._trial().try_one(mutant, tests, limit_s)
-        row = {
-            "key": _key(mutant, tests),
+    def row(self, mutant: Mutant) -> dict[str, Any]:
+        """Try one; its result."""
+        name = " ".join((mutant.file, *mutant.tests))
+        if name not in self.reach:
+            self.reach[name] = [reached(self.trial, test, mutant.file) for test in mutant.tests]
+        choice = choose(mutant, self.reach[name], self.budget_s)
+        if any(one["seconds"] for one in self.reach[name]):
+            outcome = self.trial.try_one(mutant, choice.tests, 60.0 + 6.0 * choice.seconds)
+        else:
+            outcome = Outcome(f"{SKIPPED}: its tests are red without it", "", 0.0)
+        return {
+            "key": _key(mutant, mutant.tests),
             "name": mutant.name,
             "file": mutant.file,
             "result": outcome.result,
+            "tests": len(choice.tests),
             "seen_by": outcome.seen_by,
             "seconds": round(outcome.seconds, 1),
         }
-        with self._lock:
+
+
+_worker: Worker | None = None
+
+
+def _begin(budget_s: float) -> None:
+    global _worker
+    _worker = Worker(budget_s)
+    atexit.register(_worker.trial.close)
+
+
+def _row(mutant: Mutant) -> dict[str, Any]:
+    if _worker is None:
+        raise RuntimeError("the worker was not begun")
+    return _worker.row(mutant)
+
+
+def run(mutants: Sequence[Mutant], jobs: int, budget_s: float) -> None:
+    """Try all; results are appended as they come. Those of one file go to one process, which knows its tests."""
+    by_file = sorted(mutants, key=lambda m: m.file)
+    with ProcessPoolExecutor(jobs, get_context("spawn"), _begin, (budget_s,)) as workers:
+        for number, (mutant, row) in enumerate(
+            zip(by_file, workers.map(_row, by_file), strict=True), start=1
+        ):
             RESULTS.parent.mkdir(exist_ok=True)
             handle = os.open(RESULTS, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
             os.write(handle, json.dumps(row).encode() + b"\n")
             os.close(handle)
-            print(f"{outcome.result:16} {mutant.name}: {mutant.what}", flush=True)
+            print(
+                f"{number:4} {row['result']:16} {row['seconds']:6.1f} s {mutant.name}: {mutant.what}",
+                flush=True,
+            )
 
 
 def _score(mutants: Sequence[Mutant], known: dict[str, dict[str, Any]]) -> Iterator[str]:
@@ -188,7 +187,7 @@ def main() -> None:
     parser.add_argument("--only", help="mutants whose name or file holds this")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument(
-        "--factor", type=float, default=5.0, help="time limit: so often the tests' own time, + 60 s"
+        "--budget-s", type=float, default=20.0, help="of tests for a mutant; the fastest come first"
     )
     parser.add_argument("--green", action="store_true", help="only those that were green: again")
     parser.add_argument("--hand", action="store_true", help="only those by hand")
@@ -236,7 +235,7 @@ def main() -> None:
 
         due = [m for m in mutants if is_due(m)]
         print(f"{len(due)} of {len(mutants)} to try", flush=True)
-        Runner(options.jobs, options.factor).run(due)
+        run(due, options.jobs, options.budget_s)
     lines = [_conditions(), "", *_score(mutants, _known())]
     print("\n".join(lines[1:]))
     if options.report is not None:

@@ -1,25 +1,48 @@
-"""A copy of the project in which mutants are tried, one after the other."""
+"""A copy of the project in which mutants are tried, one after the other, each in a process that is forked for it.
+
+The process that forks has the libraries loaded and nothing of the project: a test then costs little more than itself.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import importlib
 import os
 import re
 import shutil
 import signal
-import subprocess
 import sys
 import tempfile
 import time
+import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from mutants_bench.mutant import FOUND, Mutant
+from mutants_bench.reach import Reach
 
 ROOT = Path(__file__).resolve().parents[2]
 COPIED = ("src", "tests", "urdf", "scenes", "docs", "examples", "bench")
 FILES = ("pyproject.toml", "constraints.txt", "README.md", "CHANGELOG.md", "Makefile", "LICENSE")
 RED, GREEN, LATE, SKIPPED = "red", "green", "red (time limit)", "skipped"
+_ROOMS = ("a465", "arm", "plan", "vision", "driver", "calib", "cell")
+_LIBRARIES = (
+    "numpy",
+    "scipy.optimize",
+    "scipy.spatial",
+    "scipy.stats",
+    "cv2",
+    "pinocchio",
+    "coal",
+    "qpsolvers",
+    "daqp",
+    "osqp",
+    "ruckig",
+    "serial",
+    "typer",
+    "pytest",
+)
 
 
 @dataclass(frozen=True)
@@ -38,11 +61,11 @@ class Outcome:
 
 
 class Trial:
-    """A copy; removed on leaving. Nothing outside it is written, and no worktree that is in use is touched."""
+    """A copy; removed by `close`. Nothing outside it is written, and no worktree that is in use is touched."""
 
     def __init__(self) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="a465-mutants-")
-        self.root = Path(self._folder.name)
+        self.root = Path(self._folder.name).resolve()
         ignored = shutil.ignore_patterns("__pycache__", "_data", "_build", "results")
         for name in COPIED:
             if (ROOT / name).is_dir():
@@ -50,58 +73,66 @@ class Trial:
         for name in FILES:
             if (ROOT / name).is_file():
                 shutil.copy(ROOT / name, self.root / name)
+        for name in _LIBRARIES:
+            with contextlib.suppress(ImportError):
+                importlib.import_module(name)
         # Bytecode is taken for that of a source with its time in whole seconds and its size: each text gets its own.
         self._time = int(time.time()) - 1_000_000
 
     def close(self) -> None:
         self._folder.cleanup()
 
-    def run(self, tests: Sequence[str], limit_s: float) -> Outcome:
-        """The tests up to the first red one."""
-        environment = {
-            **os.environ,
-            "PYTHONPATH": str(self.root / "src"),
-            "OPENBLAS_NUM_THREADS": "1",
-            "OMP_NUM_THREADS": "1",
-        }
-        command = [
-            sys.executable,
-            "-m",
-            "pytest",
-            "-x",
-            "-q",
-            "-n",
-            "0",
-            "-p",
-            "no:cacheprovider",
-            "--no-header",
-        ]
-        command += ["--tb=no", *(f"tests/{name}" for name in tests)]
-        began = time.monotonic()
-        child = subprocess.Popen(
-            command,
-            cwd=self.root,
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            start_new_session=True,
-        )
-        try:
-            said, _ = child.communicate(timeout=limit_s)
-        except subprocess.TimeoutExpired:
-            os.killpg(
-                child.pid, signal.SIGKILL
-            )  # the group that was made for it, with what its tests have started
-            child.communicate()
-            return Outcome(LATE, "", time.monotonic() - began)
-        seconds = time.monotonic() - began
-        if child.returncode == 0:
+    def run(
+        self, tests: Sequence[str], limit_s: float, reach: tuple[list[str], Path] | None = None
+    ) -> Outcome:
+        """Test files or single tests, up to the first red one; with `reach`, all of them, traced."""
+        log, began = self.root / "tests.log", time.monotonic()
+        child = os.fork()
+        if not child:
+            self._be_pytest(tests, log, reach)
+        while not (ended := os.waitpid(child, os.WNOHANG))[0]:
+            if time.monotonic() - began > limit_s:
+                os.killpg(child, signal.SIGKILL)  # its own group, with what its tests have started
+                os.waitpid(child, 0)
+                return Outcome(LATE, "", time.monotonic() - began)
+            time.sleep(0.02)
+        seconds, said = time.monotonic() - began, log.read_text(errors="replace")
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(child, signal.SIGKILL)  # what tests have left behind
+        if os.waitstatus_to_exitcode(ended[1]) == 0:
             return Outcome(GREEN, "", seconds)
         red = re.search(r"^(?:FAILED|ERROR) (\S+)", said, re.MULTILINE)
-        if red is None:
-            return Outcome(RED, (said.strip().splitlines() or ["?"])[-1][:200], seconds)
-        return Outcome(RED, red[1], seconds)
+        return Outcome(RED, red[1] if red else (said.strip().splitlines() or ["?"])[-1][:200], seconds)
+
+    def _be_pytest(self, tests: Sequence[str], log: Path, reach: tuple[list[str], Path] | None) -> None:
+        """What the forked process does; it never returns."""
+        code = 99
+        try:
+            os.setsid()
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            handle = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+            for standard in (1, 2):
+                os.dup2(handle, standard)
+            os.chdir(self.root)
+            os.environ["PYTHONPATH"] = str(self.root / "src")
+            for name in [m for m in sys.modules if m.partition(".")[0] in _ROOMS]:
+                del sys.modules[name]
+            own = str(ROOT / "src")
+            sys.path[:] = [str(self.root / "src"), *(p for p in sys.path if p != own)]
+            importlib.invalidate_caches()
+            import pytest
+
+            words = ["-q", "-n", "0", "-p", "no:cacheprovider", "--no-header", "--tb=no", *tests]
+            if reach is None:
+                code = int(pytest.main(["-x", *words]))
+            else:
+                code = int(pytest.main(words, plugins=[Reach(self.root / "src", *reach)]))
+        except BaseException:  # noqa: BLE001: the parent reads it in the log
+            traceback.print_exc()
+        finally:
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(code)
 
     def try_one(self, mutant: Mutant, tests: Sequence[str], limit_s: float) -> Outcome:
         """Change the copy, run the tests, and change it back."""
@@ -109,7 +140,7 @@ class Trial:
         if path is None or found != FOUND:
             return Outcome(f"{SKIPPED}: {found}", "", 0.0)
         if not tests:
-            return Outcome(GREEN, "no test of this module", 0.0)
+            return Outcome(GREEN, "no test of its list reaches it", 0.0)
         before = path.read_text()
         try:
             self._write(path, mutant.apply(path))

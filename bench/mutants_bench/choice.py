@@ -1,0 +1,102 @@
+"""Which tests a mutant is tried with: those of its list that reach its line, the fastest first."""
+
+from __future__ import annotations
+
+import ast
+import json
+from dataclasses import dataclass
+
+from arm.files import sha256, write_atomic
+from mutants_bench.mutant import Mutant
+from mutants_bench.trial import ROOT, Trial
+
+CACHE = ROOT / "bench" / "results" / ".reach"  # of test files, made anew where they or the sources change
+LONGEST_S = 900.0  # of one file of tests, traced
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Tests, and what they take without a mutant, s."""
+
+    tests: tuple[str, ...]
+    seconds: float
+
+
+def reached(trial: Trial, test: str, file: str) -> dict[str, dict]:
+    """Seconds by test and tests by line, of one file of tests; from the cache, or by running it once."""
+    known = CACHE / f"{sha256((ROOT / 'tests' / test).read_text())[:20]}.json"
+    if known.is_file():
+        found = json.loads(known.read_text())
+        if found["texts"].get(file) == _text(file):
+            return found
+    output = trial.root / "reach.json"
+    output.unlink(missing_ok=True)
+    room = file.partition("/")[0]
+    files = [p.relative_to(ROOT / "src").as_posix() for p in (ROOT / "src" / room).rglob("*.py")]
+    outcome = trial.run([f"tests/{test}"], LONGEST_S, (files, output))
+    found = json.loads(output.read_text()) if output.is_file() else {"seconds": {}, "tests": {}}
+    good = len(found["seconds"])
+    print(f"  {test}: {outcome.result} in {outcome.seconds:.0f} s, {good} good", flush=True)
+    found["texts"] = {name: _text(name) for name in files}
+    write_atomic(known, json.dumps(found))
+    return found
+
+
+def _text(file: str) -> str:
+    return sha256((ROOT / "src" / file).read_text())[:20]
+
+
+def choose(mutant: Mutant, reach: list[dict[str, dict]], budget_s: float) -> Choice:
+    """Tests that reach the statement that is changed, up to a budget; outside of functions, those of its file."""
+    path, _ = mutant.place(ROOT / "src")
+    if path is None:
+        return Choice((), 0.0)
+    first, last = _statement(path.read_text(), mutant)
+    seconds: dict[str, float] = {}
+    tests: set[str] = set()
+    for one in reach:
+        seconds |= one["seconds"]
+        for line in range(first, last + 1):
+            tests |= set(one["tests"].get(f"{mutant.file}:{line}", ()))
+    if not tests and first == 0:
+        of_file = f"{mutant.file}:"
+        tests = {
+            t
+            for one in reach
+            for line, names in one["tests"].items()
+            if line.startswith(of_file)
+            for t in names
+        }
+    chosen, total = [], 0.0
+    for test in sorted(tests, key=lambda t: (seconds[t], t)):
+        if chosen and total + seconds[test] > budget_s:
+            break
+        chosen.append(test)
+        total += seconds[test]
+    return Choice(tuple(chosen), total)
+
+
+def _statement(text: str, mutant: Mutant) -> tuple[int, int]:
+    """First and last line of what is changed inside a function; (0, 0) outside of any."""
+    begin = text[: text.index(mutant.old)].count("\n") + 1
+    old, new = mutant.old.splitlines(), mutant.new.splitlines()
+    same = next(
+        (i for i, (a, b) in enumerate(zip(old, new, strict=False)) if a != b), min(len(old), len(new))
+    )
+    line = begin + min(same, len(old) - 1)
+    best: ast.stmt | None = None
+    inside = False
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef) and node.body[0].lineno <= line <= (node.end_lineno or 0):
+            inside = True
+        if isinstance(node, ast.stmt) and node.lineno <= line <= (node.end_lineno or 0):
+            smaller = best is None or (node.lineno, -(node.end_lineno or 0)) >= (
+                best.lineno,
+                -(best.end_lineno or 0),
+            )
+            best = node if smaller else best
+    if not inside or best is None:
+        return 0, 0
+    body = getattr(best, "body", None)
+    last = body[0].lineno - 1 if isinstance(body, list) else best.end_lineno or line
+    return best.lineno, max(last, line if last < line else best.lineno)
