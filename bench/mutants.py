@@ -80,26 +80,31 @@ class Worker:
 
     def __init__(self, budget_s: float) -> None:
         self.trial, self.budget_s = Trial(), budget_s
-        self.reach: dict[str, list[dict[str, Any]]] = {}
+        self.reach: dict[tuple[str, str], dict[str, Any]] = {}
 
     def row(self, mutant: Mutant) -> dict[str, Any]:
-        """Try one; its result."""
-        name = " ".join((mutant.file, *mutant.tests))
-        if name not in self.reach:
-            self.reach[name] = [reached(self.trial, test, mutant.file) for test in mutant.tests]
-        choice = choose(mutant, self.reach[name], self.budget_s)
-        if any(one["seconds"] for one in self.reach[name]):
-            outcome = self.trial.try_one(mutant, choice.tests, 60.0 + 6.0 * choice.seconds)
-        else:
-            outcome = Outcome(f"{SKIPPED}: its tests are red without it", "", 0.0)
+        """Try one with one file of tests after another, until one is red; its result."""
+        outcome, tried, seconds = Outcome(GREEN, "no test of its list reaches it", 0.0), 0, 0.0
+        for test in mutant.tests:
+            if (test, mutant.file) not in self.reach:
+                self.reach[test, mutant.file] = reached(self.trial, test, mutant.file)
+            reach = self.reach[test, mutant.file]
+            choice = choose(mutant, reach, self.budget_s)
+            if not reach["seconds"]:
+                outcome = Outcome(f"{SKIPPED}: {test} is red without it", "", 0.0)
+            elif choice.tests or mutant.place(ROOT / "src")[0] is None:
+                outcome = self.trial.try_one(mutant, choice.tests, 60.0 + 6.0 * choice.seconds)
+            tried, seconds = tried + len(choice.tests), seconds + outcome.seconds
+            if outcome.result != GREEN:
+                break
         return {
             "key": _key(mutant, mutant.tests),
             "name": mutant.name,
             "file": mutant.file,
             "result": outcome.result,
-            "tests": len(choice.tests),
+            "tests": tried,
             "seen_by": outcome.seen_by,
-            "seconds": round(outcome.seconds, 1),
+            "seconds": round(seconds, 1),
         }
 
 

@@ -46,27 +46,16 @@ def _text(file: str) -> str:
     return sha256((ROOT / "src" / file).read_text())[:20]
 
 
-def choose(mutant: Mutant, reach: list[dict[str, dict]], budget_s: float) -> Choice:
+def choose(mutant: Mutant, reach: dict[str, dict], budget_s: float) -> Choice:
     """Tests that reach the statement that is changed, up to a budget; outside of functions, those of its file."""
     path, _ = mutant.place(ROOT / "src")
     if path is None:
         return Choice((), 0.0)
     first, last = _statement(path.read_text(), mutant)
-    seconds: dict[str, float] = {}
-    tests: set[str] = set()
-    for one in reach:
-        seconds |= one["seconds"]
-        for line in range(first, last + 1):
-            tests |= set(one["tests"].get(f"{mutant.file}:{line}", ()))
-    if not tests and first == 0:
-        of_file = f"{mutant.file}:"
-        tests = {
-            t
-            for one in reach
-            for line, names in one["tests"].items()
-            if line.startswith(of_file)
-            for t in names
-        }
+    seconds, by_line = reach["seconds"], reach["tests"]
+    tests = {test for line in range(first, last + 1) for test in by_line.get(f"{mutant.file}:{line}", ())}
+    if first == 0:
+        tests = {t for line, names in by_line.items() if line.startswith(f"{mutant.file}:") for t in names}
     chosen, total = [], 0.0
     for test in sorted(tests, key=lambda t: (seconds[t], t)):
         if chosen and total + seconds[test] > budget_s:

@@ -127,7 +127,7 @@ class Trial:
                 code = int(pytest.main(["-x", *words]))
             else:
                 code = int(pytest.main(words, plugins=[Reach(self.root / "src", *reach)]))
-        except BaseException:  # noqa: BLE001: the parent reads it in the log
+        except BaseException:  # noqa: BLE001 (the parent reads it in the log)
             traceback.print_exc()
         finally:
             sys.stdout.flush()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Iterator
 from dataclasses import replace
@@ -15,16 +16,18 @@ import pytest
 from arm.bodies import body_from_json
 from arm.errors import A465Error, ImpossibleError, InputError
 from arm.files import data_file
+from arm.motion import CountPath
 from arm.planfile import Plan, read_plan
 from arm.se3 import Array, frozen, rotation, transform
 from cell.boardshift import board_shift
 from cell.cellfile import read_cell
-from cell.checking import replayed, require_match, require_scene
+from cell.checking import replayed, require_match, require_scene, require_start_at
 from cell.lookfile import Seen, read_seen
 from cell.planning import plan_rest
 from cell.scenery import board_bodies, build_scene
 from cell.taskfile import Task, read_task
 from command_line import a465, replace_in
+from driver.refusals import POSITION_TOLERANCE
 from plan.check import check_move
 from plan.replay import settings
 from plan.world import World
@@ -277,3 +280,42 @@ def test_the_refusal_of_a_line_says_less_clearance_where_boards_may_move_more(ta
     wide = replace(task, cell=replace(task.cell, moved=0.0045))
     with pytest.raises(A465Error, match=r"asked: 5 mm"):
         plan_rest(wide, seen, wide.cell.q_start, 0.5, {}, {})
+
+
+@pytest.mark.parametrize(("planned", "found"), [("cube", "empty"), ("empty", "cube")])
+def test_a_hole_that_looks_otherwise_than_planned_refuses_it_and_an_unsure_one_does_not(
+    task: Task, plan: Plan, seen: Seen, planned: str, found: str
+) -> None:
+    def looks(state: str) -> Seen:
+        """As it was seen, but for the first hole that was seen as planned."""
+        boards = list(seen.boards)
+        for index, board in enumerate(boards):
+            if planned in board.occupancy:
+                at = board.occupancy.index(planned)
+                occupancy = (*board.occupancy[:at], state, *board.occupancy[at + 1 :])
+                boards[index] = replace(board, occupancy=occupancy)
+                return replace(seen, boards=tuple(boards))
+        raise AssertionError(planned)
+
+    require_scene(task.cell, plan, looks(planned))
+    require_scene(task.cell, plan, looks("unsure"))
+    with pytest.raises(ImpossibleError, match=rf"looks {found}, the plan has it {planned}"):
+        require_scene(task.cell, plan, looks(found))
+
+
+@pytest.mark.parametrize("joint", range(6))
+def test_a_plan_that_starts_elsewhere_is_refused_by_axis_and_counts(
+    task: Task, plan: Plan, joint: int
+) -> None:
+    def beginning(offset: int) -> Plan:
+        first = next(plan.moves)
+        start = tuple(c + offset * (k == joint) for k, c in enumerate(first.path.start))
+        steps = [replace(s, path=CountPath(start, s.path.segments)) if s is first else s for s in plan.steps]
+        return replace(plan, steps=tuple(steps))
+
+    axis = task.cell.unit.axes[joint]
+    for offset in (POSITION_TOLERANCE, -POSITION_TOLERANCE):
+        require_start_at(task, beginning(offset))
+    for offset in (POSITION_TOLERANCE + 1, -POSITION_TOLERANCE - 1):
+        with pytest.raises(ImpossibleError, match=re.escape(f"off by {axis} {offset:+d} counts")):
+            require_start_at(task, beginning(offset))
