@@ -339,8 +339,8 @@ _ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
     (
         "barrier-overlap",
         _P + "barrier.py",
-        "    normal = apart / np.linalg.norm(apart) * np.sign(signed)\n",
-        "    normal = apart / np.linalg.norm(apart)\n",
+        "    normal = apart / norm(apart) * np.sign(signed)\n",
+        "    normal = apart / norm(apart)\n",
         "in overlap the row pushes deeper",
         ("plan/test_barrier.py",),
     ),
