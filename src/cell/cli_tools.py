@@ -149,7 +149,9 @@ def export(
 )
 def new_cell(
     folder: Annotated[Path, typer.Argument(help="New or empty folder.", metavar="DIR")],
-    unit: Annotated[str, typer.Option("--unit", help="crs93 or crs97.")] = "crs93",
+    unit: Annotated[
+        str | None, typer.Option("--unit", help="Which arm it is: crs93 or crs97; asked for.")
+    ] = None,
     name: Annotated[
         str | None, typer.Option("--name", help="What the cell is called; default: as the folder.")
     ] = None,

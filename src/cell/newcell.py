@@ -47,17 +47,24 @@ _FILES = {
 }
 
 
-def new_cell_step(folder: Path, unit: str, name: str | None, console: Console) -> dict[str, Any]:
+def new_cell_step(folder: Path, unit: str | None, name: str | None, console: Console) -> dict[str, Any]:
     """Write a cell into a new or empty folder, all of it or nothing, and tell what comes next.
 
     Args:
         folder: to write.
-        unit: which arm.
+        unit: which arm; None is refused, for nothing else can tell.
         name: of the cell, for the heads of its files; default: the folder's.
 
     Raises:
         InputError: unit or name is wrong, or the folder cannot be had.
     """
+    if unit is None:
+        raise InputError(
+            f"--unit is missing: say which arm it is, {' or '.join(UNITS)}; the controller cannot tell, and with "
+            "another unit's zeros and registers angles are wrong by up to 11 degrees",
+            option="--unit",
+            choices=list(UNITS),
+        )
     if unit not in UNITS:
         raise InputError(f"--unit {unit}: must be one of {', '.join(UNITS)}", unit=unit)
     place = folder.resolve()

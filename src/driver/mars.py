@@ -17,7 +17,7 @@ from driver import startup
 from driver.clock import Clock
 from driver.gripper import GripperResult, move_gripper, read_jaws
 from driver.homing import home_all
-from driver.identity import identify, read_back
+from driver.identity import gripper_answers, identify, read_back, refuse_another
 from driver.interrupt import caught, hear_again, interruptible
 from driver.link import Link, NoAnswer
 from driver.port import Port
@@ -107,13 +107,16 @@ class Mars:
                 its marks, for a planner that knows what stands in the way.
 
         Raises:
-            InputError: `identify` was not called.
+            InputError: `identify` was not called; or the gripper answers on another unit's axis: nothing was set.
             ImpossibleError: arm power off, motion stop or an axis error; or positions that cannot be right.
             ExecutionStopped: something failed while homing; with the state.
         """
         if not self.link.identified:
             raise InputError("identify() comes before initialise()")
         self._initialised = False
+        answers = gripper_answers(self.link)
+        self.note("whose_arm", unit=self.unit.name, gripper_axes=answers)
+        refuse_another(self.unit, answers)
         with self.guarded("initialise"):
             self._send(encode("PURGE"))
             self.link.synchronise()  # a stop drops what is still on its way

@@ -81,7 +81,7 @@ def test_its_tasks_plan(written: dict[str, Path], unit: str, name: str) -> None:
 
 
 def test_it_places_a_cube_in_the_simulated_cell(tmp_path: Path) -> None:
-    a465("new-cell", "mine", cwd=tmp_path)
+    a465("new-cell", "mine", "--unit", "crs93", cwd=tmp_path)
     replace_in(tmp_path / "mine/task2.world.toml", "cubes = [1, 2, 3, 4]", "cubes = [3]")
     replace_in(tmp_path / "mine/task2.toml", 'look_after = "each"', 'look_after = "never"')
     said, _ = a465("run", "mine/task2.toml", "--time-scale", 50, "-o", "ran", "--json", cwd=tmp_path)
@@ -135,7 +135,7 @@ def test_the_name_is_in_the_cell_file_and_the_folders_is_the_default(tmp_path: P
 def test_an_empty_folder_is_taken(tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "link").symlink_to("mine")
-    a465("new-cell", "link", cwd=tmp_path)
+    a465("new-cell", "link", "--unit", "crs93", cwd=tmp_path)
     assert (tmp_path / "link").is_symlink()
     assert (tmp_path / "mine/cell.toml").is_file()
     assert sorted(p.name for p in tmp_path.iterdir()) == ["link", "mine"]
@@ -149,9 +149,12 @@ def test_an_empty_folder_is_taken(tmp_path: Path) -> None:
         (["file/mine"], "file/mine: "),
         (["."], "is the folder that you are in, which cannot be replaced; give a new one"),
         (["new", "--unit", "crs3"], "--unit crs3: must be one of crs93, crs97"),
-        (["new", "--name", "two\nlines"], "must be a line of 1 to 60 printable characters"),
-        (["new", "--name", " "], "must be a line of 1 to 60"),
-        (["new", "--name", "n" * 61], "must be a line of 1 to 60"),
+        (
+            ["new", "--unit", "crs93", "--name", "two\nlines"],
+            "must be a line of 1 to 60 printable characters",
+        ),
+        (["new", "--unit", "crs93", "--name", " "], "must be a line of 1 to 60"),
+        (["new", "--unit", "crs93", "--name", "n" * 61], "must be a line of 1 to 60"),
     ],
 )
 def test_what_is_refused_writes_nothing(tmp_path: Path, arguments: list[str], told: str) -> None:
@@ -163,7 +166,8 @@ def test_what_is_refused_writes_nothing(tmp_path: Path, arguments: list[str], to
         here = tmp_path / "empty"
         here.mkdir()
     before = sorted(tmp_path.rglob("*"))
-    _, err = a465("new-cell", *arguments, code=2, cwd=here)
+    unit = [] if "--unit" in arguments else ["--unit", "crs93"]
+    _, err = a465("new-cell", *arguments, *unit, code=2, cwd=here)
     assert told in err
     assert len(err.strip().splitlines()) == 1
     assert sorted(tmp_path.rglob("*")) == before
@@ -173,7 +177,7 @@ def test_a_refusal_is_the_same_optimised(tmp_path: Path) -> None:
     (tmp_path / "full").mkdir()
     (tmp_path / "full/x").write_text("")
     assert "wrong input: full: holds something already (x)" in refused(
-        "new-cell", "full", code=2, cwd=tmp_path
+        "new-cell", "full", "--unit", "crs93", code=2, cwd=tmp_path
     )
 
 
@@ -204,7 +208,7 @@ def test_what_somebody_puts_there_meanwhile_is_kept(tmp_path: Path, monkeypatch:
 
 
 def test_the_next_commands_are_told_in_order_and_exist(tmp_path: Path) -> None:
-    said, _ = a465("new-cell", "my cell", cwd=tmp_path)
+    said, _ = a465("new-cell", "my cell", "--unit", "crs93", cwd=tmp_path)
     lines = [line for line in said.splitlines() if line.startswith("a465 ")]
     assert lines == [line for _, line in next_commands(Path("my cell"), "crs93")]
     words = [shlex.split(line)[1:] for line in lines]
@@ -240,3 +244,10 @@ def test_json_says_the_same(tmp_path: Path) -> None:
         str(p.relative_to(tmp_path / "mine")) for p in (tmp_path / "mine").rglob("*") if p.is_file()
     )
     assert all(entry["command"] in told for entry in report["next"])
+
+
+def test_it_asks_which_arm_it_is(tmp_path: Path) -> None:
+    _, err = a465("new-cell", "mine", code=2, cwd=tmp_path)
+    assert "--unit is missing" in err
+    assert "crs93 or crs97" in err
+    assert not (tmp_path / "mine").exists()

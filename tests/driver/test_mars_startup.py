@@ -9,8 +9,11 @@ import pytest
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.unit import Unit, load_unit
 from driver.clock import Clock
+from driver.emulator import Emulator
+from driver.identity import gripper_answers, refuse_another
 from driver.mars import Mars
 from driver.startup import limit_lines, move_time
+from driver.stepped import SteppedClock
 from soft_home import SOFT_HOME
 
 
@@ -162,3 +165,43 @@ def test_limit_lines_refuse_zero() -> None:
     unit = load_unit("crs97")
     with pytest.raises(InputError, match="acceleration register of axis B = 0"):
         limit_lines(unit, unit.speed_registers, (19, 0, 13, 19, 128, 154))
+
+
+@pytest.mark.parametrize("name", ["crs93", "crs97"])
+def test_another_units_gripper_axis_is_refused_before_anything_is_set(name: str) -> None:
+    """Both ways round: the emulated unit is one arm, the cell file says the other."""
+    clock = SteppedClock()
+    is_there, said = load_unit(name), load_unit("crs97" if name == "crs93" else "crs93")
+    with Emulator(is_there, clock) as emulator, Mars(emulator.open_line(), said, clock) as mars:
+        mars.identify()
+        with pytest.raises(InputError, match=f"unit = {said.name}") as refused:
+            mars.initialise()
+        assert refused.value.exit_code == 2
+        assert refused.value.data["answers"][said.gripper.axis] == "0"
+        assert f"AP{is_there.gripper.axis} = " in str(refused.value)
+        set_or_moved = ("REG", "HH", "COORD", "PURGE", "SPDT", "ANAX", "STOP")
+        assert not [line for _, line in emulator.lines if line.startswith(set_or_moved)]
+        with pytest.raises(InputError, match="this is another arm"):
+            mars.initialise(home=False)
+
+
+@pytest.mark.parametrize("silent", [[], ["AP{}=0"], ["FAIL!"]])
+@pytest.mark.parametrize("answered", [(), ("G", "H"), ("G",)])
+def test_which_gripper_axis_answers_is_never_proof(
+    fake: Any, unit: Unit, answered: tuple[str, ...], silent: list[str]
+) -> None:
+    """No answer, or both, or the right one: it goes on as it would, and the log has what was answered."""
+    for axis in "GH":
+        said = [f"AP{axis}=840"] if axis in answered else [text.format(axis) for text in silent]
+        fake.hooks[f"AP{axis}"] = lambda line, said=said: said
+    told: list[dict[str, Any]] = []
+    with Mars(fake.line, unit, fake.clock) as mars:
+        mars.identify()
+        mars.note = lambda kind, **data: told.append({"kind": kind, **data})  # type: ignore[method-assign]
+        answers = gripper_answers(mars.link)
+        refuse_another(unit, answers)
+        assert {axis for axis, text in answers.items() if text == "840"} == set(answered)
+        mars.initialise()
+    (whose,) = [note for note in told if note["kind"] == "whose_arm"]
+    assert whose["gripper_axes"] == answers
+    assert whose["unit"] == unit.name
