@@ -35,6 +35,8 @@ LINE_CLEARANCE = 0.005  # that some approach line of every hole keeps from all t
 TILTS_DEG = {"task1": (0.0,), "task2": (0.0, 7.0, 15.0)}
 HIGHEST = 0.15  # centre of a plate's top, m
 TRIES = 300_000
+# places beside the camera's view, so that boards can be drawn anywhere in it
+PLACES = {"origin_mm = [320, -215]": "origin_mm = [220, -400]", "count = [4, 2]": "count = [3, 3]"}
 
 
 @dataclass(frozen=True)
@@ -200,6 +202,8 @@ def _write(name: str, seed: int, scenes: Path, folder: Path, placed: list[_Place
         text = text.replace("to_board = [3, 4]", f"to_board = {ids[1]}")
     else:
         text = text.replace("board_height_mm = 60", f"board_height_mm = {1e3 * placed[0].centre[2]:.1f}")
+        for shipped, beside in PLACES.items():
+            text = text.replace(shipped, beside)
     task.write_text(text.replace("seed = 0", f"seed = {seed}"))
     lines = [f"seed = {seed}", "noise_grey = 2.0"]
     for index, p in enumerate(placed):

@@ -14,73 +14,23 @@ import sys
 import termios
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from arm.errors import InputError
 from arm.planfile import Plan, read_plan
-from arm.robot import Robot
-from arm.se3 import Array
-from arm.unit import Unit
 from cell.armshape import arm_shape
 from cell.console import Console
+from cell.overview import overview
 from cell.taskrun import TaskRun
 from driver.refusals import POSITION_TOLERANCE
 
-SAMPLE_S = 0.02  # of the plan, for ranges and speeds
 TRIES = 3
 LONGEST = 20_000  # bytes of a line; a terminal gives no longer one
 WAIT_S = 600.0  # for a person to type
 ABOUT_GOING_ON = "nothing is homed: it goes on from where the arm stands; keep clear"
 ABOUT_HOMING = "first the controller homes the arm: every axis moves, and nothing checks its way; keep clear"
-
-
-@dataclass(frozen=True, eq=False)
-class Overview:
-    """What a plan moves.
-
-    Attributes:
-        lowest, highest: of each joint, (n,) rad.
-        travel: of each joint, all ways summed, (n,) rad.
-        fastest: of each joint, (n,) rad/s at the plan's speed.
-        tool: fastest speed of the tool, m/s.
-        clearance: least of all moves, m.
-        closest: the two bodies that come so near.
-    """
-
-    lowest: Array
-    highest: Array
-    travel: Array
-    fastest: Array
-    tool: float
-    clearance: float
-    closest: tuple[str, str]
-
-
-def overview(plan: Plan, robot: Robot, unit: Unit) -> Overview:
-    """Ranges and speeds of all that a plan sends.
-
-    Args:
-        plan: with one move at least.
-        robot: that it moves.
-        unit: whose counts it is in.
-    """
-    ways = [unit.positions(move.path.sample(SAMPLE_S)) for move in plan.moves]
-    steps = [np.diff(way, axis=0) for way in ways]
-    at = [np.array([robot.T_base_tool(q)[:3, 3] for q in way]) for way in ways]
-    joined, moved = np.concatenate(ways), np.abs(np.concatenate(steps))
-    nearest = min(plan.moves, key=lambda move: move.clearance)
-    return Overview(
-        joined.min(axis=0),
-        joined.max(axis=0),
-        moved.sum(axis=0),
-        moved.max(axis=0) / SAMPLE_S,
-        max(float(np.linalg.norm(np.diff(p, axis=0), axis=1).max(initial=0.0)) for p in at) / SAMPLE_S,
-        nearest.clearance,
-        nearest.closest,
-    )
 
 
 class Approval:

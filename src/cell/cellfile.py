@@ -49,6 +49,8 @@ class Cell:
         arm_padding: taken off every distance of the arm's links, whose shape is assumed; not of the gripper's, m.
         arm_compared: who compared the arm's bodies with the real arm, and when; empty if nobody did.
         grip_height, settle_s, cube_size: of gripping and of the cubes, m and s.
+        grip_tolerance: by how much the jaws may stand wider or narrower on a cube than it is, m.
+        cube_tolerance: by how much a cube's edge may differ from its size, m.
         boards: that may stand in the cell.
         dictionary: of the boards' markers.
         tilts: at which the stands hold boards, rad, ascending; none if they are not known.
@@ -83,7 +85,9 @@ class Cell:
     arm_compared: str
     grip_height: float
     settle_s: float
+    grip_tolerance: float
     cube_size: float
+    cube_tolerance: float
     boards: tuple[Board, ...]
     dictionary: str
     tilts: tuple[float, ...]
@@ -225,7 +229,9 @@ def read_cell(path: Path, uncalibrated: Callable[[InputError], None] | None = No
         arm_compared=root.text("arm_compared", default=""),
         grip_height=tool.number("grip_height_mm", "mm", 0, 32) / 1e3,
         settle_s=tool.number("settle_s", "s", 0, 30),
+        grip_tolerance=tool.number("grip_tolerance_mm", "mm", 0.1, 20, default=3.0) / 1e3,
         cube_size=cube_size,
+        cube_tolerance=cube.number("size_tolerance_mm", "mm", 0.01, 2, default=0.1) / 1e3,
         boards=_boards(boards_table),
         dictionary=boards_table.text("dictionary", choices=DICTIONARIES),
         tilts=read_tilts(boards_table),

@@ -56,7 +56,9 @@ CELL: Notes = {
     ),
     "tool.*": """# jaw_shut_mm = 0                    # between the fingers' inner faces when they are shut
 # close_to_mm = 6                    # that the jaws are told to close to on a cube; they stop on it before
-# force_v = 7.5                      # of the gripper's motor, 0.75 to 11.25: how hard it holds""",
+# force_v = 7.5                      # of the gripper's motor, 0.75 to 11.25: how hard it holds
+# grip_tolerance_mm = 3              # by how much the jaws may stand wider or narrower on a cube than it is;
+# beyond that they have not gripped it, which is told before the arm lifts""",
     "tool.jaw_opening_mm": (
         "Between the fingers' inner faces when open, to 0.5 mm. Wrong: open fingers are elsewhere than "
         "was certified and may touch the next cube, and the jaws close too far or not far enough."
@@ -74,6 +76,9 @@ CELL: Notes = {
         "Edge of the cubes, by calliper, to 0.2 mm. Wrong: holes are taken for full or empty that are "
         "not, and the jaws close too far or not far enough."
     ),
+    "cube.*": """# size_tolerance_mm = 0.1            # by how much edges differ from that. Each is measured in its hole
+# before it is moved; where that could not be done, a cube is confirmed at its place only if a height
+# of some mm cannot be mistaken for a wider cube""",
     "boards.files": (
         "A CSV file for each board that may stand in the cell. Line 1: the ids of its two markers. "
         "Lines 2 to 5: x,y of a hole's centre in mm, from the centre of the marker with the lower id, "

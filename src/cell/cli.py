@@ -287,10 +287,7 @@ def execute(
     world: WorldFile = None,
     images: Images = None,
     camera: Camera = None,
-    speed: Annotated[
-        float,
-        typer.Option("--speed", help="Factor of the plan's velocities, 0 < s <= 1; it only lowers them."),
-    ] = 1.0,
+    speed: Speed = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="After a stop: plan what is left anew, from where the arm is.")
     ] = False,

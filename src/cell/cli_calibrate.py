@@ -151,7 +151,10 @@ def calibrate_hand_eye(
     camera: Annotated[str | None, typer.Option("--camera", help="With --port: a Basler camera.")] = None,
     speed: Annotated[
         float | None,
-        typer.Option("--speed", help="With --collect: factor of velocities; default: the cell's."),
+        typer.Option(
+            "--speed",
+            help="With --collect: share of what the registers allow, 0.01 to 1; default: the cell's.",
+        ),
     ] = None,
     time_scale: Annotated[
         float | None, typer.Option("--time-scale", help="With --collect: of the simulated cell.")

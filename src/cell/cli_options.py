@@ -17,7 +17,11 @@ Json = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on standard output, all else on standard error.")
 ]
 Speed = Annotated[
-    float | None, typer.Option("--speed", help="Factor of velocities, 0 < s <= 1; default: the cell file's.")
+    float | None,
+    typer.Option(
+        "--speed",
+        help="Share of what the registers allow, 0.01 to 1; default: the cell file's, or a plan's, never above it.",
+    ),
 ]
 WorldFile = Annotated[
     Path | None, typer.Option("--world", help="Truth of the simulated cell; default: TASK with .world.toml.")

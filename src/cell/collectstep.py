@@ -20,6 +20,7 @@ from cell.handrecord import CHANGED, HandRecord
 from cell.handtarget import read_hand_target
 from cell.run import Confirm, opened
 from cell.runfolder import require_new_folder
+from cell.speed import planning_speed
 from cell.taskfile import Task, read_task
 from driver.control import Control
 
@@ -115,8 +116,7 @@ def _add(
     """
     if len(record):
         console.step(f"{record.file}: {len(record)} poses are there from before")
-    speed = task.cell.speed if where.speed is None else where.speed
-    task.cell.limits.scaled(speed)
+    speed = planning_speed(task.cell, where.speed)
     require_openable(task, where)
     require_new_folder(folder)
     scene = hand_scene(record)

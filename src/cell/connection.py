@@ -42,7 +42,7 @@ class WhichCell:
         port: of the real controller; None: the simulated cell.
         world: truth of the simulated cell.
         images, camera: where the real one's photographs come from; None: the cell file's camera.
-        speed: factor of velocities; None: the cell file's, of a plan file all of its own.
+        speed: share of what the registers allow (`cell.speed`); None: the cell file's, of a plan file its own.
         time_scale: most controller seconds per wall second of the simulated cell; None: `TIME_SCALE`.
     """
 

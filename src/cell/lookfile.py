@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from arm.se3 import Array, frozen, inverse, orthonormalised
 from cell.boardshift import board_shift
 from cell.cellfile import Cell
 from cell.taskfile import Task
+from vision.seated import Sight
 
 HEIGHT_TOLERANCE = 0.010  # between the height that Task 1 states and the one that is seen, m
 FLAT_TOLERANCE = np.radians(2.0)
@@ -55,11 +56,13 @@ class Seen:
         boards: found.
         missing: per board name, why it was not found.
         half_seen: names of those of them that stand partly in view, so at a place that is not known.
+        sight: the photographs, to measure cubes in; None for a look that was read from a file.
     """
 
     boards: tuple[SeenBoard, ...]
     missing: dict[str, str]
     half_seen: tuple[str, ...] = ()
+    sight: Sight | None = field(default=None, compare=False, repr=False)
 
     @property
     def poses(self) -> tuple[BoardPose, ...]:

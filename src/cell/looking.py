@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -18,6 +19,7 @@ from vision.camera import Image
 from vision.frames import FrameSource
 from vision.look import Look, annotated, look
 from vision.markers import Marker, detect_markers
+from vision.seated import CubeWidth, Sight
 
 
 def look_and_save(
@@ -57,7 +59,8 @@ def look_and_save(
         raise
     if picture is not None:
         write_png(picture, annotated(images[0], cell.camera, found))
-    seen = seen_of(found, cell.boards)
+    cube = CubeWidth(cell.cube_size, cell.cube_tolerance / 2.0)
+    seen = replace(seen_of(found, cell.boards), sight=Sight(images, cell.camera, cube))
     boards = ", ".join(
         f"{b.name} ({len(b.holes('cube'))} cubes, {b.pose.residual_px:.3f} px)" for b in seen.boards
     )

@@ -13,6 +13,7 @@ from cell.placefile import POSES, read_place
 from cell.planning import require_above_table
 from cell.poselistfile import Reading, read_pose_list
 from cell.poselistplan import plan_pose_list
+from cell.speed import planning_speed, tool_words
 from cell.steps import warn_of_clearance
 
 
@@ -34,7 +35,7 @@ def plan_poses_step(
         look: what was seen, or None: table and walls alone.
         output: the plan file.
         reading: what bare numbers of the list mean.
-        speed: factor of velocities; default: the cell's.
+        speed: see `cell.speed`; default: the cell's.
         back: whether the arm goes back to q_start in the end.
 
     Raises:
@@ -49,7 +50,7 @@ def plan_poses_step(
         if task.kind != POSES:
             seen.require(task)
         require_above_table(task, seen)
-    plan = plan_pose_list(task, seen, poses, task.cell.speed if speed is None else speed, back)
+    plan = plan_pose_list(task, seen, poses, planning_speed(task.cell, speed), back)
     write_plan(output, plan)
     console.table(
         ("step", "s", "mm", "closest"),
@@ -63,6 +64,7 @@ def plan_poses_step(
     least = 1e3 * min(m.clearance for m in plan.moves)
     console.say(
         f"{len(poses.entries)} entries, {plan.duration_s:.1f} s at speed {plan.speed:g}, "
+        f"{tool_words(plan, task.cell)}, "
         f"at least {least:.1f} mm clear of everything"
     )
     warn_of_clearance(plan, console)

@@ -15,8 +15,9 @@ from cell.simulation import angle_to_square
 from cell.taskfile import Task
 
 if TYPE_CHECKING:
-    from cell.simulation import CellEvent, SimulatedCell
+    from cell.simulation import SimulatedCell
 
+RELEASED = ("placed", "unseated", "set down", "fallen")  # what becomes of a cube that is let go
 HEADER = ("cube", "from", "to", "placed", "motion s", "clearance mm", "error mm", "tilt deg")
 
 
@@ -26,7 +27,7 @@ class CubeRow:
 
     Attributes:
         source, target: names of the places.
-        placed: whether it is where it should be, as far as the cell can tell.
+        placed: whether a look has surely seen it where it should be.
         motion_s: planned motion for it, s.
         min_clearance: smallest clearance of its moves, m.
         error: of its axis from the place's when the jaws opened, m; truth, so only in the simulated cell.
@@ -88,8 +89,9 @@ def print_rows(console: Console, rows: Sequence[CubeRow]) -> None:
             console.say(f"cube {number}: {remark}")
 
 
-def judge_release(task: Task, simulated: SimulatedCell, row: CubeRow, event: CellEvent) -> None:
-    """Compare where a cube truly was when the jaws opened with where it should have been."""
+def judge_release(task: Task, simulated: SimulatedCell, row: CubeRow) -> None:
+    """Compare where the last cube truly was when the jaws opened with where it should have been."""
+    event = next(e for e in reversed(simulated.events) if e.what in RELEASED)
     if event.T_base_cube is None:
         return
     T_base_place = _true_place(task, simulated, row.target)
@@ -100,7 +102,6 @@ def judge_release(task: Task, simulated: SimulatedCell, row: CubeRow, event: Cel
         row.tilt_error = angle_to_square(T_place_cube[:3, :3])
     wanted = "placed" if task.to_board is not None else "set down"
     if event.what != wanted:
-        row.placed = False
         row.remarks.append(event.message)
 
 

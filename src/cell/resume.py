@@ -16,8 +16,9 @@ from arm.poses import hole_poses
 from arm.products import mul, norm
 from arm.se3 import Array, frozen, inverse
 from cell.checking import pose_of_plate, under
+from cell.confirming import seated
 from cell.furniture import plate_name
-from cell.holding import GRIP_CHANGE
+from cell.holding import grip_of
 from cell.lookfile import Seen, SeenBoard
 from cell.planning import options_of, provenance, scene_of
 from cell.report import CubeRow
@@ -28,6 +29,7 @@ from plan.backout import plan_back_out
 from plan.scene import Station, scene_from_json
 from plan.setdown import InJaws, plan_set_down
 
+STANDS = 3e-3  # m, so near to open or shut the jaws are
 NEAR_PATH = np.radians(2.0)  # of a carrying move of the plan, for the cube in the jaws to be known
 
 
@@ -61,16 +63,21 @@ def resume(run: TaskRun, plan: Plan) -> None:
     run.console.step(f"the arm stands at [{degrees}] deg, the jaws are {abs(round(100 * closed))} % closed")
     look = run.see("from where the arm stands", arm_in_view=True)
     seen = _known(look, task, plan)
-    if abs(closed - cell.fraction_closed(cell.cube_size)) <= GRIP_CHANGE:
+    width = cell.gripper.width(closed)
+    why_not = grip_of(cell).why_not(width)
+    if not why_not:
         carried = carried_by(task, plan, counts, look)
         run.console.step(f"{carried.transfer['cube']} is in the jaws: it goes to {carried.transfer['to']}")
         _set_down(run, plan, seen, carried, closed)
     else:
+        if cell.gripper.shut + STANDS < width < cell.gripper.opening - STANDS:
+            run.tell(f"no cube is in the jaws: {why_not}; they open where the arm stands")
         run.on_table = _on_table(task, plan)
         if mars.gripper(0.0).stalled:
             raise ExecutionStopped("the jaws do not open: something blocks them; the arm has not moved")
         _leave(run, seen)
     seen = run.look("from q_start")
+    run.confirm_placed(seen)
     _take_stock(run, plan, seen)
     run.check_reach(seen)
     run.move_cubes(seen)
@@ -211,7 +218,7 @@ def _set_down(run: TaskRun, plan: Plan, seen: Seen, carried: Carried, closed: fl
     let_go = 1 + next(i for i, s in enumerate(made.steps) if isinstance(s, GripperStep))
     row = CubeRow(transfer["from"], transfer["to"])
     run.rows.append(row)
-    run.finish_carry(made.steps[:let_go], made.steps[let_go:], transfer, closed, row)
+    run.finish_carry(made.steps[:let_go], made.steps[let_go:], transfer, closed, row, seen)
 
 
 def _back_out_of(
@@ -266,10 +273,12 @@ def _take_stock(run: TaskRun, plan: Plan, seen: Seen) -> None:
     for transfer in plan.task["cubes"]:
         if seen.state(transfer["from"]) != "empty":
             continue
-        if seen.state(transfer["to"]) == "empty":
+        state, sits = seen.state(transfer["to"]), seated(task, seen, transfer["to"])
+        if state not in (None, "cube") or (state == "cube" and sits.state == "off"):
+            why = sits.reason if state == "cube" else f"that hole looks {state}"
             raise ExecutionStopped(
-                f"the cube of {transfer['from']} is neither there nor in {transfer['to']}: it stands where it is not "
-                "seen; take it away and run again; the arm is at q_start",
+                f"the cube of {transfer['from']} is not confirmed in {transfer['to']}: {why}; a cube stands where "
+                "it is not seen: put it right or take it away, and run again; the arm is at q_start",
                 cube=transfer["cube"],
             )
         run.done[transfer["cube"]] = transfer["to"]

@@ -16,6 +16,8 @@ from cell.console import Console, OutputLost
 from cell.keyboard import HELP, hint, keyboard
 from cell.resume import resume
 from cell.runfolder import LOG, run_folder
+from cell.runreport import report_of
+from cell.speed import override_of, planning_speed, tool_words
 from cell.taskfile import Task, read_task
 from cell.taskrun import TaskRun
 from cell.watcher import Watcher
@@ -55,8 +57,7 @@ def run_task(
         ExecutionStopped: motion stopped; the state is in the error's data.
     """
     task = read_task(task_file)
-    speed = task.cell.speed if where.speed is None else where.speed
-    task.cell.limits.scaled(speed)
+    speed = planning_speed(task.cell, where.speed)
     with opened(task, console, where, speed, folder, Control(), confirm, watcher) as run:
         run.advice = advice
         before = run.try_look("before anything moves")
@@ -67,7 +68,7 @@ def run_task(
         seen = run.look("from q_start")
         run.check_reach(seen)
         run.move_cubes(seen)
-        return run.report()
+        return run.require_confirmed()
 
 
 def execute_plan(
@@ -84,7 +85,7 @@ def execute_plan(
     Args:
         plan_file, task_file: what to execute, and in which cell.
         console: where it is told.
-        where: the cell; its speed is an override of the whole execution, 0 to 1, which only lowers velocities.
+        where: the cell; its speed lowers all velocities of the plan, see `cell.speed`.
         folder: of the run; None: a new one.
         confirm: see `opened`, of this plan; a real arm has one (`cell.approval`).
         watcher: follows the run.
@@ -95,12 +96,15 @@ def execute_plan(
             the arm stands, at most moved to q_start.
         ExecutionStopped: motion stopped, or something changed on the way; the state is in the error's data.
     """
-    control = _override(where)
     task, plan = read_task(task_file), read_plan(plan_file)
+    control = Control(ceiling=override_of(plan, where.speed))
     with console.doing("checking the plan"):
         moves = replayed(task, plan)
     require_start_at(task, plan)
-    console.step(f"plan {plan.sha256[:12]}: {len(moves)} moves hold and match this cell")
+    speed = f"speed {plan.speed * control.ceiling:g}"
+    speed += f", lowered from the plan's {plan.speed:g}" if control.ceiling < 1.0 else ""
+    told = f"; {tool_words(plan, task.cell, control.ceiling)}" if moves else ""
+    console.step(f"plan {plan.sha256[:12]}: {len(moves)} moves hold and match this cell; {speed}{told}")
     with opened(task, console, where, plan.speed, folder, control, _of_plan(confirm, plan), watcher) as run:
         run.followed = plan_file if plan.task["cubes"] else None
         before = run.try_look("before anything moves")
@@ -117,7 +121,7 @@ def execute_plan(
         else:
             run.execute(plan.steps)
             console.step(f"done: {len(moves)} moves, {plan.duration_s / control.ceiling:.1f} s of motion")
-        report = run.report()
+        report = run.require_confirmed()
     if again:
         raise ExecutionStopped(f"{run.remarks[-1]}; plan again", **report)
     return report
@@ -141,8 +145,8 @@ def resume_plan(
     """
     if where.port is None:
         raise InputError("--resume needs --port: a simulated cell begins anew with every command", port=None)
-    control = _override(where)
     task, plan = read_task(task_file), read_plan(plan_file)
+    control = Control(ceiling=override_of(plan, where.speed))
     require_match(task, plan)
     if not plan.task.get("cubes"):
         raise ImpossibleError(
@@ -152,16 +156,12 @@ def resume_plan(
     with opened(task, console, where, plan.speed, folder, control, _of_plan(confirm, plan), watcher) as run:
         run.followed = plan_file
         resume(run, plan)
-        return run.report()
+        return run.require_confirmed()
 
 
 def _of_plan(confirm: ConfirmPlan | None, plan: Plan) -> Confirm | None:
     """Ask about this very plan, whatever the file holds by now."""
     return None if confirm is None else lambda run: confirm(run, plan)
-
-
-def _override(where: WhichCell) -> Control:
-    return Control() if where.speed is None else Control(ceiling=where.speed)
 
 
 @contextmanager
@@ -257,9 +257,9 @@ def _ended(run: TaskRun, error: A465Error, where: WhichCell) -> A465Error:
         words = ["a465", "execute", str(run.followed), str(run.task.file), "--port", port]
         words += [] if images is None else ["--images", str(images)]
         words += [] if camera is None else ["--camera", camera]
-        words += ["--speed", f"{run.control.override:g}"] if run.control.override < 1.0 else []
+        words += ["--speed", f"{run.speed * run.control.override:.4g}"] if run.control.override < 1.0 else []
     with suppress(OutputLost):  # the error itself is told on standard error, and must not be lost for this
-        run.record(error)
+        run.write_report(report_of(error))
         if isinstance(error, ExecutionStopped):
             if "cubes" not in error.data:  # else the table was printed
                 run.tell_rows()

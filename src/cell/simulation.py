@@ -23,10 +23,11 @@ from arm.se3 import Array, apply, frozen, inverse, rot_z, transform
 from cell.cellfile import Cell
 from cell.furniture import T_hole_cube, cube_body, plate_body, stand_body
 from cell.handtarget import HandTarget
+from cell.releasefaults import PUSH, T_hole_released
 from cell.render.light import Light
 from cell.render.renderer import PlacedBoard, render, with_noise
 from cell.render.target import TargetSolid
-from cell.worldfile import World
+from cell.worldfile import TrueBoard, World
 from vision.camera import Camera
 
 GRIP_OFFSET = 3e-3  # a cube is gripped if it stands between the jaws within this, m,
@@ -59,7 +60,7 @@ class CellEvent:
     """Something that happened to a cube.
 
     Attributes:
-        what: gripped, pushed, missed, released into a pocket, set down, fallen.
+        what: gripped, pushed, missed, placed or unseated in a pocket, set down, fallen.
         cube: its name, or "" if the jaws found none.
         T_base_cube: pose of its centre when it happened.
         message: one line for a person.
@@ -109,6 +110,7 @@ class SimulatedCell:
         self._lock = threading.RLock()
         self._robot = self.true_robot(cell.jaw_opening)
         self._opening = cell.jaw_opening
+        self._faults = list(world.releases)
         seated = T_hole_cube(cell.cube_size)
         places = [(b, hole) for b in world.boards for hole in b.cubes]
         self._cubes = [
@@ -231,12 +233,11 @@ class SimulatedCell:
                     quarter = np.round(np.arctan2(T_hole_cube_now[1, 0], T_hole_cube_now[0, 0]) / (np.pi / 2))
                     turned = transform(rot_z(quarter * np.pi / 2))
                     seat = frozen(mul(mul(T_base_hole, T_hole_cube(self.cell.cube_size)), turned))
-                    self._tell(
-                        "placed",
-                        name,
-                        T_base_cube,
-                        f"into {b.board.name}/{hole + 1}, {1e3 * sides:.2f} mm off its axis",
-                    )
+                    into = f"into {b.board.name}/{hole + 1}, {1e3 * sides:.2f} mm off its axis"
+                    fault = self._faults.pop(0) if self._faults else "seated"
+                    if fault != "seated":
+                        return self._unseated(fault, name, T_base_cube, b, T_base_hole, into)
+                    self._tell("placed", name, T_base_cube, into)
                     return SimulatedCube(name, seat, "pocket")
         bottom = float(apply(T_base_cube, (0.0, 0.0, -half))[2]) - self.cell.table_z
         upright = T_base_cube[2, 2] > np.cos(CAPTURE_TILT)
@@ -247,6 +248,25 @@ class SimulatedCell:
             return SimulatedCube(name, transform(rot_z(yaw), (x, y, self.cell.table_z + half)), "table")
         self._tell("fallen", name, T_base_cube, f"{1e3 * bottom:.0f} mm above the table, over no free hole")
         return SimulatedCube(name, T_base_cube, "fallen")
+
+    def _unseated(
+        self, fault: str, name: str, T_base_cube: Array, board: TrueBoard, T_base_hole: Array, into: str
+    ) -> SimulatedCube:
+        """A cube that the world file has go wrong."""
+        where = frozen(T_base_hole @ T_hole_released(fault, self.cell.cube_size))
+        self._tell("placed" if fault == "pushed" else "unseated", name, T_base_cube, f"{fault}, {into}")
+        if fault == "pushed":
+            push = transform(t=PUSH)
+            on = [inverse(board.T_base_board) @ c.T_base_cube for c in self._cubes]
+            reach = max(PLATE_SIZE)
+            for index, (cube, T) in enumerate(zip(self._cubes, on, strict=True)):
+                if cube.where == "pocket" and np.abs(T[:2, 3] - PLATE_CENTRE).max() < reach / 2.0:
+                    self._cubes[index] = replace(cube, T_base_cube=frozen(push @ cube.T_base_cube))
+            moved = replace(board, T_base_board=frozen(push @ board.T_base_board))
+            boards = tuple(moved if b is board else b for b in self.world.boards)
+            self.world = replace(self.world, boards=boards)
+            where = frozen(push @ where)
+        return SimulatedCube(name, where, "pocket")
 
     def _over_plate(self, T_base_cube: Array) -> bool:
         for b in self.world.boards:

@@ -13,9 +13,11 @@ from arm.errors import ImpossibleError, InputError
 from arm.files import canonical_json, keep_apart, write_atomic
 from arm.planfile import Move, Plan, read_plan, write_plan
 from cell.armshape import arm_shape
+from cell.cellfile import Cell
 from cell.console import Console
 from cell.lookfile import Seen, read_seen, seen_to_json, tilt_words
 from cell.planning import plan_rest, reach_of, require_above_table
+from cell.speed import planning_speed, tool_words
 from cell.taskfile import Task, read_task
 from plan.options import told_clearance
 
@@ -135,18 +137,19 @@ def plan_step(
     task = read_task(task_file)
     seen = read_seen(look_file, task.cell.boards)
     seen.require(task)
-    speed, q_start = task.cell.speed if speed is None else speed, task.cell.q_start
+    speed, q_start = planning_speed(task.cell, speed), task.cell.q_start
     with explained(task, seen, q_start, speed, advice):
         plan = plan_rest(task, seen, q_start, speed, {}, {})
     if plan is None:
         raise ImpossibleError(f"board {task.from_board.name} holds no cube, so there is nothing to plan")
     write_plan(output, plan)
-    _print_plan(plan, console)
+    _print_plan(plan, task.cell, console)
     console.say(f"clearances are those of bodies as the cell file has them; {arm_shape(task.cell)}")
     console.say(f"plan {plan.sha256[:12]} is in {output}")
     return {
         "plan": str(output),
         "plan_sha256": plan.sha256,
+        "speed": plan.speed,
         "motion_s": plan.duration_s,
         "no_plan_is_faster_than_s": plan.task["no_plan_is_faster_than_s"],
         "min_clearance_mm": 1e3 * min(m.clearance for m in plan.moves),
@@ -155,15 +158,15 @@ def plan_step(
     }
 
 
-def _print_plan(plan: Plan, console: Console) -> None:
+def _print_plan(plan: Plan, cell: Cell, console: Console) -> None:
     rows = [
         (m.name, m.path.duration_s, len(m.path.segments), 1e3 * m.clearance, " - ".join(m.closest))
         for m in plan.moves
     ]
     console.table(("move", "s", "segments", "mm", "closest"), rows)
     console.say(
-        f"{len(rows)} moves in {len(plan.motions)} motions, {plan.duration_s:.1f} s at speed {plan.speed:g}; "
-        f"no plan takes less than {plan.task['no_plan_is_faster_than_s']:.1f} s"
+        f"{len(rows)} moves in {len(plan.motions)} motions, {plan.duration_s:.1f} s at speed {plan.speed:g}, "
+        f"{tool_words(plan, cell)}; no plan takes less than {plan.task['no_plan_is_faster_than_s']:.1f} s"
     )
     warn_of_clearance(plan, console)
 

@@ -11,29 +11,29 @@ from typing import Any
 
 import numpy as np
 
-from arm.errors import A465Error, ExecutionStopped, InputError
-from arm.files import write_atomic
+from arm.errors import ExecutionStopped, InputError
 from arm.planfile import GripperStep, Plan, Step, write_plan
 from arm.se3 import Array, frozen
+from cell.confirming import LetGo, require_confirmed, unseen_places
 from cell.connection import Connection
 from cell.console import Console
 from cell.explaining import explained
-from cell.holding import Held
+from cell.holding import Held, grip_of
 from cell.lookfile import Seen
 from cell.looking import look_and_save
 from cell.pages import write_page
 from cell.planning import back_out, plan_rest, plan_to_start, reach_of
 from cell.report import CubeRow, judge_release, print_rows
-from cell.runpage import KeptPlan, Picture, run_page
+from cell.runpage import KeptPlan, Picture
+from cell.runreport import TO_START, run_report, write_run_report
 from cell.scenery import T_base_cube_on_table, cube_name
+from cell.speed import tool_words
 from cell.taskfile import Task
 from cell.visits import Visit, visits
 from cell.watcher import Watcher
 from driver.control import Control
 from driver.execute import StepResult, execute
 from driver.progress import Progress, StreamOptions
-
-TO_START = "to-start"  # name of a plan that only goes to q_start
 
 
 class TaskRun:
@@ -43,7 +43,7 @@ class TaskRun:
         task: what is to be done.
         connection: an open cell.
         console: where progress is told.
-        speed: factor of velocities.
+        speed: that plans are made for, see `cell.speed`.
         folder: where plans, pictures and the report go.
         control: what may be asked for while it runs.
         hint: the end of the status line, for the override of the motion that runs.
@@ -84,24 +84,17 @@ class TaskRun:
         self.homed = False  # in this run: a stop can be gone on from
         self.advice = False  # whether a refusal to plan is followed by advice
         self._looks = count(1)
+        self._let_go = LetGo(task)
 
     def introduce(self) -> None:
         """Say what is about to happen and where, and make sure that a controller of the right kind listens."""
-        lowered = f" x {self.control.ceiling:g}" if self.control.ceiling < 1.0 else ""
-        self.console.step(
-            f"task {self.task.name}: {self.task.kind} on {self._where()}, speed {self.speed:g}{lowered}"
-        )
+        of = f"the simulated cell, time scale {self.connection.time_scale:g}"
+        where = "the real cell" if self.connection.simulated is None else of
+        speed = f"speed {self.speed * self.control.ceiling:g}"
+        self.console.step(f"task {self.task.name}: {self.task.kind} on {where}, {speed}")
         task_file = os.path.relpath(self.task.file, self.folder)
         self.connection.mars.note("run", task=task_file, digest=self.task.digest, **self.task.cell.noted())
         self.console.step(f"controller: {self.connection.mars.identify()}")
-
-    def _where(self) -> str:
-        scale = self.connection.time_scale
-        return (
-            "the real cell"
-            if self.connection.simulated is None
-            else f"the simulated cell, time scale {scale:g}"
-        )
 
     def look(self, why: str) -> Seen:
         """Look from where the arm is; the boards of the task must be there.
@@ -159,7 +152,13 @@ class TaskRun:
         if plan is None:
             self.console.step(f"board {self.task.from_board.name} holds no cube: nothing to do")
             return False
-        self.console.step(f"foreseen: {len(plan.task['cubes'])} cubes in {plan.duration_s:.1f} s of motion")
+        told = tool_words(plan, self.task.cell, self.control.ceiling)
+        self.console.step(
+            f"foreseen: {len(plan.task['cubes'])} cubes in {plan.duration_s:.1f} s of motion, {told}"
+        )
+        hidden = unseen_places(self.task, seen, [c["to"] for c in plan.task["cubes"]])
+        if hidden:
+            self.tell(hidden)
         return True
 
     def take_into_use(self) -> None:
@@ -242,23 +241,25 @@ class TaskRun:
             held = self.execute((*behind, *visit.fetch))[-1].gripper
             row.add_motion(visit.fetch)
             if held is None or not held.stalled:
-                return self._missed(visit, row, seen), True
+                return self._missed(visit, row, seen, "the jaws closed on nothing"), True
+            why_not = grip_of(self.task.cell).why_not(self.task.cell.gripper.width(held.fraction_closed))
+            if why_not:
+                return self._missed(visit, row, seen, why_not), True
             self._carry(visit.carry, transfer["cube"], held.fraction_closed)
             row.add_motion((*visit.carry, *visit.leave))
-            row.placed = True
-            self._put_down(transfer, row)
+            self._put_down(transfer, row, seen)
             seen, behind = seen.with_moves({transfer["cube"]: transfer["to"]}), visit.leave
             last = visit is visited[-1]
             if last or visit.looks:
                 self.execute(behind)
                 behind = ()
-            if not visit.looks:
+            if not last and not visit.looks:
                 continue
             expected, seen = seen, self.look(f"after cube {len(self.rows)}")
-            self._require_placed(seen, row)
+            self.confirm_placed(seen)
             changes = seen.moved(planned, self.task.cell) + seen.changed(expected)
             for line in changes:
-                self._tell(line + "; the rest is planned anew")
+                self.tell(line + "; the rest is planned anew")
             if changes and not last:
                 return seen, True
         return seen, False
@@ -285,10 +286,10 @@ class TaskRun:
         finally:
             self.held = None
 
-    def _missed(self, visit: Visit, row: CubeRow, seen: Seen) -> Seen:
-        """The jaws closed on nothing: open, back out the way the jaws came, go to q_start, look."""
-        self._tell(f"cube of {row.source} is not where it should be: the jaws closed on nothing")
-        row.remarks.append("the jaws closed on nothing")
+    def _missed(self, visit: Visit, row: CubeRow, seen: Seen, why: str) -> Seen:
+        """The jaws hold no cube: open them where they are, back out the way they came, go to q_start, look."""
+        self.tell(f"cube of {row.source} is not gripped: {why}")
+        row.remarks.append(why)
         self.given_up.add(int(row.source.rsplit("/", 1)[1]) - 1)
         self.connection.mars.gripper(0.0)
         self.execute(back_out(self.task, seen, visit.approach, self.speed, self.on_table))
@@ -298,16 +299,26 @@ class TaskRun:
             self._stop(f"the cube of {row.source} is gone from its hole and was not gripped")
         return after
 
-    def _require_placed(self, seen: Seen, row: CubeRow) -> None:
-        """What the image says of the cube that was just moved."""
-        for place, wanted in ((row.source, "empty"), (row.target, "cube")):
-            state = seen.state(place)
-            if state not in (None, wanted, "unsure"):
-                row.placed = False
-                row.remarks.append(f"after the move hole {place} looks {state}, not {wanted}")
-                self._stop(
-                    f"after the move from {row.source} to {row.target} hole {place} looks {state}, not {wanted}"
-                )
+    def confirm_placed(self, seen: Seen) -> None:
+        """Judge the cubes that were let go since the last look by this one.
+
+        Raises:
+            ExecutionStopped: one may stand where nobody knows.
+        """
+        for row, found in self._let_go.judge(seen, self.pictures[-1].file):
+            self.tell(f"{row.source} to {row.target} {row.remarks[-1]}")
+            if found.lost:
+                self._stop(f"{row.source} to {row.target} {row.remarks[-1]}")
+
+    def require_confirmed(self) -> dict[str, Any]:
+        """The report of a run all of whose cubes were confirmed.
+
+        Raises:
+            ExecutionStopped: one was not; with the report.
+        """
+        report = self.report()
+        require_confirmed(self.rows, report)
+        return report
 
     def _stop(self, why: str) -> None:
         """End the task where a cube stands at a place that nobody knows."""
@@ -316,17 +327,16 @@ class TaskRun:
             **self.report(),
         )
 
-    def _put_down(self, transfer: dict[str, Any], row: CubeRow) -> None:
+    def _put_down(self, transfer: dict[str, Any], row: CubeRow, seen: Seen) -> None:
+        """A cube was let go; `seen` is the last look before. Whether it is where it should be, the next one tells."""
+        self._let_go.add(row, seen)
         self.done[transfer["cube"]] = transfer["to"]
         if self.task.places is not None:
             self.on_table[cube_name(transfer["to"])] = T_base_cube_on_table(self.task, transfer["to"])
-        simulated = self.connection.simulated
-        if simulated is not None:
-            event = next(e for e in reversed(simulated.events) if e.what in ("placed", "set down", "fallen"))
-            judge_release(self.task, simulated, row, event)
-        self.console.step(
-            f"{transfer['cube']} to {transfer['to']}" + ("" if row.placed else f": {'; '.join(row.remarks)}")
-        )
+        if self.connection.simulated is not None:
+            judge_release(self.task, self.connection.simulated, row)
+        remarks = "".join(f"; {remark}" for remark in row.remarks)
+        self.console.step(f"{transfer['cube']} let go at {transfer['to']}{remarks}")
 
     def finish_carry(
         self,
@@ -335,12 +345,12 @@ class TaskRun:
         transfer: dict[str, Any],
         grip: float,
         row: CubeRow,
+        seen: Seen,
     ) -> None:
         """Execute steps that begin with a cube in the jaws, closed by `grip`, and those away from where it was put."""
         self._carry(carry, transfer["cube"], grip)
         row.add_motion((*carry, *leave))
-        row.placed = True
-        self._put_down(transfer, row)
+        self._put_down(transfer, row, seen)
         self.execute(leave)
 
     def execute(self, steps: Sequence[Step], options: StreamOptions | None = None) -> tuple[StepResult, ...]:
@@ -364,67 +374,28 @@ class TaskRun:
         if self.held is not None and progress.jaws is not None:
             self.held.require(progress.jaws)
 
-    def _tell(self, text: str) -> None:
+    def tell(self, text: str) -> None:
+        """Say it, and keep it for the report."""
         self.remarks.append(text)
         self.console.step(text)
 
     def report(self) -> dict[str, Any]:
         """Print the table and write the report."""
         self.tell_rows()
-        self._write_report({})
+        self.write_report({})
         self.console.say(
             f"\nwhat was seen, planned and sent is in {self.folder}; {self.folder / 'report.html'} tells it"
         )
-        return self._as_json()
+        return run_report(self)
 
     def tell_rows(self) -> None:
         """Print a row for each cube that was begun."""
         if self.rows:
             print_rows(self.console, self.rows)
 
-    def record(self, error: A465Error) -> None:
-        """Write the report of a run that ended by an error."""
-        kind = {
-            "kind": type(error).__name__,
-            "word": error.word,
-            "message": str(error),
-            "exit_code": error.exit_code,
-        }
-        known = {key: error.data[key] for key in ("failure", "advice") if key in error.data}
-        self._write_report({"error": {**kind, **known}})
-
-    def _write_report(self, more: dict[str, Any]) -> None:
+    def write_report(self, more: dict[str, Any]) -> None:
         """Write the report; that it could not be written is told, and does not hide how the run ended."""
-        report = {**self._as_json(), **more}
         try:
-            write_atomic(self.folder / "report.json", _json(report))
-            now = datetime.now().astimezone()
-            page = run_page(self.task, report, self.pictures, self.kept, self.began, now)
-            write_atomic(self.folder / "report.html", page)
+            write_run_report(self, more)
         except InputError as error:
-            self._tell(f"no report: {error}")
-
-    def _as_json(self) -> dict[str, Any]:
-        whole = [kept.plan for kept in self.kept if kept.name != TO_START]
-        return {
-            "task": self.task.name,
-            "kind": self.task.kind,
-            "unit": self.task.cell.unit.name,
-            "cubes": [row.to_json() for row in self.rows],
-            "cubes_planned": len(whole[0].task["cubes"]) if whole else 0,
-            "plan_sha256": whole[0].sha256 if whole else None,
-            "plans_sha256": [p.sha256 for p in whole],
-            "motion_s": round(sum(p.duration_s for p in whole), 3),
-            "speed": self.speed,
-            "override": self.control.ceiling,
-            "time_scale": self.connection.time_scale,
-            "simulated": self.connection.simulated is not None,
-            "remarks": self.remarks,
-            "folder": str(self.folder),
-        }
-
-
-def _json(value: dict[str, Any]) -> str:
-    import json
-
-    return json.dumps(value, indent=2, allow_nan=False) + "\n"
+            self.tell(f"no report: {error}")

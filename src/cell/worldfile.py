@@ -13,6 +13,7 @@ from arm.links import LinkErrors
 from arm.products import mul
 from arm.se3 import Array, frozen, rot_z, rotation, transform
 from arm.toml_table import TomlTable
+from cell.releasefaults import RELEASES
 from vision.camera import Camera, read_camera
 
 
@@ -37,6 +38,7 @@ class World:
         joint_offsets: true joint zero less the nominal one, (6,) rad.
         links: errors of the true arm's links.
         camera: the true camera where it differs from the cell's calibration, else None.
+        releases: how cubes that are let go over a hole come to stand, in order; those after them sit.
     """
 
     file: Path
@@ -46,6 +48,7 @@ class World:
     joint_offsets: Array
     links: LinkErrors
     camera: Camera | None
+    releases: tuple[str, ...] = ()
 
 
 def board_placement(centre: npt.ArrayLike, yaw: float, tilt: float, lean_azimuth: float) -> Array:
@@ -85,9 +88,18 @@ def read_world(path: Path, marker_size: float) -> World:
             frozen(np.radians(root.numbers("dh_alpha_error_deg", 6, "deg", -2, 2, default=[0.0] * 6))),
         ),
         camera=read_camera(root.path("camera")) if "camera" in root else None,
+        releases=_releases(root),
     )
     root.finish()
     return world
+
+
+def _releases(root: TomlTable) -> tuple[str, ...]:
+    rule = f"a list of {', '.join(RELEASES)}"
+    value = root.value("releases", rule) if "releases" in root else []
+    if not isinstance(value, list) or not all(one in RELEASES for one in value):
+        raise root.error("releases", f"must be {rule}")
+    return tuple(value)
 
 
 def _true_board(table: TomlTable, marker_size: float) -> TrueBoard:

@@ -200,7 +200,7 @@ def test_placement_puts_the_plates_centre_and_leans_where_it_is_told() -> None:
             "acceleration_fraction = 1.5",
             "motion.acceleration_fraction = 1.5: must be a number from 0.01 to 1",
         ),
-        ("task1.toml", "count = [3, 3]", "count = [1, 3]", "at least four"),
+        ("task1.toml", "count = [4, 2]", "count = [1, 3]", "at least four"),
         ("task1.toml", "step_mm = [75, 75]", "step_mm = [45, 75]", "places.step_mm"),
     ],
 )

@@ -91,7 +91,7 @@ def whole_calibration(scenes: Path) -> tuple[Path, Callable[[], object]]:
 
 def whole_world(scenes: Path) -> tuple[Path, Callable[[], object]]:
     world = scenes / "task2.world.toml"
-    world.write_text('camera = "cameras/lab.toml"\n' + world.read_text())
+    world.write_text('camera = "cameras/lab.toml"\nreleases = ["high"]\n' + world.read_text())
     return world, lambda: read_world(world, 0.036)
 
 

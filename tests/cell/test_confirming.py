@@ -1,0 +1,74 @@
+"""Placed means seen: whole runs in which a cube is let go badly, and what the look after it makes of it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from arm.errors import ExecutionStopped
+from arm.files import data_file
+from cell.worldfile import read_world
+from command_line import replace_in
+from small_scenes import small_scenes
+from whole_run import WholeRun, run_whole
+
+pytestmark = pytest.mark.xdist_group("confirming")
+UNSEATED = ("high", "half", "rim", "aside")
+
+
+def _run(tmp_path: Path, releases: list[str], look_after: str = "each") -> WholeRun:
+    scenes = small_scenes(tmp_path)
+    world = scenes / "task2.world.toml"
+    world.write_text(f"releases = {json.dumps(releases)}\n" + world.read_text())
+    replace_in(scenes / "task2.toml", 'look_after = "each"', f'look_after = "{look_after}"')
+    return run_whole(scenes / "task2.toml", tmp_path / "run")
+
+
+@pytest.mark.parametrize("release", UNSEATED)
+def test_a_cube_that_does_not_sit_stops_the_run_as_not_confirmed(tmp_path: Path, release: str) -> None:
+    run = _run(tmp_path, [release])
+    assert isinstance(run.error, ExecutionStopped), run.said
+    assert run.error.exit_code == 4
+    (cube,) = run.error.data["cubes"]
+    assert not cube["placed"]
+    assert "not confirmed" in str(run.error)
+    assert "not confirmed" in cube["remarks"][-1]
+    picture = cube["remarks"][-1].split("(see ")[1].rstrip(")")
+    assert (run.folder / picture).is_file()
+
+
+@pytest.mark.parametrize("look_after", ["each", "never"])
+def test_the_last_cube_is_looked_at_too(tmp_path: Path, look_after: str) -> None:
+    run = _run(tmp_path, ["seated", "seated", "seated", "high"], look_after)
+    assert isinstance(run.error, ExecutionStopped), run.said
+    assert [c["placed"] for c in run.error.data["cubes"]] == [True, True, True, False]
+    assert "not confirmed" in str(run.error)
+
+
+def test_a_cube_whose_board_was_pushed_is_not_confirmed_and_the_rest_goes_on(tmp_path: Path) -> None:
+    run = _run(tmp_path, ["pushed"])
+    assert isinstance(run.error, ExecutionStopped), run.said
+    cubes = run.error.data["cubes"]
+    assert [c["placed"] for c in cubes] == [False, True, True, True]
+    assert "board 03-04 moved by 12" in cubes[0]["remarks"][-1]
+    assert "1 of 4 cubes not confirmed" in str(run.error)
+    assert len(run.error.data["plans_sha256"]) == 2  # what is left was planned from what was seen
+
+
+def test_cubes_that_sit_are_confirmed(tmp_path: Path) -> None:
+    run = _run(tmp_path, [])
+    assert run.error is None, run.said
+    assert [c["placed"] for c in run.report["cubes"]] == [True] * 4
+
+
+def test_a_world_file_names_how_cubes_are_released(tmp_path: Path) -> None:
+    from arm.errors import InputError
+
+    world = small_scenes(tmp_path) / "task2.world.toml"
+    world.write_text('releases = ["thrown"]\n' + world.read_text())
+    with pytest.raises(InputError, match="releases") as refused:
+        read_world(world, 0.036)
+    assert "high, half, rim, aside" in str(refused.value)
+    assert read_world(data_file("scenes/task2.world.toml"), 0.036).releases == ()

@@ -1,0 +1,120 @@
+"""A cube that sits is told from one that does not, by its top alone; and what is not sure is said so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from arm.board import POCKET_MOUTH
+from arm.bodies import Body, Box
+from arm.se3 import Array, rot_z, transform
+from board_scenes import CUBE, TABLE, lab_board, lab_camera, leaning, window
+from cell.furniture import T_hole_cube, plate_body
+from cell.releasefaults import RELEASES, T_hole_released
+from cell.render.renderer import PlacedBoard, render, with_noise
+from vision.camera import Camera
+from vision.cube_top import CubeTop, measure_top
+from vision.seated import CubeWidth, Sight, seating, width_of
+
+CENTRE = (0.46, -0.13, 0.09)
+NOMINAL = CubeWidth(CUBE, 2e-5)
+
+
+def _view(T_base_hole: Array) -> Camera:
+    camera = lab_camera()
+    centre = camera.project_base(T_base_hole[:3, 3][None])[0]
+    return window(camera, np.round(centre - 200.0), (400, 400))
+
+
+def _sight(
+    T_hole_cube_now: Array, size: float = CUBE, tilt_deg: float = 15.0, hole: int = 0
+) -> tuple[Sight, Array]:
+    board = lab_board("03-04")
+    T_base_board = leaning(CENTRE, 90.0, tilt_deg, 270.0)
+    T_base_hole = T_base_board @ board.T_board_hole(hole)
+    camera = _view(T_base_hole)
+    cube = Body("cube", Box((size,) * 3), T_base_hole @ T_hole_cube_now, "cube")
+    clean = render(
+        camera,
+        [TABLE, plate_body(board.name, T_base_board), cube],
+        [PlacedBoard(board, T_base_board)],
+        "DICT_4X4_50",
+    )
+    rng = np.random.default_rng(3)
+    return Sight([with_noise(clean, rng, 2.0) for _ in range(3)], camera, NOMINAL), T_base_hole
+
+
+@pytest.mark.parametrize(("tilt_deg", "hole"), [(0.0, 0), (0.0, 1), (0.0, 2), *((15.0, h) for h in range(4))])
+def test_a_seated_cube_is_seated_and_its_width_known_to_a_twentieth_of_a_millimetre(
+    hole: int, tilt_deg: float
+) -> None:
+    sight, T_base_hole = _sight(T_hole_cube(CUBE), hole=hole, tilt_deg=tilt_deg)
+    top = sight.in_hole(T_base_hole)
+    assert top is not None
+    assert seating(top, NOMINAL).state == "seated"
+    width = width_of(top)
+    assert width is not None
+    assert width.value == pytest.approx(CUBE, abs=5e-5)
+
+
+@pytest.mark.parametrize("release", [r for r in RELEASES if r not in ("seated", "pushed")])
+@pytest.mark.parametrize("hole", [0, 3])
+def test_what_does_not_sit_is_never_seated(release: str, hole: int) -> None:
+    for tilt_deg in (0.0, 15.0):
+        sight, T_base_hole = _sight(T_hole_released(release, CUBE), hole=hole, tilt_deg=tilt_deg)
+        assert seating(sight.in_hole(T_base_hole), NOMINAL).state != "seated"
+
+
+def test_a_wider_cube_is_told_from_a_higher_one_by_its_own_width() -> None:
+    wide = CUBE + 1.5e-4  # seen from above as wide as one that stands 4 mm high
+    sight, T_base_hole = _sight(T_hole_cube(CUBE) @ transform(t=(0.0, 0.0, 7.5e-5)), size=wide, tilt_deg=0.0)
+    top = sight.in_hole(T_base_hole)
+    assert seating(top, NOMINAL).state != "seated"
+    assert seating(top, CubeWidth(wide, 2e-5)).state == "seated"
+    known = sight.known_width(top)  # told "off" by its nominal width, so not believed
+    assert known == NOMINAL
+    loose = Sight(sight.images, sight.camera, CubeWidth(CUBE, 1e-4))
+    assert loose.known_width(top).value == pytest.approx(wide, abs=5e-5)
+
+
+def test_a_width_that_is_not_known_is_not_sure() -> None:
+    sight, T_base_hole = _sight(T_hole_cube(CUBE), tilt_deg=0.0, hole=3)
+    assert seating(sight.in_hole(T_base_hole), CubeWidth(CUBE, 1e-4)).state == "unsure"
+    assert seating(None, NOMINAL).state == "unsure"
+
+
+def _top(**values: object) -> CubeTop:
+    usual = {
+        "widths": np.full(2, CUBE),
+        "stds": np.full(2, 1e-5),
+        "centre": np.zeros(2),
+        "turn": 0.0,
+        "distance": 1.0,
+        "slope": np.array([0.2, 0.0]),
+    }
+    return CubeTop(**{**usual, **values})  # type: ignore[arg-type]
+
+
+def test_each_rule_refuses_alone() -> None:
+    assert seating(_top(), NOMINAL).state == "seated"
+    assert "turned" in seating(_top(turn=np.radians(4.0)), NOMINAL).reason
+    assert "aside" in seating(_top(centre=np.array([0.0, 1.3e-3])), NOMINAL).reason
+    assert "square" in seating(_top(widths=np.array([CUBE, CUBE + 2e-4])), NOMINAL).reason
+    high = CUBE * (1.0 + 4e-3)
+    assert seating(_top(widths=np.full(2, high), centre=np.array([-8e-4, 0.0])), NOMINAL).state == "off"
+    doubt = seating(_top(centre=np.array([-9e-4, 0.0]), stds=np.full(2, 1e-6)), CubeWidth(CUBE, 1e-6))
+    assert doubt.state == "unsure"
+    assert "different heights" in doubt.reason
+
+
+def test_a_cube_on_the_table_is_measured_too_and_its_place_is_in_view_or_not() -> None:
+    T_base_place = transform(rot_z(0.0), (0.45, -0.15, 0.0))
+    camera = _view(T_base_place)
+    cube = Body("cube", Box((CUBE,) * 3), T_base_place @ transform(t=(0.0, 0.0, CUBE / 2.0)), "cube")
+    image = with_noise(render(camera, [TABLE, cube], [], "DICT_4X4_50"), np.random.default_rng(1), 2.0)
+    sight = Sight([image], camera, NOMINAL)
+    assert seating(sight.on_plane(T_base_place), NOMINAL).state == "seated"
+    assert seating(sight.on_plane(transform(t=(0.008, 0.0, 0.0)) @ T_base_place), NOMINAL).state != "seated"
+    assert sight.shows(T_base_place[None, :3, 3])
+    assert not sight.shows(np.array([[0.45, -0.4, 0.0]]))
+    assert measure_top([image], camera, transform(t=(0.0, -0.4, 0.0)), CUBE, CUBE, POCKET_MOUTH) is None
