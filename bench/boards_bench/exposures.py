@@ -8,8 +8,11 @@ import cv2
 import numpy as np
 
 from arm.board import Board
+from arm.se3 import frozen
 from board_scenes import lab_board, lab_camera, random_pose
-from boards_bench.scenes import TILTS_DEG
+from boards_bench.outcomes import Outcome, assessed
+from boards_bench.scenes import TILTS_DEG, Conditions, Scene, bound
+from made_boards import glued_aside, made, moved_px
 from marker_pictures import Exposure, Pane, panes, photographed
 from vision.board_pose import assess_board
 
@@ -51,3 +54,58 @@ def _outcome(board: Board, around: list[Pane], rng: np.random.Generator) -> Size
         "marker size" in str(doubt) for doubt in assess_board(stated, frames, lab_camera()).doubts[:1]
     )
     return SizeOutcome(as_size, bool(doubts) and not as_size, named)
+
+
+TOLERANCE = 1e-4  # m, the cell file's default
+FLOOR_PX = (
+    0.02  # of every corner, shared by all photographs: what a rendered picture lacks, and estimates assume
+)
+
+LIGHTS = (
+    "even light",
+    "uneven light, one marker saturated",
+    "one marker bloomed",
+    "glare beside a side",
+    "gamma and blur",
+)
+ASIDE = "one marker glued 0.07 mm aside"
+FAULTS = (*LIGHTS, ASIDE)
+
+
+def _light(fault: str, rng: np.random.Generator) -> Exposure:
+    one, other = float(rng.uniform(0.6, 1.0)), float(rng.uniform(1.25, 2.0))
+    either = (one, other) if rng.random() < 0.5 else (other, one)
+    side, strong = int(rng.integers(4)), float(rng.uniform(60.0, 250.0))
+    if fault == LIGHTS[1]:
+        return Exposure(gains=either)
+    if fault == LIGHTS[2]:
+        return Exposure(gains=either, blur_px=float(rng.uniform(1.0, 2.5)))
+    if fault == LIGHTS[3]:
+        spot = (strong, float(rng.uniform(0.05, 0.3)), float(rng.uniform(0.05, 0.15)), side)
+        return Exposure(gain=0.9, glare=spot)
+    if fault == LIGHTS[4]:
+        return Exposure(gamma=float(rng.uniform(0.45, 0.8)), blur_px=float(rng.uniform(0.7, 2.5)))
+    return Exposure(gain=float(rng.uniform(0.6, 1.1)))
+
+
+def picture_outcomes(seeds: range, fault: str, tolerance: float) -> list[Outcome]:
+    """What comes of rendered photographs with a fault of light, of a board made within a tolerance, m."""
+    cv2.setNumThreads(1)
+    return [found for seed in seeds if (found := _picture(seed, fault, tolerance)) is not None]
+
+
+def _picture(seed: int, fault: str, tolerance: float) -> Outcome | None:
+    rng, camera = np.random.default_rng([seed, 12]), lab_camera()
+    board = replace(lab_board(marker_size=SIZES[seed % len(SIZES)]), tolerance=tolerance)
+    T = random_pose(rng, TILTS_DEG[(seed // len(SIZES)) % len(TILTS_DEG)])
+    frames = photographed(board, panes(board, T), _light(fault, rng), rng)
+    if not all(len(frame) == 2 for frame in frames):
+        return None
+    corners = glued_aside(board, 7e-5, rng) if fault == ASIDE else made(board, rng)
+    off = moved_px(board, corners, T, camera) + FLOOR_PX * rng.standard_normal((2, 4, 2))
+    frames = [
+        [replace(m, corners_px=frozen(m.corners_px + off[board.marker_ids.index(m.id)])) for m in frame]
+        for frame in frames
+    ]
+    scene = Scene(board, T, frames)
+    return assessed(scene, bound(scene, Conditions(noise_px=FLOOR_PX), camera), board, frames)

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arm.board import Board
 from arm.se3 import Array
 from board_scenes import lab_camera, twist_between
-from boards_bench.scenes import Conditions, Scene, bound, drawn, hole_levers
+from boards_bench.scenes import Conditions, Frames, Scene, bound, drawn, hole_levers
 from boards_bench.spoils import SPOILS
 from boards_bench.ways import WAYS
 from vision.board_doubts import Spread
@@ -82,13 +83,18 @@ def _outcome(seed: int, of: Conditions, spoil: str, tilts: tuple[float, ...], wa
     camera, scene = lab_camera(), drawn(seed, of)
     board, frames = SPOILS[spoil](scene, np.random.default_rng([seed, 7]))
     C = bound(scene, of, camera)
-    nothing = np.full((6, 6), np.nan)
     if way:
-        return _compared(scene, camera.T_base_camera @ WAYS[way](board, frames, camera), C, nothing)
-    seen = assess_board(board, frames, camera, tilts=tilts)
+        T = camera.T_base_camera @ WAYS[way](board, frames, camera)
+        return _compared(scene, T, C, np.full((6, 6), np.nan))
+    return assessed(scene, C, board, frames, tilts)
+
+
+def assessed(scene: Scene, C: Array, board: Board, frames: Frames, tilts: tuple[float, ...] = ()) -> Outcome:
+    """Our estimate of a scene from what was seen, its file saying `board`, against its bound C."""
+    seen = assess_board(board, frames, lab_camera(), tilts=tilts)
     told = tuple(str(doubt) for doubt in seen.doubts)
     if seen.pose is None:
-        return _compared(scene, np.full((4, 4), np.nan), C, nothing, told=told)
+        return _compared(scene, np.full((4, 4), np.nan), C, np.full((6, 6), np.nan), told=told)
     fits = seen.pose.tilt_hypothesis.fits if seen.pose.tilt_hypothesis else None
     spread = Spread.of(seen.pose)
     return _compared(

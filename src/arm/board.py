@@ -21,6 +21,7 @@ SECOND_MARKER = (0.180, 0.140)  # m
 POCKET_MOUTH = 0.044  # m
 POCKET_FLOOR = 0.039  # m
 QUIET_ZONE = 1.0 / 6.0  # width of a marker's white border in marker sizes
+TOLERANCE_SDS = 2.0  # a tolerance is so many standard deviations
 CUBE_SEAT_DEPTH = 0.008  # how deep a 40 mm cube wedges below the top surface, m
 
 
@@ -34,6 +35,7 @@ class Board:
         holes: hole centres on the top surface, (4, 3) m in the board frame.
         marker_size: edge of the black square, m.
         second_marker: centre of the second marker, m from the first.
+        tolerance: within which markers and holes are where this says, m: `TOLERANCE_SDS` standard deviations.
     """
 
     name: str
@@ -41,6 +43,7 @@ class Board:
     holes: Array
     marker_size: float
     second_marker: tuple[float, float] = SECOND_MARKER
+    tolerance: float = 0.0
 
     def marker_corners(self) -> Array:
         """Corners of both markers, (2, 4, 3) m in the board frame: top left, top right, bottom right, bottom left."""
@@ -53,7 +56,7 @@ class Board:
         return transform(t=self.holes[index])
 
 
-def read_board_csv(path: Path, marker_size: float) -> Board:
+def read_board_csv(path: Path, marker_size: float, tolerance: float = 0.0) -> Board:
     """Read a board file as users have it: first line the two marker IDs, then four lines ``x,y`` in mm.
 
     No text header; CRLF or LF; the last line may lack its end.
@@ -61,6 +64,7 @@ def read_board_csv(path: Path, marker_size: float) -> Board:
     Args:
         path: the file, usually ``positions_plate_01-02.csv``.
         marker_size: edge of the black square, m.
+        tolerance: of markers and holes, m, see `Board`.
 
     Raises:
         FileInputError: with the line that breaks the format.
@@ -89,7 +93,7 @@ def read_board_csv(path: Path, marker_size: float) -> Board:
         )
     low, high = sorted(int(v) for v in ids)
     points = [(x / 1e3, y / 1e3, 0.0) for x, y in holes]
-    return Board(f"{low:02d}-{high:02d}", (low, high), frozen(points), marker_size)
+    return Board(f"{low:02d}-{high:02d}", (low, high), frozen(points), marker_size, tolerance=tolerance)
 
 
 def _layout_fault(holes_mm: Array, marker_size: float) -> tuple[int, str] | None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arm.board import Board
+from arm.board import TOLERANCE_SDS, Board
 from arm.products import mul
 from arm.se3 import Array, frozen, inverse, skew
 
@@ -89,8 +89,9 @@ def adjoint(T_a_b: Array) -> Array:
 
 
 def hole_poses(pose: BoardPose) -> tuple[HolePose, ...]:
-    """The four holes of a board, covariance carried along."""
+    """The four holes of a board, covariance carried along; that of the plate's making is added, in its plane."""
     holes = []
+    made = np.diag([1.0, 1.0, 0.0, 0.0, 0.0, 0.0]) * (pose.board.tolerance / TOLERANCE_SDS) ** 2
     for index in range(len(pose.board.holes)):
         T_board_hole = pose.board.T_board_hole(index)
         Ad = adjoint(inverse(T_board_hole))
@@ -99,7 +100,7 @@ def hole_poses(pose: BoardPose) -> tuple[HolePose, ...]:
                 pose.board.name,
                 index,
                 frozen(mul(pose.T_base_board, T_board_hole)),
-                frozen(mul(mul(Ad, pose.covariance), Ad.T)),
+                frozen(mul(mul(Ad, pose.covariance), Ad.T) + made),
             )
         )
     return tuple(holes)

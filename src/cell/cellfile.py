@@ -33,6 +33,7 @@ from vision.camera import Camera, read_camera
 
 FRACTIONS = (0.01, 1.0)
 ARM_PADDING_MM = 10.0  # of links whose sizes nobody has compared with the arm
+MADE_WITHIN_MM = 0.1  # of boards whose cell file does not say
 
 
 @dataclass(frozen=True)
@@ -336,6 +337,7 @@ def _registers(
 
 def _boards(table: TomlTable) -> tuple[Board, ...]:
     marker_size = table.number("marker_size_mm", "mm", 5, 200) / 1e3
+    tolerance = table.number("made_within_mm", "mm", 0, 2, default=MADE_WITHIN_MM) / 1e3
     names = table.value("files", "a list of board CSV files")
     if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
         raise table.error("files", "must be a list of board CSV files")
@@ -344,7 +346,7 @@ def _boards(table: TomlTable) -> tuple[Board, ...]:
         path = table.file.parent / name
         if not path.is_file():
             raise table.error("files", f"names a file that is not there: {path}")
-        board = read_board_csv(path, marker_size)
+        board = read_board_csv(path, marker_size, tolerance)
         taken = {i for b in boards for i in b.marker_ids} & set(board.marker_ids)
         if taken:
             raise table.error("files", f"two boards have the marker {min(taken)}; ids must differ", str(path))

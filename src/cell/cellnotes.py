@@ -90,6 +90,11 @@ CELL: Notes = {
         " 1 mm: heights are 24 mm off; a look refuses a board whose markers say otherwise, and tells "
         "the size that fits."
     ),
+    "boards.made_within_mm": (
+        "How well markers and holes are where the CSV says: two standard deviations, in x and in y; 0.1 of"
+        " machined plates with markers laid in, 0.2 glued on by hand with a calliper. It is part of what "
+        "a look says of its own error. Too small: errors are larger than is told."
+    ),
     "boards.dictionary": (
         "Of the markers, by OpenCV's name: DICT_4X4_50, ..., DICT_APRILTAG_36h11. Wrong: none is found."
     ),

@@ -19,6 +19,7 @@ LEFT_OUT = (
     "calibration",
     "boards.files",
     "boards.tilts_deg",
+    "boards.made_within_mm",
     "look.photographs",
     "look.least_certain_mm",
     "look.least_certain_height_mm",

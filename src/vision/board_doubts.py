@@ -14,6 +14,7 @@ from vision.arrangement import arrangement
 from vision.board_fit import Corners, Fit
 from vision.camera import Camera
 from vision.marker_size import fit_marker_size
+from vision.shared_errors import SAME_PRINT
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,8 @@ class BoardLimits:
     Attributes:
         residual_px: largest root mean square residual of the mean corners, px per coordinate.
         moved_px: most that a frame's markers may be off the median of all frames, px.
-        size_m: largest deviation of the marker size that fits best from the stated one, m.
+        size_m: largest deviation of the marker size that fits best from the stated one, m; more if the board's
+            tolerance allows it.
         size_sigmas: and this many of its standard deviations.
         log_odds: a second solution counts as excluded from these odds on (4.6: 100 to 1).
         flip_rad: second solutions turned by less than this do not matter.
@@ -98,10 +100,11 @@ def misfit(
 ) -> ImpossibleError | None:
     """Another marker size fits, the markers are arranged otherwise, or they fit no pose at all."""
     other = fit_marker_size(board, fit, camera, floor_px) if np.isfinite(residual_px) else None
+    allowed = max(limits.size_m, 1.5 * SAME_PRINT * board.tolerance)  # three deviations of what prints do
     if (
         other is not None
         and other.rms_px < limits.residual_px
-        and abs(other.size - board.marker_size) > max(limits.size_sigmas * other.sigma, limits.size_m)
+        and abs(other.size - board.marker_size) > max(limits.size_sigmas * other.sigma, allowed)
     ):
         return ImpossibleError(
             f"board {board.name}: marker size = {1e3 * board.marker_size:g} mm does not fit its photographs "

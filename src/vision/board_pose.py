@@ -14,12 +14,13 @@ import numpy as np
 from arm.board import Board
 from arm.errors import ImpossibleError
 from arm.poses import BoardPose
-from arm.se3 import angle_between, frozen
+from arm.se3 import Array, angle_between, frozen
 from vision.board_doubts import BoardLimits, ambiguous, misfit, moved, uncertain
 from vision.board_fit import Corners, Fit, fit_again, fit_pose, planar_poses, pose_jacobian
 from vision.camera import Camera
 from vision.corner_noise import mean_corner_variance
 from vision.markers import Marker
+from vision.shared_errors import Fitted, fit_with_shared, left_over, shared_errors
 from vision.tilt_set import log_odds_of_tilts, tilt_hypothesis
 
 __all__ = ["BoardLimits", "BoardSeen", "assess_board", "estimate_board_pose"]
@@ -94,12 +95,16 @@ def assess_board(
         return BoardSeen(None, (corners,))
     hypotheses = _Hypotheses.of(corners, camera)
     floor = max(COMMON_MODE_PX[m.method] for frame in frames for m in frame if m.id in board.marker_ids)
-    variance = mean_corner_variance(corners, hypotheses.best, floor)
+    both = (hypotheses.best, hypotheses.second)
+    errors = [_shared(board, fit, frames, camera) for fit in both]
+    left = None if errors[0] is None else left_over(hypotheses.best, corners.points, camera, errors[0])
+    variance = mean_corner_variance(corners, hypotheses.best, floor, left)
+    fits = [_fitted(fit, corners, camera, variance, e) for fit, e in zip(both, errors, strict=True)]
     poses = [
-        _pose(board, fit, corners, camera, variance, hypotheses.ratio)
-        for fit in (hypotheses.best, hypotheses.second)
+        _pose(board, f, fit, corners, camera, hypotheses.ratio) for f, fit in zip(fits, both, strict=True)
     ]
-    log_odds = (hypotheses.second.cost - hypotheses.best.cost) / (2.0 * variance)
+    costs = [fit.cost / variance if f is None else f.cost for f, fit in zip(fits, both, strict=True)]
+    log_odds = (costs[1] - costs[0]) / 2.0
     tilts_say = 0.0
     undecided = hypotheses.angle > limits.flip_rad and log_odds < limits.log_odds
     if tilts and undecided and poses[0] is not None and poses[1] is not None:
@@ -119,9 +124,24 @@ def assess_board(
     return BoardSeen(pose, tuple(doubt for doubt in doubts if doubt is not None))
 
 
-def _pose(
-    board: Board, fit: Fit, corners: Corners, camera: Camera, variance: float, ratio: float
-) -> BoardPose | None:
+def _shared(board: Board, fit: Fit, frames: Sequence[Sequence[Marker]], camera: Camera) -> Array | None:
+    """Errors that corners share, (16, k) px; None where there are none, or no pose."""
+    if not np.isfinite(fit.mean_residual_px).all():
+        return None
+    sides = np.zeros((2, 4))
+    for place, marker_id in enumerate(board.marker_ids):
+        told = [m.side_sigma_px for frame in frames for m in frame if m.id == marker_id]
+        squares = [sigma**2 for sigma in told if sigma is not None]
+        if squares:  # all photographs show the same light
+            sides[place] = np.sqrt(np.mean(squares, axis=0))
+    errors = shared_errors(board, fit.T_camera_board, camera, sides)
+    return errors if errors.shape[1] and np.isfinite(errors).all() else None
+
+
+def _fitted(
+    fit: Fit, corners: Corners, camera: Camera, variance: float, errors: Array | None
+) -> Fitted | None:
+    """The pose and its covariance; None where the corners determine none."""
     J = pose_jacobian(fit.T_camera_board, corners.points, camera)
     information = np.einsum("n,nia,nib->ab", fit.shares, J, J)
     if not np.isfinite(information).all() or not np.isfinite(variance):
@@ -129,13 +149,18 @@ def _pose(
     least, *_, most = np.linalg.eigvalsh(information)
     if least < DETERMINED * most:
         return None
-    return BoardPose(
-        board,
-        frozen(camera.T_base_camera @ fit.T_camera_board),
-        frozen(variance * np.linalg.inv(information)),
-        _residual(corners, fit),
-        ratio,
-    )
+    if errors is not None:
+        return fit_with_shared(fit, corners.points, camera, errors, variance)
+    return Fitted(fit.T_camera_board, variance * np.linalg.inv(information), fit.cost / variance)
+
+
+def _pose(
+    board: Board, fitted: Fitted | None, fit: Fit, corners: Corners, camera: Camera, ratio: float
+) -> BoardPose | None:
+    if fitted is None:
+        return None
+    T_base_board = frozen(camera.T_base_camera @ fitted.T_camera_board)
+    return BoardPose(board, T_base_board, frozen(fitted.covariance), _residual(corners, fit), ratio)
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,10 @@ from vision.profiles import NARROW_PX, WIDE_PX, Grey, edge_offsets
 
 PER_CELL = 6  # profiles across the inner edge of a white cell
 CELL_PART = 0.6  # of a cell's side; beyond, the cells beside it disturb
+INEXACT = 0.03  # part of a shift that is left when it was taken off: blur that a profile does not hold
+UNLIKE = (
+    0.7  # part of what a side has on its own that is left: its outer and inner edge need not be lit alike
+)
 FEWEST_PROFILES = 6  # of a side, else its shift is that of the others
 _UNIT = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]], dtype=np.float32)
 
@@ -30,7 +34,7 @@ class BorderShift:
 
     Attributes:
         shift_px: to be taken off; shrunk to zero, or to the mean of the sides, as far as noise explains it.
-        sigma_px: of what is left.
+        sigma_px: of what is left in all photographs alike; noise is not in it.
         known: whether the code has enough white cells along its frame to tell.
     """
 
@@ -99,8 +103,8 @@ def _shrunk(inner: Array, variance: Array, frame: float) -> BorderShift:
     excess = max(float((weight * apart**2).sum()) - max(int(seen.sum()) - 1, 0), 0.0) / float(weight.sum())
     own = np.where(seen, excess / (excess + np.where(seen, variance, 1.0)), 0.0)
     kept = max(0.0, 1.0 - 4.0 * mean_variance / mean**2) if mean else 0.0
-    left = np.where(seen, own * np.where(seen, variance, 0.0), excess)
-    return BorderShift(kept * mean + own * apart, np.sqrt(mean_variance + left), True)
+    left = np.where(seen, (UNLIKE * own * apart) ** 2, excess) + (INEXACT * kept * mean) ** 2
+    return BorderShift(kept * mean + own * apart, np.sqrt(left), True)
 
 
 def moved_outwards(corners: Array, shift_px: Array) -> Array:
@@ -109,9 +113,8 @@ def moved_outwards(corners: Array, shift_px: Array) -> Array:
     along /= np.linalg.norm(along, axis=-1, keepdims=True)
     outward = np.stack([along[:, 1], -along[:, 0]], axis=-1)  # corners go clockwise in the image
     A = np.stack([np.roll(outward, 1, axis=0), outward], axis=1)  # corner k lies on sides k - 1 and k
-    return np.asarray(
-        corners + np.linalg.solve(A, np.stack([np.roll(shift_px, 1), shift_px], axis=-1)[..., None])[..., 0]
-    )
+    by = np.stack([np.roll(shift_px, 1), shift_px], axis=-1)
+    return np.asarray(corners + np.linalg.solve(A, by[..., None])[..., 0])
 
 
 def _on_side(sides: npt.NDArray[np.intp], along: Array, depth: float) -> Array:

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from arm.se3 import Array
 from vision.board_fit import Corners, Fit, frame_variance
+from vision.shared_errors import LeftOver
 
 SPIKE, SLAB = 0.5, 4.0  # of the prior, see `mean_corner_variance`
 _GRID = 240
 
 
-def mean_corner_variance(corners: Corners, fit: Fit, floor_px: float) -> float:
+def mean_corner_variance(corners: Corners, fit: Fit, floor_px: float, left: LeftOver | None = None) -> float:
     """Variance of a mean corner's coordinate, px^2, as expected after the fit.
 
     It is the posterior mean of c^2 + f^2 / frames, f from the scatter between frames and c, the shared part, from what
@@ -26,20 +28,33 @@ def mean_corner_variance(corners: Corners, fit: Fit, floor_px: float) -> float:
         corners: as they were fitted.
         fit: of them.
         floor_px: the least that frames share, standard deviation.
+        left: what the fit leaves over against errors that corners share, if there are any.
     """
     nu, cost = fit.freedom, fit.cost
     alone = cost / max(nu - 2, 1)  # mean of the variance under Jeffreys' prior
     of_frames = frame_variance(corners, fit)
     if of_frames is None:
-        return max(alone, floor_px**2)
+        return max(alone if left is None else _of_one_frame(left, floor_px), floor_px**2)
     of_mean = of_frames / fit.frames
     width = SLAB * max(floor_px, float(np.sqrt(of_mean)))
     top = 30.0 * max(width, float(np.sqrt(alone)))
     beyond = np.concatenate([[0.0], np.geomspace(1e-3 * width, top, _GRID)])  # px above the floor
     variance = (floor_px + beyond) ** 2 + of_mean
-    log_likelihood = -0.5 * nu * np.log(variance) - 0.5 * cost / variance
+    if left is None:
+        log_likelihood = -0.5 * nu * np.log(variance) - 0.5 * cost / variance
+    else:
+        log_likelihood = left.log_likelihood(variance)
     likelihood = np.exp(log_likelihood - log_likelihood.max())
     slab = likelihood * (1.0 - SPIKE) * 2.0 / (np.pi * width * (1.0 + (beyond / width) ** 2))
     spike = likelihood[0] * SPIKE
     total = np.trapezoid(slab, beyond) + spike
     return float((np.trapezoid(slab * variance, beyond) + spike * variance[0]) / total)
+
+
+def _of_one_frame(left: LeftOver, floor_px: float) -> float:
+    """Posterior mean of the variance, px^2, under Jeffreys' prior from the floor on."""
+    top = 10.0 * float(left.squares.max())
+    variance: Array = np.geomspace(floor_px**2, max(top, 4.0 * floor_px**2), _GRID)
+    log_likelihood = left.log_likelihood(variance)
+    posterior = np.exp(log_likelihood - log_likelihood.max())  # per logarithm of the variance
+    return float((posterior * variance).sum() / posterior.sum())

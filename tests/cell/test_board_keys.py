@@ -31,7 +31,10 @@ def test_tilts_and_limits_reach_the_cell_and_no_plan_rests_on_them(scenes: Path)
     replace_in(file, "# least_certain_deg = 1.0", "least_certain_deg = 0.2")
     replace_in(file, "# least_certain_mm = 0.6", "least_certain_mm = 0.3")
     replace_in(file, "# least_certain_height_mm = 2.0", "least_certain_height_mm = 1.0")
+    assert {b.tolerance for b in shipped.boards} == {1e-4}
+    replace_in(file, "made_within_mm = 0.1", "made_within_mm = 0.25")
     cell = read_cell(file)
+    assert {b.tolerance for b in cell.boards} == {2.5e-4}
     assert np.degrees(cell.tilts) == pytest.approx([3, 12.5])
     limits = cell.board_limits
     assert (limits.sideways_m, limits.height_m) == pytest.approx((0.3e-3, 1e-3))
@@ -54,6 +57,16 @@ def test_tilts_and_limits_reach_the_cell_and_no_plan_rests_on_them(scenes: Path)
             "least_certain_deg = 0: must be a number in deg",
         ),
         ("# least_certain_deg = 1.0", "least_certain_degs = 1", "least_certain_deg"),
+        (
+            "made_within_mm = 0.1",
+            "made_within_mm = -0.1",
+            r"made_within_mm = -0.1: must be a number in mm",
+        ),
+        (
+            "made_within_mm = 0.1",
+            'made_within_mm = "good"',
+            "made_within_mm = 'good': must be a number in mm",
+        ),
     ],
 )
 def test_mistakes_are_told(scenes: Path, old: str, new: str, words: str) -> None:
