@@ -26,6 +26,8 @@ from driver.emulator.plant import Plant
 from driver.emulator.ports import Ports
 from driver.emulator.record import Record, Violation
 from driver.emulator.trouble import Trouble
+from driver.emulator.weave import Weave
+from driver.emulator.wire import Wire
 from driver.interrupt import held
 from driver.stepped import SteppedClock
 from driver.wirelog import WireLog
@@ -67,7 +69,7 @@ class Emulator:
         self.failure: OSError | A465Error | None = None
         self.machine = Machine(unit, plant, options or EmulatorOptions())
         self.interpreter = Interpreter(self.machine)
-        self._ports = Ports(self.machine.options.paced)
+        self._ports = Ports(self.machine.options.paced, self._equip)
         self._trouble = Trouble(self.interpreter, self._ports, self._tell_fault)
         self._exchange = Exchange(self.interpreter, self._ports, self._trouble, log)
         self._lock = threading.RLock()
@@ -82,6 +84,14 @@ class Emulator:
             clock.add(self)
         else:
             self._thread.start()
+
+    def _equip(self, wire: Wire) -> None:
+        options = self.machine.options
+        weave = None
+        if options.echo == "byte":
+            mixed = options.echo_order == "mixed"
+            weave = Weave(mixed, lambda: self.interpreter.echo and not self._trouble.dark, options.echoed_end)
+        wire.equip(weave, options.adapter_echo, options.input_buffer, options.input_full == "drop")
 
     def __enter__(self) -> Emulator:
         return self

@@ -52,9 +52,13 @@ class Exchange:
                 return
         for line in wire.assemble(data):
             self._obey(wire, line)
+            wire.busy_until = self._machine.now_ms + self._machine.options.parse_ms
 
     def _obey(self, wire: Wire, data: bytes) -> None:
-        machine, trouble, text = self._machine, self._trouble, data.decode("latin-1")
+        machine, trouble = self._machine, self._trouble
+        echo = data if machine.options.echo == "line" and self._interpreter.echo else b""
+        data = trouble.line.to_parser(data)
+        text = data.decode("latin-1")
         now = machine.now_ms
         if self._log is not None and text.strip():
             self._log.note("line", ms=now, text=text.rstrip("\r\n"))
@@ -62,14 +66,18 @@ class Exchange:
         trouble.apply_due(now)
         if trouble.dark:
             return
+        echo = echo if self._interpreter.echo else b""
         if wire.fresh:
             wire.fresh = False
             if machine.options.noise:
                 wire.answer(machine.options.noise, now)
-        if self._interpreter.echo:
-            self._send(wire, data, now, echo=True)
+        after = machine.options.echo_order == "after"
+        if echo and not after:
+            self._echo(wire, echo, now)
         for answer in self._interpreter.take(text):
             self._answer(wire, answer)
+        if echo and after:
+            self._echo(wire, echo, now + machine.options.reply_delay_ms)
         if self._interpreter.waiting and wire not in self._waiting:
             self._waiting = [wire]
 
@@ -78,6 +86,9 @@ class Exchange:
         for text in self._interpreter.ready():
             for wire in self._waiting:
                 self._answer(wire, text)
+
+    def _echo(self, wire: Wire, data: bytes, now: float) -> None:
+        self._send(wire, data.removesuffix(b"\n") + self._machine.options.echoed_end, now, echo=True)
 
     def _answer(self, wire: Wire, text: str) -> None:
         if self._log is not None:

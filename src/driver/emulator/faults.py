@@ -18,7 +18,7 @@ Kind = Literal[
     "split_bytes", "noise", "stray_line", "port_gone", "stuck_axis", "drift", "lag", "missed_grasp",
     "queue_overflow", "early_ready", "power_cycle",
 ]  # fmt: skip
-Direction = Literal["to_unit", "to_host", "both", "echo"]
+Direction = Literal["to_unit", "to_host", "both", "echo", "parser"]
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
 DIRECTIONS: tuple[Direction, ...] = get_args(Direction)
@@ -147,7 +147,8 @@ class Fault:
         when: what sets it off.
         axis: letter.
         for_ms: emulated ms that it lasts.
-        direction: of bytes: to the unit, to the host, both, or the unit's echo alone.
+        direction: of bytes: to the unit, to the host, both, the unit's echo alone, or (``parser``) in the unit behind its
+            echo: what comes back is right, what is obeyed is not. With an echo of bytes ``to_unit`` is behind it too.
         probability: for each byte or line.
         byte, line: the how manieth one from then on in each direction, from 1; 0 leaves it to `probability`.
         seed: of its random choices.

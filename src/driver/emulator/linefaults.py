@@ -52,7 +52,7 @@ class LineFaults:
     """The line faults that act at the moment."""
 
     def __init__(self) -> None:
-        self._active: dict[str, list[_Active]] = {"to_unit": [], "to_host": [], "echo": []}
+        self._active: dict[str, list[_Active]] = {"to_unit": [], "to_host": [], "echo": [], "parser": []}
 
     def begin(self, fault: Fault) -> None:
         """From now on."""
@@ -74,6 +74,13 @@ class LineFaults:
             else:
                 data = active.damage(data)
         return late, data
+
+    def to_parser(self, data: bytes) -> bytes:
+        """What is left of a line that has been echoed."""
+        for active in self._active["parser"]:
+            if active.fault.kind not in ("delayed_bytes", "split_bytes"):
+                data = active.damage(data)
+        return data
 
     def to_host(self, data: bytes, echo: bool = False) -> list[Piece]:
         """What becomes of an answer: pieces, each so much later than it would come."""

@@ -47,6 +47,7 @@ class Machine:
 
     Attributes:
         now_ms: emulated time.
+        booted_ms: when the unit was switched on last; its own clock counts from then.
         registers: name with axis -> value, as told.
         group: axes of the coordinated group, empty if not formed.
         axis_errors: axes in error.
@@ -62,6 +63,7 @@ class Machine:
         self.plant = plant
         self.options = options
         self.now_ms = 0
+        self.booted_ms = 0
         true = tuple(int(c) for c in unit.counts(np.radians(options.power_up_deg)))
         self.offset = true  # true = what the unit counts + offset
         self.homed = [False] * len(true)
@@ -312,6 +314,7 @@ class Machine:
         self.group = ()
         self.axis_errors.clear()
         self._numbers = 0
+        self.booted_ms = self.now_ms
 
     # -- time
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from arm.errors import InputError
 from driver.emulator.faults import Fault
 
 
@@ -19,6 +20,15 @@ class EmulatorOptions:
         noise: bytes sent when a client's first byte arrives, as some units do after power-up.
         unknown: answer to a line that it does not understand; silence is what the public clients' history shows
             (fact sheet, section 4.2).
+        echo: after ``ECHO:1`` each line comes back once it is whole, each byte as it arrives, or nothing does; which,
+            is unknown of the real unit.
+        echo_end: what a line feed comes back as.
+        echo_order: a line's echo comes before its answers or after them (an echo of lines); the bytes of echoes and
+            answers take turns (``mixed``, an echo of bytes).
+        adapter_echo: what is between host and unit sends everything back at once, whatever becomes of it.
+        input_buffer: bytes that the unit holds before it has obeyed them; 0 is any number.
+        input_full: what becomes of more: the host is held back, or they are lost.
+        parse_ms: time that each line takes to be obeyed.
         registers_readable: whether ``REGMSA?`` and the like are answered; unknown of the real unit.
         vertex_steps: COORDDISCONT after power-up; unknown, 0 stops at every vertex.
         queue: segments that it holds.
@@ -37,6 +47,13 @@ class EmulatorOptions:
     version: str = "MARS8 v1.0 build Pi Oct  2 2017 11:06:45"
     noise: bytes = b""
     unknown: Literal["silent", "fail"] = "silent"
+    echo: Literal["line", "byte", "none"] = "line"
+    echo_end: Literal["LF", "CRLF", "CR"] = "LF"
+    echo_order: Literal["before", "after", "mixed"] = "before"
+    adapter_echo: bool = False
+    input_buffer: int = 0
+    input_full: Literal["block", "drop"] = "block"
+    parse_ms: float = 0.0
     registers_readable: bool = False
     vertex_steps: int = 1
     queue: int = 200
@@ -49,3 +66,14 @@ class EmulatorOptions:
     faults: tuple[Fault, ...] = ()
     keep_lines: int | None = 100_000
     keep_ms: int | None = 1_800_000
+
+    def __post_init__(self) -> None:
+        if self.echo_order == "mixed" and self.echo != "byte":
+            raise InputError("echo_order = 'mixed': only bytes can be mixed; give echo = 'byte'", key="echo_order")
+        if self.echo_order == "after" and self.echo == "byte":
+            raise InputError("echo_order = 'after': bytes come back as they arrive", key="echo_order")
+
+    @property
+    def echoed_end(self) -> bytes:
+        """What a line feed comes back as."""
+        return {"LF": b"\n", "CRLF": b"\r\n", "CR": b"\r"}[self.echo_end]

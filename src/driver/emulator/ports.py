@@ -7,6 +7,7 @@ import os
 import pty
 import socket
 import tty
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,14 +28,16 @@ class Ports:
 
     Args:
         paced: see `Wire`.
+        equip: called with every new wire.
 
     Attributes:
         wires: one a pseudo-terminal and one a connected client.
         listeners: of TCP.
     """
 
-    def __init__(self, paced: bool) -> None:
+    def __init__(self, paced: bool, equip: Callable[[Wire], None]) -> None:
         self._paced = paced
+        self._equip = equip
         self.wires: list[Wire] = []
         self.listeners: list[socket.socket] = []
         self._sockets: dict[int, socket.socket] = {}
@@ -62,7 +65,7 @@ class Ports:
                 raise InputError(f"{link}: cannot be made a link to {path}: {error.strerror}") from error
         wire = Wire(master, self._paced)
         self._terminals.append(_Terminal(wire, slave, link))
-        self.wires.append(wire)
+        self._add(wire)
         return path
 
     def open_tcp(self, port: int) -> str:
@@ -75,7 +78,11 @@ class Ports:
     def open_line(self, line: MemoryLine) -> None:
         """Listen at the unit's end of a line in memory. Once lost, it stays lost."""
         self._lines.append(line)
-        self.wires.append(MemoryWire(line, self._paced))
+        self._add(MemoryWire(line, self._paced))
+
+    def _add(self, wire: Wire) -> None:
+        self._equip(wire)
+        self.wires.append(wire)
 
     def paths(self) -> tuple[str, ...]:
         """Of the pseudo-terminals that are there now."""
@@ -92,7 +99,7 @@ class Ports:
                 connection.setblocking(False)
                 connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 self._sockets[connection.fileno()] = connection
-                self.wires.append(Wire(connection.fileno(), self._paced))
+                self._add(Wire(connection.fileno(), self._paced))
 
     def drop(self, wire: Wire) -> None:
         """A client's connection that is over."""

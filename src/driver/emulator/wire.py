@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 import os
 from collections import deque
 
-BYTES_PER_MS = 1.92  # 19200 baud, 8N1
+from driver.emulator.weave import BYTES_PER_MS, Weave
+
 _AHEAD_BYTES = 64  # read from the host before the line would have carried them; the rest waits in the host
 _LONGEST = 1024  # a line this long is noise
 _BACKLOG_BYTES = 4096  # answers not yet sent; beyond, the unit holds the host back as RTS does
@@ -23,11 +26,16 @@ class Wire:
         heard: a byte has been received.
         gone: the client has left; what it sent may still be on the line.
         cut: the port is gone: nothing comes or goes any more.
+        busy_until: the unit obeys a line until then, and takes no other.
     """
 
     def __init__(self, descriptor: int, paced: bool) -> None:
         self.descriptor = descriptor
         self._paced = paced
+        self._weave: Weave | None = None
+        self._adapter_echo = False
+        self._buffer, self._drops = 0, False
+        self._held = 0  # bytes received and not yet obeyed
         self._partial = b""
         self._torn = b""
         self._received_until = 0.0
@@ -39,9 +47,24 @@ class Wire:
         self.heard = False
         self.gone = False
         self.cut = False
+        self.busy_until = 0.0
+
+    def equip(self, weave: Weave | None, adapter_echo: bool, buffer: int, drops: bool) -> None:
+        """Give the line what units differ in.
+
+        Args:
+            weave: carries what goes to the host, if the unit echoes byte by byte.
+            adapter_echo: everything is sent back at once.
+            buffer: bytes that the unit holds before it has obeyed them; 0 is any number.
+            drops: bytes beyond that are lost; else the host is held back.
+        """
+        self._weave, self._adapter_echo = weave, adapter_echo
+        self._buffer, self._drops = buffer, drops
 
     def wants_bytes(self, now_ms: float) -> bool:
         """Whether the line has carried what was read so far, and answers are not piling up."""
+        if self._buffer and not self._drops and self._held >= self._buffer:
+            return False
         return (
             self._backlog < _BACKLOG_BYTES and (self._received_until - now_ms) * BYTES_PER_MS < _AHEAD_BYTES
         )
@@ -50,6 +73,8 @@ class Wire:
         """When `wants_bytes` may be true again."""
         if self._backlog >= _BACKLOG_BYTES:
             return self._answers[0][0]
+        if self._buffer and not self._drops and self._held >= self._buffer:
+            return self.next_line_at() or math.inf
         return self._received_until - (_AHEAD_BYTES - 1) / BYTES_PER_MS
 
     def receive(self, now_ms: float) -> bool:
@@ -63,14 +88,24 @@ class Wire:
         if not data:
             return False
         self.heard = True
+        if self._adapter_echo:
+            self.answer(data, now_ms)
+        if self._buffer and self._drops:
+            data = data[: max(self._buffer - self._held, 0)]
+        self._held += len(data)
         begin = max(self._received_until, now_ms)
+        if self._weave is not None:
+            for number, byte in enumerate(data, start=1):
+                self._weave.arrives(begin + self._time(number), byte)
         *lines, rest = data.split(b"\n")
         for line in lines:
             begin += self._time(len(line) + 1)
             self._lines.append((begin, self._partial + line + b"\n", False))
             self._partial = b""
         self._received_until = begin + self._time(len(rest))
-        self._partial = (self._partial + rest)[-_LONGEST:]
+        self._partial += rest
+        self._held -= max(len(self._partial) - _LONGEST, 0)
+        self._partial = self._partial[-_LONGEST:]
         return True
 
     def _read(self, size: int) -> bytes:
@@ -90,11 +125,14 @@ class Wire:
 
     def next_line_at(self) -> float | None:
         """When the next received line is complete."""
-        return self._lines[0][0] if self._lines else None
+        return max(self._lines[0][0], self.busy_until) if self._lines else None
 
     def take_line(self) -> tuple[float, bytes, bool]:
         """The next received line with its end: when it was complete, and whether it was put back before."""
-        return self._lines.popleft()
+        line = self._lines.popleft()
+        if not line[2]:
+            self._held -= len(line[1])
+        return line
 
     def put_back(self, at_ms: float, data: bytes) -> None:
         """A line that comes later than it was sent; those behind it wait."""
@@ -110,11 +148,16 @@ class Wire:
         """The unit was switched off: what it received and what it had to say is lost."""
         self._lines.clear()
         self._answers.clear()
-        self._partial, self._torn, self._backlog = b"", b"", 0
+        self._partial, self._torn, self._backlog, self._held = b"", b"", 0, 0
+        if self._weave is not None:
+            self._weave.forget()
 
     def answer(self, data: bytes, now_ms: float, late_ms: float = 0.0) -> None:
         """Send when the line has carried it; order is kept."""
         if self.cut:
+            return
+        if self._weave is not None:
+            self._weave.answer(now_ms + late_ms, data)
             return
         self._sent_until = max(self._sent_until, now_ms) + self._time(len(data))
         before = self._answers[-1][0] if self._answers else 0.0
@@ -123,10 +166,15 @@ class Wire:
 
     def next_answer_at(self) -> float | None:
         """When the next answer is through."""
+        if self._weave is not None:
+            return self._weave.next_at()
         return self._answers[0][0] if self._answers else None
 
     def flush(self, now_ms: float) -> None:
         """Write every answer that is through, one write a line. What nobody reads is lost, as on a real line."""
+        if self._weave is not None and (data := self._weave.take(now_ms)):
+            with contextlib.suppress(OSError):
+                self._write(data)
         while self._answers and self._answers[0][0] <= now_ms:
             _, data = self._answers.popleft()
             self._backlog -= len(data)
