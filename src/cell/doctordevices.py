@@ -84,7 +84,7 @@ def ask(url: str, firmware: str) -> Answered:
 
     link = Link(url, Clock())
     try:
-        version = identify(link, firmware)
+        version, _ = identify(link, firmware)
         began = time.monotonic()
         link.synchronise()  # by STAMP
         return Answered(version, time.monotonic() - began)

@@ -8,11 +8,12 @@ from typing import Any
 from arm.errors import ExecutionStopped, InputError
 from arm.unit import Unit
 from driver.link import Link
+from driver.manners import Manners, learn_manners
 from driver.protocol import encode, parse_integer
 
 
-def identify(link: Link, firmware: str) -> str:
-    """Learn by ECHO, STAMP and VER alone that a controller with this firmware answers; its full text.
+def identify(link: Link, firmware: str) -> tuple[str, Manners]:
+    """Learn by ECHO, STAMP and VER alone that a controller with this firmware answers: its full text, and its manners.
 
     Sets ``link.identified``, without which the link sends nothing else.
 
@@ -24,6 +25,7 @@ def identify(link: Link, firmware: str) -> str:
         link.send(encode("ECHO", 0))
         link.synchronise(attempts=3)  # after power-up the unit sends noise that can spoil an answer
         version = link.ask("VER")
+        manners = learn_manners(link)
     except ExecutionStopped as error:
         raise InputError(
             f"port {link.url}: does not answer like a {firmware}; is it one, and is it on?",
@@ -37,7 +39,7 @@ def identify(link: Link, firmware: str) -> str:
             version=version,
         )
     link.identified, link.restarted = True, False
-    return version
+    return version, manners
 
 
 GRIPPER_AXES = ("G", "H")  # where the units' grippers hang

@@ -29,6 +29,7 @@ class LoggedMotion:
         dwell_s: when that was sent.
         segments: that were sent, in order.
         segments_sent_s: when each was sent.
+        stands: how many segments were sent before each later dwell: the unit had run out of motion.
         ready_s: when the unit said that it was done; None if it never did.
         stopped_s: when STOP was sent while it ran; None if it was not.
         number: the unit's own number of the segment before the first; None if it was not seen.
@@ -43,6 +44,7 @@ class LoggedMotion:
     dwell_s: float = 0.0
     segments: tuple[Segment, ...] = ()
     segments_sent_s: tuple[float, ...] = ()
+    stands: tuple[int, ...] = ()
     ready_s: float | None = None
     stopped_s: float | None = None
     number: int | None = None
@@ -65,7 +67,10 @@ class LoggedMotion:
         if self.number is None:
             return None
         advance = (sample.position.segment - self.number) % SEQUENCE_RANGE
-        return advance - 1 if advance <= len(self.segments) else None
+        if advance > len(self.segments) + len(self.stands):
+            return None
+        passed = sum(place + k < advance for k, place in enumerate(self.stands))
+        return advance - 1 - passed
 
 
 @dataclass
@@ -75,10 +80,16 @@ class _Open:
     motion: LoggedMotion
     segments: list[Segment] = field(default_factory=list)
     times: list[float] = field(default_factory=list)
+    stands: list[int] = field(default_factory=list)
     waits: bool = False  # R: was sent
 
     def closed(self) -> LoggedMotion:
-        return replace(self.motion, segments=tuple(self.segments), segments_sent_s=tuple(self.times))
+        return replace(
+            self.motion,
+            segments=tuple(self.segments),
+            segments_sent_s=tuple(self.times),
+            stands=tuple(self.stands),
+        )
 
 
 class MotionReader:
@@ -136,6 +147,9 @@ class MotionReader:
             dwell_ms = segment.duration_ms
             self._open.motion = replace(self._open.motion, dwell_ms=dwell_ms, dwell_s=time_s)
             return
+        if stands and len(segment.coefficients) == 3:
+            self._open.stands.append(len(self._open.segments))
+            return
         self._open.segments.append(segment)
         self._open.times.append(time_s)
         if self._at is not None:
@@ -184,8 +198,9 @@ class MotionReader:
 
 def _sampled(motion: LoggedMotion, samples: tuple[LoggedSample, ...]) -> LoggedMotion:
     """The motion with its samples; the one of the dwell gives the unit's number, and a start if none is known."""
-    loaded_s = motion.segments_sent_s[0] if motion.segments else float("inf")
-    standing = [s for s in samples if motion.dwell_s <= s.heard_s <= loaded_s] if motion.dwell_ms else []
+    standing = (
+        [s for s in samples if motion.dwell_s <= s.heard_s <= motion.begin_s] if motion.dwell_ms else []
+    )
     start = motion.start
     if start is None and samples:
         start = (standing or samples)[0].position.counts

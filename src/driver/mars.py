@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import asdict
 from types import TracebackType
 
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
@@ -20,6 +21,7 @@ from driver.homing import home_all
 from driver.identity import gripper_answers, identify, read_back, refuse_another
 from driver.interrupt import caught, hear_again, interruptible
 from driver.link import Link, NoAnswer
+from driver.manners import Manners
 from driver.port import Port
 from driver.protocol import Position, Status, encode, parse_integer
 from driver.ready import wait_ready
@@ -48,6 +50,7 @@ class Mars:
     Attributes:
         reference: where the controller's own path generator stands, (6,) counts, or None if that is not known
             (after opening, after a stop): a relative segment may then not be sent.
+        manners: how the unit speaks, once it is identified.
 
     Raises:
         InputError: the port is not there, is no serial line, or is in use.
@@ -63,6 +66,7 @@ class Mars:
         self.reference: tuple[int, ...] | None = None
         self.speed_registers = unit.speed_registers
         self.acceleration_registers = unit.acceleration_registers
+        self.manners = Manners(echoes=False, adapter=False, takes_turns=False, round_trip_s=0.0)
         self._group_formed = False
         self._initialised = False
         self._guarded = False
@@ -96,7 +100,9 @@ class Mars:
         Raises:
             InputError: nothing answers like a MARS, or its firmware is not the unit's.
         """
-        return identify(self.link, self.unit.firmware)
+        version, self.manners = identify(self.link, self.unit.firmware)
+        self.note("manners", **asdict(self.manners))
+        return version
 
     def initialise(self, home: bool = True, soft_home: bool = True) -> None:
         """Registers, coordinated group, and homing.
@@ -125,9 +131,9 @@ class Mars:
             raise ExecutionStopped(f"initialise: {rest.describe(self.unit)}", state=rest.to_json())
         refuse_faults(self.status())
         with self.guarded("initialise"):
-            self._send(*startup.axis_lines(self.unit), *startup.gripper_lines(self.unit))
+            self.link.tell(*startup.axis_lines(self.unit), *startup.gripper_lines(self.unit))
             self._engage()
-            self._send(*startup.group_lines(self.unit))
+            self.link.tell(*startup.group_lines(self.unit))
             self._group_formed = True
             self.speed_registers = self.unit.speed_registers
             self.acceleration_registers = self.unit.acceleration_registers
@@ -207,7 +213,7 @@ class Mars:
         lines = startup.limit_lines(self.unit, tuple(speed), tuple(acceleration))
         if self.status().busy:
             raise ExecutionStopped("registers may only change while the arm stands", reason="busy")
-        self._send(*lines)
+        self.link.tell(*lines)
         self.speed_registers, self.acceleration_registers = tuple(speed), tuple(acceleration)
 
     def move_to(self, counts: Sequence[int]) -> tuple[int, ...]:
@@ -259,7 +265,7 @@ class Mars:
         distance = tuple(b - a for a, b in zip(here, target, strict=True))
         seconds = startup.move_time(distance, self.speed_registers, self.acceleration_registers)
         if self.reference is None:
-            self._send(*startup.group_lines(self.unit))  # a stop may have dissolved the group
+            self.link.tell(*startup.group_lines(self.unit))  # a stop may have dissolved the group
         self.reference = None
         self._send(encode("COORDMV", *target))
         wait_ready(self.link, "COORDMV", 1.5 * seconds + 5.0)

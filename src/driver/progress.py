@@ -14,19 +14,25 @@ class StreamOptions:
     """How a path is streamed.
 
     Attributes:
-        dwell_ms: the unit stands this long first, while segments are loaded; a host stall of 0.5 s is then free.
-        ahead_s: most motion that the unit holds; what it plays out if the link is lost.
+        dwell_ms: the unit stands at least this long first, while segments are loaded; longer where a damaged one could
+            not be stopped otherwise (`driver.lookahead`).
+        ahead_s: most motion that the unit holds, and what it plays out if the link is lost; more on a slow line.
         queue: most segments that the unit holds; it takes 200.
         poll_s: between two looks at position and status, controller seconds.
         following_counts: how far any axis may be outside the stretch of path it should be on.
+        tube_counts: the same from the nearest point of the path about the running segment, where the unit echoes
+            nothing; what a real arm needs is not known.
+        preload: the unit stands until the whole motion is loaded and verified; for bad lines, and short motions.
         watch_jaws: look at the jaws too, with every look at the position.
     """
 
     dwell_ms: int = 300
     ahead_s: float = 1.5
     queue: int = 150
-    poll_s: float = 0.1
+    poll_s: float = 0.2
     following_counts: int = 1500
+    tube_counts: int = 400
+    preload: bool = False
     watch_jaws: bool = False
 
 

@@ -236,12 +236,19 @@ class Failed:
 
 @dataclass(frozen=True)
 class Other:
-    """Anything else: an echo, noise, half a line."""
+    """Anything else: noise, half a line."""
 
     text: str
 
 
-Reply = Answer | Ready | Failed | Other
+@dataclass(frozen=True)
+class Echoed:
+    """A line that came back, or one that was damaged and is passed over; what became of it, `driver.echo` knows."""
+
+    text: str
+
+
+Reply = Answer | Ready | Failed | Other | Echoed
 
 _ANSWER = re.compile(r"([A-Z][A-Z0-9]*)=(.*)")
 _READY = re.compile(r"R([A-H]?)!")

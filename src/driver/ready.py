@@ -7,7 +7,7 @@ from collections.abc import Callable
 from arm.errors import ExecutionStopped
 from driver.link import Link, NoAnswer
 from driver.protocol import Failed, Ready, Status, encode
-from driver.rest import read_status
+from driver.rest import read_status, refuse_restarted
 
 POLL_S = 0.25
 IDLE_POLLS = 4  # looks in a row at an idle unit that has not said R!
@@ -61,12 +61,7 @@ def refuse_failure(link: Link, status: Status, what: str) -> None:
     Raises:
         ExecutionStopped: with the reason ``fault`` or ``restarted``.
     """
-    if link.restarted:
-        raise ExecutionStopped(
-            f"{what}: the unit was switched off and on, so its positions are lost: it must be homed again, which opens "
-            "the jaws; take out first what they hold",
-            reason="restarted",
-        )
+    refuse_restarted(link, what)
     if status.fault or any(isinstance(e, Failed) for e in link.events):
         if not status.fault:
             raise ExecutionStopped(f"{what}: the unit answered FAIL!", status=status.word, reason="fault")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -9,12 +10,28 @@ from typing import Any, TypeVar
 from arm.errors import ExecutionStopped
 from arm.unit import Unit
 from driver.link import Link, NoAnswer
-from driver.protocol import MalformedAnswer, Position, Status, parse_integer, parse_position, parse_status
+from driver.protocol import (
+    Answer,
+    MalformedAnswer,
+    Position,
+    Reply,
+    Status,
+    encode_query,
+    parse_integer,
+    parse_position,
+    parse_status,
+)
+from driver.unittime import SLACK_S
 
 _T = TypeVar("_T")
 
 SAMPLE_S = 0.1  # between two position samples that are compared
 STILL_COUNTS = 2  # change of an axis between two samples of an arm at rest
+REPEAT_S = 0.05  # between two STOPs
+LOOK_S = 0.3  # beyond the round trips, for all answers of a look,
+LOOK_WALL_S = 0.2  # and no less than this much wall time
+SILENT_S = 6.0  # a unit that says nothing for so long is not waited for
+UNECHOED_LOOKS = 20  # that saw the arm at rest, though no STOP came back
 STOP_S = 10.0  # the slowest axis brakes from twice its default speed in 0.4 s; the rest is patience
 
 
@@ -27,12 +44,14 @@ class RestState:
         counts: last position known, (6,), or None.
         status: last status known, or None.
         note: why something is not known, or "".
+        stops: how often STOP was sent.
     """
 
     at_rest: bool
     counts: tuple[int, ...] | None
     status: Status | None
     note: str = ""
+    stops: int = 0
 
     def describe(self, unit: Unit) -> str:
         """One phrase for a person."""
@@ -56,6 +75,7 @@ class RestState:
             "status": self.status.word if self.status is not None else None,
             "faults": list(self.status.faults()) if self.status is not None else None,
             "note": self.note,
+            "stops": self.stops,
         }
 
 
@@ -77,8 +97,33 @@ def read_position(link: Link, axes: int) -> Position:
 
     Raises:
         NoAnswer, LinkLost, MalformedAnswer.
+        ExecutionStopped: the unit was switched off and on: it knows of no group any more, or its clock was set anew.
     """
-    return _ask(link, "COORDAP", lambda text: parse_position(text, axes))
+    try:
+        position = _ask(link, "COORDAP", lambda text: parse_position(text, axes))
+    except NoAnswer:
+        if all(link.ask_optional("COORDAP") is None for _ in range(2)):
+            link.restarted = True
+            refuse_restarted(link, "position")
+        raise
+    if link.unit_time.jumped(link.clock.now(), position.time_ms, link.patience(SLACK_S)):
+        link.restarted = True
+        refuse_restarted(link, "position")
+    return position
+
+
+def refuse_restarted(link: Link, what: str) -> None:
+    """Refuse to go on with a unit that was switched off and on.
+
+    Raises:
+        ExecutionStopped: with the reason ``restarted``.
+    """
+    if link.restarted:
+        raise ExecutionStopped(
+            f"{what}: the unit was switched off and on, so its positions are lost: it must be homed again, which opens "
+            "the jaws; take out first what they hold",
+            reason="restarted",
+        )
 
 
 def _ask(link: Link, name: str, parse: Callable[[str], _T]) -> _T:
@@ -94,26 +139,18 @@ def farthest(a: tuple[int, ...], b: tuple[int, ...]) -> int:
     return max(abs(x - y) for x, y in zip(a, b, strict=True))
 
 
-def _counts(link: Link, axes: Sequence[str]) -> tuple[int, ...]:
-    """Counts of the group, or of each of its axes where the unit does not answer for the group."""
-    text = link.ask_optional("COORDAP")
-    if text is not None:
-        return parse_position(text, len(axes)).counts
-    return tuple(parse_integer(link.ask("AP", axis)) for axis in axes)
-
-
-def _send_stop(link: Link) -> None:
+def _send_stop(link: Link, again: bool) -> None:
     """STOP, whatever interrupts: it counts as sent once it was, and twice does no harm."""
     while True:
         try:
-            link.send_stop()
+            link.send_stop(again)
         except KeyboardInterrupt:
             continue
         return
 
 
 def bring_to_rest(link: Link, axes: Sequence[str], timeout: float = STOP_S) -> RestState:
-    """Send STOP at once and wait until the arm stands still.
+    """Send STOP at once, again and again until it has come back and the arm stands.
 
     Never raises for anything the link does, nor for a second interrupt: what could not be learnt is in the note.
     The arm stays powered and holds (STOP, never RELEASE: without current it would sag).
@@ -123,29 +160,109 @@ def bring_to_rest(link: Link, axes: Sequence[str], timeout: float = STOP_S) -> R
             does not answer for the group any more (it was switched off and on), each axis is asked.
         timeout: controller seconds until it is told that the arm was not seen to stand.
     """
-    status: Status | None = None
-    counts: tuple[int, ...] | None = None
+    stopping = _Stopping(link, axes)
     try:
-        _send_stop(link)
-        link.synchronise(attempts=3)
-        deadline = link.deadline(timeout)
-        while link.clock.now() < deadline:
-            before = counts
-            try:
-                status = read_status(link)
-                counts = _counts(link, axes) if axes else None
-            except MalformedAnswer:
-                counts = None  # damaged on the line; the next sample counts
-            still = not axes or (
-                before is not None and counts is not None and farthest(before, counts) <= STILL_COUNTS
-            )
-            if status is not None and (not status.busy or status.fault) and still:
-                link.events.clear()
-                note = "the unit has lost its positions: home it again" if link.restarted else ""
-                return RestState(True, counts, status, note)
-            link.clock.sleep(SAMPLE_S)
-        return RestState(False, counts, status, f"still moving or busy {timeout:g} s after STOP")
-    except ExecutionStopped as error:  # NoAnswer, LinkLost, a log that cannot be written
-        return RestState(False, counts, status, str(error))
+        _send_stop(link, again=False)
+        return stopping.run(timeout)
+    except ExecutionStopped as error:  # LinkLost, a log that cannot be written
+        return RestState(False, stopping.counts, stopping.status, str(error))
     except KeyboardInterrupt:
-        return RestState(False, counts, status, "interrupted again after STOP was sent")
+        return RestState(
+            False, stopping.counts, stopping.status, "interrupted again after STOP was sent", stopping.stops
+        )
+
+
+class _Stopping:
+    """One stop. A look is ST, the position, and a stamp; it counts once its stamp is answered, for then its other
+    answers are here. STOP has been obeyed when it has come back; where nothing comes back, when the arm stands."""
+
+    def __init__(self, link: Link, axes: Sequence[str]) -> None:
+        self.link = link
+        self.axes = tuple(axes)
+        self.status: Status | None = None
+        self.counts: tuple[int, ...] | None = None
+        self.stops = 1
+        self._heard = False
+        self._asking: deque[str] = deque()  # what is left to ask of the look that runs
+        self._fresh: Status | None = None
+        self._at: tuple[int, ...] | None = None
+        self._of_axis: dict[str, int] = {}
+        self._alone = False  # the group does not answer: ask its axes
+        self._still_looks = 0
+
+    def run(self, timeout: float) -> RestState:
+        link, now = self.link, self.link.clock.now()
+        deadline, silent_at = link.deadline(timeout), link.deadline(SILENT_S)
+        repeat_at, look_at = now + REPEAT_S, now
+        while (now := link.clock.now()) < deadline and (self._heard or now < silent_at):
+            if now >= look_at:
+                self._begin_look()
+                look_at = now + link.clock.at_least(LOOK_S + 4.0 * link.echo.round_trip_s, LOOK_WALL_S)
+            while self._asking and not (link.takes_turns and link.echo.unanswered):
+                line = self._asking.popleft()
+                link.send(line or link.fresh_stamp())
+            if now >= repeat_at:
+                _send_stop(link, again=True)
+                self.stops += 1
+                repeat_at = now + REPEAT_S
+            reply = link.receive(min(repeat_at, look_at, deadline))
+            if reply == Answer("STAMP", link.stamped.partition(":")[2]) and not self._asking:
+                if self._stands():
+                    return self._at_rest()
+                look_at = link.clock.now() + SAMPLE_S
+            elif reply is not None:
+                self._take(reply)
+        why = (
+            f"still moving or busy {timeout:g} s after STOP"
+            if self._heard
+            else f"{link.url}: no answer within {SILENT_S:g} s after STOP"
+        )
+        return RestState(False, self.counts, self.status, why, self.stops)
+
+    def _begin_look(self) -> None:
+        self.link.echo.forgive_answers()
+        self._fresh, self._at = None, None
+        self._of_axis.clear()
+        self._asking = deque([encode_query("ST")])
+        if self.axes:
+            self._asking.append(encode_query("COORDAP"))
+            self._asking.extend(encode_query("AP", axis) for axis in self.axes if self._alone)
+        self._asking.append("")  # the stamp
+
+    def _take(self, reply: Reply) -> None:
+        try:
+            match reply:
+                case Answer("ST", text):
+                    self._fresh = self.status = parse_status(text)
+                case Answer("COORDAP", text):
+                    self._at = parse_position(text, len(self.axes)).counts
+                case Answer(key, text) if key[:2] == "AP" and key[2:] in self.axes:
+                    self._of_axis[key[2:]] = parse_integer(text)
+                case _:
+                    return
+        except MalformedAnswer:
+            return  # damaged on the line; the next look counts
+        self._heard = True
+
+    def _stands(self) -> bool:
+        """Whether this look and the one before saw the arm at rest, and STOP was obeyed."""
+        before, at = self.counts, self._at
+        if at is None and len(self._of_axis) == len(self.axes) > 0:
+            at = tuple(self._of_axis[axis] for axis in self.axes)
+        self._alone = bool(self.axes) and at is None and self._fresh is not None
+        self.counts = at if at is not None else self.counts
+        quiet = self._fresh is not None and (not self._fresh.busy or self._fresh.fault)
+        still = not self.axes or (
+            at is not None and before is not None and farthest(before, at) <= STILL_COUNTS
+        )
+        self._still_looks = self._still_looks + 1 if quiet and still else 0
+        obeyed = self.link.echo.stops > 0 or not self.link.echoes
+        return self._still_looks >= (1 if obeyed else UNECHOED_LOOKS)
+
+    def _at_rest(self) -> RestState:
+        link = self.link
+        link.events.clear()
+        if link.echoes:
+            link.echo.resume()  # everything that was sent has been obeyed
+        note = "the unit has lost its positions: home it again" if link.restarted else ""
+        return RestState(True, self.counts if self.axes else None, self.status, note, self.stops)

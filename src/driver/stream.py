@@ -6,20 +6,22 @@ progress is read from its own segment numbers, never from the clock (fact sheet,
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable
-
-import numpy as np
+from dataclasses import dataclass
 
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.motion import CountPath
 from arm.unit import Counts
 from driver.control import Control
 from driver.extremes import extremes
+from driver.feed import Feed
 from driver.hold import Hold
 from driver.link import ANSWER_S, NoAnswer
 from driver.mars import Mars
 from driver.override import stretched
+from driver.pathwatch import PathWatch
 from driver.progress import Progress, Sent, StreamOptions
 from driver.protocol import (
     SEQUENCE_RANGE,
@@ -30,8 +32,8 @@ from driver.protocol import (
     Position,
     Ready,
     Reply,
+    Status,
     encode,
-    encode_dwell,
     encode_query,
     encode_segment,
     parse_integer,
@@ -41,13 +43,16 @@ from driver.protocol import (
 from driver.ready import refuse_failure
 from driver.refusals import POSITION_TOLERANCE
 from driver.rest import farthest
+from driver.unittime import SLACK_S
 
-DWELL_ATTEMPTS = 4  # each twice as long: a host that is asleep misses a short one
 STALL_S = 5.0  # a segment may take this much longer than planned
 REPEAT_S = 0.5  # a sample that was asked for and lost on the line is asked for again after this,
 REPEAT_WALL_S = 0.1  # and not before this much wall time
 IDLE_LOOKS = 5  # at an idle unit that has not said R!, before it is asked again
-LAG_SEGMENTS = 3  # the arm follows its reference by regulators that lag
+UNLOCATED = 3  # answers to ST without one to COORDAP
+STEP_S = 0.25  # longest wait for anything,
+LEAST_STEP_S = 0.001  # and shortest
+PRELOADS = 3  # attempts to load a whole motion without damage
 
 
 def stream(
@@ -103,6 +108,20 @@ def _encoded(path: CountPath, knots: Counts) -> list[str]:
     return [encode_segment(s, end) for s, end in zip(path.segments, knots[1:].tolist(), strict=True)]
 
 
+@dataclass(frozen=True)
+class _Poll:
+    """A look that was asked for.
+
+    Attributes:
+        sent, dwells: how many segments and dwells had been sent before.
+        asked_s: when.
+    """
+
+    sent: int
+    dwells: int
+    asked_s: float
+
+
 class _Stream:
     """One run. Counting is of segments behind the dwell; the segment being executed is not done."""
 
@@ -126,19 +145,21 @@ class _Stream:
         self.control = control
         self.hold: Hold | None = None  # while paused
         self.durations = [s.duration_ms / 1e3 for s in self.path.segments]
-        self.sent = 0
-        self.begun = 0  # 0 while the dwell runs, then the number of segments begun
-        self.dwell_s = 0.0
+        self.feed = Feed(mars, options)
+        self.feed.plan(self.lines, self.durations)
+        tube = None if self.link.echoes else options.tube_counts
+        self.watch = PathWatch(planned, mars.unit.axes, options.following_counts, tube)
+        self.begun = 0  # 0 while the first dwell runs, then the number of segments begun
+        self.started: float | None = None
         self.most_ahead = 0.0
         self.samples = 0
-        self.astray = 0  # samples in a row outside the stretch of path
         self.jaws: float | None = None
-        self.sequence = 0  # the unit's number of the last segment seen to run,
+        self.sequence: int | None = None  # the unit's number of the last segment seen to run,
         self.counted = 0  # and which that is by our count
-        self.polls: deque[int] = deque()  # how many segments were sent before each unanswered ST?
-        self.polled_at = -1.0
-        self.heard_at = self.link.clock.now()
-        self.begun_at = self.link.clock.now()
+        self.polls: deque[_Poll] = deque()  # whose ST is not answered
+        self.polled_at = -math.inf
+        self.unlocated = 0  # answers to ST since the last one to COORDAP
+        self.heard_at = self.begun_at = self.link.clock.now()
         self.waiting = False  # R: is sent
         self.ready_at: float | None = None
         self.idle = False
@@ -149,15 +170,22 @@ class _Stream:
         return len(self.lines)
 
     @property
+    def sent(self) -> int:
+        return self.feed.sent
+
+    @property
     def done(self) -> int:
-        return max(self.begun - 1, 0)
+        return self.begun if self._dwelling else max(self.begun - 1, 0)
+
+    @property
+    def _dwelling(self) -> bool:
+        return self.begun <= self.feed.stood
 
     def run(self) -> Sent:
         link = self.link
-        link.send(encode("COORDDISCONT", VERTEX_STEPS))
-        link.synchronise()
+        link.tell(encode("COORDDISCONT", VERTEX_STEPS))
         link.events.clear()
-        started: float = self._dwell()
+        self.heard_at = self.begun_at = link.clock.now()
         try:
             while self.ready_at is None or not self.idle:
                 self._step()
@@ -166,6 +194,7 @@ class _Stream:
             raise
         end = self.mars.arrived(self.path.end)
         self.mars.note("streamed", segments=self.sent, end=list(end))
+        started = self.ready_at if self.started is None else self.started
         return Sent(
             path=CountPath(self.path.start, self.path.segments[: self.sent]),
             start_s=started,
@@ -175,59 +204,63 @@ class _Stream:
             samples=self.samples,
         )
 
-    def _dwell(self) -> float:
-        """Start the dwell and learn its segment number; the time when it ends."""
-        link = self.link
-        for attempt in range(DWELL_ATTEMPTS):
-            length_ms = self.options.dwell_ms << attempt
-            self.mars.reference = None  # known again when the stream has ended
-            link.send(encode_dwell(length_ms, len(self.path.start)))
-            ends = link.clock.now() + length_ms / 1e3
-            position, status = self.mars.position(), self.mars.status()
-            refuse_failure(link, status, "dwell")
-            if status.busy:
-                self.sequence = position.segment
-                self.dwell_s = length_ms / 1e3
-                self.begun_at = self.heard_at = link.clock.now()
-                return ends
-        raise NoAnswer(f"the unit was not seen busy in {DWELL_ATTEMPTS} dwells", reason="dwell")
-
     def _step(self) -> None:
         """Do the next thing that is due: take what has arrived, look, send, or wait a little."""
-        link, now = self.link, self.link.clock.now()
+        link, feed, now = self.link, self.feed, self.link.clock.now()
         while (reply := link.receive(now)) is not None:
             self._take(reply)
-        next_poll = self.polled_at + (self._repeat_s() if self.polls else self.options.poll_s)
-        if now >= next_poll:
+        feed.require_verified()
+        next_poll = self.polled_at + (self._repeat_s() if self.polls else feed.poll_s)
+        if self._needs_dwell():
+            self._dwell()
+        elif now >= next_poll and feed.dwells:
             self._poll(now)
         elif self._may_send():
-            link.send(self.lines[self.sent])
-            self.sent += 1
+            feed.send()
             self.most_ahead = max(self.most_ahead, self._ahead())
         elif self.sent == self.total and not self.waiting:
             self.waiting = True
             link.send(encode("R"))
         else:
-            reply = link.receive(next_poll)
+            until = min(next_poll, feed.decide_at(), now + STEP_S)
+            reply = link.receive(max(until, now + LEAST_STEP_S))
             if reply is not None:
                 self._take(reply)
         self._watch()
 
     def _repeat_s(self) -> float:
-        return self.link.clock.at_least(REPEAT_S, REPEAT_WALL_S)
+        repeat_s = max(REPEAT_S, 2.5 * self.link.echo.round_trip_s)
+        return self.link.clock.at_least(repeat_s, REPEAT_WALL_S)
+
+    def _needs_dwell(self) -> bool:
+        """A motion begins with a dwell; so does what follows after the unit ran out of motion."""
+        return not self._holds() and self.sent < self.total and (not self.feed.dwells or self._dry)
+
+    def _dwell(self) -> None:
+        self.mars.reference = None  # known again when the stream has ended
+        self.feed.dwell()
+        self.started = self.feed.stands_until if self.started is None else self.started
+        self.sequence, self.begun = None, self.sent
+        self.begun_at = self.heard_at = self.link.clock.now()
+        self.polls.clear()
+        self._poll(self.begun_at)
 
     def _ahead(self) -> float:
-        """Planned motion that the unit holds, s; the running segment counts whole."""
-        dwell = self.dwell_s if self.begun == 0 else 0.0
-        return dwell + sum(self.durations[self.done : self.sent])
+        """Motion that the unit holds, the dwell included, s; by the earliest times that are possible."""
+        if not self.feed.dwells:
+            return 0.0
+        return max(self.feed.timeline.begins(self.sent) - self.link.clock.now(), 0.0)
 
     def _may_send(self) -> bool:
-        if self.sent == self.total or self._holds():
+        if self.sent == self.total or self._holds() or self._dry or not self.feed.dwells:
             return False
-        held = self.sent + 1 - self.begun  # not done, the dwell included
+        if self.sequence is None and (not self.link.echoes or self.link.clock.now() > self.feed.stands_until):
+            return False  # where its numbers begin is not known: let it run dry, and stand again
+        held = self.sent - self.done + self._dwelling  # the running one or the dwell included
         if held >= self.options.queue:
             return False
-        return held <= 1 or self._ahead() + self.durations[self.sent] <= self.options.ahead_s
+        near = held <= 1 or self._ahead() + self.durations[self.sent] <= self.feed.ahead_s
+        return (near or self.options.preload) and self.feed.in_time()
 
     @property
     def _dry(self) -> bool:
@@ -257,15 +290,16 @@ class _Stream:
         self.path = CountPath(self.path.start, (*self.path.segments[: self.sent], *left.segments))
         self.lines[self.sent :] = _encoded(left, self.knots[self.sent :])
         self.durations[self.sent :] = [s.duration_ms / 1e3 for s in left.segments]
+        self.feed.plan(self.lines, self.durations)
         self.mars.note("override", factor=self.override, segments_sent=self.sent)
 
     def _poll(self, now: float) -> None:
+        self.polls.append(_Poll(self.sent, self.feed.dwells, now))
         self.link.send(encode_query("COORDAP"))
-        self.polls.append(self.sent)
         self.link.send(encode_query("ST"))
         if self.options.watch_jaws:
             self.link.send(encode_query("AP", self.mars.unit.gripper.axis))
-        self.polled_at = now
+        self.polled_at = self.link.clock.now()
 
     def _take(self, reply: Reply) -> None:
         try:
@@ -273,23 +307,31 @@ class _Stream:
                 case Answer("COORDAP", text):
                     self._locate(parse_position(text, len(self.path.start)))
                 case Answer("ST", text):
-                    status = parse_status(text)
-                    refuse_failure(self.link, status, f"segment {self.begun} of {self.total}")
-                    sent_then = self.polls.popleft() if self.polls else 0
-                    self.heard_at = self.link.clock.now()
-                    self.idle = not status.busy and sent_then == self.total
-                    self._ask_again()
-                    if not status.busy and sent_then + 1 > self.begun:
-                        self._begin(sent_then + 1)  # all that it had been sent is done
+                    self._take_status(parse_status(text))
+                case Answer("STAMP", text):
+                    self.feed.stamped(text)
                 case Answer(name, text) if name == f"AP{self.mars.unit.gripper.axis}":
                     self.jaws = self.mars.unit.gripper.fraction_closed(parse_integer(text))
                 case Ready(""):
                     if self.waiting and self.ready_at is None:
                         self.ready_at, self.idle = self.link.clock.now(), False
+                        self.polled_at = -math.inf  # a look now tells whether it is idle
                 case _:
                     pass
         except MalformedAnswer as error:  # the next look will tell; too long without one is an error
             self.mars.note("damaged", text=str(error))
+
+    def _take_status(self, status: Status) -> None:
+        self.unlocated += 1
+        if self.unlocated > UNLOCATED:  # it answers, but knows of no group
+            self.link.restarted = True
+        refuse_failure(self.link, status, f"segment {self.begun} of {self.total}")
+        poll = self.polls.popleft() if self.polls else _Poll(0, 0, 0.0)
+        self.heard_at = self.link.clock.now()
+        self.idle = not status.busy and poll.sent == self.total and poll.dwells == self.feed.dwells
+        self._ask_again()
+        if not status.busy and poll.dwells == self.feed.dwells and poll.sent + 1 > self.begun:
+            self._begin(poll.sent + 1)  # all that it had been sent is done
 
     def _ask_again(self) -> None:
         """R: or its answer was lost on the line: an idle unit that says nothing is asked once more."""
@@ -299,26 +341,27 @@ class _Stream:
             self.idle_looks, self.waiting = 0, False
 
     def _locate(self, position: Position) -> None:
-        advance = (position.segment - self.sequence) % SEQUENCE_RANGE
-        if advance and self.counted + advance <= self.sent:  # an idle unit may show any number
-            self.sequence, self.counted = position.segment, self.counted + advance
-            if self.counted > self.begun:
-                self._begin(self.counted)
+        link, now = self.link, self.link.clock.now()
+        self.unlocated = 0
+        if link.unit_time.jumped(now, position.time_ms, link.patience(SLACK_S)):
+            link.restarted = True
+            refuse_failure(link, Status(0), f"segment {self.begun} of {self.total}")
+        poll = self.polls[0] if self.polls else None
+        current = poll is not None and poll.dwells == self.feed.dwells
+        if self.sequence is None and current and now < self.feed.stands_until:
+            self.sequence, self.counted = position.segment, self.feed.stood
+        if self.sequence is not None:
+            advance = (position.segment - self.sequence) % SEQUENCE_RANGE
+            if self.counted + advance <= self.sent:  # an idle unit may show any number
+                self.sequence, self.counted = position.segment, self.counted + advance
+                if poll is not None and current and self.counted < self.sent:
+                    self.feed.timeline.not_before(self.counted, poll.asked_s)
+                if advance and self.counted > self.begun:
+                    self._begin(self.counted)
         self.samples += 1
         if self.hold is not None and self._dry:
             self.hold.take(position.counts, tuple(int(c) for c in self.knots[self.sent]))
-        window = self.knots[max(self.begun - 1 - LAG_SEGMENTS, 0) : self.sent + 1]
-        outside = np.maximum(window.min(axis=0) - position.counts, position.counts - window.max(axis=0))
-        worst = int(np.argmax(outside))
-        self.astray = self.astray + 1 if outside[worst] > self.options.following_counts else 0
-        if self.astray >= 2:  # one may be a digit lost on the line
-            raise ExecutionStopped(
-                f"axis {self.mars.unit.axes[worst]} is {int(outside[worst])} counts off its path, "
-                f"at most {self.options.following_counts}",
-                axis=self.mars.unit.axes[worst],
-                counts=list(position.counts),
-                reason="following",
-            )
+        self.watch.take(position.counts, self.begun, self.sent)
         if self.on_progress is not None:
             planned_s = sum(self.durations[: self.done])
             self.on_progress(
@@ -342,7 +385,9 @@ class _Stream:
             raise NoAnswer(f"no sound answer from the unit for {ANSWER_S:g} s", reason="silent")
         if self.hold is not None and self._dry:
             return  # it waits for us, and its own deadline is the hold's
-        running = self.durations[self.begun - 1] if 0 < self.begun <= self.total else self.dwell_s
+        running = self.feed.dwell_s if self._dwelling else 0.0
+        if 0 < self.begun <= self.total and not self._dwelling:
+            running = self.durations[self.begun - 1]
         if now > self.begun_at + link.patience(running + STALL_S):
             raise NoAnswer(
                 f"segment {self.begun} of {self.total} is not over {STALL_S:g} s after its time",

@@ -144,6 +144,8 @@ class FakeUnit:
                 self.gripper_at = (
                     values[0] if self.gripper_stop is None else max(values[0], self.gripper_stop)
                 )
+            case _ if name[:2] == "AP" and name[2:3] in "ABCDEF" and name.endswith("?"):
+                return f"{name[:-1]}={self.at()['ABCDEF'.index(name[2])]}"
             case "APG?":
                 return f"APG={self.gripper_at}"
             case _ if name.startswith("HH"):

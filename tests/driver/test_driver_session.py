@@ -72,11 +72,22 @@ def test_a_session_from_power_up_to_a_gripped_object(name: str, clock: SteppedCl
     assert "FAIL!" not in (tmp_path / "wire.jsonl").read_text()
 
 
-def test_a_homing_line_that_is_lost_is_made_good(unit: Unit, clock: SteppedClock) -> None:
+def test_a_homing_line_that_is_lost_stops_where_the_unit_echoes(unit: Unit, clock: SteppedClock) -> None:
+    lost = Fault("lost_bytes", When(command="COORDAP"), direction="to_unit", line=1)
+    with (
+        Emulator(unit, clock, options=EmulatorOptions(faults=(lost,))) as emulator,
+        Mars(emulator.open_line(), unit, clock) as mars,
+    ):
+        mars.identify()
+        with pytest.raises(ExecutionStopped, match="sent 'HHB:', nothing came back; the arm stands still"):
+            mars.initialise(soft_home=False)
+
+
+def test_a_homing_line_that_is_lost_is_made_good_where_it_does_not(unit: Unit, clock: SteppedClock) -> None:
     """The unit reads 0 where it was switched on, so without a look at the motion it would pass for homed."""
     # the line behind the first question where the arm stands
     lost = Fault("lost_bytes", When(command="COORDAP"), direction="to_unit", line=1)
-    with Emulator(unit, clock, options=EmulatorOptions(faults=(lost,))) as emulator:
+    with Emulator(unit, clock, options=EmulatorOptions(faults=(lost,), echo="none")) as emulator:
         with Mars(emulator.open_line(), unit, clock) as mars:
             mars.identify()
             mars.initialise(soft_home=False)

@@ -141,11 +141,11 @@ def test_stop_goes_out_though_its_sending_is_interrupted(
 ) -> None:
     plain, tried = Link.send_stop, []
 
-    def interrupted(link: Link) -> None:
+    def interrupted(link: Link, again: bool = False) -> None:
         tried.append(1)
         if len(tried) < 3:
             raise KeyboardInterrupt
-        plain(link)
+        plain(link, again)
 
     with Mars(homed.paths()[0], unit, Clock(SCALE)) as mars:
         mars.identify()
@@ -153,6 +153,6 @@ def test_stop_goes_out_though_its_sending_is_interrupted(
         before = len(homed.lines)
         state = bring_to_rest(mars.link, ())
         monkeypatch.undo()
-    assert len(tried) == 3
+    assert len(tried) >= 3
     assert state.at_rest
     assert "STOP:" in [line for _, line in homed.lines[before:]]

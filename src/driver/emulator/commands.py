@@ -112,7 +112,12 @@ class Interpreter:
                 positions = [actual[machine.unit.axes.index(a)] for a in machine.group]
                 running = bool(machine.path.queue)
                 parameter = 1 + int(machine.path.u * 65534) if running else 0
-                values = [(machine.now_ms - machine.booted_ms) & 0xFFFF, machine.path.number, parameter, *positions]
+                values = [
+                    (machine.now_ms - machine.booted_ms) & 0xFFFF,
+                    machine.path.number,
+                    parameter,
+                    *positions,
+                ]
                 return ["COORDAP=" + ",".join(map(str, values))]
             case _:
                 return self._answer_axis(name)

@@ -56,8 +56,7 @@ class Exchange:
 
     def _obey(self, wire: Wire, data: bytes) -> None:
         machine, trouble = self._machine, self._trouble
-        echo = data if machine.options.echo == "line" and self._interpreter.echo else b""
-        data = trouble.line.to_parser(data)
+        arrived, data = data, trouble.line.to_parser(data)
         text = data.decode("latin-1")
         now = machine.now_ms
         if self._log is not None and text.strip():
@@ -66,7 +65,7 @@ class Exchange:
         trouble.apply_due(now)
         if trouble.dark:
             return
-        echo = echo if self._interpreter.echo else b""
+        echo = arrived if machine.options.echo == "line" and self._interpreter.echo else b""
         if wire.fresh:
             wire.fresh = False
             if machine.options.noise:

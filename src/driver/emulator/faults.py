@@ -147,8 +147,8 @@ class Fault:
         when: what sets it off.
         axis: letter.
         for_ms: emulated ms that it lasts.
-        direction: of bytes: to the unit, to the host, both, the unit's echo alone, or (``parser``) in the unit behind its
-            echo: what comes back is right, what is obeyed is not. With an echo of bytes ``to_unit`` is behind it too.
+        direction: of bytes: to the unit, to the host, both, the unit's echo alone, or (``parser``) in the unit behind
+            its echo: what comes back is right, what is obeyed is not. With an echo of bytes ``to_unit`` is behind it.
         probability: for each byte or line.
         byte, line: the how manieth one from then on in each direction, from 1; 0 leaves it to `probability`.
         seed: of its random choices.

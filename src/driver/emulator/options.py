@@ -69,7 +69,9 @@ class EmulatorOptions:
 
     def __post_init__(self) -> None:
         if self.echo_order == "mixed" and self.echo != "byte":
-            raise InputError("echo_order = 'mixed': only bytes can be mixed; give echo = 'byte'", key="echo_order")
+            raise InputError(
+                "echo_order = 'mixed': only bytes can be mixed; give echo = 'byte'", key="echo_order"
+            )
         if self.echo_order == "after" and self.echo == "byte":
             raise InputError("echo_order = 'after': bytes come back as they arrive", key="echo_order")
 
