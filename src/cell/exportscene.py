@@ -7,10 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from arm.errors import FileInputError
+from arm.gripper import HAND
+from arm.outfit import padded
 from arm.planfile import Plan
 from arm.robot import Robot
 from arm.toml_table import TomlTable
 from arm.unit import Limits, Unit, load_unit
+from cell.cellfile import ARM_PADDING_MM
 from cell.exporturdf import Surroundings
 from cell.lookfile import read_seen
 from cell.placefile import POSES, read_place
@@ -127,7 +130,10 @@ def _arms(path: Path, plan: Plan, place: Task | None) -> tuple[Robot, Robot, flo
     gripper, cube = gripper_of_inputs(said), _metres(said, "cube.size_mm")
     if gripper is None or cube is None:
         raise FileInputError(path, "provenance.inputs", None, "does not tell the arm's tool", _ANOTHER)
-    return gripper.robot(gripper.opening), gripper.robot(cube), gripper.opening
+    padding = _metres(said, "arm_padding_mm")
+    padding = ARM_PADDING_MM / 1e3 if padding is None else padding
+    opened, holding = (padded(gripper.robot(width), padding, but=HAND) for width in (gripper.opening, cube))
+    return opened, holding, gripper.opening
 
 
 def _metres(said: Any, key: str) -> float | None:

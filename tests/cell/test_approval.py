@@ -82,7 +82,13 @@ def plan_file(plan: Plan, tmp_path: Path) -> Path:
 def run(preview_case, tmp_path: Path) -> Iterator[Any]:
     """What an approval looks at, with an emulated unit that was never homed."""
     unit, clock = preview_case.unit, SteppedClock()
-    cell = SimpleNamespace(unit=unit, cube_size=0.04, robot=lambda opening: preview_case.robot_holding)
+    cell = SimpleNamespace(
+        unit=unit,
+        cube_size=0.04,
+        robot=lambda opening: preview_case.robot_holding,
+        arm_padding=0.01,
+        arm_compared="",
+    )
     with (
         Emulator(unit, clock) as emulator,
         WireLog(tmp_path / "wire.jsonl", clock) as wire,
@@ -122,6 +128,7 @@ def test_what_will_move_is_told_and_nothing_but_questions_is_sent(
     assert row[5] == f"{50 * of.fastest[1] / limits[1]:.0f}"
     assert f"tool: {500 * of.tool:.0f} mm/s at most" in told
     assert "not homed since it was switched on, so its place is not known" in told
+    assert "the arm's shape is assumed, nobody has compared it with the arm: links padded by 10 mm" in told
     assert "nothing checks its way" in told
     assert plan.code not in told
     assert max(len(line) for line in told.splitlines() if re.match("joint|J[1-6]", line)) <= 80
