@@ -178,6 +178,32 @@ def test_things_happen_in_the_order_of_their_times(clock: SteppedClock) -> None:
     assert order[3:] == [("late", 2.0)]
 
 
+def test_what_was_ordered_comes_before_what_lives_at_the_same_time(clock: SteppedClock) -> None:
+    order: list[str] = []
+
+    class Lives:
+        def __init__(self, name: str) -> None:
+            self.name = name
+
+        def next_at(self) -> float:
+            return 1.0 if self.name not in order else math.inf
+
+        def step(self) -> None:
+            order.append(self.name)
+
+    for name in ("one", "other"):
+        clock.add(Lives(name))
+    clock.call_at(1.0, lambda: order.append("ordered"))
+    clock.sleep(1.0)
+    assert order == ["ordered", "one", "other"]
+
+
+def test_no_host_is_too_busy_for_stepped_time(clock: SteppedClock) -> None:
+    assert clock.at_least(2.0, 100.0) == 2.0
+    assert Clock(20.0).at_least(2.0, 1.0) == 20.0
+    assert Clock(20.0).at_least(30.0, 1.0) == 30.0
+
+
 def test_an_event_may_not_wait(clock: SteppedClock) -> None:
     clock.call_after(1.0, lambda: clock.sleep(1.0))
     with pytest.raises(A465Error, match="may not wait"):
