@@ -9,7 +9,7 @@ import pytest
 
 from arm.errors import FileInputError, InputError
 from arm.motion import CountPath, Segment
-from arm.planfile import GripperStep, LookStep, Move, Plan, motions, read_plan, write_plan
+from arm.planfile import ROUNDING, GripperStep, LookStep, Move, Plan, motions, read_plan, write_plan
 
 ROW = (10, -20, 30, 0, 5, 1)
 BOUNDS = (0.05, 0.0123457)  # of both segments; the least is the move's but for rounding
@@ -90,6 +90,15 @@ def _damaged(change: Any) -> str:
             r"steps\[0\]\.segments\[0\] = 'x': duration",
         ),
         (lambda v: v["steps"][0]["segments"][0][1].pop(), r"must be 6 whole numbers"),
+        (lambda v: v["steps"][0]["segments"][0].append(list(ROW)), r"segments\[0\] = .*1 to 3 rows of coeff"),
+        (
+            lambda v: v["steps"][0]["segments"][1].pop(),
+            r"segments\[1\] = .*must be a duration in ms and 1 to 3",
+        ),
+        (
+            lambda v: v.update(scene={"allowed": [["palm", 3]]}),
+            r"scene\.allowed\[0\] = .*names of two bodies",
+        ),
         (lambda v: v["steps"][0]["segments"][0][1].__setitem__(0, 2**31), "32-bit"),
         (lambda v: v["steps"][0]["segments"][0][1].__setitem__(0, True), "whole numbers"),
         (lambda v: v["steps"][2]["start_counts"].__setitem__(0, 7), "'there' ends at"),
@@ -138,3 +147,18 @@ def test_a_missing_file_and_a_folder_are_told(tmp_path: Path) -> None:
 
 def test_plans_are_values() -> None:
     assert copy.deepcopy(_plan()) == _plan()
+
+
+def test_the_least_of_the_segments_is_the_moves_but_for_rounding(tmp_path: Path) -> None:
+    def read(clearance: float, least: float) -> Plan:
+        def change(value: dict[str, Any]) -> None:
+            value["steps"][0].update(clearance=clearance, clearances=[1e9, least])
+
+        (tmp_path / "plan.json").write_text(_damaged(change))
+        return read_plan(tmp_path / "plan.json")
+
+    for clearance, least in ((0.0, 0.0), (0.0, ROUNDING), (0.02, 0.02)):
+        assert next(read(clearance, least).moves).clearance == clearance
+    for clearance, least in ((0.0, 1.01 * ROUNDING), (0.02, 0.02 - 1e-12)):
+        with pytest.raises(FileInputError, match=r"steps\[0\]\.clearances"):
+            read(clearance, least)

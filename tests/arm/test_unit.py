@@ -8,7 +8,7 @@ import pytest
 
 from arm.errors import FileInputError, InputError
 from arm.files import data_file
-from arm.unit import UNITS, load_unit
+from arm.unit import UNITS, Limits, Unit, load_unit
 
 
 def test_counts_per_degree() -> None:
@@ -128,3 +128,34 @@ def test_a_value_of_another_type_is_told_in_one_line(tmp_path: Path, key: str, w
     (tmp_path / "mine.toml").write_text(changed)
     with pytest.raises(FileInputError, match=rf"mine\.toml: (\w+\.)?{key} = .*: must (be|name) "):
         load_unit(tmp_path / "mine.toml")
+
+
+def test_limits_are_checked_and_cannot_be_changed() -> None:
+    given = {"lower": [-1.0, 0.0], "upper": [1.0, 0.0], "velocity": [1, 2], "acceleration": [3.0, 4.0]}
+    limits = Limits(**given)
+    for key, value in given.items():
+        found = getattr(limits, key)
+        assert found.tolist() == value
+        assert isinstance(found, np.ndarray)
+        assert not found.flags.writeable
+    with pytest.raises(InputError, match=r"lower\[1\] = 0\.1 is above upper\[1\] = 0"):
+        Limits(**{**given, "lower": [-1.0, 0.1]})
+
+
+@pytest.mark.parametrize("key", ["open_adc", "closed_adc"])
+def test_positions_of_the_jaws_are_those_of_the_converter(tmp_path: Path, key: str) -> None:
+    text = data_file("urdf/a465/crs93.toml").read_text()
+
+    def read(value: int) -> Unit:
+        (tmp_path / "mine.toml").write_text(
+            re.sub(rf"^{key} = \d+", f"{key} = {value}", text, flags=re.MULTILINE)
+        )
+        return load_unit(tmp_path / "mine.toml")
+
+    for value in (0, 4095):
+        assert getattr(read(value).gripper, key) == value
+    for value in (-1, 4096):
+        with pytest.raises(
+            FileInputError, match=rf"gripper\.{key} = {value}: must be a whole number from 0 to 4095"
+        ):
+            read(value)

@@ -337,3 +337,30 @@ def test_a_cube_that_was_set_down_stands_there_from_then_on(plan: Plan, scene: S
     retract = [m for m in plan.moves if m.role == "retract"][-1]
     assert retract.clearance < 0.012  # it is the placed cube that is near: the palm is just above it
     assert any(name == transfer.cube for name in retract.closest)
+
+
+def test_a_line_that_leads_aside_and_back_is_none(plan: Plan, scene: Scene) -> None:
+    """It ends where it should; in its middle it is 0.2 mm aside, turned by less than a line may be."""
+    down = next(m for m in plan.moves if m.role == "approach")
+    segments, half = list(down.path.segments), len(down.path.segments) // 2
+    more = max(1, round(np.radians(0.03) * abs(UNIT.counts_per_rad[0]) / half))
+    for k, sign in [(k, 1) for k in range(half)] + [(k, -1) for k in range(half, 2 * half)]:
+        first, *rest = segments[k].coefficients
+        segments[k] = Segment(segments[k].duration_ms, ((first[0] + sign * more, *first[1:]), *rest))
+    aside = replace(down, path=CountPath(down.path.start, tuple(segments)))
+    assert aside.path.end == down.path.end
+    with pytest.raises(ImpossibleError, match="is no line") as found:
+        _require_line(aside, scene, UNIT, 0.1)
+    assert found.value.data["aside_m"] > 1e-4
+    assert found.value.data["turned"] < np.radians(0.05)
+    assert found.value.data["past_m"] < 1e-4
+
+
+def test_a_move_that_is_not_certified_is_refused_where_clearance_is_asked_for(
+    plan: Plan, scene: Scene
+) -> None:
+    for role in ("transit", "approach"):
+        unproved = _changed(plan, role, lambda move: replace(move, certified=False))
+        assert len(replay(unproved, scene, UNIT, LIMITS)) == len(list(plan.moves))
+        with pytest.raises(ImpossibleError, match="of clearance, unproved"):
+            replay(unproved, scene, UNIT, LIMITS, ASKED)
