@@ -26,7 +26,7 @@ th { color:var(--muted); font-weight:500 }
 td.t,th.t { text-align:left }
 svg { width:100%; height:auto; display:block } svg text { fill:var(--muted); font-size:13px } figure { margin:0 }
 img { max-width:100%; display:block; border-radius:8px }
-.looks { display:grid; grid-template-columns:repeat(auto-fill, minmax(min(100%, 420px), 1fr)); gap:16px }
+.looks { display:grid; grid-template-columns:repeat(auto-fill, minmax(min(100%, 640px), 1fr)); gap:16px }
 details { margin-top:8px } summary { cursor:pointer; color:var(--muted) } a { color:var(--blue) }
 .frame { fill:none; stroke:var(--line) } ul { margin:4px 0; padding-left:20px } .out td { color:var(--muted) }
 """

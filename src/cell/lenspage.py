@@ -15,6 +15,7 @@ from calib.work_points import COLUMNS, LAYERS, ROWS
 from cell.htmlparts import bullets, page, section, table
 
 ARROWS = 0.02  # length of the median residual's arrow, in image widths
+LABEL = 0.036  # size of the numbers of views, in image widths
 DEEP = 340  # height of the drawing of the targets
 
 
@@ -194,7 +195,9 @@ def _next(c: CameraCalibration) -> str:
         return '<p class="muted">Not known before the views are tilted.</p>'
     width, height = c.camera.size
     lines = np.array([[0, 0, 0], [c.target.size[0], 0, 0], [*c.target.size, 0], [0, c.target.size[1], 0]])
-    shapes = []
+    shapes: list[str] = []
+    labels: list[Array] = []
+    size = LABEL * width
     for number, view in enumerate(c.next, start=1):
         pixels = c.camera.project(
             _along(lines) @ view.T_camera_target[:3, :3].T + view.T_camera_target[:3, 3]
@@ -202,10 +205,14 @@ def _next(c: CameraCalibration) -> str:
         if not np.isfinite(pixels).all():
             continue
         path = "L".join(f"{u:.0f} {v:.0f}" for u, v in pixels)
-        u, v = pixels.mean(axis=0)
+        label = pixels.mean(axis=0)
+        while any(np.abs(label - other).max() < size for other in labels):
+            label = label + (size, 0.0)  # targets at one place, turned otherwise
+        labels.append(label)
+        u, v = label
         shapes.append(
             f'<path d="M{path}Z" fill="var(--blue)" fill-opacity="0.1" stroke="var(--blue)" stroke-width="5"/>'
-            f'<text x="{u:.0f}" y="{v:.0f}" style="font-size:70px;fill:var(--blue)">{number}</text>'
+            f'<text x="{u:.0f}" y="{v:.0f}" style="font-size:{size:.0f}px;fill:var(--blue)">{number}</text>'
         )
     items = "".join(f"<li>{escape(v.words)}: {100 * v.gain:.0f} % less error</li>" for v in c.next)
     return (

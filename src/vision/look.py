@@ -174,5 +174,5 @@ def annotated(image: Image, camera: Camera, seen: Look) -> Image:
         for hole, what in zip(hole_poses(board.pose), board.occupancy, strict=True):
             outline = camera.project_base(apply(hole.T_base_hole, mouth))
             pen.outline(outline, COLOURS[what.state])
-            pen.text(f"{hole.name} {what.state}", outline.mean(axis=0), COLOURS[what.state])
+            pen.text(f"{hole.name}\n{what.state}", outline.mean(axis=0), COLOURS[what.state])
     return picture

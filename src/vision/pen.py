@@ -10,6 +10,8 @@ from arm.se3 import Array
 from vision.frames import Image
 
 Colour = tuple[int, int, int]  # blue, green, red
+TEXT_HEIGHT = 1.0 / 64.0  # of capitals, in the picture's width: 10 px where a report shows it 640 px wide
+_CAPITALS = 21.5  # px, of OpenCV's font at scale 1
 SHIFT = 4  # fractional bits of OpenCV's drawing coordinates
 
 
@@ -43,13 +45,17 @@ class Pen:
             cv2.arrowedLine(self._picture, a, b, colour, self._width, cv2.LINE_AA, SHIFT, 0.15)
 
     def text(self, words: str, centre: Array, colour: Colour) -> None:
-        """Words centred at (2,) px, readable on any ground."""
+        """Lines of words centred at (2,) px, readable on any ground, also where the picture is shown small."""
         if self._fixed(centre) is None:
             return
-        scale = 0.35 * self._width
-        (width, height), _ = cv2.getTextSize(words, cv2.FONT_HERSHEY_SIMPLEX, scale, self._width)
-        place = (int(centre[0] - width / 2), int(centre[1] + height / 2))
-        for shade, thick in (((255, 255, 255), 3 * self._width), (colour, self._width)):
-            cv2.putText(
-                self._picture, words, place, cv2.FONT_HERSHEY_SIMPLEX, scale, shade, thick, cv2.LINE_AA
-            )
+        lines = words.split("\n")
+        height = TEXT_HEIGHT * self._picture.shape[1]
+        scale, thick = height / _CAPITALS, max(1, round(height / 9.0))
+        for number, line in enumerate(lines):
+            (width, _), _ = cv2.getTextSize(line, cv2.FONT_HERSHEY_SIMPLEX, scale, thick)
+            below = (number - (len(lines) - 1) / 2.0) * 1.6 * height
+            place = (int(centre[0] - width / 2), int(centre[1] + height / 2 + below))
+            for shade, wide in (((255, 255, 255), 3 * thick), (colour, thick)):
+                cv2.putText(
+                    self._picture, line, place, cv2.FONT_HERSHEY_SIMPLEX, scale, shade, wide, cv2.LINE_AA
+                )

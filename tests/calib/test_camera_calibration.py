@@ -1,5 +1,6 @@
 """Camera calibration from corners: what is found, what is left out, and what is refused, each with its reason."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -277,3 +278,18 @@ def test_a_lens_without_inverse_in_the_corners_is_a_verdict():
     page = lens_page(c, "middle")
     assert "the lens has no inverse there" in page
     assert "nan" not in page
+
+
+def test_views_to_take_at_one_place_have_labels_beside_each_other():
+    """1 and 2 over each other read 12."""
+    c = calibrate_camera(photos(taken(1)), CHARUCO, SIZE)
+    same = replace(c, next=(c.next[0], c.next[0], c.next[0]))
+    found = re.findall(
+        r'<text x="(\d+)" y="(\d+)" style="font-size:(\d+)px[^>]*>(\d)</text>', lens_page(same, "one")
+    )
+    assert [number for *_, number in found] == ["1", "2", "3"]
+    places = [(int(x), int(y)) for x, y, *_ in found]
+    size = int(found[0][2])
+    for a in range(3):
+        for b in range(a):
+            assert max(abs(p - q) for p, q in zip(places[a], places[b], strict=True)) >= size - 1

@@ -10,8 +10,8 @@ from arm.errors import CalibrationRefused
 from arm.se3 import frozen
 from arm_sets import TARGETS, draw_truth, recorded, spoilt, wide
 from calib.chain_calibration import ChainLimits, chi2_limit
-from calib.chain_suspects import sudden_change
-from calib.chain_verdict import describe
+from calib.chain_suspects import ChainSuspect, sudden_change
+from calib.chain_verdict import describe, judged
 from calib.hand_eye import calibrate_hand_eye
 from recorded_faults import FAULTS
 
@@ -80,6 +80,22 @@ def test_a_change_is_told_from_wrong_images_that_are_strewn():
     assert sudden_change(wrong) == 23
     for seed in range(200):
         assert sudden_change(np.random.default_rng(seed).random(40) < 0.3) is None
+
+
+def test_a_sudden_change_is_a_reason_of_its_own():
+    """Whatever else fits: one half of the images was left out as wrong."""
+    rng = np.random.default_rng(5)
+    truth = draw_truth(rng)
+    c = calibrate_hand_eye(recorded(truth, wide(truth, TARGETS["marker"], 12, rng), "marker", rng)).chain
+    assert c.accepted
+    changed = judged(replace(c, change=7), lambda name, value: f"{name} {value}")
+    assert changed.reasons == ("images from number 7 on do not fit those before them",)
+    moved = ChainSuspect("camera moved", 1e-3, 1e-5, "m", 900.0, 10.0, 1e-3, 7)
+    named = judged(replace(c, change=7, suspects=(moved,)), lambda name, value: f"{name} {value}")
+    assert len(named.reasons) == 1
+    assert (
+        "before them: most likely that the camera moved by about 1.00 mm before image 7" in named.reasons[0]
+    )
 
 
 def test_each_limit_refuses_and_says_its_figure():

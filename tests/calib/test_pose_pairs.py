@@ -14,7 +14,7 @@ from calib.motion_axes import motion_axes, refuse_parallel_axes
 from calib.pose_pair_fit import Closed, _Likelihood, fit_pairs, inverses, moved
 from calib.pose_pairs import PosePairs, calibrate_pose_pairs
 from calib.pose_scatter import Covariances, Scatter
-from calib.robot_world_start import closed_form
+from calib.robot_world_start import closed_form, start_robot_world
 
 HELD = transform(rotation([0.2, -0.3, 0.8]), (0.03, -0.02, 0.08))
 STANDING = transform(rotation([3.0, 0.3, 0.2]), (0.5, 0.1, 0.9))
@@ -290,6 +290,44 @@ def test_pairs_that_do_not_belong_together_are_refused():
     ) as refused:
         calibrate_pose_pairs(PosePairs(pairs.T_base_gripper, np.roll(pairs.T_camera_target, 3, axis=0)))
     assert refused.value.data["reason"] == "no_consensus"
+
+
+@pytest.mark.parametrize(
+    ("count", "agree", "refused"), [(20, 7, True), (20, 8, False), (6, 3, True), (6, 4, False)]
+)
+def test_less_than_two_fifths_or_four_that_agree_are_no_consensus(monkeypatch, count, agree, refused):
+    """However the start came by them: most of what was taken says otherwise."""
+    pairs = drawn(7, count)
+
+    def start(A, C, seed):
+        found = start_robot_world(A, C, seed)
+        return found._replace(inliers=found.inliers & (np.arange(len(A)) < agree))
+
+    monkeypatch.setattr("calib.pose_pairs.start_robot_world", start)
+    if refused:
+        with pytest.raises(
+            CalibrationRefused, match=f"{agree} of {count} pairs of poses agree .* 40 % must"
+        ) as told:
+            calibrate_pose_pairs(pairs)
+        assert told.value.data["reason"] == "no_consensus"
+    else:
+        assert calibrate_pose_pairs(pairs).used.any()
+
+
+def test_wrong_pairs_do_not_lend_their_axes_to_the_right_ones():
+    """All pairs together turn about many axes, those that are right about one: nothing tells the shift along it."""
+    R, _ = cone(1, 0, (15, 30))
+    rng = np.random.default_rng(1)
+    said = np.tile(np.eye(4), (26, 1, 1))
+    said[:20, :3, :3], said[:, :3, 3] = R, rng.uniform(-0.2, 0.2, (26, 3))
+    said[20:, :3, :3] = Rotation.random(6, random_state=5).as_matrix()
+    seen = twisted(rng, inverse(STANDING) @ said @ HELD, 1e-3, 1e-3)
+    seen[20:, :3, 3] = rng.uniform(-0.5, 0.5, (6, 3))
+    seen[20:, :3, :3] = Rotation.random(6, random_state=6).as_matrix()
+    refuse_parallel_axes(said[:, :3, :3])
+    with pytest.raises(CalibrationRefused, match="turned about one axis only") as told:
+        calibrate_pose_pairs(PosePairs(said, seen))
+    assert told.value.data["reason"] == "parallel_axes"
 
 
 def test_frames_without_a_target_are_left_out_and_the_rest_is_the_same():
