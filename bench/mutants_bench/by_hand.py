@@ -42,7 +42,7 @@ _ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
     (
         "checking-start",
         _C,
-        "    if max(map(abs, off)) > POSITION_TOLERANCE:\n",
+        "    if max(map(abs, off)) > unit.rest_tolerance:\n",
         "    if False:\n",
         "a plan may start anywhere",
         _CHECKING + ("cell/test_refused_plans.py",),

@@ -21,6 +21,8 @@ from arm.toml_table import TomlTable
 
 Counts = npt.NDArray[np.int64]
 UNITS = ("crs93", "crs97")
+MOST_REST_TOLERANCE = 500  # counts, 0.45 to 0.9 deg
+REST_TOLERANCE = 25  # counts of static error seen on real units after a move (0.023 to 0.045 deg)
 
 
 @dataclass(frozen=True)
@@ -129,6 +131,7 @@ class Unit:
         soft_home: configuration after homing, (6,) rad.
         gripper: the gripper's axis.
         digest: SHA-256 of the file.
+        rest_tolerance: counts by which any axis may be at rest from where it was sent.
     """
 
     name: str
@@ -147,6 +150,7 @@ class Unit:
     soft_home: Array
     gripper: GripperAxis
     digest: str
+    rest_tolerance: int = REST_TOLERANCE
 
     def counts(self, q: npt.ArrayLike) -> Counts:
         """Encoder counts nearest to joint positions (..., 6) in rad."""
@@ -269,6 +273,7 @@ def _read_unit(path: Path) -> Unit:
     sheet = np.radians(limits.numbers("data_sheet_deg", 6, "deg", 1, 360))
     margin = np.radians(limits.number("margin_deg", "deg", 0, 30))
     velocity_cap = frozen(np.radians(limits.numbers("data_sheet_deg_s", 6, "deg/s", 1, 1000)))
+    rest_tolerance = limits.integer("rest_tolerance_counts", 1, MOST_REST_TOLERANCE, default=REST_TOLERANCE)
     limits.finish()
     encoder_lower, encoder_upper = (bounds - at_zero) / counts_per_rad
     lower = frozen(np.maximum(encoder_lower, -sheet) + margin)
@@ -337,4 +342,5 @@ def _read_unit(path: Path) -> Unit:
         soft_home=soft_home,
         gripper=gripper_axis,
         digest=sha256(read_bytes(path, "TOML")),
+        rest_tolerance=rest_tolerance,
     )

@@ -7,12 +7,6 @@ told to by the unit's name (`Consent`).
 
 from __future__ import annotations
 
-import contextlib
-import os
-import select
-import sys
-import termios
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -21,15 +15,14 @@ import numpy as np
 from arm.errors import InputError
 from arm.planfile import Plan, read_plan
 from cell.armshape import arm_shape
+from cell.asking import asked, at_terminal, typed
 from cell.console import Console
 from cell.overview import overview
 from cell.taskrun import TaskRun
-from driver.refusals import POSITION_TOLERANCE
+from driver.refusals import is_unhomed
 
-TRIES = 3
-LONGEST = 20_000  # bytes of a line; a terminal gives no longer one
-WAIT_S = 600.0  # for a person to type
 ABOUT_GOING_ON = "nothing is homed: it goes on from where the arm stands; keep clear"
+ABOUT_KEPT = "nothing is homed, as --homed says; keep clear"
 ABOUT_HOMING = "first the controller homes the arm: every axis moves, and nothing checks its way; keep clear"
 
 
@@ -57,7 +50,7 @@ class Approval:
     ) -> None:
         self.plan_file, self.plan, self.console = plan_file, read_plan(plan_file), console
         self.resumes = resumes
-        self._answer = answer or _typed
+        self._answer = answer or typed
         self._known = code is not None
         if code is not None and not self._is_right(code):
             raise InputError(
@@ -65,7 +58,7 @@ class Approval:
                 option="--yes",
                 value=code,
             )
-        if code is None and answer is None and not _at_terminal():
+        if code is None and answer is None and not at_terminal():
             raise InputError(
                 f"nobody is there to confirm {plan_file} on a real arm: give --yes CODE, the code that its preview "
                 f"shows; {self._where()}",
@@ -98,8 +91,8 @@ class Approval:
         self._tell(run)
         if self._known:
             return
-        asked = f"the code that the preview of this plan shows ({self._where()}):"
-        if not _asked(self.console, asked, "the code of this plan", self._is_right, self._answer):
+        question = f"the code that the preview of this plan shows ({self._where()}):"
+        if not asked(self.console, question, "the code of this plan", self._is_right, self._answer):
             raise InputError(
                 f"{self.plan_file}: was not confirmed with the code of its preview; nothing moved",
                 option="--yes",
@@ -142,7 +135,7 @@ class Approval:
         )
         say(arm_shape(cell))
         say(f"the arm: {_place(run)}")
-        say(ABOUT_GOING_ON if self.resumes else ABOUT_HOMING)
+        say(ABOUT_GOING_ON if self.resumes else ABOUT_KEPT if run.homed_before else ABOUT_HOMING)
 
 
 class Consent:
@@ -163,7 +156,7 @@ class Consent:
         Raises:
             InputError: nobody did; nothing moved.
         """
-        if not self.said and self._answer is None and not _at_terminal():
+        if not self.said and self._answer is None and not at_terminal():
             raise InputError(
                 "nobody is there to let a real arm move by plans that nobody has seen: give --unseen, or look, plan, "
                 "preview and execute, each a command",
@@ -174,16 +167,16 @@ class Consent:
             f"this moves the real arm, {name}, by plans that are made on the way: certified, but seen by nobody before"
         )
         say(f"speed: {100 * run.speed:.0f} % of the cell file's registers; the arm: {_place(run)}")
-        say(ABOUT_HOMING)
+        say(ABOUT_KEPT if run.homed_before else ABOUT_HOMING)
         if self.said:
             return
-        asked = f"type {name} to let it move:"
-        if not _asked(
+        question = f"type {name} to let it move:"
+        if not asked(
             self.console,
-            asked,
+            question,
             name,
             _same_name(name),
-            self._answer or _typed,
+            self._answer or typed,
         ):
             raise InputError("nobody let the arm move; nothing moved", option="--unseen")
 
@@ -192,31 +185,10 @@ def _same_name(name: str) -> Callable[[str], bool]:
     return lambda typed: typed.lower() == name.lower()
 
 
-def _asked(
-    console: Console,
-    asked: str,
-    wanted: str,
-    is_right: Callable[[str], bool],
-    answer: Callable[[], str | None],
-) -> bool:
-    """Whether what was asked for was typed in one of `TRIES` tries."""
-    for left in reversed(range(TRIES)):
-        _forget_what_was_typed()
-        console.say(asked)
-        typed = answer()
-        if typed is None:
-            return False
-        if is_right(typed):
-            return True
-        if left:
-            console.say(f"that is not {wanted}; {left} more {'try' if left == 1 else 'tries'}")
-    return False
-
-
 def _place(run: TaskRun) -> str:
     """Where the arm is, by its counters."""
     counters = run.connection.mars.counters()
-    if max(abs(c) for c in counters) <= POSITION_TOLERANCE:
+    if is_unhomed(run.task.cell.unit, counters):
         return "not homed since it was switched on, so its place is not known"
     degrees = ", ".join(
         f"{d:.0f}" for d in np.round(np.degrees(run.task.cell.unit.positions(counters))) + 0.0
@@ -232,33 +204,3 @@ def require_a_port(option: str, given: bool, port: str | None) -> None:
     """
     if given and port is None:
         raise InputError(f"{option} goes with --port: the simulated cell asks for nothing", option=option)
-
-
-def _at_terminal() -> bool:
-    """Whether a person can answer: a terminal, and the program in its foreground."""
-    if sys.stdin is None or not sys.stdin.isatty():
-        return False
-    with contextlib.suppress(OSError):
-        return os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
-    return False
-
-
-def _forget_what_was_typed() -> None:
-    """What was typed before a question is no answer to it."""
-    with contextlib.suppress(OSError, ValueError, termios.error):
-        termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
-
-
-def _typed() -> str | None:
-    """A whole line from the terminal; None if none came in time, or the terminal is gone."""
-    line, over = b"", time.monotonic() + WAIT_S
-    try:
-        while not line.endswith(b"\n"):
-            ready, _, _ = select.select([sys.stdin], [], [], max(over - time.monotonic(), 0.0))
-            more = os.read(sys.stdin.fileno(), 4096) if ready else b""
-            if not more or len(line) > LONGEST:
-                return None
-            line += more
-    except OSError:
-        return None
-    return line.decode(errors="replace").strip()

@@ -21,7 +21,7 @@ from arm.outfit import padded
 from arm.robot import Robot
 from arm.se3 import Array, frozen, transform
 from arm.toml_table import TomlTable
-from arm.unit import UNITS, Limits, Unit, load_unit
+from arm.unit import MOST_REST_TOLERANCE, UNITS, Limits, Unit, load_unit
 from cell.boardkeys import DICTIONARIES, read_board_limits, read_tilts
 from cell.bodytable import read_body
 from cell.cellcamera import CellCamera, read_cell_camera
@@ -192,6 +192,10 @@ def read_cell(path: Path, uncalibrated: Callable[[InputError], None] | None = No
     cube = root.table("cube")
 
     nominal_unit, nominal_camera = with_force(load_unit(unit_name), tool), read_camera(camera_file)
+    rest = motion.integer(
+        "rest_tolerance_counts", 1, MOST_REST_TOLERANCE, default=nominal_unit.rest_tolerance
+    )
+    nominal_unit = replace(nominal_unit, rest_tolerance=rest)
     cube_size = cube.number("size_mm", "mm", 5, 80) / 1e3
     calibration = None
     try:

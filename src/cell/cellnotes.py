@@ -156,7 +156,9 @@ CELL: Notes = {
         "command: begin with --speed 0.1 on a real arm."
     ),
     "motion.approach_mm_s": "Speed of the finger tips into and out of a hole, at speed 1.",
-    "motion.*": """# velocity_fraction = 0.9            # of the limits that motion is planned for; the rest is for
+    "motion.*": """# rest_tolerance_counts = 25         # by which an axis may rest from where it was sent; at more
+# a run stops, and tells what was read. One public recording has 93 to 220 on J1. In no certificate
+# velocity_fraction = 0.9            # of the limits that motion is planned for; the rest is for
 # acceleration_fraction = 0.5        # rounding, and for what the controller adds where segments join
 # least_clearance_mm = 5.0           # that clearance_mm may be; less is told wherever a plan is shown
 # jerk_time_s = 0.0                  # s in which an acceleration builds up; the arm then rests at every corner

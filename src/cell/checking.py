@@ -22,7 +22,6 @@ from cell.lookfile import Seen
 from cell.planning import options_of, pose_list_options, provenance
 from cell.scenery import T_base_cube_on_table, build_scene, cube_name
 from cell.taskfile import Task
-from driver.refusals import POSITION_TOLERANCE
 from plan.replay import Asked, ReplayedMove, replay
 from plan.scene import Scene, scene_from_json
 from plan.shape import require_shape
@@ -146,12 +145,12 @@ def require_start_at(task: Task, plan: Plan) -> None:
     unit = task.cell.unit
     begin, q_start = next(plan.moves).path.start, unit.counts(task.cell.q_start)
     off = [int(b - c) for b, c in zip(begin, q_start, strict=True)]
-    if max(map(abs, off)) > POSITION_TOLERANCE:
+    if max(map(abs, off)) > unit.rest_tolerance:
         degrees = np.degrees(unit.positions(begin) - task.cell.q_start)
         shown = ", ".join(
             f"{axis} {counts:+d} counts ({turn:+.2f} deg)"
             for axis, counts, turn in zip(unit.axes, off, degrees, strict=True)
-            if abs(counts) > POSITION_TOLERANCE
+            if abs(counts) > unit.rest_tolerance
         )
         raise ImpossibleError(
             f"the plan starts elsewhere than at the cell's q_start: off by {shown}; plan again, "

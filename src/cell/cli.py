@@ -15,6 +15,8 @@ from cell.cli_calibrate import app as calibrate_app
 from cell.cli_options import (
     Advice,
     Camera,
+    Free,
+    Homed,
     Images,
     Json,
     LiveFlag,
@@ -84,6 +86,8 @@ def run(
     ] = None,
     advice: Advice = True,
     unseen: Unseen = False,
+    homed: Homed = False,
+    free: Free = False,
     live: LiveFlag = False,
     live_port: LivePort = None,
     as_json: Json = False,
@@ -92,11 +96,14 @@ def run(
     with console.doing("beginning"):
         from cell.approval import Consent, require_a_port
         from cell.connection import WhichCell
+        from cell.homed import before_homing
         from cell.run import run_task
 
     require_a_port("--unseen", unseen, port)
-    confirm = None if port is None else Consent(unseen, console)
-    where = WhichCell(port, world, images, camera, speed, time_scale)
+    require_a_port("--homed", homed, port)
+    require_a_port("--free", free, port)
+    confirm = None if port is None else before_homing(Consent(unseen, console), port, homed, free, console)
+    where = WhichCell(port, world, images, camera, speed, time_scale, homed)
     with _watched(console, live, live_port) as watcher:
         _finish(console, run_task(task, console, where, output, advice, confirm, watcher))
 
@@ -298,6 +305,8 @@ def execute(
             "--yes", help="With --port: the code that the plan's preview shows; else it is asked for."
         ),
     ] = None,
+    homed: Homed = False,
+    free: Free = False,
     live: LiveFlag = False,
     live_port: LivePort = None,
     as_json: Json = False,
@@ -306,11 +315,17 @@ def execute(
     with console.doing("beginning"):
         from cell.approval import Approval, require_a_port
         from cell.connection import WhichCell
+        from cell.homed import before_homing
         from cell.run import execute_plan, resume_plan
 
     require_a_port("--yes", yes is not None, port)
-    confirm = None if port is None else Approval(plan, yes, console, resumes=resume)
-    where = WhichCell(port, world, images, camera, speed, time_scale)
+    require_a_port("--homed", homed, port)
+    require_a_port("--free", free, port)
+    confirm = None
+    if port is not None:
+        approval = Approval(plan, yes, console, resumes=resume)
+        confirm = before_homing(approval, port, homed or resume, free, console)
+    where = WhichCell(port, world, images, camera, speed, time_scale, homed)
     with _watched(console, live, live_port) as watcher:
         do = resume_plan if resume else execute_plan
         _finish(console, do(plan, task, console, where, None, confirm, watcher))

@@ -165,6 +165,17 @@ def calibrate_hand_eye(
             "--unseen", help="With --port: move by plans that nobody has seen; else it is asked for."
         ),
     ] = False,
+    homed: Annotated[
+        bool,
+        typer.Option(
+            "--homed",
+            help="With --port: the unit was homed since power-up; it is checked, and not homed anew.",
+        ),
+    ] = False,
+    free: Annotated[
+        bool,
+        typer.Option("--free", help="With --port: nothing stands where homing goes; else it is asked for."),
+    ] = False,
     folder: Annotated[
         Path | None, typer.Option("--folder", help="With --collect: for plans and the wire log.")
     ] = None,
@@ -188,12 +199,17 @@ def calibrate_hand_eye(
         from cell.collecting import CollectOptions
         from cell.collectstep import CollectFiles, collect_step
         from cell.connection import WhichCell
+        from cell.homed import before_homing
 
         require_a_port("--unseen", unseen, port)
-        confirm = None if port is None else Consent(unseen, console)
+        require_a_port("--homed", homed, port)
+        require_a_port("--free", free, port)
+        confirm = (
+            None if port is None else before_homing(Consent(unseen, console), port, homed, free, console)
+        )
         hand = target or data_file("scenes/targets/hand.toml")
         files = CollectFiles(data, collect, hand, output, report, apply, folder)
-        where = WhichCell(port, world, images, camera, speed, time_scale)
+        where = WhichCell(port, world, images, camera, speed, time_scale, homed)
         options = CollectOptions.of(poses, seed, recipe)
         result = collect_step(files, options, limit_mm, where, console, encoder_step_deg, confirm)
     else:
@@ -209,6 +225,8 @@ def calibrate_hand_eye(
             speed=speed,
             time_scale=time_scale,
             unseen=unseen or None,
+            homed=homed or None,
+            free=free or None,
             folder=folder,
             apply=apply or None,
         )

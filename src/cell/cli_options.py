@@ -65,6 +65,15 @@ Unseen = Annotated[
         "--unseen", help="With --port: move by plans that nobody has seen before; else it is asked for."
     ),
 ]
+Homed = Annotated[
+    bool,
+    typer.Option(
+        "--homed", help="With --port: the unit was homed since power-up; it is checked, and not homed anew."
+    ),
+]
+Free = Annotated[
+    bool, typer.Option("--free", help="With --port: nothing stands where homing goes; else it is asked for.")
+]
 
 
 def refuse(message: str) -> None:

@@ -21,6 +21,7 @@ from cell.console import Console
 from cell.handposes import HandView, hand_pool, nearest_order
 from cell.handrecipe import recipe_poses
 from cell.handrecord import HandRecord
+from cell.homed import keep_home
 from cell.planning import options_of, provenance
 from cell.scenery import unseen_scene
 from cell.taskrun import TaskRun
@@ -149,13 +150,16 @@ class Collector:
         self.finder = TargetFinder(record.hand.target)
 
     def take_into_use(self) -> None:
-        """Home the arm. The jaws stay as they are: they may hold the plate."""
+        """Home the arm, unless it was and is. The jaws stay as they are: they may hold the plate."""
         mars, cell = self.run.connection.mars, self.run.task.cell
-        self.console.step(
-            "homing: the controller moves every axis, nothing checks its way; the jaws stay as they are, the plate "
-            "must be firm in the hand"
-        )
-        mars.initialise(home=True, soft_home=False)
+        if self.run.homed_before:
+            keep_home(self.run, jaws_too=False)
+        else:
+            self.console.step(
+                "homing: the controller moves every axis, nothing checks its way; the jaws stay as they are, the plate "
+                "must be firm in the hand"
+            )
+            mars.initialise(home=True, soft_home=False)
         mars.set_registers(cell.speed_registers, cell.acceleration_registers)
         self.run.homed = True
 

@@ -44,6 +44,7 @@ class WhichCell:
         images, camera: where the real one's photographs come from; None: the cell file's camera.
         speed: share of what the registers allow (`cell.speed`); None: the cell file's, of a plan file its own.
         time_scale: most controller seconds per wall second of the simulated cell; None: `TIME_SCALE`.
+        homed: the unit was homed before and kept its positions; it is not homed anew.
     """
 
     port: str | None = None
@@ -52,6 +53,7 @@ class WhichCell:
     camera: str | None = None
     speed: float | None = None
     time_scale: float | None = None
+    homed: bool = False
 
 
 @dataclass(frozen=True)

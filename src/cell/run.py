@@ -65,6 +65,7 @@ def run_task(
             return run.report()
         run.take_into_use()
         run.go_to_start(before)
+        run.after_homing()
         seen = run.look("from q_start")
         run.check_reach(seen)
         run.move_cubes(seen)
@@ -112,6 +113,7 @@ def execute_plan(
             require_scene(task.cell, plan, before)
         run.take_into_use()
         run.go_to_start(before)
+        run.after_homing()
         seen = run.look("from q_start")
         require_scene(task.cell, plan, seen)
         run.keep(plan, "plan")
@@ -195,6 +197,7 @@ def opened(
     ):
         control.tell = console.step
         run = TaskRun(task, connection, console, speed, folder, control, watcher=watcher)
+        run.homed_before = where.homed
         let_move = confirm is None
         try:
             run.introduce()

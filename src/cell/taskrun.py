@@ -19,6 +19,7 @@ from cell.connection import Connection
 from cell.console import Console
 from cell.explaining import explained
 from cell.holding import Held, grip_of
+from cell.homed import take_into_use
 from cell.lookfile import Seen
 from cell.looking import look_and_save
 from cell.pages import write_page
@@ -82,6 +83,8 @@ class TaskRun:
         self.remarks: list[str] = []
         self.followed: Path | None = None  # the plan file that is executed, once cubes are moved
         self.homed = False  # in this run: a stop can be gone on from
+        self.homed_before = False  # and stays so: nothing is homed
+        self.after_homing: Callable[[], None] = lambda: None
         self.advice = False  # whether a refusal to plan is followed by advice
         self._looks = count(1)
         self._let_go = LetGo(task)
@@ -162,21 +165,9 @@ class TaskRun:
         return True
 
     def take_into_use(self) -> None:
-        """Home the arm, open the jaws."""
-        mars = self.connection.mars
-        self.console.step(
-            "homing: the controller moves every axis, nothing checks its way; then the jaws open"
-        )
-        with self.console.doing("homing"):
-            mars.initialise(home=True, soft_home=False)  # the way from the marks is planned like any other
-        cell = self.task.cell
-        mars.set_registers(cell.speed_registers, cell.acceleration_registers)
-        if mars.gripper(0.0).stalled:
-            raise ExecutionStopped(
-                "the jaws do not open: something blocks them; the arm stands at its homing marks"
-            )
+        """Home the arm, unless it was and is; open the jaws."""
+        take_into_use(self)
         self.homed = True
-        self.console.step("homed, jaws open")
 
     def go_to_start(self, seen: Seen | None) -> None:
         """Go to q_start, around what was seen, or around all that may stand there."""

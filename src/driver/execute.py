@@ -20,7 +20,7 @@ from driver.gripper import GripperResult
 from driver.hold import hold_between_steps
 from driver.mars import Mars
 from driver.progress import Progress, Sent, StreamOptions
-from driver.refusals import POSITION_TOLERANCE
+from driver.refusals import off_by
 from driver.rest import farthest
 from driver.stream import stream
 
@@ -202,17 +202,13 @@ def require_start(mars: Mars, steps: Sequence[Step]) -> None:
     if first is None:
         return
     here, start = mars.settled_counts(), first.path.start
-    if farthest(here, start) <= POSITION_TOLERANCE:
+    if farthest(here, start) <= mars.unit.rest_tolerance:
         return
     off = [h - s for h, s in zip(here, start, strict=True)]
     off_deg = np.degrees(mars.unit.positions(here) - mars.unit.positions(start))
-    shown = ", ".join(
-        f"{axis} {counts:+d} ({degrees:+.2f} deg)"
-        for axis, counts, degrees in zip(mars.unit.axes, off, off_deg, strict=True)
-        if abs(counts) > POSITION_TOLERANCE
-    )
     raise ImpossibleError(
-        f"the arm is not where {first.name!r} starts: off by {shown}; at most {POSITION_TOLERANCE} counts are allowed; "
+        f"the arm is not where {first.name!r} starts: {off_by(mars.unit, here, start)}; at most "
+        f"{mars.unit.rest_tolerance} counts are allowed; "
         "plan again from where the arm is",
         counts=list(here),
         start=list(start),

@@ -11,7 +11,7 @@ from driver.control import Control
 from driver.link import NoAnswer
 from driver.mars import RELEASE_MARGIN_S, SETTLE_S, Mars
 from driver.ready import refuse_failure
-from driver.refusals import POSITION_TOLERANCE
+from driver.refusals import off_by
 from driver.rest import STILL_COUNTS, farthest
 
 POLL_S = 0.25
@@ -59,11 +59,12 @@ class Hold:
             if now > since + self.mars.link.patience(SETTLE_S):
                 raise NoAnswer(f"pause: the arm does not settle within {SETTLE_S:g} s", reason="settle")
             return
-        self._away = self._away + 1 if off > POSITION_TOLERANCE else 0
+        self._away = self._away + 1 if off > self.mars.unit.rest_tolerance else 0
         if self._away >= LOOKS:
+            unit = self.mars.unit
             raise ExecutionStopped(
-                f"pause: the arm is {off} counts from where it should stand, at most {POSITION_TOLERANCE} are "
-                "allowed: was it pushed?",
+                f"pause: the arm is {off} counts from where it should stand, at most {unit.rest_tolerance} are "
+                f"allowed ({off_by(unit, counts, place)}): was it pushed?",
                 counts=list(counts),
                 expected=list(place),
                 reason="displaced",

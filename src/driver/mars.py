@@ -25,7 +25,7 @@ from driver.manners import Manners
 from driver.port import Port
 from driver.protocol import Position, Status, encode, parse_integer
 from driver.ready import wait_ready
-from driver.refusals import POSITION_TOLERANCE, refuse_faults, refuse_outside, refuse_unhomed
+from driver.refusals import off_by, refuse_faults, refuse_outside, refuse_unhomed
 from driver.rest import SAMPLE_S, STILL_COUNTS, RestState, bring_to_rest, farthest, read_position, read_status
 from driver.wirelog import WireLog
 
@@ -247,7 +247,7 @@ class Mars:
         target = tuple(int(c) for c in counts)
         with self.guarded("anchor"):
             here = self.require_ready()
-        if farthest(here, target) > POSITION_TOLERANCE:
+        if farthest(here, target) > self.unit.rest_tolerance:
             raise ImpossibleError(
                 f"the arm is {farthest(here, target)} counts from {list(target)}: go there by a planned motion",
                 counts=list(here),
@@ -279,9 +279,10 @@ class Mars:
         """
         goal = tuple(int(c) for c in target)
         end = self.settled_counts()
-        if farthest(end, goal) > POSITION_TOLERANCE:
+        if farthest(end, goal) > self.unit.rest_tolerance:
             raise ExecutionStopped(
-                f"settled {farthest(end, goal)} counts from the target, at most {POSITION_TOLERANCE} are allowed",
+                f"settled {farthest(end, goal)} counts from the target, at most {self.unit.rest_tolerance} are allowed "
+                f"(rest_tolerance_counts): {off_by(self.unit, end, goal)}",
                 counts=list(end),
                 target=list(goal),
                 reason="position",
@@ -306,9 +307,10 @@ class Mars:
             why = " and ".join(status.faults()) or "it is still moving"
             raise ExecutionStopped(f"the arm cannot start: {why}", status=status.word, reason="fault")
         here = self.counts()
-        if self.reference is not None and farthest(here, self.reference) > POSITION_TOLERANCE:
+        if self.reference is not None and farthest(here, self.reference) > self.unit.rest_tolerance:
             raise ExecutionStopped(
-                f"the arm is {farthest(here, self.reference)} counts from where the last motion ended: "
+                f"the arm is {farthest(here, self.reference)} counts from where the last motion ended "
+                f"({off_by(self.unit, here, self.reference)}): "
                 "was it pushed, or the unit switched off? initialise it again",
                 counts=list(here),
                 expected=list(self.reference),

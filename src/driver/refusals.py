@@ -10,8 +10,6 @@ from arm.errors import ImpossibleError
 from arm.unit import Unit
 from driver.protocol import Status
 
-POSITION_TOLERANCE = 25  # counts of static error seen on real units after a move (0.023 to 0.045 deg)
-
 
 def refuse_faults(status: Status) -> None:
     """Refuse what forbids motion.
@@ -33,11 +31,26 @@ def refuse_unhomed(unit: Unit, counts: Sequence[int]) -> None:
     Raises:
         ImpossibleError: all about 0, as after power-up, or outside the limits.
     """
-    if max(abs(c) for c in counts) <= POSITION_TOLERANCE:
+    if is_unhomed(unit, counts):
         raise ImpossibleError(
             f"positions are {list(counts)}, as after power-up: the unit must be homed", counts=list(counts)
         )
     refuse_outside(unit, counts, "the arm stands at")
+
+
+def is_unhomed(unit: Unit, counts: Sequence[int]) -> bool:
+    """Whether counters stand as after power-up."""
+    return max(abs(c) for c in counts) <= unit.rest_tolerance
+
+
+def off_by(unit: Unit, here: Sequence[int], there: Sequence[int]) -> str:
+    """What was read, of each axis that is further from where it should be than the unit's tolerance at rest."""
+    off_deg = np.degrees(unit.positions(here) - unit.positions(there))
+    return ", ".join(
+        f"{axis} reads {h}, {h - t:+d} ({degrees:+.2f} deg)"
+        for axis, h, t, degrees in zip(unit.axes, here, there, off_deg, strict=True)
+        if abs(h - t) > unit.rest_tolerance
+    )
 
 
 def refuse_outside(unit: Unit, counts: Sequence[int], what: str) -> None:

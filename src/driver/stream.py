@@ -41,7 +41,6 @@ from driver.protocol import (
     parse_status,
 )
 from driver.ready import refuse_failure
-from driver.refusals import POSITION_TOLERANCE
 from driver.rest import farthest
 from driver.unittime import SLACK_S
 
@@ -91,9 +90,9 @@ def stream(
     with control.attached(mars.link):
         with mars.guarded("stream"):
             here = mars.require_ready()
-        if farthest(here, path.start) > POSITION_TOLERANCE:
+        if farthest(here, path.start) > mars.unit.rest_tolerance:
             raise ImpossibleError(
-                f"the path starts {farthest(here, path.start)} counts from the arm, at most {POSITION_TOLERANCE}",
+                f"the path starts {farthest(here, path.start)} counts from the arm, at most {mars.unit.rest_tolerance}",
                 counts=list(here),
                 start=list(path.start),
             )

@@ -17,13 +17,16 @@ import numpy as np
 import pytest
 
 import cell.approval
+import cell.asking
 import cell.run
 from arm.errors import InputError
 from arm.files import data_file
 from arm.planfile import Move, Plan, write_plan
 from arm.unit import load_unit
-from cell.approval import TRIES, Approval, Consent, overview
+from cell.approval import Approval, Consent
+from cell.asking import TRIES
 from cell.console import Console
+from cell.overview import overview
 from cell.preview.content import page_content
 from command_line import a465
 from driver.clock import Clock
@@ -100,6 +103,7 @@ def run(preview_case, tmp_path: Path) -> Iterator[Any]:
             control=Control(ceiling=0.5),
             connection=SimpleNamespace(mars=mars),
             wire=tmp_path / "wire.jsonl",
+            homed_before=False,
         )
 
 
@@ -132,7 +136,9 @@ def test_what_will_move_is_told_and_nothing_but_questions_is_sent(
     assert "nothing checks its way" in told
     assert plan.code not in told
     assert max(len(line) for line in told.splitlines() if re.match("joint|J[1-6]", line)) <= 80
-    others = [line for line in sent(run.wire) if not re.fullmatch(r"|ECHO:0|STAMP:\d+|VER\?|AP[A-F]\?", line)]
+    others = [
+        line for line in sent(run.wire) if not re.fullmatch(r"|ECHO:[01]|STAMP:\d+|VER\?|AP[A-F]\?", line)
+    ]
     assert others == []
 
 
@@ -199,7 +205,9 @@ def test_plans_that_nobody_has_seen_move_a_real_arm_by_its_name_alone(
     assert f"that is not {run.task.cell.unit.name}; 2 more tries" in asked[1]
     Consent(True, Console())(run)
     assert "seen by nobody before" in capsys.readouterr().out
-    others = [line for line in sent(run.wire) if not re.fullmatch(r"|ECHO:0|STAMP:\d+|VER\?|AP[A-F]\?", line)]
+    others = [
+        line for line in sent(run.wire) if not re.fullmatch(r"|ECHO:[01]|STAMP:\d+|VER\?|AP[A-F]\?", line)
+    ]
     assert others == []
 
 
@@ -259,9 +267,9 @@ def test_only_a_whole_line_that_was_typed_after_the_question_answers_it(
         console = Console()
         monkeypatch.setattr(console, "say", lambda text: os.write(master, then.encode()))
         right = cell.approval._same_name("crs93")
-        assert not cell.approval._asked(console, "?", "crs93", right, cell.approval._typed)
+        assert not cell.asking.asked(console, "?", "crs93", right, cell.asking.typed)
         monkeypatch.setattr(console, "say", lambda text: os.write(master, b"CRS93\n"))
-        assert cell.approval._asked(console, "?", "crs93", right, cell.approval._typed)
+        assert cell.asking.asked(console, "?", "crs93", right, cell.asking.typed)
     os.close(master)
 
 

@@ -19,6 +19,7 @@ from arm.files import data_file
 from arm.motion import CountPath
 from arm.planfile import Plan, read_plan
 from arm.se3 import Array, frozen, rotation, transform
+from arm.unit import REST_TOLERANCE
 from cell.boardshift import board_shift
 from cell.cellfile import read_cell
 from cell.checking import replayed, require_match, require_scene, require_start_at
@@ -27,7 +28,6 @@ from cell.planning import plan_rest
 from cell.scenery import board_bodies, build_scene
 from cell.taskfile import Task, read_task
 from command_line import a465, replace_in
-from driver.refusals import POSITION_TOLERANCE
 from plan.check import check_move
 from plan.replay import settings
 from plan.world import World
@@ -314,8 +314,8 @@ def test_a_plan_that_starts_elsewhere_is_refused_by_axis_and_counts(
         return replace(plan, steps=tuple(steps))
 
     axis = task.cell.unit.axes[joint]
-    for offset in (POSITION_TOLERANCE, -POSITION_TOLERANCE):
+    for offset in (REST_TOLERANCE, -REST_TOLERANCE):
         require_start_at(task, beginning(offset))
-    for offset in (POSITION_TOLERANCE + 1, -POSITION_TOLERANCE - 1):
+    for offset in (REST_TOLERANCE + 1, -REST_TOLERANCE - 1):
         with pytest.raises(ImpossibleError, match=re.escape(f"off by {axis} {offset:+d} counts")):
             require_start_at(task, beginning(offset))

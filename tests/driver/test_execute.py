@@ -79,7 +79,8 @@ def test_another_start_is_refused_with_the_difference(mars: Mars, fake: Any) -> 
     fake.counts = [SOFT_HOME[0] + 1111, SOFT_HOME[1], SOFT_HOME[2] - 26, *SOFT_HOME[3:]]
     fake.lines.clear()
     with pytest.raises(
-        ImpossibleError, match=r"off by A \+1111 \(\+1\.00 deg\), C -26 \(\+0\.02 deg\);"
+        ImpossibleError,
+        match=r"A reads -180539, \+1111 \(\+1\.00 deg\), C reads -12226, -26 \(\+0\.02 deg\);",
     ) as refused:
         execute(mars, steps())
     assert refused.value.data["off_counts"] == [1111, 0, -26, 0, 0, 0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -280,6 +281,18 @@ def test_an_end_elsewhere_is_told(mars: Mars, fake: Any) -> None:
     at_segment(fake, 10, lambda: fake.offset.__setitem__(2, 30))
     with pytest.raises(ExecutionStopped, match="settled 30 counts from the target"):
         stream(mars, wave(10))
+
+
+def test_the_tolerance_at_rest_is_the_units_and_what_was_read_is_told(mars: Mars, fake: Any) -> None:
+    usual = mars.unit
+    at_segment(fake, 10, lambda: fake.offset.__setitem__(2, 220))
+    mars.unit = replace(usual, rest_tolerance=250)
+    end = stream(mars, wave(10)).end_counts
+    assert end[2] - wave(10).end[2] == 220
+    mars.unit = usual
+    with pytest.raises(ExecutionStopped, match=r"at most 25|where the last motion ended") as stopped:
+        stream(mars, wave(10))
+    assert f"C reads {end[2]}, +220 (-0.20 deg)" in str(stopped.value)
 
 
 def test_an_interrupt_stops_the_stream(mars: Mars, fake: Any) -> None:

@@ -280,6 +280,8 @@ class Reader:
         elif camera:
             _set(words, "--camera", SERIAL)
             self._give_photographs()
+        if "--homed" in words:
+            words.remove("--homed")  # the emulated unit was just switched on
         if port and (words[0] == "run" or "--collect" in words) and "--unseen" not in words:
             words.append("--unseen")  # a terminal would ask
         if words[0] == "execute" and port:
@@ -326,7 +328,10 @@ class Reader:
         collects = "--collect" in words
         if (words[0] in ("run", "execute") or collects) and "--port" not in words:
             words += ["--time-scale", f"{FASTER:g}"]
-        if "--speed" in words:
+        if "--speed" in words and words[0] == "execute":  # which only lowers the plan's
+            place = words.index("--speed")
+            del words[place : place + 2]
+        elif "--speed" in words:
             _set(words, "--speed", f"{SPEED:g}")
         if collects and "--poses" not in words:
             words += ["--poses", str(POSES)]

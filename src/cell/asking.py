@@ -1,0 +1,68 @@
+"""Asking a person at the terminal before a real arm moves: only a whole line typed after the question answers it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import sys
+import termios
+import time
+from collections.abc import Callable
+
+from cell.console import Console
+
+TRIES = 3
+LONGEST = 20_000  # bytes of a line; a terminal gives no longer one
+WAIT_S = 600.0  # for a person to type
+
+
+def asked(
+    console: Console,
+    question: str,
+    wanted: str,
+    is_right: Callable[[str], bool],
+    answer: Callable[[], str | None],
+) -> bool:
+    """Whether what was asked for was typed in one of `TRIES` tries."""
+    for left in reversed(range(TRIES)):
+        _forget_what_wastyped()
+        console.say(question)
+        typed = answer()
+        if typed is None:
+            return False
+        if is_right(typed):
+            return True
+        if left:
+            console.say(f"that is not {wanted}; {left} more {'try' if left == 1 else 'tries'}")
+    return False
+
+
+def at_terminal() -> bool:
+    """Whether a person can answer: a terminal, and the program in its foreground."""
+    if sys.stdin is None or not sys.stdin.isatty():
+        return False
+    with contextlib.suppress(OSError):
+        return os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
+    return False
+
+
+def _forget_what_wastyped() -> None:
+    """What was typed before a question is no answer to it."""
+    with contextlib.suppress(OSError, ValueError, termios.error):
+        termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
+
+
+def typed() -> str | None:
+    """A whole line from the terminal; None if none came in time, or the terminal is gone."""
+    line, over = b"", time.monotonic() + WAIT_S
+    try:
+        while not line.endswith(b"\n"):
+            ready, _, _ = select.select([sys.stdin], [], [], max(over - time.monotonic(), 0.0))
+            more = os.read(sys.stdin.fileno(), 4096) if ready else b""
+            if not more or len(line) > LONGEST:
+                return None
+            line += more
+    except OSError:
+        return None
+    return line.decode(errors="replace").strip()
