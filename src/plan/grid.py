@@ -2,7 +2,7 @@
 
 Timing ends in whole counts, because only those can be sent, stored and proved to the bit. An arm without a `Unit` gets
 counts of 1 urad (1 um for sliding joints), far below what any arm repeats. Nothing made on them can be streamed.
-The same machine makes the same bytes; another kind of processor may differ in single counts.
+The same inputs make the same bytes.
 """
 
 from __future__ import annotations
