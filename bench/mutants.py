@@ -39,7 +39,10 @@ from mutants_bench.trial import GREEN, LATE, RED, ROOT, SKIPPED, Outcome, Trial
 from arm.files import sha256
 
 SAFETY = {
-    "driver": ("rest", "link", "stream", "mars", "hold", "homing", "gripper", "startup", "refusals", "ready"),
+    "driver": (
+        *("rest", "link", "stream", "mars", "hold", "homing", "gripper", "startup", "refusals", "ready"),
+        *("portlink", "echo", "feed", "lookahead", "pathwatch"),
+    ),
     "plan": ("check", "pieces", "volumes", "replay", "barrier", "world", "segments"),
     "cell": ("checking", "approval", "inputs", "resume"),
     "arm": ("unit", "planfile"),
