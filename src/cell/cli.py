@@ -14,8 +14,10 @@ from arm.errors import A465Error, ExecutionStopped, InputError
 from cell.cli_calibrate import app as calibrate_app
 from cell.cli_options import (
     Advice,
+    Budget,
     Camera,
     Free,
+    GiveUp,
     Homed,
     Images,
     Json,
@@ -180,13 +182,16 @@ def plan(
     output: Annotated[Path, typer.Option("-o", "--output", help="Plan file to write.")] = Path("plan.json"),
     speed: Speed = None,
     advice: Advice = True,
+    budget: Budget = None,
+    give_up: GiveUp = None,
     as_json: Json = False,
 ) -> None:
     console = Console(as_json)
     with console.doing("planning"):
+        from cell.budgeted import budget_of
         from cell.steps import plan_step
 
-        result = plan_step(task, look, output, speed, console, advice)
+        result = plan_step(task, look, output, speed, console, advice, budget_of(budget, give_up))
     console.result(result)
 
 
@@ -215,15 +220,19 @@ def plan_poses(
     lengths: Annotated[str, typer.Option("--lengths", help="Unit of places in poses: m or mm.")] = "m",
     speed: Speed = None,
     back: Annotated[bool, typer.Option("--back", help="Go back to q_start in the end.")] = False,
+    budget: Budget = None,
+    give_up: GiveUp = None,
     as_json: Json = False,
 ) -> None:
     console = Console(as_json)
     with console.doing("planning"):
+        from cell.budgeted import budget_of
         from cell.poselistfile import reading_of
         from cell.poseliststep import plan_poses_step
 
         reading = reading_of(frame, angles, lengths)
-        result = plan_poses_step(place, poses, look, output, reading, speed, back, console)
+        allowed = budget_of(budget, give_up)
+        result = plan_poses_step(place, poses, look, output, reading, speed, back, console, allowed)
     console.result(result)
 
 

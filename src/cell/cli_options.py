@@ -49,6 +49,21 @@ TimeScale = Annotated[
 Advice = Annotated[
     bool, typer.Option("--advice/--no-advice", help="After a refusal, try what would help, with the planner.")
 ]
+Budget = Annotated[
+    float | None,
+    typer.Option(
+        "--budget",
+        help="Seconds of effort that planning may cost, counted and not timed: the best complete plan by then is "
+        "taken, the same one each time.",
+        metavar="S",
+    ),
+]
+GiveUp = Annotated[
+    float | None,
+    typer.Option(
+        "--give-up", help="Seconds after which planning is refused; it changes no plan.", metavar="S"
+    ),
+]
 Output = Annotated[
     Path | None, typer.Option("-o", "--output", help="File to write; it replaces an older one.")
 ]

@@ -100,6 +100,7 @@ class _Planner:
         self.at = self.cell.unit.counts(self.cell.q_start)
         self.steps: list[Step] = []
         self.reached: list[tuple[str, Array]] = []
+        self.stopped: list[str] = []
 
     def plan(self, back: bool) -> Plan:
         places = _places(self.poses.entries)
@@ -124,6 +125,8 @@ class _Planner:
         }
         stated = provenance(self.task)
         stated["notes"]["poses"] = sha256(read_bytes(self.poses.file, "pose list"))
+        if self.stopped:
+            stated["notes"]["search"] = "; ".join(self.stopped)
         return plan_of(self.scene, self.steps, self.cell.unit, self.cell.limits, self.options, stated, task)
 
     def require(self, entry: Entry | None) -> None:
@@ -172,6 +175,8 @@ class _Planner:
             unit=self.cell.unit,
             options=self.options,
         )
+        if made.stopped:
+            self.stopped.append(made.stopped)
         by_name = {place.name: place for place in leg.through}
         end = "q_end" if leg.goal is None else leg.goal.name
         for step in made.steps:

@@ -7,6 +7,7 @@ from typing import Any
 
 from arm.files import keep_apart
 from arm.planfile import Move, write_plan
+from cell.budgeted import within
 from cell.console import Console
 from cell.lookfile import read_seen
 from cell.placefile import POSES, read_place
@@ -14,7 +15,8 @@ from cell.planning import require_above_table
 from cell.poselistfile import Reading, read_pose_list
 from cell.poselistplan import plan_pose_list
 from cell.speed import planning_speed, tool_words
-from cell.steps import warn_of_clearance
+from cell.steps import warn_of
+from plan.budget import SearchBudget
 
 
 def plan_poses_step(
@@ -26,6 +28,7 @@ def plan_poses_step(
     speed: float | None,
     back: bool,
     console: Console,
+    budget: SearchBudget | None = None,
 ) -> dict[str, Any]:
     """Plan from q_start through the whole list and write the plan file; what was planned, as JSON types.
 
@@ -50,7 +53,8 @@ def plan_poses_step(
         if task.kind != POSES:
             seen.require(task)
         require_above_table(task, seen)
-    plan = plan_pose_list(task, seen, poses, planning_speed(task.cell, speed), back)
+    with within(budget):
+        plan = plan_pose_list(task, seen, poses, planning_speed(task.cell, speed), back)
     write_plan(output, plan)
     console.table(
         ("step", "s", "mm", "closest"),
@@ -67,7 +71,7 @@ def plan_poses_step(
         f"{tool_words(plan, task.cell)}, "
         f"at least {least:.1f} mm clear of everything"
     )
-    warn_of_clearance(plan, console)
+    warn_of(plan, console)
     if seen is None:
         console.say("of table and walls alone: boards and cubes are not in this plan (--look FILE)")
     if any(entry.jaws for entry in poses.entries):
@@ -79,6 +83,7 @@ def plan_poses_step(
         "entries": len(poses.entries),
         "motion_s": plan.duration_s,
         "min_clearance_mm": least,
+        "stopped": plan.notes.get("search"),
         "boards": None if seen is None else [b.name for b in seen.boards],
         "poses": plan.task["poses"],
         "moves": [

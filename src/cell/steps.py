@@ -9,16 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from arm.errors import ImpossibleError, InputError
+from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.files import canonical_json, keep_apart, write_atomic
 from arm.planfile import Move, Plan, read_plan, write_plan
 from cell.armshape import arm_shape
+from cell.budgeted import within
 from cell.cellfile import Cell
 from cell.console import Console
 from cell.lookfile import Seen, read_seen, seen_to_json, tilt_words
 from cell.planning import plan_rest, reach_of, require_above_table
 from cell.speed import planning_speed, tool_words
 from cell.taskfile import Task, read_task
+from plan.budget import PlanningInterrupted, SearchBudget
 from plan.options import told_clearance
 
 if TYPE_CHECKING:
@@ -129,8 +131,13 @@ def plan_step(
     speed: float | None,
     console: Console,
     advice: bool = False,
+    budget: SearchBudget | None = None,
 ) -> dict[str, Any]:
-    """``a465 plan``: from q_start, all cubes that were seen."""
+    """``a465 plan``: from q_start, all cubes that were seen.
+
+    Raises:
+        ExecutionStopped: Ctrl-C was pressed, and the best plan that was complete by then is written.
+    """
     from cell.explaining import explained
 
     keep_apart(output, task_file, look_file)
@@ -138,12 +145,22 @@ def plan_step(
     seen = read_seen(look_file, task.cell.boards)
     seen.require(task)
     speed, q_start = planning_speed(task.cell, speed), task.cell.q_start
-    with explained(task, seen, q_start, speed, advice):
-        plan = plan_rest(task, seen, q_start, speed, {}, {})
+    stopped: PlanningInterrupted | None = None
+    try:
+        with within(budget), explained(task, seen, q_start, speed, advice):
+            plan = plan_rest(task, seen, q_start, speed, {}, {})
+    except PlanningInterrupted as stop:
+        stopped, plan = stop, stop.plan
     if plan is None:
         raise ImpossibleError(f"board {task.from_board.name} holds no cube, so there is nothing to plan")
     write_plan(output, plan)
     _print_plan(plan, task.cell, console)
+    if stopped is not None:
+        raise ExecutionStopped(
+            f"{stopped}; it is in {output}, certified, code {plan.code}",
+            plan=str(output),
+            reason="interrupted",
+        )
     console.say(f"clearances are those of bodies as the cell file has them; {arm_shape(task.cell)}")
     console.say(f"plan {plan.sha256[:12]} is in {output}")
     return {
@@ -154,6 +171,7 @@ def plan_step(
         "no_plan_is_faster_than_s": plan.task["no_plan_is_faster_than_s"],
         "min_clearance_mm": 1e3 * min(m.clearance for m in plan.moves),
         "cubes": plan.task["cubes"],
+        "stopped": plan.notes.get("search"),
         "moves": [_move_to_json(m) for m in plan.moves],
     }
 
@@ -168,14 +186,14 @@ def _print_plan(plan: Plan, cell: Cell, console: Console) -> None:
         f"{len(rows)} moves in {len(plan.motions)} motions, {plan.duration_s:.1f} s at speed {plan.speed:g}, "
         f"{tool_words(plan, cell)}; no plan takes less than {plan.task['no_plan_is_faster_than_s']:.1f} s"
     )
-    warn_of_clearance(plan, console)
+    warn_of(plan, console)
 
 
-def warn_of_clearance(plan: Plan, console: Console) -> None:
-    """Tell of a plan that was asked for less clearance than is usual."""
-    told = told_clearance(plan.provenance["options"])
-    if told:
-        console.say(f"NOTE: {told}")
+def warn_of(plan: Plan, console: Console) -> None:
+    """Tell of a plan that was asked for less clearance than is usual, and of a search that ended early."""
+    for told in (told_clearance(plan.provenance["options"]), plan.notes.get("search")):
+        if told:
+            console.say(f"NOTE: {told}")
 
 
 def _move_to_json(move: Move) -> dict[str, Any]:

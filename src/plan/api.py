@@ -11,7 +11,7 @@ from arm.planfile import Plan
 from arm.robot import Robot, load_a465, load_robot
 from arm.se3 import inverse, rot_x, rot_y, rot_z, rotation, transform
 from arm.unit import Limits, Unit, load_unit
-from plan.budget import TransitBudget
+from plan.budget import PlanningInterrupted, SearchBudget, TransitBudget
 from plan.check import check_curve, check_move
 from plan.curve import curve_of_waypoints
 from plan.ik import explain_pose, inverse_kinematics
@@ -42,10 +42,12 @@ __all__ = [
     "Pause",
     "Plan",
     "PlanOptions",
+    "PlanningInterrupted",
     "PosePlan",
     "Reached",
     "Robot",
     "Scene",
+    "SearchBudget",
     "SearchEffort",
     "SearchOptions",
     "Sphere",

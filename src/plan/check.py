@@ -55,6 +55,7 @@ from arm.given import finite
 from arm.motion import CountPath
 from arm.se3 import Array
 from arm.unit import Unit
+from plan.budget import PROOF_LOOKS, spend
 from plan.curve import Curve, curve_of_counts
 from plan.pieces import Chain, Pieces
 from plan.world import DISTANCE_ERROR, Indices, World
@@ -198,6 +199,7 @@ class _Search:
 
         Balls and boxes are asked the first time only: what they left open then, they rarely settle in smaller pieces.
         """
+        spend(PROOF_LOOKS * len(pieces))
         world, volumes, enough = self.world, self.world.volumes, self.enough()
         at = volumes.placed(pieces.middle)
         settled = np.full(len(pieces), np.inf)

@@ -22,6 +22,7 @@ from arm.given import poses
 from arm.products import mul, solve_positive
 from arm.robot import Robot
 from arm.se3 import Array, frozen
+from plan.budget import START_LOOKS, spend
 from plan.free_axis import free_sets, sample_free
 from plan.ik import POSE_TOLERANCE, Flags, Indices, has_closed_form, inverse_kinematics, nearest_turns
 from plan.screws import ScrewArm, screw_arm
@@ -154,6 +155,7 @@ def numeric_ik(
     for first in range(0, len(T), together):
         some = T[first : first + together]
         pose = np.repeat(np.arange(len(some)), len(starts))
+        spend(START_LOOKS * len(pose))
         q, met = task.search(np.tile(starts, (len(some), 1)), some[pose], options.iterations)
         for index in range(len(some)):
             distinct = task.distinct(q[met & (pose == index)])

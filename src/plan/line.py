@@ -16,6 +16,7 @@ from arm.products import norm
 from arm.robot import Robot
 from arm.se3 import Array, frozen
 from arm.unit import Limits
+from plan.budget import LINE_LOOKS, spend
 from plan.line_steps import ACTIVE, SOLVERS, Barrier, Follower, LineOptions
 from plan.screws import screw_arm
 from plan.straight import AXES, Line, LineDeviation
@@ -65,6 +66,7 @@ def follow_line(
         ImpossibleError: a limit or barrier stops the line; data: constraint, joint, distance_m (of a barrier's
             bodies), done_m, length_m (as s).
     """
+    spend(LINE_LOOKS)
     options = options or LineOptions()
     for name, value, known in (
         ("solver", options.solver, SOLVERS),

@@ -21,6 +21,7 @@ from arm.planfile import Move
 from arm.robot import Robot
 from arm.se3 import frozen
 from arm.unit import Limits, Unit
+from plan.budget import BudgetSpent, Meter, PlanningInterrupted, SearchBudget, allowed, told_by
 from plan.chains import At, Chain, Chains, groups
 from plan.grid import fine_grid
 from plan.handling import Worlds
@@ -71,6 +72,7 @@ def plan_poses(
     options: PlanOptions | None = None,
     effort: SearchEffort | None = None,
     padding: float = 0.0,
+    budget: SearchBudget | None = None,
 ) -> PosePlan:
     """Plan the tool through a list of poses, from rest at `q_start`.
 
@@ -85,11 +87,14 @@ def plan_poses(
         options: speeds, clearances, seed, certificate; what it says about cubes, jaws and looks has no meaning here.
         effort: budgets of the search.
         padding: taken off every distance, m.
+        budget: what the search may cost in all.
 
     Raises:
         InputError: no targets, names that are double or unknown, a start or end outside limits.
         ImpossibleError: a target is out of reach, a line cannot be followed, or no clear way was found; data: target,
-            solutions, and what is known of joint, pair, distance_m, refused.
+            solutions, and what is known of joint, pair, distance_m, refused; or the budget was spent before anything
+            was complete; data: budget, proved (names of targets), left.
+        PlanningInterrupted: by Ctrl-C; says the same.
     """
     options, effort = options or PlanOptions(), effort or SearchEffort()
     problem = _Problem(
@@ -97,7 +102,11 @@ def plan_poses(
     )
     start = problem.standing("q_start", q_start)
     end = None if q_end is None else problem.standing("q_end", q_end)
-    return problem.solved(start, end)
+    with allowed(budget) as meter:
+        try:
+            return problem.solved(start, end, meter)
+        except (BudgetSpent, KeyboardInterrupt) as stop:
+            raise problem.ended(stop, meter) from stop
 
 
 class _Problem:
@@ -143,6 +152,7 @@ class _Problem:
         )
         self.worlds = Worlds(robot, bodies, self.targets, padding)
         self.groups = groups(self.targets)
+        self.search: PoseSearch | None = None
         self.followed: dict[tuple[int, int], Chain | ImpossibleError] = {}
         tool_speed = options.approach_speed * options.speed
         mover = PoseMover(robot, unit, self.planned, self.sent, options, self.targets)
@@ -156,7 +166,7 @@ class _Problem:
         chain = Chain((), "", frozen(at), frozen(at))
         return Layer(name, (chain,), (standing_time(at),))
 
-    def solved(self, start: Layer, end: Layer | None) -> PosePlan:
+    def solved(self, start: Layer, end: Layer | None, meter: Meter) -> PosePlan:
         ends = [start.q_in[0], *([] if end is None else [end.q_in[0]])]
         candidates = Candidates(
             self.robot, self.worlds, self.targets, self.groups, self.planned, self.options, self.effort.ik
@@ -166,7 +176,7 @@ class _Problem:
         for widening in _WIDENINGS:
             width = widening * self.effort.candidates
             layers = [self.layer(candidates, number, width) for number in range(len(self.groups))]
-            search = PoseSearch(
+            search = self.search = PoseSearch(
                 self.worlds,
                 self.targets,
                 [start, *layers, *([] if end is None else [end])],
@@ -175,14 +185,15 @@ class _Problem:
                 self.effort.detours,
             )
             try:
-                found, motions, pauses = self.moved(search)
+                found, motions, pauses = self.moved(search, meter)
             except ImpossibleError as error:
                 # where many ways around were looked for in vain, more solutions are little hope and much work
                 spent = bool(error.data.get("detours_spent"))
                 if spent or width >= candidates.most or widening == _WIDENINGS[-1]:
                     raise
                 continue
-            return self.plan(search, found, motions, pauses)
+            plan = self.plan(search, found, motions, pauses)
+            return plan if search.stopped is None else replace(plan, stopped=_told_stop(search.stopped, plan))
         raise ImpossibleError("no width was tried", widenings=_WIDENINGS)
 
     def require_clear(self, start: Layer) -> None:
@@ -222,12 +233,45 @@ class _Problem:
         times = tuple(chain_time(chain, self.targets, self.planned) for chain in made)
         return Layer(self.targets[group.start].name, tuple(made), times)
 
-    def moved(self, search: PoseSearch) -> tuple[Found, list[list[Move]], list[tuple[int, Pause]]]:
+    def ended(self, stop: BudgetSpent | KeyboardInterrupt, meter: Meter) -> BaseException:
+        """What to raise where a search ended before anything was complete."""
+        search = self.search
+        names = [] if search is None else [layer.name for layer in search.layers[1:]]
+        proved = names[: search.proved_to] if search is not None else []
+        miss = None if search is None else search.nearest_miss()
+        by = told_by(stop)
+        far = (
+            f"the way is proved as far as {proved[-1]} ({len(proved)} of {len(names)})"
+            if proved
+            else (
+                f"no way is proved to {names[0]} yet"
+                if names
+                else "solutions of the poses were still looked for"
+            )
+        )
+        nearest = "" if miss is None else f" Nearest miss: {miss}"
+        text = f"{by}: nothing complete was found; {far}.{nearest}"
+        if isinstance(stop, KeyboardInterrupt):
+            return PlanningInterrupted(text)
+        return ImpossibleError(
+            text,
+            **({} if miss is None else miss.data),
+            budget=stop.by,
+            budget_s=stop.allowed_s,
+            effort_s=stop.effort_s,
+            proved=proved,
+            left=names[len(proved) :],
+        )
+
+    def moved(
+        self, search: PoseSearch, meter: Meter
+    ) -> tuple[Found, list[list[Move]], list[tuple[int, Pause]]]:
         """The best sequence that can be proved once it is timed; its motions, and pauses by motions before them."""
         for attempt in range(_ROUNDS):
-            found = search.best()
+            found = search.best(meter)
             try:
-                return found, *self.script.motions(search, found)
+                with meter.lifted():
+                    return found, *self.script.motions(search, found)
             except Unproved as error:
                 if attempt + 1 == _ROUNDS:
                     raise error.why from error
@@ -267,3 +311,10 @@ class _Problem:
             ways_proved=search.effort.ways,
             detours=search.effort.detours,
         )
+
+
+def _told_stop(stop: BudgetSpent, plan: PosePlan) -> str:
+    return (
+        f"{told_by(stop)}: this is a complete way that was found by then, {plan.duration_s:.1f} s; none takes less "
+        f"than {plan.lower_bound_s:.1f} s"
+    )

@@ -57,6 +57,7 @@ class PosePlan:
         lower_bound_s: no motion through the solutions that were looked at is faster, whatever its ways.
         candidates: solutions looked at, per place: the start, each group of targets, the end.
         ways_proved, detours: transits looked at, and ways around that were made.
+        stopped: why the search ended before the fastest way was known, for people; "" if it is known.
     """
 
     robot: Robot
@@ -68,6 +69,7 @@ class PosePlan:
     candidates: tuple[int, ...]
     ways_proved: int
     detours: int
+    stopped: str = ""
 
     @property
     def moves(self) -> tuple[Move, ...]:
@@ -175,4 +177,5 @@ class PosePlan:
                 for r in self.reached
             ],
             "steps": steps,
+            **({"stopped": self.stopped} if self.stopped else {}),
         }

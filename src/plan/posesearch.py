@@ -21,6 +21,7 @@ import numpy as np
 from arm.errors import ImpossibleError
 from arm.se3 import Array
 from arm.unit import Limits
+from plan.budget import BudgetSpent, Meter
 from plan.chains import At, Chain
 from plan.check import MoveCheck, check_curve
 from plan.curve import Curve, curve_of_waypoints
@@ -38,6 +39,7 @@ from plan.world import World
 
 LINE_MARGIN = 1e-4  # m: lines are proved with this much more clearance than is asked, for what timing changes
 _LOOKS = (0.5, 0.25, 0.75)  # of a straight way before it is proved
+_BEST_SHARE = 0.5  # of a budget, for the fastest sequence; the rest is for any
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +146,8 @@ class PoseSearch:
         self._made = [0] * len(layers)
         self._known: list[Array] = []
         self._forbidden: set[tuple[int, int, int]] = set()
+        self.proved_to = 0  # the last layer that a proved sequence came to
+        self.stopped: BudgetSpent | None = None
 
     def forbid(self, leg: int, before: int, index: int) -> None:
         """Take out the way from chain `before` of layer `leg` - 1 to chain `index` of layer `leg`."""
@@ -159,23 +163,42 @@ class PoseSearch:
             ) + between
         return float((best + np.array([t.tail_s for t in self.layers[-1].times])).min())
 
-    def best(self) -> Found:
-        """The fastest sequence.
+    def best(self, meter: Meter) -> Found:
+        """The fastest sequence; or where most of the budget was spent before it was proved, any that is.
 
         Raises:
+            BudgetSpent: none was found within the budget.
             ImpossibleError: there is none; data of the nearest miss in the deepest layer that was tried, `refused`, and
                 `detours_spent`: whether the budget of ways around was used up there.
         """
+        try:
+            if self.stopped is None:
+                with meter.part(_BEST_SHARE):
+                    return self._first(deepest=False)
+        except BudgetSpent as spent:
+            if spent.by == "clock":
+                raise
+            self.stopped = spent
+        return self._first(deepest=True)
+
+    def _first(self, deepest: bool) -> Found:
+        """The sequence that comes first: the fastest, or the one that is longest already.
+
+        What was proved or refused before is known and costs nothing again.
+        """
         start = _State(0, 0, self.worlds.start, 0.0, ())
         # estimated total, deeper first, then by indices: no tie is left to chance
-        heap: list[tuple[float, int, int, int, _State, int | None]] = []
+        heap: list[tuple[float, float, int, int, _State, int | None]] = []
         closed: set[tuple[object, ...]] = set()
         count = 0
 
         def push(total: float, layer: int, index: int, state: _State, edge: int | None) -> None:
             nonlocal count
             if np.isfinite(total):
-                heapq.heappush(heap, (round(total, 9), -layer, index, count, state, edge))
+                rank = round(total, 9), float(-layer)
+                if deepest:  # and there, what is proved before what is not
+                    rank = (2.0 * -layer + (edge is not None), round(total, 9))
+                heapq.heappush(heap, (*rank, index, count, state, edge))
                 count += 1
 
         push(float(self.to_go[0][0]), 0, 0, start, None)
@@ -191,6 +214,7 @@ class PoseSearch:
             if key in closed:
                 continue
             closed.add(key)
+            self.proved_to = max(self.proved_to, state.layer)
             if state.layer + 1 == len(self.layers):
                 return Found(state.legs, state.cost, self.bound())
             onward = self.estimates[state.layer][state.index]
@@ -295,6 +319,10 @@ class PoseSearch:
         # the nearest miss helps most: what is too near is nearly far enough, what is out of the hand nearly in it
         if known is None or _miss(error) < _miss(known):
             self.effort.examples[number] = error
+
+    def nearest_miss(self) -> ImpossibleError | None:
+        """What was nearly possible in the deepest layer that was tried; None where nothing was refused."""
+        return self.effort.examples[max(self.effort.examples)] if self.effort.examples else None
 
     def _impossible(self) -> ImpossibleError:
         """Why there is no sequence: the deepest layer at which one ended."""

@@ -19,6 +19,7 @@ import numpy as np
 from arm.errors import ImpossibleError
 from arm.se3 import Array
 from arm.unit import Limits
+from plan.budget import BudgetSpent
 from plan.check import MoveCheck
 from plan.failure import nearness, short_of
 from plan.leg_costs import BEGIN, CARRY, END, GO_ON, NOT_NOW, Leg, LegCosts
@@ -111,13 +112,26 @@ class TaskSearch:
         self.most_detours = _DETOURS
         self.proofs = Proofs(stages, limits, options)
         self.rejected: dict[str, ImpossibleError] = {}
+        self.stopped: BudgetSpent | KeyboardInterrupt | None = None
 
     def best(self) -> Found:
-        """The fastest sequence that was found.
+        """The fastest sequence that was found; where the budget is spent or Ctrl-C is pressed, by then (`stopped`).
 
         Raises:
+            BudgetSpent, KeyboardInterrupt: before one was.
             ImpossibleError: none; data: `rejected` says what stopped each choice and leg.
         """
+        self.complete: Found | None = None
+        try:
+            return self._best()
+        except (BudgetSpent, KeyboardInterrupt) as stop:
+            # what a clock cut off would differ from time to time
+            if self.complete is None or (isinstance(stop, BudgetSpent) and stop.by == "clock"):
+                raise
+            self.stopped = stop
+            return self.complete
+
+    def _best(self) -> Found:
         bound = best_order(self.freedom, self.costs.bounds())
         costs = self.costs.now()
         best: Found | None = None
@@ -133,7 +147,7 @@ class TaskSearch:
                 self.proofs.least_margin()
                 self.costs.ask_again()
                 continue
-            best = self._proved(ordered, costs, best, bound.bound)
+            best = self.complete = self._proved(ordered, costs, best, bound.bound)
         if best is not None:
             return best
         raise self._impossible()

@@ -25,6 +25,7 @@ import qpsolvers
 
 from arm.se3 import Array, frozen
 from arm.unit import Limits
+from plan.budget import STEP_LOOKS, spend
 from plan.travel import path_time, straight_time
 from plan.world import World
 
@@ -82,6 +83,7 @@ class Shortener:
                 if finer is None:
                     break
                 way, region, model = finer, _REGION / 2.0, None
+            spend(STEP_LOOKS)
             model = model or _Model(self, way)
             trial = model.step(region)
             gained = 0.0 if trial is None else time - self.time(trial)

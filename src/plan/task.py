@@ -15,6 +15,7 @@ from arm.given import shown
 from arm.planfile import GripperStep, LookStep, Plan, Step
 from arm.se3 import Array
 from arm.unit import Limits, Unit
+from plan.budget import BudgetSpent, Meter, PlanningInterrupted, SearchBudget, allowed, told_by
 from plan.cause import explained
 from plan.options import PlanOptions
 from plan.reach import ReachTable, reach
@@ -42,6 +43,7 @@ def plan_task(
     provenance: Mapping[str, Any] | None = None,
     task: Mapping[str, Any] | None = None,
     places: Sequence[Station] = (),
+    budget: SearchBudget | None = None,
 ) -> Plan:
     """Plan all transfers, from `q_start` back to `q_start`.
 
@@ -61,23 +63,40 @@ def plan_task(
             plan's notes.
         task: name and kind of the task, for the plan file; JSON types.
         places: more places that cubes may go to.
+        budget: what the search may cost. Where effort is spent, the best complete sequence by then is planned, and the
+            plan's notes tell of it (`search`).
 
     Raises:
         InputError: no transfers, an unknown cube, or a start outside limits.
         ImpossibleError: a place is out of reach, or no clear way was found; says which and by how much; data: failure,
-            see `plan.failure`. What would help is found by `plan.advice`.
+            see `plan.failure`. What would help is found by `plan.advice`. Or the budget was spent before a sequence was
+            complete; data: budget.
+        PlanningInterrupted: by Ctrl-C; with the best plan that was complete by then, if one was.
     """
     options = options or PlanOptions()
     limits = limits or unit.limits()
     planner = Planner(scene, q_start, unit, limits, options)
     planner.check_input(transfers)
-    try:
-        search = planner.search(transfers, places)
-        steps, found = planner.steps(search)
-    except ImpossibleError as error:
-        table = planner.reach((*(t.pick for t in transfers), *planner.stations(transfers, places)))
-        raise explained(error, scene, transfers, planner.q_start, options, table) from error
-    allowed = scene.allowed | {
+    search: TaskSearch | None = None
+    with allowed(budget) as meter:
+        try:
+            search = planner.search(transfers, places)
+            steps, found = planner.steps(search, meter)
+        except ImpossibleError as error:
+            with meter.lifted():
+                table = planner.reach((*(t.pick for t in transfers), *planner.stations(transfers, places)))
+                raise explained(error, scene, transfers, planner.q_start, options, table) from error
+        except (BudgetSpent, KeyboardInterrupt) as stop:
+            raise _ended(stop, search) from stop
+    stated = dict(provenance or {})
+    told = ""
+    if search.stopped is not None:
+        told = (
+            f"{told_by(search.stopped)}: this is the best sequence that was complete by then; "
+            f"no plan takes less than {_rounded_down(found.bound):.1f} s"
+        )
+        stated["notes"] = {**stated.get("notes", {}), "search": told}
+    touching = scene.allowed | {
         frozenset((search.stages.cubes[s.visit.pick].name, name))
         for s in found.stops
         for name in search.stages.transfers[s.visit.pick].pick.touches
@@ -92,15 +111,29 @@ def plan_task(
         for s in found.stops
     ]
     plan = plan_of(
-        scene.allowing(allowed),
+        scene.allowing(touching),
         steps,
         unit,
         limits,
         options,
-        provenance,
+        stated,
         {**(task or {}), "cubes": cubes, "no_plan_is_faster_than_s": _rounded_down(found.bound)},
     )
+    if isinstance(search.stopped, KeyboardInterrupt):
+        raise PlanningInterrupted(told, plan) from search.stopped
     return plan
+
+
+def _ended(stop: BudgetSpent | KeyboardInterrupt, search: TaskSearch | None) -> BaseException:
+    """What to raise where a search ended before a sequence was complete."""
+    rejected = [] if search is None else list(search.rejected)
+    seen = f"; so far: {'; '.join(rejected[:2])}" if rejected else ""
+    text = f"{told_by(stop)}: no sequence that moves all cubes was complete{seen}"
+    if isinstance(stop, KeyboardInterrupt):
+        return PlanningInterrupted(text)
+    return ImpossibleError(
+        text, budget=stop.by, budget_s=stop.allowed_s, effort_s=stop.effort_s, rejected=rejected
+    )
 
 
 def plan_of(
@@ -248,17 +281,18 @@ class Planner:
         robot = self.scene.robot_open
         return reach(robot, self.planned, {s.name: s.T_base_tool for s in stations}, self.options.offset)
 
-    def steps(self, search: TaskSearch) -> tuple[list[Step], Found]:
+    def steps(self, search: TaskSearch, meter: Meter) -> tuple[list[Step], Found]:
         """The task's steps, timed and certified, and the sequence that they follow."""
         ways = sum(map(len, (*search.picks, *search.places)))
         left = min(ways, _ATTEMPTS)
         while True:
             found = search.best()
             try:
-                return self.written(search, found), found
+                with meter.lifted():
+                    return self.written(search, found), found
             except Unprovable as error:
                 left -= 1
-                if left <= 0:
+                if left <= 0 or search.stopped is not None:
                     raise error.why from error
                 search.forbid(found.stops, error.stop, error.which, error.why)
 

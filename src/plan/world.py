@@ -24,6 +24,7 @@ from arm.errors import InputError
 from arm.products import mul
 from arm.robot import Robot
 from arm.se3 import Array, cross, frozen
+from plan.budget import DISTANCE_LOOKS, spend
 from plan.volumes import Axes, Part, Volumes
 
 Indices = npt.NDArray[np.intp]
@@ -175,6 +176,7 @@ class World:
         self._place(q)
         geometry, data, compute = self._geometry, self._distances, pin.computeDistance
         values = [compute(geometry, data, i).min_distance for i in pairs.tolist()]
+        spend(DISTANCE_LOOKS * len(values))
         return np.asarray(np.maximum(values, UNKNOWN_DEPTH) - self.paddings[pairs])
 
     def witnesses(
@@ -203,6 +205,7 @@ class World:
             if values[-1] < least[i]:
                 break
         count = len(values)
+        spend(DISTANCE_LOOKS * count)
         distances = np.maximum(values, UNKNOWN_DEPTH) - self.paddings[pairs[:count]]
         return Witnesses(np.asarray(distances), normals[:count], points[:count])
 
@@ -293,7 +296,12 @@ class World:
             return lambda q: False
         model, data, manager = self.robot.model, self._data, self._manager(clearance)
         compute: Callable[..., bool] = pin.computeCollisions
-        return lambda q: compute(model, data, manager, q, True)
+
+        def test(q: Array) -> bool:
+            spend(1.0)
+            return compute(model, data, manager, q, True)
+
+        return test
 
     def _manager(self, clearance: float) -> Any:
         data = pin.GeometryData(self._geometry)
