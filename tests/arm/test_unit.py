@@ -113,6 +113,8 @@ def test_a_wrong_name_and_a_wrong_file_are_told(tmp_path: Path) -> None:
         ("axes", "1"),
         ("axes", "{ a = 1 }"),
         ("axes", "[1, 2, 3, 4, 5, 6]"),
+        ("axes", '["A", "B", 3, "D", "E", "F"]'),
+        ("axes", '["A", "B", "C", "D", "E", "J"]'),
         ("sequence", "5"),
         ("sequence", "{ A = 1 }"),
         ("sequence", "[1, 2]"),
@@ -138,6 +140,11 @@ def test_limits_are_checked_and_cannot_be_changed() -> None:
         assert found.tolist() == value
         assert isinstance(found, np.ndarray)
         assert not found.flags.writeable
+    for wrong in ([], [[1.0, 2.0]], [1.0], "12", None):
+        with pytest.raises(InputError, match=r"limits: velocity = .*must be one number per joint"):
+            Limits(**{**given, "velocity": wrong})
+    with pytest.raises(InputError, match=r"limits: lower = .*must be one number per joint"):
+        Limits(**{key: [] for key in given})
     with pytest.raises(InputError, match=r"lower\[1\] = 0\.1 is above upper\[1\] = 0"):
         Limits(**{**given, "lower": [-1.0, 0.1]})
 
@@ -159,3 +166,22 @@ def test_positions_of_the_jaws_are_those_of_the_converter(tmp_path: Path, key: s
             FileInputError, match=rf"gripper\.{key} = {value}: must be a whole number from 0 to 4095"
         ):
             read(value)
+
+
+def test_a_joint_without_room_is_refused(tmp_path: Path) -> None:
+    text = data_file("urdf/a465/crs93.toml").read_text()
+    upper = re.search(r"^upper_counts = .*$", text, re.MULTILINE)
+    assert upper is not None
+    for lower in (
+        upper[0].replace("upper", "lower"),
+        re.search(r"^lower_counts = .*$", text, re.MULTILINE)[0],
+    ):
+        changed = re.sub(r"^lower_counts = .*$", lower, text, flags=re.MULTILINE)
+        (tmp_path / "mine.toml").write_text(
+            re.sub(r"^margin_deg = \S+", "margin_deg = 0", changed, flags=re.MULTILINE)
+        )
+        if lower == upper[0].replace("upper", "lower"):
+            with pytest.raises(FileInputError, match="leave no room for some joint"):
+                load_unit(tmp_path / "mine.toml")
+        else:
+            load_unit(tmp_path / "mine.toml")

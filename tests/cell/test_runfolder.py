@@ -113,3 +113,14 @@ def test_what_killed_runs_left_half_written_is_removed_by_the_next(
     with run_folder(None, "task2"):
         pass
     assert [p.name for p in before.iterdir()] == [LOG]
+
+
+def test_of_two_that_look_at_the_same_moment_one_has_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cell.runfolder.require_new_folder", lambda asked: None)
+    with run_folder(tmp_path / "mine", "task2") as folder:
+        refusal = pytest.raises(InputError, match="another run has just begun there; runs are not mixed")
+        with refusal, run_folder(tmp_path / "mine", "task2"):
+            pass
+        assert [p.name for p in folder.iterdir()] == [LOG]
