@@ -470,7 +470,7 @@ _ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "    if now - _heard_at >= QUIET_S and now >= _deaf_until:\n",
         "    if now - _heard_at >= QUIET_S:\n",
         "a second signal cuts off what the first set going",
-        ("driver/test_interrupts.py", "cell/test_interrupted_runs.py"),
+        ("driver/test_interrupts.py",),
     ),
 )
 

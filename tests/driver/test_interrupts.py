@@ -15,7 +15,7 @@ import pytest
 from arm.unit import Unit, load_unit
 from driver.clock import Clock
 from driver.emulator import Emulator, EmulatorOptions
-from driver.interrupt import SIGNALS, hear_again, interruptible
+from driver.interrupt import SIGNALS, caught, hear_again, interruptible
 from driver.link import Link
 from driver.mars import Mars
 from driver.rest import bring_to_rest
@@ -156,3 +156,41 @@ def test_stop_goes_out_though_its_sending_is_interrupted(
     assert len(tried) >= 3
     assert state.at_rest
     assert "STOP:" in [line for _, line in homed.lines[before:]]
+
+
+def test_once_it_is_caught_no_other_is_heard_until_the_program_has_ended(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    monkeypatch.setattr("driver.interrupt.QUIET_S", 0.0)
+    try:
+        with interruptible(ends=True):
+            with pytest.raises(KeyboardInterrupt):
+                _kill_myself()
+            caught()
+            for _ in range(3):
+                _kill_myself(0.01)
+        assert {signal.getsignal(number) for number in SIGNALS} == {signal.SIG_IGN}
+        _kill_myself(0.01)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    with interruptible():  # a program that goes on hears each of them
+        for _ in range(2):
+            with pytest.raises(KeyboardInterrupt):
+                _kill_myself()
+            caught()
+    assert {number: signal.getsignal(number) for number in SIGNALS} == before
+
+
+def test_a_program_that_does_not_end_hears_again_at_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It hangs where it should end: Ctrl-C must work then."""
+    monkeypatch.setattr("driver.interrupt.QUIET_S", 0.0)
+    monkeypatch.setattr("driver.interrupt.ENDING_S", 0.05)
+    with interruptible(ends=True):
+        with pytest.raises(KeyboardInterrupt):
+            _kill_myself()
+        caught()
+        time.sleep(0.1)
+        with pytest.raises(KeyboardInterrupt):
+            _kill_myself()
