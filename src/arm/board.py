@@ -20,9 +20,16 @@ PLATE_CENTRE = (0.090, 0.070)  # of the top surface in the board frame, m
 SECOND_MARKER = (0.180, 0.140)  # m
 POCKET_MOUTH = 0.044  # m
 POCKET_FLOOR = 0.039  # m
+POCKET_DEPTH = 0.010  # m
 QUIET_ZONE = 1.0 / 6.0  # width of a marker's white border in marker sizes
 TOLERANCE_SDS = 2.0  # a tolerance is so many standard deviations
 CUBE_SEAT_DEPTH = 0.008  # how deep a 40 mm cube wedges below the top surface, m
+
+
+def seat_depth(cube_size: float, pocket: tuple[float, float] = (POCKET_MOUTH, POCKET_FLOOR)) -> float:
+    """How deep a cube of this edge, m, wedges in a pocket (mouth, floor), m: its walls are a square funnel."""
+    mouth, floor = pocket
+    return POCKET_DEPTH * (mouth - cube_size) / (mouth - floor)
 
 
 @dataclass(frozen=True)
@@ -36,6 +43,7 @@ class Board:
         marker_size: edge of the black square, m.
         second_marker: centre of the second marker, m from the first.
         tolerance: within which markers and holes are where this says, m: `TOLERANCE_SDS` standard deviations.
+        pocket: width of a pocket's mouth and of its floor, m.
     """
 
     name: str
@@ -44,6 +52,7 @@ class Board:
     marker_size: float
     second_marker: tuple[float, float] = SECOND_MARKER
     tolerance: float = 0.0
+    pocket: tuple[float, float] = (POCKET_MOUTH, POCKET_FLOOR)
 
     def marker_corners(self) -> Array:
         """Corners of both markers, (2, 4, 3) m in the board frame: top left, top right, bottom right, bottom left."""

@@ -22,7 +22,7 @@ from arm.robot import Robot
 from arm.se3 import Array, frozen, transform
 from arm.toml_table import TomlTable
 from arm.unit import MOST_REST_TOLERANCE, UNITS, Limits, Unit, load_unit
-from cell.boardkeys import DICTIONARIES, read_board_limits, read_tilts
+from cell.boardkeys import DICTIONARIES, read_board_limits, read_pocket, read_tilts
 from cell.bodytable import read_body
 from cell.cellcamera import CellCamera, read_cell_camera
 from cell.inputs import LEFT_OUT, Inputs, inputs_of
@@ -237,7 +237,7 @@ def read_cell(path: Path, uncalibrated: Callable[[InputError], None] | None = No
         grip_tolerance=tool.number("grip_tolerance_mm", "mm", 0.1, 20, default=3.0) / 1e3,
         cube_size=cube_size,
         cube_tolerance=cube.number("size_tolerance_mm", "mm", 0.01, 2, default=0.1) / 1e3,
-        boards=_boards(boards_table),
+        boards=_boards(boards_table, read_pocket(boards_table, cube, cube_size)),
         dictionary=boards_table.text("dictionary", choices=DICTIONARIES),
         tilts=read_tilts(boards_table),
         board_limits=read_board_limits(look),
@@ -339,7 +339,7 @@ def _registers(
     return values
 
 
-def _boards(table: TomlTable) -> tuple[Board, ...]:
+def _boards(table: TomlTable, pocket: tuple[float, float]) -> tuple[Board, ...]:
     marker_size = table.number("marker_size_mm", "mm", 5, 200) / 1e3
     tolerance = table.number("made_within_mm", "mm", 0, 2, default=MADE_WITHIN_MM) / 1e3
     names = table.value("files", "a list of board CSV files")
@@ -350,7 +350,7 @@ def _boards(table: TomlTable) -> tuple[Board, ...]:
         path = table.file.parent / name
         if not path.is_file():
             raise table.error("files", f"names a file that is not there: {path}")
-        board = read_board_csv(path, marker_size, tolerance)
+        board = replace(read_board_csv(path, marker_size, tolerance), pocket=pocket)
         taken = {i for b in boards for i in b.marker_ids} & set(board.marker_ids)
         if taken:
             raise table.error("files", f"two boards have the marker {min(taken)}; ids must differ", str(path))

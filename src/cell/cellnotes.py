@@ -90,6 +90,10 @@ CELL: Notes = {
         " 1 mm: heights are 24 mm off; a look refuses a board whose markers say otherwise, and tells "
         "the size that fits."
     ),
+    "boards.pocket_mm": (
+        "Width of a pocket at its mouth and at its floor, 10 mm below, by calliper. A cube must wedge in "
+        "it 8 mm deep, to 1 mm. Wrong: holes are unsure, or the jaws close too high or too low."
+    ),
     "boards.made_within_mm": (
         "How well markers and holes are where the CSV says: two standard deviations, in x and in y; 0.1 of"
         " machined plates with markers laid in, 0.2 glued on by hand with a calliper. It is part of what "

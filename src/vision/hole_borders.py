@@ -19,14 +19,12 @@ from arm.board import (
     CUBE_SEAT_DEPTH,
     PLATE_CENTRE,
     PLATE_SIZE,
-    POCKET_FLOOR,
-    POCKET_MOUTH,
+    POCKET_DEPTH,
     QUIET_ZONE,
     Board,
 )
 from arm.se3 import Array
 
-POCKET_DEPTH = 0.010  # m
 FINGER_HOLE_RADIUS = 0.008  # m
 PITCH = 1.5e-3  # m between stations on a border
 CORNER_GAP = 3e-3  # m of a straight border beside its ends that is not used: another border is near
@@ -108,7 +106,8 @@ def hole_borders(board: Board, index: int, eye: Array, cube_size: float, near: f
     eye = eye - hole
     top_height = cube_size - CUBE_SEAT_DEPTH
     top, foot = seen_on_plate(_square(cube_size), top_height, eye), _square(cube_size)
-    mouth, floor = _square(POCKET_MOUTH), seen_on_plate(_square(POCKET_FLOOR), -POCKET_DEPTH, eye)
+    mouth_width, floor_width = board.pocket
+    mouth, floor = _square(mouth_width), seen_on_plate(_square(floor_width), -POCKET_DEPTH, eye)
     angle = 2.0 * np.pi * np.arange(36) / 36
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     cube_lines = [*_sides("top", top), *_uprights(top, foot, eye, cube_size)]
@@ -194,5 +193,5 @@ def _plain(points: Array, board: Board, hole: Array, near: float) -> Bools:
         good &= np.abs(on_plate - square.centre[:2]).max(axis=-1) > half
     for other in board.holes:
         if not np.array_equal(other, hole):
-            good &= np.abs(on_plate - other[:2]).max(axis=-1) > POCKET_MOUTH / 2.0 + near
+            good &= np.abs(on_plate - other[:2]).max(axis=-1) > board.pocket[0] / 2.0 + near
     return np.asarray(good, dtype=bool)

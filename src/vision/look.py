@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from arm.board import POCKET_MOUTH, Board
+from arm.board import Board
 from arm.errors import ImpossibleError, InputError
 from arm.poses import BoardPose, hole_poses
 from arm.se3 import apply
@@ -162,9 +162,9 @@ def annotated(image: Image, camera: Camera, seen: Look) -> Image:
     for marker in seen.frames[0]:
         pen.outline(marker.corners_px, MARKER_COLOUR)
         pen.text(str(marker.id), marker.corners_px.mean(axis=0), MARKER_COLOUR)
-    half = POCKET_MOUTH / 2.0
-    mouth = np.array([[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]])
+    square = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
     for board in seen.boards:
+        mouth = board.pose.board.pocket[0] * square
         T = board.pose.T_base_board
         for axis, (colour, name) in enumerate(AXES):
             tip = AXIS_LENGTH * np.eye(3)[axis]

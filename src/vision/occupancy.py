@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from arm.board import CUBE_SEAT_DEPTH, POCKET_MOUTH
+from arm.board import CUBE_SEAT_DEPTH, POCKET_DEPTH, POCKET_MOUTH
 from arm.poses import BoardPose, hole_poses
 from arm.se3 import Array, apply, inverse, skew
 from vision.camera import Camera
@@ -33,7 +33,6 @@ from vision.grey_steps import (
     step_limits,
 )
 from vision.hole_borders import (
-    POCKET_DEPTH,
     Border,
     Kind,
     hole_borders,
@@ -165,7 +164,10 @@ def hole_occupancy(
         rim = empty[-1].part(empty[-1].border.telling)
         why = _why_no_cube(_parts(cube, "top"), rim, even)
         return Occupancy("unsure" if why else "cube", float(score), why)
-    even_sides = [max(rough_part(view, p, limits) for p in both) < EVEN_SIDE for both in _beside_mouth()]
+    even_sides = [
+        max(rough_part(view, p, limits) for p in both) < EVEN_SIDE
+        for both in _beside_mouth(pose.board.pocket[0])
+    ]
     sides = np.fmax(_parts(empty, "mouth"), _parts(empty, "floor"))
     why = _why_not_empty(sides, _parts(empty, "rim")[0], np.array(even_sides))
     return Occupancy("unsure" if why else "empty", float(score), why)
@@ -258,13 +260,13 @@ def _top_patch(cube_size: float, eye: Array) -> Array:
     return seen_on_plate(patch, cube_size - CUBE_SEAT_DEPTH, eye)
 
 
-def _beside_mouth() -> list[tuple[Array, Array]]:
+def _beside_mouth(mouth: float) -> list[tuple[Array, Array]]:
     """Points (n, m, 2) inside and outside each side of the mouth, in the order of its sides, off their corners."""
-    along = np.arange(-0.28 * POCKET_MOUTH, 0.28 * POCKET_MOUTH, WINDOW)
+    along = np.arange(-0.28 * mouth, 0.28 * mouth, WINDOW)
     quarter_turn = np.array([[0.0, 1.0], [-1.0, 0.0]])  # of rows
     both = []
     for low, high in MOUTH_BANDS:
-        across = POCKET_MOUTH / 2.0 + np.arange(low, high, WINDOW)
+        across = mouth / 2.0 + np.arange(low, high, WINDOW)
         first = np.stack(np.meshgrid(along, -across), axis=-1)  # the first side has y below 0
         both.append([first @ np.linalg.matrix_power(quarter_turn, k) for k in range(4)])
     return list(zip(*both, strict=True))

@@ -75,6 +75,40 @@ def test_mistakes_are_told(scenes: Path, old: str, new: str, words: str) -> None
         read_cell(scenes / "cell.toml")
 
 
+@pytest.mark.parametrize(
+    ("size", "pocket", "words"),
+    [
+        (
+            30,
+            "",
+            r"cube.size_mm = 30: must fit its pocket, and would lie loose on the floor: pockets are 44 mm",
+        ),
+        (
+            45,
+            "",
+            r"cube.size_mm = 45: must fit its pocket, and does not go into the mouth: .* 39 mm at the floor",
+        ),
+        (42, "", r"must fit its pocket 8 mm deep, to 1 mm, and would wedge 4.0 mm deep"),
+        (30, "[34, 29]", ""),
+        (40, "[34, 29]", "does not go into the mouth: pockets are 34 mm wide at the mouth and 29 mm"),
+        (40, "[44, 44]", r"boards.pocket_mm = \[44, 44\]: must be the mouth's width and the floor's"),
+        (40, "[44]", r"boards.pocket_mm = \[44\]"),
+        (40.4, "", ""),
+    ],
+)
+def test_a_cube_must_fit_its_pocket(scenes: Path, size: float, pocket: str, words: str) -> None:
+    file = scenes / "cell.toml"
+    replace_in(file, "[cube]\nsize_mm = 40", f"[cube]\nsize_mm = {size}")
+    if pocket:
+        replace_in(file, "pocket_mm = [44, 39]", f"pocket_mm = {pocket}")
+    if words:
+        with pytest.raises(InputError, match=words):
+            read_cell(file)
+    else:
+        mouth, floor = (34e-3, 29e-3) if pocket else (44e-3, 39e-3)
+        assert read_cell(file).boards[0].pocket == pytest.approx((mouth, floor))
+
+
 def test_all_dictionaries_of_opencv_and_no_other() -> None:
     known = {name.lower(): getattr(cv2.aruco, name) for name in dir(cv2.aruco) if name.startswith("DICT_")}
     assert {name.lower() for name in DICTIONARIES} == known.keys()

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from arm.board import CUBE_SEAT_DEPTH, POCKET_FLOOR, POCKET_MOUTH
+from arm.board import CUBE_SEAT_DEPTH, POCKET_DEPTH, POCKET_FLOOR, POCKET_MOUTH
 from arm.se3 import Array
 from board_scenes import CUBE, lab_board
-from vision.hole_borders import FINGER_HOLE_RADIUS, POCKET_DEPTH, hole_borders
+from vision.hole_borders import FINGER_HOLE_RADIUS, hole_borders
 
 NEAR = 2.1e-3
 EYES = [(0.0, 0.0), (0.15, 0.05), (-0.3, 0.2), (0.1, -0.45)]  # beside the hole, at 1.1 m over it

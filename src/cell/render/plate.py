@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_FLOOR, POCKET_MOUTH, SECOND_MARKER, Board
+from arm.board import PLATE_CENTRE, PLATE_SIZE, SECOND_MARKER, Board
 from arm.errors import InputError
 from arm.se3 import Array, apply, frozen, inverse, transform
 from cell.render.light import FINGER_HOLE, KIND_GREY, MARKER_BLACK, MARKER_WHITE, Light
@@ -100,13 +100,13 @@ class PlateSolid:
 
     def _cut_pocket(self, cast: Cast, top: Indices, x: Floats, y: Floats, rays: Bundle) -> None:
         """Let the rays `top` that enter a mouth at (x, y) m from its centre go on to a wall or the floor."""
-        mouth = np.float32(POCKET_MOUTH / 2.0)
+        mouth = np.float32(self._board.pocket[0] / 2.0)
         near = np.flatnonzero((np.abs(x) < mouth) & (np.abs(y) < mouth))
         if not len(near):
             return
         x, y, ray = x[near], y[near], top[near]
         dx, dy, dz = rays.dx[ray], rays.dy[ray], rays.dz[ray]
-        slope = np.float32((POCKET_MOUTH - POCKET_FLOOR) / 2.0 / POCKET_DEPTH)
+        slope = np.float32((self._board.pocket[0] - self._board.pocket[1]) / 2.0 / POCKET_DEPTH)
         further = np.stack(
             [
                 (mouth - s * p) / np.maximum(s * d - slope * dz, 1e-9)
