@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 import driver.link
+import driver.portlink
 from arm.armcalibration import ArmCalibration, write_arm_calibration
 from arm.dh import A465
 from arm.errors import CameraError, InputError
@@ -291,7 +292,7 @@ def test_a_silent_line_is_wrong_and_gets_harmless_lines_only(
     silent_port: tuple[int, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other, port = silent_port
-    monkeypatch.setattr(driver.link, "LEAST_WALL_S", 0.1)
+    monkeypatch.setattr(driver.portlink, "LEAST_WALL_S", 0.1)
     monkeypatch.setattr(driver.link.Link.synchronise, "__defaults__", (0.2, 1))
     found = guarded("controller", lambda: doctordevices.controller_finding(port), 20.0, "h")
     assert isinstance(found, Finding)

@@ -88,8 +88,11 @@ def test_silence_ends_by_the_deadline(link: Link, fake: Any) -> None:
     assert 2.0 <= link.clock.now() - begin < 2.01
 
 
-def test_a_host_that_is_busy_is_given_a_second_of_wall_time(unit: Unit) -> None:
+def test_a_host_that_is_busy_is_given_a_second_of_wall_time(
+    unit: Unit, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """However fast the emulated unit lives: 2 s of its time are 2 ms here."""
+    monkeypatch.setattr("driver.portlink.LEAST_WALL_S", 1.0)  # as it is
     with Emulator(unit, Clock(1000.0)) as emulator:
         link = Link(emulator.open_pty(), emulator.clock)
         begin = time.monotonic()
@@ -188,7 +191,8 @@ def test_a_lost_port_is_told_and_stays_lost(fake: Any, link: Link) -> None:
         link.send_stop()
 
 
-def test_a_unit_that_takes_no_bytes_is_an_error_not_a_hang() -> None:
+def test_a_unit_that_takes_no_bytes_is_an_error_not_a_hang(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("driver.portlink.LEAST_WALL_S", 1.0)  # as it is
     master, slave = pty.openpty()
     tty.setraw(slave)
     link = Link(os.ttyname(slave), Clock(1000.0))
