@@ -13,6 +13,7 @@ import arm.board
 from arm.bodies import Capsule, body_from_json, convex
 from arm.errors import InputError
 from arm.motion import CountPath
+from arm.outfit import padded
 from arm.planfile import GripperStep, Move
 from arm.se3 import inverse, rot_x, rot_z, rotation, transform
 from arm.unit import load_unit
@@ -271,3 +272,20 @@ def test_executed_motion_is_whole_counts(preview_case) -> None:
     )
     assert content["executed"][0]["counts"][0] == list(first.path.start)
     json.dumps(content, allow_nan=False)
+
+
+def test_the_page_knows_what_is_checked(preview_case) -> None:
+    """Paddings of links, of bodies and of cubes, so that it can draw every body as it is checked."""
+    case = preview_case
+    scene = {
+        **case.plan.scene,
+        "bodies": [{**b, "padding": 0.0015} for b in case.plan.scene["bodies"]],
+        "cubes": [{**c, "padding": 0.002} for c in case.plan.scene["cubes"]],
+    }
+    arms = [padded(robot, 0.01, but=("palm",)) for robot in (case.robot_open, case.robot_holding)]
+    content = page_content(replace(case.plan, scene=scene), *arms, case.unit)
+    assert {b["padding"] for b in content["bodies"]} == {0.0015}
+    assert {c["padding"] for c in content["cubes"]} == {0.002}
+    links = {b["name"]: b["padding"] for b in content["arm"]["bodies"]}
+    assert links.pop("palm") == 0.0
+    assert set(links.values()) == {0.01}
