@@ -20,6 +20,7 @@ from vision.cube_top import CubeTop, measure_top
 from vision.frames import Image
 
 LIFT = 4e-3  # m: a cube that stands as high as this is surely told from a seated one
+MOST_LIFT = 1.5e-3  # m, that a seated one's measured height may differ
 SURE = 3.0  # standard deviations
 MOST_ASIDE = 1.0e-3  # m, of a top's middle
 PLAY = 0.25e-3  # standard deviation of a seated cube's place, with what boards are made to, m
@@ -86,7 +87,7 @@ def seating(top: CubeTop | None, cube: CubeWidth) -> Seating:
     told = f"its top is {1e3 * lift:+.1f} mm from a seated one's height, std {1e3 * std:.1f} mm"
     if weights @ (lifts - lift) ** 2 > MOST_UNLIKELY:
         return Seating("unsure", f"{told}, but its place and its size say different heights", lift, std)
-    if abs(lift) + SURE * std <= LIFT:
+    if abs(lift) <= MOST_LIFT and abs(lift) + SURE * std <= LIFT:
         return Seating("seated", "", lift, std)
     return Seating("off" if abs(lift) - SURE * std > 0.0 else "unsure", told, lift, std)
 

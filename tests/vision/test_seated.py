@@ -102,6 +102,10 @@ def test_each_rule_refuses_alone() -> None:
     assert "square" in seating(_top(widths=np.array([CUBE, CUBE + 2e-4])), NOMINAL).reason
     high = CUBE * (1.0 + 4e-3)
     assert seating(_top(widths=np.full(2, high), centre=np.array([-8e-4, 0.0])), NOMINAL).state == "off"
+    higher = CUBE * (1.0 + 1.8e-3)  # 1.8 mm, and known to a tenth
+    assert (
+        seating(_top(widths=np.full(2, higher), stds=np.full(2, 2e-6)), CubeWidth(CUBE, 1e-6)).state == "off"
+    )
     doubt = seating(_top(centre=np.array([-9e-4, 0.0]), stds=np.full(2, 1e-6)), CubeWidth(CUBE, 1e-6))
     assert doubt.state == "unsure"
     assert "different heights" in doubt.reason
