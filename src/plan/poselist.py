@@ -144,9 +144,12 @@ class _Problem:
         self.robot, self.unit, self.options, self.effort = robot, unit, options, effort
         self.targets = [replace(targets[0], by="transit"), *targets[1:]]
         self.sent = limits.scaled(options.speed)
+        # rounding to whole counts moves a joint by half a count: what is sent has to be within limits
+        half = np.minimum(0.5 / np.abs(unit.counts_per_rad), (limits.upper - limits.lower) / 4.0)
+        self.limits = limits
         self.planned = Limits(
-            limits.lower,
-            limits.upper,
+            frozen(limits.lower + half),
+            frozen(limits.upper - half),
             frozen(self.sent.velocity * options.velocity_fraction),
             frozen(self.sent.acceleration * options.acceleration_fraction),
         )
@@ -161,8 +164,8 @@ class _Problem:
 
     def standing(self, name: str, q: npt.ArrayLike) -> Layer:
         """A layer of one place to stand."""
-        at = standing(name, q, self.robot, self.planned, _ROUNDING)
-        at = standing(name, self.unit.positions(self.unit.counts(at)), self.robot, self.planned)
+        at = standing(name, q, self.robot, self.limits, _ROUNDING)
+        at = standing(name, self.unit.positions(self.unit.counts(at)), self.robot, self.limits)
         chain = Chain((), "", frozen(at), frozen(at))
         return Layer(name, (chain,), (standing_time(at),))
 

@@ -13,6 +13,7 @@ from arm.robot import Robot
 from arm.se3 import angle_between, rot_x, rot_z, transform
 from arm.unit import Unit
 from mujoco_cell import MujocoCell
+from plan.budget import Meter, SearchBudget
 from plan.chains import _nearest
 from plan.check import check_move
 from plan.grid import fine_grid
@@ -125,15 +126,16 @@ def test_the_sequence_is_the_best_of_all(robot: Robot, crs97: Unit) -> None:
     found: list[PoseSearch] = []
 
     class Spy(_Problem):
-        def moved(self, search: PoseSearch):  # type: ignore[no-untyped-def]
+        def moved(self, search: PoseSearch, meter: Meter):  # type: ignore[no-untyped-def]
             found.append(search)
-            return super().moved(search)
+            return super().moved(search, meter)
 
     q = np.radians([-35, -35, -85, 0, -60, 0])
     problem = Spy(robot, bodies, targets, crs97.limits(), fine_grid(robot, crs97.limits()), FAST, effort, 0.0)
-    plan = problem.solved(problem.standing("q_start", q), None)
+    meter = Meter(SearchBudget())
+    plan = problem.solved(problem.standing("q_start", q), None, meter)
     search = found[-1]
-    best = search.best()
+    best = search.best(meter)
     from plan.posesearch import _State
 
     times = {}

@@ -12,6 +12,7 @@ from arm.errors import ImpossibleError
 from arm.robot import Robot
 from arm.se3 import transform
 from arm.unit import Unit
+from plan.extremes import segment_extremes
 from plan.poselist import plan_poses
 from plan.poseplan import Pause, PosePlan
 from plan.targets import Target
@@ -121,3 +122,25 @@ def test_a_body_that_was_brought_elsewhere_is_looked_for_there(robot: Robot, crs
     ) as caught:
         planned(robot, crs97, [TABLE, box], *targets, again)
     assert 0.2 < caught.value.data["distance_m"] < 0.3
+
+
+def test_what_is_sent_in_whole_counts_stays_within_limits(robot: Robot, crs97: Unit) -> None:
+    """A free turn that would end at a joint's limit ends a count before it."""
+    wall = Body("wall", Box((0.4, 0.02, 0.3)), transform(t=(0.5, 0.0, 0.15)), "wall")
+    limits = crs97.limits()
+    tight = replace(limits, lower=limits.lower + (0, 0, 0, 0, 0, 1.0000033), upper=limits.upper)
+    targets = [
+        Target("a", down(0.45, -0.2, 0.1), free="rz"),
+        Target("b", down(0.45, 0.2, 0.1), free="rz"),
+        Target("c", down(0.4, -0.25, 0.12), free="rz"),
+    ]
+    for few in (1, 2):
+        for asked in (limits, tight):
+            plan = plan_poses(
+                robot, [TABLE, wall], targets, Q_START, asked, unit=crs97, options=FAST,
+                effort=replace(EFFORT, candidates=few),
+            )  # fmt: skip
+            for move in plan.moves:
+                extremes = segment_extremes(move.path, crs97)
+                assert (extremes.lower >= asked.lower - 1e-12).all()
+                assert (extremes.upper <= asked.upper + 1e-12).all()

@@ -17,6 +17,7 @@ from arm.planfile import Step
 from arm.robot import load_a465
 from arm.se3 import Array, apply, frozen, inverse, rot_x, rot_z, transform
 from arm.unit import load_unit
+from plan.budget import Meter, SearchBudget
 from plan.check import check_curve
 from plan.curve import curve_of_waypoints
 from plan.options import PlanOptions
@@ -307,7 +308,7 @@ def test_as_many_ways_are_tried_as_there_are(monkeypatch: pytest.MonkeyPatch) ->
         return written(self, search, found)
 
     monkeypatch.setattr(Planner, "written", failing)
-    steps, _ = planner.steps(search)
+    steps, _ = planner.steps(search, Meter(SearchBudget()))
     assert steps
     assert left == [0]
 
