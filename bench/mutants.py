@@ -7,8 +7,8 @@ python bench/mutants.py --draw 220                # draw the list bench/mutants_
 
 Each mutant is one change of one file, made in a copy of the project. Of its module's tests (`mutants_bench.tests_of`)
 those that reach the changed line run, the fastest first, up to the first red one or a budget; --budget-s 1000 takes all
-of them. Results go to bench/results/mutants.jsonl, a line each: a run that was ended goes on where it was. A result
-counts as long as the change and the text of its tests are the same.
+of them. Results go to bench/results/mutants.jsonl, a line each: a run that was ended goes on where it was. Red counts
+as long as the test that saw it is there, green as long as the change and the text of its tests are the same.
 """
 
 from __future__ import annotations
@@ -64,18 +64,33 @@ def draw(count: int, seed: int) -> list[Mutant]:
     return found
 
 
-def _known() -> dict[str, dict[str, Any]]:
-    """Results by their key; of several the last one counts."""
-    if not RESULTS.is_file():
-        return {}
-    rows = (json.loads(line) for line in RESULTS.read_text().splitlines() if line.endswith("}"))
-    return {row["key"]: row for row in rows}
+def _known() -> dict[str, list[dict[str, Any]]]:
+    """Results by the digest of what is changed, the newest last."""
+    known: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    if RESULTS.is_file():
+        for line in RESULTS.read_text().splitlines():
+            if line.endswith("}"):
+                row = json.loads(line)
+                known[row["digest"]].append(row)
+    return known
 
 
-def _key(mutant: Mutant, tests: Sequence[str]) -> str:
-    """Of a result: the change and the tests that it was tried with."""
-    texts = [(ROOT / "tests" / name).read_text() for name in tests]
-    return sha256([mutant.digest, *texts])[:20]
+def _tests_digest(tests: Sequence[str]) -> str:
+    return sha256([(ROOT / "tests" / name).read_text() for name in tests])[:20]
+
+
+def _holding(mutant: Mutant, known: dict[str, list[dict[str, Any]]]) -> dict[str, Any] | None:
+    """The result that still holds: red while the test that saw it is there, green while its tests are the same."""
+    for row in reversed(known.get(mutant.digest, [])):
+        file, _, test = row["seen_by"].removeprefix("tests/").partition("::")
+        path = ROOT / "tests" / file
+        if row["result"] == LATE:
+            return row
+        if row["result"] == RED and path.is_file() and f"def {test.partition('[')[0]}(" in path.read_text():
+            return row
+        if row["result"] == GREEN and row["tests_digest"] == _tests_digest(mutant.tests):
+            return row
+    return None
 
 
 class Worker:
@@ -101,7 +116,8 @@ class Worker:
             if outcome.result != GREEN:
                 break
         return {
-            "key": _key(mutant, mutant.tests),
+            "digest": mutant.digest,
+            "tests_digest": _tests_digest(mutant.tests),
             "name": mutant.name,
             "file": mutant.file,
             "result": outcome.result,
@@ -143,12 +159,12 @@ def run(mutants: Sequence[Mutant], jobs: int, budget_s: float) -> None:
             )
 
 
-def _score(mutants: Sequence[Mutant], known: dict[str, dict[str, Any]]) -> Iterator[str]:
+def _score(mutants: Sequence[Mutant], known: dict[str, list[dict[str, Any]]]) -> Iterator[str]:
     """The table of rooms, and what survived."""
     counts: dict[str, dict[str, int]] = defaultdict(lambda: defaultdict(int))
     survivors = []
     for mutant in mutants:
-        row = known.get(_key(mutant, mutant.tests))
+        row = _holding(mutant, known)
         result = "not tried" if row is None else row["result"]
         kind = "equivalent" if mutant.equivalent else RED if result in (RED, LATE) else result
         kind = SKIPPED if kind.startswith(SKIPPED) else kind
@@ -234,12 +250,8 @@ def main() -> None:
         known = _known()
 
         def is_due(m: Mutant) -> bool:
-            row = known.get(_key(m, m.tests))
-            if m.equivalent:
-                return False
-            return (
-                row is None or row["result"].startswith(SKIPPED) or (options.green and row["result"] == GREEN)
-            )
+            row = _holding(m, known)
+            return not m.equivalent and (row is None or (options.green and row["result"] == GREEN))
 
         due = [m for m in mutants if is_due(m)]
         print(f"{len(due)} of {len(mutants)} to try", flush=True)

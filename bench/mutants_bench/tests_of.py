@@ -41,7 +41,7 @@ _MORE: dict[str, tuple[str, ...]] = {
     "cell/approval.py": (),
     "cell/resume.py": (),
     "arm/unit.py": ("driver/test_mars.py", "plan/test_segments.py"),
-    "arm/planfile.py": ("cell/test_any_type.py", "plan/test_replay.py"),
+    "arm/planfile.py": ("plan/test_replay.py",),
     "vision/look.py": ("vision/test_board_pose.py",),
     "calib/chain_verdict.py": ("calib/test_hold_out.py",),
     "calib/pose_pairs.py": ("calib/test_robot_world_start.py",),

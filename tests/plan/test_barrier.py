@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,12 +12,13 @@ from arm.errors import ImpossibleError, InputError
 from arm.robot import Robot
 from arm.se3 import rot_x, rot_z, transform
 from arm.unit import Unit
+from plan import barrier as barrier_module
 from plan.barrier import collision_barrier
 from plan.ik import inverse_kinematics
 from plan.line import SOLVERS, Line, LineOptions, follow_line
 from plan.line_steps import Barrier
 from plan.screws import screw_arm
-from plan.world import World
+from plan.world import DISTANCE_ERROR, World
 
 CLEARANCE, NEAR = 0.005, 0.05
 START = transform(rot_x(np.pi), (0.40, -0.10, 0.08))
@@ -166,3 +169,24 @@ def test_a_barrier_needs_room(robot: Robot) -> None:
     with pytest.raises(InputError, match="near = 5 mm: must be above the clearance of 5 mm"):
         collision_barrier(_world(robot), 0.005, 0.005)
     assert isinstance(collision_barrier(World(robot, []), 0.0, 1e-6)(np.zeros(6)), Barrier)
+
+
+def test_no_normal_is_taken_of_bodies_that_touch_or_of_points_that_are_not_known(
+    robot: Robot, unit: Unit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng, q, called = np.random.default_rng(23), np.zeros(6), []
+
+    def differences(world: World, pair: tuple[str, str], q: np.ndarray) -> np.ndarray:
+        called.append(pair)
+        return np.full(6, 7.0)
+
+    monkeypatch.setattr(barrier_module, "_differences", differences)
+    for signed in (0.3 * DISTANCE_ERROR, -0.3 * DISTANCE_ERROR, 30.0 * DISTANCE_ERROR):
+        world = World(robot, [_ball_beside_a_finger(robot, q, signed, rng)])
+        found = min(world.distances_below(q, 0.05), key=lambda d: abs(d.value - signed))
+        called.clear()
+        row = barrier_module._gradient(world, found, q, np.ones((6, 6)))
+        assert (called == [found.pair]) == (abs(signed) < DISTANCE_ERROR)
+        assert np.all(row == 7.0) == (abs(signed) < DISTANCE_ERROR)
+    lost = replace(found, points=(found.points[0] * np.nan, found.points[1]))
+    assert np.all(barrier_module._gradient(world, lost, q, np.ones((6, 6))) == 7.0)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from arm.bodies import Body, Box, Cylinder, Shape
+from arm.errors import InputError
 from arm.motion import CountPath, Segment
 from arm.robot import load_a465
 from arm.se3 import Array, apply, frozen, rotation, transform
@@ -218,3 +219,11 @@ def test_the_same_request_gives_the_same_answer() -> None:
     world = crowded_world(rng)
     curve = random_cubic(world, rng)
     assert check_curve(world, curve, 0.01, tight=True) == check_curve(world, curve, 0.01, tight=True)
+
+
+@pytest.mark.parametrize("clearance", [float("nan"), float("inf"), None, "5 mm"])
+def test_a_clearance_that_is_no_number_is_refused(clearance: object) -> None:
+    world = crowded_world(np.random.default_rng(0))
+    curve = random_cubic(world, np.random.default_rng(0))
+    with pytest.raises(InputError, match=r"clearance = .*must be a finite number in m"):
+        check_curve(world, curve, clearance)

@@ -364,3 +364,10 @@ def test_a_move_that_is_not_certified_is_refused_where_clearance_is_asked_for(
         assert len(replay(unproved, scene, UNIT, LIMITS)) == len(list(plan.moves))
         with pytest.raises(ImpossibleError, match="of clearance, unproved"):
             replay(unproved, scene, UNIT, LIMITS, ASKED)
+
+
+def test_lines_are_as_long_as_the_cell_asks(plan: Plan, scene: Scene) -> None:
+    replay(plan, scene, UNIT, LIMITS, ASKED)
+    for offset in (0.099, 0.101):
+        with pytest.raises(ImpossibleError, match=r"is no line of (99|101) mm along the tool's axis"):
+            replay(plan, scene, UNIT, LIMITS, replace(ASKED, offset=offset))
