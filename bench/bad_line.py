@@ -1,0 +1,234 @@
+"""One damaged line in a motion: is it noticed, and does the arm stand before what was damaged begins?
+
+python bench/bad_line.py --there 400 --back 100 --answers 50 --sound 200
+
+Driver and emulated unit in stepped time, both units, 0, 16 and 100 ms one way (sound streams at 200 ms too). A third of
+the damage is in segments 1 to 8; in every tenth case a STOP is lost too. The judge is the unit's own record, every ms:
+how far the arm ever was from the path that was certified (0.02 deg are allowed, which are rounding). Motions are of
+all joints, 5 to 8 s, 100 ms a segment, at 0.9 of the speed and 0.5 of the acceleration of the registers.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import sys
+import time
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
+
+from arm.errors import ExecutionStopped
+from arm.motion import CountPath
+from arm.unit import Limits, Unit, load_unit
+from count_paths import off_path_deg
+from driver.emulator import Emulator, EmulatorOptions
+from driver.mars import Mars
+from driver.stepped import SteppedClock
+from driver.stream import stream
+from line_damage import ANSWER, KINDS, SEGMENT, Damage
+from plan.segments import to_segments
+from plan.timing import time_path
+
+UNITS = ("crs93", "crs97")
+LATENCIES_S = (0.0, 0.016, 0.1)
+ALLOWED_DEG = 0.02
+ECHO = ("line", "none")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One stream.
+
+    Attributes:
+        way: of the damage: there, back, answers; or sound.
+        stops: STOPs that are lost too.
+    """
+
+    way: str
+    unit: str
+    latency_s: float
+    kind: str
+    nth: int
+    stops: int
+    seed: int
+    echo: str = "line"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How it ended.
+
+    Attributes:
+        happened: the damage.
+        stopped: by an error, with its reason, at rest or not, message.
+        off_deg: farthest from the certified path, at any ms.
+        took_s, dwell_and_took_s: of the motion, without and with what goes before and after it.
+    """
+
+    case: Case
+    happened: bool
+    stopped: bool
+    reason: str
+    at_rest: bool
+    message: str
+    off_deg: float
+    took_s: float
+    whole_s: float
+    planned_s: float
+
+
+def motion(unit: Unit, seed: int) -> CountPath:
+    """Three way-points of all joints, from the marks inwards."""
+    rng = np.random.default_rng(seed)
+    sent = unit.limits()
+    limits = Limits(sent.lower, sent.upper, 0.9 * sent.velocity, 0.5 * sent.acceleration)
+    begin = unit.positions(np.zeros(6))
+    share = np.array([0.0, rng.uniform(0.2, 0.4), rng.uniform(0.6, 0.9)])
+    q = begin + np.outer(share, unit.soft_home - begin)
+    q[1] += np.radians(rng.uniform(-4.0, 4.0, 6))
+    q[-1] = unit.positions(unit.counts(q[-1]))
+    return to_segments(time_path(q, limits), unit, 100, limits=sent)
+
+
+def run(case: Case) -> Outcome:
+    """One stream."""
+    unit, clock = load_unit(case.unit), SteppedClock()
+    path = motion(unit, case.seed)
+    near = tuple(float(d) for d in np.degrees(unit.positions(np.ones(6))))
+    tap = None
+    if case.way != "sound":
+        what = ANSWER if case.way == "answers" else SEGMENT
+        tap = Damage(case.kind, min(case.nth, len(path.segments)), case.seed, case.stops, what)  # type: ignore[arg-type]
+    there, back = (tap, None) if case.way == "there" else (None, tap)
+    error: ExecutionStopped | None = None
+    took = 0.0
+    options = EmulatorOptions(power_up_deg=near, echo=case.echo)  # type: ignore[arg-type]
+    with (
+        Emulator(unit, clock, options=options) as emulator,
+        Mars(emulator.open_line(case.latency_s, there, back), unit, clock) as mars,
+    ):
+        mars.identify()
+        mars.initialise(soft_home=False)
+        mars.anchor(path.start)
+        if tap is not None:
+            tap.armed = True
+        begin, began_ms = clock.now(), emulator.now_ms()
+        try:
+            took = stream(mars, path).duration_s
+        except ExecutionStopped as stopped:
+            error = stopped
+        whole = clock.now() - begin
+        clock.sleep(2.0)
+        record = emulator.record()
+    counts = record.counts[record.time_ms >= began_ms]
+    curve = path.at(np.arange(0.0, path.duration_s + 1e-3, 1e-3))
+    off = off_path_deg(unit, counts[::3], curve) if len(counts) else 0.0
+    state = error.data.get("state", {}) if error is not None else {}
+    return Outcome(
+        case,
+        tap is not None and tap.at_s is not None,
+        error is not None,
+        str(error.data.get("reason", "")) if error is not None else "",
+        bool(state.get("at_rest")),
+        str(error or "")[:400],
+        float(off),
+        took,
+        whole,
+        path.duration_s,
+    )
+
+
+def cases(options: argparse.Namespace) -> list[Case]:
+    """All cases, drawn from the seed."""
+    rng = np.random.default_rng(options.seed)
+    places = list(product(UNITS, LATENCIES_S))
+    found = []
+    for way, count in (("there", options.there), ("back", options.back), ("answers", options.answers)):
+        for i in range(count):
+            unit, latency_s = places[i % len(places)]
+            kind = KINDS[(i // len(places)) % (6 if way == "answers" else len(KINDS))]
+            nth = int(rng.integers(1, 9)) if i % 3 == 0 else int(rng.integers(9, 50))
+            stops = int(rng.integers(1, 3)) if way == "there" and i % 10 == 5 else 0
+            found.append(Case(way, unit, latency_s, kind, nth, stops, options.seed + i, options.echo))
+    for latency_s in (*LATENCIES_S, 0.2):
+        found += [
+            Case("sound", UNITS[i % 2], latency_s, "", 0, 0, options.seed + i, options.echo)
+            for i in range(options.sound)
+        ]
+    return found
+
+
+def report(done: list[Outcome]) -> None:
+    """The table."""
+    print(
+        f"{'way':8s}{'one way':>8s}{'n':>5s}{'noticed':>9s}{'at rest':>9s}{'off path':>9s}{'worst deg':>10s}"
+        f"{'stops':>7s}{'longer':>8s}{'whole':>8s}"
+    )
+    for way, latency_s in dict.fromkeys((o.case.way, o.case.latency_s) for o in done):
+        own = [o for o in done if (o.case.way, o.case.latency_s) == (way, latency_s)]
+        ended = [o for o in own if not o.stopped]
+        longer = np.median([o.took_s / o.planned_s for o in ended]) if ended else float("nan")
+        whole = np.median([o.whole_s - o.planned_s for o in ended]) if ended else float("nan")
+        print(
+            f"{way:8s}{1e3 * latency_s:5.0f} ms{len(own):5d}{sum(o.stopped and o.happened for o in own):9d}"
+            f"{sum(o.at_rest for o in own):9d}{sum(o.off_deg > ALLOWED_DEG for o in own):9d}"
+            f"{max(o.off_deg for o in own):10.4f}{sum(o.stopped for o in own):7d}{longer:8.3f}{whole:7.2f}s"
+        )
+    for kind in KINDS:
+        own = [o for o in done if o.case.way == "there" and o.case.kind == kind and o.happened]
+        if own:
+            missed = sum(not o.stopped for o in own)
+            off = [o.off_deg for o in own]
+            print(
+                f"there, {kind:8s} {len(own):4d}: {missed} not noticed, {sum(d > ALLOWED_DEG for d in off)} off the "
+                f"path, worst {max(off):.3f} deg"
+            )
+    print("reasons:", dict(Counter(o.reason for o in done if o.stopped)))
+
+
+def main() -> None:
+    """Draw, run, print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--there", type=int, default=400)
+    parser.add_argument("--back", type=int, default=100)
+    parser.add_argument("--answers", type=int, default=50)
+    parser.add_argument("--sound", type=int, default=200, help="at each latency")
+    parser.add_argument("--echo", choices=ECHO, default="line")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    drawn = cases(options)
+    print(
+        f"Python {platform.python_version()}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}; stepped "
+        f"time; {len(drawn)} streams, echo {options.echo}, seed {options.seed}",
+        flush=True,
+    )
+    began = time.monotonic()
+    done: list[Outcome] = []
+    with ProcessPoolExecutor(options.jobs) as pool:
+        for outcome in pool.map(run, drawn):
+            done.append(outcome)
+            case = outcome.case
+            wrong = outcome.off_deg > ALLOWED_DEG
+            wrong |= outcome.stopped != (outcome.happened and case.way in ("there", "back"))
+            wrong |= outcome.stopped and not outcome.at_rest
+            if wrong and options.echo != "none":
+                print(f"NOT AS IT SHOULD BE: {outcome}", flush=True)
+    report(done)
+    print(f"{time.monotonic() - began:.0f} s")
+    if options.json:
+        options.json.write_text(json.dumps([asdict(o) for o in done], indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
