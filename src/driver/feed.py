@@ -119,7 +119,7 @@ class Feed:
     def send(self) -> None:
         """The next segment."""
         self._numbers.append(self._link.send(self._lines[self.sent]))
-        if not self._link.echoes:
+        if not self._link.echoes and not self._mars.manners.adapter:  # whose echo tears answers apart
             self._stamps.append(self._link.stamp().partition(":")[2])
         self.sent += 1
 

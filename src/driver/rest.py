@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from arm.errors import ExecutionStopped
 from arm.unit import Unit
-from driver.link import Link, NoAnswer
+from driver.link import ANSWER_S, Link, NoAnswer
 from driver.protocol import (
     Answer,
     MalformedAnswer,
@@ -188,16 +188,18 @@ class _Stopping:
         self._at: tuple[int, ...] | None = None
         self._of_axis: dict[str, int] = {}
         self._alone = False  # the group does not answer: ask its axes
+        self._before: tuple[int, ...] | None = None  # of the look before
         self._still_looks = 0
 
     def run(self, timeout: float) -> RestState:
         link, now = self.link, self.link.clock.now()
         deadline, silent_at = link.deadline(timeout), link.deadline(SILENT_S)
-        repeat_at, look_at = now + REPEAT_S, now
+        repeat_at, look_at, look_s = now + REPEAT_S, now, LOOK_S
         while (now := link.clock.now()) < deadline and (self._heard or now < silent_at):
             if now >= look_at:
                 self._begin_look()
-                look_at = now + link.clock.at_least(LOOK_S + 4.0 * link.echo.round_trip_s, LOOK_WALL_S)
+                look_at = now + link.clock.at_least(look_s + 4.0 * link.echo.round_trip_s, LOOK_WALL_S)
+                look_s = min(1.5 * look_s, ANSWER_S)  # where nothing is echoed, the round trip is not known
             while self._asking and not (link.takes_turns and link.echo.unanswered):
                 line = self._asking.popleft()
                 link.send(line or link.fresh_stamp())
@@ -209,7 +211,7 @@ class _Stopping:
             if reply == Answer("STAMP", link.stamped.partition(":")[2]) and not self._asking:
                 if self._stands():
                     return self._at_rest()
-                look_at = link.clock.now() + SAMPLE_S
+                look_at, look_s = link.clock.now() + SAMPLE_S, look_s / 1.5
             elif reply is not None:
                 self._take(reply)
         why = (
@@ -246,9 +248,10 @@ class _Stopping:
 
     def _stands(self) -> bool:
         """Whether this look and the one before saw the arm at rest, and STOP was obeyed."""
-        before, at = self.counts, self._at
+        before, at = self._before, self._at
         if at is None and len(self._of_axis) == len(self.axes) > 0:
             at = tuple(self._of_axis[axis] for axis in self.axes)
+        self._before = at  # a damaged look is nothing to compare with
         self._alone = bool(self.axes) and at is None and self._fresh is not None
         self.counts = at if at is not None else self.counts
         quiet = self._fresh is not None and (not self._fresh.busy or self._fresh.fault)

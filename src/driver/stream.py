@@ -380,8 +380,9 @@ class _Stream:
             raise ExecutionStopped(
                 f"segment {self.begun} of {self.total}: the unit answered FAIL!", reason="fault"
             )
-        if now > self.heard_at + link.patience(ANSWER_S):
-            raise NoAnswer(f"no sound answer from the unit for {ANSWER_S:g} s", reason="silent")
+        silent_s = max(ANSWER_S, 3.0 * self.feed.poll_s + 4.0 * link.echo.round_trip_s)
+        if now > self.heard_at + link.patience(silent_s):
+            raise NoAnswer(f"no sound answer from the unit for {silent_s:g} s", reason="silent")
         if self.hold is not None and self._dry:
             return  # it waits for us, and its own deadline is the hold's
         running = self.feed.dwell_s if self._dwelling else 0.0

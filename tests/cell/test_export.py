@@ -149,7 +149,7 @@ def test_mcap_reads_back_with_its_schemas(
     assert len(found["/planned"]) == len(planned(session, unit))
     kinds = [event["kind"] for _, event in found["/events"]]
     assert kinds.count("stop") == 2
-    assert kinds.count("sent") == len(session.stops) == 2
+    assert kinds.count("sent") == len(session.stops) >= 2  # STOP goes again until it has come back
     assert found["/jaws"][-1][1]["fraction_closed"] == pytest.approx(
         unit.gripper.fraction_closed(420), abs=1e-3
     )
