@@ -97,7 +97,10 @@ class TaskRun:
         self.console.step(f"task {self.task.name}: {self.task.kind} on {where}, {speed}")
         task_file = os.path.relpath(self.task.file, self.folder)
         self.connection.mars.note("run", task=task_file, digest=self.task.digest, **self.task.cell.noted())
-        self.console.step(f"controller: {self.connection.mars.identify()}")
+        mars = self.connection.mars
+        self.console.step(f"controller: {mars.identify()}")
+        if not mars.manners.echoes:
+            self.console.step(mars.manners.describe())
 
     def look(self, why: str) -> Seen:
         """Look from where the arm is; the boards of the task must be there.

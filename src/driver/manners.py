@@ -43,7 +43,7 @@ class Manners:
         )
         return (
             f"NO ECHO ({why}): a damaged line is noticed only when the arm is off its path, so clearances are "
-            "not certain; --preload or a better line helps"
+            "not certain; a better line helps"
         )
 
 
