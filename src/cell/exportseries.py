@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from dataclasses import dataclass
 
@@ -105,9 +106,12 @@ def executed(session: Session, unit: Unit) -> Executed:
     times = np.array([s.time_s for s in samples])
     q = unit.positions([s.position.counts for s in samples])
     velocity = np.gradient(q, times, axis=0) if len(times) > 1 else np.zeros_like(q)
-    asked = [j.time_s for j in session.jaws]
+    set_up = (line.time_s for line in session.sent if line.text.startswith("ANAXSETUP"))
+    set_up_s = max(set_up, default=-math.inf)  # before that the axis does not count what the jaws tell
+    known = [j for j in session.jaws if j.time_s > set_up_s]
+    asked = [j.time_s for j in known]
     before = [bisect_right(asked, s.heard_s) - 1 for s in samples]
-    jaws = [unit.gripper.fraction_closed(session.jaws[k].adc) if k >= 0 else np.nan for k in before]
+    jaws = [unit.gripper.fraction_closed(known[k].adc) if k >= 0 else np.nan for k in before]
     return Executed(
         frozen(times),
         frozen(q),

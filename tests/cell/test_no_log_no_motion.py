@@ -180,9 +180,9 @@ def test_a_disk_that_fills_while_the_arm_moves_stops_it_and_leaves_a_log_that_re
     assert error.data["state"]["at_rest"] is True
     assert tuple(error.data["state"]["counts"]) == stepped.counts() != path.end
     sent = [line for _, line in stepped.lines]
-    assert not [
-        line for line in sent[sent.index("STOP:", 20) :] if line.startswith("COORD") and line != "COORDAP?"
-    ]
+    moving = next(k for k, line in enumerate(sent) if line.startswith("COORDSPLINET"))
+    after = sent[sent.index("STOP:", moving) :]
+    assert not [line for line in after if line.startswith("COORD") and line != "COORDAP?"]
     session = read_log(place / "wire.jsonl")
     assert session.damaged == 0
     assert session.motions[-1].start == path.start
@@ -194,7 +194,7 @@ def test_a_report_that_cannot_be_written_does_not_hide_how_the_run_ended(
     def full(file: Path, _: bytes | str) -> None:
         raise InputError(f"{file}: cannot be written: No space left on device")
 
-    monkeypatch.setattr("cell.taskrun.write_atomic", full)
+    monkeypatch.setattr("cell.runreport.write_atomic", full)
     with pytest.raises(A465Error, match="photograph"):
         _execute(emulator.open_pty(), place / "images")
     told = capsys.readouterr()

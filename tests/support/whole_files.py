@@ -38,11 +38,11 @@ origin_mm = [0, 900, 1000]
 
 
 def whole_cell(scenes: Path) -> Path:
-    """The cell file of a copy of the scenes, with every key."""
+    """The cell file of a copy of the scenes, with every key but `tool.urdf`, which excludes others."""
     cell = scenes / "cell.toml"
     camera = read_camera(scenes / "cameras/lab.toml")
     write_calibration(scenes / "calibration.toml", camera.T_base_camera)
-    text = re.sub(r"^# (\w+ = )", r"\1", cell.read_text(), flags=re.M).replace(
+    text = re.sub(r"^# (?!urdf)(\w+ = )", r"\1", cell.read_text(), flags=re.M).replace(
         "# [look.basler]", "[look.basler]"
     )
     text = text.replace(
