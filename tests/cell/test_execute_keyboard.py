@@ -175,7 +175,7 @@ class Terminal:
 @pytest.fixture
 def terminal(planned: Path) -> Iterator[Terminal]:
     run = Terminal(
-        planned, "execute", "plan.json", "scenes/task2.toml", "--time-scale", "20", "--speed", "0.8"
+        planned, "execute", "plan.json", "scenes/task2.toml", "--time-scale", "20", "--speed", "0.4"
     )
     yield run
     run.close()
@@ -213,7 +213,7 @@ def test_pause_go_on_slower_and_abort_from_the_keyboard(terminal: Terminal) -> N
 
 def test_a_speed_that_is_not_one_is_refused(planned: Path) -> None:
     for speed in (0.0, 1.5, -1.0):
-        with pytest.raises(InputError, match="an override only lowers"):
+        with pytest.raises(InputError, match="an execution only lowers"):
             execute_plan(
                 planned / "plan.json", planned / "scenes/task2.toml", Console(True), WhichCell(speed=speed)
             )
