@@ -13,6 +13,7 @@ from calib.chain_calibration import ChainLimits, chi2_limit
 from calib.chain_suspects import ChainSuspect, sudden_change
 from calib.chain_verdict import describe, judged
 from calib.hand_eye import calibrate_hand_eye
+from calib.recorded_points import numbers_of_this_world
 from recorded_faults import FAULTS
 
 
@@ -236,10 +237,24 @@ def test_numbers_beyond_belief_are_one_reason():
     assert max(map(len, c.reasons)) < 400
 
 
-def test_a_matrix_that_cannot_be_factored_is_a_refusal(capfd):
+def test_a_matrix_that_cannot_be_factored_is_a_refusal():
+    with (
+        pytest.raises(CalibrationRefused, match=r"\(Singular matrix\): are lengths in m"),
+        numbers_of_this_world(),
+    ):
+        np.linalg.inv(np.zeros((6, 6)))
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1e-6])
+def test_points_in_another_unit_are_refused(scale, capfd):
     rng = np.random.default_rng(13)
     truth = draw_truth(rng)
     recording = recorded(truth, wide(truth, TARGETS["marker"], 20, rng), "marker", rng)
-    with pytest.raises(CalibrationRefused, match="are lengths in m"):
-        calibrate_hand_eye(replace(recording, points=frozen(1e-6 * recording.points)))
+    try:
+        c = calibrate_hand_eye(replace(recording, points=frozen(scale * recording.points))).chain
+        accepted, said = c.accepted, " ".join(c.reasons)
+    except CalibrationRefused as refused:  # which of the two it is hangs on rounding
+        accepted, said = False, str(refused)
+    assert not accepted
+    assert "are lengths in m" in said or "in m and rad?" in said
     assert capfd.readouterr().out == "", "LAPACK is not asked"

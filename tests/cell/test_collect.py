@@ -380,7 +380,7 @@ def no_choice(monkeypatch: pytest.MonkeyPatch) -> None:
         ({"output": "urdf"}, "a465.urdf: is there and is no calibration"),
         ({"output": "recording"}, "recorded.json: is the recording's name too"),
         ({"step": 6.0}, "--encoder-step-deg 6: must be from 0 to 5 deg"),
-        ({"speed": 2.0}, "speed = 2"),
+        ({"speed": 2.0}, "--speed 2: must be from 0.01 to 1"),
         ({"recording": "recorded.txt"}, "is a .json file"),
     ],
 )
@@ -437,7 +437,7 @@ def test_options_of_a_collection_go_with_it(tmp_path: Path) -> None:
         (WhichCell(port="/dev/none"), "a camera is needed with --port"),
         (WhichCell(port="/dev/none", camera="cell"), "camera"),
         (WhichCell(world=Path("not there.toml")), "there is no such world file"),
-        (WhichCell(speed=2.0), "speed = 2"),
+        (WhichCell(speed=2.0), "--speed 2: must be from 0.01 to 1"),
     ],
 )
 def test_where_the_poses_are_taken_is_seen_before_any_is_chosen(

@@ -17,11 +17,13 @@ function followRun(mark, on) {
   const handlers = {
     ...on,
     plan: (value) => {
-      state.plan = value;
       if (value.mark !== mark) {
+        source.close(); // what follows is about the other plan
         on.leave?.();
         location.reload();
+        return;
       }
+      state.plan = value;
     },
     state: (value) => {
       if (value.state === "ended") source.close();
