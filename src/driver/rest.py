@@ -252,7 +252,7 @@ class _Stopping:
         if at is None and len(self._of_axis) == len(self.axes) > 0:
             at = tuple(self._of_axis[axis] for axis in self.axes)
         self._before = at  # a damaged look is nothing to compare with
-        self._alone = bool(self.axes) and at is None and self._fresh is not None
+        self._alone = bool(self.axes) and self._at is None and self._fresh is not None
         self.counts = at if at is not None else self.counts
         quiet = self._fresh is not None and (not self._fresh.busy or self._fresh.fault)
         still = not self.axes or (

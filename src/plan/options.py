@@ -81,6 +81,7 @@ class PlanOptions:
         self._within("velocity_fraction", 1e-2, 1.0)
         self._within("acceleration_fraction", 1e-2, 1.0)
         self._within("least_clearance", 0.0, LEAST_CLEARANCE, "m")
+        self._within("clearance", 0.0, 1.0, "m")
         if self.least_clearance == LEAST_CLEARANCE and 0.0 <= self.clearance < LEAST_CLEARANCE:
             raise InputError(
                 f"clearance = {self.clearance:g} m: must be from {LEAST_CLEARANCE:g} to 1 m; who means less says so by "

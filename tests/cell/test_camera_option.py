@@ -29,7 +29,7 @@ from vision.basler import BaslerCamera, BaslerSettings
 from vision.frames import Image
 
 pytestmark = pytest.mark.xdist_group("camera_option")
-TIME_SCALE = 20.0
+TIME_SCALE = 4.0
 
 
 @pytest.fixture(autouse=True)

@@ -26,7 +26,7 @@ from small_scenes import small_scenes
 from wire_client import Client
 
 COMMAND = [sys.executable, "-c", "from cell.start import main; main()", "emulate"]
-TIME_SCALE = 10.0
+TIME_SCALE = 3.0  # a host that pauses for 0.1 s pauses the line for 0.3 s of its time
 
 
 class Program:

@@ -146,6 +146,8 @@ class FakeUnit:
                 )
             case _ if name[:2] == "AP" and name[2:3] in "ABCDEF" and name.endswith("?"):
                 return f"{name[:-1]}={self.at()['ABCDEF'.index(name[2])]}"
+            case _ if name.startswith("AP") and name[2:] in ("A?", "B?", "C?", "D?", "E?", "F?"):
+                return f"{name[:3]}={self.at()['ABCDEF'.index(name[2])]}"
             case "APG?":
                 return f"APG={self.gripper_at}"
             case _ if name.startswith("HH"):
