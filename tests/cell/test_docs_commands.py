@@ -17,6 +17,7 @@ import typer.main
 import cell.cli
 import cell.collecting
 import cell.connection
+import driver.mars
 from calib.nao import NaoUnknowns
 from doc_commands import (
     ROOT,
@@ -82,7 +83,8 @@ def typed() -> list[object]:
 def test_what_a_page_says_can_be_done(
     some: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cell.connection, "Clock", lambda scale=TIME_SCALE: Clock(scale))
+    for module in (cell.connection, driver.mars):
+        monkeypatch.setattr(module, "Clock", lambda scale=TIME_SCALE: Clock(scale))
     monkeypatch.setattr(webbrowser, "open", lambda *_: True)
     monkeypatch.setattr(cell.collecting, "POOL", POOL)
     reader = Reader(tmp_path, monkeypatch.setenv)
