@@ -13,6 +13,7 @@ import os
 import re
 import secrets
 import shutil
+from abc import ABC, abstractmethod
 from pathlib import Path
 
 _OURS = re.compile(r"\..+\.a465-[0-9a-f]{12}", re.DOTALL)
@@ -30,14 +31,15 @@ def _lock(handle: int) -> None:
         fcntl.flock(handle, fcntl.LOCK_EX)
 
 
-class _Temporary:
+class _Temporary(ABC):
     """Holds the lock of `path` until `close`."""
 
     path: Path
     _handle: int
 
+    @abstractmethod
     def _make(self, beside: Path) -> tuple[Path, int]:
-        raise NotImplementedError
+        """Make it in that folder, under a name of our own; its path and an open handle of it."""
 
     def __init__(self, target: Path) -> None:
         """
