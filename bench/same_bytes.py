@@ -33,7 +33,6 @@ from arm.errors import A465Error
 
 KERNELS = ("Haswell", "Prescott", "Nehalem", "Sandybridge", "SkylakeX")
 THREADS = (1, 2)
-SLOW_PATHS = "AVX512F AVX512_SKX X86_V4 X86_V3 AVX2 FMA3"
 FAILED = "refused"
 
 
@@ -55,7 +54,21 @@ def variants() -> list[Variant]:
         for kernel in KERNELS
         for threads in THREADS
     ]
-    return [*found, Variant("numpy without AVX2 and FMA", (("NPY_DISABLE_CPU_FEATURES", SLOW_PATHS),))]
+    lacks = {
+        "AVX-512": "AVX512_SPR AVX512_ICL X86_V4",
+        "AVX-512, AVX2 and FMA": "AVX512_SPR AVX512_ICL X86_V4 X86_V3",
+    }
+    return [
+        *found,
+        *(
+            Variant(f"numpy without {name}", (("NPY_DISABLE_CPU_FEATURES", off),))
+            for name, off in lacks.items()
+        ),
+        Variant(
+            "C library without FMA and AVX2",
+            (("GLIBC_TUNABLES", "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX,-AVX512F"),),
+        ),
+    ]
 
 
 def queries_of(scene: tuple[str, int]) -> list[Query]:

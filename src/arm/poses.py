@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arm.angles import arccos
 from arm.board import TOLERANCE_SDS, Board
 from arm.products import mul
 from arm.se3 import Array, frozen, inverse, skew
@@ -54,7 +55,7 @@ class BoardPose:
 
     def tilt(self) -> float:
         """Angle of the board's normal from the vertical, rad."""
-        return float(np.arccos(np.clip(self.T_base_board[2, 2], -1.0, 1.0)))
+        return float(arccos(self.T_base_board[2, 2]))
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from arm.angles import arctan2
 from arm.errors import A465Error
 from arm.products import mul, nearest_rotation, norm
 
@@ -80,7 +81,7 @@ def rotation_vector(R: Array) -> Array:
     """SO(3) logarithm: 3x3 matrix to rotation vector (3, rad) with angle in [0, pi]."""
     vee = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     sine, cosine = 0.5 * float(norm(vee)), 0.5 * (float(np.trace(R)) - 1.0)
-    angle = float(np.arctan2(sine, cosine))
+    angle = float(arctan2(sine, cosine))
     if sine < 1e-12 and cosine > 0.0:
         return 0.5 * vee
     if sine > 1e-6 or cosine > 0.0:

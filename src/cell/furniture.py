@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from arm.angles import arctan2
 from arm.board import CUBE_SEAT_DEPTH, PLATE_CENTRE, PLATE_SIZE
 from arm.bodies import Body, Box
 from arm.products import mul
@@ -44,7 +45,7 @@ def stand_body(
     if top - table_z < 2e-3:
         return None
     x, y, _ = apply(T_base_board, (cx, cy, -PLATE_SIZE[2]))
-    yaw = float(np.arctan2(T_base_board[1, 0], T_base_board[0, 0]))
+    yaw = float(arctan2(T_base_board[1, 0], T_base_board[0, 0]))
     c, s = np.cos(yaw), np.sin(yaw)
     pose = transform([[c, -s, 0], [s, c, 0], [0, 0, 1]], (x, y, (top + table_z) / 2.0))
     box = Box((footprint[0], footprint[1], top - table_z))

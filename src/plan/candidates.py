@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arm.angles import arccos
 from arm.products import norm
 from arm.se3 import Array
 from plan.change import Asked, Change, Displaced, Elsewhere, Groups, Removed, Request, Skipped
@@ -156,7 +157,7 @@ def _turns(request: Request, board: str, names: frozenset[str], station: Station
     about = tuple(float(v) for v in plates[0].T_base_body[:3, 3])
     normal = -station.T_base_tool[0][:3, 2]
     ways = [("about the vertical, seen from above", _UP, names)]
-    if np.arccos(np.clip(abs(normal[2]), 0.0, 1.0)) > _TILTED:
+    if arccos(abs(normal[2])) > _TILTED:
         # turned on its stand, which stays where it is
         stands = {b.name for b in request.scene.bodies if b.kind == "stand"}
         ways.append(("about its own normal, seen from its front", normal, names - stands))

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arm.angles import arctan2
 from arm.errors import ImpossibleError
 from arm.products import mul, norm
 from arm.robot import Robot
@@ -197,7 +198,7 @@ def _nearest(T_now: Array, target: Target) -> Array:
         M = mul(R.T, T_now[:3, :3])
         i, j = (k + 1) % 3, (k + 2) % 3
         turn = np.zeros(3)
-        turn[k] = np.arctan2(M[j, i] - M[i, j], M[i, i] + M[j, j])
+        turn[k] = arctan2(M[j, i] - M[i, j], M[i, i] + M[j, j])
     elif free[3:].any():
         turn = np.where(free[3:], turn, 0.0)
     else:

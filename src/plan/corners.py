@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from arm.angles import arccos
 from arm.products import mul
 from plan.chains import LineStep
 from plan.targets import Target
@@ -37,7 +38,7 @@ def cut_length(before: LineStep, after: LineStep, targets: Sequence[Target]) -> 
     two = (after.line.T_end - after.line.T_start)[:3, 3] / after.line.length
     if mul(one, two) < _BACK:
         return 0.0
-    sine = float(np.sin(0.5 * np.arccos(np.clip(mul(one, two), -1.0, 1.0))))
+    sine = float(np.sin(0.5 * arccos(mul(one, two))))
     return float(
         min(target.within / max(sine, _FLATTEST), _MOST * before.line.length, _MOST * after.line.length)
     )

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import qmc
 
+from arm.angles import arctan2
 from arm.errors import InputError
 from arm.given import poses
 from arm.products import mul, solve_positive
@@ -227,7 +228,7 @@ class _Task:
             )
             cosine = 0.5 * ((a * b).sum(axis=(0, 1)) - 1.0)
         sine = np.sqrt((turn * turn).sum(axis=0))
-        angle = np.arctan2(sine, cosine)
+        angle = arctan2(sine, cosine)
         scale = np.where(sine > 1e-9, angle / np.maximum(sine, 1e-9), 1.0)
         e[:, 3:] = np.einsum("jin,jn->ni", goal[:, :3], turn * scale)
         # at half a turn the direction is lost, and with it the size

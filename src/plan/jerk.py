@@ -15,6 +15,7 @@ is timed so: it then rests once at each corner, near enough.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -189,7 +190,7 @@ def _stretch(path: Path, begin: float, end: float, limits: Limits, jerk: Array, 
         1.0,
         room * float(velocity.max()),
         float(np.sqrt(room * acceleration.max())),
-        float(np.cbrt(room * whole.jerk_peak())),
+        math.cbrt(room * whole.jerk_peak()),
     )
     return np.stack([times * factor, s, rate / factor, drive / factor**2])[:, 1:]
 

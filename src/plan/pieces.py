@@ -88,7 +88,7 @@ class Chain:
         pieces = self.covering(edges[:-1], edges[1:], np.full(m, -np.inf), np.ones((m, pairs), dtype=bool))
         if m < count or wanted < 2 * count:
             return pieces
-        return _split(pieces, 1 << int(np.log2(wanted // count)))
+        return _split(pieces, 1 << ((wanted // count).bit_length() - 1))
 
     def covering(self, first: Indices, last: Indices, bound: Array, open_: Flags) -> Pieces:
         """Pieces of whole cubics."""

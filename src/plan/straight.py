@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arm.angles import arcsin
 from arm.products import mul, norm
 from arm.se3 import Array, rotation_vector, skew
 
@@ -68,7 +69,7 @@ class Line:
             chord = np.linalg.norm(apart[:, :, AXES.index(free_axis)], axis=-1) / 2.0
         else:
             chord = np.linalg.norm(apart, axis=(-2, -1)) / np.sqrt(8.0)
-        return LineDeviation(lateral, 2 * np.arcsin(np.minimum(chord, 1.0)))
+        return LineDeviation(lateral, 2 * arcsin(chord))
 
 
 @dataclass(frozen=True)

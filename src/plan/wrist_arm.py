@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from arm.angles import arctan2
 from arm.errors import InputError
 from arm.products import mul, norm, solve_positive
 from arm.robot import Robot
@@ -176,7 +177,7 @@ def _subproblem_1(axis: Axis, x: Array, y: Array) -> Array:
         + k[1] * (x[2] * y[0] - x[0] * y[2])
         + k[2] * (x[0] * y[1] - x[1] * y[0])
     )
-    return np.asarray(np.arctan2(sine, _dot(x, y)))
+    return arctan2(sine, _dot(x, y))
 
 
 def _subproblem_4(
@@ -197,7 +198,7 @@ def _subproblem_4(
     # (a - l)(a + l) keeps the digits that a^2 - l^2 loses near the border of the workspace
     if root is None:
         root = np.sqrt(np.maximum((amplitude - level) * (amplitude + level), 0.0))
-    middle, half = np.arctan2(sine, cosine), np.arctan2(root, level)
+    middle, half = arctan2(sine, cosine), arctan2(root, level)
     with np.errstate(invalid="ignore", divide="ignore"):
         edge = np.where(amplitude > 0.0, root / amplitude, 0.0)
     return _TwoAngles(np.stack(np.broadcast_arrays(middle - half, middle + half)), edge, amplitude)
