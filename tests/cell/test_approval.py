@@ -161,6 +161,17 @@ def test_where_a_homed_arm_stands_is_told(
     assert f"the arm: at [{home}] deg by its counters" in capsys.readouterr().out
 
 
+def test_a_joint_a_little_below_zero_is_told_without_a_sign() -> None:
+    unit = load_unit("crs93")
+    for degrees, told in ((-0.4, "0"), (0.4, "0"), (-0.6, "-1"), (0.6, "1")):
+        counts = unit.counts(np.full(6, np.radians(degrees)))
+        run: Any = SimpleNamespace(
+            task=SimpleNamespace(cell=SimpleNamespace(unit=unit)),
+            connection=SimpleNamespace(mars=SimpleNamespace(counters=lambda counts=counts: counts)),
+        )
+        assert f"at [{', '.join([told] * 6)}] deg by its counters" in cell.approval._place(run)
+
+
 @pytest.mark.parametrize("typed", [["", "AAAA-AAAA", "2"], [None]])
 def test_without_the_code_nothing_goes_on(
     plan_file: Path, plan: Plan, run: Any, typed: list[str | None]

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm.bodies import body_from_json
+from arm.bodies import Body, Box, body_from_json
 from arm.errors import A465Error, ImpossibleError, InputError
 from arm.files import data_file
 from arm.motion import CountPath
@@ -22,14 +22,23 @@ from arm.se3 import Array, frozen, rotation, transform
 from arm.unit import REST_TOLERANCE
 from cell.boardshift import board_shift
 from cell.cellfile import read_cell
-from cell.checking import replayed, require_match, require_scene, require_start_at
+from cell.checking import (
+    SAME,
+    _differing,
+    check_plan,
+    replayed,
+    require_match,
+    require_scene,
+    require_start_at,
+)
 from cell.lookfile import Seen, read_seen
 from cell.planning import plan_rest
 from cell.scenery import board_bodies, build_scene
 from cell.taskfile import Task, read_task
 from command_line import a465, replace_in
-from plan.check import check_move
-from plan.replay import settings
+from plan.check import MoveCheck, check_move
+from plan.replay import ReplayedMove, settings
+from plan.scene import scene_from_json
 from plan.world import World
 
 pytestmark = pytest.mark.xdist_group("checking")
@@ -99,6 +108,26 @@ def test_a_provenance_that_lacks_or_adds_a_key_is_refused(task: Task, plan: Plan
         assert key in refusal.value.data["differing"]
     with pytest.raises(ImpossibleError, match="extra 1, now not given"):
         require_match(task, replace(plan, provenance={**plan.provenance, "extra": 1}))
+
+
+@pytest.mark.parametrize(
+    ("what", "of_plan", "told"),
+    [
+        ("unit", {"unit": "crs97"}, "is for unit crs97, but task2.toml is of unit crs93"),
+        (
+            "task",
+            {"task": {"name": "sort"}},
+            r"is for task sort \(board-to-board\), but task2.toml is of task task2 \(board-to-board\)",
+        ),
+    ],
+)
+def test_a_plan_for_another_unit_or_task_is_told_by_that_alone(
+    task: Task, plan: Plan, what: str, of_plan: dict[str, Any], told: str
+) -> None:
+    other = replace(plan, **{k: {**plan.task, **v} if k == "task" else v for k, v in of_plan.items()})
+    with pytest.raises(ImpossibleError, match=told) as refusal:
+        require_match(task, other)
+    assert refusal.value.data["differing"] == [what]
 
 
 def test_notes_bind_nothing_but_change_the_code(task: Task, plan: Plan) -> None:
@@ -319,3 +348,38 @@ def test_a_plan_that_starts_elsewhere_is_refused_by_axis_and_counts(
     for offset in (REST_TOLERANCE + 1, -REST_TOLERANCE - 1):
         with pytest.raises(ImpossibleError, match=re.escape(f"off by {axis} {offset:+d} counts")):
             require_start_at(task, beginning(offset))
+
+
+def test_bodies_written_twice_are_the_same_up_to_rounding_and_no_further(plan: Plan, task: Task) -> None:
+    """In place, padding and shape; names that one scene alone has differ."""
+    scene = scene_from_json(plan.scene, task.cell.robot(), task.cell.robot(task.cell.cube_size))
+    scene = replace(scene, bodies=(Body("box", Box((0.1, 0.1, 0.1)), transform(), "plate"), *scene.bodies))
+    box = scene.bodies[0]
+    assert _differing(scene, scene) == []
+    assert _differing(scene, replace(scene, bodies=scene.bodies[1:])) == ["box"]
+    for by, differing in ((SAME, []), (1.1 * SAME, ["box"])):
+        for other in (
+            *(
+                box.at(transform(t=tuple(sign * by * (k == i) for k in range(3))))
+                for i in range(3)
+                for sign in (1, -1)
+            ),
+            replace(box, padding=box.padding + by),
+            replace(box, shape=Box((0.1, 0.1 + 0.99 * by, 0.1))),
+        ):
+            assert _differing(scene, replace(scene, bodies=(other, *scene.bodies[1:]))) == differing
+
+
+def test_what_a_check_prints_of_the_whole_plan_is_of_its_worst_move(
+    task: Task, plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    move = next(plan.moves)
+    moves = tuple(
+        ReplayedMove(move, MoveCheck(clearance, clearance, ("a", "b"), 0.0, True, 1), velocity, acceleration)
+        for clearance, velocity, acceleration in ((0.02, 0.3, 0.8), (0.007, 0.9, 0.1), (0.03, 0.1, 0.2))
+    )
+    monkeypatch.setattr("cell.checking.replayed", lambda *_: moves)
+    told = check_plan(task, plan)
+    assert (told["min_clearance_mm"], told["peak_velocity"], told["peak_acceleration"]) == (7.0, 0.9, 0.8)
+    assert [row["proved_mm"] for row in told["moves"]] == [20.0, 7.0, 30.0]
+    assert {row["stated_mm"] for row in told["moves"]} == {1e3 * move.clearance}

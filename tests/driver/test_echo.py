@@ -246,6 +246,44 @@ def test_a_damaged_query_is_no_mismatch() -> None:
         assert watch.verified == max(numbers)
 
 
+def test_what_follows_a_damaged_line_by_chance_does_not_condemn_the_next_that_comes_back_whole() -> None:
+    motion, register = "COORDMVT:60,1,2,3,4,5,6", "REGMSB:2048"
+    for noise in ("R", "REG", "8", "xyz", "\x7f"):  # the beginning or the end of the next line, or of nothing
+        watch = EchoWatch()
+        watch.resume()
+        watch.sent(motion, 0.0)
+        watch.sent(register, 0.0)
+        feed(watch, f"{motion}{noise}\n{register}\n".encode())
+        assert watch.mismatch == Mismatch(motion, motion + noise)
+        assert watch.lost == []
+        assert watch.unechoed_bytes == 0
+    watch = EchoWatch()
+    watch.resume()
+    watch.sent(motion, 0.0)
+    feed(watch, f"{motion}xyz\n".encode())  # and nothing is awaited after it
+    assert watch.mismatch == Mismatch(motion, f"{motion}xyz")
+
+
+def test_a_cut_line_is_told_at_once_where_it_can_be_told_from_an_answer() -> None:
+    """Answers share ``COORD`` with motion lines; one character more is a line's own."""
+    line = "COORDMVT:60,1,2,3,4,5,6"
+    for size in range(1, len(line)):
+        watch = EchoWatch()
+        watch.resume()
+        number = watch.sent(line, 0.0)
+        feed(watch, f"{line[:size]}\n".encode())
+        assert watch.verified < number
+        assert watch.mismatch == (None if line[:size] in "COORD" else Mismatch(line, line[:size]))
+
+
+def test_an_answer_that_comes_while_nothing_is_judged_is_no_longer_awaited() -> None:
+    watch = EchoWatch()
+    watch.sent("ST?", 0.0)
+    assert watch.unanswered
+    assert feed(watch, b"ST?\nST=16\r\n") == ["ST=16"]
+    assert not watch.unanswered
+
+
 def test_a_query_that_ran_into_a_motion_line_is_one() -> None:
     lines = ["ST?", "COORDMVT:60,1,2,3,4,5,6"]
     watch, _, _ = talk(lines, EchoingUnit(), there=lambda data: data.replace(b"ST?\n", b"ST?"))

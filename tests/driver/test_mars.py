@@ -112,6 +112,16 @@ def test_gripper_tells_an_object_from_none(mars: Mars, fake: Any) -> None:
         mars.gripper(1.01)
 
 
+@pytest.mark.parametrize(("short", "stalled"), [(0, False), (36, False), (37, True), (300, True)])
+def test_jaws_that_rest_a_twentieth_of_their_stroke_short_hold_something(
+    mars: Mars, fake: Any, short: int, stalled: bool
+) -> None:
+    gripper = mars.unit.gripper
+    assert 36 < abs(gripper.open_adc - gripper.closed_adc) / 20 < 37
+    fake.gripper_stop = gripper.closed_adc + short
+    assert mars.gripper(1.0).stalled is stalled
+
+
 def test_gripper_failure_stops(mars: Mars, fake: Any) -> None:
     fake.hooks["RG"] = lambda line: ["FAIL!"]
     with pytest.raises(ExecutionStopped, match="gripper: the jaws: the unit answered FAIL!"):

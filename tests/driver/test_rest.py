@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from driver.mars import Mars
-from driver.rest import bring_to_rest
+from driver.rest import SAMPLE_S, STOP_S, UNECHOED_LOOKS, bring_to_rest
 from driver.stepped import SteppedClock
 
 BRAKES_S = 1.3  # the arm goes on for so long after STOP
@@ -142,3 +142,25 @@ def test_a_link_that_is_lost_leaves_the_state_unknown(mars: Mars, fake: Any) -> 
     state = mars.stop()
     assert not state.at_rest
     assert "the link is lost" in state.note
+
+
+@pytest.mark.parametrize("lost_s", [0.5, 1.0])
+def test_an_arm_that_stands_before_stop_has_come_back_is_not_at_rest_yet(
+    mars: Mars, fake: Any, clock: SteppedClock, lost_s: float
+) -> None:
+    """A STOP that is lost on the line leaves what the unit still holds: it stands in a dwell, and goes on after it."""
+    begin, write = clock.now(), fake.write
+    fake.write = lambda data: write(data.replace(b"STOP:\n", b"") if clock.now() < begin + lost_s else data)
+    state = mars.stop()
+    assert state.at_rest
+    assert clock.now() - begin >= lost_s
+
+
+def test_an_arm_that_stands_for_many_looks_is_at_rest_though_no_stop_comes_back(
+    mars: Mars, fake: Any, clock: SteppedClock
+) -> None:
+    write = fake.write
+    fake.write = lambda data: write(data.replace(b"STOP:\n", b""))
+    begin = clock.now()
+    assert mars.stop().at_rest
+    assert UNECHOED_LOOKS * SAMPLE_S <= clock.now() - begin < STOP_S

@@ -286,6 +286,21 @@ def test_accelerations_are_kept_or_told(plan: Plan, scene: Scene) -> None:
             replay(plan, scene, UNIT, replace(LIMITS, acceleration=frozen(push)))
 
 
+def test_the_share_of_the_limits_is_what_the_motion_has_at_its_fastest(plan: Plan, scene: Scene) -> None:
+    """Against differences of samples; the limits are those at the plan's speed."""
+    scaled, step = LIMITS.scaled(plan.speed), 1e-3
+    for move in replay(plan, scene, UNIT, LIMITS):
+        q = UNIT.positions(move.move.path.sample(step))
+        velocity = np.abs(np.diff(q, axis=0)).max(axis=0) / step
+        ends = np.cumsum([segment.duration_ms for segment in move.move.path.segments])
+        inside = np.setdiff1d(
+            np.arange(1, len(q) - 1), ends
+        )  # where two segments meet, the velocity may jump
+        acceleration = np.abs(q[inside - 1] - 2 * q[inside] + q[inside + 1]).max(axis=0) / step**2
+        assert move.peak_velocity == pytest.approx((velocity / scaled.velocity).max(), rel=0.02)
+        assert move.peak_acceleration == pytest.approx((acceleration / scaled.acceleration).max(), rel=0.05)
+
+
 def test_jaws_that_close_on_nothing_are_found(plan: Plan, scene: Scene, case: Task2) -> None:
     """The cube stands elsewhere than where the jaws close, by more than reaches between them, or there is none."""
     name = case.transfers[0].cube

@@ -12,7 +12,7 @@ from arm.planfile import Plan
 from arm.se3 import transform
 from arm.unit import load_unit
 from plan import sequence
-from plan.budget import PlanningInterrupted, SearchBudget, allowed
+from plan.budget import BudgetSpent, PlanningInterrupted, SearchBudget, allowed
 from plan.options import PlanOptions
 from plan.task import plan_task
 from task2_scene import Q_START, Task2
@@ -78,8 +78,18 @@ def test_a_clock_refuses_even_what_is_complete(
         planned(case, SearchBudget(give_up_s=glances - 30.0))
 
 
+def test_a_clock_that_ends_the_search_leaves_nothing_to_time_and_prove(
+    case: Task2, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was complete when it ran out differs from machine to machine, so none of it is used."""
+    stop_when_complete(monkeypatch, BudgetSpent("clock", 1.0, 2.0))
+    with pytest.raises(ImpossibleError, match="given up after 2 s of wall time") as caught:
+        planned(case)
+    assert caught.value.data["budget"] == "clock"
+
+
 def test_ctrl_c_has_the_best_complete_plan_with_it(case: Task2, monkeypatch: pytest.MonkeyPatch) -> None:
-    interrupt_when_complete(monkeypatch)
+    stop_when_complete(monkeypatch, KeyboardInterrupt())
     with pytest.raises(
         PlanningInterrupted, match="the search was interrupted: this is the best sequence"
     ) as caught:
@@ -102,8 +112,8 @@ def test_ctrl_c_before_that_says_so(case: Task2, monkeypatch: pytest.MonkeyPatch
     assert caught.value.plan is None
 
 
-def interrupt_when_complete(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ctrl-C as soon as a first sequence is complete."""
+def stop_when_complete(monkeypatch: pytest.MonkeyPatch, stop: BaseException) -> None:
+    """Ctrl-C, or a budget's end, as soon as a first sequence is complete."""
     proved, asked = sequence.TaskSearch._proved, sequence.best_order
     found: list[object] = []
 
@@ -114,7 +124,7 @@ def interrupt_when_complete(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def pressed(*more: object) -> object:
         if found:
-            raise KeyboardInterrupt
+            raise stop
         return asked(*more)  # type: ignore[arg-type]
 
     monkeypatch.setattr(sequence.TaskSearch, "_proved", noted)

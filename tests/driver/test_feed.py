@@ -1,0 +1,91 @@
+"""Feeding a motion: a segment goes out while a damaged one could still be stopped, and a host asleep is told."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from arm.unit import load_unit
+from driver.feed import ANSWER_S, DWELLS, LONGEST_POLL_S, Feed
+from driver.link import NoAnswer
+from driver.lookahead import ANSWERS_BYTES
+from driver.progress import StreamOptions
+from driver.protocol import BYTES_PER_SECOND
+from driver.stepped import SteppedClock
+
+LINE = "COORDMVT:100," + ",".join(["1000"] * 6)
+
+
+def feed_over(trip_s: float, unechoed_bytes: int = 0, takes_turns: bool = False) -> tuple[Feed, list[str]]:
+    """Over a line that only counts what is sent; ten segments of 0.1 s."""
+    unit, sent = load_unit("crs93"), list[str]()
+
+    def send(line: str) -> int:
+        sent.append(line)
+        return len(sent)
+
+    link: Any = SimpleNamespace(
+        echo=SimpleNamespace(round_trip_s=trip_s, unechoed_bytes=unechoed_bytes, verified=0),
+        clock=SteppedClock(),
+        echoes=True,
+        takes_turns=takes_turns,
+        stop_delivery_s=0.05 + trip_s / 2.0,
+        line_free_at=0.0,
+        send=send,
+    )
+    mars: Any = SimpleNamespace(
+        link=link,
+        unit=unit,
+        speed_registers=unit.speed_registers,
+        acceleration_registers=unit.acceleration_registers,
+    )
+    feed = Feed(mars, StreamOptions())
+    feed.plan([LINE] * 10, [0.1] * 10)
+    return feed, sent
+
+
+@pytest.mark.parametrize("trip_s", [0.0, 0.03, 0.2])
+@pytest.mark.parametrize("unechoed_bytes", [0, 60, 150])
+def test_a_segment_is_sent_while_its_echo_can_come_before_a_stop_has_to_go(
+    trip_s: float, unechoed_bytes: int
+) -> None:
+    """The unit has the line's last byte, then echoes what waits there, a look's answers, and the line."""
+    feed, _ = feed_over(trip_s, unechoed_bytes)
+    size = len(LINE) + 1
+    waiting = max(unechoed_bytes - trip_s * BYTES_PER_SECOND, 0.0)
+    echoed_s = size / BYTES_PER_SECOND + trip_s + (waiting + ANSWERS_BYTES + size) / BYTES_PER_SECOND
+    for spare_s in (-2e-3, 2e-3):
+        feed.timeline.stands(0, echoed_s + feed.needs.last_s(0.0) + spare_s)
+        assert feed.in_time() is (spare_s > 0.0)
+
+
+@pytest.mark.parametrize("trip_s", [0.0, 0.03, 0.1, 0.15])
+def test_looks_leave_half_of_a_line_of_turns_to_segments(trip_s: float) -> None:
+    """A look takes the line for three round trips: the echoes that are out, its questions, its answers."""
+    free, turns = (feed_over(trip_s, takes_turns=takes)[0] for takes in (False, True))
+    look_s = 3.0 * (trip_s + ANSWER_S)
+    assert free.poll_s == StreamOptions().poll_s
+    assert turns.poll_s == pytest.approx(min(2.0 * look_s, LONGEST_POLL_S))
+    assert turns.ahead_s >= min(free.ahead_s + look_s, LONGEST_POLL_S)
+
+
+def test_a_host_that_gets_nothing_out_in_time_is_told_after_a_few_dwells_each_twice_as_long() -> None:
+    feed, sent = feed_over(0.03)
+    for _ in range(DWELLS):
+        feed.dwell()
+    lengths = [int(line.split(":")[1].split(",")[0]) for line in sent]
+    assert lengths == pytest.approx([lengths[0] * 2**k for k in range(DWELLS)], abs=2**DWELLS)
+    with pytest.raises(NoAnswer, match=f"nothing could be sent in time in {DWELLS} dwells"):
+        feed.dwell()
+    assert len(sent) == DWELLS
+
+
+def test_dwells_with_motion_between_them_are_not_counted_together() -> None:
+    feed, sent = feed_over(0.03)
+    for _ in range(DWELLS + 2):
+        feed.dwell()
+        feed.send()
+    lengths = [int(line.split(":")[1].split(",")[0]) for line in sent[::2]]
+    assert max(lengths) < 2 * lengths[0]
