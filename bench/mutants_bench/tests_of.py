@@ -7,8 +7,13 @@ from pathlib import Path
 # Beside tests/<room>/test_<module>.py, where there is one.
 _MORE: dict[str, tuple[str, ...]] = {
     "driver/rest.py": ("driver/test_mars_stopping.py", "driver/test_mars.py", "driver/test_stream.py"),
-    "driver/link.py": ("driver/test_mars.py",),
-    "driver/stream.py": ("driver/test_stream_control.py", "driver/test_execute.py"),
+    "driver/link.py": ("driver/test_mars.py", "driver/test_bad_line.py"),
+    "driver/stream.py": (
+        "driver/test_stream_control.py",
+        "driver/test_execute.py",
+        "driver/test_execute_control.py",
+        "driver/test_bad_line.py",
+    ),
     "driver/mars.py": (
         "driver/test_mars_startup.py",
         "driver/test_mars_stopping.py",
@@ -24,11 +29,11 @@ _MORE: dict[str, tuple[str, ...]] = {
     "driver/startup.py": ("driver/test_mars_startup.py", "driver/test_mars.py"),
     "driver/refusals.py": ("driver/test_mars.py", "driver/test_stream.py", "driver/test_execute.py"),
     "driver/ready.py": ("driver/test_mars.py", "driver/test_mars_stopping.py", "driver/test_mars_startup.py"),
-    "driver/portlink.py": ("driver/test_link.py", "driver/test_echo.py", "driver/test_mars.py"),
+    "driver/portlink.py": ("driver/test_link.py", "driver/test_mars.py", "driver/test_bad_line.py"),
     "driver/echo.py": ("driver/test_mars_startup.py", "driver/test_stream.py"),
     "driver/feed.py": ("driver/test_lookahead.py", "driver/test_stream.py"),
     "driver/lookahead.py": ("driver/test_stream.py",),
-    "driver/pathwatch.py": ("driver/test_stream.py",),
+    "driver/pathwatch.py": ("driver/test_stream.py", "driver/test_bad_line.py"),
     "plan/check.py": ("plan/test_certificate.py", "plan/test_pieces.py", "plan/test_few_parts.py"),
     "plan/pieces.py": ("plan/test_check.py", "plan/test_certificate.py"),
     "plan/volumes.py": ("plan/test_check.py", "plan/test_certificate.py"),

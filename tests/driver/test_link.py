@@ -18,7 +18,8 @@ from arm.errors import A465Error, InputError
 from arm.unit import Unit
 from driver.clock import Clock
 from driver.emulator import Emulator
-from driver.link import Link, LinkLost, NoAnswer
+from driver.link import LineDamaged, Link, LinkLost, NoAnswer
+from driver.mars import Mars
 from driver.protocol import BYTES_PER_SECOND, Answer, Failed, Other, Ready
 from driver.stepped import SteppedClock
 from driver.wirelog import WireLog
@@ -265,3 +266,49 @@ def test_socket_urls_are_links_too(tmp_path: Path) -> None:
     thread.join()
     server.close()
     assert '"kind":"received","data":"STAMP=' in (tmp_path / "log.jsonl").read_text()
+
+
+def test_after_a_stop_lines_are_awaited_again_once_all_is_known_to_be_obeyed(mars: Mars, fake: Any) -> None:
+    link = mars.link
+    link.send_stop()
+    assert not link.echo.strict
+    link.synchronise()
+    assert link.echo.strict
+    fake.write = lambda data, write=fake.write: write(data.replace(b"100", b"900"))
+    link.send("COORDMV:100,2,3,4,5,6")
+    with pytest.raises(LineDamaged, match="came back as 'COORDMV:900"):
+        link.synchronise()
+
+
+def test_a_register_that_was_lost_once_is_sent_once_more_and_a_silent_unit_is_asked_twice(
+    mars: Mars, fake: Any
+) -> None:
+    link, write = mars.link, fake.write
+    fake.write = lambda data: write(data.replace(b"7680", b"7681") if fake.lines.count(lost) == 0 else data)
+    lost = "REGMSA:7680"
+    fake.lines.clear()
+    link.tell(lost, "REGMSB:7680")
+    assert [line for line in fake.lines if line.startswith("REG")].count(lost) == 2
+    fake.mute = True
+    fake.lines.clear()
+    with pytest.raises(NoAnswer, match="no answer to STAMP"):
+        link.tell("REGMSA:7680")
+    assert sum(line.startswith("STAMP:") for line in fake.lines) == 2
+
+
+@pytest.mark.parametrize("logged", [False, True])
+def test_a_unit_that_begins_to_mix_echoes_and_answers_is_spoken_to_in_turns_from_then_on(
+    mars: Mars, fake: Any, clock: SteppedClock, tmp_path: Path, logged: bool
+) -> None:
+    link, motion = mars.link, b"COORDMV:1,2,3,4,5,6"
+    with WireLog(tmp_path / "log.jsonl", clock) as log:
+        link.log = log if logged else None
+        assert not link.takes_turns
+        fake.write = lambda data: None
+        link.send("ST?")
+        link.send(motion.decode())
+        fake.line.reply(b"ST?\n" + motion[:9] + b"ST=0\r\n" + motion[9:] + b"\n")
+        assert link.await_answer("ST") == "0"
+        link.log = None
+    assert link.takes_turns
+    assert ("takes_turns" in (tmp_path / "log.jsonl").read_text()) is logged

@@ -133,3 +133,33 @@ def test_jaws_that_never_rest_end_by_the_deadline(mars: Mars, fake: Any) -> None
     fake.hooks["APG"] = lambda line: [f"APG={int(mars.clock.now() * 1000) % 700}"]
     with pytest.raises(ExecutionStopped, match="the jaws are not at rest within 10 s"):
         mars.gripper(1.0)
+
+
+def test_registers_change_and_motions_begin_only_while_nothing_moves(mars: Mars, fake: Any) -> None:
+    fake.append(60.0, [1000] * 6)
+    fake.lines.clear()
+    with pytest.raises(ExecutionStopped, match="registers may only change while the arm stands"):
+        mars.set_registers(mars.speed_registers, mars.acceleration_registers)
+    with pytest.raises(ExecutionStopped, match="the arm cannot start: it is still moving"):
+        mars.require_ready()
+    assert not any(line.startswith(("REG", "COORDMV", "SPDT")) for line in fake.lines)
+
+
+@pytest.mark.parametrize("told", [False, True])
+def test_an_error_that_leaves_the_arm_has_the_state_it_was_left_in(
+    fake: Any, unit: Unit, clock: Clock, told: bool
+) -> None:
+    """One that has it already was raised behind a stop: no other is sent."""
+    error = ExecutionStopped("mine", **({"state": {"at_rest": True}} if told else {}))
+
+    def use() -> None:
+        with Mars(fake.line, unit, clock) as mars:
+            mars.identify()
+            mars.initialise()
+            fake.lines.clear()
+            raise error
+
+    with pytest.raises(ExecutionStopped, match="mine"):
+        use()
+    assert error.data["state"]["at_rest"]
+    assert ("STOP:" in fake.lines) is not told

@@ -6,8 +6,10 @@ from typing import Any
 
 import pytest
 
+from driver.link import ANSWER_S
 from driver.mars import Mars
-from driver.rest import SAMPLE_S, STOP_S, UNECHOED_LOOKS, bring_to_rest
+from driver.protocol import Status
+from driver.rest import SAMPLE_S, STOP_S, UNECHOED_LOOKS, RestState, bring_to_rest, read_status
 from driver.stepped import SteppedClock
 
 BRAKES_S = 1.3  # the arm goes on for so long after STOP
@@ -164,3 +166,48 @@ def test_an_arm_that_stands_for_many_looks_is_at_rest_though_no_stop_comes_back(
     begin = clock.now()
     assert mars.stop().at_rest
     assert UNECHOED_LOOKS * SAMPLE_S <= clock.now() - begin < STOP_S
+
+
+@pytest.mark.parametrize("axes", [("A",), AXES])
+def test_a_group_that_is_gone_is_asked_for_axis_by_axis_however_many_there_are(
+    mars: Mars, fake: Any, axes: tuple[str, ...]
+) -> None:
+    fake.hooks["COORDAP"] = lambda line: []
+    fake.counts = [100 * (k + 1) for k in range(6)]
+    state = bring_to_rest(mars.link, axes)
+    assert state.at_rest
+    assert state.counts == tuple(fake.counts[: len(axes)])
+
+
+@pytest.mark.parametrize(
+    ("word", "told"), [(None, "under power"), (0, "under power"), (0x20000, "motion stop is pressed")]
+)
+def test_a_fault_is_part_of_what_is_said_of_an_arm_at_rest(mars: Mars, word: int | None, told: str) -> None:
+    status = None if word is None else Status(word)
+    assert told in RestState(True, (0,) * 6, status).describe(mars.unit)
+
+
+@pytest.mark.parametrize("hangs_s", [0.5, 1.9, 2.02, 2.5, 3.9])
+def test_however_long_a_unit_hangs_the_answer_to_the_last_question_is_told(
+    mars: Mars, fake: Any, clock: SteppedClock, hangs_s: float
+) -> None:
+    """It then answers all that it was asked, in order; the first answer must not pass for that to the second."""
+    held: list[str] = []
+    asked: list[str] = []
+    until = clock.now() + hangs_s
+
+    def when_awake(answer: str) -> list[str]:
+        if clock.now() >= until:
+            return [answer]
+        held.append(answer)
+        return []
+
+    def status(line: str) -> list[str]:
+        asked.append(line)
+        return when_awake("ST=64" if len(asked) == 1 else "ST=32")
+
+    fake.hooks["ST"] = status
+    fake.hooks["STAMP"] = lambda line: when_awake(line.replace(":", "="))
+    clock.call_after(hangs_s, lambda: [fake.write(f"{answer}\r\n".encode()) for answer in held])
+    assert read_status(mars.link).word == (64 if hangs_s < ANSWER_S else 32)
+    assert read_status(mars.link).word == 32

@@ -389,3 +389,9 @@ def test_a_dwell_that_was_missed_is_given_again(
     dwells = [line for line in splines(fake.lines) if re.fullmatch(r"COORDSPLINET:\d+,3(,0){18}", line)]
     first, second = (int(d.split(",")[0].removeprefix("COORDSPLINET:")) for d in dwells)
     assert second == pytest.approx(2 * first, abs=30)
+
+
+def test_a_failure_that_an_earlier_wait_asked_for_does_not_end_the_next_motion(mars: Mars, fake: Any) -> None:
+    """It was on its way when the motion began."""
+    fake.hooks["COORDDISCONT"] = lambda line: fake.write(b"FAIL!\r\n")
+    assert stream(mars, wave(5)).end_counts == wave(5).end

@@ -140,6 +140,53 @@ def test_a_slower_speed_does_not_begin_in_motion_though_the_pause_is_over(mars: 
     assert control.override == 0.5
 
 
+def test_a_slower_speed_of_a_pause_is_that_of_all_that_is_left(mars: Mars, fake: Any) -> None:
+    """On the wire, and in what progress is counted by: a look-ahead in seconds of then."""
+    path, control = run(60), Control()
+    planned: list[float] = []
+
+    def slower() -> None:
+        control.override = 0.5
+        control.go_on()
+
+    script = Script((reaches(10), control.pause), (lambda p: control.standing, slower))
+
+    def each(progress: Progress) -> None:
+        script(progress)
+        planned.append(progress.planned_s)
+
+    stream(
+        mars,
+        path,
+        each,
+        StreamOptions(queue=200),
+        control,
+    )
+    lines = [line for line in moved(fake) if not line.endswith(",3" + ",0" * 18)]
+    slow = [line.startswith("COORDSPLINET:200,") for line in lines]
+    before = slow.index(True)
+    assert slow == [False] * before + [True] * (60 - before)
+    assert planned[-1] == pytest.approx(0.1 * before + 0.2 * (60 - before), abs=0.41)
+
+
+def test_a_pause_waits_for_all_that_the_unit_holds_however_long_that_takes(mars: Mars, fake: Any) -> None:
+    path, control = run(120), Control()
+    told: list[float] = []
+
+    def pause() -> None:
+        control.pause()
+        told.append(mars.clock.now())
+
+    def stands(progress: Progress) -> bool:
+        if control.standing:
+            told.append(mars.clock.now())
+        return control.standing
+
+    script = Script((reaches(60), pause), (stands, control.go_on))
+    assert stream(mars, path, script, StreamOptions(ahead_s=5.0, queue=100), control).path == path
+    assert told[1] - told[0] > 4.0
+
+
 @pytest.mark.parametrize("times", [3])
 def test_pauses_may_follow_each_other(mars: Mars, fake: Any, times: int) -> None:
     control = Control()
