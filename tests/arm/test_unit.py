@@ -185,3 +185,17 @@ def test_a_joint_without_room_is_refused(tmp_path: Path) -> None:
                 load_unit(tmp_path / "mine.toml")
         else:
             load_unit(tmp_path / "mine.toml")
+
+
+def test_a_joint_of_a_single_place_has_no_room(tmp_path: Path) -> None:
+    """The data sheet's range is just twice the margin."""
+    text, file = data_file("urdf/a465/crs93.toml").read_text(), tmp_path / "own.toml"
+    for first, refused in (("1.0", True), ("1.001", False)):
+        changed = text.replace("data_sheet_deg = [175.0", f"data_sheet_deg = [{first}")
+        assert changed != text
+        file.write_text(re.sub(r"^(soft_home_deg = \[)[^,]*", r"\g<1>0.0", changed, flags=re.MULTILINE))
+        if refused:
+            with pytest.raises(FileInputError, match="leave no room for some joint"):
+                load_unit(file)
+        else:
+            load_unit(file)

@@ -13,12 +13,13 @@ import pytest
 
 import cell.run
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
-from arm.planfile import Step, read_plan
+from arm.motion import CountPath, Segment
+from arm.planfile import Move, Step, read_plan
 from arm.se3 import inverse
 from cell.connection import Connection, WhichCell
 from cell.console import Console
 from cell.lookfile import Seen
-from cell.resume import _known, carried_by
+from cell.resume import _back_out_of, _carried_near, _known, _station, carried_by
 from cell.run import execute_plan, resume_plan
 from cell.simulation import SimulatedCamera, SimulatedCell
 from cell.steps import look_step, plan_step
@@ -30,6 +31,7 @@ from driver.mars import Mars
 from driver.progress import Progress
 from driver.stepped import SteppedClock
 from driver.wirelog import WireLog
+from plan.scene import scene_from_json
 from small_scenes import small_scenes
 
 pytestmark = pytest.mark.xdist_group("resume")
@@ -211,6 +213,59 @@ def test_which_cube_is_in_the_jaws_is_told_or_refused(lasting: LastingCell) -> N
         for move in (m for m in plan.moves if m.cube == index and m.held is not None):
             middle = tuple(int(c) for c in move.path.knots()[len(move.path.segments) // 2])
             assert carried_by(task, plan, middle, Seen((), {})).transfer == transfer
+
+
+def test_what_the_jaws_hold_is_where_they_closed_on_it(lasting: LastingCell) -> None:
+    task, plan = lasting.task, read_plan(lasting.plan)
+    unit, robot = task.cell.unit, task.cell.robot()
+    scene = scene_from_json(plan.scene, robot, task.cell.robot(task.cell.cube_size))
+    for index, transfer in enumerate(plan.task["cubes"]):
+        lift = next(m for m in plan.moves if m.cube == index and m.held is not None)
+        held = carried_by(task, plan, lift.path.end, Seen((), {})).jaws
+        assert held.cube == transfer["cube"]
+        at = robot.T_base_tool(unit.positions(lift.path.start)) @ held.T_tool_cube
+        assert at == pytest.approx(scene.cube(held.cube).T_base_body, abs=1e-9)
+
+
+def test_wherever_a_move_stops_however_fast_it_was_its_cube_is_known(lasting: LastingCell) -> None:
+    """At the unit's full speed of an axis, and everywhere between the samples that it is looked for at."""
+    task, plan = lasting.task, read_plan(lasting.plan)
+    unit = task.cell.unit
+    index, move = next((i, s) for i, s in enumerate(plan.steps) if isinstance(s, Move) and s.held is not None)
+    speed = unit.limits().velocity * np.abs(unit.counts_per_rad)
+    for joint in range(6):
+        row = tuple(int(0.1 * speed[joint]) * (k == joint) for k in range(6))
+        fast = CountPath(move.path.start, (Segment(100, (row, (0,) * 6, (0,) * 6)),) * 2)
+        one = replace(plan, steps=(*plan.steps[:index], replace(move, path=fast)))
+        for counts in np.rint(fast.sample(1e-3)).astype(int):
+            found = _carried_near(task, one, unit.positions(counts))
+            assert found == plan.task["cubes"][move.cube or 0]
+
+
+def test_a_board_that_nobody_knows_is_named(lasting: LastingCell) -> None:
+    with pytest.raises(ImpossibleError, match="board 03-04 is not known, so its holes are not"):
+        _station(lasting.task, Seen((), {}), "03-04/1")
+
+
+def test_a_way_out_that_there_is_not_is_told_by_what_blocked_the_longest(
+    lasting: LastingCell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[float] = []
+
+    def blocked(*arguments: Any) -> None:
+        tried.append(arguments[-1].offset)
+        raise ImpossibleError(f"blocked {len(tried)}")
+
+    monkeypatch.setattr("cell.resume.plan_back_out", blocked)
+    seen = _known(Seen((), {}), lasting.task, read_plan(lasting.plan))
+    q = lasting.task.cell.q_start
+    with pytest.raises(
+        ImpossibleError, match="the start: no; and out along the jaws: blocked 1; "
+    ) as refused:
+        _back_out_of(lasting.task, seen, q, 0.5, {}, ImpossibleError("the start: no"))
+    assert refused.value.data["back_out"] == "blocked 1"
+    assert tried == sorted(tried, reverse=True)
+    assert len(set(tried)) == 3
 
 
 def test_resuming_needs_a_controller(tmp_path: Path) -> None:
