@@ -50,7 +50,8 @@ class HeldOut:
 
     Attributes:
         px: rms of the residuals' coordinates.
-        metres: rms distance, across the line of sight, of the target's middle from where it was predicted.
+        metres: rms distance, across the line of sight, of the target's middle from where it was predicted; inf if an
+            image was predicted where the camera sees nothing, behind it for one.
     """
 
     px: float
@@ -276,7 +277,7 @@ def _exact_if_it_fits(
 def hold_out(choice: Choice, folds: int = FOLDS) -> HeldOut:
     """Predict each part of the stances from a fit to the others."""
     problem, fit = choice.problem, choice.fit
-    squares, count, metres = 0.0, 0, []
+    squares, count, metres, lost = 0.0, 0, [], False
     for fold in range(folds):
         parts = [_fold(s, folds) == fold for s in problem.sightings]
         weights = [np.where(part, 0.0, w) for part, w in zip(parts, fit.weights, strict=True)]
@@ -289,10 +290,13 @@ def hold_out(choice: Choice, folds: int = FOLDS) -> HeldOut:
             squares += float(np.nansum(r**2))
             count += int(np.isfinite(r).sum())
             focal = np.diag(problem.camera.K)[:2]
-            metres.append(np.linalg.norm(np.nanmean(r, axis=1) / focal * depth[:, None], axis=1))
+            seen = np.isfinite(r).all(axis=-1).any(axis=1)
+            lost = lost or bool((np.isfinite(s.pixels[images]).all(axis=-1).any(axis=1) & ~seen).any())
+            metres.append(np.linalg.norm(np.nanmean(r[seen], axis=1) / focal * depth[seen, None], axis=1))
     if not count:
         return HeldOut(float("nan"), float("nan"))
-    return HeldOut(float(np.sqrt(squares / count)), float(np.sqrt(np.mean(np.concatenate(metres) ** 2))))
+    rms = float("inf") if lost else float(np.sqrt(np.mean(np.concatenate(metres) ** 2)))
+    return HeldOut(float(np.sqrt(squares / count)), rms)
 
 
 def _fold(s: Sightings, folds: int) -> npt.NDArray[np.intp]:

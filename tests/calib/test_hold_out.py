@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -80,6 +81,29 @@ def test_corners_that_were_not_seen_and_parts_without_images_do_not_count(
     assert np.isnan([none.px, none.metres]).all(), "what was never predicted is not accurate"
     judged_none = judged(replace(plain, held_out=none), lambda name, value: name)
     assert any("nan mm from where they are predicted" in reason for reason in judged_none.reasons)
+
+
+def test_an_image_that_is_predicted_where_the_camera_sees_nothing_is_not_predicted_well(
+    plain: ChainCalibration, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(chain_calibration, "fit_chains", lambda problem, weights, fit: fit)
+    n = len(plain.problem.sightings[0].readings)
+    choice = shifted(plain, np.tile([1.0, 2.0], (n, 1)), np.ones(n))
+    predict = chain_calibration._predicted
+    behind = iter([True])
+
+    def one_behind(*arguments: Any) -> tuple[Array, Array]:
+        r, depth = predict(*arguments)
+        if next(behind, False):
+            r[0] = np.nan
+        return r, depth
+
+    monkeypatch.setattr(chain_calibration, "_predicted", one_behind)
+    held = hold_out(choice)
+    assert held.metres == np.inf
+    assert held.px == pytest.approx(np.sqrt(2.5 + 3.0**2), rel=1e-9)
+    refused = judged(replace(plain, held_out=held), lambda name, value: name)
+    assert any("more than a metre from where they are predicted" in reason for reason in refused.reasons)
 
 
 def test_a_complete_model_predicts_to_the_noise(plain: ChainCalibration) -> None:

@@ -126,8 +126,8 @@ class Ports:
         self._lost_ports, self._lost_links = [], []
 
     def close(self) -> None:
-        """Close everything and remove the links."""
-        for connection in (*self._sockets.values(), *self.listeners):
+        """Close everything and remove the links; listeners first, so that no client that was lost comes in again."""
+        for connection in (*self.listeners, *self._sockets.values()):
             connection.close()
         for line in self._lines:
             line.hang_up()
