@@ -290,8 +290,8 @@ def hold_out(choice: Choice, folds: int = FOLDS) -> HeldOut:
             squares += float(np.nansum(r**2))
             count += int(np.isfinite(r).sum())
             focal = np.diag(problem.camera.K)[:2]
-            seen = np.isfinite(r).all(axis=-1).any(axis=1)
-            lost = lost or bool((np.isfinite(s.pixels[images]).all(axis=-1).any(axis=1) & ~seen).any())
+            seen, there = (np.isfinite(v).any(axis=(1, 2)) for v in (r, s.pixels[images]))
+            lost = lost or bool(np.any(there & ~seen))
             metres.append(np.linalg.norm(np.nanmean(r[seen], axis=1) / focal * depth[seen, None], axis=1))
     if not count:
         return HeldOut(float("nan"), float("nan"))
