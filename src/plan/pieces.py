@@ -86,7 +86,7 @@ class Chain:
         edges = np.unique(np.linspace(0, count, min(wanted, count) + 1).astype(np.intp))
         m = len(edges) - 1
         pieces = self.covering(edges[:-1], edges[1:], np.full(m, -np.inf), np.ones((m, pairs), dtype=bool))
-        if m < count or wanted < 2 * count:
+        if wanted < 2 * count:
             return pieces
         return _split(pieces, 1 << ((wanted // count).bit_length() - 1))
 

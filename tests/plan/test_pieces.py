@@ -79,3 +79,15 @@ def test_the_reach_of_a_cubic_that_ends_where_it_began_is_not_zero() -> None:
     np.testing.assert_allclose(pieces.middle, [q], atol=1e-12)
     assert pieces.reach[0, 0] >= farthest
     assert pieces.reach[0, 1] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("count", [1, 3, 8])
+def test_a_first_piece_travels_less_than_twice_what_it_is_to(count: int) -> None:
+    """Unless there would be too many: cubics that are longer are cut in equal parts."""
+    for travel in (0.3, 0.79, 0.8, 0.81, 1.5):  # of a cubic, rad; a piece is to have 0.4
+        row = np.linspace(0.0, travel, 4)[:, None] * np.array([0.5, 0.0, -0.5])
+        begins = travel * np.arange(count)[:, None, None] * np.array([0.5, 0.0, -0.5])
+        pieces = Chain(Curve(row[None] + begins, np.ones(count))).first_pieces(2)
+        travels = np.ptp(pieces.control, axis=1).sum(axis=1)
+        assert travels.sum() == pytest.approx(count * travel)
+        assert travels.max() < 2.0 * 0.4 - 1e-6 or len(pieces) >= 8

@@ -16,7 +16,15 @@ from plan.paths import Joined, joined
 from plan.reach import reach
 from plan.rounding import VERTEX_S
 from plan.screws import screw_arm
-from plan.segments import SHORTEST_MS, LineTolerance, MarksTooNear, to_marked_segments, to_segments
+from plan.segments import (
+    SHORTEST_MS,
+    LineTolerance,
+    MarksTooNear,
+    _Fit,
+    _slower,
+    to_marked_segments,
+    to_segments,
+)
 from plan.timing import time_joined, time_line, time_path
 
 
@@ -93,6 +101,40 @@ def test_without_any_room_for_rounding_limits_still_hold(unit: Unit) -> None:
         assert path.duration_s < 1.12 * trajectory.duration
 
 
+@pytest.mark.parametrize("segment_ms", [100, 400])
+def test_segments_are_halved_where_the_motion_asks_for_shorter_ones(unit: Unit, segment_ms: int) -> None:
+    """Whatever length was asked for, and with room enough that no motion is made slower."""
+    limits, rng = unit.limits(), np.random.default_rng(7)
+    planned = Limits(limits.lower, limits.upper, limits.velocity * 0.6, limits.acceleration * 0.3)
+    for _ in range(6):
+        trajectory = time_path(rng.uniform(limits.lower, limits.upper, (4, 6)), planned, blend=0.2)
+        path = to_segments(trajectory, unit, segment_ms, limits=limits)
+        _check_limits(path, unit, limits)
+        t = np.arange(0.0, path.duration_s, 0.004)
+        off = np.abs(
+            unit.positions(path.at(t)) - trajectory.stretched(path.duration_s / trajectory.duration).at(t).q
+        )
+        assert (off <= 2.2e-4 + 2.0 / np.abs(unit.counts_per_rad)).all()
+        assert path.duration_s < trajectory.duration + 1.1e-3
+
+
+@pytest.mark.parametrize("joint", range(6))
+def test_what_exceeds_a_limit_is_timed_anew_below_it_and_the_rest_as_before(unit: Unit, joint: int) -> None:
+    limits = unit.limits()
+    trajectory = time_path(np.array([np.zeros(6), np.full(6, -0.3)]), limits)
+    for kind, over, below in (("velocity", 1.02, 1.001), ("acceleration", 1.2, 1.01)):
+        load = {"velocity": np.full((3, 6), 0.9), "acceleration": np.full((3, 6), 1.0)}
+        load[kind][1, joint] = over
+        fit = _Fit(
+            np.arange(4), np.zeros((3, 3, 6), int), load["velocity"], load["acceleration"], np.zeros(3), ()
+        )
+        slower = _slower(trajectory, fit)
+        for name in ("velocity", "acceleration"):
+            asked = np.array(getattr(limits, name))
+            asked[joint] /= over * below if name == kind else 1.0
+            np.testing.assert_allclose(getattr(slower.limits, name), asked)
+
+
 @pytest.mark.parametrize("speed", [1.0, 0.5])
 def test_lines_stay_on_the_line_every_millisecond(robot: Robot, unit: Unit, speed: float) -> None:
     """The issue asks for 0.1 mm and 0.05 deg."""
@@ -117,6 +159,23 @@ def test_lines_stay_on_the_line_every_millisecond(robot: Robot, unit: Unit, spee
             _check_limits(path, unit, limits)
             count += 1
     assert count >= 12
+
+
+def test_long_segments_are_halved_until_the_tool_is_on_its_line(robot: Robot, unit: Unit) -> None:
+    """The tool's tolerance alone asks for that: the joints are left a lot."""
+    T = transform(rot_x(np.pi), (0.45, 0.1, 0.1))
+    limits, arm = unit.limits(), screw_arm(robot)
+    choice = next(c for hole in reach(robot, limits, {"0": [T]}, 0.25).holes for c in hole.serving())
+    line = Line(T, transform(T[:3, :3], T[:3, 3] - 0.25 * T[:3, 2]))
+    followed = follow_line(robot, choice.q_hole, line.T_start, line.T_end, limits)
+    trajectory, found = time_line(followed, _planned(limits), tool_speed=0.1), {}
+    for tolerance in (None, LineTolerance(robot, line, 3e-5)):
+        path = to_segments(trajectory, unit, 3000, limits=limits, line=tolerance, deviation=0.05)
+        found[tolerance is None] = line.deviation(
+            arm.tool_poses(unit.positions(path.sample(1e-3)))
+        ).distance.max()
+    assert found[True] > 4e-4
+    assert found[False] <= 4e-5  # between the places of a segment where it is looked at
 
 
 def _legs(robot: Robot, limits: Limits, count: int) -> list[tuple[Line, Joined, Line]]:

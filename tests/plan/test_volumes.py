@@ -68,6 +68,27 @@ def test_hulls_and_balls_hold_their_body(kind: str) -> None:
         )
 
 
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "mesh"])
+def test_balls_are_no_larger_than_they_are_far_apart_and_no_more_than_that_takes(kind: str) -> None:
+    """Each holds a part that is at most as long as it is wide, while there are fewer than four."""
+    rng = np.random.default_rng(3)
+    for _ in range(60):
+        shape = obstacle(kind, rng)
+        centres, radius = cover(shape)
+        match shape:
+            case Box(size):
+                across, length = float(np.linalg.norm(np.sort(size)[:2])) / 2.0, max(size)
+            case Cylinder(across, length):
+                pass
+            case Capsule(across, length):
+                length += 2.0 * across
+            case Sphere(across):
+                length = 0.0
+        needed = max(int(np.ceil(length / (2.0 * across))), 1)
+        assert len(centres) == min(needed, 4)
+        assert radius <= np.sqrt(2.0) * across + 1e-12 or needed > 4
+
+
 @pytest.mark.parametrize("name", ARMS)
 def test_distances_are_never_above_coals(name: str) -> None:
     rng = np.random.default_rng(2)

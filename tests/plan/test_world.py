@@ -15,7 +15,7 @@ from arm.se3 import Array, apply, frozen, rotation, transform
 from arm.unit import load_unit
 from plan.check import check_curve
 from plan.curve import curve_of_waypoints
-from plan.world import DISTANCE_ERROR, UNKNOWN_DEPTH, World
+from plan.world import DISTANCE_ERROR, UNKNOWN_DEPTH, World, distance_of
 from task2_scene import TABLE, TOOL_LENGTH, task2
 
 HELD = Body("held", Box((0.04, 0.04, 0.04)), frozen(np.eye(4)), "cube")
@@ -308,3 +308,38 @@ def test_a_proof_takes_the_paddings_off() -> None:
     assert 0.0 < padded.clearance <= bare.seen - 0.03
     assert check_curve(World(robot, [low]), curve, asked).proved
     assert not check_curve(World(robot, [_padded(low, 0.03)]), curve, asked).proved
+
+
+def test_what_is_no_configuration_no_pair_and_no_pose_is_refused() -> None:
+    robot = load_a465(TOOL_LENGTH, 0.06)
+    world = World(robot, [TABLE])
+    for wrong in (np.zeros(6), np.zeros((2, 5)), np.zeros((1, 2, 6)), np.full((2, 6), np.nan)):
+        with pytest.raises(InputError, match=r"must be \(m, 6\) finite numbers, rad"):
+            world.near(wrong, 0.1)
+    for pair in (("table", "no such body"), ("table", "table"), ("no", "such")):
+        with pytest.raises(InputError, match="are no pair that is checked"):
+            world.padding_of(pair)
+    with pytest.raises(InputError, match=r"robot\.T_end_tool"):
+        World(replace(robot, T_end_tool=frozen(2.0 * np.eye(4))), [TABLE])
+
+
+def test_a_contact_allowed_with_a_body_that_is_not_there_takes_nothing_away() -> None:
+    robot, rng = load_a465(TOOL_LENGTH, 0.06), np.random.default_rng(8)
+    bodies = random_bodies(rng, 4)
+    every = World(robot, bodies)
+    absent = [frozenset(("no such body", name)) for name in every.names]
+    assert World(robot, bodies, allowed=absent).pairs.tolist() == every.pairs.tolist()
+
+
+def test_the_distance_of_two_bodies_where_they_are_is_that_of_their_nearest_points() -> None:
+    rng = np.random.default_rng(9)
+    for gap in (0.2, 1e-3, -0.01):
+        turn = transform(rotation(rng.normal(size=3)), rng.uniform(-0.5, 0.5, 3))
+        box = Body("box", Box((0.2, 0.1, 0.3)), frozen(turn), "wall")
+        ball = Body("ball", Sphere(0.05), frozen(turn @ transform(t=(0.02, 0.05 + 0.05 + gap, -0.1))), "wall")
+        for first, second in ((box, ball), (ball, box)):
+            found = distance_of(first, second)
+            assert found.value == pytest.approx(gap, abs=DISTANCE_ERROR)
+            assert found.pair == (first.name, second.name)
+            if gap > 0.0:
+                assert np.linalg.norm(found.points[0] - found.points[1]) == pytest.approx(gap, abs=1e-5)
