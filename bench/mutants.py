@@ -4,6 +4,7 @@ python bench/mutants.py --jobs 2                  # all that were not tried yet
 python bench/mutants.py --room plan --only pieces # names that hold the word
 python bench/mutants.py --check                   # only whether every mutant still stands where it stood
 python bench/mutants.py --draw 220                # draw the list bench/mutants_bench/drawn.json anew
+python bench/mutants.py --draw 100 --seed 2 --into drawn-2.json  # others: how much is seen by tests not made for it
 
 Each mutant is one change of one file, made in a copy of the project. Of its module's tests (`mutants_bench.tests_of`)
 those that reach the changed line run, the fastest first, up to the first red one or a budget; --budget-s 1000 takes all
@@ -41,13 +42,25 @@ from arm.files import sha256
 SAFETY = {
     "driver": (
         *("rest", "link", "stream", "mars", "hold", "homing", "gripper", "startup", "refusals", "ready"),
-        *("portlink", "echo", "feed", "lookahead", "pathwatch"),
+        *("portlink", "echo", "feed", "lookahead", "pathwatch", "manners", "unittime", "identity"),
     ),
     "plan": ("check", "pieces", "volumes", "replay", "barrier", "world", "segments"),
-    "cell": ("checking", "approval", "inputs", "resume"),
+    "cell": (
+        *(
+            "checking",
+            "approval",
+            "inputs",
+            "resume",
+            "asking",
+            "homed",
+            "boardshift",
+            "holding",
+            "confirming",
+        ),
+    ),
     "arm": ("unit", "planfile"),
 }
-DRAWN = Path(__file__).parent / "mutants_bench" / "drawn.json"
+LISTS = Path(__file__).parent / "mutants_bench"
 RESULTS = Path(__file__).parent / "results" / "mutants.jsonl"
 GOAL = 0.92
 
@@ -62,6 +75,12 @@ def draw(count: int, seed: int) -> list[Mutant]:
         share = round(count * text.count("\n") ** 0.5 / whole)
         found += drawn(file, text, max(share, 3), seed)
     return found
+
+
+def drawn_lists(only: str | None = None) -> dict[str, list[Mutant]]:
+    """Mutants that operators drew, by the list's file."""
+    files = sorted(LISTS.glob("drawn*.json"))
+    return {file.name: read_list(file) for file in files if only in (None, file.name)}
 
 
 def _known() -> dict[str, list[dict[str, Any]]]:
@@ -159,6 +178,14 @@ def run(mutants: Sequence[Mutant], jobs: int, budget_s: float) -> None:
             )
 
 
+def _first_tries(mutants: Sequence[Mutant], known: dict[str, list[dict[str, Any]]]) -> str:
+    """What the tests saw that were there when a mutant was first tried."""
+    rows = [known[m.digest][0]["result"] for m in mutants if known.get(m.digest) and not m.equivalent]
+    tried = [result for result in rows if not result.startswith(SKIPPED)]
+    red = sum(result in (RED, LATE) for result in tried)
+    return f"{red} of {len(tried)} red" + (f" ({100.0 * red / len(tried):.1f} %)" if tried else "")
+
+
 def _score(mutants: Sequence[Mutant], known: dict[str, list[dict[str, Any]]]) -> Iterator[str]:
     """The table of rooms, and what survived."""
     counts: dict[str, dict[str, int]] = defaultdict(lambda: defaultdict(int))
@@ -200,7 +227,8 @@ def _conditions() -> str:
     )
     return (
         f"Python {platform.python_version()}, {platform.machine()}, {os.cpu_count()} cores; "
-        f"commit {git.stdout.strip()}; {len(BY_HAND)} mutants by hand, {len(read_list(DRAWN))} drawn"
+        f"commit {git.stdout.strip()}; {len(BY_HAND)} mutants by hand, "
+        + ", ".join(f"{len(found)} of {name}" for name, found in drawn_lists().items())
     )
 
 
@@ -215,6 +243,7 @@ def main() -> None:
     )
     parser.add_argument("--green", action="store_true", help="only those that were green: again")
     parser.add_argument("--hand", action="store_true", help="only those by hand")
+    parser.add_argument("--list", help="only those of one list: drawn-2.json ..")
     parser.add_argument("--check", action="store_true", help="try nothing; say which mutants are gone")
     parser.add_argument(
         "--score", action="store_true", help="try nothing; print the scores of what was tried"
@@ -223,15 +252,24 @@ def main() -> None:
         "--draw", type=int, help="draw the list anew, about so many; marks of equivalents stay"
     )
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--into", default="drawn.json", help="the list that is drawn")
     parser.add_argument("--report", type=Path, help="write the scores there")
     options = parser.parse_args()
     if options.draw:
-        marks = {m.digest: m.equivalent for m in (read_list(DRAWN) if DRAWN.is_file() else [])}
-        found = draw(options.draw, options.seed)
-        write_list(DRAWN, [Mutant(**{**vars(m), "equivalent": marks.get(m.digest, "")}) for m in found])
+        lists = drawn_lists()
+        marks = {m.digest: m.equivalent for m in lists.get(options.into, ())}
+        others = {m.digest for name, found in lists.items() if name != options.into for m in found}
+        others |= {m.digest for m in BY_HAND}
+        found = [m for m in draw(options.draw, options.seed) if m.digest not in others]
+        write_list(
+            LISTS / options.into,
+            [Mutant(**{**vars(m), "equivalent": marks.get(m.digest, "")}) for m in found],
+        )
         print(f"{len(found)} drawn")
         return
-    every = [*BY_HAND, *([] if options.hand else read_list(DRAWN))]
+    every = [] if options.list else [*BY_HAND]
+    if not options.hand:
+        every += [m for found in drawn_lists(options.list).values() for m in found]
     tests = ROOT / "tests"
     mutants = []
     for m in every:
@@ -257,6 +295,10 @@ def main() -> None:
         print(f"{len(due)} of {len(mutants)} to try", flush=True)
         run(due, options.jobs, options.budget_s)
     lines = [_conditions(), "", *_score(mutants, _known())]
+    if not (options.room or options.only or options.list):
+        firsts = {"by hand": BY_HAND, **drawn_lists()}
+        lines += ["", "when first tried:", ""]
+        lines += [f"- {name}: {_first_tries(found, _known())}" for name, found in firsts.items()]
     print("\n".join(lines[1:]))
     if options.report is not None:
         options.report.write_text("# Mutants\n\n" + "\n".join(lines) + "\n")
