@@ -277,7 +277,7 @@ def sizes(pool: Pool, pictures: int) -> None:
 
 
 HONESTY_HEADER = (
-    "predicted / actual std",
+    "predicted / actual std of accepted poses",
     "n",
     "holes",
     "depth",
@@ -291,12 +291,16 @@ HONESTY_HEADER = (
 
 
 def honesty(name: str, found: Sequence[Outcome]) -> None:
-    """Row of what poses say of themselves."""
-    nees = column(found, "nees")
+    """Row of what poses say of themselves.
+
+    Predicted and actual errors are of poses that are accepted: one that is refused for a standard deviation of 15 mm
+    would outweigh all others. NEES is of all.
+    """
+    nees, accepted = column(found, "nees"), [o for o in found if o.accepted]
     row(
         name,
         len(found),
-        *(f"{ratio(found, f'{part}_predicted', part):.3f}" for part in ("hole", "depth", "turn")),
+        *(f"{ratio(accepted, f'{part}_predicted', part):.3f}" for part in ("hole", "depth", "turn")),
         f"{nees.mean():.2f}",
         *(f"{np.percentile(nees, p):.2f}" for p in (50, 95, 99)),
         f"{100 * np.mean([o.accepted for o in found]):.1f}",
