@@ -2,108 +2,117 @@
 
 python bench/placed.py --seated 500 --unseated 200
 
-Each case is two scenes with the same cube. In the first it sits in a hole of one board, and its width is measured
-there, as a run does before it takes a cube. In the second it stands in, or not quite in, a hole of another board:
-seated, or as one of the simulated cell's faults has it (4 mm high, half seated and leaning by 8 degrees, flat on the
-rim, on the plate 25 mm aside), each with up to 0.2 mm of play and 1 degree of turn. A case is told as placed if the
-hole looks like one with a cube and the cube's top is surely a seated one's; the rest is not confirmed.
+Each case is a cube's move as two looks of a run see it. In the look before, the cube sits in a hole of one board and a
+hole of another board is empty; in the look after, its source is empty, and it stands in its target: seated, or as one
+of the simulated cell's faults has it (4 mm high, half seated and leaning by 8 degrees, flat on the rim, on the plate
+25 mm aside), with up to 0.2 mm of play and 1 degree of turn. The cube's width is measured at its source. A case is
+told as placed if the hole looks like one with a cube and the cube's top is surely a seated one's; the rest is not
+confirmed. `--alone` gives the estimator no look that shows a place empty, as after `--resume`.
 
 Boards of the lab anywhere in the lab camera's view (1920 x 1200 px, about 1.1 m away), or, in every second case, with a
 marker's border up to the image's edge ("edge"), tilted 0, 7 or 15 degrees towards anywhere; cubes of 40 mm to 0.1 mm,
-grey level 25 to 235 (the plate has 150, a pocket's floor less). Five photographs, noise of 3 grey levels, lens blur of
-0.7 px, exposure 0.8 to 1.1, a lamp 50 to 80 degrees high, its shadow 30 % deep with a soft edge. The board's pose is
-measured in the same photographs. Seeds are not those with which limits were chosen.
+grey level 25 to 235 (the plate has 150, a pocket's floor less). Five photographs a look, noise of 3 grey levels, lens
+blur of 0.7 px, exposure 0.8 to 1.1, a lamp 50 to 80 degrees high, its shadow 30 % deep with a soft edge. What differs
+between the two looks (standard deviations): the camera has swayed by 0.3 px and 0.005 degrees, and by 0.1 px between
+photographs; boards have shifted by up to 1 mm and turned by 0.1 degrees; the light is 4 % brighter or darker, the lamp
+50 mm elsewhere; all surfaces have a texture of 1 %, drawn anew; holes are 0.03 mm from where the board's file says.
+Boards' poses are measured in the same photographs. Seeds are not those with which limits were chosen.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import platform
+import subprocess
 import sys
-from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from datetime import date
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
-from arm.bodies import Body, Box
 from arm.poses import hole_poses
-from arm.se3 import Array, rot_z, transform
+from arm.se3 import Array
 from board_scenes import CUBE, lab_camera
-from cell.releasefaults import T_hole_released
-from hole_scenes import CONDITIONS, measured_pose, photographs, random_scene
-from vision.camera import Camera
+from placed_scenes import HoleLook, moved_cube
+from vision.cube_top import EmptyPlace
 from vision.occupancy import hole_occupancy
-from vision.seated import CubeWidth, Seating, Sight, seating
+from vision.seated import CubeWidth, Sight, seating
 
-FIRST_SEED = 700_000
+FIRST_SEED = 2_000_000
 FAULTS = ("high", "half", "rim", "aside")
-PHOTOGRAPHS = 5
 NOMINAL = CubeWidth(CUBE, 5e-5)
+GREYS = ((25, 60), (60, 130), (130, 170), (170, 235))
+FEET = ((0, 50), (50, 100), (100, 200), (200, 600))  # mm
 
 
-@dataclass(frozen=True)
-class Case:
+def judged(job: tuple[str, str, int, bool]) -> dict[str, Any]:
     """One case: how the cube stands, what was said, and where."""
-
-    release: str
-    where: str
-    hole_looks: str
-    found: Seating | None
-    grey: float
-    seed: int
-
-    @property
-    def placed(self) -> bool:
-        """Whether a run would say placed."""
-        return self.hole_looks == "cube" and self.found is not None and self.found.state == "seated"
-
-
-def judged(job: tuple[str, int]) -> Case:
-    """One case."""
     cv2.setNumThreads(1)
-    release, seed = job
-    camera = lab_camera()
-    rng = np.random.default_rng([seed, 11])
-    size, grey = CUBE + rng.uniform(-1e-4, 1e-4), float(rng.uniform(25.0, 235.0))
-    where = "edge" if seed % 2 else "view"
-    first = _look(rng, camera, seed, "seated", size, grey, where)
-    second = _look(rng, camera, seed + 1_000_000, release, size, grey, where)
-    if first is None or second is None:
-        return Case(release, where, "board refused", None, grey, seed)
-    sight, T_base_hole, _ = first
-    known = sight.known_width(sight.in_hole(T_base_hole))
-    sight, T_base_hole, looks = second
-    return Case(release, where, looks, seating(sight.in_hole(T_base_hole), known), grey, seed)
+    release, where, seed, alone = job
+    case = moved_cube(seed, release, lab_camera(), where)
+    told = {"release": release, "where": where, "seed": seed, "grey": case.grey, "foot_mm": 1e3 * case.foot}
+    looks = (case.source, case.source_after, case.target, case.target_after)
+    if any(look.pose is None for look in looks):
+        return {
+            **told,
+            "hole_looks": "board refused",
+            "state": "",
+            "reason": "",
+            "lift_mm": None,
+            "std_mm": None,
+        }
+    source, target = _sight(case.source), _sight(case.target_after)
+    width = source.known_width(source.in_hole(_hole(case.source), _empty(case.source_after, alone)))
+    found = seating(target.in_hole(_hole(case.target_after), _empty(case.target, alone)), width)
+    lift = [1e3 * v if np.isfinite(v) else None for v in (found.lift, found.lift_std)]
+    return {
+        **told,
+        "hole_looks": _state(case.target_after),
+        "state": found.state,
+        "reason": found.reason,
+        "lift_mm": lift[0],
+        "std_mm": lift[1],
+        "width_off_um": 1e6 * (width.value - case.size),
+        "width_std_um": 1e6 * width.std,
+    }
 
 
-def _look(
-    rng: np.random.Generator, camera: Camera, seed: int, release: str, size: float, grey: float, where: str
-) -> tuple[Sight, Array, str] | None:
-    """Photographs of one cube, the hole as measured in them, and what it looks like."""
-    conditions = CONDITIONS["at the image's edge" if where == "edge" else "plain"]
-    scene = random_scene(seed, conditions, camera)
-    index = int(rng.integers(4))
-    play = transform(rot_z(np.radians(rng.uniform(-1.0, 1.0))), (*rng.uniform(-2e-4, 2e-4, 2), 0.0))
-    T_hole_cube = play @ T_hole_released(release, size)
-    if release in ("seated", "high"):  # wedged where the pocket is as wide
-        T_hole_cube = T_hole_cube @ transform(t=(0.0, 0.0, 2.0 * (size - CUBE)))
-    T = scene.T_base_board @ scene.board.T_board_hole(index) @ T_hole_cube
-    body = Body("cube", Box((size,) * 3), T, "cube")
-    things = tuple(t for t in scene.things if t[0].name != f"cube {index}")
-    holes = tuple("cube" if i == index else what for i, what in enumerate(scene.holes))
-    scene = replace(scene, things=(*things, (body, grey)), holes=holes)
-    images = photographs(scene, camera, PHOTOGRAPHS)
-    pose = measured_pose(scene, images, camera)
-    if pose is None:
-        return None
-    looks = hole_occupancy(images, camera, pose, index, CUBE).state
-    return Sight(images, camera, NOMINAL), hole_poses(pose)[index].T_base_hole, looks
+def _sight(look: HoleLook) -> Sight:
+    return Sight(look.images, look.camera, NOMINAL)
+
+
+def _hole(look: HoleLook) -> Array:
+    if look.pose is None:
+        raise ValueError("the board was refused")
+    return hole_poses(look.pose)[look.index].T_base_hole
+
+
+def _state(look: HoleLook) -> str:
+    if look.pose is None:
+        raise ValueError("the board was refused")
+    return hole_occupancy(look.images, look.camera, look.pose, look.index, CUBE).state
+
+
+def _empty(look: HoleLook, alone: bool) -> EmptyPlace | None:
+    """As a run has it: only of a hole that surely looks empty."""
+    return None if alone or _state(look) != "empty" else _sight(look).empty(_hole(look))
+
+
+def placed(case: dict[str, Any]) -> bool:
+    """Whether a run would say placed."""
+    return bool(case["hole_looks"] == "cube" and case["state"] == "seated")
+
+
+def refused(case: dict[str, Any]) -> bool:
+    """Whether a board was not found, so that a run would have stopped there."""
+    return bool(case["hole_looks"] == "board refused")
 
 
 def main() -> None:
@@ -112,45 +121,83 @@ def main() -> None:
     )
     parser.add_argument("--seated", type=int, default=500)
     parser.add_argument("--unseated", type=int, default=200)
+    parser.add_argument("--alone", action="store_true", help="no look shows a place empty")
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    parser.add_argument(
+        "--lines", type=Path, help="a file of cases, one a line: those in it are not run again"
+    )
     options = parser.parse_args()
     print(__doc__)
+    commit = subprocess.run(
+        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True
+    ).stdout.strip()
     print(
-        f"numpy {np.__version__}, OpenCV {cv2.__version__}, Python {platform.python_version()}; seeds from {FIRST_SEED}"
+        f"{date.today()}, commit {commit}, numpy {np.__version__}, OpenCV {cv2.__version__}, Python "
+        f"{platform.python_version()}; seeds from {FIRST_SEED}{'; no empty places' if options.alone else ''}"
     )
-    jobs = [("seated", FIRST_SEED + i) for i in range(options.seated)]
-    jobs += [(FAULTS[i % len(FAULTS)], FIRST_SEED + 10_000 + i) for i in range(options.unseated)]
+    jobs = [("seated", ("view", "edge")[i % 2], FIRST_SEED + i, options.alone) for i in range(options.seated)]
+    jobs += [
+        (FAULTS[i % 4], ("view", "edge")[i // 4 % 2], FIRST_SEED + 100_000 + i, options.alone)
+        for i in range(options.unseated)
+    ]
+    cases = []
+    if options.lines is not None and options.lines.exists():
+        cases = [json.loads(line) for line in options.lines.read_text().splitlines()]
+    have = {case["seed"] for case in cases}
+    wanted = {job[2] for job in jobs}
+    cases = [case for case in cases if case["seed"] in wanted]
     with ProcessPoolExecutor(options.jobs) as pool:
-        cases = list(pool.map(judged, jobs))
+        for case in pool.map(judged, [job for job in jobs if job[2] not in have]):
+            cases.append(case)
+            if options.lines is not None:
+                with options.lines.open("a") as file:
+                    file.write(json.dumps(case) + "\n")
+    _tell(cases)
+
+
+def _tell(cases: list[dict[str, Any]]) -> None:
     print("\n| the cube | board | cases | told as placed | not confirmed | board refused |")
     print("|---|---|---|---|---|---|")
-    table = Counter((c.release, c.where, c.placed, c.hole_looks == "board refused") for c in cases)
     for release in ("seated", *FAULTS):
         for where in ("view", "edge"):
-            placed, not_confirmed, refused = (
-                table[release, where, *key] for key in ((True, False), (False, False), (False, True))
-            )
-            print(
-                f"| {release} | {where} | {placed + not_confirmed + refused} | {placed} | {not_confirmed} | {refused} |"
-            )
-    wrong = [c for c in cases if c.placed and c.release != "seated"]
-    missed = [c for c in cases if c.release == "seated" and not c.placed and c.hole_looks != "board refused"]
-    lifts = [
-        c.found for c in cases if c.release == "seated" and c.found and np.isfinite([c.found.lift]).all()
-    ]
+            of = [c for c in cases if (c["release"], c["where"]) == (release, where)]
+            yes, gone = sum(map(placed, of)), sum(map(refused, of))
+            print(f"| {release} | {where} | {len(of)} | {yes} | {len(of) - yes - gone} | {gone} |")
+    seated = [c for c in cases if c["release"] == "seated" and not refused(c)]
+    missed = [c for c in seated if not placed(c)]
+    other = [c for c in cases if c["release"] != "seated" and not refused(c)]
+    wrong = [c for c in other if placed(c)]
     print(
-        f"\nunseated told as placed: {len(wrong)} of {options.unseated}; seated not confirmed: {len(missed)} of "
-        f"{options.seated}; height of seated ones: rms {1e3 * np.sqrt(np.mean([f.lift**2 for f in lifts])):.2f} mm, "
-        f"median told std {1e3 * np.median([f.lift_std for f in lifts]):.2f} mm"
+        f"\nunseated told as placed: {len(wrong)} of {len(other)}; seated not confirmed: {len(missed)} of {len(seated)}"
     )
-    for band in ((25, 60), (60, 130), (130, 170), (170, 235)):
-        of = [c for c in cases if c.release == "seated" and band[0] <= c.grey < band[1]]
-        print(
-            f"  cubes of grey {band[0]} to {band[1]}: {sum(c in missed for c in of)} of {len(of)} not confirmed"
-        )
+    for name, truth, of in (
+        ("seated", 0.0, seated),
+        ("4 mm high", 4.0, [c for c in other if c["release"] == "high"]),
+    ):
+        of = [c for c in of if c["lift_mm"] is not None and c["hole_looks"] == "cube"]
+        if of:
+            off = np.array([c["lift_mm"] - truth for c in of])
+            std = np.array([c["std_mm"] for c in of])
+            print(
+                f"height of {name} ones: error rms {np.sqrt((off**2).mean()):.2f} mm, "
+                f"median {np.median(np.abs(off)):.2f}, told std median {np.median(std):.2f}, "
+                f"error/std rms {np.sqrt(((off / std) ** 2).mean()):.2f}"
+            )
+    print(
+        "\n| not confirmed, of those seated | "
+        + " | ".join(f"{a}-{b} mm from the foot" for a, b in FEET)
+        + " | all |"
+    )
+    print("|---|" + "---|" * (len(FEET) + 1))
+    for low, high in GREYS:
+        band = [c for c in seated if low <= c["grey"] < high]
+        cells = [[c for c in band if a <= c["foot_mm"] < b] for a, b in FEET] + [band]
+        counts = " | ".join(f"{sum(not placed(c) for c in cell)} of {len(cell)}" for cell in cells)
+        print(f"| grey {low} to {high} | {counts} |")
     for c in [*wrong, *missed]:
         print(
-            f"  {c.release}, {c.where}, seed {c.seed}, grey {c.grey:.0f}: hole looks {c.hole_looks}; {c.found}"
+            f"  {c['release']}, {c['where']}, seed {c['seed']}, grey {c['grey']:.0f}, {c['foot_mm']:.0f} mm from the "
+            f"foot: hole looks {c['hole_looks']}; {c['state']}: {c['reason']}"
         )
 
 

@@ -17,8 +17,8 @@ from cell.lookfile import Seen
 from cell.report import CubeRow
 from cell.scenery import T_base_cube_on_table
 from cell.taskfile import Task
-from vision.cube_top import CubeTop
-from vision.seated import CubeWidth, Seating, seating
+from vision.cube_top import CubeTop, EmptyPlace
+from vision.seated import CubeWidth, Seating, seating, width_of
 
 NO_PHOTOGRAPHS = Seating("unsure", "there are no photographs to measure it in")
 NOT_CONFIRMED = "not confirmed"
@@ -49,6 +49,8 @@ def confirm(
         after: the look to judge by.
         source, target: names of the places.
         width: of the cube, if it was measured before; None: as the cell file says.
+
+    The look before shows the place empty, and the look after the source: what is seen beside a cube is known by that.
     """
     reasons = []
     state = after.state(source)
@@ -60,7 +62,7 @@ def confirm(
     state = after.state(target) if task.to_board is not None else "cube"
     if state != "cube":
         reasons.append(f"hole {target} looks {state or 'hidden'}, not cube")
-    seen = seated(task, after, target, width)
+    seen = seated(task, after, target, width, before)
     if seen.state != "seated":
         reasons.append(f"the cube in {target} does not surely sit: {seen.reason}")
     if reasons:
@@ -74,16 +76,18 @@ def confirm(
     return None
 
 
-def seated(task: Task, seen: Seen, place: str, width: CubeWidth | None = None) -> Seating:
-    """Whether a cube sits at a place, by the size and place of its top."""
+def seated(
+    task: Task, seen: Seen, place: str, width: CubeWidth | None = None, without: Seen | None = None
+) -> Seating:
+    """Whether a cube sits at a place, by the size and place of its top; `without` is a look that shows it empty."""
     if seen.sight is None:
         return NO_PHOTOGRAPHS
-    return seating(_top(task, seen, place), width or seen.sight.cube)
+    return seating(_top(task, seen, place, without), width or seen.sight.cube)
 
 
-def width_at(task: Task, seen: Seen, place: str) -> CubeWidth | None:
-    """How wide the cube at a place is, as it stands there; None without photographs."""
-    return None if seen.sight is None else seen.sight.known_width(_top(task, seen, place))
+def width_at(task: Task, seen: Seen, place: str, without: Seen | None = None) -> CubeWidth | None:
+    """How wide the cube at a place is, as it stands there; None without photographs, or where they do not tell."""
+    return None if seen.sight is None else width_of(_top(task, seen, place, without), seen.sight.cube)
 
 
 def unseen_places(task: Task, seen: Seen, places: Iterable[str]) -> str:
@@ -99,14 +103,37 @@ def unseen_places(task: Task, seen: Seen, places: Iterable[str]) -> str:
     )
 
 
-def _top(task: Task, seen: Seen, place: str) -> CubeTop | None:
-    if seen.sight is None:
+def _top(task: Task, seen: Seen, place: str, without: Seen | None) -> CubeTop | None:
+    T_base_place = _T_base_place(task, seen, place)
+    if seen.sight is None or T_base_place is None:
         return None
+    empty = None if without is None else _empty(task, without, place)
+    if _on_table(task, place):
+        return seen.sight.on_plane(T_base_place, empty)
+    return seen.sight.in_hole(T_base_place, empty)
+
+
+def _empty(task: Task, seen: Seen, place: str) -> EmptyPlace | None:
+    """A place as a look shows it empty; None if it does not surely."""
+    T_base_place = _T_base_place(task, seen, place)
+    if seen.sight is None or T_base_place is None or place in seen.moved_since:
+        return None
+    if not _on_table(task, place) and seen.state(place) != "empty":
+        return None
+    return seen.sight.empty(T_base_place)
+
+
+def _on_table(task: Task, place: str) -> bool:
+    return place.startswith("table/") and task.to_board is None
+
+
+def _T_base_place(task: Task, seen: Seen, place: str) -> Array | None:
+    """A hole's pose as seen, or that of a place on the table; None for a hole whose board was not found."""
+    if _on_table(task, place):
+        return _T_base_on_table(task, place)
     name, _, number = place.rpartition("/")
-    if name == "table" and task.to_board is None:
-        return seen.sight.on_plane(_T_base_on_table(task, place))
     board = seen.board(name)
-    return None if board is None else seen.sight.in_hole(hole_poses(board.pose)[int(number) - 1].T_base_hole)
+    return None if board is None else hole_poses(board.pose)[int(number) - 1].T_base_hole
 
 
 def _T_base_on_table(task: Task, place: str) -> Array:
@@ -133,15 +160,20 @@ class LetGo:
         self._task = task
         self._waiting: list[tuple[CubeRow, Seen, CubeWidth | None]] = []
 
-    def add(self, row: CubeRow, before: Seen) -> None:
-        """A cube was let go; `before` is the last look at which it was at its source."""
-        self._waiting.append((row, before, width_at(self._task, before, row.source)))
+    def add(self, row: CubeRow, before: Seen, width: CubeWidth | None = None) -> None:
+        """A cube was let go; `before` is the last look at which it was at its source, `width` its width if known."""
+        self._waiting.append((row, before, width))
 
     def judge(self, seen: Seen, picture: Path) -> Iterator[tuple[CubeRow, Unconfirmed]]:
         """Judge all of them by a look; those that are not confirmed, each with a remark that names the picture."""
         waiting, self._waiting = self._waiting, []
         found = [
-            (row, confirm(self._task, before, seen, row.source, row.target, width))
+            (
+                row,
+                confirm(
+                    self._task, before, seen, row.source, row.target, self._width(row, before, seen) or width
+                ),
+            )
             for row, before, width in waiting
         ]
         for row, why in found:
@@ -149,6 +181,10 @@ class LetGo:
             if why is not None:
                 row.remarks.append(f"{NOT_CONFIRMED}: {'; '.join(why.reasons)} (see {picture.name})")
         yield from ((row, why) for row, why in found if why is not None)
+
+    def _width(self, row: CubeRow, before: Seen, seen: Seen) -> CubeWidth | None:
+        """Of a cube, by the look at its source and what that looks like without it."""
+        return None if row.source in before.moved_since else width_at(self._task, before, row.source, seen)
 
 
 def require_confirmed(rows: Iterable[CubeRow], report: dict[str, Any]) -> None:

@@ -52,9 +52,9 @@ def stand_body(
     return Body(f"stand {board_name}", box, pose, "stand", padding)
 
 
-def T_hole_cube(cube_size: float) -> Array:
-    """Pose of a cube that sits in a hole: wedged to its seat depth, centred."""
-    return transform(t=(0.0, 0.0, cube_size / 2.0 - CUBE_SEAT_DEPTH))
+def T_hole_cube(cube_size: float, depth: float = CUBE_SEAT_DEPTH) -> Array:
+    """Pose of a cube that sits in a hole: wedged to its seat depth, m, centred."""
+    return transform(t=(0.0, 0.0, cube_size / 2.0 - depth))
 
 
 def cube_body(name: str, size: float, T_base_cube: Array) -> Body:

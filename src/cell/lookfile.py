@@ -57,12 +57,14 @@ class Seen:
         missing: per board name, why it was not found.
         half_seen: names of those of them that stand partly in view, so at a place that is not known.
         sight: the photographs, to measure cubes in; None for a look that was read from a file.
+        moved_since: places that cubes left or came to after the photographs, so that these show otherwise.
     """
 
     boards: tuple[SeenBoard, ...]
     missing: dict[str, str]
     half_seen: tuple[str, ...] = ()
     sight: Sight | None = field(default=None, compare=False, repr=False)
+    moved_since: frozenset[str] = field(default=frozenset(), compare=False)
 
     @property
     def poses(self) -> tuple[BoardPose, ...]:
@@ -96,7 +98,7 @@ class Seen:
             replace(b, occupancy=tuple(states.get(f"{b.name}/{i + 1}", s) for i, s in enumerate(b.occupancy)))
             for b in self.boards
         )
-        return replace(self, boards=boards)
+        return replace(self, boards=boards, moved_since=self.moved_since | states.keys())
 
     def changed(self, expected: Seen) -> list[str]:
         """Holes that surely look other than expected, one line a hole."""

@@ -60,7 +60,8 @@ def look_and_save(
     if picture is not None:
         write_png(picture, annotated(images[0], cell.camera, found))
     cube = CubeWidth(cell.cube_size, cell.cube_tolerance / 2.0)
-    seen = replace(seen_of(found, cell.boards), sight=Sight(images, cell.camera, cube))
+    sight = Sight(images, cell.camera, cube, cell.boards[0].pocket)
+    seen = replace(seen_of(found, cell.boards), sight=sight)
     boards = ", ".join(
         f"{b.name} ({len(b.holes('cube'))} cubes, {b.pose.residual_px:.3f} px)" for b in seen.boards
     )

@@ -15,7 +15,7 @@ ASIDE = 25e-3  # m beside its hole, on the plate
 PUSH = (0.010, -0.0066, 0.0)  # m, of the board with its cubes: 12 mm
 
 
-def T_hole_released(release: str, cube_size: float) -> Array:
+def T_hole_released(release: str, cube_size: float, depth: float = CUBE_SEAT_DEPTH) -> Array:
     """Where a cube comes to stand in the frame of the hole that it was let go over.
 
     Args:
@@ -23,12 +23,13 @@ def T_hole_released(release: str, cube_size: float) -> Array:
             in its seat and the other up; ``rim``: flat on the plate over the mouth, turned; ``aside``: on the plate
             25 mm beside the hole; ``pushed``: seated, but the board with its cubes was pushed by 12 mm.
         cube_size: edge, m.
+        depth: of a seated one below the plate's top, m.
     """
-    seated, half = T_hole_cube(cube_size), cube_size / 2.0
+    seated, half = T_hole_cube(cube_size, depth), cube_size / 2.0
     if release == "high":
         return frozen(transform(t=(0.0, 0.0, HIGH)) @ seated)
     if release == "half":  # turns about the edge that sits
-        edge = transform(t=(0.0, half, -CUBE_SEAT_DEPTH))
+        edge = transform(t=(0.0, half, -depth))
         return frozen(edge @ transform(rot_x(-HALF_TILT)) @ transform(t=(0.0, -half, half)))
     if release == "rim":
         return frozen(transform(rot_z(np.pi / 4.0), (0.0, 0.0, half)))

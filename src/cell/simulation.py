@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_MOUTH
+from arm.board import PLATE_CENTRE, PLATE_SIZE, seat_depth
 from arm.bodies import Body
 from arm.dh import A465
 from arm.links import with_link_errors
@@ -33,7 +33,6 @@ from vision.camera import Camera
 GRIP_OFFSET = 3e-3  # a cube is gripped if it stands between the jaws within this, m,
 GRIP_ANGLE = np.radians(3.0)  # and this
 LEAST_GRIP = 5e-3  # depth of the finger tips below the cube's top, m
-CAPTURE = (POCKET_MOUTH - 0.040) / 2.0  # lateral capture of a pocket's mouth for a 40 mm cube, m
 CAPTURE_TILT = np.radians(4.0)
 DROP = 0.010  # a released cube falls at most this far and stays upright, m
 
@@ -103,7 +102,10 @@ class SimulatedCell:
 
     def __init__(self, cell: Cell, world: World) -> None:
         self.cell = cell
-        self.world = world
+        self.pocket = cell.boards[0].pocket  # one for all boards of a cell file
+        self.seat = seat_depth(cell.cube_size, self.pocket)
+        boards = tuple(replace(b, board=replace(b.board, pocket=self.pocket)) for b in world.boards)
+        self.world = replace(world, boards=boards)
         self.in_hand: HandTarget | None = None
         self.events: list[CellEvent] = []
         self.now_ms: Callable[[], int] = lambda: 0
@@ -111,8 +113,8 @@ class SimulatedCell:
         self._robot = self.true_robot(cell.jaw_opening)
         self._opening = cell.jaw_opening
         self._faults = list(world.releases)
-        seated = T_hole_cube(cell.cube_size)
-        places = [(b, hole) for b in world.boards for hole in b.cubes]
+        seated = T_hole_cube(cell.cube_size, self.seat)
+        places = [(b, hole) for b in boards for hole in b.cubes]
         self._cubes = [
             SimulatedCube(
                 f"cube {n}", frozen(mul(mul(b.T_base_board, b.board.T_board_hole(hole)), seated)), "pocket"
@@ -228,11 +230,11 @@ class SimulatedCell:
                 T_hole_cube_now = mul(inverse(T_base_hole), T_base_cube)
                 x, y, z = T_hole_cube_now[:3, 3]
                 tilt = float(np.arccos(np.clip(T_hole_cube_now[2, 2], -1.0, 1.0)))
-                sides = max(abs(x), abs(y))
-                if sides <= CAPTURE and tilt <= CAPTURE_TILT and abs(z - half) <= 2 * DROP:
+                sides, capture = max(abs(x), abs(y)), (self.pocket[0] - self.cell.cube_size) / 2.0
+                if sides <= capture and tilt <= CAPTURE_TILT and abs(z - half) <= 2 * DROP:
                     quarter = np.round(np.arctan2(T_hole_cube_now[1, 0], T_hole_cube_now[0, 0]) / (np.pi / 2))
                     turned = transform(rot_z(quarter * np.pi / 2))
-                    seat = frozen(mul(mul(T_base_hole, T_hole_cube(self.cell.cube_size)), turned))
+                    seat = frozen(mul(mul(T_base_hole, T_hole_cube(self.cell.cube_size, self.seat)), turned))
                     into = f"into {b.board.name}/{hole + 1}, {1e3 * sides:.2f} mm off its axis"
                     fault = self._faults.pop(0) if self._faults else "seated"
                     if fault != "seated":
@@ -253,7 +255,7 @@ class SimulatedCell:
         self, fault: str, name: str, T_base_cube: Array, board: TrueBoard, T_base_hole: Array, into: str
     ) -> SimulatedCube:
         """A cube that the world file has go wrong."""
-        where = frozen(T_base_hole @ T_hole_released(fault, self.cell.cube_size))
+        where = frozen(T_base_hole @ T_hole_released(fault, self.cell.cube_size, self.seat))
         self._tell("placed" if fault == "pushed" else "unseated", name, T_base_cube, f"{fault}, {into}")
         if fault == "pushed":
             push = transform(t=PUSH)

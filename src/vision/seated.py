@@ -1,8 +1,9 @@
 """Does a cube surely sit where it should? What "something is in the hole" does not tell: half seated, on the rim, high.
 
-A cube is confirmed if its top is where a seated cube's top is: over the middle of its place, turned like it, square,
-and as wide as at that height. How wide the cube itself is, is known best from a look at the same cube before it was
-moved.
+A cube is confirmed if the sides of its top lie where a seated cube's do, and not where a higher one's would: about the
+middle of its place, turned like it, square, and as wide as at that height. How wide the cube itself is, is known best
+from a look at the same cube before it was moved. Height, width and play are integrated over the likelihood of all four
+sides (`vision.cube_top`), so that a side that does not show says nothing, and the rest is weighed as it deserves.
 """
 
 from __future__ import annotations
@@ -13,20 +14,31 @@ from typing import Literal
 
 import numpy as np
 
-from arm.board import CUBE_SEAT_DEPTH, POCKET_MOUTH
+from arm.board import POCKET_DEPTH, POCKET_FLOOR, POCKET_MOUTH, seat_depth
 from arm.se3 import Array
 from vision.camera import Camera
-from vision.cube_top import CubeTop, measure_top
+from vision.cube_top import PLACES, CubeTop, EmptyPlace, measure_top
 from vision.frames import Image
 
 LIFT = 4e-3  # m: a cube that stands as high as this is surely told from a seated one
-MOST_LIFT = 1.5e-3  # m, that a seated one's measured height may differ
+MOST_LIFT = 2.0e-3  # m, that a seated one's measured height may differ
 SURE = 3.0  # standard deviations
-MOST_ASIDE = 1.0e-3  # m, of a top's middle
-PLAY = 0.25e-3  # standard deviation of a seated cube's place, with what boards are made to, m
-MOST_UNLIKELY = 12.0  # squared deviations, of 2 degrees of freedom
+MOST_ASIDE = 0.8e-3  # m, of a top's middle
+PLAY = 0.15e-3  # standard deviation of a seated cube's place along x and y, with what boards are made to, m
 MOST_TURN = np.radians(3.0)
-MOST_UNLIKE = 0.08e-3  # m by which both widths of a square may differ, beside their noise
+MOST_TWIST = 16.0  # log likelihood, that sides may turn differently
+MOST_UNLIKELY = (
+    14.0  # log likelihood, of the best seated or raised cube below that of four sides by themselves
+)
+LEAST_SHOWN = 10.0  # log likelihood, that a side shows
+OWN_STD = 4e-6  # m, of a width in another look: what the two do not share
+LIFTS: Array = np.arange(-8e-3, 16.05e-3, 0.1e-3)
+WIDTHS: Array = np.linspace(-3.5, 3.5, 21)  # standard deviations
+PLAYS: Array = np.linspace(-4.0, 4.0, 81)
+FREE_PLAY = 1.5e-3  # m, that a top is looked for aside of its place
+PAIRS = ((3, 1), (0, 2))  # sides that are opposite, along x and y
+ROOM = 0.4e-3  # m, about where a foot may be taken for a side
+BEYOND = 5.0  # log likelihood below the least one, of a place that was not looked at
 
 
 @dataclass(frozen=True)
@@ -54,16 +66,6 @@ class Seating:
     lift_std: float = float("nan")
 
 
-def width_of(top: CubeTop | None) -> CubeWidth | None:
-    """A cube's width by its top, if it sits; None where that does not show, or its two widths differ."""
-    if top is None:
-        return None
-    if abs(top.widths[0] - top.widths[1]) > MOST_UNLIKE + SURE * np.hypot(*top.stds):
-        return None
-    weight = top.stds**-2.0
-    return CubeWidth(float(weight @ top.widths / weight.sum()), float(weight.sum() ** -0.5))
-
-
 def seating(top: CubeTop | None, cube: CubeWidth) -> Seating:
     """Judge a top, measured as if it lay at a seated cube's height.
 
@@ -75,34 +77,114 @@ def seating(top: CubeTop | None, cube: CubeWidth) -> Seating:
         return Seating("unsure", "its top is not whole in the image")
     if abs(top.turn) > MOST_TURN:
         return Seating("off", f"its top is turned by {np.degrees(top.turn):.1f} deg")
-    seen = width_of(top)
-    if seen is None:
-        return Seating("unsure", "the sides of its top do not show well enough, or are not those of a square")
-    lifts, weights = _lifts(top, seen, cube)
-    lift = float(weights @ lifts / weights.sum())
-    std = float(weights.sum() ** -0.5)
-    aside = float(np.abs(top.centre + lift * top.slope).max())
-    if aside > MOST_ASIDE:
-        return Seating("off", f"its top is {1e3 * aside:.1f} mm aside of where a seated one's is", lift, std)
+    if top.twist > MOST_TWIST:
+        return Seating(
+            "unsure", "the sides of its top are not those of a square: it leans, or something is across it"
+        )
+    if not _shows(top):
+        return Seating("unsure", "the sides of its top do not show well enough")
+    width = CubeWidth(cube.value, float(np.hypot(cube.std, OWN_STD)))
+    log, best = _heights(top, width, PLAY * PLAYS)
+    lift, std = _moments(LIFTS, log)
+    if best < -MOST_UNLIKELY:
+        aside = _aside(top, width)
+        if aside > MOST_ASIDE:
+            return Seating(
+                "off", f"its top is {1e3 * aside:.1f} mm aside of where a seated one's is", lift, std
+            )
+        return Seating(
+            "unsure", "the sides of its top are not where those of a seated or a higher cube are", lift, std
+        )
     told = f"its top is {1e3 * lift:+.1f} mm from a seated one's height, std {1e3 * std:.1f} mm"
-    if weights @ (lifts - lift) ** 2 > MOST_UNLIKELY:
-        return Seating("unsure", f"{told}, but its place and its size say different heights", lift, std)
     if abs(lift) <= MOST_LIFT and abs(lift) + SURE * std <= LIFT:
         return Seating("seated", "", lift, std)
     return Seating("off" if abs(lift) - SURE * std > 0.0 else "unsure", told, lift, std)
 
 
-def _lifts(top: CubeTop, seen: CubeWidth, cube: CubeWidth) -> tuple[Array, Array]:
-    """How high a top lies over a seated one's by its width and by its place along x and y, m; and 1/variance of each.
+def width_of(top: CubeTop | None, cube: CubeWidth) -> CubeWidth | None:
+    """How wide a cube that sits is, by its top and by what is known of it; None where the top does not tell."""
+    if top is None or abs(top.turn) > MOST_TURN or top.twist > MOST_TWIST or not _shows(top):
+        return None
+    log, best = _at_heights(top, cube, PLAY * PLAYS, np.zeros(1))
+    if best < -MOST_UNLIKELY:
+        return None
+    return CubeWidth(*_moments(cube.value + cube.std * WIDTHS, log[0]))
 
-    A top that is higher is seen wider, and farther from the camera's foot: by `slope` a metre.
+
+def _shows(top: CubeTop) -> bool:
+    """Whether at least one side shows along x and along y."""
+    return all(max(top.shown[low], top.shown[high]) > LEAST_SHOWN for low, high in PAIRS)
+
+
+def _heights(top: CubeTop, cube: CubeWidth, plays: Array) -> tuple[Array, float]:
+    """Log likelihood of each of `LIFTS`, and of the best cube of any height, below that of free sides."""
+    log, best = _at_heights(top, cube, plays, LIFTS)
+    most = log.max(axis=1, keepdims=True)
+    return most[:, 0] + np.log(np.exp(log - most).sum(axis=1)), best
+
+
+def _at_heights(top: CubeTop, cube: CubeWidth, plays: Array, lifts: Array) -> tuple[Array, float]:
+    """Log likelihood of heights and widths, (lifts, widths), play integrated out; and the best of all three.
+
+    A top that is higher is seen wider, and farther from the camera's foot. A wider cube sits higher, too: `top.rise`.
     """
-    per_width = top.distance / cube.value
-    by_width = (seen.value - cube.value) * per_width
-    width_weight = 1.0 / (per_width**2 * (seen.std**2 + cube.std**2))
-    slope = np.where(np.abs(top.slope) < 1e-6, 1e-6, top.slope)
-    place_weight = slope**2 / (PLAY**2 + (top.stds / 2.0) ** 2)
-    return np.array([by_width, *(-top.centre / slope)]), np.array([width_weight, *place_weight])
+    widths = cube.value + cube.std * WIDTHS
+    height = lifts[:, None] + top.rise * (widths - top.size)
+    larger = top.distance / (top.distance - height)  # as a top is seen, on the plane of a seated one's
+    half = (widths * larger - top.size) / 2.0
+    log = np.broadcast_to(-0.5 * WIDTHS**2, half.shape)
+    best, sides = log, _likely(top)
+    for axis, (low, high) in enumerate(PAIRS):
+        shift = -top.slope[axis] * top.distance * (larger - 1.0)
+        aside = shift[..., None] + larger[..., None] * plays
+        one = -0.5 * (plays / PLAY) ** 2 if plays[-1] < FREE_PLAY else np.zeros(len(plays))
+        one = one + _at(sides[high], half[..., None] + aside) + _at(sides[low], half[..., None] - aside)
+        most = one.max(axis=-1)
+        best = best + most
+        log = log + most + np.log(np.exp(one - most[..., None]).mean(axis=-1))
+    return log, float(best.max())
+
+
+def _likely(top: CubeTop) -> list[Array]:
+    """Log likelihood of each side at `PLACES`, below its best one.
+
+    A side that does not show says nothing. Where a face is seen beside it, its foot may be taken for the side, and the
+    face for the top: that other peak is not counted as the best one.
+    """
+    sides = []
+    for side, shown, foot in zip(top.sides, top.shown, top.feet, strict=True):
+        if shown < LEAST_SHOWN:
+            sides.append(np.zeros(len(PLACES)))
+            continue
+        mistaken = (np.abs(PLACES + foot) < ROOM) & (foot > 2.0 * ROOM)
+        sides.append(side - side[~mistaken].max())
+    return sides
+
+
+def _at(side: Array, places: Array) -> Array:
+    beyond = float(side.min()) - BEYOND
+    return np.asarray(np.interp(places, PLACES, side, left=beyond, right=beyond))
+
+
+def _aside(top: CubeTop, cube: CubeWidth) -> float:
+    """How far aside the middle of a seated cube's top would be to fit best, m; 0 where none fits."""
+    plays, sides = np.linspace(-FREE_PLAY, FREE_PLAY, 121), _likely(top)
+    found = []
+    for low, high in PAIRS:
+        half = (cube.value - top.size) / 2.0
+        one = _at(sides[high], half + plays) + _at(sides[low], half - plays)
+        if one.max() < -MOST_UNLIKELY:
+            return 0.0
+        found.append(abs(float(plays[np.argmax(one)])))
+    return max(found)
+
+
+def _moments(values: Array, log: Array) -> tuple[float, float]:
+    """Mean and standard deviation of values by their log likelihood."""
+    weights = np.exp(log - log.max())
+    weights /= weights.sum()
+    mean = float(weights @ values)
+    return mean, float(np.sqrt(weights @ (values - mean) ** 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,20 +194,37 @@ class Sight:
     Attributes:
         images, camera: the photographs, and what took them.
         cube: a cube by its nominal width and what that may be off.
+        pocket: width of a pocket's mouth and of its floor, m.
     """
 
     images: Sequence[Image]
     camera: Camera
     cube: CubeWidth
+    pocket: tuple[float, float] = (POCKET_MOUTH, POCKET_FLOOR)
 
-    def in_hole(self, T_base_hole: Array) -> CubeTop | None:
-        """The top of a cube in a hole, looked for where a seated one's is."""
-        size = self.cube.value
-        return measure_top(self.images, self.camera, T_base_hole, size, size - CUBE_SEAT_DEPTH, POCKET_MOUTH)
+    def in_hole(self, T_base_hole: Array, empty: EmptyPlace | None = None) -> CubeTop | None:
+        """The top of a cube in a hole, looked for where a seated one's is; `empty` is the hole without it."""
+        size, (mouth, floor) = self.cube.value, self.pocket
+        rise = 1.0 + POCKET_DEPTH / (mouth - floor)
+        return measure_top(
+            self.images,
+            self.camera,
+            T_base_hole,
+            size,
+            size - seat_depth(size, self.pocket),
+            mouth,
+            rise,
+            empty,
+        )
 
-    def on_plane(self, T_base_place: Array) -> CubeTop | None:
+    def on_plane(self, T_base_place: Array, empty: EmptyPlace | None = None) -> CubeTop | None:
         """The top of a cube that stands on a plane, at a place and turned like it."""
-        return measure_top(self.images, self.camera, T_base_place, self.cube.value, self.cube.value, None)
+        size = self.cube.value
+        return measure_top(self.images, self.camera, T_base_place, size, size, None, 1.0, empty)
+
+    def empty(self, T_base_place: Array) -> EmptyPlace:
+        """A place that these photographs show empty."""
+        return EmptyPlace(self.images, self.camera, T_base_place)
 
     def shows(self, points: Array) -> bool:
         """Whether points (n, 3) m of the base frame are in the image."""
@@ -134,11 +233,5 @@ class Sight:
             return bool(((pixels > 0.0) & (pixels < np.array(self.camera.size) - 1.0)).all())
 
     def known_width(self, top: CubeTop | None) -> CubeWidth:
-        """A cube's width for a later look: by its top, if it sits as far as its nominal width tells; and by that."""
-        seen = width_of(top)
-        if seen is None or top is None or seating(top, self.cube).state == "off":
-            return self.cube
-        weights = np.array([seen.std, self.cube.std]) ** -2.0
-        return CubeWidth(
-            float(weights @ (seen.value, self.cube.value) / weights.sum()), float(weights.sum() ** -0.5)
-        )
+        """A cube's width for a later look: by its top, if that tells it, and by its nominal one."""
+        return width_of(top, self.cube) or self.cube

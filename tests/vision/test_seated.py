@@ -13,7 +13,7 @@ from cell.furniture import T_hole_cube, plate_body
 from cell.releasefaults import RELEASES, T_hole_released
 from cell.render.renderer import PlacedBoard, render, with_noise
 from vision.camera import Camera
-from vision.cube_top import CubeTop, measure_top
+from vision.cube_top import OUTWARD, PLACES, CubeTop, measure_top
 from vision.seated import CubeWidth, Sight, seating, width_of
 
 CENTRE = (0.46, -0.13, 0.09)
@@ -52,7 +52,7 @@ def test_a_seated_cube_is_seated_and_its_width_known_to_a_twentieth_of_a_millime
     top = sight.in_hole(T_base_hole)
     assert top is not None
     assert seating(top, NOMINAL).state == "seated"
-    width = width_of(top)
+    width = width_of(top, CubeWidth(CUBE, 1e-4))
     assert width is not None
     assert width.value == pytest.approx(CUBE, abs=5e-5)
 
@@ -83,32 +83,96 @@ def test_a_width_that_is_not_known_is_not_sure() -> None:
     assert seating(None, NOMINAL).state == "unsure"
 
 
-def _top(**values: object) -> CubeTop:
+def _top(
+    out: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0), std: float = 1e-5, high: float = 0.0, **values: object
+) -> CubeTop:
+    """A top whose sides are known to `std` m, `out` m out, of a cube that stands `high` m too high."""
+    slope = np.array([0.2, 0.0])
+    wider = CUBE / 2.0 * high
+    at = wider - OUTWARD @ slope * high + np.array(out)
     usual = {
-        "widths": np.full(2, CUBE),
-        "stds": np.full(2, 1e-5),
-        "centre": np.zeros(2),
+        "sides": -0.5 * ((PLACES - at[:, None]) / std) ** 2,
+        "shown": np.full(4, 1e3),
+        "feet": np.zeros(4),
         "turn": 0.0,
+        "twist": 0.0,
         "distance": 1.0,
-        "slope": np.array([0.2, 0.0]),
+        "slope": slope,
+        "size": CUBE,
+        "rise": 3.0,
     }
     return CubeTop(**{**usual, **values})  # type: ignore[arg-type]
 
 
 def test_each_rule_refuses_alone() -> None:
     assert seating(_top(), NOMINAL).state == "seated"
-    assert "turned" in seating(_top(turn=np.radians(4.0)), NOMINAL).reason
-    assert "aside" in seating(_top(centre=np.array([0.0, 1.3e-3])), NOMINAL).reason
-    assert "square" in seating(_top(widths=np.array([CUBE, CUBE + 2e-4])), NOMINAL).reason
-    high = CUBE * (1.0 + 4e-3)
-    assert seating(_top(widths=np.full(2, high), centre=np.array([-8e-4, 0.0])), NOMINAL).state == "off"
-    higher = CUBE * (1.0 + 1.8e-3)  # 1.8 mm, and known to a tenth
-    assert (
-        seating(_top(widths=np.full(2, higher), stds=np.full(2, 2e-6)), CubeWidth(CUBE, 1e-6)).state == "off"
-    )
-    doubt = seating(_top(centre=np.array([-9e-4, 0.0]), stds=np.full(2, 1e-6)), CubeWidth(CUBE, 1e-6))
-    assert doubt.state == "unsure"
-    assert "different heights" in doubt.reason
+    assert "turned" in seating(_top(turn=np.radians(3.2)), NOMINAL).reason
+    assert "aside" in seating(_top(out=(-1.1e-3, 0.0, 1.1e-3, 0.0)), NOMINAL).reason
+    assert "square" in seating(_top(twist=20.0), NOMINAL).reason
+    assert "do not show" in seating(_top(shown=np.array([1e3, 5.0, 1e3, 5.0])), NOMINAL).reason
+    narrow = seating(_top(out=(0.0, -5e-5, 0.0, -5e-5), std=4e-6), CubeWidth(CUBE, 1e-6))
+    assert narrow.state == "unsure"
+    assert "sides of its top are not where" in narrow.reason
+
+
+@pytest.mark.parametrize("high", [-2.5e-3, 2.5e-3, 4e-3, 6e-3])
+def test_a_height_is_told_and_more_than_two_millimetres_is_not_seated(high: float) -> None:
+    found = seating(_top(high=high), NOMINAL)
+    assert found.state == "off"
+    assert found.lift == pytest.approx(high, abs=3.0 * found.lift_std + 1e-4)
+    assert f"{1e3 * found.lift:+.1f} mm" in found.reason
+
+
+def test_what_does_not_tell_two_millimetres_from_four_is_unsure() -> None:
+    flat = _top(std=5e-3)
+    assert seating(flat, NOMINAL).state == "unsure"
+    wide = seating(
+        _top(std=2e-5, slope=np.zeros(2)), CubeWidth(CUBE, 8e-5)
+    )  # no place tells it, and its own width not
+    assert wide.state == "unsure"
+    assert wide.lift_std > 1e-3
+
+
+def test_a_side_that_does_not_show_says_nothing() -> None:
+    shown = np.array([1e3, 1e3, 1e3, 2.0])
+    sure = _top(shown=np.full(4, 1e3))
+    wrong = np.array(sure.sides)
+    wrong[3] = -0.5 * ((PLACES - 1e-3) / 1e-5) ** 2  # another edge is taken for it
+    assert seating(_top(sides=wrong), NOMINAL).state != "seated"
+    assert seating(_top(sides=wrong, shown=shown), NOMINAL).state == "seated"
+
+
+def test_a_foot_that_is_taken_for_a_side_is_not_believed() -> None:
+    """The face of a bright cube passes for its top; but a top that is aside is so on the other side, too."""
+    foot = 1.4e-3
+    good = _top(feet=np.array([0.0, foot, 0.0, 0.0]))
+    both = np.array(good.sides)
+    both[1] = np.maximum(both[1] - 40.0, -0.5 * ((PLACES + foot) / 1e-5) ** 2)
+    assert seating(_top(sides=both, feet=good.feet), NOMINAL).state == "seated"
+    assert seating(_top(sides=both), NOMINAL).state != "seated"
+    aside = _top(out=(0.0, -foot, 0.0, foot), feet=good.feet)
+    assert seating(aside, NOMINAL).state != "seated"
+
+
+def test_the_height_of_a_wider_cube_is_that_of_a_seated_one() -> None:
+    """A wider cube wedges higher: three times what it is wider, and it is seen wider for that too."""
+    wide = 1e-4
+    top = _top(out=(wide / 2.0,) * 4, high=3.0 * wide)
+    found = seating(top, CubeWidth(CUBE + wide, 1e-5))
+    assert found.state == "seated"
+    assert found.lift == pytest.approx(0.0, abs=1e-4)
+    width = width_of(top, CubeWidth(CUBE, 1e-4))
+    assert width is not None
+    assert width.value == pytest.approx(CUBE + wide, abs=1e-5)
+    assert width.std < 2e-5
+
+
+def test_a_width_is_told_only_by_what_sits_and_shows() -> None:
+    assert width_of(None, NOMINAL) is None
+    assert width_of(_top(turn=np.radians(3.2)), NOMINAL) is None
+    assert width_of(_top(twist=20.0), NOMINAL) is None
+    assert width_of(_top(shown=np.zeros(4)), NOMINAL) is None
+    assert width_of(_top(out=(-1.1e-3, 0.0, 1.1e-3, 0.0)), NOMINAL) is None
 
 
 def test_a_cube_on_the_table_is_measured_too_and_its_place_is_in_view_or_not() -> None:

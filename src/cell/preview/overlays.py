@@ -9,13 +9,12 @@ from typing import Any, Protocol
 import cv2
 import numpy as np
 
-from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_FLOOR, POCKET_MOUTH, Board
+from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_DEPTH, Board
 from arm.bodies import Body, Convex, Shape, hull_faces, shape_to_json
 from arm.errors import InputError
 from arm.se3 import Array, transform
 from cell.furniture import plate_name
 
-POCKET_DEPTH = 0.010  # of a pocket's floor below the plate's top, m (fact sheet of the cell)
 _DIGITS = 7  # of lengths in m: a tenth of a micrometre
 
 
@@ -109,7 +108,7 @@ def board_to_json(board: Board, T_base_board: Array, dictionary: str) -> dict[st
         "body": plate_name(board.name),
         "T": pose_numbers(T_base_board),
         "plate": {"size": list(PLATE_SIZE), "centre": list(PLATE_CENTRE)},
-        "pocket": {"mouth": POCKET_MOUTH, "floor": POCKET_FLOOR, "depth": POCKET_DEPTH},
+        "pocket": {"mouth": board.pocket[0], "floor": board.pocket[1], "depth": POCKET_DEPTH},
         "holes": [[float(x), float(y)] for x, y, _ in board.holes],
         "markers": [
             {
