@@ -102,7 +102,9 @@ def test_a_bad_fault_file_is_one_line_and_exit_code_2(tmp_path: Path, content: s
     path = tmp_path / "faults.toml"
     if content is not None:
         path.write_text(content)
-    ended = subprocess.run([*COMMAND, "--fault", str(path)], capture_output=True, text=True, timeout=LONGEST_S)
+    ended = subprocess.run(
+        [*COMMAND, "--fault", str(path)], capture_output=True, text=True, timeout=LONGEST_S
+    )
     assert ended.returncode == 2
     assert ended.stdout == ""
     assert str(path) in ended.stderr
