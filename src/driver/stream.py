@@ -400,7 +400,7 @@ class _Stream:
         if self.hold is not None and self._dry:
             return  # it waits for us, and its own deadline is the hold's
         running = self.feed.dwell_s if self._dwelling else 0.0
-        if 0 < self.begun <= self.total and not self._dwelling:
+        if self.begun <= self.total and not self._dwelling:
             running = self.durations[self.begun - 1]
         if now > self.begun_at + link.patience(running + STALL_S):
             raise NoAnswer(

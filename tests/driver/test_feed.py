@@ -74,6 +74,7 @@ def test_a_segment_is_sent_while_its_echo_can_come_before_a_stop_has_to_go(
 def test_looks_leave_half_of_a_line_of_turns_to_segments(trip_s: float) -> None:
     """A look takes the line for three round trips: the echoes that are out, its questions, its answers."""
     free, turns = (feed_over(trip_s, takes_turns=takes)[0] for takes in (False, True))
+    assert ANSWERS_BYTES / BYTES_PER_SECOND <= ANSWER_S <= 1.5 * ANSWERS_BYTES / BYTES_PER_SECOND
     look_s = 3.0 * (trip_s + ANSWER_S)
     assert free.poll_s == StreamOptions().poll_s
     assert turns.poll_s == pytest.approx(min(2.0 * look_s, LONGEST_POLL_S))
