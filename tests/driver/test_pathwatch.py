@@ -8,7 +8,7 @@ import pytest
 from arm.errors import ExecutionStopped
 from arm.motion import CountPath, Segment
 from count_paths import quintic
-from driver.pathwatch import ASTRAY, PathWatch
+from driver.pathwatch import ASTRAY, PathWatch, _widened
 
 AXES = "ABCDEF"
 SEGMENTS = 30
@@ -137,3 +137,20 @@ def test_the_box_is_about_all_that_may_run_and_all_that_was_sent(place: float, w
         return
     with pytest.raises(ExecutionStopped):
         judged.take(on_straight(place), 6, 9)
+
+
+def test_an_arm_anywhere_between_two_lags_that_are_looked_at_is_on_its_path() -> None:
+    """However fast it is: at 20,000 counts a segment a step of the lag is 1000 counts long."""
+    row = (20_000, -20_000, 7_000, 0, 100, -300)
+    fast = CountPath((0,) * 6, (Segment(100, (row, (0,) * 6, (0,) * 6)),) * SEGMENTS)
+    watched = PathWatch(fast, AXES, 1500, 2)
+    for lag_s in np.arange(0.0, 0.014, 0.0013):
+        followed(watched, fast, float(lag_s), 5, 6)
+
+
+def test_what_is_widened_holds_so_many_rows_to_either_side() -> None:
+    near = np.zeros((9, 2), dtype=bool)
+    near[[4, 0], [0, 1]] = True
+    assert np.flatnonzero(_widened(near, 2)[:, 0]).tolist() == [2, 3, 4, 5, 6]
+    assert np.flatnonzero(_widened(near, 2)[:, 1]).tolist() == [0, 1, 2]
+    assert (_widened(near, 1) >= near).all()
