@@ -86,14 +86,6 @@ Homed = Annotated[
         "--homed", help="With --port: the unit was homed since power-up; it is checked, and not homed anew."
     ),
 ]
-Preload = Annotated[
-    bool,
-    typer.Option(
-        "--preload",
-        help="For a bad line: load each motion (its first 149 segments) into the unit and verify it before it begins; "
-        "what was damaged is sent again.",
-    ),
-]
 Free = Annotated[
     bool, typer.Option("--free", help="With --port: nothing stands where homing goes; else it is asked for.")
 ]

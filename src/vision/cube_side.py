@@ -25,6 +25,10 @@ from arm.se3 import Array, frozen
 SPAN = 2.7e-3  # m, of a profile on both sides of where the side should be
 STEP = 0.1e-3  # m, between its samples
 ACROSS: Array = frozen(np.arange(-round(SPAN / STEP), round(SPAN / STEP) + 1) * STEP)
+STRAIGHT = 1.2e-3  # m, of a wall beside its corner, that tells how it goes on
+LEAST_STRAIGHT = 5  # samples
+BUMP, BUMPS = 0.2e-3, np.linspace(-1.25e-3, 1.25e-3, 11)  # m
+UNLIKE_GREY, UNLIKE_SHARE = 0.25, 0.004  # of the model, in grey levels and of the grey
 NOWHERE = 4.0 * SPAN  # m: a side that is not in the window
 PEAK = float(np.sqrt(2.0 * np.pi))  # a step's slope is its height / (blur PEAK)
 
@@ -112,17 +116,19 @@ def whitening(level: Array, hidden: Array, noise: float, px_per_m: float) -> Arr
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
 
 
-def beside(empty: Array, mouth: float, blur: float, light: float) -> Beside:
+def beside(empty: Array, mouth: float, corner: float, blur: float, light: float) -> Beside:
     """What an empty place shows across a side.
 
     Args:
         empty: profiles of the empty place, (pieces, n).
         mouth: where its pocket's mouth should be seen, m out; -inf: there is no pocket.
+        corner: where the pocket's floor ends and its wall begins, m out.
         blur: m.
         light: see `Beside`.
     """
     if mouth > SPAN - 0.7e-3:
-        return Beside(empty, empty, mouth if mouth > SPAN + 3.0 * blur else np.inf, True, light)
+        ends = mouth if mouth > SPAN + 3.0 * blur else np.inf
+        return Beside(_from_corner(empty, corner, min(mouth, SPAN), blur), empty, ends, True, light)
     if mouth < -SPAN + 0.7e-3:
         return Beside(empty, empty, -np.inf, True, light)
     near = np.abs(ACROSS - mouth) < 1.2e-3
@@ -140,7 +146,21 @@ def beside(empty: Array, mouth: float, blur: float, light: float) -> Beside:
     inner, outer = ACROSS - place < -3.0 * blur, ACROSS - place > 3.0 * blur
     wall = np.where(inner, empty, lines[0][:, None] + lines[1][:, None] * along)
     plate = np.where(outer, empty, lines[2][:, None] + lines[3][:, None] * along)
-    return Beside(np.maximum(wall, 0.0), np.maximum(plate, 0.0), place, True, light)
+    wall = np.maximum(_from_corner(wall, corner, place, blur), 0.0)
+    return Beside(wall, np.maximum(plate, 0.0), place, True, light)
+
+
+def _from_corner(wall: Array, corner: float, ends: float, blur: float) -> Array:
+    """A wall, (pieces, n), as if it began before its corner: a cube hides the floor that is seen there without it."""
+    begins = corner + 3.0 * blur
+    straight = (begins < ACROSS) & (min(begins + STRAIGHT, ends - 3.0 * blur) > ACROSS)
+    if straight.sum() < LEAST_STRAIGHT:
+        return wall
+    x = ACROSS[straight]
+    A = np.stack([np.ones_like(x), (x - begins) / SPAN], axis=-1)
+    line = np.linalg.solve(A.T @ A, A.T @ wall[:, straight].T)
+    along = line[0][:, None] + line[1][:, None] * (ACROSS - begins) / SPAN
+    return np.where(begins > ACROSS, along, wall)
 
 
 def beside_unseen(plate_grey: float, pieces: int, mouth: float) -> Beside:
@@ -175,7 +195,8 @@ def evidence(
     mean, own, shared = _columns(side, at, places, blur)
     left = (side.grey - mean) @ side.white.T
     A = side.white @ own
-    X = np.concatenate([side.white @ shared, left[..., None]], axis=-1)
+    unlike = np.broadcast_to(side.white @ _unlike(side), (*places.shape, len(ACROSS), len(BUMPS)))
+    X = np.concatenate([side.white @ shared, unlike, left[..., None]], axis=-1)
     At = np.swapaxes(A, -1, -2)
     M, R = At @ A + np.eye(A.shape[-1]), At @ X
     G = np.swapaxes(X, -1, -2) @ X - np.swapaxes(R, -1, -2) @ np.linalg.solve(M, R)
@@ -184,6 +205,13 @@ def evidence(
     chi2 = G[:, -1, -1] - (v * np.linalg.solve(K, v)).sum(axis=(-1, -2))
     sizes = np.linalg.slogdet(M)[1][:, pieces].sum(axis=1) + np.linalg.slogdet(K)[1]
     return np.asarray(-0.5 * (chi2 + sizes)), np.asarray(chi2 / (pieces.sum() * len(ACROSS)))
+
+
+def _unlike(side: Side) -> Array:
+    """Columns of what no model is like: a little smooth grey that all pieces share, (n, bumps)."""
+    usual = np.median(side.grey, axis=0)
+    level = UNLIKE_GREY + UNLIKE_SHARE * usual
+    return np.asarray(level[:, None] * np.exp(-0.5 * ((ACROSS[:, None] - BUMPS) / BUMP) ** 2))
 
 
 def _columns(side: Side, at: Beside, places: Array, blur: float) -> tuple[Array, Array, Array]:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from arm.board import POCKET_DEPTH
 from arm.se3 import Array, apply, frozen, inverse, transform
 from vision.camera import Camera
 from vision.cube_side import (
@@ -51,6 +52,8 @@ WIDE_FACE, BEFORE_FOOT, SOFT = (
     0.05e-3,
 )  # m: beyond a wide face, what is at its foot is left out
 RING = np.array([2e-3, 3e-3, 4e-3, 5e-3])  # m beyond a mouth: there the plate is seen
+ROOM = 0.4e-3  # m, about where a foot may be taken for a side
+LEAST_STEP = 4.0  # grey levels: less may be a shading of the surface
 LEAST_IN_VIEW = 0.6e-3  # m beyond a side, that must be in the image
 MEAN_NOISE = 0.85  # of a sample's noise is left by interpolation
 LEAST_NOISE = 0.3  # grey levels
@@ -78,8 +81,7 @@ class CubeTop:
 
     Attributes:
         sides: log likelihood of each side at `PLACES` m out, (4, k); flat where it does not show.
-        shown: how much more likely each side is than that there is none, log, (4,).
-        feet: how far beyond each side the cube's foot is seen, m; 0 where its face is not, (4,).
+        shown: how much more likely each side is than that there is none, log, (4,); 0 where a shading may pass for it.
         turn: about the place's normal, rad.
         twist: how much more likely it is that sides turn each for themselves, log.
         distance: of the camera along the normal, from the top, m.
@@ -90,7 +92,6 @@ class CubeTop:
 
     sides: Array
     shown: Array
-    feet: Array
     turn: float
     twist: float
     distance: float
@@ -147,9 +148,13 @@ def measure_top(
         grey = view.at(points).mean(axis=2)
         reach = float(eye[:2] @ OUTWARD[k])
         foot = max(reach + (size / 2.0 - reach) * distance / (distance + size) - size / 2.0, 0.0)
-        rim = -np.inf
+        rim = corner = -np.inf
         if mouth is not None:
+            floor = mouth - POCKET_DEPTH * (mouth - size) / (
+                size - height
+            )  # walls are straight through the seat
             rim = reach + (mouth / 2.0 - reach) * distance / float(eye[2]) - size / 2.0
+            corner = reach + (floor / 2.0 - reach) * distance / (float(eye[2]) + POCKET_DEPTH) - size / 2.0
         was = None if then is None else then.at(seen_on_plate(points, height, eye)).mean(axis=2)
         if was is not None and not (np.isfinite(was).all() and np.isfinite(light)):
             was = None
@@ -157,13 +162,27 @@ def measure_top(
         if side is None:
             return None
         sides.append(side)
-        around.append((was, rim))
+        around.append(_Around(was, rim, corner))
     return _search(sides, around, light, scale, size, distance, eye, rise)
+
+
+@dataclass(frozen=True, eq=False)
+class _Around:
+    """What is known of the surroundings of a side.
+
+    Attributes:
+        empty: profiles of the empty place, (pieces, n); None if it was not seen empty.
+        mouth, corner: where the pocket's mouth should be seen, and where its wall begins, m out; -inf: no pocket.
+    """
+
+    empty: Array | None
+    mouth: float
+    corner: float
 
 
 def _search(
     sides: Sequence[Side],
-    around: Sequence[tuple[Array | None, float]],
+    around: Sequence[_Around],
     light: float,
     scale: float,
     size: float,
@@ -179,8 +198,10 @@ def _search(
     best: tuple[float, float, _Lines, list[Array], list[Beside]] | None = None
     for blur in (px / scale for px in BLURS_PX):
         besides = [
-            beside_unseen(side.plate_grey, PIECES, rim) if was is None else beside(was, rim, blur, light)
-            for side, (was, rim) in zip(sides, around, strict=True)
+            beside_unseen(side.plate_grey, PIECES, at.mouth)
+            if at.empty is None
+            else beside(at.empty, at.mouth, at.corner, blur, light)
+            for side, at in zip(sides, around, strict=True)
         ]
         each = [own_evidence(side, at, every, blur) for side, at in zip(sides, besides, strict=True)]
         lines = _lines(each, lever)
@@ -192,18 +213,17 @@ def _search(
     twist = sum(_lines([one], lever).worth for one in each) - worth
     along = PLACES[:, None] + lines.turn * lever
     nowhere = np.array([[-NOWHERE], [NOWHERE]]) + np.zeros(PIECES)
-    likely, shown = [], []
+    of_sides, shown = [], []
     for side, at, one, line in zip(sides, besides, each, lines.of_sides, strict=True):
         good = _agreeing(one, places, float(places[np.argmax(line)]) + lines.turn * lever)
         log, left = evidence(side, at, along, blur, good)
         none = evidence(side, at, nowhere, blur, good)[0].max()
-        top = int(np.argmax(log))
-        shown.append(float(log[top] - none))
-        likely.append(np.maximum(log - log[top], -FAINT) / max(1.0, float(left[top])))
+        peaks, top = likely(log, side.foot)
+        shown.append(float(log[top] - none) if _step(side, float(PLACES[top])) >= LEAST_STEP else 0.0)
+        of_sides.append(peaks / max(1.0, float(left[top])))
     return CubeTop(
-        frozen([_softened(one, FLOOR_PX / scale) for one in likely]),
+        frozen([_softened(one, FLOOR_PX / scale) for one in of_sides]),
         frozen(shown),
-        frozen([side.foot for side in sides]),
         lines.turn,
         float(twist),
         distance,
@@ -211,6 +231,17 @@ def _search(
         size,
         rise,
     )
+
+
+def likely(log: Array, foot: float) -> tuple[Array, int]:
+    """Log likelihood at `PLACES`, from `-FAINT` to 0 at its best one, from log evidence; and which that is.
+
+    Where a face is seen beside the top, up to `foot` m out, its foot may be taken for the side and the face for the
+    top: that other peak is not counted as the best one.
+    """
+    mistaken = (np.abs(PLACES + foot) < ROOM) & (foot > 2.0 * ROOM)
+    top = int(np.argmax(np.where(mistaken, -np.inf, log)))
+    return np.clip(log - log[top], -FAINT, 0.0), top
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,6 +280,13 @@ def _agreeing(one: Array, places: Array, line: Array) -> npt.NDArray[np.bool_]:
     at = np.array([np.interp(line[j], places, one[:, j]) for j in range(PIECES)])
     off = one.max(axis=0) - at
     return np.asarray(off <= max(STRAY, float(np.sort(off)[LEAST_PIECES - 1])))
+
+
+def _step(side: Side, place: float) -> float:
+    """The largest difference of grey between the top and what is just beyond a place, grey levels."""
+    usual, beyond = np.median(side.grey, axis=0), ACROSS - place
+    inner, outer = usual[np.abs(beyond + 0.5e-3) < 0.2e-3], usual[np.abs(beyond - 0.5e-3) < 0.3e-3]
+    return float(np.abs(outer - np.median(inner)).max()) if len(inner) and len(outer) else 0.0
 
 
 def _softened(log: Array, floor: float) -> Array:

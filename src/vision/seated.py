@@ -37,7 +37,6 @@ WIDTHS: Array = np.linspace(-3.5, 3.5, 21)  # standard deviations
 PLAYS: Array = np.linspace(-4.0, 4.0, 81)
 FREE_PLAY = 1.5e-3  # m, that a top is looked for aside of its place
 PAIRS = ((3, 1), (0, 2))  # sides that are opposite, along x and y
-ROOM = 0.4e-3  # m, about where a foot may be taken for a side
 BEYOND = 5.0  # log likelihood below the least one, of a place that was not looked at
 
 
@@ -146,19 +145,9 @@ def _at_heights(top: CubeTop, cube: CubeWidth, plays: Array, lifts: Array) -> tu
 
 
 def _likely(top: CubeTop) -> list[Array]:
-    """Log likelihood of each side at `PLACES`, below its best one.
-
-    A side that does not show says nothing. Where a face is seen beside it, its foot may be taken for the side, and the
-    face for the top: that other peak is not counted as the best one.
-    """
-    sides = []
-    for side, shown, foot in zip(top.sides, top.shown, top.feet, strict=True):
-        if shown < LEAST_SHOWN:
-            sides.append(np.zeros(len(PLACES)))
-            continue
-        mistaken = (np.abs(PLACES + foot) < ROOM) & (foot > 2.0 * ROOM)
-        sides.append(side - side[~mistaken].max())
-    return sides
+    """Log likelihood of each side at `PLACES`; a side that does not show says nothing."""
+    flat = np.zeros(len(PLACES))
+    return [flat if shown < LEAST_SHOWN else side for side, shown in zip(top.sides, top.shown, strict=True)]
 
 
 def _at(side: Array, places: Array) -> Array:

@@ -93,7 +93,6 @@ def _top(
     usual = {
         "sides": -0.5 * ((PLACES - at[:, None]) / std) ** 2,
         "shown": np.full(4, 1e3),
-        "feet": np.zeros(4),
         "turn": 0.0,
         "twist": 0.0,
         "distance": 1.0,
@@ -140,18 +139,6 @@ def test_a_side_that_does_not_show_says_nothing() -> None:
     wrong[3] = -0.5 * ((PLACES - 1e-3) / 1e-5) ** 2  # another edge is taken for it
     assert seating(_top(sides=wrong), NOMINAL).state != "seated"
     assert seating(_top(sides=wrong, shown=shown), NOMINAL).state == "seated"
-
-
-def test_a_foot_that_is_taken_for_a_side_is_not_believed() -> None:
-    """The face of a bright cube passes for its top; but a top that is aside is so on the other side, too."""
-    foot = 1.4e-3
-    good = _top(feet=np.array([0.0, foot, 0.0, 0.0]))
-    both = np.array(good.sides)
-    both[1] = np.maximum(both[1] - 40.0, -0.5 * ((PLACES + foot) / 1e-5) ** 2)
-    assert seating(_top(sides=both, feet=good.feet), NOMINAL).state == "seated"
-    assert seating(_top(sides=both), NOMINAL).state != "seated"
-    aside = _top(out=(0.0, -foot, 0.0, foot), feet=good.feet)
-    assert seating(aside, NOMINAL).state != "seated"
 
 
 def test_the_height_of_a_wider_cube_is_that_of_a_seated_one() -> None:
