@@ -22,7 +22,9 @@ from cell.taskrun import TaskRun
 from driver.refusals import is_unhomed
 
 ABOUT_GOING_ON = "nothing is homed: it goes on from where the arm stands; keep clear"
-ABOUT_KEPT = "nothing is homed, as --homed says; keep clear"
+ABOUT_KEPT = (
+    "nothing is homed: --homed says that it was; compare the joint angles with the arm, and keep clear"
+)
 ABOUT_HOMING = "first the controller homes the arm: every axis moves, and nothing checks its way; keep clear"
 
 

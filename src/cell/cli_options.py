@@ -20,7 +20,8 @@ Speed = Annotated[
     float | None,
     typer.Option(
         "--speed",
-        help="Share of what the registers allow, 0.01 to 1; default: the cell file's, or a plan's, never above it.",
+        help="Share of what the speed registers allow, 0.01 to 1; accelerations by its square. Default: motion.speed "
+        "of the cell file; of an execution the plan's, which it may only lower.",
     ),
 ]
 WorldFile = Annotated[
@@ -44,7 +45,9 @@ Camera = Annotated[
 ]
 TimeScale = Annotated[
     float | None,
-    typer.Option("--time-scale", help="Emulated seconds per wall second (simulated cell only; default: 10)."),
+    typer.Option(
+        "--time-scale", help="At most so many emulated seconds a second (simulated cell only; default: 10)."
+    ),
 ]
 Advice = Annotated[
     bool, typer.Option("--advice/--no-advice", help="After a refusal, try what would help, with the planner.")
@@ -77,17 +80,23 @@ LivePort = Annotated[
 Unseen = Annotated[
     bool,
     typer.Option(
-        "--unseen", help="With --port: move by plans that nobody has seen before; else it is asked for."
+        "--unseen",
+        help="With --port: skip the question for the unit's name; plans are made on the way and not previewed.",
     ),
 ]
 Homed = Annotated[
     bool,
     typer.Option(
-        "--homed", help="With --port: the unit was homed since power-up; it is checked, and not homed anew."
+        "--homed",
+        help="With --port: do not home; you state that the unit was homed since power-up, which it cannot tell.",
     ),
 ]
 Free = Annotated[
-    bool, typer.Option("--free", help="With --port: nothing stands where homing goes; else it is asked for.")
+    bool,
+    typer.Option(
+        "--free",
+        help="With --port: skip both questions of homing: its way is clear, and boards stand where they should.",
+    ),
 ]
 
 

@@ -51,9 +51,7 @@ def emulate(
         Path | None,
         typer.Option("--hand", help="Target that the gripper holds, such as scenes/targets/hand.toml."),
     ] = None,
-    time_scale: Annotated[
-        float, typer.Option("--time-scale", help="Emulated seconds per wall second.")
-    ] = 1.0,
+    time_scale: Annotated[float, typer.Option("--time-scale", help="Emulated seconds a second.")] = 1.0,
 ) -> None:
     from cell.emulating import emulate_step
 

@@ -56,8 +56,8 @@ def keep_home(run: TaskRun, jaws_too: bool = True) -> None:
         )
     degrees = ", ".join(f"{d:.1f}" for d in np.degrees(cell.unit.positions(counts)))
     run.console.step(
-        f"not homed, as --homed says: powered, without fault, homed since power-up and at [{degrees}] deg by its "
-        "counters; that these are right the unit cannot tell: compare with the arm"
+        f"not homed: --homed says that it was, since power-up, and the unit cannot tell; it is powered, without fault, "
+        f"and at [{degrees}] deg by its counters: compare with the arm"
     )
 
 

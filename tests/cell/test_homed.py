@@ -132,7 +132,7 @@ def test_a_unit_that_was_homed_is_kept_and_told(
     assert _homings(emulator) == homings
     assert mars.counts() == before
     told = capsys.readouterr().out
-    assert "not homed, as --homed says" in told
+    assert "not homed: --homed says that it was" in told
     assert "-45.0" in told  # where it stands, to compare
 
 
