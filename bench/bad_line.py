@@ -1,11 +1,14 @@
 """One damaged line in a motion: is it noticed, and does the arm stand before what was damaged begins?
 
 python bench/bad_line.py --there 400 --back 100 --answers 50 --sound 200
+python bench/bad_line.py --there 400 --back 0 --answers 100 --sound 50 --echo none
+python bench/bad_line.py --there 0 --back 0 --answers 0 --sound 0 --noise 1e-5 1e-4 1e-3 --streams 200
 
 Driver and emulated unit in stepped time, both units, 0, 16 and 100 ms one way (sound streams at 200 ms too). A third of
 the damage is in segments 1 to 8; in every tenth case a STOP is lost too. The judge is the unit's own record, every ms:
 how far the arm ever was from the path that was certified (0.02 deg are allowed, which are rounding). Motions are of
-all joints, 5 to 8 s, 100 ms a segment, at 0.9 of the speed and 0.5 of the acceleration of the registers.
+all joints, 5 to 8 s, 100 ms a segment, at 0.9 of the speed and 0.5 of the acceleration of the registers. `--noise`
+turns single bits round at random, in both directions, and counts stops over the time of motion.
 """
 
 from __future__ import annotations
@@ -14,11 +17,13 @@ import argparse
 import json
 import os
 import platform
+import subprocess
 import sys
 import time
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
+from functools import cache
 from itertools import product
 from pathlib import Path
 
@@ -28,19 +33,23 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 
 from arm.errors import ExecutionStopped
 from arm.motion import CountPath
+from arm.robot import Robot, load_a465
+from arm.se3 import Array
 from arm.unit import Limits, Unit, load_unit
-from count_paths import off_path_deg
+from count_paths import departures
 from driver.emulator import Emulator, EmulatorOptions
 from driver.mars import Mars
+from driver.progress import StreamOptions
 from driver.stepped import SteppedClock
 from driver.stream import stream
-from line_damage import ANSWER, KINDS, SEGMENT, Damage
+from line_damage import ANSWER, KINDS, SEGMENT, BitErrors, Damage
 from plan.segments import to_segments
 from plan.timing import time_path
 
 UNITS = ("crs93", "crs97")
 LATENCIES_S = (0.0, 0.016, 0.1)
 ALLOWED_DEG = 0.02
+EACH_MS = 3  # of the record
 ECHO = ("line", "none")
 
 
@@ -49,8 +58,9 @@ class Case:
     """One stream.
 
     Attributes:
-        way: of the damage: there, back, answers; or sound.
+        way: of the damage: there, back, answers; noise, in both directions; or sound.
         stops: STOPs that are lost too.
+        rate: of bytes with a bit turned round, of noise.
     """
 
     way: str
@@ -61,6 +71,8 @@ class Case:
     stops: int
     seed: int
     echo: str = "line"
+    rate: float = 0.0
+    preload: bool = False
 
 
 @dataclass(frozen=True)
@@ -70,7 +82,8 @@ class Outcome:
     Attributes:
         happened: the damage.
         stopped: by an error, with its reason, at rest or not, message.
-        off_deg: farthest from the certified path, at any ms.
+        off_deg, off_mm: farthest from the certified path, at any ms; the same of the tool.
+        off_s: for how long the arm moved beyond ALLOWED_DEG.
         took_s, dwell_and_took_s: of the motion, without and with what goes before and after it.
     """
 
@@ -81,6 +94,8 @@ class Outcome:
     at_rest: bool
     message: str
     off_deg: float
+    off_mm: float
+    off_s: float
     took_s: float
     whole_s: float
     planned_s: float
@@ -99,16 +114,37 @@ def motion(unit: Unit, seed: int) -> CountPath:
     return to_segments(time_path(q, limits), unit, 100, limits=sent)
 
 
+@cache
+def arm() -> Robot:
+    """For distances of the tool."""
+    return load_a465(0.134112, 0.05)
+
+
+def off_mm(unit: Unit, counts: Array, nearest: Array) -> float:
+    """Between the tool at counts and at the nearest ones of the path, (6,) each."""
+    a, b = (arm().T_base_tool(unit.positions(c))[:3, 3] for c in (counts, nearest))
+    return float(1e3 * np.linalg.norm(a - b))
+
+
+def taps(case: Case, segments: int) -> list[Damage | BitErrors]:
+    """Of a case: to the unit and to the host, or one of them."""
+    if case.way == "noise":
+        return [BitErrors(case.rate, 2 * case.seed + k) for k in (0, 1)]
+    if case.way == "sound":
+        return []
+    what = ANSWER if case.way == "answers" else SEGMENT
+    return [Damage(case.kind, min(case.nth, segments), case.seed, case.stops, what)]  # type: ignore[arg-type]
+
+
 def run(case: Case) -> Outcome:
     """One stream."""
     unit, clock = load_unit(case.unit), SteppedClock()
     path = motion(unit, case.seed)
     near = tuple(float(d) for d in np.degrees(unit.positions(np.ones(6))))
-    tap = None
-    if case.way != "sound":
-        what = ANSWER if case.way == "answers" else SEGMENT
-        tap = Damage(case.kind, min(case.nth, len(path.segments)), case.seed, case.stops, what)  # type: ignore[arg-type]
-    there, back = (tap, None) if case.way == "there" else (None, tap)
+    tapped = taps(case, len(path.segments))
+    there, back = (tapped[0], tapped[-1]) if tapped else (None, None)
+    if case.way != "noise":
+        there, back = (there, None) if case.way == "there" else (None, back)
     error: ExecutionStopped | None = None
     took = 0.0
     options = EmulatorOptions(power_up_deg=near, echo=case.echo)  # type: ignore[arg-type]
@@ -119,28 +155,31 @@ def run(case: Case) -> Outcome:
         mars.identify()
         mars.initialise(soft_home=False)
         mars.anchor(path.start)
-        if tap is not None:
+        for tap in tapped:
             tap.armed = True
         begin, began_ms = clock.now(), emulator.now_ms()
         try:
-            took = stream(mars, path).duration_s
+            took = stream(mars, path, options=StreamOptions(preload=case.preload)).duration_s
         except ExecutionStopped as stopped:
             error = stopped
         whole = clock.now() - begin
         clock.sleep(2.0)
         record = emulator.record()
-    counts = record.counts[record.time_ms >= began_ms]
+    counts = record.counts[record.time_ms >= began_ms][::EACH_MS]
     curve = path.at(np.arange(0.0, path.duration_s + 1e-3, 1e-3))
-    off = off_path_deg(unit, counts[::3], curve) if len(counts) else 0.0
+    found = departures(unit, counts, curve)
+    worst = max(range(len(found)), key=lambda k: found[k][0], default=None)
     state = error.data.get("state", {}) if error is not None else {}
     return Outcome(
         case,
-        tap is not None and tap.at_s is not None,
+        any(tap.errors > 0 if isinstance(tap, BitErrors) else tap.at_s is not None for tap in tapped),
         error is not None,
         str(error.data.get("reason", "")) if error is not None else "",
         bool(state.get("at_rest")),
         str(error or "")[:400],
-        float(off),
+        found[worst][0] if worst is not None else 0.0,
+        off_mm(unit, counts[worst], found[worst][1]) if worst is not None else 0.0,
+        EACH_MS * sum(deg > ALLOWED_DEG for deg, _ in found) / 1e3,
         took,
         whole,
         path.duration_s,
@@ -164,7 +203,21 @@ def cases(options: argparse.Namespace) -> list[Case]:
             Case("sound", UNITS[i % 2], latency_s, "", 0, 0, options.seed + i, options.echo)
             for i in range(options.sound)
         ]
+    for rate in options.noise:
+        for i in range(options.streams):
+            unit, latency_s = places[i % len(places)]
+            seed = options.seed + i
+            found.append(Case("noise", unit, latency_s, "", 0, 0, seed, options.echo, rate, options.preload))
     return found
+
+
+def commit() -> str:
+    """What was measured."""
+    here = Path(__file__).parent
+    said = subprocess.run(
+        ["git", "describe", "--always", "--dirty"], cwd=here, capture_output=True, text=True, check=False
+    )
+    return said.stdout.strip() or "unknown"
 
 
 def report(done: list[Outcome]) -> None:
@@ -183,15 +236,36 @@ def report(done: list[Outcome]) -> None:
             f"{sum(o.at_rest for o in own):9d}{sum(o.off_deg > ALLOWED_DEG for o in own):9d}"
             f"{max(o.off_deg for o in own):10.4f}{sum(o.stopped for o in own):7d}{longer:8.3f}{whole:7.2f}s"
         )
-    for kind in KINDS:
-        own = [o for o in done if o.case.way == "there" and o.case.kind == kind and o.happened]
+    damaged = [o for o in done if o.case.way == "there" and o.happened]
+    if damaged:
+        print(
+            f"{'there':10s}{'n':>5s}{'on the path':>12s}{'of these unnoticed':>19s}{'off it':>8s}"
+            f"{'stopped moving':>15s}"
+            f"{'at the end':>11s}{'never':>6s}{'median s off':>13s}{'worst deg':>10s}{'worst mm':>9s}"
+        )
+    for kind in (*KINDS, "all"):
+        own = [o for o in damaged if kind in (o.case.kind, "all")]
+        off = [o for o in own if o.off_deg > ALLOWED_DEG]
         if own:
-            missed = sum(not o.stopped for o in own)
-            off = [o.off_deg for o in own]
+            ends = sum(o.reason == "position" for o in off)
             print(
-                f"there, {kind:8s} {len(own):4d}: {missed} not noticed, {sum(d > ALLOWED_DEG for d in off)} off the "
-                f"path, worst {max(off):.3f} deg"
+                f"{kind:10s}{len(own):5d}{len(own) - len(off):12d}"
+                f"{sum(not o.stopped for o in own if o.off_deg <= ALLOWED_DEG):19d}{len(off):8d}"
+                f"{sum(o.stopped for o in off) - ends:15d}{ends:11d}{sum(not o.stopped for o in off):6d}"
+                f"{np.median([o.off_s for o in off]) if off else 0.0:13.2f}{max(o.off_deg for o in own):10.3f}"
+                f"{max(o.off_mm for o in own):9.1f}"
             )
+    for rate in dict.fromkeys(o.case.rate for o in done if o.case.way == "noise"):
+        own = [o for o in done if o.case.rate == rate]
+        hours = sum(o.whole_s for o in own) / 3600.0
+        stops = sum(o.stopped for o in own)
+        print(
+            f"noise {rate:.0e} of bytes: {len(own)} streams, {hours:.3f} h, {stops} stops, {stops / hours:.3g} an "
+            f"hour, "
+            f"{sum(not o.at_rest for o in own if o.stopped)} not seen at rest, "
+            f"{sum(o.off_deg > ALLOWED_DEG for o in own)} off the path, worst {max(o.off_deg for o in own):.3f} deg, "
+            f"reasons {dict(Counter(o.reason for o in own if o.stopped))}"
+        )
     print("reasons:", dict(Counter(o.reason for o in done if o.stopped)))
 
 
@@ -202,6 +276,9 @@ def main() -> None:
     parser.add_argument("--back", type=int, default=100)
     parser.add_argument("--answers", type=int, default=50)
     parser.add_argument("--sound", type=int, default=200, help="at each latency")
+    parser.add_argument("--noise", type=float, nargs="*", default=[], help="bytes with a bit turned, share")
+    parser.add_argument("--streams", type=int, default=100, help="at each share")
+    parser.add_argument("--preload", action="store_true", help="with --noise")
     parser.add_argument("--echo", choices=ECHO, default="line")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2)
@@ -210,7 +287,8 @@ def main() -> None:
     drawn = cases(options)
     print(
         f"Python {platform.python_version()}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}; stepped "
-        f"time; {len(drawn)} streams, echo {options.echo}, seed {options.seed}",
+        f"time; {len(drawn)} streams, echo {options.echo}, seed {options.seed}; {time.strftime('%Y-%m-%d')}, "
+        f"commit {commit()}",
         flush=True,
     )
     began = time.monotonic()
@@ -220,7 +298,8 @@ def main() -> None:
             done.append(outcome)
             case = outcome.case
             wrong = outcome.off_deg > ALLOWED_DEG
-            wrong |= outcome.stopped != (outcome.happened and case.way in ("there", "back"))
+            if case.way != "noise":
+                wrong |= outcome.stopped != (outcome.happened and case.way in ("there", "back"))
             wrong |= outcome.stopped and not outcome.at_rest
             if wrong and options.echo != "none":
                 print(f"NOT AS IT SHOULD BE: {outcome}", flush=True)

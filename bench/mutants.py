@@ -34,7 +34,7 @@ from mutants_bench.by_hand import BY_HAND
 from mutants_bench.choice import choose, reached
 from mutants_bench.mutant import FOUND, Mutant, read_list, write_list
 from mutants_bench.operators import drawn
-from mutants_bench.tests_of import tests_of
+from mutants_bench.tests_of import located, tests_of
 from mutants_bench.trial import GREEN, LATE, RED, ROOT, SKIPPED, Outcome, Trial
 
 from arm.files import sha256
@@ -102,10 +102,12 @@ def _holding(mutant: Mutant, known: dict[str, list[dict[str, Any]]]) -> dict[str
     """The result that still holds: red while the test that saw it is there, green while its tests are the same."""
     for row in reversed(known.get(mutant.digest, [])):
         file, _, test = row["seen_by"].removeprefix("tests/").partition("::")
-        path = ROOT / "tests" / file
+        there = located([file], ROOT / "tests") if test else ()
         if row["result"] == LATE:
             return row
-        if row["result"] == RED and path.is_file() and f"def {test.partition('[')[0]}(" in path.read_text():
+        if row["result"] == RED and any(
+            f"def {test.partition('[')[0]}(" in (ROOT / "tests" / name).read_text() for name in there
+        ):
             return row
         if row["result"] == GREEN and row["tests_digest"] == _tests_digest(mutant.tests):
             return row
@@ -273,9 +275,9 @@ def main() -> None:
     tests = ROOT / "tests"
     mutants = []
     for m in every:
-        own = tuple(name for name in m.tests if (tests / name).is_file()) or tests_of(m.file, tests)
+        own = located(m.tests, tests) or tests_of(m.file, tests)
         if (options.room in (None, m.room)) and (options.only or "") in f"{m.name} {m.file}":
-            mutants.append(Mutant(**{**vars(m), "tests": own}))
+            mutants.append(Mutant(**{**vars(m.found(ROOT / "src")), "tests": own}))
     if options.check:
         gone = [(m, m.place(ROOT / "src")[1]) for m in mutants]
         for m, found in gone:

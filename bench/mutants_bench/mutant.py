@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from arm.files import read_json, sha256, write_atomic
@@ -23,6 +23,7 @@ class Mutant:
         what: in a few words.
         tests: files below ``tests``, fastest first; none: those of the module (`mutants_bench.tests_of`).
         equivalent: why no test can see it; "" if one has to.
+        listed: the file that the list names, if the file has moved since.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Mutant:
     what: str
     tests: tuple[str, ...] = field(default=())
     equivalent: str = ""
+    listed: str = ""
 
     @property
     def room(self) -> str:
@@ -41,7 +43,13 @@ class Mutant:
     @property
     def digest(self) -> str:
         """Of what is changed: a result is of this very mutant."""
-        return sha256([self.file, self.old, self.new])[:16]
+        return sha256([self.listed or self.file, self.old, self.new])[:16]
+
+    def found(self, src: Path) -> Mutant:
+        """The same where its file is now."""
+        path, _ = self.place(src)
+        now = self.file if path is None else path.relative_to(src).as_posix()
+        return self if now == self.file else replace(self, file=now, listed=self.file)
 
     def place(self, src: Path) -> tuple[Path | None, str]:
         """The file that holds the old text once, and `FOUND`; or None and why not.

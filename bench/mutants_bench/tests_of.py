@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 # Beside tests/<room>/test_<module>.py, where there is one.
@@ -64,5 +65,15 @@ def tests_of(file: str, tests: Path) -> tuple[str, ...]:
     """Test files below `tests` for a module below ``src``."""
     room, _, module = file.partition("/")
     named = f"{room}/test_{module}"
-    found = [name for name in (named, *_MORE.get(file, ())) if (tests / name).is_file()]
-    return tuple(dict.fromkeys(found))
+    return located((named, *_MORE.get(file, ())), tests)
+
+
+def located(names: Iterable[str], tests: Path) -> tuple[str, ...]:
+    """Those of some test files that are there; one that has moved is found by its name, if that is the only one."""
+    found: dict[str, None] = {}
+    for name in names:
+        path = tests / name
+        files = [path] if path.is_file() else sorted(tests.rglob(path.name))
+        if len(files) == 1:
+            found[files[0].relative_to(tests).as_posix()] = None
+    return tuple(found)

@@ -27,6 +27,7 @@ from cell.cli_options import (
     Output,
     PlanFile,
     Port,
+    Preload,
     Speed,
     TaskFile,
     TimeScale,
@@ -90,6 +91,7 @@ def run(
     unseen: Unseen = False,
     homed: Homed = False,
     free: Free = False,
+    preload: Preload = False,
     live: LiveFlag = False,
     live_port: LivePort = None,
     as_json: Json = False,
@@ -105,7 +107,7 @@ def run(
     require_a_port("--homed", homed, port)
     require_a_port("--free", free, port)
     confirm = None if port is None else before_homing(Consent(unseen, console), port, homed, free, console)
-    where = WhichCell(port, world, images, camera, speed, time_scale, homed)
+    where = WhichCell(port, world, images, camera, speed, time_scale, homed, preload)
     with _watched(console, live, live_port) as watcher:
         _finish(console, run_task(task, console, where, output, advice, confirm, watcher))
 
@@ -316,6 +318,7 @@ def execute(
     ] = None,
     homed: Homed = False,
     free: Free = False,
+    preload: Preload = False,
     live: LiveFlag = False,
     live_port: LivePort = None,
     as_json: Json = False,
@@ -334,7 +337,7 @@ def execute(
     if port is not None:
         approval = Approval(plan, yes, console, resumes=resume)
         confirm = before_homing(approval, port, homed or resume, free, console)
-    where = WhichCell(port, world, images, camera, speed, time_scale, homed)
+    where = WhichCell(port, world, images, camera, speed, time_scale, homed, preload)
     with _watched(console, live, live_port) as watcher:
         do = resume_plan if resume else execute_plan
         _finish(console, do(plan, task, console, where, None, confirm, watcher))

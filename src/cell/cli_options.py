@@ -91,6 +91,14 @@ Homed = Annotated[
         help="With --port: do not home; you state that the unit was homed since power-up, which it cannot tell.",
     ),
 ]
+Preload = Annotated[
+    bool,
+    typer.Option(
+        "--preload",
+        help="For a bad line: load each motion (its first 149 segments) into the unit and verify it before it begins; "
+        "what was damaged is sent again.",
+    ),
+]
 Free = Annotated[
     bool,
     typer.Option(

@@ -45,6 +45,7 @@ class WhichCell:
         speed: share of what the registers allow (`cell.speed`); None: the cell file's, of a plan file its own.
         time_scale: most controller seconds per wall second of the simulated cell; None: `TIME_SCALE`.
         homed: the unit was homed before and kept its positions; it is not homed anew.
+        preload: each motion is loaded and verified before it begins (`driver.preload`).
     """
 
     port: str | None = None
@@ -54,6 +55,7 @@ class WhichCell:
     speed: float | None = None
     time_scale: float | None = None
     homed: bool = False
+    preload: bool = False
 
 
 @dataclass(frozen=True)

@@ -197,7 +197,7 @@ def opened(
     ):
         control.tell = console.step
         run = TaskRun(task, connection, console, speed, folder, control, watcher=watcher)
-        run.homed_before = where.homed
+        run.homed_before, run.preload = where.homed, where.preload
         let_move = confirm is None
         try:
             run.introduce()
@@ -260,6 +260,7 @@ def _ended(run: TaskRun, error: A465Error, where: WhichCell) -> A465Error:
         words = ["a465", "execute", str(run.followed), str(run.task.file), "--port", port]
         words += [] if images is None else ["--images", str(images)]
         words += [] if camera is None else ["--camera", camera]
+        words += ["--preload"] if where.preload else []
         words += ["--speed", f"{run.speed * run.control.override:.4g}"] if run.control.override < 1.0 else []
     with suppress(OutputLost):  # the error itself is told on standard error, and must not be lost for this
         run.write_report(report_of(error))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import datetime
 from itertools import count
 from pathlib import Path
@@ -34,6 +35,7 @@ from cell.visits import Visit, visits
 from cell.watcher import Watcher
 from driver.control import Control
 from driver.execute import StepResult, execute
+from driver.preload import refuse_preload
 from driver.progress import Progress, StreamOptions
 
 
@@ -84,6 +86,7 @@ class TaskRun:
         self.followed: Path | None = None  # the plan file that is executed, once cubes are moved
         self.homed = False  # in this run: a stop can be gone on from
         self.homed_before = False  # and stays so: nothing is homed
+        self.preload = False  # motions are verified before they begin
         self.after_homing: Callable[[], None] = lambda: None
         self.advice = False  # whether a refusal to plan is followed by advice
         self._looks = count(1)
@@ -101,6 +104,8 @@ class TaskRun:
         self.console.step(f"controller: {mars.identify()}")
         if not mars.manners.echoes:
             self.console.step(mars.manners.describe())
+        if self.preload:
+            refuse_preload(mars)
 
     def look(self, why: str) -> Seen:
         """Look from where the arm is; the boards of the task must be there.
@@ -352,6 +357,7 @@ class TaskRun:
         if not steps:
             return ()
         mars, control = self.connection.mars, self.control
+        options = replace(options or StreamOptions(), preload=self.preload)
         return execute(mars, steps, self._on_step, self._on_progress, options=options, control=control)
 
     def _on_step(self, step: Step, index: int, total: int) -> None:

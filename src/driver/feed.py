@@ -10,13 +10,17 @@ from driver.link import LineDamaged, NoAnswer
 from driver.lookahead import JITTER_S, JITTER_WALL_S, Needs, Timeline, braking_s, dwell_for
 from driver.mars import Mars
 from driver.progress import StreamOptions
-from driver.protocol import BYTES_PER_SECOND, encode_dwell
+from driver.protocol import BYTES_PER_SECOND, MAX_LINE, encode_dwell
 
 AHEAD_S = 0.3  # beyond what is needed, and the age of a look
+BLIND_POLL_S = 0.1  # where damage shows by the arm's place alone
+LEARNING_LOOKS = 4
 LONGEST_POLL_S = 1.2  # a unit that is not heard for 2 s counts as silent
 ANSWER_S = 0.05  # that the answers of a look take on the line
 DWELLS = 4  # in a row in which nothing could be sent, each twice as long: the host is asleep
 QUERY_BYTES = 15  # of a look
+LOADING_S = 1.5  # beyond what the line needs to load a motion: it may be dead for a second when STOP is sent
+LATE_S = 0.2  # beyond what an echo takes, for one of what is loaded
 LOOKS = 1.1  # queries take a tenth of the line
 BUSY_HOST_S = 0.1  # wall time that an emulated unit whose time runs faster may be late with an echo
 
@@ -31,10 +35,16 @@ class Feed:
         stood: segments sent before that.
         stands_until: when that is over at the earliest, controller clock.
         timeline: when segments can begin.
+        load_end: segments before this one are loaded, and come back, before any of them begins.
+
+    Args:
+        slower: than it should be, the line is so many times; for what is loaded before it begins.
     """
 
-    def __init__(self, mars: Mars, options: StreamOptions) -> None:
+    def __init__(self, mars: Mars, options: StreamOptions, slower: float = 1.0) -> None:
         self._mars, self._link, self._options = mars, mars.link, options
+        self._slower = slower
+        self.load_end = 0
         self.sent = 0
         self.timeline = Timeline(())
         self.dwells = 0
@@ -42,7 +52,8 @@ class Feed:
         self.stood = 0
         self.stands_until = 0.0
         self._idle_dwells = 0
-        self._numbers: list[int] = []  # of the lines sent, for the echo
+        self._numbers: list[int] = []  # of the lines sent, for the echo,
+        self._left_s: list[float] = []  # and when their last bytes leave
         self._verified = 0  # segments
         self._late_since: float | None = None
         self._stamps: deque[str] = deque()  # behind segments, where nothing is echoed
@@ -58,16 +69,18 @@ class Feed:
         """What noticing and stopping takes now."""
         link = self._link
         braking = braking_s(self._mars.speed_registers, self._mars.acceleration_registers)
-        return Needs(link.echo.round_trip_s, link.stop_delivery_s, braking)
+        return Needs(link.trip_s, link.stop_delivery_s, braking)
 
     @property
     def _turn_s(self) -> float:
         """How long a look keeps the line from segments."""
-        return 3.0 * (self._link.echo.round_trip_s + ANSWER_S) if self._link.takes_turns else 0.0
+        return 3.0 * (self._link.trip_s + ANSWER_S) if self._link.takes_turns else 0.0
 
     @property
     def poll_s(self) -> float:
-        """Between two looks; longer where the line has to be empty for them."""
+        """Between two looks; longer where the line has to be empty for them, shorter where they are all there is."""
+        if not self._link.echoes and not self._mars.manners.adapter:  # whose echo tears answers apart
+            return min(self._options.poll_s, BLIND_POLL_S)
         return max(self._options.poll_s, min(2.0 * self._turn_s, LONGEST_POLL_S))
 
     @property
@@ -90,8 +103,16 @@ class Feed:
         sizes = [round(LOOKS * (len(line) + 1)) for line in self._lines[self.sent :]]
         begins = len(encode_dwell(1000, len(self._mars.unit.axes))) + QUERY_BYTES
         begins += round(self._turn_s * BYTES_PER_SECOND)
-        need_s = dwell_for(self.needs, sizes, self._durations[self.sent :], begins, self._options.preload)
+        if self._options.preload:
+            sizes = sizes[: self.most_loaded]
+            self.load_end = self.sent + len(sizes)
+        durations = self._durations[self.sent : self.sent + len(sizes)]
+        need_s = dwell_for(self.needs, sizes, durations, begins, self._options.preload)
         jitter_s = link.clock.at_least(JITTER_S, JITTER_WALL_S)
+        if self._options.preload:
+            need_s = need_s * self._slower + LOADING_S
+        if not link.echoes:
+            need_s = self._looks_s
         length_s = max(self._options.dwell_ms / 1e3, need_s + jitter_s) * 2**self._idle_dwells
         length_ms = int(length_s * 1e3) + 1
         link.send(encode_dwell(length_ms, len(self._mars.unit.axes)))
@@ -101,6 +122,12 @@ class Feed:
         self.stands_until = link.line_free_at + self.dwell_s
         self.timeline.stands(self.sent, self.stands_until)
 
+    @property
+    def _looks_s(self) -> float:
+        """What a unit that does not echo is looked at for while it stands: its numbers, and what they count to."""
+        look_s = max(self._link.trip_s + ANSWER_S, BLIND_POLL_S) + ANSWER_S
+        return look_s * (LEARNING_LOOKS if self._mars.parameters.to_learn else 1)
+
     def in_time(self) -> bool:
         """Whether the next segment can still be verified before it could begin, and the unit has room for its line."""
         link = self._link
@@ -109,17 +136,18 @@ class Feed:
         needs, now = self.needs, link.clock.now()
         if link.echo.unechoed_bytes >= needs.window_bytes:
             return False
+        if self.sent < self.load_end:
+            return True  # `require_loaded` and `require_verified` watch over all of it together
         size = len(self._lines[self.sent]) + 1
         decided = max(now, link.line_free_at) + size / BYTES_PER_SECOND
         decided += needs.echo_s(size, link.echo.unechoed_bytes)
-        timeline, segment = self.timeline, self.sent
-        moving = 0.0 if self._options.preload else timeline.moving(segment)
-        return timeline.begins(segment) >= decided + needs.last_s(moving)
+        return self._due(self.sent) >= decided
 
     def send(self) -> None:
         """The next segment."""
         self._numbers.append(self._link.send(self._lines[self.sent]))
-        if not self._link.echoes and not self._mars.manners.adapter:  # whose echo tears answers apart
+        self._left_s.append(self._link.line_free_at)
+        if not self._link.echoes and not self._mars.manners.adapter:
             self._stamps.append(self._link.stamp().partition(":")[2])
         self.sent += 1
 
@@ -143,8 +171,37 @@ class Feed:
         if self._verified == self.sent:
             self._late_since = None
             return inf
-        segment = self._verified
-        return self.timeline.begins(segment) - self.needs.last_s(self.timeline.moving(segment))
+        due = self._due(self._verified)
+        if self._verified >= self.load_end:
+            return due
+        late = self._left_s[self._verified] + self.needs.echo_s(MAX_LINE, self._link.echo.unechoed_bytes)
+        return min(due, late + LATE_S)  # the sooner it is sent again, the more time is left for that STOP
+
+    def _due(self, segment: int) -> float:
+        """The last moment at which STOP keeps a segment, or all that is loaded together with it, from beginning."""
+        first = self.stood if segment < self.load_end else segment
+        return self.timeline.begins(first) - self.needs.last_s(self.timeline.moving(first))
+
+    @property
+    def most_loaded(self) -> int:
+        """Segments that the unit holds beside a dwell."""
+        return self._options.queue - 1
+
+    def end_loading(self) -> None:
+        """What was not sent by now is not loaded before what was begins."""
+        self.load_end = min(self.load_end, self.sent)
+
+    def require_loaded(self) -> None:
+        """Refuse to let a motion begin that is to be loaded first and is not.
+
+        Raises:
+            LineDamaged: the line carries less than it should.
+        """
+        if self.dwells and self.sent < self.load_end and self._link.clock.now() >= self._due(self.stood):
+            raise LineDamaged(
+                f"{self.sent} of {self.load_end} segments were loaded in time: the line is slower than it should be",
+                reason="line",
+            )
 
     def require_verified(self) -> None:
         """Refuse to go on with a segment that has not come back and is about to begin.

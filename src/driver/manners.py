@@ -23,7 +23,7 @@ class Manners:
         echoes: lines come back after ``ECHO:1`` and only then.
         adapter: they come back after ``ECHO:0`` too: from what is between host and unit, so they prove nothing.
         takes_turns: echoes and answers come mixed.
-        round_trip_s: between the last byte of a stamp and its echo, at most.
+        round_trip_s: between the last byte of a stamp and its echo, or its answer where nothing is echoed.
     """
 
     echoes: bool
@@ -57,8 +57,8 @@ def learn_manners(link: Link) -> Manners:
     link.echo.forget()
     adapter = all(_echoed(link, 0) for _ in range(ATTEMPTS))
     if adapter or not any(_echoed(link, 1) for _ in range(ATTEMPTS)):
-        _set_echo(link, 0)
-        return Manners(False, adapter, False, 0.0)
+        link.answer_trip_s = min(_set_echo(link, 0) for _ in range(ATTEMPTS))
+        return Manners(False, adapter, False, link.answer_trip_s)
     link.echoes = True
     link.takes_turns = all(_mixes(link) for _ in range(2))  # a bad line spoils one
     link.synchronise(attempts=ATTEMPTS)  # from here on every line is awaited
@@ -66,9 +66,12 @@ def learn_manners(link: Link) -> Manners:
     return Manners(True, False, link.takes_turns, link.echo.round_trip_s)
 
 
-def _set_echo(link: Link, on: int) -> None:
+def _set_echo(link: Link, on: int) -> float:
+    """Set it; the time from there to the answer of a stamp, s."""
     link.send(encode("ECHO", on))
+    sent_s = link.line_free_at
     link.synchronise(attempts=ATTEMPTS)
+    return link.clock.now() - sent_s
 
 
 def _echoed(link: Link, on: int) -> bool:

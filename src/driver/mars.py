@@ -27,6 +27,7 @@ from driver.protocol import Position, Status, encode, parse_integer
 from driver.ready import wait_ready
 from driver.refusals import off_by, refuse_faults, refuse_outside, refuse_unhomed
 from driver.rest import SAMPLE_S, STILL_COUNTS, RestState, bring_to_rest, farthest, read_position, read_status
+from driver.running import ParameterScale
 from driver.wirelog import WireLog
 
 ENGAGE_S = 5.0
@@ -51,6 +52,7 @@ class Mars:
         reference: where the controller's own path generator stands, (6,) counts, or None if that is not known
             (after opening, after a stop): a relative segment may then not be sent.
         manners: how the unit speaks, once it is identified.
+        parameters: what its parameter of a segment counts to, learnt while it stands.
 
     Raises:
         InputError: the port is not there, is no serial line, or is in use.
@@ -67,6 +69,7 @@ class Mars:
         self.speed_registers = unit.speed_registers
         self.acceleration_registers = unit.acceleration_registers
         self.manners = Manners(echoes=False, adapter=False, takes_turns=False, round_trip_s=0.0)
+        self.parameters = ParameterScale()
         self._group_formed = False
         self._initialised = False
         self._guarded = False

@@ -1,29 +1,43 @@
-"""Whether the arm is where its path is: the last means of noticing that what it executes is not what was sent."""
+"""Whether the arm is where its path is: the last means of noticing that what it executes is not what was sent.
+
+Where the unit echoes, this only has to see an arm that does not follow: a box around what is executed. Where it does
+not, it is all there is. Then each axis must be where the path has it at some time from `LAG_MOST_S` ago to now, and
+these lags must agree from sample to sample: a regulator lags by about the same time all along (a set-membership
+estimate: the lags that every sample so far allows are kept, widened by how far a lag may change).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from arm.errors import ExecutionStopped
 from arm.motion import CountPath
 from arm.se3 import Array
 
 LAG_SEGMENTS = 3  # the arm follows its reference by regulators that lag
-_STEPS = 24  # points of a segment
 ASTRAY = 2  # samples in a row: one may have a digit lost on the line
+LAG_MOST_S = 0.15  # what real regulators lag is not known
+LAG_CHANGE_S = 0.02  # by which an axis' lag may differ from one sample to another
+_STEP_S = 0.005
+_EARLY_STEPS = 2  # the position may be read a little later than the parameter
+_CHANGE_STEPS = round(LAG_CHANGE_S / _STEP_S)
 
 
 class PathWatch:
-    """Compares samples of the position with the segments about the one that runs.
+    """Compares samples of the position with what runs.
 
     Args:
         path: planned, with as many segments as are sent.
         axes: letters, for the message.
         box_counts: how far any axis may be outside the box around all that is sent from `LAG_SEGMENTS` before.
-        tube_counts: the same around the nearest point of segments n - 3 to n + 1 of the running one, where the line
-            itself cannot be checked; None: no tube.
+        tube_counts: how far any axis may be from where the path has it within the lag, where the line itself cannot be
+            checked; None: only the box.
+
+    Attributes:
+        doubtful: the last sample was off; the next one decides.
     """
 
     def __init__(
@@ -31,20 +45,34 @@ class PathWatch:
     ) -> None:
         self._path = path
         self._knots = path.knots()
+        self._begins = np.concatenate([[0.0], np.cumsum([s.duration_ms / 1e3 for s in path.segments])])
         self._axes = axes
         self._box, self._tube = box_counts, tube_counts
         self._astray = 0
+        steps = round(LAG_MOST_S / _STEP_S)
+        self._lags = np.arange(-_EARLY_STEPS, steps + 1) * _STEP_S
+        self._possible = np.ones((len(self._lags) - 1, len(axes)), dtype=bool)  # steps that all samples allow
 
-    def take(self, counts: tuple[int, ...], begun: int, sent: int) -> None:
+    @property
+    def doubtful(self) -> bool:
+        return self._astray > 0
+
+    def take(
+        self, counts: tuple[int, ...], begun: int, sent: int, share: float | None = None, sure: bool = True
+    ) -> None:
         """A sample, while segment `begun` (from 1; 0 is the dwell) runs and `sent` have been sent.
+
+        Args:
+            share: of that segment which is done, 0 to 1; None if the unit does not tell.
+            sure: that it is that segment; else only the box counts.
 
         Raises:
             ExecutionStopped: the arm is off its path, twice in a row; reason ``following``.
         """
-        if self._tube is None:
+        if self._tube is None or not sure:
             outside, most = self._out_of_box(counts, begun, sent), self._box
         else:
-            outside, most = self._off_tube(counts, begun), self._tube
+            outside, most = self._off_tube(counts, begun, share, self._tube), self._tube
         worst = int(np.argmax(outside))
         self._astray = self._astray + 1 if outside[worst] > most else 0
         if self._astray >= ASTRAY:
@@ -59,12 +87,35 @@ class PathWatch:
         window = self._knots[max(begun - 1 - LAG_SEGMENTS, 0) : sent + 1]
         return np.asarray(np.maximum(window.min(axis=0) - counts, counts - window.max(axis=0)), dtype=float)
 
-    def _off_tube(self, counts: tuple[int, ...], begun: int) -> Array:
-        u = np.linspace(0.0, 1.0, _STEPS + 1)
-        first, last = max(begun - 1 - LAG_SEGMENTS, 0), min(begun + 1, len(self._path.segments))
-        points = np.concatenate(
-            [self._knots[k] + self._path.segments[k].displacement(u) for k in range(first, last)]
-            or [self._knots[:1]]
-        )
-        off = np.abs(points - np.array(counts))
-        return np.asarray(off[int(np.argmin(off.max(axis=1)))], dtype=float)
+    def _off_tube(self, counts: tuple[int, ...], begun: int, share: float | None, most: int) -> Array:
+        """How far each axis is from the path within the lags that are possible; keeps those that this one allows."""
+        off = self._off_by_lag(np.array(counts), begun, share)
+        near = off <= most
+        if share is not None and (near & self._possible).any(axis=0).all():
+            self._possible &= _widened(near, _CHANGE_STEPS)
+        return np.asarray(np.where(self._possible, off, np.inf).min(axis=0), dtype=float)
+
+    def _off_by_lag(self, counts: npt.NDArray[np.int64], begun: int, share: float | None) -> Array:
+        """Counts from the path by step of lag and axis, (steps, 6); at best, if its place is not known."""
+        segments = len(self._path.segments)
+        if begun <= 0 or begun > segments:
+            nows = self._begins[[0 if begun <= 0 else -1]]
+        else:
+            start, end = self._begins[begun - 1 : begun + 1]
+            nows = np.arange(start, end + _STEP_S, _STEP_S)
+            if share is not None:
+                nows = np.array([start + share * (end - start)])
+        times = nows[:, None] - self._lags[None, :]
+        at = self._path.at(times.ravel()).reshape(*times.shape, -1)
+        low, high = np.minimum(at[:, 1:], at[:, :-1]), np.maximum(at[:, 1:], at[:, :-1])
+        off = np.maximum(np.maximum(low - counts, counts - high), 0.0)
+        return np.asarray(off.min(axis=0), dtype=float)
+
+
+def _widened(near: npt.NDArray[np.bool_], steps: int) -> npt.NDArray[np.bool_]:
+    """True also up to so many rows before and after."""
+    wide = near.copy()
+    for k in range(1, steps + 1):
+        wide[k:] |= near[:-k]
+        wide[:-k] |= near[k:]
+    return wide

@@ -86,6 +86,7 @@ class PortLink:
         echo: what of the lines sent has come back.
         echoes: the unit sends back what it receives (`driver.manners`); without, damaged lines are not noticed here.
         takes_turns: nothing is sent while an answer is to come, and no query while an echo is: the unit mixes them.
+        answer_trip_s: from a question to its answer, of a unit that does not echo.
         restarted: the unit was switched off and on since it was identified, and has lost its positions.
 
     Raises:
@@ -101,6 +102,7 @@ class PortLink:
         self.echo = EchoWatch()
         self.echoes = False
         self.takes_turns = False
+        self.answer_trip_s = 0.0
         self.unit_time = UnitTime()
         self._put_off: deque[Reply] = deque()  # received while a turn was waited for
         if isinstance(port, str):
@@ -169,7 +171,7 @@ class PortLink:
     def _await_turn(self, line: str) -> None:
         """Let the unit say what it has to, so that answers and echoes are never on their way together."""
         asks = line.endswith("?") or line.startswith("STAMP:")
-        deadline = self.clock.now() + self.clock.at_least(2.0 * self.echo.round_trip_s + TURN_S, TURN_S)
+        deadline = self.clock.now() + self.clock.at_least(2.0 * self.trip_s + TURN_S, TURN_S)
         while self.echo.unanswered or (asks and self.echo.unechoed_bytes):
             reply = self._next(deadline)
             if reply is not None:
@@ -179,14 +181,24 @@ class PortLink:
                 return
 
     @property
+    def trip_s(self) -> float:
+        """From a byte sent to what it brings back, on an empty line, s."""
+        return self.echo.round_trip_s if self.echoes else self.answer_trip_s
+
+    @property
     def line_free_at(self) -> float:
         """When the last byte that was written leaves."""
         return max(self._line_free_at, self.clock.now())
 
     @property
+    def blocked(self) -> bool:
+        """The unit takes no bytes at the moment."""
+        return self._port.out_waiting >= UNSENT_BYTES
+
+    @property
     def stop_delivery_s(self) -> float:
         """How long a STOP takes to the unit, at most: behind what was written before, and as long as an echo."""
-        return (UNSENT_BYTES + len(_STOP)) / BYTES_PER_SECOND + self.echo.round_trip_s / 2.0
+        return (UNSENT_BYTES + len(_STOP)) / BYTES_PER_SECOND + self.trip_s / 2.0
 
     def send_stop(self, again: bool = False) -> None:
         """Send STOP before anything else: what the system still holds back is dropped, half a line is ended.

@@ -20,8 +20,8 @@ class StreamOptions:
         queue: most segments that the unit holds; it takes 200.
         poll_s: between two looks at position and status, controller seconds.
         following_counts: how far any axis may be outside the stretch of path it should be on.
-        tube_counts: the same from the nearest point of the path about the running segment, where the unit echoes
-            nothing; what a real arm needs is not known.
+        tube_counts: the same from where the path has it within the time that its regulator lags, where the unit echoes
+            nothing (`driver.pathwatch`), beside what the unit allows at rest; what a real arm needs is not known.
         preload: the unit stands until the whole motion is loaded and verified; for bad lines, and short motions.
         watch_jaws: look at the jaws too, with every look at the position.
     """
@@ -31,7 +31,7 @@ class StreamOptions:
     queue: int = 150
     poll_s: float = 0.2
     following_counts: int = 1500
-    tube_counts: int = 400
+    tube_counts: int = 100
     preload: bool = False
     watch_jaws: bool = False
 

@@ -27,7 +27,9 @@ _T = TypeVar("_T")
 
 SAMPLE_S = 0.1  # between two position samples that are compared
 STILL_COUNTS = 2  # change of an axis between two samples of an arm at rest
-REPEAT_S = 0.05  # between two STOPs
+REPEAT_S = 0.05  # between two STOPs,
+REPEATS = 30  # so many times; by then an arm has usually run out of motion,
+SLOW_REPEAT_S = 0.5  # and more would flood a unit that is slow
 LOOK_S = 0.3  # beyond the round trips, for all answers of a look,
 LOOK_WALL_S = 0.2  # and no less than this much wall time
 SILENT_S = 6.0  # a unit that says nothing for so long is not waited for
@@ -84,12 +86,13 @@ def _degrees(unit: Unit, counts: tuple[int, ...]) -> list[float]:
 
 
 def read_status(link: Link) -> Status:
-    """The status word now. An answer damaged or lost on the line is asked for once more.
+    """The status word now. An answer damaged or lost on the line is asked for once more, one that tells of a fault too.
 
     Raises:
         NoAnswer, LinkLost, MalformedAnswer.
     """
-    return _ask(link, "ST", parse_status)
+    status = _ask(link, "ST", parse_status)
+    return _ask(link, "ST", parse_status) if status.fault else status
 
 
 def read_position(link: Link, axes: int) -> Position:
@@ -198,15 +201,16 @@ class _Stopping:
         while (now := link.clock.now()) < deadline and (self._heard or now < silent_at):
             if now >= look_at:
                 self._begin_look()
-                look_at = now + link.clock.at_least(look_s + 4.0 * link.echo.round_trip_s, LOOK_WALL_S)
+                look_at = now + link.clock.at_least(look_s + 4.0 * link.trip_s, LOOK_WALL_S)
                 look_s = min(1.5 * look_s, ANSWER_S)  # where nothing is echoed, the round trip is not known
-            while self._asking and not (link.takes_turns and link.echo.unanswered):
+            while self._asking and not link.blocked and not (link.takes_turns and link.echo.unanswered):
                 line = self._asking.popleft()
                 link.send(line or link.fresh_stamp())
             if now >= repeat_at:
-                _send_stop(link, again=True)
-                self.stops += 1
-                repeat_at = now + REPEAT_S
+                if not link.blocked:  # else enough of them wait before it
+                    _send_stop(link, again=True)
+                    self.stops += 1
+                repeat_at = now + (REPEAT_S if self.stops < REPEATS else SLOW_REPEAT_S)
             reply = link.receive(min(repeat_at, look_at, deadline))
             if reply == Answer("STAMP", link.stamped.partition(":")[2]) and not self._asking:
                 if self._stands():

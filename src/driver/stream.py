@@ -7,9 +7,7 @@ progress is read from its own segment numbers, never from the clock (fact sheet,
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.motion import CountPath
@@ -19,12 +17,13 @@ from driver.extremes import extremes
 from driver.feed import Feed
 from driver.hold import Hold
 from driver.link import ANSWER_S, NoAnswer
+from driver.looks import Look, Looks
 from driver.mars import Mars
 from driver.override import stretched
 from driver.pathwatch import PathWatch
+from driver.preload import preloaded, refuse_preload
 from driver.progress import Progress, Sent, StreamOptions
 from driver.protocol import (
-    SEQUENCE_RANGE,
     VERTEX_STEPS,
     Answer,
     Failed,
@@ -42,6 +41,7 @@ from driver.protocol import (
 )
 from driver.ready import refuse_failure
 from driver.rest import farthest
+from driver.running import Running
 from driver.unittime import SLACK_S
 
 STALL_S = 5.0  # a segment may take this much longer than planned
@@ -51,7 +51,6 @@ IDLE_LOOKS = 5  # at an idle unit that has not said R!, before it is asked again
 UNLOCATED = 3  # answers to ST without one to COORDAP
 STEP_S = 0.25  # longest wait for anything,
 LEAST_STEP_S = 0.001  # and shortest
-PRELOADS = 3  # attempts to load a whole motion without damage
 
 
 def stream(
@@ -73,7 +72,8 @@ def stream(
 
     Raises:
         InputError: a segment cannot be sent (duration 0, order above 3, line too long); nothing moved.
-        ImpossibleError: the path leaves the unit's limits, or starts more than 25 counts from the arm; nothing moved.
+        ImpossibleError: the path leaves the unit's limits, or starts more than 25 counts from the arm; or it is to be
+            preloaded by a unit that does not echo; nothing moved.
         ExecutionStopped: a fault, a silent or lost link, an interrupt, an abort, an axis that does not follow, an arm
             that was displaced in a pause, an end that is not the path's; with the state and how many segments were
             done.
@@ -82,7 +82,9 @@ def stream(
         raise InputError("a path without segments moves nothing")
     control = control or Control()
     _encoded(stretched(path, control.least), path.knots())  # whatever the override becomes, it can be sent
-    run = _Stream(mars, path, on_progress, options or StreamOptions(), control)
+    options = options or StreamOptions()
+    if options.preload:
+        refuse_preload(mars)
     for corner in extremes(path):
         mars.refuse_outside(corner.tolist(), "the path reaches")
     with mars.guarded("stream"):
@@ -99,26 +101,16 @@ def stream(
         if mars.reference != path.start:
             mars.anchor(path.start)
         with mars.guarded("stream"):
-            return run.run()
+            if not options.preload:
+                return _Stream(mars, path, on_progress, options, control).run()
+            return preloaded(
+                mars, lambda slower: _Stream(mars, path, on_progress, options, control, slower), path, control
+            )
 
 
 def _encoded(path: CountPath, knots: Counts) -> list[str]:
     """A line for each segment; `knots` (m + 1, 6) are where they begin and end."""
     return [encode_segment(s, end) for s, end in zip(path.segments, knots[1:].tolist(), strict=True)]
-
-
-@dataclass(frozen=True)
-class _Poll:
-    """A look that was asked for.
-
-    Attributes:
-        sent, dwells: how many segments and dwells had been sent before.
-        asked_s: when.
-    """
-
-    sent: int
-    dwells: int
-    asked_s: float
 
 
 class _Stream:
@@ -131,6 +123,7 @@ class _Stream:
         on_progress: Callable[[Progress], None] | None,
         options: StreamOptions,
         control: Control,
+        slower: float = 1.0,
     ) -> None:
         self.mars = mars
         self.link = mars.link
@@ -144,19 +137,17 @@ class _Stream:
         self.control = control
         self.hold: Hold | None = None  # while paused
         self.durations = [s.duration_ms / 1e3 for s in self.path.segments]
-        self.feed = Feed(mars, options)
+        self.feed = Feed(mars, options, slower)
         self.feed.plan(self.lines, self.durations)
-        tube = None if self.link.echoes else options.tube_counts
+        tube = None if self.link.echoes else options.tube_counts + mars.unit.rest_tolerance
         self.watch = PathWatch(planned, mars.unit.axes, options.following_counts, tube)
         self.begun = 0  # 0 while the first dwell runs, then the number of segments begun
         self.started: float | None = None
         self.most_ahead = 0.0
         self.samples = 0
         self.jaws: float | None = None
-        self.sequence: int | None = None  # the unit's number of the last segment seen to run,
-        self.counted = 0  # and which that is by our count
-        self.polls: deque[_Poll] = deque()  # whose ST is not answered
-        self.polled_at = -math.inf
+        self.running = Running()
+        self.looks = Looks()
         self.unlocated = 0  # answers to ST since the last one to COORDAP
         self.heard_at = self.begun_at = self.link.clock.now()
         self.waiting = False  # R: is sent
@@ -179,6 +170,17 @@ class _Stream:
     @property
     def _dwelling(self) -> bool:
         return self.begun <= self.feed.stood
+
+    @property
+    def stands(self) -> bool:
+        """Nothing that was sent can have begun."""
+        feed = self.feed
+        return feed.dwells == 1 and feed.stood == 0 and self.link.clock.now() < feed.stands_until
+
+    @property
+    def at_once(self) -> tuple[int, int]:
+        """How many segments are loaded before any begins, and how many there are."""
+        return min(self.feed.most_loaded, self.total), self.total
 
     def run(self) -> Sent:
         link = self.link
@@ -209,7 +211,8 @@ class _Stream:
         while (reply := link.receive(now)) is not None:
             self._take(reply)
         feed.require_verified()
-        next_poll = self.polled_at + (self._repeat_s() if self.polls else feed.poll_s)
+        feed.require_loaded()
+        next_poll = self.looks.next_at(feed.poll_s, self._repeat_s(), self.watch.doubtful)
         if self._needs_dwell():
             self._dwell()
         elif now >= next_poll and feed.dwells:
@@ -228,7 +231,7 @@ class _Stream:
         self._watch()
 
     def _repeat_s(self) -> float:
-        repeat_s = max(REPEAT_S, 2.5 * self.link.echo.round_trip_s)
+        repeat_s = max(REPEAT_S, 2.5 * self.link.trip_s)
         return self.link.clock.at_least(repeat_s, REPEAT_WALL_S)
 
     def _needs_dwell(self) -> bool:
@@ -238,10 +241,12 @@ class _Stream:
     def _dwell(self) -> None:
         self.mars.reference = None  # known again when the stream has ended
         self.feed.dwell()
+        self.mars.parameters.begin()
         self.started = self.feed.stands_until if self.started is None else self.started
-        self.sequence, self.begun = None, self.sent
+        self.running.forget()
+        self.begun = self.sent
         self.begun_at = self.heard_at = self.link.clock.now()
-        self.polls.clear()
+        self.looks.begin()
         self._poll(self.begun_at)
 
     def _ahead(self) -> float:
@@ -253,13 +258,15 @@ class _Stream:
     def _may_send(self) -> bool:
         if self.sent == self.total or self._holds() or self._dry or not self.feed.dwells:
             return False
-        if self.sequence is None and (not self.link.echoes or self.link.clock.now() > self.feed.stands_until):
+        if not self.running.known and (
+            not self.link.echoes or self.link.clock.now() > self.feed.stands_until
+        ):
             return False  # where its numbers begin is not known: let it run dry, and stand again
         held = self.sent - self.done + self._dwelling  # the running one or the dwell included
         if held >= self.options.queue:
             return False
         near = held <= 1 or self._ahead() + self.durations[self.sent] <= self.feed.ahead_s
-        return (near or self.options.preload) and self.feed.in_time()
+        return (near or self.sent < self.feed.load_end) and self.feed.in_time()
 
     @property
     def _dry(self) -> bool:
@@ -271,6 +278,7 @@ class _Stream:
         if self.hold is None and self.control.paused:
             self.hold = Hold(self.mars, self.control, self.path.start)
             self.hold.begin(self._ahead())
+            self.feed.end_loading()
         elif self.hold is not None and self.hold.over(self._dry):
             self.hold.end(self.sent)
             self.hold = None
@@ -293,12 +301,12 @@ class _Stream:
         self.mars.note("override", factor=self.override, segments_sent=self.sent)
 
     def _poll(self, now: float) -> None:
-        self.polls.append(_Poll(self.sent, self.feed.dwells, now))
+        self.looks.ask(Look(self.sent, self.feed.dwells, now))
         self.link.send(encode_query("COORDAP"))
         self.link.send(encode_query("ST"))
         if self.options.watch_jaws:
             self.link.send(encode_query("AP", self.mars.unit.gripper.axis))
-        self.polled_at = self.link.clock.now()
+        self.looks.asked_at = self.link.clock.now()
 
     def _take(self, reply: Reply) -> None:
         try:
@@ -314,7 +322,7 @@ class _Stream:
                 case Ready(""):
                     if self.waiting and self.ready_at is None:
                         self.ready_at, self.idle = self.link.clock.now(), False
-                        self.polled_at = -math.inf  # a look now tells whether it is idle
+                        self.looks.asked_at = -math.inf  # a look now tells whether it is idle
                 case _:
                     pass
         except MalformedAnswer as error:  # the next look will tell; too long without one is an error
@@ -324,12 +332,12 @@ class _Stream:
         self.unlocated += 1
         if self.unlocated > UNLOCATED:  # it answers, but knows of no group
             self.link.restarted = True
-        refuse_failure(self.link, status, f"segment {self.begun} of {self.total}")
-        poll = self.polls.popleft() if self.polls else _Poll(0, 0, 0.0)
+        poll, believed = self.looks.take(status)
+        refuse_failure(self.link, believed, f"segment {self.begun} of {self.total}")
         self.heard_at = self.link.clock.now()
         self.idle = not status.busy and poll.sent == self.total and poll.dwells == self.feed.dwells
         self._ask_again()
-        if not status.busy and poll.dwells == self.feed.dwells and poll.sent + 1 > self.begun:
+        if self.looks.idle and poll.dwells == self.feed.dwells and poll.sent + 1 > self.begun:
             self._begin(poll.sent + 1)  # all that it had been sent is done
 
     def _ask_again(self) -> None:
@@ -345,27 +353,33 @@ class _Stream:
         if link.unit_time.jumped(now, position.time_ms, link.patience(SLACK_S)):
             link.restarted = True
             refuse_failure(link, Status(0), f"segment {self.begun} of {self.total}")
-        poll = self.polls[0] if self.polls else None
+        poll = self.looks.oldest
         current = poll is not None and poll.dwells == self.feed.dwells
-        if self.sequence is None and current and now < self.feed.stands_until:
-            self.sequence, self.counted = position.segment, self.feed.stood
-        if self.sequence is not None:
-            advance = (position.segment - self.sequence) % SEQUENCE_RANGE
-            if self.counted + advance <= self.sent:  # an idle unit may show any number
-                self.sequence, self.counted = position.segment, self.counted + advance
-                if poll is not None and current and self.counted < self.sent:
-                    self.feed.timeline.not_before(self.counted, poll.asked_s)
-                if advance and self.counted > self.begun:
-                    self._begin(self.counted)
+        feed, running = self.feed, self.running
+        sound = True
+        if current and now < feed.stands_until:
+            sound = running.stands(position.segment, feed.stood)
+            self.mars.parameters.stands(position, round(1e3 * feed.dwell_s))
+        elif sound := running.take(position.segment, self.sent, feed.timeline, now):
+            if poll is not None and current and running.counted < self.sent:
+                feed.timeline.not_before(running.counted, poll.asked_s)
+            if running.counted > self.begun:
+                self._begin(running.counted)
         self.samples += 1
         if self.hold is not None and self._dry:
             self.hold.take(position.counts, tuple(int(c) for c in self.knots[self.sent]))
-        self.watch.take(position.counts, self.begun, self.sent)
+        self.watch.take(position.counts, self.begun, self.sent, self._share(position), sound)
         if self.on_progress is not None:
             planned_s = sum(self.durations[: self.done])
             self.on_progress(
                 Progress(self.done, self.total, planned_s, position, self.override, self.jaws, self.durations)
             )
+
+    def _share(self, position: Position) -> float | None:
+        """How far the segment `begun` is done."""
+        if self._dwelling or self.begun > self.running.counted:
+            return 1.0 if self._dwelling else 0.0
+        return self.mars.parameters.share(position)
 
     def _begin(self, begun: int) -> None:
         self.begun = begun
@@ -380,13 +394,13 @@ class _Stream:
             raise ExecutionStopped(
                 f"segment {self.begun} of {self.total}: the unit answered FAIL!", reason="fault"
             )
-        silent_s = max(ANSWER_S, 3.0 * self.feed.poll_s + 4.0 * link.echo.round_trip_s)
+        silent_s = max(ANSWER_S, 3.0 * self.feed.poll_s + 4.0 * link.trip_s)
         if now > self.heard_at + link.patience(silent_s):
             raise NoAnswer(f"no sound answer from the unit for {silent_s:g} s", reason="silent")
         if self.hold is not None and self._dry:
             return  # it waits for us, and its own deadline is the hold's
         running = self.feed.dwell_s if self._dwelling else 0.0
-        if 0 < self.begun <= self.total and not self._dwelling:
+        if self.begun <= self.total and not self._dwelling:
             running = self.durations[self.begun - 1]
         if now > self.begun_at + link.patience(running + STALL_S):
             raise NoAnswer(

@@ -162,3 +162,13 @@ def test_the_least_of_the_segments_is_the_moves_but_for_rounding(tmp_path: Path)
     for clearance, least in ((0.0, 1.01 * ROUNDING), (0.02, 0.02 - 1e-12)):
         with pytest.raises(FileInputError, match=r"steps\[0\]\.clearances"):
             read(clearance, least)
+
+
+def test_what_a_move_may_touch_is_a_list_of_names(tmp_path: Path) -> None:
+    path = tmp_path / "plan.json"
+    path.write_text(_damaged(lambda v: v["steps"][2].update(touching=["plate 01-02", "table"])))
+    assert [move.touching for move in read_plan(path).moves][1] == ("plate 01-02", "table")
+    for wrong in ([1], ["table", None]):
+        path.write_text(_damaged(lambda v, wrong=wrong: v["steps"][2].update(touching=wrong)))  # type: ignore[misc]
+        with pytest.raises(FileInputError, match=r"touching.*must be body names"):
+            read_plan(path)

@@ -199,3 +199,22 @@ def test_a_joint_of_a_single_place_has_no_room(tmp_path: Path) -> None:
                 load_unit(file)
         else:
             load_unit(file)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("[limits]\n", "[limits]\nmargin_rad = 0.1\n", "limits.margin_rad"),
+        (r"counts_per_turn = \[[^,]*", "counts_per_turn = [1000001", r"counts_per_turn.*1e\+06|1000000"),
+        (r"counts_per_turn = \[[^,]*", "counts_per_turn = [0.9", "counts_per_turn"),
+    ],
+)
+def test_a_key_that_is_none_and_counts_that_no_encoder_has_are_told(
+    tmp_path: Path, old: str, new: str, told: str
+) -> None:
+    text = data_file("urdf/a465/crs93.toml").read_text()
+    changed = re.sub(old.replace("[limits]", r"\[limits\]"), new, text, count=1)
+    assert changed != text
+    (tmp_path / "own.toml").write_text(changed)
+    with pytest.raises(FileInputError, match=told):
+        load_unit(tmp_path / "own.toml")

@@ -27,6 +27,7 @@ from wire_client import Client
 
 COMMAND = [sys.executable, "-c", "from cell.start import main; main()", "emulate"]
 TIME_SCALE = 3.0  # a host that pauses for 0.1 s pauses the line for 0.3 s of its time
+LONGEST_S = 180.0  # for a program to end, on a busy host
 
 
 class Program:
@@ -42,7 +43,7 @@ class Program:
     def interrupt(self) -> tuple[int, str]:
         """Exit code and what was said of errors."""
         self.process.send_signal(signal.SIGINT)
-        self.said, errors = self.process.communicate(timeout=20)
+        self.said, errors = self.process.communicate(timeout=LONGEST_S)
         return self.process.returncode, errors
 
     def __enter__(self) -> Program:
@@ -51,7 +52,7 @@ class Program:
     def __exit__(self, *_: object) -> None:
         if self.process.poll() is None:
             self.process.kill()
-            self.process.communicate(timeout=20)
+            self.process.communicate(timeout=LONGEST_S)
 
 
 def records(path: Path) -> list[dict[str, Any]]:
@@ -101,7 +102,9 @@ def test_a_bad_fault_file_is_one_line_and_exit_code_2(tmp_path: Path, content: s
     path = tmp_path / "faults.toml"
     if content is not None:
         path.write_text(content)
-    ended = subprocess.run([*COMMAND, "--fault", str(path)], capture_output=True, text=True, timeout=20)
+    ended = subprocess.run(
+        [*COMMAND, "--fault", str(path)], capture_output=True, text=True, timeout=LONGEST_S
+    )
     assert ended.returncode == 2
     assert ended.stdout == ""
     assert str(path) in ended.stderr
@@ -112,7 +115,7 @@ def test_a_bad_fault_file_is_one_line_and_exit_code_2(tmp_path: Path, content: s
 def test_a_log_that_cannot_be_written_is_told_before_anything_is_served(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     log = tmp_path / "file" / "unit.jsonl"
-    ended = subprocess.run([*COMMAND, "--log", str(log)], capture_output=True, text=True, timeout=20)
+    ended = subprocess.run([*COMMAND, "--log", str(log)], capture_output=True, text=True, timeout=LONGEST_S)
     assert ended.returncode == 2
     assert ended.stdout == ""
     assert f"log {log}: cannot be written" in ended.stderr
@@ -131,7 +134,7 @@ def test_a_log_that_cannot_be_written_is_told_before_anything_is_served(tmp_path
 def test_a_cell_that_cannot_be_had_is_told_before_anything_is_served(arguments: list[str], told: str) -> None:
     task = str(data_file("scenes/task2.toml"))
     asked = [task if argument == "TASK" else argument for argument in arguments]
-    ended = subprocess.run([*COMMAND, *asked], capture_output=True, text=True, timeout=20)
+    ended = subprocess.run([*COMMAND, *asked], capture_output=True, text=True, timeout=LONGEST_S)
     assert (ended.returncode, ended.stdout) == (2, "")
     assert told in ended.stderr
     assert len(ended.stderr.strip().splitlines()) == 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -92,6 +93,43 @@ def test_damaged_answers_stop_nothing(unit: Unit, clock: SteppedClock, kind: Any
     damage = Damage(kind, 6, seed=3, what=ANSWER)
     error, off_deg, _ = streamed(unit, clock, 0.016, back=damage)
     assert damage.at_s is not None
+    assert error is None
+    assert off_deg < OFF_DEG
+
+
+STATUS = rb"ST=16(?=\r)"
+NUMBER = rb"(?<=COORDAP=)(\d+),(\d+)(?=,)"
+
+
+@pytest.mark.parametrize("echo", ["line", "none"])
+@pytest.mark.parametrize(
+    ("answer", "wrong"),
+    [
+        (STATUS, lambda found: b"ST=1"),  # as of an idle unit
+        (STATUS, lambda found: b"ST=8"),  # an axis in error
+        (STATUS, lambda found: b"ST=65552"),  # arm power off
+        (NUMBER, lambda found: b"%s,%d" % (found[1], int(found[2]) + 10)),  # cannot run yet
+        (NUMBER, lambda found: b"%s,1" % found[1]),  # is over
+    ],
+)
+@pytest.mark.parametrize("nth", [1, 2, 7])
+def test_one_wrong_answer_is_asked_for_again(
+    unit: Unit, clock: SteppedClock, answer: bytes, wrong: Any, nth: int, echo: str
+) -> None:
+    streams, seen = [False], [0]
+
+    def there(now_s: float, data: bytes) -> bytes:
+        streams[0] |= b"COORDSPLINET" in data
+        return data
+
+    def back(now_s: float, data: bytes) -> bytes:
+        if not streams[0] or not re.search(answer, data):
+            return data
+        seen[0] += 1
+        return re.sub(answer, wrong, data) if seen[0] == nth else data
+
+    error, off_deg, _ = streamed(unit, clock, there=there, back=back, echo=echo)
+    assert seen[0] > nth
     assert error is None
     assert off_deg < OFF_DEG
 

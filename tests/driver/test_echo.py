@@ -338,3 +338,11 @@ def test_the_round_trip_is_that_of_short_lines_that_did_not_wait() -> None:
 )
 def test_what_a_damaged_line_means(line: str, kind: Kind) -> None:
     assert kind_of(line) is kind
+
+
+def test_nothing_is_verified_before_anything_has_come_back() -> None:
+    watch = EchoWatch()
+    assert watch.verified == 0
+    watch.strict = True
+    number = watch.sent("COORDMVT:60,1,2,3,4,5,6", 0.0)
+    assert watch.verified < number

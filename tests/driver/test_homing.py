@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from arm.errors import ExecutionStopped
-from driver.homing import HOMING_TOLERANCE, home_all
+from driver.homing import HOMING_TOLERANCE, _home_axes, home_all
 from driver.mars import Mars
 
 
@@ -41,3 +42,14 @@ def test_an_axis_that_did_not_reach_its_mark_ends_homing_before_the_next_group_m
     with pytest.raises(ExecutionStopped, match=f"axis {first[0]} reads {HOMING_TOLERANCE + 500} counts"):
         home_all(mars.link, mars.unit, mars.settled_counts)
     assert not any(line == f"HH{axis}:" for group in others for axis in group for line in fake.lines)
+
+
+@pytest.mark.parametrize(("looks", "moved"), [((0, 2, 4), True), ((0, 2, 2), False), ((0, -3, 0), True)])
+def test_an_axis_was_seen_to_move_if_it_ever_was_elsewhere_than_at_first(
+    mars: Mars, monkeypatch: pytest.MonkeyPatch, looks: tuple[int, ...], moved: bool
+) -> None:
+    """By more than two counts, which an arm at rest may show; one that was not seen to is homed once more."""
+    seen = iter([SimpleNamespace(counts=(place,) + (0,) * 5) for place in looks])
+    monkeypatch.setattr("driver.homing.read_position", lambda *_: next(seen))
+    monkeypatch.setattr("driver.homing.wait_ready", lambda *_, on_look: on_look())
+    assert _home_axes(mars.link, mars.unit, ("A",)) == (() if moved else ("A",))

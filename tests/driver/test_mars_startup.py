@@ -205,3 +205,15 @@ def test_which_gripper_axis_answers_is_never_proof(
     (whose,) = [note for note in told if note["kind"] == "whose_arm"]
     assert whose["gripper_axes"] == answers
     assert whose["unit"] == unit.name
+
+
+def test_where_the_arm_is_cannot_be_asked_before_the_group_is_formed(
+    fake: Any, unit: Unit, clock: Clock
+) -> None:
+    with Mars(fake.line, unit, clock) as mars:
+        mars.identify()
+        fake.lines.clear()
+        for ask in (mars.position, mars.counts):
+            with pytest.raises(InputError, match=r"position: initialise\(\) comes first"):
+                ask()
+        assert fake.lines == []

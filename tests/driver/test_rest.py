@@ -211,3 +211,22 @@ def test_however_long_a_unit_hangs_the_answer_to_the_last_question_is_told(
     clock.call_after(hangs_s, lambda: [fake.write(f"{answer}\r\n".encode()) for answer in held])
     assert read_status(mars.link).word == (64 if hangs_s < ANSWER_S else 32)
     assert read_status(mars.link).word == 32
+
+
+def test_axes_are_asked_one_by_one_only_where_the_group_does_not_answer(mars: Mars, fake: Any) -> None:
+    fake.lines.clear()
+    assert mars.stop().at_rest
+    assert not any(line.startswith("AP") for line in fake.lines)
+
+
+def test_a_stop_that_is_interrupted_again_does_not_say_that_the_arm_stands(
+    mars: Mars, fake: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def pressed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(mars.link, "receive", pressed)
+    state = bring_to_rest(mars.link, AXES)
+    assert not state.at_rest
+    assert state.note == "interrupted again after STOP was sent"
+    assert "STOP:" in fake.lines or state.stops > 0

@@ -19,7 +19,7 @@ from driver.extremes import extremes
 from driver.feed import Feed
 from driver.mars import Mars
 from driver.progress import Progress, StreamOptions
-from driver.stream import stream
+from driver.stream import LEAST_STEP_S, stream
 from soft_home import SOFT_HOME
 
 
@@ -395,3 +395,26 @@ def test_a_failure_that_an_earlier_wait_asked_for_does_not_end_the_next_motion(m
     """It was on its way when the motion began."""
     fake.hooks["COORDDISCONT"] = lambda line: fake.write(b"FAIL!\r\n")
     assert stream(mars, wave(5)).end_counts == wave(5).end
+
+
+def test_the_end_is_asked_for_once_where_it_is_answered_however_long_the_last_motion_takes(
+    mars: Mars, fake: Any
+) -> None:
+    path = wave(80)
+    assert stream(mars, path, options=StreamOptions(ahead_s=6.0, queue=200)).path == path
+    assert fake.lines.count("R:") == 1
+
+
+def test_a_stream_sleeps_between_what_it_has_to_do(mars: Mars, monkeypatch: pytest.MonkeyPatch) -> None:
+    waits: list[float] = []
+    plain = mars.link.receive
+
+    def receive(until: float) -> Any:
+        began = mars.clock.now()
+        if until > began:
+            waits.append(until - began)
+        return plain(until)
+
+    monkeypatch.setattr(mars.link, "receive", receive)
+    stream(mars, wave(20))
+    assert min(waits) >= LEAST_STEP_S - 1e-9

@@ -149,6 +149,9 @@ def test_a_slower_speed_of_a_pause_is_that_of_all_that_is_left(mars: Mars, fake:
         control.override = 0.5
         control.go_on()
 
+    notes: list[tuple[str, Any]] = []
+    plain = mars.note
+    mars.note = lambda what, **data: (notes.append((what, data)), plain(what, **data))[-1]  # type: ignore[method-assign]
     script = Script((reaches(10), control.pause), (lambda p: control.standing, slower))
 
     def each(progress: Progress) -> None:
@@ -166,6 +169,7 @@ def test_a_slower_speed_of_a_pause_is_that_of_all_that_is_left(mars: Mars, fake:
     slow = [line.startswith("COORDSPLINET:200,") for line in lines]
     before = slow.index(True)
     assert slow == [False] * before + [True] * (60 - before)
+    assert ("override", {"factor": 0.5, "segments_sent": before}) in notes
     assert planned[-1] == pytest.approx(0.1 * before + 0.2 * (60 - before), abs=0.41)
 
 

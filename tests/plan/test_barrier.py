@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from arm.bodies import Body, Box, Sphere
@@ -13,7 +14,7 @@ from arm.robot import Robot
 from arm.se3 import rot_x, rot_z, transform
 from arm.unit import Unit
 from plan import barrier as barrier_module
-from plan.barrier import collision_barrier
+from plan.barrier import _differences, _gradient, collision_barrier
 from plan.ik import inverse_kinematics
 from plan.line import SOLVERS, Line, LineOptions, follow_line
 from plan.line_steps import Barrier
@@ -190,3 +191,16 @@ def test_no_normal_is_taken_of_bodies_that_touch_or_of_points_that_are_not_known
         assert np.all(row == 7.0) == (abs(signed) < DISTANCE_ERROR)
     lost = replace(found, points=(found.points[0] * np.nan, found.points[1]))
     assert np.all(barrier_module._gradient(world, lost, q, np.ones((6, 6))) == 7.0)
+
+
+def test_where_the_nearest_points_are_one_or_their_bodies_touch_differences_tell(
+    robot: Robot, unit: Unit
+) -> None:
+    """There is no direction between them then; the row is finite, and still the derivative."""
+    world, q = _world(robot), 0.5 * (unit.lower + unit.upper)
+    J = pin.computeJointJacobians(robot.model, robot.model.createData(), q).reshape(6, -1)
+    found = world.distances_below(q, 10.0)[0]
+    for value, apart in ((-0.01, 0.0), (0.0, 0.02), (0.02, 0.0)):
+        points = np.array([found.points[0], found.points[0] + [apart, 0.0, 0.0]])
+        row = _gradient(world, replace(found, value=value, points=points), q, J)
+        np.testing.assert_allclose(row, _differences(world, found.pair, q))

@@ -227,3 +227,19 @@ def test_a_clearance_that_is_no_number_is_refused(clearance: object) -> None:
     curve = random_cubic(world, np.random.default_rng(0))
     with pytest.raises(InputError, match=r"clearance = .*must be a finite number in m"):
         check_curve(world, curve, clearance)
+
+
+def test_a_curve_whose_parts_do_not_fit_is_refused_by_its_shape() -> None:
+    world = crowded_world(np.random.default_rng(1))
+    good = np.zeros((2, 4, 6))
+    for control, ends in (
+        (good, np.ones(3)),
+        (good, np.ones((2, 1))),
+        (np.zeros((2, 4, 5)), np.ones(2)),
+        (np.zeros((2, 3, 6)), np.ones(2)),
+        (np.zeros((0, 4, 6)), np.ones(0)),
+        (np.zeros((4, 6)), np.ones(4)),
+    ):
+        with pytest.raises(InputError, match=r"must be \(m, 4, 6\) and \(m,\), m at least 1") as refused:
+            check_curve(world, Curve(control, ends), 0.005)
+        assert refused.value.data["shape"] == list(control.shape)

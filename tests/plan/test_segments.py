@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -20,6 +23,7 @@ from plan.segments import (
     SHORTEST_MS,
     LineTolerance,
     MarksTooNear,
+    _first_knots,
     _Fit,
     _slower,
     to_marked_segments,
@@ -283,3 +287,25 @@ def test_what_cannot_be_segmented_is_refused(crs97: Unit) -> None:
     crawl = crs97.limits().scaled(1e-4)
     with pytest.raises(ImpossibleError, match=r"axis B exceeds its limits when the motion is rounded"):
         to_segments(time_path(np.array([np.zeros(6), np.full(6, -1e-4)]), crawl), crs97)
+
+
+def test_the_join_of_the_last_of_several_marks_is_not_before_it_and_of_the_others_not_after(
+    crs97: Unit,
+) -> None:
+    """So nothing of a transit is in a line."""
+    limits = crs97.limits()
+    trajectory = time_path(np.array([np.zeros(6), np.full(6, -0.3)]), limits)
+    for first, last in ((0.31, 0.77), (0.2, 0.5), (0.45, 0.91)):
+        marks = tuple(float(trajectory.s[0] + part * np.ptp(trajectory.s)) for part in (first, last))
+        for late, given_ in (((False, True), None), ((True, False), (True, False))):
+            marked = to_marked_segments(trajectory, crs97, limits=limits, marks=marks, late=given_)
+            ends = np.cumsum([s.duration_ms for s in marked.path.segments]) / 1e3
+            passed = trajectory.stretched(ends[-1] / trajectory.duration).passed(marks)
+            for index, time, is_late in zip(marked.first, passed, late, strict=True):
+                past_s = ends[index - 1] - time
+                assert 0.0 <= (past_s if is_late else -past_s) + 1e-8 < 1.01e-3
+
+
+def test_a_switch_of_the_acceleration_at_a_fixed_knot_needs_no_other() -> None:
+    timed: Any = SimpleNamespace(switches=lambda: np.array([1.0, 2.0]))
+    assert _first_knots(timed, (0, 1000, 2000), 250, 40.0).tolist() == list(range(0, 2001, 250))

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from arm.bodies import Body, Box, Cylinder, Shape, Sphere
@@ -13,8 +14,10 @@ from arm.errors import InputError
 from arm.robot import Robot, load_a465
 from arm.se3 import Array, apply, frozen, rotation, transform
 from arm.unit import load_unit
+from plan.budget import DISTANCE_LOOKS, SearchBudget, allowed
 from plan.check import check_curve
 from plan.curve import curve_of_waypoints
+from plan.volumes import hull
 from plan.world import DISTANCE_ERROR, UNKNOWN_DEPTH, World, distance_of
 from task2_scene import TABLE, TOOL_LENGTH, task2
 
@@ -343,3 +346,32 @@ def test_the_distance_of_two_bodies_where_they_are_is_that_of_their_nearest_poin
             assert found.pair == (first.name, second.name)
             if gap > 0.0:
                 assert np.linalg.norm(found.points[0] - found.points[1]) == pytest.approx(gap, abs=1e-5)
+
+
+def test_a_radius_is_what_the_farthest_point_of_a_body_has_from_the_axis() -> None:
+    """Not only no less: what it is larger by is taken off every proof."""
+    robot, rng = load_a465(TOOL_LENGTH, 0.06), np.random.default_rng(10)
+    world = World(robot, [TABLE])
+    data = robot.model.createData()
+    for q in random_q(robot, rng, 20):
+        pin.forwardKinematics(robot.model, data, q)
+        radii = world.motion_radii(q)
+        for row, body in zip(radii, (b for b in robot.bodies if b.joint > 0), strict=True):
+            corners, ball = hull(body.shape)
+            T = data.oMi[body.joint].homogeneous @ body.T_joint_body
+            points = apply(T, corners)
+            for k in range(6):
+                pose = data.oMi[k + 1]
+                axis = pose.rotation[:, 2]
+                away = np.linalg.norm(np.cross(points - pose.translation, axis), axis=1).max() + ball
+                assert row[k] == pytest.approx(away if k < body.joint else 0.0, abs=1e-6)
+
+
+def test_distances_cost_effort_by_their_number() -> None:
+    world = World(load_a465(TOOL_LENGTH, 0.06), [TABLE])
+    costs = []
+    for count in (1, 2, 8):
+        with allowed(SearchBudget(1e3)) as meter:
+            world.pair_distances(np.zeros(6), np.arange(count))
+        costs.append(meter.looks)
+    assert costs == pytest.approx([DISTANCE_LOOKS, 2 * DISTANCE_LOOKS, 8 * DISTANCE_LOOKS])

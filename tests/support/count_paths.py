@@ -67,16 +67,25 @@ def off_path_deg(unit: Unit, counts: npt.ArrayLike, curve: npt.ArrayLike) -> flo
 
     Both are counts, the curve a corner a millisecond; the worst axis at the nearest point, deg.
     """
+    return max((deg for deg, _ in departures(unit, counts, curve)), default=0.0)
+
+
+def departures(
+    unit: Unit, counts: npt.ArrayLike, curve: npt.ArrayLike
+) -> list[tuple[float, npt.NDArray[np.float64]]]:
+    """Of each position how far its worst axis is from the nearest point of the curve, deg, and that point, counts."""
     per_deg = np.abs(unit.counts_per_rad) * np.pi / 180.0
     points, corners = np.asarray(counts) / per_deg, np.asarray(curve) / per_deg
-    worst, near = 0.0, 0
+    found, near = [], 0
     for point in points:
         low = min(max(near - 300, 0), len(corners) - 2)
         begin = corners[low : near + 900]
         way = np.diff(begin, axis=0)
         length = np.maximum((way**2).sum(axis=1), 1e-30)
         share = np.clip(((point - begin[:-1]) * way).sum(axis=1) / length, 0.0, 1.0)
-        distance = np.abs(begin[:-1] + share[:, None] * way - point).max(axis=1)
-        near = low + int(np.argmin(distance))
-        worst = max(worst, float(distance.min()))
-    return worst
+        nearest = begin[:-1] + share[:, None] * way
+        distance = np.abs(nearest - point).max(axis=1)
+        best = int(np.argmin(distance))
+        near = low + best
+        found.append((float(distance[best]), nearest[best] * per_deg))
+    return found

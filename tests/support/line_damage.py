@@ -1,4 +1,4 @@
-"""Damage to a line in memory: one line of a motion, or all bytes for a while, on the way there or on the way back."""
+"""Damage to a line in memory: one line of a motion, all bytes for a while, or single bits, there or on the way back."""
 
 from __future__ import annotations
 
@@ -94,3 +94,33 @@ class Damage:
                 return line[:i] + bytes([other]) + line[i + 1 :] + end + after
         self._until = now_s + float(self.kind.split()[0])
         return line[:at]
+
+
+class BitErrors:
+    """A tap that turns one bit of a byte round at random. Nothing is damaged before `armed`.
+
+    Args:
+        rate: of bytes.
+        seed: of which.
+
+    Attributes:
+        bytes, errors: that passed while it was armed.
+    """
+
+    def __init__(self, rate: float, seed: int) -> None:
+        self.rate = rate
+        self.armed = False
+        self.bytes = self.errors = 0
+        self._rng = random.Random(seed)
+
+    def __call__(self, now_s: float, data: bytes) -> bytes:
+        """What goes on of bytes that pass."""
+        if not self.armed:
+            return data
+        out = bytearray(data)
+        for i in range(len(out)):
+            if self._rng.random() < self.rate:
+                out[i] ^= 1 << self._rng.randrange(8)
+                self.errors += 1
+        self.bytes += len(out)
+        return bytes(out)
