@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from arm.errors import ExecutionStopped
 from arm.files import data_file
+from cell.confirming import Unconfirmed, confirm
 from cell.worldfile import read_world
 from command_line import replace_in
 from small_scenes import small_scenes
@@ -72,3 +75,46 @@ def test_a_world_file_names_how_cubes_are_released(tmp_path: Path) -> None:
         read_world(world, 0.036)
     assert "high, half, rim, aside" in str(refused.value)
     assert read_world(data_file("scenes/task2.world.toml"), 0.036).releases == ()
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "sits", "reasons", "lost"),
+    [
+        ("empty", "cube", "seated", (), False),
+        ("cube", "cube", "seated", ("hole a/1 looks cube, not empty",), True),
+        (None, "cube", "seated", ("hole a/1 looks hidden, not empty",), True),
+        ("unsure", "cube", "seated", ("hole a/1 looks unsure, not empty",), True),
+        ("empty", "empty", "seated", ("hole b/2 looks empty, not cube",), True),
+        ("empty", "unsure", "seated", ("hole b/2 looks unsure, not cube",), True),
+        ("empty", None, "seated", ("hole b/2 looks hidden, not cube",), True),
+        ("empty", "cube", "off", ("the cube in b/2 does not surely sit: because",), True),
+        ("empty", "cube", "unsure", ("the cube in b/2 does not surely sit: because",), True),
+    ],
+)
+def test_each_rule_alone_leaves_a_cube_unconfirmed(
+    monkeypatch: pytest.MonkeyPatch,
+    source: str | None,
+    target: str | None,
+    sits: str,
+    reasons: tuple[str, ...],
+    lost: bool,
+) -> None:
+    monkeypatch.setattr("cell.confirming.seated", lambda *_: SimpleNamespace(state=sits, reason="because"))
+    looks: Any = SimpleNamespace(
+        state={"a/1": source, "b/2": target}.get, board=lambda name: None, sight=None
+    )
+    on_board: Any = SimpleNamespace(to_board="b")
+    found = confirm(on_board, looks, looks, "a/1", "b/2", None)
+    assert found == (Unconfirmed(reasons, lost) if reasons else None)
+
+
+@pytest.mark.parametrize(("source", "lost"), [("empty", False), ("cube", True)])
+def test_a_place_on_the_table_that_no_look_shows_confirms_nothing(source: str, lost: bool) -> None:
+    """The cube has surely left its hole, or else it may be anywhere."""
+    looks: Any = SimpleNamespace(state={"a/1": source}.get, board=lambda name: None, sight=None)
+    on_table: Any = SimpleNamespace(to_board=None)
+    found = confirm(on_table, looks, looks, "a/1", "table/1", None)
+    assert found is not None
+    assert found.lost is lost
+    assert found.reasons[-1].startswith("table/1 ")
+    assert found.reasons[:-1] == (("hole a/1 looks cube, not empty",) if lost else ())

@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 
 import cell.homed
-from arm.errors import ImpossibleError, InputError
+from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.files import data_file
 from cell.cellfile import Cell, read_cell
 from cell.console import Console
-from cell.homed import FreeCell, before_homing, keep_home, may_be_real
+from cell.homed import FreeCell, before_homing, keep_home, may_be_real, take_into_use
 from driver.emulator import Emulator
 from driver.mars import Mars
 from driver.stepped import SteppedClock
@@ -149,3 +149,30 @@ def test_a_unit_as_after_power_up_is_refused_and_one_with_a_cube_in_the_jaws(
     with pytest.raises(ImpossibleError, match="as on a cube"):
         keep_home(run)
     keep_home(run, jaws_too=False)  # a target may be in the hand
+
+
+@pytest.mark.parametrize(("kept", "stalled"), [(False, False), (False, True), (True, True)])
+def test_homing_ends_at_the_marks_and_nothing_goes_on_with_jaws_that_do_not_open(
+    monkeypatch: pytest.MonkeyPatch, kept: bool, stalled: bool
+) -> None:
+    """The way from the marks is planned like any other; nobody goes straight from there."""
+    done: list[Any] = []
+    mars = SimpleNamespace(
+        initialise=lambda **how: done.append(how),
+        set_registers=lambda *registers: done.append(registers),
+        gripper=lambda closed: SimpleNamespace(stalled=stalled),
+    )
+    cell_ = SimpleNamespace(speed_registers=(1,) * 6, acceleration_registers=(2,) * 6)
+    run: Any = SimpleNamespace(
+        connection=SimpleNamespace(mars=mars),
+        task=SimpleNamespace(cell=cell_),
+        console=Console(as_json=True),
+        homed_before=kept,
+    )
+    monkeypatch.setattr(cell.homed, "keep_home", lambda run: done.append("kept"))
+    if stalled:
+        with pytest.raises(ExecutionStopped, match="the jaws do not open: .*" + ("was" if kept else "marks")):
+            take_into_use(run)
+    else:
+        take_into_use(run)
+    assert done == ["kept" if kept else {"home": True, "soft_home": False}, ((1,) * 6, (2,) * 6)]

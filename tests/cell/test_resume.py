@@ -5,20 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from arm.errors import ImpossibleError, InputError
+from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.motion import CountPath, Segment
 from arm.planfile import Move, read_plan
 from arm.se3 import inverse
 from cell.connection import WhichCell
 from cell.console import Console
 from cell.lookfile import Seen
-from cell.resume import _back_out_of, _carried_near, _known, _station, carried_by
+from cell.resume import _back_out_of, _carried_near, _known, _on_table, _station, carried_by, resume
 from cell.run import execute_plan, resume_plan
+from cell.scenery import cube_name
 from lasting_cell import LastingCell
 from plan.scene import scene_from_json
 
@@ -166,6 +168,37 @@ def test_wherever_a_move_stops_however_fast_it_was_its_cube_is_known(lasting: La
         for counts in np.rint(fast.sample(1e-3)).astype(int):
             found = _carried_near(task, one, unit.positions(counts))
             assert found == plan.task["cubes"][move.cube or 0]
+
+
+def test_cubes_stand_on_the_table_only_where_the_task_has_places_there(
+    lasting: LastingCell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = read_plan(lasting.plan)
+    assert _on_table(lasting.task, plan) == {}
+    (tmp_path / "one").mkdir()
+    other = LastingCell(tmp_path / "one", monkeypatch, "task1")
+    found = _on_table(other.task, read_plan(other.plan))
+    assert set(found) == {cube_name(t["to"]) for t in read_plan(other.plan).task["cubes"]}
+
+
+def test_before_anything_moves_on_the_registers_are_those_of_the_cell(lasting: LastingCell) -> None:
+    """Not those that a run before it, or another client, has left."""
+    done: list[Any] = []
+
+    def looks() -> None:
+        done.append("looks")
+        raise ExecutionStopped("enough")
+
+    mars = SimpleNamespace(
+        initialise=lambda **how: done.append(how),
+        set_registers=lambda *registers: done.append(registers),
+        settled_counts=looks,
+    )
+    run: Any = SimpleNamespace(connection=SimpleNamespace(mars=mars), task=lasting.task)
+    with pytest.raises(ExecutionStopped, match="enough"):
+        resume(run, read_plan(lasting.plan))
+    registers = lasting.task.cell.speed_registers, lasting.task.cell.acceleration_registers
+    assert done == [{"home": False}, registers, "looks"]
 
 
 def test_a_board_that_nobody_knows_is_named(lasting: LastingCell) -> None:
