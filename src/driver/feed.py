@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from math import inf
 
 from driver.link import LineDamaged, NoAnswer
-from driver.lookahead import JITTER_S, JITTER_WALL_S, Needs, Timeline, braking_s, dwell_for
+from driver.lookahead import BUSY_HOST_S, JITTER_S, JITTER_WALL_S, Needs, Timeline, braking_s, dwell_for
 from driver.mars import Mars
 from driver.progress import StreamOptions
 from driver.protocol import BYTES_PER_SECOND, MAX_LINE, encode_dwell
@@ -22,7 +22,6 @@ QUERY_BYTES = 15  # of a look
 LOADING_S = 1.5  # beyond what the line needs to load a motion: it may be dead for a second when STOP is sent
 LATE_S = 0.2  # beyond what an echo takes, for one of what is loaded
 LOOKS = 1.1  # queries take a tenth of the line
-BUSY_HOST_S = 0.1  # wall time that an emulated unit whose time runs faster may be late with an echo
 
 
 class Feed:

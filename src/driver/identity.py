@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from arm.errors import ExecutionStopped, InputError
 from arm.unit import Unit
 from driver.link import Link
 from driver.manners import Manners, learn_manners
-from driver.protocol import encode, parse_integer
+from driver.protocol import encode
 
 
 def identify(link: Link, firmware: str) -> tuple[str, Manners]:
@@ -79,22 +78,3 @@ def refuse_another(unit: Unit, answers: Mapping[str, str | None]) -> None:
 
 def _has_gripper(text: str | None) -> bool:
     return text is not None and text.strip().lstrip("-").isdigit() and int(text) != 0
-
-
-def read_back(link: Link, unit: Unit) -> dict[str, Any]:
-    """What the unit answers about registers just set to its defaults; None where it answers nothing.
-
-    Which registers a MARS-8 answers is not known (fact sheet, section 6), so silence proves nothing; a wrong value
-    does.
-
-    Raises:
-        ExecutionStopped: a register holds another value than was sent.
-    """
-    answers: dict[str, Any] = {"COORDDISCONT": link.ask_optional("COORDDISCONT")}
-    for axis, value in zip(unit.axes, unit.speed_registers, strict=True):
-        text = answers[f"REGMS{axis}"] = link.ask_optional("REGMS", axis)
-        if text is None:
-            break  # a unit that does not answer one will not answer the others
-        if parse_integer(text) != value:
-            raise ExecutionStopped(f"REGMS{axis} reads {text} after {value} was set", axis=axis, value=value)
-    return answers

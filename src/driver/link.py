@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from driver.clock import Clock
 from driver.port import Port
 from driver.portlink import ANSWER_S as ANSWER_S
@@ -14,6 +16,7 @@ from driver.protocol import STAMP_RANGE, Answer, encode, encode_query
 from driver.wirelog import WireLog
 
 TELLS = 3  # attempts
+ASKED_AT_ONCE = 12  # queries before a stamp
 
 
 class Link(PortLink):
@@ -89,10 +92,20 @@ class Link(PortLink):
         Raises:
             NoAnswer, LinkLost: as `synchronise`.
         """
-        self.send(encode_query(name, axis))
-        found: list[str] = []
-        self._stamp_round(ANSWER_S, name + axis, found)
-        return found[-1] if found else None
+        return self.ask_all([name + axis])[name + axis]
+
+    def ask_all(self, keys: Sequence[str]) -> dict[str, str | None]:
+        """The answers to queries that the unit may not know, by their names with axis; None where it is silent.
+
+        Raises:
+            NoAnswer, LinkLost: as `synchronise`.
+        """
+        found: dict[str, str | None] = dict.fromkeys(keys)
+        for begin in range(0, len(keys), ASKED_AT_ONCE):
+            for key in keys[begin : begin + ASKED_AT_ONCE]:
+                self.send(f"{key}?")
+            self._stamp_round(ANSWER_S, found)
+        return found
 
     def synchronise(self, timeout: float = ANSWER_S, attempts: int = 1) -> None:
         """Wait until the unit has parsed every line sent so far, by a fresh stamp.
@@ -109,7 +122,7 @@ class Link(PortLink):
         """
         for attempt in range(1, attempts + 1):
             try:
-                self._stamp_round(timeout, "", [])
+                self._stamp_round(timeout, {})
                 return
             except NoAnswer:
                 if attempt == attempts:
@@ -131,7 +144,7 @@ class Link(PortLink):
         """The line of the newest stamp."""
         return encode("STAMP", self._stamp)
 
-    def _stamp_round(self, timeout: float, key: str, found: list[str]) -> None:
+    def _stamp_round(self, timeout: float, found: dict[str, str | None]) -> None:
         self.stamp()
         deadline = self.deadline(timeout)
         while True:
@@ -141,8 +154,8 @@ class Link(PortLink):
                     if self.echoes and not self.echo.strict:
                         self.echo.resume()
                     return
-                case Answer(other, text) if other == key:
-                    found.append(text)
+                case Answer(key, text) if key in found:
+                    found[key] = text
                 case None if self.clock.now() >= deadline:
                     raise NoAnswer(
                         f"{self.url}: no answer to STAMP within {timeout:g} s",

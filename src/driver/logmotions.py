@@ -118,6 +118,9 @@ class MotionReader:
         if match[1] == "R" and self._open is not None:
             self._open.waits = self._open.waits or not match[2]
             return
+        behind = self._open is not None and self._open.motion.target is None and not self._open.segments
+        if match[1] == "COORDMV" and behind:
+            self._open = None  # only the dwell in which the absolute move was verified
         if self._open is not None and self._open.motion.ready_s is None and match[1] == "STOP":
             self._open.motion = replace(self._open.motion, stopped_s=time_s)
         self._close()

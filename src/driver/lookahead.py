@@ -17,6 +17,7 @@ from driver.protocol import BYTES_PER_SECOND, MAX_LINE
 MARGIN_S = 0.05  # for one STOP that is lost
 JITTER_S = 0.05  # that a host may be late with the first segments,
 JITTER_WALL_S = 0.01  # and no less than this much wall time
+BUSY_HOST_S = 0.1  # wall time that an emulated unit whose time runs faster may be late with an echo
 LEAST_WINDOW = 160  # bytes that may be sent without an echo
 LINE_BYTES = 100  # of a long segment
 ANSWERS_BYTES = 80  # of a look

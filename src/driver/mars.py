@@ -15,10 +15,11 @@ from types import TracebackType
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.unit import Unit
 from driver import startup
+from driver.absolute import send_verified
 from driver.clock import Clock
 from driver.gripper import GripperResult, move_gripper, read_jaws
 from driver.homing import home_all
-from driver.identity import gripper_answers, identify, read_back, refuse_another
+from driver.identity import gripper_answers, identify, refuse_another
 from driver.interrupt import caught, hear_again, interruptible
 from driver.link import Link, NoAnswer
 from driver.manners import Manners
@@ -26,6 +27,7 @@ from driver.port import Port
 from driver.protocol import Position, Status, encode, parse_integer
 from driver.ready import wait_ready
 from driver.refusals import off_by, refuse_faults, refuse_outside, refuse_unhomed
+from driver.registers import Registers
 from driver.rest import SAMPLE_S, STILL_COUNTS, RestState, bring_to_rest, farthest, read_position, read_status
 from driver.running import ParameterScale
 from driver.wirelog import WireLog
@@ -52,6 +54,7 @@ class Mars:
         reference: where the controller's own path generator stands, (6,) counts, or None if that is not known
             (after opening, after a stop): a relative segment may then not be sent.
         manners: how the unit speaks, once it is identified.
+        registers: tells them, and reads them back.
         parameters: what its parameter of a segment counts to, learnt while it stands.
 
     Raises:
@@ -70,6 +73,7 @@ class Mars:
         self.acceleration_registers = unit.acceleration_registers
         self.manners = Manners(echoes=False, adapter=False, takes_turns=False, round_trip_s=0.0)
         self.parameters = ParameterScale()
+        self.registers = Registers(self.link)
         self._group_formed = False
         self._initialised = False
         self._guarded = False
@@ -134,13 +138,14 @@ class Mars:
             raise ExecutionStopped(f"initialise: {rest.describe(self.unit)}", state=rest.to_json())
         refuse_faults(self.status())
         with self.guarded("initialise"):
-            self.link.tell(*startup.axis_lines(self.unit), *startup.gripper_lines(self.unit))
+            self.registers.forget()
+            self.registers.tell(*startup.axis_lines(self.unit), *startup.gripper_lines(self.unit))
             self._engage()
-            self.link.tell(*startup.group_lines(self.unit))
+            self.registers.tell(*startup.group_lines(self.unit))
             self._group_formed = True
             self.speed_registers = self.unit.speed_registers
             self.acceleration_registers = self.unit.acceleration_registers
-            self.note("read_back", **read_back(self.link, self.unit))
+            self.note("read_back", **self.registers.answers)
         if home:
             with self.guarded("homing"):
                 home_all(self.link, self.unit, self.settled_counts)
@@ -216,7 +221,7 @@ class Mars:
         lines = startup.limit_lines(self.unit, tuple(speed), tuple(acceleration))
         if self.status().busy:
             raise ExecutionStopped("registers may only change while the arm stands", reason="busy")
-        self.link.tell(*lines)
+        self.registers.tell(*lines)
         self.speed_registers, self.acceleration_registers = tuple(speed), tuple(acceleration)
 
     def move_to(self, counts: Sequence[int]) -> tuple[int, ...]:
@@ -235,6 +240,8 @@ class Mars:
             )
         self.refuse_outside(target, "target")
         with self.guarded("move"):
+            if self.reference is None and self.link.echoes:
+                self.anchor(self.require_ready())  # slowly, where it is; then what follows can be verified
             return self._go(target)
 
     def anchor(self, counts: Sequence[int]) -> None:
@@ -260,17 +267,22 @@ class Mars:
             speed, acceleration = self.speed_registers, self.acceleration_registers
             self.set_registers(startup.slow_registers(self.unit), acceleration)
             self._go(here)
-            self._go(target)
+            if target != here:
+                self._go(target)
             self.set_registers(speed, acceleration)
 
     def _go(self, target: tuple[int, ...]) -> tuple[int, ...]:
         here = self.require_ready()
         distance = tuple(b - a for a, b in zip(here, target, strict=True))
         seconds = startup.move_time(distance, self.speed_registers, self.acceleration_registers)
+        line, verifiable = encode("COORDMV", *target), self.reference is not None and self.link.echoes
         if self.reference is None:
-            self.link.tell(*startup.group_lines(self.unit))  # a stop may have dissolved the group
+            self.registers.tell(*startup.group_lines(self.unit))  # a stop may have dissolved the group
         self.reference = None
-        self._send(encode("COORDMV", *target))
+        if verifiable:
+            send_verified(self.link, len(self.unit.axes), line)
+        else:
+            self._send(line)
         wait_ready(self.link, "COORDMV", 1.5 * seconds + 5.0)
         return self.arrived(target)
 

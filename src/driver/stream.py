@@ -184,7 +184,7 @@ class _Stream:
 
     def run(self) -> Sent:
         link = self.link
-        link.tell(encode("COORDDISCONT", VERTEX_STEPS))
+        self.mars.registers.tell(encode("COORDDISCONT", VERTEX_STEPS))
         link.events.clear()
         self.heard_at = self.begun_at = link.clock.now()
         try:

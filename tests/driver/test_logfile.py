@@ -34,7 +34,7 @@ def answers(*rows: tuple[float, int, int]) -> list[dict[str, Any]]:
 def test_segments_are_those_sent_with_their_motion_and_exact_starts(session: Session, run: LoggedRun) -> None:
     streams = [m for m in session.motions if m.target is None]
     moves = [m.target for m in session.motions if m.target is not None]
-    assert moves == [run.home, run.whole.start]
+    assert moves == [(0,) * 6, run.home, run.whole.start]  # the first goes where the arm stands
     whole, cut = streams
     assert whole.path == run.whole
     assert whole.start_exact

@@ -60,10 +60,13 @@ def test_a_static_error_of_the_arm_is_accepted_up_to_25_counts(mars: Mars, fake:
 
 def test_an_arm_that_was_pushed_is_not_moved(mars: Mars, fake: Any) -> None:
     fake.counts[0] += 4000
+    fake.lines.clear()
     with pytest.raises(ExecutionStopped, match="4000 counts from where the last motion ended") as stopped:
         mars.move_to(SOFT_HOME)
     assert stopped.value.data["state"]["counts"][0] == SOFT_HOME[0] + 4000
-    assert len([line for line in fake.lines if line.startswith("COORDMV")]) == 1  # the soft home's
+    assert not [
+        line for line in fake.lines if line.startswith("COORD") and line.endswith(tuple("0123456789"))
+    ]
 
 
 def test_an_arm_that_does_not_settle_is_stopped(mars: Mars, fake: Any) -> None:
@@ -84,10 +87,10 @@ def test_after_a_stop_the_generator_is_anchored_slowly(mars: Mars, fake: Any, un
     mars.link.synchronise()
     since = fake.since("STOP:")
     moves = [i for i, line in enumerate(since) if line.startswith("COORDMV")]
-    assert len(moves) == 2
+    assert len(moves) == 1
     slow = since.index(f"REGMSA:{slow_registers(unit)[0]}")
     assert slow < moves[0]
-    assert since.index("REGMSA:7680") > moves[1]
+    assert since.index("REGMSA:7680") > moves[0]
     assert mars.reference == SOFT_HOME
     with pytest.raises(ImpossibleError, match="26 counts"):
         mars.anchor([SOFT_HOME[0] + 26, *SOFT_HOME[1:]])

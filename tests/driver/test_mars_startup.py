@@ -55,7 +55,8 @@ def test_initialise_homes_in_the_units_order_and_goes_to_soft_home(mars: Mars, f
     # the fake's axes stand at their marks, so none is seen to move, and each is homed once more
     groups = (["HHB:", "R:"], ["HHA:", "HHC:", "R:"], ["HHD:", "HHE:", "HHF:", "R:"])
     assert homing[:18] == [line for group in groups for line in group * 2]
-    assert homing[18:] == ["COORDMV:" + ",".join(str(c) for c in SOFT_HOME), "R:"]
+    marks = "COORDMV:0,0,0,0,0,0"  # slowly, where it stands: from there on a move can be verified before it begins
+    assert homing[18:] == [marks, "R:", "COORDMV:" + ",".join(str(c) for c in SOFT_HOME), "R:"]
     assert tuple(mars.counts()) == SOFT_HOME
     for line in (
         "REGMSA:7680",

@@ -260,7 +260,10 @@ def test_a_stuck_axis_stops_the_stream(mars: Mars, fake: Any) -> None:
     def stuck(line: str) -> list[str]:
         at = fake.at()
         sequence = fake.sequence - max(len(fake.queue) - 1, 0)
-        return [f"COORDAP=1,{sequence},1," + ",".join(str(c) for c in (*at[:3], SOFT_HOME[3], *at[4:]))]
+        return [
+            f"COORDAP={int(1e3 * fake.clock.now()) % 65536},{sequence},1,"
+            + ",".join(str(c) for c in (*at[:3], SOFT_HOME[3], *at[4:]))
+        ]
 
     fake.hooks["COORDAP"] = stuck
     path = CountPath(SOFT_HOME, tuple(Segment(100, ((100, 20, 50, -300, 10, 10),)) for _ in range(40)))
