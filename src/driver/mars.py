@@ -352,7 +352,9 @@ class Mars:
         with self.guarded("gripper"):
             if not self._initialised:
                 raise ExecutionStopped("initialise() comes before any motion", reason="order")
-            return move_gripper(self.link, self.unit.gripper, fraction_closed)
+            result = move_gripper(self.link, self.unit.gripper, fraction_closed)
+            self.position()  # a unit that was switched off meanwhile has let go, though its jaws rest
+            return result
 
     def jaws(self) -> float:
         """How far the jaws are closed now, 0 open to 1 closed; nothing moves.

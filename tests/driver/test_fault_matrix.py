@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -23,3 +24,21 @@ def test_a_fault_ends_as_written_down(name: str, tmp_path: Path) -> None:
 def test_every_cell_says_what_is_expected() -> None:
     assert len(NAMES) >= 15
     assert all(len(row) == len(MOMENTS) >= 5 for row in EXPECTED.values())
+
+
+@pytest.mark.parametrize("off_deg", [0.0, 0.019, 0.021, 5.0])
+def test_a_void_certificate_is_not_as_expected(tmp_path: Path, off_deg: float) -> None:
+    sound = replace(run_case("noise", "idle", seed=0, folder=tmp_path), off_deg=off_deg)
+    assert sound.as_expected == (off_deg < 0.02)
+    assert replace(sound, name="axis drifts", seen="refuses").as_expected  # its mechanics fail
+
+
+def test_an_arm_off_its_path_is_measured(tmp_path: Path) -> None:
+    """Segments that the unit drops behind its echo."""
+    assert run_case("queue overflows", "idle", seed=0, folder=tmp_path).off_deg > 1.0
+    assert 0.0 < run_case("arm power off", "streaming", seed=0, folder=tmp_path).off_deg < 0.02
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_unit_that_was_switched_off_while_it_gripped_holds_nothing(tmp_path: Path, seed: int) -> None:
+    assert run_case("unit switched off and on", "gripping", seed, tmp_path).seen == "stops"
