@@ -38,9 +38,12 @@ def test_what_moves_farthest_is_found_and_little_more(board: Board) -> None:
     rng, at = np.random.default_rng(1), points(board)
     for _ in range(300):
         then = transform(rotation(rng.normal(size=3)), rng.uniform(-0.5, 0.5, 3))
-        moved = transform(
-            rotation(rng.normal(size=3) * rng.choice([0.0, 0.02, 0.5])), rng.normal(size=3) * 0.01
-        )
+        turn_ = rng.normal(size=3) * rng.choice([0.0, 0.02, 0.5])
+        turn_ *= (
+            rng.permutation([1.0, 0.0, 0.0]) if rng.random() < 0.5 else 1.0
+        )  # about one of its axes, or any
+        pivot = rng.uniform(-0.5, 0.5, 3)
+        moved = transform(t=pivot) @ transform(rotation(turn_)) @ transform(t=-pivot)
         now = then @ moved
         farthest = np.linalg.norm(apply(now, at) - apply(then, at), axis=1).max()
         shift = board_shift(board, CUBE, then, now)
