@@ -50,7 +50,7 @@ UNITS = ("crs93", "crs97")
 LATENCIES_S = (0.0, 0.016, 0.1)
 ALLOWED_DEG = 0.02
 EACH_MS = 3  # of the record
-ECHO = ("line", "none")
+ECHO = ("line", "byte", "none")
 
 
 @dataclass(frozen=True)

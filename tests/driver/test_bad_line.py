@@ -149,8 +149,6 @@ def test_one_wrong_answer_is_asked_for_again(
 def test_no_manners_of_a_unit_stop_a_sound_line(
     unit: Unit, clock: SteppedClock, echo: str, echo_end: str, echo_order: str, latency_s: float
 ) -> None:
-    if echo == "byte" and latency_s > 0.1:
-        pytest.skip("turns take longer than the unit may be silent")
     error, off_deg, mars = streamed(
         unit, clock, latency_s, echo=echo, echo_end=echo_end, echo_order=echo_order
     )
