@@ -118,3 +118,28 @@ def test_a_place_on_the_table_that_no_look_shows_confirms_nothing(source: str, l
     assert found.lost is lost
     assert found.reasons[-1].startswith("table/1 ")
     assert found.reasons[:-1] == (("hole a/1 looks cube, not empty",) if lost else ())
+
+
+@pytest.mark.parametrize(("known", "beyond"), [(True, True), (True, False), (False, True)])
+def test_a_cube_that_sits_on_a_board_that_was_pushed_is_not_confirmed_and_not_lost(
+    monkeypatch: pytest.MonkeyPatch, known: bool, beyond: bool
+) -> None:
+    """Where the board is not in one of both looks, nobody can tell that it moved."""
+    shift = SimpleNamespace(beyond=lambda cell: beyond)
+    monkeypatch.setattr("cell.confirming.seated", lambda *_: SimpleNamespace(state="seated", reason=""))
+    monkeypatch.setattr("cell.confirming.board_shift", lambda *_: shift)
+    pose = SimpleNamespace(board=None, T_base_board=None)
+    asked: list[str] = []
+
+    def look(boards: bool) -> Any:
+        def board(name: str) -> Any:
+            asked.append(name)
+            return SimpleNamespace(pose=pose) if boards else None
+
+        return SimpleNamespace(state={"a/1": "empty", "b/2": "cube"}.get, board=board, sight=None)
+
+    task: Any = SimpleNamespace(to_board="b", cell=SimpleNamespace(cube_size=0.04))
+    found = confirm(task, look(known), look(True), "a/1", "b/2", None)
+    assert asked == ["b", "b"]
+    assert (found is None) is not (known and beyond)
+    assert found is None or (not found.lost and found.reasons[0].startswith("board b moved by "))

@@ -156,7 +156,7 @@ class Terminal(io.StringIO):
 
 
 def wait_for(terminal: Terminal, text: str) -> None:
-    over = time.monotonic() + 10.0
+    over = time.monotonic() + 60.0
     while text not in terminal.getvalue():
         assert time.monotonic() < over, f"no {text!r} in {terminal.getvalue()!r}"
         time.sleep(0.005)

@@ -33,7 +33,7 @@ from cell.taskfile import read_task
 from driver.control import Control
 
 pytestmark = pytest.mark.xdist_group("execute")
-DEADLINE_S = 60.0
+DEADLINE_S = 300.0
 
 
 def _nothing() -> None:

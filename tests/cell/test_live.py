@@ -36,7 +36,7 @@ from driver.control import Control
 from looks_at_motion import looks
 
 UNIT = load_unit("crs93")
-SOON_S = 10.0
+SOON_S = 60.0
 
 
 def until(holds: Callable[[], bool]) -> None:

@@ -165,9 +165,14 @@ class FakeUnit:
 
 @pytest.fixture(autouse=True, scope="session")
 def patient() -> Iterator[None]:
-    """On ports of the host a unit is silent after this, not when the host is busy. Stepped time knows of no host."""
+    """On ports of the host a unit is silent, and its echo late, after this, not when the host is busy.
+
+    Stepped time knows of no host.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("driver.portlink.LEAST_WALL_S", 10.0)
+        patch.setattr("driver.feed.BUSY_HOST_S", 2.0)
+        patch.setattr("driver.absolute.BUSY_HOST_S", 1.0)
         yield
 
 
