@@ -1,8 +1,9 @@
 """The public client of these arms, ctu_crs 1.0.6 as it is published, drives the emulated unit.
 
 It waits without deadlines, so it runs in a process of its own that is ended if it takes too long. The 10 ms that it
-reads for an answer are widened, its one change: a busy host does not wake anybody so soon, and an answer that comes
-in two readings ends the client. That the unit answers in time is asked for in test_emulator_requirements.py.
+reads for an answer are widened to what it takes, its one change: a busy host does not wake anybody so soon, and an
+answer that comes in two readings, or two in one, ends the client. That the unit answers in time is asked for in
+test_emulator_requirements.py.
 """
 
 from __future__ import annotations
@@ -24,13 +25,23 @@ TIME_SCALE = 20.0
 LONGEST_S = 300.0
 
 SESSION = """
-import json, sys
+import json, sys, time
 import numpy as np
 import serial
-plain = serial.Serial.__init__
+plain, read, write = serial.Serial.__init__, serial.Serial.read, serial.Serial.write
 def patient(self, *arguments, **options):
+    self.asked = 0
     plain(self, *arguments, **{**options, "timeout": 0.1})
-serial.Serial.__init__ = patient
+def ask(self, data):
+    self.asked += data.count(b"?")
+    return write(self, data)
+def hear(self, size=1):
+    got, over = read(self, size), time.monotonic() + 30.0
+    while time.monotonic() < over and (got.count(b"=") < self.asked or not (got or b"\\n").endswith(b"\\n")):
+        got += read(self, size)
+    self.asked = 0
+    return got
+serial.Serial.__init__, serial.Serial.read, serial.Serial.write = patient, hear, ask
 from ctu_crs import CRS93, CRS97
 robot = {"crs93": CRS93, "crs97": CRS97}[sys.argv[1]](tty_dev=sys.argv[2])
 robot.initialize(home=sys.argv[3] == "home")

@@ -22,10 +22,12 @@ from driver.rest import bring_to_rest
 
 CHILD = """
 import sys
+import driver.interrupt
 from arm.unit import load_unit
 from driver.clock import Clock
 from driver.mars import Mars
 
+driver.interrupt.QUIET_S = 60.0  # a busy host may sleep between two signals
 unit = load_unit("crs93")
 with Mars(sys.argv[1], unit, Clock(4.0)) as mars:
     mars.identify()
@@ -62,7 +64,7 @@ def test_two_signals_close_together_stop_the_arm(homed: Emulator, pair: str, gap
         assert child.stdout is not None
         assert child.stdout.readline() == b"moving\n"
         begun = homed.counts()
-        over = time.monotonic() + 60.0
+        over = time.monotonic() + 300.0
         while homed.counts() == begun:
             assert time.monotonic() < over, "it never moved"
             time.sleep(0.01)
@@ -70,7 +72,7 @@ def test_two_signals_close_together_stop_the_arm(homed: Emulator, pair: str, gap
         for number in PAIRS[pair]:
             os.kill(child.pid, number)
             time.sleep(gap_s)
-        _, told = child.communicate(timeout=120.0)
+        _, told = child.communicate(timeout=300.0)
     finally:
         child.kill()
         child.wait()
