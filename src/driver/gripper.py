@@ -8,9 +8,11 @@ from arm.unit import GripperAxis
 from driver.link import Link, NoAnswer
 from driver.protocol import encode, parse_integer
 from driver.ready import wait_ready
+from driver.rest import ask_again
 
 GRIPPER_S = 10.0
-SAMPLE_S = 0.2  # two readings this far apart
+SAMPLE_S = 0.2  # two readings this far apart,
+REREAD_S = 0.02  # of jaws that are not told to move
 STILL_ADC = 50  # and less than this apart mean rest (vendor's toolbox)
 STALLED_FRACTION = 0.05  # of the stroke short of the target: something is between the jaws
 
@@ -31,8 +33,12 @@ class GripperResult:
 
 
 def read_jaws(link: Link, gripper: GripperAxis) -> float:
-    """Where the jaws are, 0 open to 1 closed."""
-    return gripper.fraction_closed(parse_integer(link.ask("AP", gripper.axis)))
+    """Where the jaws are, 0 open to 1 closed, at rest: by two readings that agree, for one may be damaged.
+
+    Raises:
+        NoAnswer: they do not rest.
+    """
+    return gripper.fraction_closed(_rest(link, gripper.axis, REREAD_S))
 
 
 def move_gripper(link: Link, gripper: GripperAxis, fraction_closed: float) -> GripperResult:
@@ -55,12 +61,12 @@ def move_gripper(link: Link, gripper: GripperAxis, fraction_closed: float) -> Gr
     )
 
 
-def _rest(link: Link, axis: str) -> int:
+def _rest(link: Link, axis: str, apart_s: float = SAMPLE_S) -> int:
     deadline = link.deadline(GRIPPER_S)
-    last = parse_integer(link.ask("AP", axis))
+    last = ask_again(link, "AP", parse_integer, axis)
     while link.clock.now() < deadline:
-        link.wait(SAMPLE_S)
-        now = parse_integer(link.ask("AP", axis))
+        link.wait(apart_s)
+        now = ask_again(link, "AP", parse_integer, axis)
         if abs(now - last) < STILL_ADC:
             return now
         last = now

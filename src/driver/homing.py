@@ -44,6 +44,8 @@ def _home_axes(link: Link, unit: Unit, group: Sequence[str]) -> tuple[str, ...]:
         link.send(encode("HH", axis=axis))
     wait_ready(link, f"axes {', '.join(group)}", HOMING_S, on_look=look)
     look()
+    if not _at_marks(unit, group, seen[-1]):
+        look()  # one answer may be damaged on the line
     _require_at_marks(unit, group, seen[-1])
     places = {axis: unit.axes.index(axis) for axis in group}
     return tuple(
@@ -51,6 +53,10 @@ def _home_axes(link: Link, unit: Unit, group: Sequence[str]) -> tuple[str, ...]:
         for axis, i in places.items()
         if all(abs(counts[i] - seen[0][i]) <= STILL_COUNTS for counts in seen)
     )
+
+
+def _at_marks(unit: Unit, axes: Sequence[str], counts: tuple[int, ...]) -> bool:
+    return all(abs(counts[unit.axes.index(axis)]) <= HOMING_TOLERANCE for axis in axes)
 
 
 def _require_at_marks(unit: Unit, axes: Sequence[str], counts: tuple[int, ...]) -> None:

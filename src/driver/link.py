@@ -16,6 +16,7 @@ from driver.protocol import STAMP_RANGE, Answer, encode, encode_query
 from driver.wirelog import WireLog
 
 TELLS = 3  # attempts
+ASKS = 2
 ASKED_AT_ONCE = 12  # queries before a stamp
 
 
@@ -102,9 +103,17 @@ class Link(PortLink):
         """
         found: dict[str, str | None] = dict.fromkeys(keys)
         for begin in range(0, len(keys), ASKED_AT_ONCE):
-            for key in keys[begin : begin + ASKED_AT_ONCE]:
-                self.send(f"{key}?")
-            self._stamp_round(ANSWER_S, found)
+            left = list(keys[begin : begin + ASKED_AT_ONCE])
+            for attempt in range(1, ASKS + 1):
+                for key in left:
+                    self.send(f"{key}?")
+                try:
+                    self._stamp_round(ANSWER_S, found)
+                    break
+                except NoAnswer:  # the stamp was lost on the line, and answers may be
+                    if attempt == ASKS:
+                        raise
+                left = [key for key in left if found[key] is None]
         return found
 
     def synchronise(self, timeout: float = ANSWER_S, attempts: int = 1) -> None:

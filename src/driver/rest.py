@@ -91,8 +91,8 @@ def read_status(link: Link) -> Status:
     Raises:
         NoAnswer, LinkLost, MalformedAnswer.
     """
-    status = _ask(link, "ST", parse_status)
-    return _ask(link, "ST", parse_status) if status.fault else status
+    status = ask_again(link, "ST", parse_status)
+    return ask_again(link, "ST", parse_status) if status.fault else status
 
 
 def read_position(link: Link, axes: int) -> Position:
@@ -103,7 +103,7 @@ def read_position(link: Link, axes: int) -> Position:
         ExecutionStopped: the unit was switched off and on: it knows of no group any more, or its clock was set anew.
     """
     try:
-        position = _ask(link, "COORDAP", lambda text: parse_position(text, axes))
+        position = ask_again(link, "COORDAP", lambda text: parse_position(text, axes))
     except NoAnswer:
         if all(link.ask_optional("COORDAP") is None for _ in range(2)):
             link.restarted = True
@@ -129,12 +129,17 @@ def refuse_restarted(link: Link, what: str) -> None:
         )
 
 
-def _ask(link: Link, name: str, parse: Callable[[str], _T]) -> _T:
+def ask_again(link: Link, name: str, parse: Callable[[str], _T], axis: str = "") -> _T:
+    """An answer; one that was damaged or lost on the line is asked for once more.
+
+    Raises:
+        NoAnswer, LinkLost, MalformedAnswer.
+    """
     try:
-        return parse(link.ask(name))
+        return parse(link.ask(name, axis))
     except (NoAnswer, MalformedAnswer):
         link.synchronise()  # a late answer to the first is then no longer on its way
-        return parse(link.ask(name))
+        return parse(link.ask(name, axis))
 
 
 def farthest(a: tuple[int, ...], b: tuple[int, ...]) -> int:

@@ -13,6 +13,7 @@ class UnitTime:
     def __init__(self) -> None:
         self._last: tuple[float, int] | None = None
         self._doubt: tuple[float, int] | None = None
+        self._sure = False  # two samples have agreed: the first of all may be damaged
 
     def jumped(self, now_s: float, time_ms: int, slack_s: float = SLACK_S) -> bool:
         """Whether a sample and the one before it both say that the unit's clock was set anew.
@@ -20,8 +21,9 @@ class UnitTime:
         One alone may have a digit changed by the line.
         """
         sample = (now_s, time_ms)
-        if self._last is None or _agree(self._last, sample, slack_s):
-            self._last, self._doubt = sample, None
+        agrees = self._last is not None and _agree(self._last, sample, slack_s)
+        if agrees or not self._sure:
+            self._last, self._doubt, self._sure = sample, None, agrees
             return False
         anew = self._doubt is not None and _agree(self._doubt, sample, slack_s)
         self._doubt = sample

@@ -26,6 +26,8 @@ def test_a_clock_that_goes_on_never_jumps_across_its_wrap_and_with_answers_that_
 @pytest.mark.parametrize("off_ms", [2500, 30_000, -2500, CLOCK_RANGE_MS // 2])
 def test_one_sample_with_a_digit_changed_is_no_restart_and_two_that_agree_are(off_ms: int) -> None:
     unit_time = UnitTime()
+    assert not unit_time.jumped(9.6, told(9.6, off_ms))  # the first of all is the damaged one
+    assert not unit_time.jumped(9.8, told(9.8))
     assert not unit_time.jumped(10.0, told(10.0))
     assert not unit_time.jumped(10.2, told(10.2, off_ms))
     assert not unit_time.jumped(10.4, told(10.4))
@@ -36,7 +38,8 @@ def test_one_sample_with_a_digit_changed_is_no_restart_and_two_that_agree_are(of
 
 def test_two_damaged_samples_that_do_not_agree_are_no_restart() -> None:
     unit_time = UnitTime()
-    unit_time.jumped(10.0, told(10.0))
+    assert not unit_time.jumped(9.8, told(9.8))
+    assert not unit_time.jumped(10.0, told(10.0))
     assert not unit_time.jumped(10.2, told(10.2, 9000))
     assert not unit_time.jumped(10.4, told(10.4, -20_000))
     assert not unit_time.jumped(10.6, told(10.6))
