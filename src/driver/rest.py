@@ -260,14 +260,16 @@ class _Stopping:
         before, at = self._before, self._at
         if at is None and len(self._of_axis) == len(self.axes) > 0:
             at = tuple(self._of_axis[axis] for axis in self.axes)
-        self._before = at  # a damaged look is nothing to compare with
+        self._before = before if at is None else at  # a damaged look is nothing to compare with
         self._alone = bool(self.axes) and self._at is None and self._fresh is not None
         self.counts = at if at is not None else self.counts
         quiet = self._fresh is not None and (not self._fresh.busy or self._fresh.fault)
-        still = not self.axes or (
-            at is not None and before is not None and farthest(before, at) <= STILL_COUNTS
-        )
-        self._still_looks = self._still_looks + 1 if quiet and still else 0
+        compared = not self.axes or (at is not None and before is not None)
+        still = at is None or before is None or farthest(before, at) <= STILL_COUNTS
+        if (self._fresh is not None and not quiet) or not still:
+            self._still_looks = 0  # a look of which something was lost tells nothing, and takes nothing away
+        elif quiet and compared:
+            self._still_looks += 1
         obeyed = self.link.echo.stops > 0 or not self.link.echoes
         return self._still_looks >= (1 if obeyed else UNECHOED_LOOKS)
 

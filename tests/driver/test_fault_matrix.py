@@ -42,3 +42,11 @@ def test_an_arm_off_its_path_is_measured(tmp_path: Path) -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_a_unit_that_was_switched_off_while_it_gripped_holds_nothing(tmp_path: Path, seed: int) -> None:
     assert run_case("unit switched off and on", "gripping", seed, tmp_path).seen == "stops"
+
+
+@pytest.mark.parametrize(("moment", "seed"), [("waiting", 1), ("idle", 1), ("streaming", 3), ("waiting", 4)])
+def test_where_no_stop_comes_back_the_arm_is_still_seen_to_stand(
+    tmp_path: Path, moment: str, seed: int
+) -> None:
+    """Three of ten lines come back garbled, some with the answer behind them."""
+    assert run_case("echo garbled", moment, seed, tmp_path).as_expected
