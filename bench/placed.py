@@ -140,6 +140,10 @@ def main() -> None:
         (FAULTS[i % 4], ("view", "edge")[i // 4 % 2], FIRST_SEED + 100_000 + i, options.alone)
         for i in range(options.unseated)
     ]
+    share = options.seated / max(
+        options.unseated, 1
+    )  # mixed, so that a run that is cut short has some of all
+    jobs.sort(key=lambda job: (job[2] - FIRST_SEED) % 100_000 * (1.0 if job[0] == "seated" else share))
     cases = []
     if options.lines is not None and options.lines.exists():
         cases = [json.loads(line) for line in options.lines.read_text().splitlines()]

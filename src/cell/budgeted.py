@@ -25,13 +25,25 @@ def budget_of(effort_s: float | None, give_up_s: float | None) -> SearchBudget |
         raise InputError(text, **error.data) from error
 
 
+def require_planning(plans: bool, effort_s: float | None, give_up_s: float | None) -> None:
+    """A budget goes with what plans.
+
+    Raises:
+        InputError: one was given where nothing is planned.
+    """
+    for option, value in (("--budget", effort_s), ("--give-up", give_up_s)):
+        if value is not None and not plans:
+            raise InputError(
+                f"{option} needs --resume: an execution as planned searches nothing", option=option
+            )
+
+
 @contextmanager
-def within(budget: SearchBudget | None) -> Iterator[None]:
+def spending(budget: SearchBudget | None) -> Iterator[None]:
     """All planning inside shares the budget.
 
     Raises:
-        ImpossibleError: it was spent, or Ctrl-C pressed, before anything was complete: nothing is to be written.
-        PlanningInterrupted: Ctrl-C was pressed, and there is a complete plan.
+        ImpossibleError: it was spent before anything was complete.
     """
     with allowed(budget):
         try:
@@ -43,6 +55,19 @@ def within(budget: SearchBudget | None) -> Iterator[None]:
                 budget_s=spent.allowed_s,
                 effort_s=spent.effort_s,
             ) from spent
+
+
+@contextmanager
+def within(budget: SearchBudget | None) -> Iterator[None]:
+    """All planning inside shares the budget.
+
+    Raises:
+        ImpossibleError: it was spent, or Ctrl-C pressed, before anything was complete: nothing is to be written.
+        PlanningInterrupted: Ctrl-C was pressed, and there is a complete plan.
+    """
+    with spending(budget):
+        try:
+            yield
         except PlanningInterrupted as stop:
             caught()
             if stop.plan is None:

@@ -88,6 +88,8 @@ def run(
         Path | None, typer.Option("-o", "--output", help="New folder of the run; default: runs/TASK-1, -2 ..")
     ] = None,
     advice: Advice = True,
+    budget: Budget = None,
+    give_up: GiveUp = None,
     unseen: Unseen = False,
     homed: Homed = False,
     free: Free = False,
@@ -99,6 +101,7 @@ def run(
     console = Console(as_json)
     with console.doing("beginning"):
         from cell.approval import Consent, require_a_port
+        from cell.budgeted import budget_of
         from cell.connection import WhichCell
         from cell.homed import before_homing
         from cell.run import run_task
@@ -106,10 +109,11 @@ def run(
     require_a_port("--unseen", unseen, port)
     require_a_port("--homed", homed, port)
     require_a_port("--free", free, port)
+    allowed = budget_of(budget, give_up)
     confirm = None if port is None else before_homing(Consent(unseen, console), port, homed, free, console)
     where = WhichCell(port, world, images, camera, speed, time_scale, homed, preload)
     with _watched(console, live, live_port) as watcher:
-        _finish(console, run_task(task, console, where, output, advice, confirm, watcher))
+        _finish(console, run_task(task, console, where, output, advice, confirm, watcher, allowed))
 
 
 @app.command(
@@ -309,6 +313,8 @@ def execute(
     resume: Annotated[
         bool, typer.Option("--resume", help="After a stop: plan what is left anew, from where the arm is.")
     ] = False,
+    budget: Budget = None,
+    give_up: GiveUp = None,
     time_scale: TimeScale = None,
     yes: Annotated[
         str | None,
@@ -326,10 +332,12 @@ def execute(
     console = Console(as_json)
     with console.doing("beginning"):
         from cell.approval import Approval, require_a_port
+        from cell.budgeted import budget_of, require_planning
         from cell.connection import WhichCell
         from cell.homed import before_homing
         from cell.run import execute_plan, resume_plan
 
+    require_planning(resume, budget, give_up)
     require_a_port("--yes", yes is not None, port)
     require_a_port("--homed", homed, port)
     require_a_port("--free", free, port)
@@ -339,8 +347,12 @@ def execute(
         confirm = before_homing(approval, port, homed or resume, free, console)
     where = WhichCell(port, world, images, camera, speed, time_scale, homed, preload)
     with _watched(console, live, live_port) as watcher:
-        do = resume_plan if resume else execute_plan
-        _finish(console, do(plan, task, console, where, None, confirm, watcher))
+        if resume:
+            allowed = budget_of(budget, give_up)
+            result = resume_plan(plan, task, console, where, None, confirm, watcher, allowed)
+        else:
+            result = execute_plan(plan, task, console, where, None, confirm, watcher)
+        _finish(console, result)
 
 
 def _watched(console: Console, live: bool, port: int | None) -> AbstractContextManager[Watcher | None]:

@@ -11,6 +11,7 @@ import cv2
 from arm.board import Board
 from arm.errors import ImpossibleError, InputError
 from arm.files import write_atomic
+from cell.cellfile import Cell
 from cell.console import Console
 from cell.lookfile import Seen, SeenBoard
 from cell.taskfile import Task
@@ -59,8 +60,7 @@ def look_and_save(
         raise
     if picture is not None:
         write_png(picture, annotated(images[0], cell.camera, found))
-    cube = CubeWidth(cell.cube_size, cell.cube_tolerance / 2.0)
-    sight = Sight(images, cell.camera, cube, cell.boards[0].pocket)
+    sight = Sight(images, cell.camera, nominal_width(cell), cell.boards[0].pocket)
     seen = replace(seen_of(found, cell.boards), sight=sight)
     boards = ", ".join(
         f"{b.name} ({len(b.holes('cube'))} cubes, {b.pose.residual_px:.3f} px)" for b in seen.boards
@@ -71,6 +71,11 @@ def look_and_save(
             console.say(f"hole {board.name}/{hole + 1} is unsure: {board.doubts[hole]}")
     _complain(images[0], found.frames[0], console)
     return seen
+
+
+def nominal_width(cell: Cell) -> CubeWidth:
+    """Of a cube that nobody has measured: the cell file's, within its tolerance (two standard deviations)."""
+    return CubeWidth(cell.cube_size, cell.cube_tolerance / 2.0)
 
 
 def _complain(image: Image, markers: Sequence[Marker], console: Console) -> None:

@@ -136,6 +136,10 @@ def next_commands(folder: Path, unit: str) -> list[tuple[str, str]]:
             f"a465 preview {at('plan.json')} {task} -o {at('plan.html')}",
         ),
         ("slowly first", f"a465 execute {at('plan.json')} {task} {port} {camera} --speed 0.1"),
+        (
+            "again, while the unit stays switched on: nothing is homed among the boards",
+            f"a465 execute {at('plan.json')} {task} {port} {camera} --speed 0.1 --homed",
+        ),
         ("all of it in one, every look included", f"a465 run {task} {port} {camera} --speed 0.1"),
     ]
 

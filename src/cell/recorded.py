@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from arm.files import canonical_json, keep_apart, write_atomic
 from arm.poses import BoardPose, hole_poses
 from arm.se3 import Array
+from cell.cellfile import MADE_WITHIN_MM
 from cell.console import Console
 from cell.lookfile import member_words, pose_to_json
 from cell.taskfile import read_task
@@ -27,12 +29,15 @@ def detections_step(
     """
     keep_apart(output, file, task_file)
     recorded = read_detections(file)
-    camera, limits = recorded.camera, BoardLimits()
+    camera, limits, board = recorded.camera, BoardLimits(), recorded.board
     tilts: tuple[float, ...] = ()
+    tolerance = MADE_WITHIN_MM / 1e3
     if task_file is not None:
         cell = read_task(task_file).cell
         camera, limits, tilts = camera.at(cell.camera.T_base_camera), cell.board_limits, cell.tilts
-    seen = [assess_board(recorded.board, frames, camera, limits, tilts) for frames in recorded.scenes]
+        tolerance = cell.boards[0].tolerance
+    board = replace(board, tolerance=tolerance)
+    seen = [assess_board(board, frames, camera, limits, tilts) for frames in recorded.scenes]
     result = {"scenes": [{"boards": [_to_json(recorded.board.name, s, camera.T_base_camera)]} for s in seen]}
     if output is not None:
         write_atomic(output, canonical_json(result) + "\n")

@@ -273,7 +273,10 @@ def _take_stock(run: TaskRun, plan: Plan, seen: Seen) -> None:
     for transfer in plan.task["cubes"]:
         if seen.state(transfer["from"]) != "empty":
             continue
-        state, sits = seen.state(transfer["to"]), seated(task, seen, transfer["to"])
+        state, sits = (
+            seen.state(transfer["to"]),
+            seated(task, seen, transfer["to"], run.widths.get(transfer["cube"])),
+        )
         if state not in (None, "cube") or (state == "cube" and sits.state == "off"):
             why = sits.reason if state == "cube" else f"that hole looks {state}"
             raise ExecutionStopped(

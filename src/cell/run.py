@@ -13,7 +13,9 @@ from arm.planfile import Plan, read_plan
 from cell.checking import replayed, require_match, require_scene, require_start_at
 from cell.connection import WhichCell, open_cell
 from cell.console import Console, OutputLost
+from cell.cubewidths import read_widths
 from cell.keyboard import HELP, hint, keyboard
+from cell.looking import nominal_width
 from cell.resume import resume
 from cell.runfolder import LOG, run_folder
 from cell.runreport import report_of
@@ -24,6 +26,7 @@ from cell.watcher import Watcher
 from driver.control import Control
 from driver.interrupt import caught, interruptible
 from driver.mars import Mars
+from plan.budget import SearchBudget
 
 SIMULATED = WhichCell()
 Confirm = Callable[[TaskRun], None]
@@ -38,6 +41,7 @@ def run_task(
     advice: bool = False,
     confirm: Confirm | None = None,
     watcher: Watcher | None = None,
+    budget: SearchBudget | None = None,
 ) -> dict[str, Any]:
     """Do a whole task; its report as JSON types.
 
@@ -49,6 +53,7 @@ def run_task(
         advice: a refusal to plan says what would help.
         confirm: see `opened`; a real arm has one (`cell.approval`).
         watcher: follows the run.
+        budget: of each search for a plan.
 
     Raises:
         InputError: a file, value or port is wrong.
@@ -59,7 +64,7 @@ def run_task(
     task = read_task(task_file)
     speed = planning_speed(task.cell, where.speed)
     with opened(task, console, where, speed, folder, Control(), confirm, watcher) as run:
-        run.advice = advice
+        run.advice, run.budget = advice, budget
         before = run.try_look("before anything moves")
         if before is not None and not run.foresee(before):
             return run.report()
@@ -137,6 +142,7 @@ def resume_plan(
     folder: Path | None = None,
     confirm: ConfirmPlan | None = None,
     watcher: Watcher | None = None,
+    budget: SearchBudget | None = None,
 ) -> dict[str, Any]:
     """Go on after a stop, from where the arm is: what the plan was to do and is not done is planned anew.
 
@@ -156,7 +162,8 @@ def resume_plan(
             file=str(plan_file),
         )
     with opened(task, console, where, plan.speed, folder, control, _of_plan(confirm, plan), watcher) as run:
-        run.followed = plan_file
+        run.followed, run.budget = plan_file, budget
+        run.widths = read_widths(plan_file.parent, nominal_width(task.cell))
         resume(run, plan)
         return run.require_confirmed()
 

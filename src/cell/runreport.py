@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from arm.errors import A465Error
 from arm.files import write_atomic
+from cell.armshape import arm_shape
 from cell.runpage import run_page
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ def run_report(run: TaskRun) -> dict[str, Any]:
         "speed": run.speed,
         "override": run.control.ceiling,
         "time_scale": run.connection.time_scale,
+        "arm_shape": arm_shape(run.task.cell),
         "simulated": run.connection.simulated is not None,
         "remarks": run.remarks,
         "folder": str(run.folder),

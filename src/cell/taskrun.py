@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import datetime
+from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -15,9 +16,11 @@ import numpy as np
 from arm.errors import ExecutionStopped, InputError
 from arm.planfile import GripperStep, Plan, Step, write_plan
 from arm.se3 import Array, frozen
-from cell.confirming import LetGo, require_confirmed, unseen_places
+from cell.budgeted import spending
+from cell.confirming import LetGo, require_confirmed, unseen_places, width_at
 from cell.connection import Connection
 from cell.console import Console
+from cell.cubewidths import width_kept
 from cell.explaining import explained
 from cell.holding import Held, grip_of
 from cell.homed import take_into_use
@@ -37,6 +40,8 @@ from driver.control import Control
 from driver.execute import StepResult, execute
 from driver.preload import refuse_preload
 from driver.progress import Progress, StreamOptions
+from plan.budget import SearchBudget
+from vision.seated import CubeWidth
 
 
 class TaskRun:
@@ -88,6 +93,8 @@ class TaskRun:
         self.homed_before = False  # and stays so: nothing is homed
         self.preload = False  # motions are verified before they begin
         self.after_homing: Callable[[], None] = lambda: None
+        self.budget: SearchBudget | None = None  # of each search for a plan
+        self.widths: dict[str, CubeWidth] = {}  # of cubes that were in the jaws at a stop, as measured before
         self.advice = False  # whether a refusal to plan is followed by advice
         self._looks = count(1)
         self._let_go = LetGo(task)
@@ -158,7 +165,7 @@ class TaskRun:
         self.check_reach(seen)
         q_start = self.task.cell.q_start
         explaining = explained(self.task, seen, q_start, self.speed, self.advice, every_hole=True)
-        with self.console.doing("planning"), explaining:
+        with self.console.doing("planning"), explaining, spending(self.budget):
             plan = plan_rest(self.task, seen, q_start, self.speed, {}, {})
         if plan is None:
             self.console.step(f"board {self.task.from_board.name} holds no cube: nothing to do")
@@ -198,7 +205,7 @@ class TaskRun:
     def _plan_rest(self, seen: Seen) -> Plan | None:
         q_now, rest = self.q_now(), (self.done, self.on_table, self.given_up)
         explaining = explained(self.task, seen, q_now, self.speed, self.advice, *rest)
-        with self.console.doing("planning"), explaining:
+        with self.console.doing("planning"), explaining, spending(self.budget):
             plan = plan_rest(self.task, seen, q_now, self.speed, *rest)
         if plan is None:
             return None
@@ -244,7 +251,8 @@ class TaskRun:
             why_not = grip_of(self.task.cell).why_not(self.task.cell.gripper.width(held.fraction_closed))
             if why_not:
                 return self._missed(visit, row, seen, why_not), True
-            self._carry(visit.carry, transfer["cube"], held.fraction_closed)
+            with width_kept(self.folder, transfer["cube"], partial(self._width, transfer, seen)):
+                self._carry(visit.carry, transfer["cube"], held.fraction_closed)
             row.add_motion((*visit.carry, *visit.leave))
             self._put_down(transfer, row, seen)
             seen, behind = seen.with_moves({transfer["cube"]: transfer["to"]}), visit.leave
@@ -284,6 +292,13 @@ class TaskRun:
             raise
         finally:
             self.held = None
+
+    def _width(self, transfer: dict[str, Any], seen: Seen) -> CubeWidth | None:
+        """Of a cube, by the last look at its source; None where that does not tell it."""
+        known = self.widths.get(transfer["cube"])
+        if known is None and transfer["from"] not in seen.moved_since:
+            known = width_at(self.task, seen, transfer["from"])
+        return known
 
     def _missed(self, visit: Visit, row: CubeRow, seen: Seen, why: str) -> Seen:
         """The jaws hold no cube: open them where they are, back out the way they came, go to q_start, look."""
@@ -328,7 +343,7 @@ class TaskRun:
 
     def _put_down(self, transfer: dict[str, Any], row: CubeRow, seen: Seen) -> None:
         """A cube was let go; `seen` is the last look before. Whether it is where it should be, the next one tells."""
-        self._let_go.add(row, seen)
+        self._let_go.add(row, seen, self.widths.get(transfer["cube"]))
         self.done[transfer["cube"]] = transfer["to"]
         if self.task.places is not None:
             self.on_table[cube_name(transfer["to"])] = T_base_cube_on_table(self.task, transfer["to"])
@@ -347,7 +362,8 @@ class TaskRun:
         seen: Seen,
     ) -> None:
         """Execute steps that begin with a cube in the jaws, closed by `grip`, and those away from where it was put."""
-        self._carry(carry, transfer["cube"], grip)
+        with width_kept(self.folder, transfer["cube"], partial(self._width, transfer, seen)):
+            self._carry(carry, transfer["cube"], grip)
         row.add_motion((*carry, *leave))
         self._put_down(transfer, row, seen)
         self.execute(leave)

@@ -19,7 +19,7 @@ from arm.se3 import Array, frozen
 from arm.unit import Limits, Unit
 from plan.backout import BESIDE
 from plan.line import Line, follow_line
-from plan.margin import MARGIN
+from plan.margin import searched_clearance
 from plan.motion import Grip, Leg, Mover, Phase
 from plan.options import PlanOptions
 from plan.reach import LineChoice
@@ -114,7 +114,6 @@ class _Carry:
         self.planner, self.scene, self.held, self.target, self.home = planner, scene, held, target, home
         self.options, self.unit, self.robot = planner.options, planner.unit, scene.robot_open
         self.mover = Mover(self.robot, planner.unit, planner.planned, planner.sent, planner.options)
-        self.clearance = planner.options.clearance + MARGIN
         self.failures: list[ImpossibleError] = []
 
     def world(self, touching: frozenset[str] = frozenset()) -> World:
@@ -129,7 +128,7 @@ class _Carry:
     def ways_out(self) -> list[tuple[tuple[Phase, Grip] | None, Array]]:
         """Lines out of where the cube is, and where they end; where it is free it needs none."""
         at = self.planner.q_start
-        if not self.world().in_collision(at, self.clearance):
+        if not self.world().in_collision(at, self.options.clearance):
             return [(None, at)]
         found: list[tuple[tuple[Phase, Grip] | None, Array]] = []
         touches, name = self.held.touches, self.held.cube
@@ -153,8 +152,9 @@ class _Carry:
 
     def across(self, world: World, q_from: Array, q_to: Array) -> Array:
         options = self.options
+        clearance = searched_clearance(world, (q_from, q_to), options.clearance)
         return plan_transit(
-            world, q_from, q_to, self.planner.planned, self.clearance, options.seed, options.transit
+            world, q_from, q_to, self.planner.planned, clearance, options.seed, options.transit
         )
 
     def steps(

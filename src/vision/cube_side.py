@@ -27,8 +27,6 @@ STEP = 0.1e-3  # m, between its samples
 ACROSS: Array = frozen(np.arange(-round(SPAN / STEP), round(SPAN / STEP) + 1) * STEP)
 STRAIGHT = 1.2e-3  # m, of a wall beside its corner, that tells how it goes on
 LEAST_STRAIGHT = 5  # samples
-BUMP, BUMPS = 0.2e-3, np.linspace(-1.25e-3, 1.25e-3, 11)  # m
-UNLIKE_GREY, UNLIKE_SHARE = 0.25, 0.004  # of the model, in grey levels and of the grey
 NOWHERE = 4.0 * SPAN  # m: a side that is not in the window
 PEAK = float(np.sqrt(2.0 * np.pi))  # a step's slope is its height / (blur PEAK)
 
@@ -195,8 +193,7 @@ def evidence(
     mean, own, shared = _columns(side, at, places, blur)
     left = (side.grey - mean) @ side.white.T
     A = side.white @ own
-    unlike = np.broadcast_to(side.white @ _unlike(side), (*places.shape, len(ACROSS), len(BUMPS)))
-    X = np.concatenate([side.white @ shared, unlike, left[..., None]], axis=-1)
+    X = np.concatenate([side.white @ shared, left[..., None]], axis=-1)
     At = np.swapaxes(A, -1, -2)
     M, R = At @ A + np.eye(A.shape[-1]), At @ X
     G = np.swapaxes(X, -1, -2) @ X - np.swapaxes(R, -1, -2) @ np.linalg.solve(M, R)
@@ -205,13 +202,6 @@ def evidence(
     chi2 = G[:, -1, -1] - (v * np.linalg.solve(K, v)).sum(axis=(-1, -2))
     sizes = np.linalg.slogdet(M)[1][:, pieces].sum(axis=1) + np.linalg.slogdet(K)[1]
     return np.asarray(-0.5 * (chi2 + sizes)), np.asarray(chi2 / (pieces.sum() * len(ACROSS)))
-
-
-def _unlike(side: Side) -> Array:
-    """Columns of what no model is like: a little smooth grey that all pieces share, (n, bumps)."""
-    usual = np.median(side.grey, axis=0)
-    level = UNLIKE_GREY + UNLIKE_SHARE * usual
-    return np.asarray(level[:, None] * np.exp(-0.5 * ((ACROSS[:, None] - BUMPS) / BUMP) ** 2))
 
 
 def _columns(side: Side, at: Beside, places: Array, blur: float) -> tuple[Array, Array, Array]:

@@ -45,6 +45,7 @@ ACCIDENT = 12.0  # log likelihood: so unlikely is a piece at most
 STRAY = 8.0  # log likelihood: a piece that disagrees more with the others is left out
 LEAST_PIECES = 5
 FLOOR_PX = 0.04  # of a side's place: what no repetition shows
+UNLIKE = 1.5  # squared deviations of a sample: no picture is quite like the model
 FAINT = 60.0  # log likelihood: so unlikely is a place at most
 WIDE_FACE, BEFORE_FOOT, SOFT = (
     1.0e-3,
@@ -220,7 +221,7 @@ def _search(
         none = evidence(side, at, nowhere, blur, good)[0].max()
         peaks, top = likely(log, side.foot)
         shown.append(float(log[top] - none) if _step(side, float(PLACES[top])) >= LEAST_STEP else 0.0)
-        of_sides.append(peaks / max(1.0, float(left[top])))
+        of_sides.append(peaks / max(UNLIKE, float(left[top])))
     return CubeTop(
         frozen([_softened(one, FLOOR_PX / scale) for one in of_sides]),
         frozen(shown),

@@ -214,9 +214,10 @@ def test_the_next_commands_are_told_in_order_and_exist(tmp_path: Path) -> None:
     words = [shlex.split(line)[1:] for line in lines]
     assert [w[0] if w[0] != "calibrate" else w[1] for w in words] == [
         "run", "check", "hand-eye", "doctor", "camera", "hand-eye", "look", "plan", "preview", "execute",
-        "run",
+        "execute", "run",
     ]  # fmt: skip
-    assert ["--port" in w for w in words] == [False] * 3 + [True, False, True] + [False] * 3 + [True] * 2
+    assert ["--port" in w for w in words] == [False] * 3 + [True, False, True] + [False] * 3 + [True] * 3
+    assert ["--homed" in w for w in words] == [False] * 10 + [True, False]
     for arguments in words:
         _parse(typer.main.get_command(app), arguments)
         files = [

@@ -17,14 +17,17 @@ from arm.planfile import Move, read_plan
 from arm.se3 import inverse
 from cell.connection import WhichCell
 from cell.console import Console
+from cell.cubewidths import FILE, read_widths
 from cell.lookfile import Seen
 from cell.resume import _back_out_of, _carried_near, _known, _on_table, _station, carried_by, resume
 from cell.run import execute_plan, resume_plan
 from cell.scenery import cube_name
 from lasting_cell import LastingCell
 from plan.scene import scene_from_json
+from vision.seated import CubeWidth
 
 pytestmark = pytest.mark.xdist_group("resume")
+NOMINAL = CubeWidth(0.040, 5e-5)
 
 
 @pytest.fixture
@@ -63,6 +66,11 @@ def test_stopped_again_and_again_the_task_is_finished(
     assert len(at.held()) == 1
     at.stopped(resume, "approach 03-04", 0.7)  # half in its new hole
     assert len(at.held()) == 1
+    for folder in ("resumed-1", "resumed-2", "resumed-3"):  # measured once, handed on from stop to stop
+        (width,) = read_widths(at.folder / folder, NOMINAL).values()
+        assert width.value == pytest.approx(0.040, abs=4e-5)
+        assert width.std < 0.7 * NOMINAL.std  # of small photographs
+    assert not (at.folder / "first" / FILE).exists()  # no cube was in the jaws
     report = resume()
     said = capsys.readouterr().out
     assert said.count("it backs out along the jaws first") == 1
@@ -85,7 +93,7 @@ def test_stopped_again_and_again_the_task_is_finished(
     assert all(
         m.certified
         for p in at.folder.glob("resumed-*/*.json")
-        if p.name != "report.json"
+        if p.name not in ("report.json", FILE)
         for m in read_plan(p).moves
     )
 

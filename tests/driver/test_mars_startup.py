@@ -218,3 +218,15 @@ def test_where_the_arm_is_cannot_be_asked_before_the_group_is_formed(
             with pytest.raises(InputError, match=r"position: initialise\(\) comes first"):
                 ask()
         assert fake.lines == []
+
+
+@pytest.mark.parametrize("text", ["840", "-840", " 1001 "])
+def test_any_whole_number_but_nought_is_a_gripper(unit: Unit, text: str) -> None:
+    own = unit.gripper.axis
+    (other,) = {"G", "H"} - {own}
+    for nothing in ("0", "-0", None, "FAIL!", ""):
+        with pytest.raises(InputError, match="this is another arm"):
+            refuse_another(unit, {own: nothing, other: text})
+        refuse_another(unit, {own: text, other: nothing})
+        refuse_another(unit, {own: nothing, other: nothing})
+    refuse_another(unit, {own: text, other: text})

@@ -105,7 +105,8 @@ def _top(
 
 def test_each_rule_refuses_alone() -> None:
     assert seating(_top(), NOMINAL).state == "seated"
-    assert "turned" in seating(_top(turn=np.radians(3.2)), NOMINAL).reason
+    for turn in (-3.2, 3.2):
+        assert "turned" in seating(_top(turn=np.radians(turn)), NOMINAL).reason
     assert "aside" in seating(_top(out=(-1.1e-3, 0.0, 1.1e-3, 0.0)), NOMINAL).reason
     assert "square" in seating(_top(twist=20.0), NOMINAL).reason
     assert "do not show" in seating(_top(shown=np.array([1e3, 5.0, 1e3, 5.0])), NOMINAL).reason
@@ -157,6 +158,7 @@ def test_the_height_of_a_wider_cube_is_that_of_a_seated_one() -> None:
 def test_a_width_is_told_only_by_what_sits_and_shows() -> None:
     assert width_of(None, NOMINAL) is None
     assert width_of(_top(turn=np.radians(3.2)), NOMINAL) is None
+    assert width_of(_top(turn=np.radians(-3.2)), NOMINAL) is None
     assert width_of(_top(twist=20.0), NOMINAL) is None
     assert width_of(_top(shown=np.zeros(4)), NOMINAL) is None
     assert width_of(_top(out=(-1.1e-3, 0.0, 1.1e-3, 0.0)), NOMINAL) is None
