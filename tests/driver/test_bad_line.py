@@ -74,6 +74,18 @@ def test_a_damaged_segment_never_begins(
     assert off_deg < OFF_DEG
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_damaged_dwell_stops_the_arm_on_its_path(unit: Unit, clock: SteppedClock, kind: Any) -> None:
+    """What follows begins too early; it is sound, so the arm is on its path until it stands."""
+    damage = Damage(kind, 1, seed=5, what=re.compile(rb"COORDSPLINET:\d+,3(,0){4}"))
+    error, off_deg, _ = streamed(unit, clock, there=damage)
+    assert damage.at_s is not None
+    assert error is not None
+    assert error.data["reason"] == "line"
+    assert error.data["state"]["at_rest"]
+    assert off_deg < OFF_DEG
+
+
 def test_the_message_shows_what_was_sent_what_came_back_and_the_column(
     unit: Unit, clock: SteppedClock
 ) -> None:
