@@ -43,6 +43,7 @@ SAFETY = {
     "driver": (
         *("rest", "link", "stream", "mars", "hold", "homing", "gripper", "startup", "refusals", "ready"),
         *("portlink", "echo", "feed", "lookahead", "pathwatch", "manners", "unittime", "identity"),
+        *("looks", "running", "preload", "registers", "absolute"),
     ),
     "plan": ("check", "pieces", "volumes", "replay", "barrier", "world", "segments"),
     "cell": (

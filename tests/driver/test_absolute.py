@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,11 @@ import pytest
 
 from arm.errors import ExecutionStopped
 from arm.unit import Unit
+from driver.absolute import send_verified
 from driver.emulator import Emulator, EmulatorOptions
+from driver.lookahead import ANSWERS_BYTES, JITTER_S, MARGIN_S
 from driver.mars import Mars
+from driver.protocol import BYTES_PER_SECOND
 from driver.stepped import SteppedClock
 
 TARGET = (-20000, 1500, 8000, 9000, 7000, -9000)
@@ -100,3 +104,33 @@ def test_the_first_move_after_a_stop_goes_slowly_to_where_the_arm_stands(
         assert spoilt
         off_deg = np.abs(np.degrees(unit.positions(emulator.counts()) - unit.positions(np.zeros(6))))
     assert float(off_deg.max()) < 1.0
+
+
+@pytest.mark.parametrize(("trip_s", "axes"), [(0.0, 6), (0.05, 6), (0.3, 6)])
+def test_the_dwell_is_as_long_as_both_echoes_and_a_stop_take_and_no_longer(trip_s: float, axes: int) -> None:
+    """Both lines and their echoes at the line's speed, a look's answers beside each, two round trips, and lateness."""
+    sent: list[str] = []
+    link: Any = SimpleNamespace(
+        trip_s=trip_s,
+        stop_delivery_s=0.03 + trip_s / 2.0,
+        clock=SteppedClock(),
+        line_free_at=0.0,
+        echo=SimpleNamespace(verified=9),
+        send=lambda line: sent.append(line) or len(sent),
+    )
+    line = "COORDMV:" + ",".join(["1000"] * axes)
+    send_verified(link, axes, line)
+    assert sent[1] == line
+    dwell, size = (
+        len(sent[0]),
+        len(line) + 1,
+    )  # a digit of the dwell's length may be less than is reckoned with
+    waits = max(dwell + 1 - trip_s * BYTES_PER_SECOND, 0.0)
+    on_the_line = (
+        dwell + 1 + waits + size + size + max(size - trip_s * BYTES_PER_SECOND, 0.0)
+    ) / BYTES_PER_SECOND
+    least_s = (
+        on_the_line + 2.0 * (trip_s + ANSWERS_BYTES / BYTES_PER_SECOND) + link.stop_delivery_s + MARGIN_S
+    )
+    dwell_s = int(sent[0].split(":")[1].split(",")[0]) / 1e3
+    assert least_s + 2.0 * JITTER_S <= dwell_s <= least_s + 2.0 * JITTER_S + 2e-3

@@ -53,3 +53,7 @@ def test_the_next_look_comes_after_the_answer_or_when_that_is_lost() -> None:
     assert looks.take(BUSY)[0] == Look(3, 1, 7.0)
     assert looks.next_at(0.2, 0.5, at_once=False) == 7.2
     assert looks.next_at(0.2, 0.5, at_once=True) == 7.0
+
+
+def test_a_status_that_nobody_asked_for_belongs_to_no_look() -> None:
+    assert Looks().take(BUSY) == (Look(0, 0, 0.0), BUSY)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,11 @@ from arm.unit import Unit
 from count_paths import off_path_deg, quintic
 from driver.control import Control
 from driver.emulator import Emulator, EmulatorOptions
+from driver.link import LineDamaged
 from driver.mars import Mars
-from driver.preload import PRELOADS
+from driver.preload import PRELOADS, preloaded
 from driver.progress import Sent, StreamOptions
+from driver.rest import RestState
 from driver.stepped import SteppedClock
 from driver.stream import stream
 from line_damage import KINDS, SEGMENT, Damage
@@ -193,3 +196,37 @@ def test_a_host_that_sleeps_while_it_loads_begins_again(unit: Unit, clock: Stepp
     assert len([t for t in loaded.told if "loaded in time" in t]) == 1
     assert max(loaded.segments_s) < loaded.moves_s
     assert loaded.off_deg < OFF_DEG
+
+
+@pytest.mark.parametrize(
+    ("at_rest", "counts", "again"),
+    [(True, 0, True), (True, 25, True), (True, 26, False), (False, 0, False), (True, None, False)],
+)
+def test_a_motion_is_sent_again_only_by_an_arm_that_stands_where_it_stood(
+    at_rest: bool, counts: int | None, again: bool
+) -> None:
+    tried: list[float] = []
+
+    def begin(slower: float) -> Any:
+        tried.append(slower)
+        return SimpleNamespace(at_once=(1, 1), stands=True, run=run)
+
+    def run() -> str:
+        if len(tried) == 1:
+            raise LineDamaged("damaged", reason="line")
+        return "sent"
+
+    path = quintic((0,) * 6, 4)
+    there = None if counts is None else (path.start[0] + counts, *path.start[1:])
+    mars: Any = SimpleNamespace(
+        stop=lambda: RestState(at_rest, there, None),
+        unit=SimpleNamespace(rest_tolerance=25),
+        note=lambda *_, **__: None,
+        anchor=lambda start: None,
+    )
+    if again:
+        assert preloaded(mars, begin, path, Control()) == "sent"
+        return
+    with pytest.raises(LineDamaged, match="damaged"):
+        preloaded(mars, begin, path, Control())
+    assert len(tried) == 1

@@ -83,3 +83,12 @@ def test_no_scale_is_learnt_from_samples_that_do_not_agree(samples: tuple[tuple[
     for _ in range(3):
         scale.begin()
     assert not scale.to_learn  # long dwells cost time: no further attempts
+
+
+def test_the_scale_is_that_of_the_whole_time_that_was_seen() -> None:
+    """The two halves of it may differ by what a sample comes late."""
+    scale = ParameterScale()
+    scale.begin()
+    for ms, parameter in ((0, 0), (100, 2040), (200, 4000)):
+        scale.stands(sample(ms, parameter), 500)
+    assert scale.full == pytest.approx(4000 / 200 * 500)
