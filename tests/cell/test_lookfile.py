@@ -139,6 +139,10 @@ def test_moves_change_what_is_expected_and_differences_are_told(task: Task) -> N
     assert after.state("01-02/4") == "cube"
     assert after.state("05-06/1") is None
     assert after.state("table/1") is None
+    assert seen.moved_since == frozenset()
+    assert after.moved_since == {"01-02/1", "03-04/2"}  # the photographs show these as they were before
+    again = after.with_moves({"cube 01-02/3": "03-04/4"})
+    assert again.moved_since == {"01-02/1", "03-04/2", "01-02/3", "03-04/4"}
     assert after.changed(seen) == ["hole 01-02/1 looks empty, not cube", "hole 03-04/2 looks cube, not empty"]
     assert seen.changed(seen) == []
     unsure = seen.with_moves({})
