@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm.errors import ImpossibleError
+from arm.errors import ImpossibleError, InputError
 from arm.planfile import read_plan
 from arm.se3 import rot_x, transform
-from cell.budgeted import budget_of, within
+from cell.budgeted import budget_of, require_planning, within
+from cell.console import Console
+from cell.run import run_task
 from command_line import a465
 from plan import sequence
 from plan.budget import BudgetSpent, SearchBudget
@@ -109,3 +111,21 @@ def test_a_spent_budget_anywhere_inside_is_a_refusal() -> None:
         raise BudgetSpent("effort", 2.0, 2.0)
     assert budget_of(None, None) is None
     assert budget_of(2.0, None) == SearchBudget(2.0)
+
+
+@pytest.mark.parametrize("option", ["--budget", "--give-up"])
+def test_a_budget_goes_with_what_plans(option: str) -> None:
+    given = (1.0, None) if option == "--budget" else (None, 1.0)
+    require_planning(True, *given)
+    require_planning(False, None, None)
+    with pytest.raises(InputError, match=f"{option} needs --resume"):
+        require_planning(False, *given)
+
+
+def test_a_run_whose_budget_is_spent_is_refused_before_anything_moves(tmp_path: Path) -> None:
+    scenes = small_scenes(tmp_path)
+    with pytest.raises(ImpossibleError, match=r"budget of 0\.001 s of effort is spent") as refused:
+        run_task(
+            scenes / "task2.toml", Console(as_json=True), folder=tmp_path / "run", budget=SearchBudget(0.001)
+        )
+    assert refused.value.exit_code == 3
