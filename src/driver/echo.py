@@ -6,7 +6,8 @@ lines as they are received; it has no clock and no port of its own.
 
 Lines that are sent have no ``=`` and no ``!``; sound answers have one. So where the unit mixes nothing, each received
 line is one or the other. What is neither is judged by what comes next: the echo that was awaited (then an answer was
-damaged), or a later one (then the awaited one was).
+damaged), or a later one (then the awaited one was). But a command that was never sent means that the unit has received
+one: that stops at once, whatever comes next.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ _RESEMBLANCE = 0.6  # of a line, at its two ends: the rest was damaged
 _FEWEST = 6  # characters that tell that a line was cut; answers share the first five, COORD
 _REGISTERS = re.compile(r"REG[A-Z0-9]*|ANAXSETUP[A-H]|IDLEREL|COORDGRP|COORDDISCONT")
 _QUERIES = re.compile(r"STAMP|ECHO|R[A-H]?|STOP|PURGE")
+_COMMAND = re.compile(r"[A-Z][A-Z0-9]*:|.*COORD[A-Z0-9]+:", re.DOTALL)  # begins like one, or ends in one
 _ANSWER_HEAD = re.compile(r"(?:[A-Z][A-Z0-9]*=|R[A-H]?!|FAIL!)[^:?]*")
 
 
@@ -57,13 +59,15 @@ class Mismatch:
     """A line that did not come back as it was sent.
 
     Attributes:
-        sent: the line.
+        sent: the line; "" if none was.
         received: what came in its place, or "" if nothing did.
+        twice: it was sent once.
         column: of the first character that differs, from 1.
     """
 
     sent: str
     received: str
+    twice: bool = False
 
     @property
     def column(self) -> int:
@@ -71,8 +75,10 @@ class Mismatch:
 
     def describe(self) -> str:
         """One phrase for a person."""
-        if not self.sent:
+        if self.twice:
             return f"the line was damaged: {self.received[:200]!r} came back twice, and was sent once"
+        if not self.sent:
+            return f"the line was damaged: {self.received[:200]!r} came back, and was never sent"
         if not self.received:
             return f"the line was damaged: sent {self.sent!r}, nothing came back"
         return (
@@ -100,7 +106,7 @@ class EchoWatch:
         verified: number of the newest line that came back, or that need not come back, with all before it; it stays
             where a mismatch was.
         mismatch: the first motion line that did not come back exactly.
-        lost: register lines that did not come back exactly; whoever sent them sends them again.
+        lost: register lines that did not come back exactly, and as what; whoever sent them sends them again.
         round_trip_s: between the last byte of a short line and its echo; of the latest ones the lower quartile, for the
             others waited behind answers and longer echoes.
         mixed: an answer was seen in the middle of an echo.
@@ -112,7 +118,7 @@ class EchoWatch:
         self.sent_lines = 0
         self.verified = 0
         self.mismatch: Mismatch | None = None
-        self.lost: list[str] = []
+        self.lost: list[Mismatch] = []
         self.mixed = False
         self.stops = 0
         self._awaited: deque[_Awaited] = deque()
@@ -174,8 +180,14 @@ class EchoWatch:
         """Answers that have not come by now will not come."""
         self._asked.clear()
 
-    def take(self, line: str, now_s: float) -> str | None:
-        """What of a received line (without its end; also an empty one) is an answer, or None: an echo, or damaged."""
+    def take(self, line: str, now_s: float, torn: bool = False) -> str | None:
+        """What of a received line (without its end; also an empty one) is an answer, or None: an echo, or damaged.
+
+        Args:
+            line: the line.
+            now_s: when it came.
+            torn: see `driver.splitter.Received`.
+        """
         if not self.strict:
             return self._loose(line)
         if not line and self._head != (self._awaited[0].text if self._awaited else None):
@@ -189,7 +201,7 @@ class EchoWatch:
         if (
             awaited is not None
             and line.endswith(awaited.text)
-            and self._ends_an_answer(line[: -len(awaited.text)])
+            and self._ends_an_answer(line[: -len(awaited.text)], torn)
         ):
             self._came(1, now_s)
             return None
@@ -230,11 +242,15 @@ class EchoWatch:
             return True
         return isinstance(reply, Ready | Failed)
 
-    def _ends_an_answer(self, before: str) -> bool:
-        """Whether what stands before an echo, in the same line, is an answer whose end was damaged."""
+    def _ends_an_answer(self, before: str, torn: bool) -> bool:
+        """Whether what stands before an echo, in the same line, is an answer whose end was damaged.
+
+        A byte alone is that only where the end of the answer lacks one: else it was put before the line on its way
+        there, and the unit has ignored that.
+        """
         if _ANSWER_HEAD.fullmatch(before):
             return True
-        return self._answered and len(before) == 1 and (ord(before) ^ ord("\n")).bit_count() == 1
+        return torn and self._answered and len(before) == 1 and (ord(before) ^ ord("\n")).bit_count() == 1
 
     def _came(self, lines: int, now_s: float) -> None:
         """The oldest awaited lines have come back."""
@@ -256,7 +272,7 @@ class EchoWatch:
         if line.kind is Kind.MOTION and self.mismatch is None:
             self.mismatch = Mismatch(line.text, received)
         elif line.kind is Kind.REGISTER:
-            self.lost.append(line.text)
+            self.lost.append(Mismatch(line.text, received))
         if self.mismatch is None:
             self.verified = line.number
 
@@ -274,15 +290,18 @@ class EchoWatch:
         """A line that is neither."""
         if line in self._recent:
             if kind_of(line) is Kind.MOTION and self.mismatch is None:
-                self.mismatch = Mismatch("", line)  # obeyed twice; a query or a register does no harm twice
+                self.mismatch = Mismatch(
+                    "", line, twice=True
+                )  # obeyed twice; a query or a register does no harm twice
             return
-        if awaited is None:
-            return  # noise, or a damaged answer
-        if _resembles(line, awaited.text):
+        if awaited is not None and _resembles(line, awaited.text):
             self._failed(self._awaited.popleft(), line)
             self._judge_joined(line[len(awaited.text) :] if line.startswith(awaited.text) else "")
             return
-        self._odd = line
+        if "=" not in line and _COMMAND.match(line) and self.mismatch is None:
+            self.mismatch = Mismatch("", line)
+        elif awaited is not None:
+            self._odd = line  # noise, or a damaged answer
 
     def _judge_joined(self, rest: str) -> None:
         """What followed a line whose end was lost: the unit took both for one."""

@@ -51,6 +51,7 @@ class Feed:
         self.stood = 0
         self.stands_until = 0.0
         self._idle_dwells = 0
+        self._dwell = 0  # number of its line
         self._numbers: list[int] = []  # of the lines sent, for the echo,
         self._left_s: list[float] = []  # and when their last bytes leave
         self._verified = 0  # segments
@@ -114,7 +115,7 @@ class Feed:
             need_s = self._looks_s
         length_s = max(self._options.dwell_ms / 1e3, need_s + jitter_s) * 2**self._idle_dwells
         length_ms = int(length_s * 1e3) + 1
-        link.send(encode_dwell(length_ms, len(self._mars.unit.axes)))
+        self._dwell = link.send(encode_dwell(length_ms, len(self._mars.unit.axes)))
         self.dwells += 1
         self.dwell_s = length_ms / 1e3
         self.stood = self.sent
@@ -133,8 +134,8 @@ class Feed:
         if not link.echoes:
             return True
         needs, now = self.needs, link.clock.now()
-        if link.echo.unechoed_bytes >= needs.window_bytes:
-            return False
+        if link.echo.verified < self._dwell or link.echo.unechoed_bytes >= needs.window_bytes:
+            return False  # a dwell that was lost, or joined with what follows, lets that begin at once
         if self.sent < self.load_end:
             return True  # `require_loaded` and `require_verified` watch over all of it together
         size = len(self._lines[self.sent]) + 1

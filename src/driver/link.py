@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from driver.clock import Clock
+from driver.echo import Kind, Mismatch, kind_of
 from driver.port import Port
 from driver.portlink import ANSWER_S as ANSWER_S
 from driver.portlink import Aborted as Aborted
@@ -26,6 +27,7 @@ class Link(PortLink):
     def __init__(self, port: str | Port, clock: Clock, log: WireLog | None = None) -> None:
         super().__init__(port, clock, log)
         self._stamp = clock.unique_ms() % STAMP_RANGE  # a stale answer of an earlier user differs
+        self._told: dict[str, str] = {}  # by name: the newest line of each register
 
     def tell(self, *lines: str) -> None:
         """Send lines that may be sent twice, registers above all, and see that the unit has them.
@@ -34,17 +36,43 @@ class Link(PortLink):
             NoAnswer, LinkLost: as `synchronise`.
             LineDamaged: one did not come back `TELLS` times.
         """
+        self._told.update((line.partition(":")[0], line) for line in lines)
         left = list(lines)
         for _ in range(TELLS):
             self.echo.lost.clear()
             for line in left:
                 self.send(line)
             self.synchronise(attempts=2)
-            left = [line for line in left if line in self.echo.lost]
-            if not left:
+            lost = list(self.echo.lost)
+            if not lost:
                 return
+            # what came in a line's place may be another register, which the unit has now: that is told again too
+            left = [
+                *(line for found in lost for line in self._overwritten(found)),
+                *(found.sent for found in lost),
+            ]
         raise LineDamaged(
-            f"sent {TELLS} times, never came back right: {left[0]!r}", sent=left[0], reason="line"
+            f"sent {TELLS} times, never came back right: {lost[0].sent!r}", sent=lost[0].sent, reason="line"
+        )
+
+    def _overwritten(self, found: Mismatch) -> list[str]:
+        """What to tell again of a register that a damaged line has set in place of its own.
+
+        Raises:
+            LineDamaged: nobody knows what it held.
+        """
+        name, mark, _ = found.received.partition(":")
+        if not mark or name == found.sent.partition(":")[0] or kind_of(found.received) is not Kind.REGISTER:
+            return []
+        if name in self._told:
+            return [self._told[name]]
+        raise LineDamaged(
+            f"{found.describe()}: register {name} was overwritten, and what it held is not known; switch the unit off "
+            "and on",
+            sent=found.sent,
+            received=found.received,
+            column=found.column,
+            reason="line",
         )
 
     def wait(self, seconds: float) -> None:

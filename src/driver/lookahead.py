@@ -73,11 +73,11 @@ def dwell_for(
     Args:
         sizes: bytes of the segments' lines, sent one behind the other as the line carries them.
         durations: of the segments, s.
-        first_bytes: that are sent before them.
+        first_bytes: that are sent before them, the dwell's among them, and come back first.
         preload: all are to be verified before the first begins.
     """
-    sent = back = first_bytes / BYTES_PER_SECOND
-    back += (first_bytes + ANSWERS_BYTES) / BYTES_PER_SECOND
+    back = (2 * first_bytes + ANSWERS_BYTES) / BYTES_PER_SECOND
+    sent = back + needs.trip_s
     on_way: deque[tuple[float, int]] = deque()  # when an echo is here, bytes
     moving = longest = 0.0
     for size, duration in zip(sizes, durations, strict=True):

@@ -27,6 +27,7 @@ from driver.protocol import (
     encode,
     parse_reply,
 )
+from driver.splitter import LineSplitter, Received
 from driver.unittime import UnitTime
 from driver.wirelog import WireLog
 
@@ -61,7 +62,7 @@ class Aborted(ExecutionStopped):
 class _Line:
     """A received line without its end, and when it came: whoever reads it may be late."""
 
-    text: str
+    received: Received
     at_s: float
 
 
@@ -109,8 +110,7 @@ class PortLink:
             port = SerialPort(port, write_timeout_s=clock.wall(self.patience(ANSWER_S)))
         self._port = port
         self.url = port.url
-        self._rest = b""  # of a received line that is not complete
-        self._after_return = False  # the last byte received was a carriage return
+        self._splitter = LineSplitter(LONGEST_LINE)
         self._inbox: queue.SimpleQueue[_Line | LinkLost | _Wake] = queue.SimpleQueue()
         self._lost: LinkLost | None = None
         self._interrupted = False
@@ -278,7 +278,7 @@ class PortLink:
         if isinstance(item, LinkLost):
             self._lost = item
             raise item
-        rest = self.echo.take(item.text, item.at_s)
+        rest = self.echo.take(item.received.text, item.at_s, item.received.torn)
         if (mismatch := self.echo.mismatch) is not None:
             raise LineDamaged(
                 mismatch.describe(),
@@ -292,7 +292,7 @@ class PortLink:
             if self.log is not None:
                 self.log.note("takes_turns")
         if rest is None:
-            return Echoed(item.text)
+            return Echoed(item.received.text)
         reply = parse_reply(rest)
         if isinstance(reply, Ready | Failed):
             self.events.append(reply)
@@ -302,13 +302,7 @@ class PortLink:
         """What the port delivers: bytes to lines. Raises OSError when flooded, which ends the link."""
         if self.log is not None:
             self.log.received(data)
-        if self._after_return and data.startswith(b"\n"):
-            data = data[1:]  # the second half of one end
-        self._after_return = data.endswith(b"\r") if data else self._after_return
-        *lines, self._rest = re.split(rb"\r\n|\r|\n", self._rest + data)
-        if len(self._rest) > LONGEST_LINE:
-            self._rest = b""
-        for line in lines:
+        for line in self._splitter.take(data):
             self._hand_over(line)
         if self._inbox.qsize() > UNREAD_ANSWERS:
             raise OSError(f"more than {UNREAD_ANSWERS} lines that nobody asked for")
@@ -316,10 +310,9 @@ class PortLink:
     def _gone(self, error: OSError) -> None:
         self._inbox.put(LinkLost(f"{self.url}: the link is lost: {error}", url=self.url, reason="link"))
 
-    def _hand_over(self, line: bytes) -> None:
-        text = line.decode("latin-1")
-        if self._inbox.qsize() < UNREAD_LINES or not isinstance(parse_reply(text), Other):
-            self._inbox.put(_Line(text, self.clock.now()))
+    def _hand_over(self, line: Received) -> None:
+        if self._inbox.qsize() < UNREAD_LINES or not isinstance(parse_reply(line.text), Other):
+            self._inbox.put(_Line(line, self.clock.now()))
 
     def close(self) -> None:
         """Close the port. Whatever is still unsent is dropped."""

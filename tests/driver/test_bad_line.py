@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from arm.errors import ExecutionStopped
-from arm.unit import Unit
+from arm.unit import Unit, load_unit
 from count_paths import off_path_deg
 from driver.emulator import Emulator, EmulatorOptions
 from driver.mars import Mars
@@ -207,3 +207,49 @@ def test_a_register_that_arrives_wrong_is_sent_again(unit: Unit, clock: SteppedC
     error, _, _ = streamed(unit, clock, there=there)
     assert spoiled
     assert error is None
+
+
+@pytest.mark.parametrize("latency_s", [0.0, 0.016, 0.1])
+def test_nothing_is_sent_behind_a_dwell_before_it_has_come_back(latency_s: float) -> None:
+    """A dwell that is lost, or joined with the first segment, would let that begin at once."""
+    unit, clock = load_unit("crs93"), SteppedClock()
+    path = motion()
+    near = tuple(float(d) for d in np.degrees(unit.positions(np.ones(6))))
+    with (
+        Emulator(unit, clock, options=EmulatorOptions(power_up_deg=near)) as emulator,
+        Mars(emulator.open_line(latency_s), unit, clock) as mars,
+    ):
+        mars.identify()
+        mars.initialise(soft_home=False)
+        mars.anchor(path.start)
+        begun = emulator.now_ms()
+        stream(mars, path)
+        segments = [at for at, line in emulator.lines if at >= begun and line.startswith("COORDSPLINET:")]
+    dwell, first = segments[:2]
+    assert first - dwell >= 2e3 * latency_s + 1e3 * 100 / 1920  # there and back, and its some 50 bytes twice
+
+
+@pytest.mark.parametrize(
+    ("line", "becomes"), [(b"REGACCF", b"REGACCB"), (b"REGPF", b"REGPB"), (b"REGMSF", b"REGMSB")]
+)
+def test_a_register_that_a_damaged_line_has_overwritten_is_told_again(line: bytes, becomes: bytes) -> None:
+    """One bit of the axis: the line is another axis' then, and the unit obeys it."""
+
+    def registers(tap: Callable[[float, bytes], bytes] | None) -> dict[str, int]:
+        unit, clock = load_unit("crs93"), SteppedClock()
+        with Emulator(unit, clock) as emulator, Mars(emulator.open_line(0.016, tap), unit, clock) as mars:
+            mars.identify()
+            mars.initialise(soft_home=False)
+            return dict(emulator.machine.registers)
+
+    hit: list[bytes] = []
+
+    def damaged(_: float, data: bytes) -> bytes:
+        if data.startswith(line) and not hit:
+            hit.append(data)
+            return data.replace(line, becomes, 1)
+        return data
+
+    wrong = registers(damaged)
+    assert hit
+    assert wrong == registers(None)

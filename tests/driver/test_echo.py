@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 import pytest
 
 from driver.echo import EchoWatch, Kind, Mismatch, kind_of
+from driver.splitter import LineSplitter
 
 ENDS = {"LF": b"\n", "CRLF": b"\r\n", "CR": b"\r"}
 SPLINE = re.compile(r"COORDSPLINET:\d+,3(,-?\d+){18}")  # what a unit takes
@@ -60,8 +61,7 @@ class EchoingUnit:
 
 def feed(watch: EchoWatch, data: bytes, at_s: float = 0.0) -> list[str]:
     """What a link makes of received bytes."""
-    *lines, _ = re.split(rb"\r\n|\r|\n", data)
-    taken = [watch.take(line.decode("latin-1"), at_s) for line in lines]
+    taken = [watch.take(line.text, at_s, line.torn) for line in LineSplitter(512).take(data)]
     return [t for t in taken if t is not None]
 
 
@@ -89,6 +89,46 @@ def test_a_sound_line_is_verified_to_its_end_and_every_answer_comes_through(
         assert watch.unechoed_bytes == 0
         assert not watch.unanswered
         assert len(heard) == sum(bool(answers(line)) for line in lines)
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_a_byte_that_was_put_before_a_motion_is_no_end_of_an_answer(end: str) -> None:
+    """The unit ignores such a line; its echo must not count, though an answer came just before it."""
+    for seed in range(20):
+        rng = random.Random(seed)
+        first, second = motion(rng), motion(rng)
+
+        def put(data: bytes, line: str = second, rng: random.Random = rng) -> bytes:
+            return data.replace(line.encode(), bytes([rng.choice(b"*J\x08\x02\x0b")]) + line.encode())
+
+        watch, numbers, _ = talk([first, "ST?", second, "STAMP:77"], EchoingUnit(end), there=put)
+        assert watch.mismatch is not None
+        assert watch.mismatch.sent == second
+        assert numbers[watch.verified] in (first, "ST?")
+
+
+def test_a_command_that_was_never_sent_stops_whatever_comes_next() -> None:
+    """Bytes that arrive twice may make a line of their own of two others."""
+    for seed in range(20):
+        rng = random.Random(seed)
+        lines = [motion(rng) for _ in range(6)]
+        data = "".join(f"{line}\n" for line in lines).encode()
+        ends = [m.end() for m in re.finditer(b"\n", data)]
+        at = rng.randrange(ends[1] + 20, ends[2])
+        begin = at - rng.randrange(70, 100)
+        twice = data[:at] + data[begin:at] + data[at:]
+        watch = EchoWatch()
+        watch.resume()
+        numbers = {watch.sent(line, 0.0): line for line in lines}
+        unit = EchoingUnit()
+        feed(watch, unit.take(twice))
+        assert watch.mismatch is not None, seed
+        assert watch.verified < max(numbers)
+    watch = EchoWatch()
+    watch.resume()
+    watch.take("COORDMVT:100,1,2,3,4,5,6,7", 0.0)
+    assert watch.mismatch is not None
+    assert "was never sent" in watch.mismatch.describe()
 
 
 def damages(rng: random.Random, data: bytes) -> bytes:
@@ -228,7 +268,7 @@ def test_a_digit_is_not_explained_by_an_answer_nobody_asked_for() -> None:
 def test_registers_that_did_not_come_back_are_named_and_the_rest_goes_on() -> None:
     lines = ["REGMSA:7680", "REGMSB:2048", "REGMSC:5120", "STAMP:5"]
     watch, numbers, heard = talk(lines, EchoingUnit(), there=lambda data: data.replace(b"2048", b"2148"))
-    assert watch.lost == ["REGMSB:2048"]
+    assert watch.lost == [Mismatch("REGMSB:2048", "REGMSB:2148")]
     assert watch.mismatch is None
     assert watch.verified == max(numbers)
     assert heard == ["STAMP=5"]

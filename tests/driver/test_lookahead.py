@@ -39,8 +39,8 @@ def test_after_the_dwell_every_segment_can_be_verified_in_time() -> None:
         for preload in (False, True):
             dwell = dwell_for(needs, sizes, durations, 60, preload)
             spare = []
-            sent = back = 60 / 1920
-            back += (60 + ANSWERS_BYTES) / 1920
+            back = (2 * 60 + ANSWERS_BYTES) / 1920
+            sent = back + needs.trip_s  # nothing goes before the dwell has come back
             for k, size in enumerate(sizes):
                 sent += size / 1920
                 back = max(back, sent) + size / 1920
