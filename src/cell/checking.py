@@ -210,6 +210,11 @@ def scene_of_now(task: Task, plan: Plan) -> Scene:
             on_table[cube.name] = T_base_cube_on_table(task, f"{place}/{number}")
         else:
             cubes_in.setdefault(place, []).append(int(number) - 1)
+    for entry in plan.task.get("cubes", ()):
+        if entry["cube"] != cube_name(entry["from"]):
+            raise ImpossibleError(
+                f"the plan takes {entry['cube']!r} from {entry['from']!r}, where another cube stands; plan again"
+            )
     now = build_scene(cell, poses, cubes_in, on_table)
     served = {
         frozenset((e["cube"], under(e[end]))) for e in plan.task.get("cubes", ()) for end in ("from", "to")

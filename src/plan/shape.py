@@ -34,6 +34,7 @@ def require_shape(plan: Plan) -> None:
             continue
         if step.cube is None:
             if number == 0 and isinstance(step, GripperStep) and step.action == "open":
+                _require_action(step)  # what follows is certified with jaws that are wide open
                 continue
             if not cubes:
                 _require_action(step)

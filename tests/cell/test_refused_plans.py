@@ -105,6 +105,18 @@ def _no_clearance(value: dict[str, Any]) -> None:
             step["clearances"] = [0.0] * len(step["segments"])
 
 
+def _half_open_jaws(value: dict[str, Any]) -> None:
+    """Moves with empty jaws are certified with jaws that are wide open."""
+    assert value["steps"][0]["action"] == "open"
+    value["steps"][0]["fraction_closed"] = 0.3
+
+
+def _from_an_empty_hole(value: dict[str, Any]) -> None:
+    cubes = value["task"]["cubes"]
+    free = {f"01-02/{k}" for k in range(1, 5)} - {cubes[0]["from"]}
+    cubes[0]["from"] = min(free)
+
+
 def _shut_jaws(value: dict[str, Any]) -> None:
     for step in value["steps"]:
         if step["step"] == "gripper" and step["action"] == "open":
@@ -122,6 +134,8 @@ def _shut_jaws(value: dict[str, Any]) -> None:
         (_no_cubes, "task.cubes"),
         (_no_clearance, "asked for"),
         (_shut_jaws, "says open but closes"),
+        (_half_open_jaws, "says open but closes"),
+        (_from_an_empty_hole, "where another cube stands"),
     ],
     ids=lambda v: v.__name__.strip("_") if callable(v) else "",
 )
