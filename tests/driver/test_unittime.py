@@ -23,7 +23,7 @@ def test_a_clock_that_goes_on_never_jumps_across_its_wrap_and_with_answers_that_
     assert now_s * 1e3 > 100 * CLOCK_RANGE_MS
 
 
-@pytest.mark.parametrize("off_ms", [2500, 30_000, -2500, CLOCK_RANGE_MS // 2])
+@pytest.mark.parametrize("off_ms", [4000, 30_000, -4000, CLOCK_RANGE_MS // 2])
 def test_one_sample_with_a_digit_changed_is_no_restart_and_two_that_agree_are(off_ms: int) -> None:
     unit_time = UnitTime()
     assert not unit_time.jumped(9.6, told(9.6, off_ms))  # the first of all is the damaged one
@@ -43,3 +43,21 @@ def test_two_damaged_samples_that_do_not_agree_are_no_restart() -> None:
     assert not unit_time.jumped(10.2, told(10.2, 9000))
     assert not unit_time.jumped(10.4, told(10.4, -20_000))
     assert not unit_time.jumped(10.6, told(10.6))
+
+
+@pytest.mark.parametrize("rate", [1.0, 2.0, 5.0, 10.0])
+def test_an_emulated_unit_that_lives_faster_was_not_switched_off(rate: float) -> None:
+    """Looked at while it streams, and left alone for as long as homing takes, before the first motion and after."""
+    rng, unit_time, now_s = random.Random(3), UnitTime(), 5.0
+    for gap_s in [0.1, 31.0 / rate, *[0.2] * 60, 12.0, *[0.2] * 60, 40.0 / rate, *[0.2] * 5]:
+        now_s += gap_s
+        assert not unit_time.jumped(now_s, told(rate * (now_s - rng.uniform(0.0, 0.05))))
+
+
+@pytest.mark.parametrize("rate", [1.0, 5.0])
+def test_a_restart_is_told_while_it_streams_whatever_the_rate(rate: float) -> None:
+    unit_time = UnitTime()
+    for k in range(100):
+        assert not unit_time.jumped(0.2 * k, told(rate * 0.2 * k))
+    assert not unit_time.jumped(20.0, told(0.3 * rate))
+    assert unit_time.jumped(20.2, told(0.5 * rate))
