@@ -231,7 +231,7 @@ def read_cell(path: Path, uncalibrated: Callable[[InputError], None] | None = No
         camera_file=camera_file,
         gripper=read_gripper(tool, cube_size),
         arm_padding=_arm_padding(root),
-        arm_compared=root.text("arm_compared", default=""),
+        arm_compared=_arm_compared(root),
         grip_height=tool.number("grip_height_mm", "mm", 0, 32) / 1e3,
         settle_s=tool.number("settle_s", "s", 0, 30),
         grip_tolerance=tool.number("grip_tolerance_mm", "mm", 0.1, 20, default=3.0) / 1e3,
@@ -292,6 +292,16 @@ def _arm_padding(root: TomlTable) -> float:
             'compare them (docs/real-cell.md), and add arm_compared = "who and when"',
         )
     return padding / 1e3
+
+
+def _arm_compared(root: TomlTable) -> str:
+    """``arm_compared``: empty, or a date and a name, so that the comment of the shipped file is none."""
+    told = root.text("arm_compared", default="").strip()
+    if told and not (any(c.isdigit() for c in told) and any(c.isalpha() for c in told)):
+        raise root.error(
+            "arm_compared", "must say when and by whom the arm's bodies were compared: a date and a name"
+        )
+    return told
 
 
 def _clearance(motion: TomlTable) -> tuple[float, float]:

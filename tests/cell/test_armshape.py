@@ -57,7 +57,10 @@ def test_less_padding_wants_somebody_who_compared(scenes: Path) -> None:
     replace_in(cell, "arm_padding_mm = 9.9\n", 'arm_padding_mm = 9.9\narm_compared = " "\n')
     with pytest.raises(InputError, match="while nobody has compared"):
         read_cell(cell)
-    replace_in(cell, 'arm_compared = " "\n', COMPARED)
+    replace_in(cell, 'arm_compared = " "\n', 'arm_compared = "date, name"\n')
+    with pytest.raises(InputError, match=r"arm_compared = 'date, name': must say when and by whom"):
+        read_cell(cell)
+    replace_in(cell, 'arm_compared = "date, name"\n', COMPARED)
     assert read_cell(cell).arm_padding == pytest.approx(0.0099)
     replace_in(cell, "arm_padding_mm = 9.9\n", "arm_padding_mm = 0\n")
     assert all(b.padding == 0.0 for b in read_cell(cell).robot().bodies)
