@@ -144,7 +144,7 @@ def read_touching(srdf: Path, text: str, bodies: Mapping[str, Sequence[str]]) ->
         bodies: names of the bodies of each link.
 
     Raises:
-        FileInputError: no XML, or a pair without its links.
+        FileInputError: no XML, no SRDF, or a pair without its links.
     """
     if not text:
         return frozenset()
@@ -152,6 +152,10 @@ def read_touching(srdf: Path, text: str, bodies: Mapping[str, Sequence[str]]) ->
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
         raise FileInputError(srdf, "", None, f"is not XML: {error}") from error
+    if root.tag != "robot":
+        raise FileInputError(srdf, "", None, f"is no SRDF: it begins with <{root.tag}>, must be <robot>")
+    if root.find("link") is not None or root.find("joint") is not None:
+        raise FileInputError(srdf, "", None, "is a URDF: an SRDF has neither <link> nor <joint> of its own")
     links = {
         frozenset((alone, other))
         for alone in (_named(srdf, e, "link") for e in root.findall("disable_default_collisions"))

@@ -90,6 +90,14 @@ def test_an_srdf_that_is_given_must_be_there(tmp_path: Path) -> None:
         load_robot(path, LAST, np.eye(4), srdf=tmp_path / "other.srdf")
 
 
+def test_what_is_given_as_an_srdf_must_be_one(tmp_path: Path) -> None:
+    path, other = written(tmp_path), tmp_path / "other.srdf"
+    for text, rule in (("<foo/>", "begins with <foo>"), (path.read_text(), "is a URDF")):
+        other.write_text(text)
+        with pytest.raises(FileInputError, match=rule):
+            load_robot(path, LAST, np.eye(4), srdf=other)
+
+
 def package(folder: Path, name: str = "two") -> Path:
     """A package with a mesh; its folder."""
     (folder / name / "meshes").mkdir(parents=True)
