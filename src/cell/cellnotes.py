@@ -34,7 +34,7 @@ CELL: Notes = {
     ),
     "*": """# arm_padding_mm = 10                # the arm's links are bodies of assumed size: this is taken off every
 #                                    # distance to them. More than the error of any; see docs/real-cell.md, step 2
-# arm_compared = "date, name"        # who compared the bodies with the arm; less padding needs it""",
+# arm_compared = ""                  # date and name of who compared the bodies with the arm; less padding needs it""",
     "tool": (
         "The gripper: a round body, a palm and two fingers. No command finds its lengths. The values are "
         "those of the shipped one. A gripper of another kind is described by a URDF: docs/new-cell.md."
