@@ -49,7 +49,7 @@ def test_two_damaged_samples_that_do_not_agree_are_no_restart() -> None:
 def test_an_emulated_unit_that_lives_faster_was_not_switched_off(rate: float) -> None:
     """Looked at while it streams, and left alone for as long as homing takes, before the first motion and after."""
     rng, unit_time, now_s = random.Random(3), UnitTime(), 5.0
-    for gap_s in [0.1, 31.0 / rate, *[0.2] * 60, 12.0, *[0.2] * 60, 40.0 / rate, *[0.2] * 5]:
+    for gap_s in [0.1, 0.1, 0.1, 31.0 / rate, *[0.2] * 60, 12.0, *[0.2] * 60, 40.0 / rate, *[0.2] * 5]:
         now_s += gap_s
         assert not unit_time.jumped(now_s, told(rate * (now_s - rng.uniform(0.0, 0.05))))
 
