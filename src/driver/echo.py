@@ -26,6 +26,7 @@ _RESEMBLANCE = 0.6  # of a line, at its two ends: the rest was damaged
 _FEWEST = 6  # characters that tell that a line was cut; answers share the first five, COORD
 _REGISTERS = re.compile(r"REG[A-Z0-9]*|ANAXSETUP[A-H]|IDLEREL|COORDGRP|COORDDISCONT")
 _QUERIES = re.compile(r"STAMP|ECHO|R[A-H]?|STOP|PURGE")
+_WAIT = re.compile(r"R[A-H]?:")
 _COMMAND = re.compile(r"[A-Z][A-Z0-9]*:|.*COORD[A-Z0-9]+:", re.DOTALL)  # begins like one, or ends in one
 _ANSWER_HEAD = re.compile(r"(?:[A-Z][A-Z0-9]*=|R[A-H]?!|FAIL!)[^:?]*")
 
@@ -126,7 +127,9 @@ class EchoWatch:
         self._trips: deque[float] = deque(maxlen=_LATEST_TRIPS)
         self._odd = ""  # a line that is neither an answer nor an echo, not yet judged
         self._head = ""  # of an echo that an answer has interrupted
+        self._begun = ""  # of an answer that the end of an echo has interrupted
         self._asked: deque[str] = deque(maxlen=_RECENT)  # keys of answers to come
+        self._ready = ""  # what ends the newest wait
         self._answered = False  # the line before was an answer
         self._passed: deque[str] = deque(maxlen=_RECENT)  # echoes that came while nothing was judged
 
@@ -153,7 +156,7 @@ class EchoWatch:
         self._awaited.clear()
         self._asked.clear()
         self.lost.clear()
-        self._odd = self._head = ""
+        self._odd = self._head = self._begun = ""
 
     def resume(self) -> None:
         """Everything that was sent before has been obeyed: from now on every line is awaited."""
@@ -170,6 +173,8 @@ class EchoWatch:
             self._asked.append(line[:-1])
         elif line.startswith("STAMP:"):
             self._asked.append("STAMP")
+        elif _WAIT.fullmatch(line):
+            self._ready = f"{line[:-1]}!"
         if self.strict:
             self._awaited.append(_Awaited(self.sent_lines, line, kind_of(line), left_s))
         else:
@@ -188,8 +193,14 @@ class EchoWatch:
             now_s: when it came.
             torn: see `driver.splitter.Received`.
         """
+        begun, self._begun = self._begun, ""
+        if begun and self._begins_answer(begun + line):
+            self._begun = begun + line
+            return None
+        if begun and self._is_asked(begun + line):
+            line = begun + line
         if not self.strict:
-            return self._loose(line)
+            return self._loose(line, torn)
         if not line and self._head != (self._awaited[0].text if self._awaited else None):
             return None
         head, self._head = self._head, ""
@@ -205,8 +216,15 @@ class EchoWatch:
         ):
             self._came(1, now_s)
             return None
+        if awaited is not None and self._woven(line, awaited.text):
+            self._came(1, now_s)
+            self.mixed = True
+            return None
         if self._answers(line):
             return line
+        if torn and self._begins_answer(line):
+            self._begun = line
+            return None
         for place, later in enumerate(self._awaited):
             if place and line == later.text:
                 self._skip(place)
@@ -219,13 +237,41 @@ class EchoWatch:
         self._judge(line, awaited)
         return None
 
-    def _loose(self, line: str) -> str | None:
+    def _loose(self, line: str, torn: bool) -> str | None:
         self.stops += line == "STOP:"
         if line in self._recent:
             self._passed.append(line)
             return None
+        if self._recent and self._woven(line, self._recent[-1]):
+            self._passed.append(self._recent[-1])
+            return None
+        if torn and self._begins_answer(line):
+            self._begun = line
+            return None
         self._answers(line)
         return line or None
+
+    def _woven(self, line: str, sent: str) -> bool:
+        """Whether a line is the echo of a query and the beginning of its answer, which the echo's end has cut off.
+
+        So it is with a unit that mixes bytes and ends lines in two of them: ``STAMP:5 S CR T LF AMP=5``. The beginning
+        is kept, to be joined with what follows.
+        """
+        if line.startswith(sent) and kind_of(sent) is Kind.QUERY and self._begins_answer(line[len(sent) :]):
+            self._begun = line[len(sent) :]
+            return True
+        return False
+
+    def _begins_answer(self, text: str) -> bool:
+        """Whether it is the beginning of an answer that was asked for, before its value."""
+        heads = [f"{key}=" for key in self._asked] + ([self._ready[:-1]] if self._ready else [])
+        return bool(text) and any(head.startswith(text) for head in heads)
+
+    def _is_asked(self, line: str) -> bool:
+        reply = parse_reply(line)
+        return (isinstance(reply, Answer) and reply.key in self._asked) or (
+            line != "" and line == self._ready
+        )
 
     def came(self, line: str) -> bool:
         """Whether a line came back while nothing was judged."""

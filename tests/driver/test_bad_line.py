@@ -154,7 +154,9 @@ def test_one_wrong_answer_is_asked_for_again(
         ("line", "CRLF", "after"),
         ("line", "CR", "before"),
         ("byte", "LF", "before"),
+        ("byte", "LF", "mixed"),
         ("byte", "CR", "mixed"),
+        ("byte", "CRLF", "mixed"),
         ("none", "LF", "before"),
     ],
 )

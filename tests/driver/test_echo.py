@@ -246,6 +246,45 @@ def test_an_answer_in_the_middle_of_an_echo_is_taken_out_and_the_echo_still_coun
                 assert watch.mixed
 
 
+@pytest.mark.parametrize("strict", [True, False])
+@pytest.mark.parametrize("woven", ["S\rT\nAMP=5", "\rS\nTAMP=5", "ST\rAM\nP=5", "STAMP\r=\n5", "S\nTAMP=5"])
+def test_an_answer_woven_with_the_end_of_its_questions_echo_is_whole(woven: str, strict: bool) -> None:
+    watch = EchoWatch()
+    if strict:
+        watch.resume()
+    watch.sent("STAMP:5", 0.0)
+    splitter = LineSplitter(512)
+    splitter.take(b"\r\n")  # a unit whose lines end so
+    found = splitter.take(f"STAMP:5{woven}\r\n".encode())
+    heard = [watch.take(line.text, 0.0, line.torn) for line in found]
+    assert [text for text in heard if text] == ["STAMP=5"]
+    assert watch.verified == 1
+    assert watch.mismatch is None
+    assert strict or watch.came("STAMP:5")
+
+
+def test_the_end_of_a_wait_is_heard_though_it_is_woven_with_the_next_echo() -> None:
+    for woven in ("R:\rR\n!\r\nST?\r\nST=0\r\n", "R:R\r!\n\r\nST?S\rT\n=0\r\n"):
+        watch, splitter = EchoWatch(), LineSplitter(512)
+        splitter.take(b"\r\n")
+        watch.resume()
+        for line in ("R:", "ST?"):
+            watch.sent(line, 0.0)
+        heard = [watch.take(line.text, 0.0, line.torn) for line in splitter.take(woven.encode())]
+        assert [text for text in heard if text] == ["R!", "ST=0"]
+        assert watch.verified == 2
+
+
+def test_a_motion_line_with_the_beginning_of_an_answer_behind_it_has_not_come_back() -> None:
+    line = "COORDMVT:60,1,2,3,4,5,6"
+    watch = EchoWatch()
+    watch.resume()
+    watch.sent("ST?", 0.0)
+    number = watch.sent(line, 0.0)
+    feed(watch, f"ST?\r\n{line}S\rT\n=0\r\n".encode())
+    assert watch.verified < number
+
+
 def test_two_lines_that_ran_together_are_noticed_though_an_answer_stands_between_them() -> None:
     lines = ["ST?", "COORDMVT:60,1,2,3,4,5,6", "COORDMVT:60,2,2,3,4,5,6"]
     watch = EchoWatch()
