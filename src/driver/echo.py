@@ -248,7 +248,8 @@ class EchoWatch:
         if torn and self._begins_answer(line):
             self._begun = line
             return None
-        self._answers(line)
+        if not self._answers(line) and any(self._interrupts(line, sent) for sent in self._recent):
+            line, self._head = line[len(self._head) :], ""
         return line or None
 
     def _woven(self, line: str, sent: str) -> bool:

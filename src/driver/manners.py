@@ -53,14 +53,15 @@ def learn_manners(link: Link) -> Manners:
     Raises:
         NoAnswer, LinkLost: the unit says nothing any more.
     """
-    link.echoes, link.takes_turns = False, False
+    link.echoes, link.takes_turns, link.echo.mixed = False, False, False
     link.echo.forget()
     adapter = all(_echoed(link, 0) for _ in range(ATTEMPTS))
     if adapter or not any(_echoed(link, 1) for _ in range(ATTEMPTS)):
         link.answer_trip_s = min(_set_echo(link, 0) for _ in range(ATTEMPTS))
         return Manners(False, adapter, False, link.answer_trip_s)
     link.echoes = True
-    link.takes_turns = all(_mixes(link) for _ in range(2))  # a bad line spoils one
+    mixes = all(_mixes(link) for _ in range(2))  # a bad line spoils one
+    link.takes_turns = mixes or link.echo.mixed  # by chance, one burst may come back whole
     link.synchronise(attempts=ATTEMPTS)  # from here on every line is awaited
     link.synchronise(attempts=ATTEMPTS)
     return Manners(True, False, link.takes_turns, link.echo.round_trip_s)

@@ -97,15 +97,19 @@ class PathWatch:
 
     def _off_by_lag(self, counts: npt.NDArray[np.int64], begun: int, share: float | None) -> Array:
         """Counts from the path by step of lag and axis, (steps, 6); at best, if its place is not known."""
-        segments = len(self._path.segments)
-        if begun <= 0 or begun > segments:
-            nows = self._begins[[0 if begun <= 0 else -1]]
-        else:
-            start, end = self._begins[begun - 1 : begun + 1]
+        segment = min(max(begun, 0), len(self._path.segments))
+        start, end = self._begins[[max(segment - 1, 0), segment]]
+        if begun == segment > 0 and share is None:
             nows = np.arange(start, end + _STEP_S, _STEP_S)
-            if share is not None:
-                nows = np.array([start + share * (end - start)])
-        times = nows[:, None] - self._lags[None, :]
+        else:
+            nows = np.array(
+                [start + share * (end - start) if begun == segment and share is not None else end]
+            )
+        if nows[-1] >= end:
+            nows = np.append(
+                nows, end + LAG_MOST_S
+            )  # it may have been over for a while: nothing else is sent
+        times = np.minimum(nows[:, None] - self._lags[None, :], end)
         at = self._path.at(times.ravel()).reshape(*times.shape, -1)
         low, high = np.minimum(at[:, 1:], at[:, :-1]), np.maximum(at[:, 1:], at[:, :-1])
         off = np.maximum(np.maximum(low - counts, counts - high), 0.0)

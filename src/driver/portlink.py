@@ -287,7 +287,7 @@ class PortLink:
                 column=mismatch.column,
                 reason="line",
             )
-        if self.echo.mixed and not self.takes_turns:
+        if self.echo.mixed and self.echoes and not self.takes_turns:
             self.takes_turns = True
             if self.log is not None:
                 self.log.note("takes_turns")

@@ -33,6 +33,7 @@ SLOW_REPEAT_S = 0.5  # and more would flood a unit that is slow
 LOOK_S = 0.3  # beyond the round trips, for all answers of a look,
 LOOK_WALL_S = 0.2  # and no less than this much wall time
 SILENT_S = 6.0  # a unit that says nothing for so long is not waited for
+SPOILED_LOOKS = 3  # which brought no status
 UNECHOED_LOOKS = 20  # that saw the arm at rest, though no STOP came back
 STOP_S = 10.0  # the slowest axis brakes from twice its default speed in 0.4 s; the rest is patience
 
@@ -191,6 +192,7 @@ class _Stopping:
         self.counts: tuple[int, ...] | None = None
         self.stops = 1
         self._heard = False
+        self._spoiled = -1  # looks without a status; the first has none before it
         self._asking: deque[str] = deque()  # what is left to ask of the look that runs
         self._fresh: Status | None = None
         self._at: tuple[int, ...] | None = None
@@ -208,7 +210,9 @@ class _Stopping:
                 self._begin_look()
                 look_at = now + link.clock.at_least(look_s + 4.0 * link.trip_s, LOOK_WALL_S)
                 look_s = min(1.5 * look_s, ANSWER_S)  # where nothing is echoed, the round trip is not known
-            while self._asking and not link.blocked and not (link.takes_turns and link.echo.unanswered):
+            # answers that never come may have come in the middle of echoes: then ask one thing at a time
+            in_turn = link.takes_turns or self._spoiled >= SPOILED_LOOKS
+            while self._asking and not link.blocked and not (in_turn and link.echo.unanswered):
                 line = self._asking.popleft()
                 link.send(line or link.fresh_stamp())
             if now >= repeat_at:
@@ -232,6 +236,7 @@ class _Stopping:
 
     def _begin_look(self) -> None:
         self.link.echo.forgive_answers()
+        self._spoiled += self._fresh is None
         self._fresh, self._at = None, None
         self._of_axis.clear()
         self._asking = deque([encode_query("ST")])

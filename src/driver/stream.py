@@ -47,7 +47,8 @@ from driver.unittime import SLACK_S
 STALL_S = 5.0  # a segment may take this much longer than planned
 REPEAT_S = 0.5  # a sample that was asked for and lost on the line is asked for again after this,
 REPEAT_WALL_S = 0.1  # and not before this much wall time
-IDLE_LOOKS = 5  # at an idle unit that has not said R!, before it is asked again
+IDLE_S = 1.0  # an idle unit that has not said R! is asked again after this,
+IDLE_LOOKS = 2  # and no sooner than this many looks
 UNLOCATED = 3  # answers to ST without one to COORDAP
 STEP_S = 0.25  # longest wait for anything,
 LEAST_STEP_S = 0.001  # and shortest
@@ -153,7 +154,8 @@ class _Stream:
         self.waiting = False  # R: is sent
         self.ready_at: float | None = None
         self.idle = False
-        self.idle_looks = 0  # in a row, without R!
+        self.idle_looks = 0  # in a row, without R!,
+        self.idle_since = 0.0  # the first of them
 
     @property
     def total(self) -> int:
@@ -343,8 +345,11 @@ class _Stream:
     def _ask_again(self) -> None:
         """R: or its answer was lost on the line: an idle unit that says nothing is asked once more."""
         unanswered = self.idle and self.waiting and self.ready_at is None
+        now = self.link.clock.now()
         self.idle_looks = self.idle_looks + 1 if unanswered else 0
-        if self.idle_looks >= IDLE_LOOKS:
+        if self.idle_looks <= 1:
+            self.idle_since = now
+        if self.idle_looks >= IDLE_LOOKS and now >= self.idle_since + IDLE_S:
             self.idle_looks, self.waiting = 0, False
 
     def _locate(self, position: Position) -> None:
@@ -379,6 +384,8 @@ class _Stream:
         """How far the segment `begun` is done."""
         if self._dwelling or self.begun > self.running.counted:
             return 1.0 if self._dwelling else 0.0
+        if position.parameter == 0 and self.begun == self.sent:
+            return None  # it has just begun, or is over: a unit that stands tells 0
         return self.mars.parameters.share(position)
 
     def _begin(self, begun: int) -> None:

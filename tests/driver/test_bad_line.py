@@ -74,6 +74,22 @@ def test_a_damaged_segment_never_begins(
     assert off_deg < OFF_DEG
 
 
+@pytest.mark.parametrize(("echo_end", "echo_order"), [("LF", "before"), ("CRLF", "mixed")])
+@pytest.mark.parametrize("kind", ["lost", "doubled", "digit", "0.3 s"])
+@pytest.mark.parametrize("nth", [1, 9])
+def test_a_damaged_segment_never_begins_where_bytes_come_back(
+    unit: Unit, clock: SteppedClock, kind: Any, nth: int, echo_end: str, echo_order: str
+) -> None:
+    damage = Damage(kind, nth, seed=nth)
+    error, off_deg, _ = streamed(
+        unit, clock, there=damage, echo="byte", echo_end=echo_end, echo_order=echo_order
+    )
+    assert damage.at_s is not None
+    assert error is not None
+    assert error.data["state"]["at_rest"]
+    assert off_deg < OFF_DEG
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_damaged_dwell_stops_the_arm_on_its_path(unit: Unit, clock: SteppedClock, kind: Any) -> None:
     """What follows begins too early; it is sound, so the arm is on its path until it stands."""
@@ -170,6 +186,30 @@ def test_no_manners_of_a_unit_stop_a_sound_line(
     assert off_deg < OFF_DEG
     assert mars.manners.echoes == (echo != "none")
     assert mars.link.takes_turns == (echo == "byte")
+
+
+@pytest.mark.parametrize("latency_s", [0.0, 0.2])
+@pytest.mark.parametrize(("echo", "times"), [("line", 1), ("byte", 1), ("byte", 2), ("none", 1)])
+def test_the_end_of_a_motion_that_is_lost_on_the_line_is_asked_for_again_in_time(
+    unit: Unit, clock: SteppedClock, latency_s: float, echo: str, times: int
+) -> None:
+    """Where turns are taken, looks are 1.6 s apart at 200 ms one way."""
+    streams, lost = [False], [0]
+
+    def there(now_s: float, data: bytes) -> bytes:
+        streams[0] |= b"COORDSPLINET" in data
+        return data
+
+    def back(now_s: float, data: bytes) -> bytes:
+        if streams[0] and lost[0] < times and b"!" in data:
+            lost[0] += 1
+            return data.replace(b"!", b"#")
+        return data
+
+    error, off_deg, _ = streamed(unit, clock, latency_s, there, back, echo=echo)
+    assert lost[0] == times
+    assert error is None
+    assert off_deg < OFF_DEG
 
 
 def test_an_adapter_that_sends_everything_back_is_not_taken_for_the_unit(

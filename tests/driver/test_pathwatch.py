@@ -43,6 +43,20 @@ def test_an_arm_that_follows_evenly_however_late_is_on_its_path(lag_s: float) ->
     followed(watch(), PATH, lag_s)
 
 
+@pytest.mark.parametrize("share", [None, 1.0])
+@pytest.mark.parametrize("ends", [10, SEGMENTS])
+def test_an_arm_that_has_caught_up_where_it_stands_is_on_its_path(share: float | None, ends: int) -> None:
+    """It followed late; the segment has been over for longer than that, and no other was sent."""
+    watched = watch()
+    followed(watched, PATH, 0.06, last=ends)
+    stands_at(watched, tuple(int(c) for c in PATH.knots()[ends]), ends, share)
+    if ends == SEGMENTS:
+        stands_at(watched, PATH.end, ends + 1, share)
+    beyond = tuple(int(c) for c in PATH.knots()[ends] + 2 * TUBE)
+    with pytest.raises(ExecutionStopped, match="off its path"):
+        stands_at(watched, beyond, ends, share)
+
+
 @pytest.mark.parametrize("lag_s", [0.0, 0.03, 0.06])
 @pytest.mark.parametrize("damage", ["lost", "doubled", "changed"])
 def test_one_damaged_segment_shows_before_the_motion_ends(damage: str, lag_s: float) -> None:
