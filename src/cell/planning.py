@@ -135,8 +135,11 @@ def reach_of(task: Task, seen: Seen, speed: float | None = None) -> ReachTable:
 
 def _reach(task: Task, stations: Iterable[Station], speed: float | None) -> ReachTable:
     cell = task.cell
-    limits = planned_limits(cell.limits, options_of(task, cell.speed if speed is None else speed))
-    return reach(cell.robot(), limits, {s.name: s.T_base_tool for s in stations}, cell.offset)
+    options = options_of(task, cell.speed if speed is None else speed)
+    limits = planned_limits(cell.limits, options)
+    return reach(
+        cell.robot(), limits, {s.name: s.T_base_tool for s in stations}, cell.offset, options.slowest
+    )
 
 
 def reachable_places(task: Task, seen: Seen, speed: float | None = None) -> tuple[str, ...]:

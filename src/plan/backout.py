@@ -12,7 +12,7 @@ import numpy.typing as npt
 from arm.planfile import Move
 from arm.se3 import frozen
 from arm.unit import Limits, Unit
-from plan.line import Line, follow_line
+from plan.line import Line, LineOptions, follow_line
 from plan.motion import Grip, Leg, Mover, Phase
 from plan.options import PlanOptions
 from plan.scene import Scene
@@ -44,7 +44,9 @@ def plan_back_out(
     T_end = np.array(T_start)
     T_end[:3, 3] -= options.offset * T_start[:3, 2]
     line = Line(frozen(T_start), frozen(T_end))
-    followed = follow_line(robot, q, line.T_start, line.T_end, planner.planned)
+    followed = follow_line(
+        robot, q, line.T_start, line.T_end, planner.planned, LineOptions(slowest=options.slowest)
+    )
     world = World(robot, (*scene.bodies, *scene.cubes))
     phase = Phase("back out", "retract", None, world, max(options.line_clearance - BESIDE, 0.0))
     stay = np.stack([followed.q[-1], followed.q[-1]])

@@ -91,13 +91,20 @@ class Chains:
         targets: the list.
         limits: that lines keep.
         tool_speed: cap on lines of targets that have none, m/s.
+        slowest: see `plan.line_steps.LineOptions`.
     """
 
     def __init__(
-        self, robot: Robot, unit: Unit, targets: Sequence[Target], limits: Limits, tool_speed: float
+        self,
+        robot: Robot,
+        unit: Unit,
+        targets: Sequence[Target],
+        limits: Limits,
+        tool_speed: float,
+        slowest: float,
     ) -> None:
         self.robot, self.unit, self.targets, self.limits = robot, unit, targets, limits
-        self.tool_speed = tool_speed
+        self.tool_speed, self.slowest = tool_speed, slowest
 
     def chain(self, group: range, q_first: Array, branch: str) -> Chain:
         """The chain of a group from a solution `q_first` (n,) for its first target.
@@ -167,7 +174,7 @@ class Chains:
         line = Line(frozen(start), end)
         if line.length < _NOWHERE and norm(line.turn) < _NOWHERE:
             return None
-        options = LineOptions(tolerance=_TOLERANCE, free_axis=axis)
+        options = LineOptions(tolerance=_TOLERANCE, slowest=self.slowest, free_axis=axis)
         try:
             path = follow_line(self.robot, q, line.T_start, line.T_end, self.limits, options)
         except ImpossibleError as error:

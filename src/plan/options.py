@@ -27,6 +27,9 @@ def told_clearance(options: Mapping[str, Any]) -> str:
     )
 
 
+_SLOWEST, _SLOWEST_AT = 0.002, 0.5  # m/s, at that speed and above
+
+
 @dataclass(frozen=True)
 class PlanOptions:
     """Options of `plan.task.plan_task`.
@@ -75,6 +78,15 @@ class PlanOptions:
     certificate: str = "tight"
     seed: int = 0
     transit: TransitBudget = field(default_factory=TransitBudget)
+
+    @property
+    def slowest(self) -> float:
+        """Tool speed at which joints must still keep up on lines, m/s (`plan.line_steps.LineOptions`).
+
+        That rule finds lines too near a singular configuration. Below half of the registers' speed everything is
+        slower in proportion, and so is this: else a low speed alone would be taken for such a line.
+        """
+        return _SLOWEST * min(self.speed / _SLOWEST_AT, 1.0)
 
     def __post_init__(self) -> None:
         self._within("speed", 1e-3, 1.0)

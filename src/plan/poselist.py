@@ -160,7 +160,7 @@ class _Problem:
         tool_speed = options.approach_speed * options.speed
         mover = PoseMover(robot, unit, self.planned, self.sent, options, self.targets)
         self.script = PoseScript(self.worlds, self.targets, options, mover)
-        self.chains = Chains(robot, unit, self.targets, self.planned, tool_speed)
+        self.chains = Chains(robot, unit, self.targets, self.planned, tool_speed, options.slowest)
 
     def standing(self, name: str, q: npt.ArrayLike) -> Layer:
         """A layer of one place to stand."""

@@ -148,7 +148,7 @@ def reach(
     limits: Limits,
     grasps: Mapping[str, Sequence[Array]],
     offset_m: float,
-    options: LineOptions | None = None,
+    slowest: float = LineOptions.slowest,
 ) -> ReachTable:
     """Try all yaws and branches of every hole along its line.
 
@@ -157,7 +157,7 @@ def reach(
         limits: of position, and of velocity for joints that race near a singularity.
         grasps: hole name to T_base_tool (4, 4) at the hole, one per yaw.
         offset_m: length of the line; it runs from the hole along the tool's -z.
-        options: way-points every `step`; `slowest` is the tool speed at which joints must still keep up.
+        slowest: tool speed at which joints must still keep up, m/s.
 
     Raises:
         InputError: no holes, a hole without poses or with one that is not rigid, or an offset that is not positive.
@@ -167,8 +167,7 @@ def reach(
     finite("offset", offset_m, "m")
     if not offset_m > 0.0:
         raise InputError(f"offset = {offset_m:g} m: must be positive", offset_m=offset_m)
-    options = options or LineOptions(step=_SAMPLE_STEP)
-    heights = np.linspace(0.0, offset_m, max(2, int(np.ceil(offset_m / options.step - 1e-9)) + 1))
+    heights = np.linspace(0.0, offset_m, max(2, int(np.ceil(offset_m / _SAMPLE_STEP - 1e-9)) + 1))
     require_limits(robot, limits)
     poses = np.stack(
         [rigid(f"hole {name!r}: pose {i}", T) for name, hole in grasps.items() for i, T in enumerate(hole)]
@@ -176,7 +175,7 @@ def reach(
     lines = np.repeat(poses[:, None], len(heights), axis=1)
     lines[:, :, :3, 3] -= heights[:, None] * poses[:, None, :3, 2]
     raw = all_branches(robot, lines.reshape(-1, 4, 4))
-    steps = _Steps(robot, limits, raw, len(heights), limits.velocity * (heights[1] / options.slowest))
+    steps = _Steps(robot, limits, raw, len(heights), limits.velocity * (heights[1] / slowest))
     holes, row = [], 0
     for name, yaws in grasps.items():
         choices = [

@@ -10,7 +10,7 @@ from arm.planfile import GripperStep, Move, Step
 from arm.products import mul
 from arm.se3 import Array, frozen, inverse
 from arm.unit import Limits, Unit
-from plan.line import Line, follow_line
+from plan.line import Line, LineOptions, follow_line
 from plan.motion import Grip, Leg, Mover, Phase
 from plan.options import PlanOptions
 from plan.reach import LineChoice
@@ -127,7 +127,14 @@ class Script:
         T_start = station.T_base_tool[choice.yaw]
         T_end = np.array(T_start)
         T_end[:3, 3] -= self.options.offset * T_start[:3, 2]
-        path = follow_line(self.scene.robot_open, choice.q_hole, T_start, T_end, self.planned)
+        path = follow_line(
+            self.scene.robot_open,
+            choice.q_hole,
+            T_start,
+            T_end,
+            self.planned,
+            LineOptions(slowest=self.options.slowest),
+        )
         return Grip(Line(frozen(T_start), frozen(T_end)), path)
 
     def executed(self, grip: Grip) -> Array:

@@ -18,7 +18,7 @@ from arm.products import mul
 from arm.se3 import Array, frozen
 from arm.unit import Limits, Unit
 from plan.backout import BESIDE
-from plan.line import Line, follow_line
+from plan.line import Line, LineOptions, follow_line
 from plan.margin import searched_clearance
 from plan.motion import Grip, Leg, Mover, Phase
 from plan.options import PlanOptions
@@ -147,7 +147,9 @@ class _Carry:
         """A line back along the tool's axis."""
         T_end = np.array(T_start)
         T_end[:3, 3] -= part * self.options.offset * T_start[:3, 2]
-        path = follow_line(self.robot, q, T_start, T_end, self.planner.planned)
+        path = follow_line(
+            self.robot, q, T_start, T_end, self.planner.planned, LineOptions(slowest=self.options.slowest)
+        )
         return Grip(Line(frozen(T_start), frozen(T_end)), path)
 
     def across(self, world: World, q_from: Array, q_to: Array) -> Array:

@@ -279,7 +279,13 @@ class Planner:
     def reach(self, stations: Sequence[Station]) -> ReachTable:
         """Reach of these places."""
         robot = self.scene.robot_open
-        return reach(robot, self.planned, {s.name: s.T_base_tool for s in stations}, self.options.offset)
+        return reach(
+            robot,
+            self.planned,
+            {s.name: s.T_base_tool for s in stations},
+            self.options.offset,
+            self.options.slowest,
+        )
 
     def steps(self, search: TaskSearch, meter: Meter) -> tuple[list[Step], Found]:
         """The task's steps, timed and certified, and the sequence that they follow."""
