@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, replace
 from typing import Any
 
@@ -11,22 +12,23 @@ from arm.bodies import Body, Shape
 from arm.errors import ImpossibleError
 from arm.files import canonical_json, sha256
 from arm.planfile import Plan
-from arm.poses import BoardPose
+from arm.poses import BoardPose, hole_poses
 from arm.products import mul
-from arm.se3 import Array, frozen, inverse, transform
+from arm.se3 import Array, apply, frozen, inverse, transform
 from cell.boardshift import board_shift
 from cell.cellfile import Cell
-from cell.furniture import plate_body, plate_name
+from cell.furniture import T_hole_cube, plate_body, plate_name
 from cell.inputs import changes, shortened
 from cell.lookfile import Seen
 from cell.planning import options_of, pose_list_options, provenance
-from cell.scenery import T_base_cube_on_table, build_scene, cube_name
+from cell.scenery import RELEASE_GAP, T_base_cube_on_table, build_scene, cube_name
 from cell.taskfile import Task
-from plan.replay import Asked, ReplayedMove, replay
+from plan.replay import Asked, ReplayedMove, placed, replay
 from plan.scene import Scene, scene_from_json
 from plan.shape import require_shape
 
 _FROM_FILES = ("task", "inputs", "seed", "options", "robot_open", "robot_holding")
+PLACED = 5e-4  # from where a place is to where the motion sets its cube down, m; whole counts are 0.03 mm
 SAME = 1e-9  # bodies of one scene written twice differ by less, m
 
 
@@ -210,11 +212,13 @@ def scene_of_now(task: Task, plan: Plan) -> Scene:
             on_table[cube.name] = T_base_cube_on_table(task, f"{place}/{number}")
         else:
             cubes_in.setdefault(place, []).append(int(number) - 1)
+    final = placed(plan, stated, cell.unit)
     for entry in plan.task.get("cubes", ()):
         if entry["cube"] != cube_name(entry["from"]):
             raise ImpossibleError(
                 f"the plan takes {entry['cube']!r} from {entry['from']!r}, where another cube stands; plan again"
             )
+        _require_placed(task, final, poses, entry)
     now = build_scene(cell, poses, cubes_in, on_table)
     served = {
         frozenset((e["cube"], under(e[end]))) for e in plan.task.get("cubes", ()) for end in ("from", "to")
@@ -227,6 +231,33 @@ def scene_of_now(task: Task, plan: Plan) -> Scene:
             differing=differing,
         )
     return now
+
+
+def _require_placed(
+    task: Task, cubes: Mapping[str, Array], poses: Sequence[BoardPose], entry: Mapping[str, str]
+) -> None:
+    """The motion must set a cube of the task down where the task says that it does."""
+    place = entry["to"]
+    board, _, number = place.rpartition("/")
+    holes = {hole.name: hole.T_base_hole for pose in poses for hole in hole_poses(pose)}
+    if place in holes:
+        T_base_place = mul(holes[place], T_hole_cube(task.cell.cube_size))
+    elif board == "table" and number.isdigit() and int(number) > 0:
+        T_base_place = T_base_cube_on_table(task, place)
+    else:
+        raise ImpossibleError(
+            f"the plan brings {entry['cube']!r} to {place!r}, which is no place; plan again"
+        )
+    let_go = apply(T_base_place, [0.0, 0.0, RELEASE_GAP])
+    off = float(np.linalg.norm(cubes[entry["cube"]][:3, 3] - let_go))
+    if off > PLACED:
+        raise ImpossibleError(
+            f"the plan says that it brings {entry['cube']!r} to {place!r}, but its motion sets it down {1e3 * off:.1f} "
+            "mm from there; plan again",
+            cube=entry["cube"],
+            place=place,
+            off_m=off,
+        )
 
 
 def under(place: str) -> str:

@@ -103,6 +103,18 @@ def settings(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, Setti
                 q = unit.positions(step.path.end)
 
 
+def placed(plan: Plan, scene: Scene, unit: Unit) -> dict[str, Array]:
+    """T_base_cube of every cube once the plan has ended, by name.
+
+    Raises:
+        ImpossibleError: as `settings`.
+    """
+    found = {cube.name: cube.T_base_body for cube in scene.cubes}
+    for _, setting in settings(plan, scene, unit):
+        found.update((cube.name, cube.T_base_body) for cube in setting.standing)
+    return found
+
+
 @dataclass(frozen=True)
 class Asked:
     """What the cell of now asks of a plan: clearance of transits and of lines, and length of the lines, m."""

@@ -370,6 +370,30 @@ def test_bodies_written_twice_are_the_same_up_to_rounding_and_no_further(plan: P
             assert _differing(scene, replace(scene, bodies=(other, *scene.bodies[1:]))) == differing
 
 
+def _brought(plan: Plan, index: int, **entry: str) -> Plan:
+    cubes = [dict(cube) for cube in plan.task["cubes"]]
+    cubes[index].update(entry)
+    return replace(plan, task={**plan.task, "cubes": cubes})
+
+
+def test_a_plan_that_says_it_brings_a_cube_where_its_motion_does_not_is_refused(
+    task: Task, plan: Plan
+) -> None:
+    """An edited `to` would send the look after the cube to another hole."""
+    places = [cube["to"] for cube in plan.task["cubes"]]
+    board = places[0].rpartition("/")[0]
+    for index, place in enumerate(places):
+        for other in (p for p in places if p != place):
+            with pytest.raises(ImpossibleError, match=f"brings .* to '{other}', but its motion") as refused:
+                replayed(task, _brought(plan, index, to=other))
+            assert refused.value.data["off_m"] > 0.03
+    for nowhere in (f"{board}/9", f"{board}/x", board, "", "table/0", "table/x"):
+        with pytest.raises(ImpossibleError, match="which is no place"):
+            replayed(task, _brought(plan, 0, to=nowhere))
+    with pytest.raises(ImpossibleError, match="where another cube stands"):
+        replayed(task, _brought(plan, 0, **{"from": plan.task["cubes"][1]["from"]}))
+
+
 def test_what_a_check_prints_of_the_whole_plan_is_of_its_worst_move(
     task: Task, plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
