@@ -12,7 +12,7 @@ import numpy.typing as npt
 from arm.bodies import Body, shape_to_json
 from arm.errors import InputError
 from arm.files import sha256
-from arm.given import number
+from arm.given import number, rigid
 from arm.products import mul
 from arm.robot import LinkBody, Robot, by_link
 from arm.se3 import frozen
@@ -30,8 +30,9 @@ def with_tool(robot: Robot, T_end_tool: npt.ArrayLike, bodies: Iterable[Body] = 
             what moves with the same joint, nor against bodies of the joint before it, which carry it.
 
     Raises:
-        InputError: a body has the name of one of the arm's.
+        InputError: a body has the name of one of the arm's, or the frame is no pose.
     """
+    frame = rigid("T_end_tool", T_end_tool)
     end = robot.model.frames[robot.model.getFrameId(robot.end_frame)]
     joint, placement = int(end.parentJoint), end.placement.homogeneous
     tool = tuple(
@@ -46,7 +47,6 @@ def with_tool(robot: Robot, T_end_tool: npt.ArrayLike, bodies: Iterable[Body] = 
     before = int(robot.model.parents[joint])
     carrying = [b.name for b in robot.bodies if b.joint == before]
     touching = {frozenset((b.name, name)) for b in tool for name in carrying}
-    frame = frozen(T_end_tool)
     parts = [
         [b.name, shape_to_json(b.shape), b.T_joint_body.tolist(), *([b.padding] if b.padding else [])]
         for b in tool

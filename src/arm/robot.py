@@ -19,7 +19,8 @@ import pinocchio as pin
 
 from arm.bodies import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, convex, shape_to_json
 from arm.errors import FileInputError, InputError
-from arm.files import read_text, sha256
+from arm.files import LARGEST, read_text, sha256
+from arm.given import number, rigid
 from arm.products import mul
 from arm.se3 import Array, frozen, transform
 from arm.urdf import read_touching, read_urdf
@@ -148,6 +149,7 @@ def load_robot(
             arm has.
         InputError: an unknown frame or joint.
     """
+    tool = rigid("T_end_tool", T_end_tool)
     urdf = Path(urdf)
     text, ready = read_urdf(urdf, package_dirs, text)
     locked = dict(locked or {})
@@ -165,7 +167,7 @@ def load_robot(
             f"only {geometry.ngeoms} were read; use cylinders, spheres, boxes and meshes",
         )
     unknown = [name for name in locked if not full.existJointName(name)]
-    if unknown or not full.existFrame(end_frame):
+    if unknown or not isinstance(end_frame, str) or not full.existFrame(end_frame):
         raise InputError(
             f"{urdf}: no joint or frame named {', '.join(unknown) or end_frame!r}; "
             f"it has joints {', '.join(list(full.names)[1:])}",
@@ -173,7 +175,9 @@ def load_robot(
         )
     reference = pin.neutral(full)
     for name, value in locked.items():
-        reference[full.joints[full.getJointId(name)].idx_q] = value
+        reference[full.joints[full.getJointId(name)].idx_q] = number(
+            f"locked: {name}", value, -LARGEST, LARGEST
+        )
     links = [str(full.frames[g.parentFrame].name) for g in geometry.geometryObjects]
     try:
         full.getFrameId(end_frame)
@@ -198,7 +202,6 @@ def load_robot(
     given = srdf is not None
     srdf = Path(srdf or urdf.with_suffix(".srdf"))
     srdf_text = read_text(srdf) if given or srdf.is_file() else ""
-    tool = frozen(T_end_tool)
     bodies = tuple(
         _link_body(urdf, g, link, name)
         for g, link, name in zip(geometry.geometryObjects, links, _names(links), strict=True)

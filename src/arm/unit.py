@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -205,10 +206,10 @@ class Unit:
         """Limits under given registers (defaults: the unit's own).
 
         Raises:
-            InputError: a register is below 1 or above its cap.
+            InputError: not one integer an axis, or a register is below 1 or above its cap.
         """
-        speed = speed_registers or self.speed_registers
-        acceleration = acceleration_registers or self.acceleration_registers
+        speed = self._registers("speed", speed_registers, self.speed_registers)
+        acceleration = self._registers("acceleration", acceleration_registers, self.acceleration_registers)
         for name, values, caps in (
             ("speed", speed, self.speed_register_cap()),
             ("acceleration", acceleration, self.acceleration_register_cap()),
@@ -225,6 +226,17 @@ class Unit:
         return Limits(
             self.lower, self.upper, frozen(self.velocity(speed)), frozen(self.acceleration(acceleration))
         )
+
+    def _registers(self, name: str, given: Any, usual: tuple[int, ...]) -> tuple[int, ...]:
+        if given is None:
+            return usual
+        values = numbers(given)
+        if values is None or values.shape != (len(self.axes),) or (values != np.rint(values)).any():
+            raise InputError(
+                f"{name} registers = {shown(given)}: must be {len(self.axes)} integers, one an axis of {self.name}",
+                value=shown(given),
+            )
+        return tuple(int(v) for v in values)
 
 
 def load_unit(name: str | Path) -> Unit:

@@ -16,8 +16,9 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from arm.errors import FileInputError
+from arm.errors import FileInputError, InputError
 from arm.files import read_text
+from arm.given import shown
 
 Pairs = frozenset[frozenset[str]]
 
@@ -41,12 +42,24 @@ def read_urdf(urdf: Path, package_dirs: Iterable[str | Path], text: str | None =
     text = read_text(urdf) if text is None else text
     root = _parsed(urdf, text)
     changed = _bounded(root)
-    folders = [Path(folder) for folder in package_dirs]
+    folders = _folders(package_dirs)
     for link in root.findall("link"):
         for mesh in link.findall("collision/geometry/mesh"):
             mesh.set("filename", str(_mesh(urdf, link.get("name", ""), mesh.get("filename", ""), folders)))
             changed = True
     return text, ElementTree.tostring(root, encoding="unicode") if changed else text
+
+
+def _folders(package_dirs: Iterable[str | Path]) -> list[Path]:
+    listed = isinstance(package_dirs, Iterable) and not isinstance(package_dirs, str | bytes | Path)
+    folders = list(package_dirs) if listed else []
+    wrong = [folder for folder in folders if not isinstance(folder, str | Path)]
+    if wrong or not listed:
+        value = shown(wrong[0] if wrong else package_dirs)
+        raise InputError(
+            f"package_dirs: {value}: must be a list of folders, each a text or a Path", value=value
+        )
+    return [Path(folder) for folder in folders]
 
 
 def _parsed(urdf: Path, text: str) -> ElementTree.Element:

@@ -26,7 +26,7 @@ def asked(
 ) -> bool:
     """Whether what was asked for was typed in one of `TRIES` tries."""
     for left in reversed(range(TRIES)):
-        _forget_what_wastyped()
+        _forget_what_was_typed()
         console.say(question)
         typed = answer()
         if typed is None:
@@ -47,7 +47,7 @@ def at_terminal() -> bool:
     return False
 
 
-def _forget_what_wastyped() -> None:
+def _forget_what_was_typed() -> None:
     """What was typed before a question is no answer to it."""
     with contextlib.suppress(OSError, ValueError, termios.error):
         termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)

@@ -144,7 +144,7 @@ def world_file(task: Task, world: Path | None) -> Path:
         InputError: there is none.
     """
     path = world or task.file.with_suffix(".world.toml")
-    if not path.is_file():
+    if not path.exists():  # whatever else it is, its reader says
         raise InputError(
             f"{path}: there is no such world file; the simulated cell needs one (--world), the real one --port",
             file=str(path),

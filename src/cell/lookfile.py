@@ -245,12 +245,16 @@ def read_seen(path: Path, boards: Sequence[Board]) -> Seen:
         half_seen = tuple(str(name) for name in scene.get("half_seen", []))
         missing = {str(name): str(why) for name, why in scene.get("missing", {}).items()}
         return Seen(tuple(found), missing, tuple(name for name in half_seen if name in missing))
-    except (KeyError, IndexError, TypeError, ValueError) as error:
+    except KeyError as error:
+        raise FileInputError(
+            path, str(error.args[0]), None, "is missing; a465 look writes it", "look again"
+        ) from error
+    except (IndexError, TypeError, ValueError) as error:
         raise FileInputError(
             path,
             "scenes",
             None,
-            f"is not what a465 look writes: {type(error).__name__} {error}",
+            "is not what a465 look writes",
             "look again",
         ) from error
 

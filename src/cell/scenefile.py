@@ -134,9 +134,10 @@ def read_scene_file(path: Path) -> SceneFile:
     """
     root = TomlTable.read(path)
     if "task" in root or "q_start_deg" in root:
+        kind = "task" if "task" in root else "cell"
         raise InputError(
-            f"{path}: is a {'task' if 'task' in root else 'cell'} file, which asks nothing; give a configuration with "
-            "--q, or a scene file (docs/scenes.md)",
+            f"{path}: is a {kind} file; check takes a plan and its task (a465 check PLAN.json TASK.toml), a scene file "
+            f"with questions of its own (docs/scenes.md), or a {kind} file with a configuration (--q)",
             file=str(path),
         )
     unit = load_unit(root.text("unit", choices=UNITS))

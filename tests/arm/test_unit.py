@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -218,3 +219,18 @@ def test_a_key_that_is_none_and_counts_that_no_encoder_has_are_told(
     (tmp_path / "own.toml").write_text(changed)
     with pytest.raises(FileInputError, match=told):
         load_unit(tmp_path / "own.toml")
+
+
+@pytest.mark.parametrize(
+    "given", [(1, 2, 3), "abcdef", 5, (), (1.5,) * 6, (None,) * 6, ((1, 2),) * 6, (float("nan"),) * 6]
+)
+@pytest.mark.parametrize("name", ["speed", "acceleration"])
+def test_registers_that_are_no_integer_an_axis_are_refused(given: Any, name: str) -> None:
+    with pytest.raises(InputError, match=f"{name} registers = .*: must be 6 integers, one an axis of crs93"):
+        load_unit("crs93").limits(**{f"{name}_registers": given})
+
+
+def test_registers_may_be_any_list_of_integers() -> None:
+    unit = load_unit("crs93")
+    for given in (list(unit.speed_registers), np.array(unit.speed_registers)):
+        assert np.array_equal(unit.limits(given).velocity, unit.limits().velocity)  # type: ignore[arg-type]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from arm.bodies import Convex
 from arm.errors import FileInputError, InputError
-from arm.outfit import ignoring
+from arm.outfit import ignoring, with_tool
 from arm.robot import Robot, load_robot
 from made_up_arms import BOX_OBJ, MESH_ARM, SEVEN, several_bodies, urdf
 from plan.world import World
@@ -96,6 +97,35 @@ def test_what_is_given_as_an_srdf_must_be_one(tmp_path: Path) -> None:
         other.write_text(text)
         with pytest.raises(FileInputError, match=rule):
             load_robot(path, LAST, np.eye(4), srdf=other)
+
+
+@pytest.mark.parametrize(
+    ("given", "rule"),
+    [
+        ({"T_end_tool": np.eye(3)}, r"T_end_tool = array of shape \(3, 3\): must be a 4x4 pose"),
+        ({"T_end_tool": np.full((4, 4), np.nan)}, "T_end_tool: the pose holds a number that is not finite"),
+        ({"T_end_tool": 2.0 * np.eye(4)}, "T_end_tool: the last row"),
+        ({"T_end_tool": "tool"}, "T_end_tool = 'tool': must be a 4x4 pose"),
+        ({"package_dirs": [3]}, "package_dirs: 3: must be a list of folders"),
+        ({"package_dirs": "ros"}, "package_dirs: 'ros': must be a list of folders"),
+        ({"package_dirs": 3}, "package_dirs: 3: must be a list of folders"),
+        ({"locked": {"q1": "shut"}}, "locked: q1 = 'shut': must be a number"),
+        ({"end_frame": 3}, "no joint or frame named 3"),
+    ],
+)
+def test_what_is_given_with_a_urdf_is_refused_by_name_value_and_rule(
+    tmp_path: Path, given: dict[str, Any], rule: str
+) -> None:
+    arguments: dict[str, Any] = {"end_frame": LAST, "T_end_tool": np.eye(4), **given}
+    with pytest.raises(InputError, match=rule):
+        load_robot(written(tmp_path), **arguments)
+
+
+@pytest.mark.parametrize("T", [np.eye(3), np.full((4, 4), np.nan), None])
+def test_a_tool_that_is_no_pose_is_refused(tmp_path: Path, T: Any) -> None:
+    robot = load_robot(written(tmp_path), LAST, np.eye(4))
+    with pytest.raises(InputError, match="T_end_tool"):
+        with_tool(robot, T)
 
 
 def package(folder: Path, name: str = "two") -> Path:

@@ -77,7 +77,7 @@ def test_the_json_speaks_of_camera_and_base(task: Task) -> None:
         (lambda b: b.update(covariance=np.full((6, 6), 1e400).tolist()), "finite"),
         (lambda b: b.update(verdict="refused"), "must be 'accepted'"),
         (lambda b: b["holes"].reverse(), "in the order of the board's file"),
-        (lambda b: b.pop("residual_px"), "look again"),
+        (lambda b: b.pop("residual_px"), "look.json: residual_px: is missing; a465 look writes it"),
         (lambda b: b.update(residual_px="low"), "look again"),
     ],
 )
@@ -96,8 +96,10 @@ def test_damage_is_told(
 def test_what_is_no_look_is_told(task: Task, tmp_path: Path, text: str) -> None:
     path = tmp_path / "look.json"
     path.write_text(text)
-    with pytest.raises(FileInputError):
+    with pytest.raises(FileInputError) as refused:
         read_seen(path, task.cell.boards)
+    assert "Error" not in str(refused.value)
+    assert "object" not in str(refused.value)
 
 
 def test_boards_that_moved_are_told_by_their_farthest_point(task: Task) -> None:

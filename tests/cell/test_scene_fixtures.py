@@ -270,7 +270,10 @@ def test_any_configuration_of_a_cell(monkeypatch, capsys) -> None:
         assert _run(["check", path, "--q", "0,-85,-80,0,-60,0", "--json"], monkeypatch) == 0
         reports.append(json.loads(capsys.readouterr().out))
         assert _run(["check", path], monkeypatch) == 2
-        assert "asks nothing; give a configuration with --q" in capsys.readouterr().err
+        assert (
+            "file; check takes a plan and its task (a465 check PLAN.json TASK.toml)"
+            in capsys.readouterr().err
+        )
     assert reports[0] == reports[1]
     assert reports[0]["verdict"] == "collides"
     assert "table" in reports[0]["closest"][0]["pair"]

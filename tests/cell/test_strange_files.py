@@ -18,6 +18,7 @@ COMMANDS = {
     "run TASK": ("run", "/dev/zero"),
     "reach LOOK": ("reach", "scenes/task2.toml", "--look", "/dev/zero"),
     "look DETECTIONS": ("look", "--detections", "/dev/zero"),
+    "look WORLD": ("look", "scenes/task1.toml", "--world", "/dev/zero"),
     "plan-poses POSES": ("plan-poses", "scenes/cell.toml", "/dev/zero"),
     "calibrate hand-eye": ("calibrate", "hand-eye", "/dev/zero"),
     "calibrate kinematic": ("calibrate", "kinematic", "/dev/zero"),
