@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import difflib
+import functools
 import math
 import re
 import sys
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,11 @@ class TomlTable:
         self.prefix = prefix
         self._values = values
         self._asked: set[str] = set()
+        self._others: Callable[[], str] | None = None
+
+    def knows(self, keys: Collection[str]) -> None:
+        """Give all dotted keys of a file: where one is missing, the error names keys that were meant to be another."""
+        self._others = functools.partial(_misspelt, self._values, keys)
 
     @classmethod
     def read(cls, path: Path) -> TomlTable:
@@ -73,12 +79,13 @@ class TomlTable:
         if default is not _REQUIRED:
             return default
         guess = difflib.get_close_matches(key, list(self._values), n=1)
+        others = self._others() if self._others is not None else ""
         raise FileInputError(
             self.file,
             self.prefix + key,
             None,
             f"is missing; it must be {what}",
-            f"the file has {self.prefix}{guess[0]}" if guess else "",
+            others or (f"the file has {self.prefix}{guess[0]}" if guess else ""),
         )
 
     def number(
@@ -197,7 +204,9 @@ class TomlTable:
         value = self._get(key, _REQUIRED if required else {}, "a table")
         if not isinstance(value, dict):
             raise self.error(key, "must be a table")
-        return TomlTable(self.file, value, f"{self.prefix}{key}.")
+        table = TomlTable(self.file, value, f"{self.prefix}{key}.")
+        table._others = self._others
+        return table
 
     def tables(self, key: str, required: bool = False) -> list[TomlTable]:
         """An array of tables, each named key[index]."""
@@ -226,6 +235,22 @@ class TomlTable:
                     else f"known: {', '.join(sorted(self._asked))}"
                 )
                 raise self.error(key, "is not a known key", help)
+
+
+def _misspelt(values: dict[str, Any], keys: Collection[str]) -> str:
+    """Keys of a file, two levels deep, that are not known but nearly; "" if there are none."""
+    there = {
+        f"{table}.{key}" if table else key
+        for table, inner in (("", values), *((k, v) for k, v in values.items() if isinstance(v, dict)))
+        for key in inner
+    }
+    near = {
+        key: difflib.get_close_matches(key, sorted(keys), n=1, cutoff=0.8)
+        for key in sorted(there - set(keys))
+    }
+    return "; ".join(
+        f"{key} is not a known key: did you mean {guess[0]}?" for key, guess in near.items() if guess
+    )
 
 
 # What no key is part of; an unclosed text ends with its line, so that this is linear in the file's length.

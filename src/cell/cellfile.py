@@ -25,6 +25,7 @@ from arm.unit import MOST_REST_TOLERANCE, UNITS, Limits, Unit, load_unit
 from cell.boardkeys import DICTIONARIES, read_board_limits, read_pocket, read_tilts
 from cell.bodytable import read_body
 from cell.cellcamera import CellCamera, read_cell_camera
+from cell.cellnotes import CELL, known_keys
 from cell.inputs import LEFT_OUT, Inputs, inputs_of
 from cell.toolkeys import read_gripper, with_force
 from plan.options import LEAST_CLEARANCE, PlanOptions
@@ -183,6 +184,7 @@ def read_cell(path: Path, uncalibrated: Callable[[InputError], None] | None = No
         InputError: with file, key, value, unit and rule.
     """
     root = TomlTable.read(path)
+    root.knows(known_keys(CELL))
     unit_name = root.text("unit", choices=UNITS)
     camera_file = root.path("camera")
     tool = root.table("tool")
@@ -311,7 +313,9 @@ def _clearance(motion: TomlTable) -> tuple[float, float]:
     try:
         return motion.number("clearance_mm", "mm", least, 100) / 1e3, least / 1e3
     except FileInputError as error:
-        help = "" if least < usual else "who means less says so by motion.least_clearance_mm"
+        if error.data["value"] is None or least < usual:
+            raise
+        help = "who means less says so by motion.least_clearance_mm"
         raise motion.error("clearance_mm", str(error.data["rule"]), help) from error
 
 

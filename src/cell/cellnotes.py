@@ -5,11 +5,27 @@ The values are those of the project's own scenes; `cell.newcell` puts the two to
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 Notes = Mapping[str, str]
 """Of a file: by dotted key the comment above it, by a table's name the one above the table, "" at the head, and
 ``TABLE.*`` the lines that may be added below the table's keys, as they are."""
+
+_OFFERED = re.compile(r"^# (\w+) +=", re.MULTILINE)
+
+
+def known_keys(notes: Notes) -> frozenset[str]:
+    """Dotted keys that a file may have, those that are only offered included."""
+    plain = {key for key in notes if key and not key.endswith("*")}
+    offered = {
+        key.removesuffix("*") + name
+        for key, lines in notes.items()
+        if key.endswith("*")
+        for name in _OFFERED.findall(lines)
+    }
+    return frozenset(plain | offered)
+
 
 CELL: Notes = {
     "": (

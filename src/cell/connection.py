@@ -102,7 +102,7 @@ class AwaitedPhotographs:
             InputError: they did not come in time, or cannot be read.
         """
         folder, old = ImageFolder(self.path, only_new=True), _sizes(self.path)
-        say_on_stderr(f"{self.path}: {_wanted(count, len(old))} within {AWAIT_S:g} s")
+        say_on_stderr(f"{self.path}: waiting for {_wanted(count, len(old))}, for up to {AWAIT_S:g} s")
         over = time.monotonic() + AWAIT_S
         seen: list[tuple[str, int]] = []
         same_since = time.monotonic()
@@ -127,14 +127,12 @@ def _sizes(path: Path) -> dict[str, int]:
 
 
 def _wanted(count: int, there: int) -> str:
+    """No order: in a rehearsal it is the emulator that puts them there."""
+    new = f"{count} new photograph{'' if count == 1 else 's'}"
     if not there:
-        return f"put {count} new photograph{'' if count == 1 else 's'} there"
-    lie = (
-        "1 photograph lies there already and does"
-        if there == 1
-        else f"{there} photographs lie there already and do"
-    )
-    return f"{lie} not count: put {count} new one{'' if count == 1 else 's'} there, under other names,"
+        return new
+    lie = "1 that lies there already does" if there == 1 else f"{there} that lie there already do"
+    return f"{new} under other names ({lie} not count)"
 
 
 def world_file(task: Task, world: Path | None) -> Path:

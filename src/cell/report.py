@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from cell.simulation import SimulatedCell
 
 RELEASED = ("placed", "unseated", "set down", "fallen")  # what becomes of a cube that is let go
-HEADER = ("cube", "from", "to", "placed", "motion s", "clearance mm", "error mm", "tilt deg")
+HEADER = ("cube", "from", "to", "placed", "planned s", "clearance mm", "error mm", "tilt deg")
 
 
 @dataclass

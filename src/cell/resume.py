@@ -16,7 +16,7 @@ from arm.poses import hole_poses
 from arm.products import mul, norm
 from arm.se3 import Array, frozen, inverse
 from cell.checking import pose_of_plate, under
-from cell.confirming import seated
+from cell.confirming import NOT_CONFIRMED, seated
 from cell.furniture import plate_name
 from cell.holding import grip_of
 from cell.lookfile import Seen, SeenBoard
@@ -259,10 +259,12 @@ def _leave(run: TaskRun, seen: Seen) -> None:
 
 
 def _take_stock(run: TaskRun, plan: Plan, seen: Seen) -> None:
-    """What was done before the stop: a cube whose hole is empty now is where the plan brought it.
+    """What was done before the stop, as the look shows it; a cube that surely sits where the plan brought it is done.
+
+    One that does not surely sit there is left where it is, and the run ends as not confirmed.
 
     Raises:
-        ExecutionStopped: it is not there.
+        ExecutionStopped: a cube surely is neither at its source nor where the plan brought it.
     """
     task = run.task
     run.on_table = {
@@ -270,9 +272,14 @@ def _take_stock(run: TaskRun, plan: Plan, seen: Seen) -> None:
         for name, T in _on_table(task, plan).items()
         if name not in {cube_name(transfer["to"]) for transfer in plan.task["cubes"]}
     }
+    unsure = 0
     for transfer in plan.task["cubes"]:
         if seen.state(transfer["from"]) != "empty":
             continue
+        if task.places is not None:
+            run.on_table[cube_name(transfer["to"])] = T_base_cube_on_table(task, transfer["to"])
+        if transfer["cube"] in run.done:
+            continue  # let go in this run, so the look has judged it
         state, sits = (
             seen.state(transfer["to"]),
             seated(task, seen, transfer["to"], run.widths.get(transfer["cube"])),
@@ -280,11 +287,15 @@ def _take_stock(run: TaskRun, plan: Plan, seen: Seen) -> None:
         if state not in (None, "cube") or (state == "cube" and sits.state == "off"):
             why = sits.reason if state == "cube" else f"that hole looks {state}"
             raise ExecutionStopped(
-                f"the cube of {transfer['from']} is not confirmed in {transfer['to']}: {why}; a cube stands where "
-                "it is not seen: put it right or take it away, and run again; the arm is at q_start",
+                f"the cube of {transfer['from']} is not confirmed in {transfer['to']}: {why}; put it right or take it "
+                "away, and run again; the arm is at q_start",
                 cube=transfer["cube"],
             )
-        run.done[transfer["cube"]] = transfer["to"]
-        if task.places is not None:
-            run.on_table[cube_name(transfer["to"])] = T_base_cube_on_table(task, transfer["to"])
-    run.console.step(f"{len(run.done)} of {len(plan.task['cubes'])} cubes are where they should be")
+        run.done[transfer["cube"]] = transfer["to"]  # where no other may go
+        if sits.state != "seated":
+            unsure += 1
+            row = CubeRow(transfer["from"], transfer["to"])
+            row.remarks.append(f"{NOT_CONFIRMED}: it does not surely sit: {sits.reason}")
+            run.rows.append(row)
+            run.tell(f"{row.source} to {row.target} {row.remarks[-1]}")
+    run.console.step(f"{len(run.done) - unsure} of {len(plan.task['cubes'])} cubes are where they should be")

@@ -26,6 +26,7 @@ from cell.watcher import Watcher
 from driver.control import Control
 from driver.interrupt import caught, interruptible
 from driver.mars import Mars
+from driver.refusals import refuse_unhomed
 from plan.budget import SearchBudget
 
 SIMULATED = WhichCell()
@@ -208,6 +209,8 @@ def opened(
         let_move = confirm is None
         try:
             run.introduce()
+            if run.homed_before:  # the unit is asked again before anything moves
+                refuse_unhomed(task.cell.unit, run.connection.mars.counters())
             if confirm is not None:
                 confirm(run)
                 let_move = True

@@ -19,7 +19,7 @@ from cell.htmlparts import bullets, page, section, table
 from cell.taskfile import Task
 
 _WIDTH, _QUALITY = 960, 82  # of a picture in the page: px, and of 100
-_HEADER = ("cube", "from", "to", "placed", "motion s", "clearance mm", "error mm", "tilt deg", "remarks")
+_HEADER = ("cube", "from", "to", "placed", "planned s", "clearance mm", "error mm", "tilt deg", "remarks")
 
 
 @dataclass(frozen=True)

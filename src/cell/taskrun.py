@@ -310,7 +310,10 @@ class TaskRun:
         self.go_to_start(seen)
         before, after = seen.state(row.source), self.look("after a missed cube")
         if before == "cube" and after.state(row.source) == "empty":
-            self._stop(f"the cube of {row.source} is gone from its hole and was not gripped")
+            self._stop(
+                f"the cube of {row.source} is gone from its hole and was not gripped; it stands where it is not seen: "
+                "take it away"
+            )
         return after
 
     def confirm_placed(self, seen: Seen) -> None:
@@ -322,7 +325,9 @@ class TaskRun:
         for row, found in self._let_go.judge(seen, self.pictures[-1].file):
             self.tell(f"{row.source} to {row.target} {row.remarks[-1]}")
             if found.lost:
-                self._stop(f"{row.source} to {row.target} {row.remarks[-1]}")
+                self._stop(
+                    f"{row.source} to {row.target} {row.remarks[-1]}; put that cube right or take it away"
+                )
 
     def require_confirmed(self) -> dict[str, Any]:
         """The report of a run all of whose cubes were confirmed.
@@ -335,9 +340,9 @@ class TaskRun:
         return report
 
     def _stop(self, why: str) -> None:
-        """End the task where a cube stands at a place that nobody knows."""
+        """End the task where a cube is not known to stand where it should; `why` ends in what to do about it."""
         raise ExecutionStopped(
-            f"{why}; a cube stands where it is not seen: take it away and run again; the arm is at q_start",
+            f"{why}, and run again; the arm is at q_start",
             **self.report(),
         )
 

@@ -1,6 +1,7 @@
 """Cell, task and world files: the shipped ones are good, and every mistake is one line with file, key and value."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +9,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from arm.bodies import Capsule, Convex, Cylinder, Sphere, convex, shape_from_json, shape_to_json
-from arm.errors import InputError
+from arm.errors import FileInputError, InputError
 from arm.files import data_file
 from arm.toml_table import TomlTable
 from cell.bodytable import read_pose
 from cell.cellfile import read_cell
+from cell.cellnotes import CELL, known_keys
 from cell.checking import _same_shape as same_shape
 from cell.inputs import changes
 from cell.planning import options_of
@@ -336,3 +338,30 @@ def test_a_flat_mesh_is_told(scenes: Path) -> None:
     (scenes / "cell.toml").write_text((scenes / "cell.toml").read_text() + WALLS)
     with pytest.raises(InputError, match=r"walls\[4\].mesh = 'wedge.obj': cannot be used: .*one plane"):
         read_cell(scenes / "cell.toml")
+
+
+def test_a_misspelt_key_is_named_even_where_another_is_missing(scenes: Path) -> None:
+    cell = scenes / "cell.toml"
+    for key, wrong in (("speed ", "speeed "), ("rest_tolerance_counts", "rest_tolerence_counts")):
+        text = (
+            cell.read_text()
+            if key in cell.read_text()
+            else cell.read_text().replace("[motion]", f"[motion]\n{key} = 25")
+        )
+        other = re.sub(r"(?m)^approach_mm_s.*$", "", text.replace(f"\n{key}", f"\n{wrong}"))
+        (scenes / "wrong.toml").write_text(other)
+        with pytest.raises(FileInputError) as told:
+            read_cell(scenes / "wrong.toml")
+        assert "approach_mm_s: is missing" in str(told.value)
+        assert f"motion.{wrong.strip()} is not a known key: did you mean motion.{key.strip()}?" in str(
+            told.value
+        )
+
+
+def test_keys_that_are_known_are_those_that_are_read(scenes: Path) -> None:
+    """A key of a shipped file, or one that is offered, is never told to be another."""
+    root = TomlTable.read(scenes / "cell.toml")
+    root.knows(known_keys(CELL))
+    with pytest.raises(FileInputError) as told:
+        root.text("none")
+    assert "known key" not in str(told.value)

@@ -11,10 +11,12 @@ import pytest
 
 from arm.errors import ExecutionStopped
 from arm.files import data_file
-from cell.confirming import Unconfirmed, confirm
+from cell.confirming import LetGo, Unconfirmed, confirm
+from cell.report import CubeRow
 from cell.worldfile import read_world
 from command_line import replace_in
 from small_scenes import small_scenes
+from vision.seated import CubeWidth
 from whole_run import WholeRun, run_whole
 
 pytestmark = pytest.mark.xdist_group("confirming")
@@ -37,6 +39,9 @@ def test_a_cube_that_does_not_sit_stops_the_run_as_not_confirmed(tmp_path: Path,
     (cube,) = run.error.data["cubes"]
     assert not cube["placed"]
     assert "not confirmed" in str(run.error)
+    assert "put that cube right or take it away, and run again" in str(run.error)
+    assert "not seen" not in str(run.error)  # it is: beside where it should be
+    assert "planned s" in run.said
     assert "not confirmed" in cube["remarks"][-1]
     picture = cube["remarks"][-1].split("(see ")[1].rstrip(")")
     assert (run.folder / picture).is_file()
@@ -143,3 +148,26 @@ def test_a_cube_that_sits_on_a_board_that_was_pushed_is_not_confirmed_and_not_lo
     assert asked == ["b", "b"]
     assert (found is None) is not (known and beyond)
     assert found is None or (not found.lost and found.reasons[0].startswith("board b moved by "))
+
+
+@pytest.mark.parametrize("moved", [True, False])
+@pytest.mark.parametrize("known", [True, False])
+def test_a_cube_is_not_measured_in_photographs_that_show_its_source_as_it_was_before(
+    monkeypatch: pytest.MonkeyPatch, moved: bool, known: bool
+) -> None:
+    """Where no look came in between, they show the cube that stood there then: another, or none."""
+    measured, before_known = CubeWidth(0.041, 5e-5), CubeWidth(0.0395, 5e-5) if known else None
+    used: list[CubeWidth | None] = []
+
+    def confirm(*arguments: Any) -> None:
+        used.append(arguments[-1])
+
+    monkeypatch.setattr("cell.confirming.width_at", lambda *_: measured)
+    monkeypatch.setattr("cell.confirming.confirm", confirm)
+    task: Any = SimpleNamespace()
+    before: Any = SimpleNamespace(moved_since=frozenset({"a/1"} if moved else {"a/2", "b/1"}))
+    let_go, row = LetGo(task), CubeRow("a/1", "b/2")
+    let_go.add(row, before, before_known)
+    assert list(let_go.judge(before, Path("look-2.png"))) == []
+    assert used == [before_known if moved else measured]
+    assert row.placed

@@ -13,11 +13,14 @@ import cell.homed
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.files import data_file
 from cell.cellfile import Cell, read_cell
+from cell.connection import WhichCell
 from cell.console import Console
 from cell.homed import FreeCell, before_homing, keep_home, may_be_real, take_into_use
+from cell.run import run_task
 from driver.emulator import Emulator
 from driver.mars import Mars
 from driver.stepped import SteppedClock
+from lasting_cell import LastingCell
 
 
 @pytest.mark.parametrize(
@@ -176,3 +179,14 @@ def test_homing_ends_at_the_marks_and_nothing_goes_on_with_jaws_that_do_not_open
     else:
         take_into_use(run)
     assert done == ["kept" if kept else {"home": True, "soft_home": False}, ((1,) * 6, (2,) * 6)]
+
+
+def test_a_unit_that_was_not_homed_is_refused_before_anything_is_looked_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lasting = LastingCell(tmp_path, monkeypatch, "task2")
+    where, folder = WhichCell(lasting.url, homed=True), tmp_path / "run"
+    with lasting.emulator, pytest.raises(ImpossibleError, match="as after power-up: the unit must be homed"):
+        run_task(lasting.file, Console(), where, folder)
+    assert not list(folder.glob("look-*.png"))
+    assert not any(line.startswith(("HH", "REG", "COORD", "SPDT")) for _, line in lasting.emulator.lines)

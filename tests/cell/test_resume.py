@@ -24,7 +24,7 @@ from cell.run import execute_plan, resume_plan
 from cell.scenery import cube_name
 from lasting_cell import LastingCell
 from plan.scene import scene_from_json
-from vision.seated import CubeWidth
+from vision.seated import CubeWidth, Seating
 
 pytestmark = pytest.mark.xdist_group("resume")
 NOMINAL = CubeWidth(0.040, 5e-5)
@@ -124,6 +124,36 @@ def test_clearing_a_board_goes_on_with_the_cubes_that_stand_on_the_table(
     assert apart >= 0.075 - 1e-3
     assert not [e for e in at.simulated.events if e.what in ("pushed", "fallen", "missed")]
     assert at.emulator.violations == ()
+
+
+@pytest.mark.parametrize(("state", "confirmed"), [("seated", True), ("unsure", False)])
+def test_a_cube_of_before_the_stop_is_done_only_where_the_look_confirms_it(
+    lasting: LastingCell,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    state: Any,
+    confirmed: bool,
+) -> None:
+    """The rest is done all the same; the run ends as not confirmed."""
+    at = lasting
+
+    def first() -> dict[str, Any]:
+        return execute_plan(at.plan, at.file, Console(), WhichCell(at.url), at.folder / "first")
+
+    def rest() -> dict[str, Any]:
+        return resume_plan(at.newest, at.file, Console(), WhichCell(at.url), at.folder / "second")
+
+    second = read_plan(at.plan).task["cubes"][1]["from"]
+    at.stopped(first, f"to {second}", 0.5)  # the first cube stands in its hole
+    monkeypatch.setattr("cell.resume.seated", lambda *_: Seating(state, "a shadow is on it"))
+    if confirmed:
+        assert all(c["placed"] for c in rest()["cubes"])
+        assert "1 of 2 cubes are where they should be" in capsys.readouterr().out
+        return
+    with pytest.raises(ExecutionStopped, match=r"1 of 2 cubes not confirmed: .*a shadow is on it") as ended:
+        rest()
+    assert [c["placed"] for c in ended.value.data["cubes"]] == [False, True]
+    assert "0 of 2 cubes are where they should be" in capsys.readouterr().out
 
 
 def test_a_unit_that_lost_its_positions_is_not_resumed(lasting: LastingCell) -> None:
