@@ -5,6 +5,8 @@ from __future__ import annotations
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +19,8 @@ from cell.armshape import arm_shape
 from cell.cellfile import read_cell
 from cell.doctorcell import cell_findings, read_named
 from cell.finding import NOTE, OK
+from cell.runreport import run_report
+from cell.taskfile import read_task
 from command_line import a465, replace_in
 from plan.world import World
 
@@ -106,3 +110,25 @@ def test_paddings_add_up_and_are_checked() -> None:
     with pytest.raises(InputError, match=r"padding = -0\.001 m: must be from 0 to 0.5"):
         padded(robot, -0.001)
     assert replace(robot, bodies=more.bodies).digest == robot.digest
+
+
+@pytest.mark.parametrize("compared", [False, True])
+def test_a_runs_report_says_whose_word_the_arms_shape_is(scenes: Path, compared: bool) -> None:
+    if compared:
+        _with(scenes, COMPARED)
+    task = read_task(scenes / "task2.toml")
+    run: Any = SimpleNamespace(
+        task=task,
+        kept=[],
+        rows=[],
+        speed=0.5,
+        control=SimpleNamespace(ceiling=1.0),
+        connection=SimpleNamespace(time_scale=1.0, simulated=None),
+        remarks=[],
+        folder=scenes,
+    )
+    told = run_report(run)["arm_shape"]
+    assert told == arm_shape(task.cell)
+    assert ("2026-11-20, who did it" in told) is compared
+    assert ("nobody has compared it" in told) is not compared
+    assert "padded by 10 mm" in told
