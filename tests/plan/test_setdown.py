@@ -1,4 +1,4 @@
-"""The way of a cube that is carried from where a stop left it: it keeps what its ends leave, and never less than asked."""
+"""The way of a cube that a stop left in the jaws: it keeps what its ends leave, and never less than asked."""
 
 from __future__ import annotations
 
