@@ -3,12 +3,15 @@
 python bench/bad_line.py --there 400 --back 100 --answers 50 --sound 200
 python bench/bad_line.py --there 400 --back 0 --answers 100 --sound 50 --echo none
 python bench/bad_line.py --there 0 --back 0 --answers 0 --sound 0 --noise 1e-5 1e-4 1e-3 --streams 200
+python bench/bad_line.py --there 120 --back 0 --answers 0 --sound 0 --asleep 2
+python bench/bad_line.py --there 400 --back 0 --answers 0 --sound 200 --echo byte --end CRLF --order mixed
 
 Driver and emulated unit in stepped time, both units, 0, 16 and 100 ms one way (sound streams at 200 ms too). A third of
 the damage is in segments 1 to 8; in every tenth case a STOP is lost too. The judge is the unit's own record, every ms:
 how far the arm ever was from the path that was certified (0.02 deg are allowed, which are rounding). Motions are of
 all joints, 5 to 8 s, 100 ms a segment, at 0.9 of the speed and 0.5 of the acceleration of the registers. `--noise`
-turns single bits round at random, in both directions, and counts stops over the time of motion.
+turns single bits round at random, in both directions, and counts stops over the time of motion. `--asleep` stops the
+host for so long once the damaged line has left. Where bytes come back one by one, nothing is damaged on the way back.
 """
 
 from __future__ import annotations
@@ -22,7 +25,7 @@ import sys
 import time
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from itertools import product
 from pathlib import Path
@@ -38,6 +41,7 @@ from arm.se3 import Array
 from arm.unit import Limits, Unit, load_unit
 from count_paths import departures
 from driver.emulator import Emulator, EmulatorOptions
+from driver.emulator.line import MemoryLine
 from driver.mars import Mars
 from driver.progress import StreamOptions
 from driver.stepped import SteppedClock
@@ -61,6 +65,8 @@ class Case:
         way: of the damage: there, back, answers; noise, in both directions; or sound.
         stops: STOPs that are lost too.
         rate: of bytes with a bit turned round, of noise.
+        echo, end, order: of the unit, see `driver.emulator.EmulatorOptions`.
+        asleep_s: for how long the host sleeps once the damaged line has left.
     """
 
     way: str
@@ -73,6 +79,9 @@ class Case:
     echo: str = "line"
     rate: float = 0.0
     preload: bool = False
+    end: str = "LF"
+    order: str = "before"
+    asleep_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -136,6 +145,21 @@ def taps(case: Case, segments: int) -> list[Damage | BitErrors]:
     return [Damage(case.kind, min(case.nth, segments), case.seed, case.stops, what)]  # type: ignore[arg-type]
 
 
+def asleep(line: MemoryLine, tapped: list[Damage | BitErrors], case: Case) -> MemoryLine:
+    """The line of a host that falls asleep once, when the damaged line has left."""
+    if case.asleep_s > 0.0:
+        write, slept = line.write, [False]
+
+        def written(data: bytes) -> None:
+            write(data)
+            if not slept[0] and any(isinstance(tap, Damage) and tap.at_s is not None for tap in tapped):
+                slept[0] = True
+                line.clock.sleep(case.asleep_s)
+
+        line.write = written  # type: ignore[method-assign]
+    return line
+
+
 def run(case: Case) -> Outcome:
     """One stream."""
     unit, clock = load_unit(case.unit), SteppedClock()
@@ -147,10 +171,15 @@ def run(case: Case) -> Outcome:
         there, back = (there, None) if case.way == "there" else (None, back)
     error: ExecutionStopped | None = None
     took = 0.0
-    options = EmulatorOptions(power_up_deg=near, echo=case.echo)  # type: ignore[arg-type]
+    options = EmulatorOptions(
+        power_up_deg=near,
+        echo=case.echo,  # type: ignore[arg-type]
+        echo_end=case.end,  # type: ignore[arg-type]
+        echo_order=case.order,  # type: ignore[arg-type]
+    )
     with (
         Emulator(unit, clock, options=options) as emulator,
-        Mars(emulator.open_line(case.latency_s, there, back), unit, clock) as mars,
+        Mars(asleep(emulator.open_line(case.latency_s, there, back), tapped, case), unit, clock) as mars,
     ):
         mars.identify()
         mars.initialise(soft_home=False)
@@ -203,6 +232,7 @@ def cases(options: argparse.Namespace) -> list[Case]:
             Case("sound", UNITS[i % 2], latency_s, "", 0, 0, options.seed + i, options.echo)
             for i in range(options.sound)
         ]
+    found = [replace(c, end=options.end, order=options.order, asleep_s=options.asleep) for c in found]
     for rate in options.noise:
         for i in range(options.streams):
             unit, latency_s = places[i % len(places)]
@@ -280,6 +310,11 @@ def main() -> None:
     parser.add_argument("--streams", type=int, default=100, help="at each share")
     parser.add_argument("--preload", action="store_true", help="with --noise")
     parser.add_argument("--echo", choices=ECHO, default="line")
+    parser.add_argument("--end", choices=("LF", "CRLF", "CR"), default="LF")
+    parser.add_argument("--order", choices=("before", "after", "mixed"), default="before")
+    parser.add_argument(
+        "--asleep", type=float, default=0.0, help="s, of the host, once the damaged line has left"
+    )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--json", type=Path)
@@ -287,7 +322,8 @@ def main() -> None:
     drawn = cases(options)
     print(
         f"Python {platform.python_version()}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}; stepped "
-        f"time; {len(drawn)} streams, echo {options.echo}, seed {options.seed}; {time.strftime('%Y-%m-%d')}, "
+        f"time; {len(drawn)} streams, echo {options.echo} {options.end} {options.order}, host asleep "
+        f"{options.asleep:g} s, seed {options.seed}; {time.strftime('%Y-%m-%d')}, "
         f"commit {commit()}",
         flush=True,
     )
