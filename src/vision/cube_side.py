@@ -34,10 +34,21 @@ PEAK = float(np.sqrt(2.0 * np.pi))  # a step's slope is its height / (blur PEAK)
 TOP_GREY, TOP_SLOPE = 25.0, 6.0  # grey levels, and those over a span
 FACE_SHARE = (0.75, 0.3)  # mean and deviation of a face's grey, of the top's
 FACE_GREY, FACE_OWN, FACE_OWN_SHARE = 8.0, 3.0, 0.03  # grey levels; of a piece; and of its grey
+UNEVEN = 15e-6  # m, of a side's place at a piece from its line: what is left of the turn, chamfers
 BLUR_SHARE = 0.05  # of the blur, by what it makes of a whole step
-FOOT, FOOT_STEP = 0.15e-3, 0.4  # m, of a foot's place; height of its step, of the plate's grey
+FOOT, FOOT_STEP = 0.06e-3, 0.4  # m, of a foot's place; height of its step, of the plate's grey
 PLATE_OWN, PLATE_SLOPE = 0.1, 0.06  # share of a piece's light; and over a span
 WALL_OWN, WALL_SLOPE = 0.06, 0.3
+WAVES: Array = frozen(np.cos(np.pi * np.arange(2, 7)[:, None] * (ACROSS / (2.0 * SPAN) + 0.5)))
+PLATE_WAVES = (
+    2  # of these: light changes slowly on a plate, and within 1 mm on a wall that a cube keeps light from
+)
+WALL_SHAPE, PLATE_SHAPE = 0.06, 0.02  # share of the light, each wave
+WALL_MOVED = 40e-6  # m, of a wall from where the empty place showed it
+BACKGROUND = (
+    150e-6  # m, of what lies beyond it; much, for a border that meets the side's is blurred with it, once
+)
+BEYOND_PLATE = 0.12  # share, by which the light beyond a border may have changed otherwise than the plate's
 
 TEXTURE, GREY = 0.007, 0.15  # noise that neighbours share: of the grey, and grey levels
 TEXTURE_PX, NOISE_PX, HIDDEN_PX = 1.2, 0.55, 3.0  # how far it reaches
@@ -83,15 +94,21 @@ class Side:
     Attributes:
         grey: across its pieces, (pieces, n).
         white: inverse of a Cholesky factor of their noise, (n, n): makes it white.
-        foot: how far beyond the side the cube's foot is seen, m; 0: its face is not seen.
+        feet: how far beyond the side the cube's foot may be seen, m, from -2 to 2 deviations in even steps, or one
+            alone; 0: its face is not seen. (feet,)
         top_grey, plate_grey: usual grey levels.
     """
 
     grey: Array
     white: Array
-    foot: float
+    feet: Array
     top_grey: float
     plate_grey: float
+
+    @property
+    def foot(self) -> float:
+        """The likeliest of `feet`, m."""
+        return float(self.feet[len(self.feet) // 2])
 
 
 def whitening(level: Array, hidden: Array, noise: float, px_per_m: float) -> Array:
@@ -169,7 +186,7 @@ def beside_unseen(plate_grey: float, pieces: int, mouth: float) -> Beside:
 
 def own_evidence(side: Side, at: Beside, places: Array, blur: float) -> Array:
     """Log evidence of each piece by itself with the side at `places` (k, pieces) m out, (k, pieces)."""
-    mean, own, shared = _columns(side, at, places, blur)
+    mean, own, shared = _columns(side, at, places, blur, side.foot)
     left = (side.grey - mean) @ side.white.T
     A = side.white @ np.concatenate([own, shared], axis=-1)
     At = np.swapaxes(A, -1, -2)
@@ -183,6 +200,9 @@ def evidence(
 ) -> tuple[Array, Array]:
     """Log evidence of some pieces together, (k,), and what is left of each sample, in squared deviations, (k,).
 
+    Where the cube's foot is seen is known to a deviation only, and a narrow face is told from a top by it alone: each
+    of the side's feet has its own evidence, and their weighted sum counts.
+
     Args:
         side: with its profiles.
         at: what is beside it.
@@ -190,7 +210,21 @@ def evidence(
         blur: m.
         pieces: that count, (pieces,).
     """
-    mean, own, shared = _columns(side, at, places, blur)
+    each = [_evidence(side, at, places, blur, pieces, float(foot)) for foot in side.feet]
+    log = np.stack([one for one, _ in each])
+    if len(log) > 1:
+        weights = -0.5 * np.linspace(-2.0, 2.0, len(log)) ** 2
+        log = log + (weights - np.log(np.exp(weights).sum()))[:, None]
+    most = log.max(axis=0)
+    left = np.take_along_axis(np.stack([one for _, one in each]), log.argmax(axis=0)[None], axis=0)[0]
+    return np.asarray(most + np.log(np.exp(log - most).sum(axis=0))), left
+
+
+def _evidence(
+    side: Side, at: Beside, places: Array, blur: float, pieces: npt.NDArray[np.bool_], foot: float
+) -> tuple[Array, Array]:
+    """The same with the cube's foot so many m beyond the side."""
+    mean, own, shared = _columns(side, at, places, blur, foot)
     left = (side.grey - mean) @ side.white.T
     A = side.white @ own
     X = np.concatenate([side.white @ shared, left[..., None]], axis=-1)
@@ -204,24 +238,29 @@ def evidence(
     return np.asarray(-0.5 * (chi2 + sizes)), np.asarray(chi2 / (pieces.sum() * len(ACROSS)))
 
 
-def _columns(side: Side, at: Beside, places: Array, blur: float) -> tuple[Array, Array, Array]:
-    """The linear model with the side at `places` (k, p): mean (k, p, n), and columns of what is a piece's own and what
-    is shared, (k, p, n, c), each scaled to a deviation of 1.
+def _columns(side: Side, at: Beside, places: Array, blur: float, foot: float) -> tuple[Array, Array, Array]:
+    """The linear model with the side at `places` (k, p) and a foot so many m beyond it.
+
+    Returns its mean (k, p, n), and the columns of what is a piece's own and of what is shared, (k, p, n, c), each
+    scaled to a deviation of 1.
     """
     prior = SEEN_EMPTY if at.known else NEVER_SEEN
     x, u = ACROSS, places[..., None]
     z = (x - u) / blur
     beyond = ndtr(z)
-    face_ends = np.maximum(np.minimum(u + side.foot, at.mouth), u) if side.foot > 0.0 else u
+    face_ends = np.maximum(np.minimum(u + foot, at.mouth), u) if foot > 0.0 else u
     open_ = ndtr((x - face_ends) / blur)
     mean = (1.0 - beyond) * side.top_grey
-    own = [(1.0 - beyond) * TOP_GREY, (1.0 - beyond) * z * (blur / SPAN) * TOP_SLOPE]
+    usual = side.grey.mean(axis=0)
+    step = np.abs(np.interp(u + 2.0 * blur, x, usual) - np.interp(u - 2.0 * blur, x, usual))
+    uneven = np.exp(-0.5 * z**2) * step * (UNEVEN / (blur * PEAK))
+    own = [uneven, (1.0 - beyond) * TOP_GREY, (1.0 - beyond) * z * (blur / SPAN) * TOP_SLOPE]
     shared = [z * np.exp(-0.5 * z**2) * BLUR_SHARE * max(side.plate_grey, side.top_grey)]
-    if side.foot > 0.0:
+    if foot > 0.0:
         face, grey = beyond - open_, FACE_SHARE[0] * side.top_grey
         mean = mean + face * grey
         own += [face * (FACE_OWN + FACE_OWN_SHARE * grey), face * z * (blur / SPAN) * TOP_SLOPE]
-        at_foot = np.exp(-0.5 * ((x - face_ends) / blur) ** 2) * (u + side.foot < at.mouth)
+        at_foot = np.exp(-0.5 * ((x - face_ends) / blur) ** 2) * (u + foot < at.mouth)
         shared += [
             face * (FACE_SHARE[1] * side.top_grey + FACE_GREY),
             at_foot * (FOOT / (blur * PEAK) * FOOT_STEP * side.plate_grey),
@@ -232,12 +271,19 @@ def _columns(side: Side, at: Beside, places: Array, blur: float) -> tuple[Array,
         mean = mean + lit * at.light
         own += [lit * PLATE_OWN, plate * (x / SPAN) * (PLATE_SLOPE * side.plate_grey)]
         shared += [lit * prior.plate]
+        shared += [plate * wave * (PLATE_SHAPE * side.plate_grey) for wave in WAVES[:PLATE_WAVES]]
+        if at.known:
+            shared += [plate * np.gradient(at.plate, STEP, axis=1) * (BACKGROUND * at.light)]
+            shared += [plate * (at.plate * at.light - side.plate_grey) * BEYOND_PLATE]
     if at.mouth > -SPAN:
         wall, usual = open_ - plate, at.wall.mean(axis=1)[:, None]
         lit, (share, deviation) = wall * at.wall * at.light, prior.wall
         mean = mean + lit * share
         own += [lit * WALL_OWN]
         shared += [lit * deviation, wall * ((x - min(at.mouth, SPAN)) / SPAN) * (WALL_SLOPE * usual)]
+        shared += [wall * wave * (WALL_SHAPE * usual) for wave in WAVES]
+        if at.known:
+            shared += [wall * np.gradient(at.wall, STEP, axis=1) * (WALL_MOVED * at.light * share)]
         if at.mouth < SPAN:
             middle = int(np.searchsorted(x, at.mouth))
             step = np.abs(at.plate[:, middle] - share * at.wall[:, middle])[:, None] * at.light

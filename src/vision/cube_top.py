@@ -10,7 +10,7 @@ by all of its pieces. What comes out is a likelihood over the place of each side
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -40,18 +40,18 @@ PITCH = 0.2e-3  # m between samples along a piece
 PLACES: Array = frozen(np.arange(-128, 129) * 0.0125e-3)  # m out, of a side
 COARSE = slice(None, None, 4)
 TURNS: Array = np.radians(np.linspace(-3.6, 3.6, 73))
+FINER: Array = np.radians(np.linspace(-0.15, 0.15, 7))
 BLURS_PX = (0.7, 0.85, 1.0, 1.25, 1.6)  # standard deviations that are tried, with a sample's own
 ACCIDENT = 12.0  # log likelihood: so unlikely is a piece at most
 STRAY = 8.0  # log likelihood: a piece that disagrees more with the others is left out
 LEAST_PIECES = 5
 FLOOR_PX = 0.04  # of a side's place: what no repetition shows
-UNLIKE = 1.5  # squared deviations of a sample: no picture is quite like the model
+UNLIKE = 1.15  # squared deviations of a sample: no picture is quite like the model
 FAINT = 60.0  # log likelihood: so unlikely is a place at most
-WIDE_FACE, BEFORE_FOOT, SOFT = (
-    1.0e-3,
-    0.4e-3,
-    0.05e-3,
-)  # m: beyond a wide face, what is at its foot is left out
+HOPELESS = 150.0  # log evidence: between places that are less likely than this there is no better one
+WIDE_FACE = 1.0e-3  # m: beyond a face as wide, what is at its foot is left out,
+BEFORE_FOOT, SOFT = 0.4e-3, 0.05e-3  # m: from so much before it, so softly
+FOOT_SEEN, FOOT_SHARE, FOOT_STD = 0.9, 0.07, 25e-6  # a face's lowest part is dark in its pocket; share; m
 RING = np.array([2e-3, 3e-3, 4e-3, 5e-3])  # m beyond a mouth: there the plate is seen
 ROOM = 0.4e-3  # m, about where a foot may be taken for a side
 LEAST_STEP = 4.0  # grey levels: less may be a shading of the surface
@@ -148,7 +148,6 @@ def measure_top(
         points = _points(size, k)
         grey = view.at(points).mean(axis=2)
         reach = float(eye[:2] @ OUTWARD[k])
-        foot = max(reach + (size / 2.0 - reach) * distance / (distance + size) - size / 2.0, 0.0)
         rim = corner = -np.inf
         if mouth is not None:
             floor = mouth - POCKET_DEPTH * (mouth - size) / (
@@ -159,12 +158,27 @@ def measure_top(
         was = None if then is None else then.at(seen_on_plate(points, height, eye)).mean(axis=2)
         if was is not None and not (np.isfinite(was).all() and np.isfinite(light)):
             was = None
-        side = _side(grey, foot, plate_grey, noise, scale)
+        side = _side(grey, _feet(eye, k, 0.0, size, distance), plate_grey, noise, scale)
         if side is None:
             return None
         sides.append(side)
         around.append(_Around(was, rim, corner))
-    return _search(sides, around, light, scale, size, distance, eye, rise)
+    lever = -np.linspace(-0.5, 0.5, 2 * PIECES + 1)[1::2] * (size - 2.0 * CORNER)
+    blurs = [px / scale for px in BLURS_PX]
+    first = _fit(sides, around, light, lever, blurs[2:3]).lines.turn
+    sides = [replace(side, feet=_feet(eye, k, first, size, distance)) for k, side in enumerate(sides)]
+    fit = _fit(sides, around, light, lever, blurs)
+    turn, likelihoods, shown = _likelihoods(sides, fit, lever)
+    return CubeTop(
+        frozen([_softened(one, FLOOR_PX / scale) for one in likelihoods]),
+        frozen(shown),
+        turn,
+        sum(_lines([one], lever).worth for one in fit.each) - fit.lines.worth,
+        distance,
+        frozen(eye[:2] / distance),
+        size,
+        rise,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,23 +195,35 @@ class _Around:
     corner: float
 
 
-def _search(
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Sides as straight lines of one turn, under the blur that makes them likeliest.
+
+    Attributes:
+        blur: m.
+        lines: the turn and the lines.
+        each: log evidence of each piece by itself at coarse places, (k, pieces) a side.
+        besides: what is seen beside each side.
+    """
+
+    blur: float
+    lines: _Lines
+    each: list[Array]
+    besides: list[Beside]
+
+
+def _fit(
     sides: Sequence[Side],
     around: Sequence[_Around],
     light: float,
-    scale: float,
-    size: float,
-    distance: float,
-    eye: Array,
-    rise: float,
-) -> CubeTop:
-    """Find blur and turn, then the likelihood of each side."""
-    middles = np.linspace(-0.5, 0.5, 2 * PIECES + 1)[1::2] * (size - 2.0 * CORNER)
-    lever = -middles
+    lever: Array,
+    blurs: Sequence[float],
+) -> _Fit:
+    """Find blur and turn, by each piece's evidence."""
     places = PLACES[COARSE]
     every = np.broadcast_to(places[:, None], (len(places), PIECES))
-    best: tuple[float, float, _Lines, list[Array], list[Beside]] | None = None
-    for blur in (px / scale for px in BLURS_PX):
+    best: _Fit | None = None
+    for blur in blurs:
         besides = [
             beside_unseen(side.plate_grey, PIECES, at.mouth)
             if at.empty is None
@@ -206,32 +232,40 @@ def _search(
         ]
         each = [own_evidence(side, at, every, blur) for side, at in zip(sides, besides, strict=True)]
         lines = _lines(each, lever)
-        if best is None or lines.worth > best[0]:
-            best = lines.worth, blur, lines, each, besides
+        if best is None or lines.worth > best.lines.worth:
+            best = _Fit(blur, lines, each, besides)
     if best is None:
         raise ValueError("no blur to try")
-    worth, blur, lines, each, besides = best
-    twist = sum(_lines([one], lever).worth for one in each) - worth
-    along = PLACES[:, None] + lines.turn * lever
+    return best
+
+
+def _likelihoods(sides: Sequence[Side], fit: _Fit, lever: Array) -> tuple[float, list[Array], list[float]]:
+    """The turn, rad, each side's log likelihood at `PLACES`, and how well each shows."""
+    turn = _refined(fit, sides, lever)
     nowhere = np.array([[-NOWHERE], [NOWHERE]]) + np.zeros(PIECES)
     of_sides, shown = [], []
-    for side, at, one, line in zip(sides, besides, each, lines.of_sides, strict=True):
-        good = _agreeing(one, places, float(places[np.argmax(line)]) + lines.turn * lever)
-        log, left = evidence(side, at, along, blur, good)
-        none = evidence(side, at, nowhere, blur, good)[0].max()
+    for side, at, one, line in zip(sides, fit.besides, fit.each, fit.lines.of_sides, strict=True):
+        places = PLACES[COARSE]
+        good = _agreeing(one, places, float(places[np.argmax(line)]) + turn * lever)
+        log, left = _evidence_along(side, at, turn * lever, fit.blur, good)
+        none = evidence(side, at, nowhere, fit.blur, good)[0].max()
         peaks, top = likely(log, side.foot)
         shown.append(float(log[top] - none) if _step(side, float(PLACES[top])) >= LEAST_STEP else 0.0)
         of_sides.append(peaks / max(UNLIKE, float(left[top])))
-    return CubeTop(
-        frozen([_softened(one, FLOOR_PX / scale) for one in of_sides]),
-        frozen(shown),
-        lines.turn,
-        float(twist),
-        distance,
-        frozen(eye[:2] / distance),
-        size,
-        rise,
-    )
+    return turn, of_sides, shown
+
+
+def _evidence_along(
+    side: Side, at: Beside, off: Array, blur: float, pieces: npt.NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """`evidence` at `PLACES` with pieces `off` from their line: at all of them only where it is not hopeless."""
+    coarse = PLACES[COARSE]
+    log, left = evidence(side, at, coarse[:, None] + off, blur, pieces)
+    hopeful = np.convolve(log > log.max() - HOPELESS, np.ones(3), mode="same") > 0.0
+    fine = np.interp(PLACES, coarse, hopeful) > 0.0
+    logs, lefts = np.interp(PLACES, coarse, log), np.interp(PLACES, coarse, left)
+    logs[fine], lefts[fine] = evidence(side, at, PLACES[fine, None] + off, blur, pieces)
+    return logs, lefts
 
 
 def likely(log: Array, foot: float) -> tuple[Array, int]:
@@ -269,6 +303,20 @@ def _lines(each: Sequence[Array], lever: Array) -> _Lines:
     return best
 
 
+def _refined(fit: _Fit, sides: Sequence[Side], lever: Array) -> float:
+    """A finer turn, rad, by the evidence of whole sides near their lines."""
+    every, near = np.ones(PIECES, dtype=bool), PLACES[COARSE][1] - PLACES[COARSE][0]
+    turns = fit.lines.turn + FINER
+    worth = np.zeros(len(turns))
+    for side, at, line in zip(sides, fit.besides, fit.lines.of_sides, strict=True):
+        places = float(PLACES[COARSE][np.argmax(line)]) + near * np.linspace(-1.5, 1.5, 7)
+        along = places[:, None] + turns[:, None, None] * lever
+        usual = replace(side, feet=np.array([side.foot]))
+        log = evidence(usual, at, along.reshape(-1, PIECES), fit.blur, every)[0]
+        worth += log.reshape(len(turns), -1).max(axis=1)
+    return float(turns[np.argmax(worth)])
+
+
 def _along(one: Array, at: Array) -> Array:
     """Likelihood of a side whose pieces lie at places (pieces, k), by their own (k, pieces) at coarse places; (k,)."""
     places, low = PLACES[COARSE], one.min(axis=0)
@@ -299,7 +347,18 @@ def _softened(log: Array, floor: float) -> Array:
     return np.asarray(soft - soft.max())
 
 
-def _side(grey: Array, foot: float, plate_grey: float, noise: float, scale: float) -> Side | None:
+def _feet(eye: Array, k: int, turn: float, size: float, distance: float) -> Array:
+    """How far beyond side k of a cube with that turn its foot may be seen, m, (n,); 0: not at all."""
+    outward = OUTWARD[k] + turn * np.array([-OUTWARD[k][1], OUTWARD[k][0]])
+    foot = (float(eye[:2] @ outward) - size / 2.0) * size / (distance + size)
+    usual, deviation = foot * FOOT_SEEN, max(foot, 0.0) * FOOT_SHARE + FOOT_STD
+    feet = usual + deviation * np.linspace(-2.0, 2.0, 5)
+    if feet[-1] <= 0.0:
+        return np.zeros(1)
+    return np.array([usual]) if feet[0] > SPAN else np.maximum(feet, 0.0)
+
+
+def _side(grey: Array, feet: Array, plate_grey: float, noise: float, scale: float) -> Side | None:
     """A side by its profiles; None where too much of it is outside the image."""
     inside = np.asarray(np.isfinite(grey).all(axis=0))
     if not inside[ACROSS <= LEAST_IN_VIEW].all():
@@ -309,10 +368,11 @@ def _side(grey: Array, foot: float, plate_grey: float, noise: float, scale: floa
     level = np.median(grey, axis=0)
     level = np.convolve(np.pad(level, 2, mode="edge"), np.full(5, 0.2), mode="valid")
     hidden = np.where(np.arange(len(ACROSS)) > last, 1.0, 0.0)
+    foot = float(feet[len(feet) // 2])
     if foot > WIDE_FACE:
         hidden = np.maximum(hidden, 1.0 / (1.0 + np.exp(-(ACROSS - foot + BEFORE_FOOT) / SOFT)))
     top = float(np.median(grey[:, 2:8]))
-    return Side(grey, whitening(level, hidden, noise, scale), foot, top, plate_grey)
+    return Side(grey, whitening(level, hidden, noise, scale), feet, top, plate_grey)
 
 
 def _points(size: float, k: int) -> Array:

@@ -22,7 +22,7 @@ from vision.frames import Image
 
 LIFT = 4e-3  # m: a cube that stands as high as this is surely told from a seated one
 MOST_LIFT = 2.0e-3  # m, that a seated one's measured height may differ
-SURE = 3.0  # standard deviations
+SURE = 3.0  # standard deviations; a lower top than a seated one's is no cube that stands high
 MOST_ASIDE = 0.8e-3  # m, of a top's middle
 PLAY = 0.15e-3  # standard deviation of a seated cube's place along x and y, with what boards are made to, m
 MOST_TURN = np.radians(3.0)
@@ -31,6 +31,7 @@ MOST_UNLIKELY = (
     14.0  # log likelihood, of the best seated or raised cube below that of four sides by themselves
 )
 LEAST_SHOWN = 10.0  # log likelihood, that a side shows
+MISTAKEN = 12.0  # log likelihood: so unlikely is it that a foot, a mouth or a border was taken for a side
 OWN_STD = 4e-6  # m, of a width in another look: what the two do not share
 LIFTS: Array = np.arange(-8e-3, 16.05e-3, 0.1e-3)
 WIDTHS: Array = np.linspace(-3.5, 3.5, 21)  # standard deviations
@@ -95,7 +96,7 @@ def seating(top: CubeTop | None, cube: CubeWidth) -> Seating:
             "unsure", "the sides of its top are not where those of a seated or a higher cube are", lift, std
         )
     told = f"its top is {1e3 * lift:+.1f} mm from a seated one's height, std {1e3 * std:.1f} mm"
-    if abs(lift) <= MOST_LIFT and abs(lift) + SURE * std <= LIFT:
+    if -max(MOST_LIFT, SURE * std) <= lift <= MOST_LIFT and lift + SURE * std <= LIFT:
         return Seating("seated", "", lift, std)
     return Seating("off" if abs(lift) - SURE * std > 0.0 else "unsure", told, lift, std)
 
@@ -145,9 +146,14 @@ def _at_heights(top: CubeTop, cube: CubeWidth, plays: Array, lifts: Array) -> tu
 
 
 def _likely(top: CubeTop) -> list[Array]:
-    """Log likelihood of each side at `PLACES`; a side that does not show says nothing."""
-    flat = np.zeros(len(PLACES))
-    return [flat if shown < LEAST_SHOWN else side for side, shown in zip(top.sides, top.shown, strict=True)]
+    """Log likelihood of each side at `PLACES`: that it is seen there, or that something else was taken for it.
+
+    One such side is outvoted by the other three; two of them are not a cube's top.
+    """
+    return [
+        np.logaddexp(side, -min(max(shown, 0.0), MISTAKEN))
+        for side, shown in zip(top.sides, top.shown, strict=True)
+    ]
 
 
 def _at(side: Array, places: Array) -> Array:

@@ -7,12 +7,14 @@ import pytest
 
 from arm.board import POCKET_FLOOR, POCKET_MOUTH
 from arm.bodies import Body, Box
+from arm.poses import hole_poses
 from arm.se3 import transform
 from board_scenes import CUBE, TABLE, lab_board, lab_camera, leaning, window
 from cell.furniture import T_hole_cube, plate_body
 from cell.render.light import Light
 from cell.render.renderer import PlacedBoard, render, with_noise
 from cell.render.solids import BodySolid
+from placed_scenes import moved_cube
 from vision.cube_top import FAINT, PLACES, CubeTop, likely
 from vision.seated import CubeWidth, Sight, seating, width_of
 
@@ -90,6 +92,23 @@ def test_an_empty_hole_shows_no_seated_cube() -> None:
     _, before, T = _looks(100.0, T_hole_cube(CUBE))
     assert seating(before.in_hole(T, before.empty(T)), CubeWidth(CUBE, 1e-5)).state != "seated"
     assert seating(before.in_hole(T), CubeWidth(CUBE, 1e-5)).state != "seated"
+
+
+@pytest.mark.parametrize(("seed", "where"), [(400114, "view"), (400090, "view"), (400107, "edge")])
+def test_a_turned_cube_beside_narrow_faces_and_borders_is_confirmed_as_it_is(seed: int, where: str) -> None:
+    """Its faces are 0.1 to 0.6 mm wide in the image, and the board's own border ends where its side is."""
+    case = moved_cube(seed, "seated", lab_camera(), where, grey=(25.0, 170.0))
+    before, after = case.target, case.target_after
+    assert before.pose is not None
+    assert after.pose is not None
+    empty = Sight(before.images, before.camera, NOMINAL).empty(
+        hole_poses(before.pose)[before.index].T_base_hole
+    )
+    sight = Sight(after.images, after.camera, NOMINAL)
+    top = sight.in_hole(hole_poses(after.pose)[after.index].T_base_hole, empty)
+    found = seating(top, CubeWidth(case.size, 1e-5))
+    assert found.state == "seated", found
+    assert abs(found.lift) < 3.0 * found.lift_std
 
 
 def test_the_pocket_is_the_cells_own() -> None:
