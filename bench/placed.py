@@ -11,11 +11,12 @@ confirmed. `--alone` gives the estimator no look that shows a place empty, as af
 
 Boards of the lab anywhere in the lab camera's view (1920 x 1200 px, about 1.1 m away), or, in every second case, with a
 marker's border up to the image's edge ("edge"), tilted 0, 7 or 15 degrees towards anywhere; cubes of 40 mm to 0.1 mm,
-grey level 25 to 235 (the plate has 150, a pocket's floor less). Five photographs a look, noise of 3 grey levels, lens
-blur of 0.7 px, exposure 0.8 to 1.1, a lamp 50 to 80 degrees high, its shadow 30 % deep with a soft edge. What differs
-between the two looks (standard deviations): the camera has swayed by 0.3 px and 0.005 degrees, and by 0.1 px between
-photographs; boards have shifted by up to 1 mm and turned by 0.1 degrees; the light is 4 % brighter or darker, the lamp
-50 mm elsewhere; all surfaces have a texture of 1 %, drawn anew; holes are 0.03 mm from where the board's file says.
+grey level 25 to 235 unless `--grey` says otherwise (the plate has 150, a pocket's floor less). Five photographs a
+look, noise of 3 grey levels, lens blur of 0.7 px, exposure 0.8 to 1.1, a lamp 50 to 80 degrees high, its shadow 30 %
+deep with a soft edge. What differs between the two looks (standard deviations): the camera has swayed by 0.3 px and
+0.005 degrees, and by 0.1 px between photographs; boards have shifted by up to 1 mm and turned by 0.1 degrees; the
+light is 4 % brighter or darker, the lamp 50 mm elsewhere; all surfaces have a texture of 1 %, drawn anew; holes are
+0.03 mm from where the board's file says.
 Boards' poses are measured in the same photographs. Seeds are not those with which limits were chosen.
 """
 
@@ -52,11 +53,14 @@ GREYS = ((25, 60), (60, 130), (130, 170), (170, 235))
 FEET = ((0, 50), (50, 100), (100, 200), (200, 600))  # mm
 
 
-def judged(job: tuple[str, str, int, bool]) -> dict[str, Any]:
+Grey = tuple[float, float]
+
+
+def judged(job: tuple[str, str, int, bool, Grey]) -> dict[str, Any]:
     """One case: how the cube stands, what was said, and where."""
     cv2.setNumThreads(1)
-    release, where, seed, alone = job
-    case = moved_cube(seed, release, lab_camera(), where)
+    release, where, seed, alone, grey = job
+    case = moved_cube(seed, release, lab_camera(), where, grey=grey)
     told = {"release": release, "where": where, "seed": seed, "grey": case.grey, "foot_mm": 1e3 * case.foot}
     looks = (case.source, case.source_after, case.target, case.target_after)
     if any(look.pose is None for look in looks):
@@ -122,6 +126,9 @@ def main() -> None:
     parser.add_argument("--seated", type=int, default=500)
     parser.add_argument("--unseated", type=int, default=200)
     parser.add_argument("--alone", action="store_true", help="no look shows a place empty")
+    parser.add_argument(
+        "--grey", type=float, nargs=2, default=(25.0, 235.0), help="range of the cubes' grey levels"
+    )
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument(
         "--lines", type=Path, help="a file of cases, one a line: those in it are not run again"
@@ -133,11 +140,16 @@ def main() -> None:
     ).stdout.strip()
     print(
         f"{date.today()}, commit {commit}, numpy {np.__version__}, OpenCV {cv2.__version__}, Python "
-        f"{platform.python_version()}; seeds from {FIRST_SEED}{'; no empty places' if options.alone else ''}"
+        f"{platform.python_version()}; seeds from {FIRST_SEED}{'; no empty places' if options.alone else ''}; "
+        f"cubes of grey {options.grey[0]:.0f} to {options.grey[1]:.0f}"
     )
-    jobs = [("seated", ("view", "edge")[i % 2], FIRST_SEED + i, options.alone) for i in range(options.seated)]
+    grey = (options.grey[0], options.grey[1])
+    jobs = [
+        ("seated", ("view", "edge")[i % 2], FIRST_SEED + i, options.alone, grey)
+        for i in range(options.seated)
+    ]
     jobs += [
-        (FAULTS[i % 4], ("view", "edge")[i // 4 % 2], FIRST_SEED + 100_000 + i, options.alone)
+        (FAULTS[i % 4], ("view", "edge")[i // 4 % 2], FIRST_SEED + 100_000 + i, options.alone, grey)
         for i in range(options.unseated)
     ]
     share = options.seated / max(

@@ -34,6 +34,8 @@ PEAK = float(np.sqrt(2.0 * np.pi))  # a step's slope is its height / (blur PEAK)
 TOP_GREY, TOP_SLOPE = 25.0, 6.0  # grey levels, and those over a span
 FACE_SHARE = (0.75, 0.3)  # mean and deviation of a face's grey, of the top's
 FACE_GREY, FACE_OWN, FACE_OWN_SHARE = 8.0, 3.0, 0.03  # grey levels; of a piece; and of its grey
+FACE_SLOPE = 0.3  # of the top's grey, over a span: the plate and the pocket keep light from it
+WIDE = 1.0e-3  # m, of a face that shows a slope at all
 UNEVEN = 15e-6  # m, of a side's place at a piece from its line: what is left of the turn, chamfers
 BLUR_SHARE = 0.05  # of the blur, by what it makes of a whole step
 FOOT, FOOT_STEP = 0.06e-3, 0.4  # m, of a foot's place; height of its step, of the plate's grey
@@ -263,6 +265,7 @@ def _columns(side: Side, at: Beside, places: Array, blur: float, foot: float) ->
         at_foot = np.exp(-0.5 * ((x - face_ends) / blur) ** 2) * (u + foot < at.mouth)
         shared += [
             face * (FACE_SHARE[1] * side.top_grey + FACE_GREY),
+            face * z * (blur / SPAN) * (FACE_SLOPE * side.top_grey * np.clip(foot / WIDE - 1.0, 0.0, 1.0)),
             at_foot * (FOOT / (blur * PEAK) * FOOT_STEP * side.plate_grey),
         ]
     plate = ndtr((x - np.maximum(face_ends, at.mouth)) / blur)

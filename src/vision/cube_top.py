@@ -51,7 +51,8 @@ FAINT = 60.0  # log likelihood: so unlikely is a place at most
 HOPELESS = 150.0  # log evidence: between places that are less likely than this there is no better one
 WIDE_FACE = 1.0e-3  # m: beyond a face as wide, what is at its foot is left out,
 BEFORE_FOOT, SOFT = 0.4e-3, 0.05e-3  # m: from so much before it, so softly
-FOOT_SEEN, FOOT_SHARE, FOOT_STD = 0.9, 0.07, 25e-6  # a face's lowest part is dark in its pocket; share; m
+FOOT_SEEN, FOOT_SHARE = 0.9, 0.07  # of a narrow face: its lowest part is dark in its pocket; and a deviation
+FOOT_DARK, FOOT_STD = 1e-3, 25e-6  # m, of a face that is called narrow; deviation beside that share
 RING = np.array([2e-3, 3e-3, 4e-3, 5e-3])  # m beyond a mouth: there the plate is seen
 ROOM = 0.4e-3  # m, about where a foot may be taken for a side
 LEAST_STEP = 4.0  # grey levels: less may be a shading of the surface
@@ -351,7 +352,8 @@ def _feet(eye: Array, k: int, turn: float, size: float, distance: float) -> Arra
     """How far beyond side k of a cube with that turn its foot may be seen, m, (n,); 0: not at all."""
     outward = OUTWARD[k] + turn * np.array([-OUTWARD[k][1], OUTWARD[k][0]])
     foot = (float(eye[:2] @ outward) - size / 2.0) * size / (distance + size)
-    usual, deviation = foot * FOOT_SEEN, max(foot, 0.0) * FOOT_SHARE + FOOT_STD
+    dark = min(max(foot, 0.0), FOOT_DARK)
+    usual, deviation = foot - (1.0 - FOOT_SEEN) * dark, FOOT_SHARE * dark + FOOT_STD
     feet = usual + deviation * np.linspace(-2.0, 2.0, 5)
     if feet[-1] <= 0.0:
         return np.zeros(1)
