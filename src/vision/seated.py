@@ -17,7 +17,8 @@ import numpy as np
 from arm.board import POCKET_DEPTH, POCKET_FLOOR, POCKET_MOUTH, seat_depth
 from arm.se3 import Array
 from vision.camera import Camera
-from vision.cube_top import PLACES, CubeTop, EmptyPlace, measure_top
+from vision.cube_fit import PLACES
+from vision.cube_top import CubeTop, EmptyPlace, measure_top
 from vision.frames import Image
 
 LIFT = 4e-3  # m: a cube that stands as high as this is surely told from a seated one

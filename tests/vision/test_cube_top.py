@@ -15,7 +15,8 @@ from cell.render.light import Light
 from cell.render.renderer import PlacedBoard, render, with_noise
 from cell.render.solids import BodySolid
 from placed_scenes import moved_cube
-from vision.cube_top import FAINT, PLACES, CubeTop, likely
+from vision.cube_fit import FAINT, PLACES, likely
+from vision.cube_top import CubeTop
 from vision.seated import CubeWidth, Sight, seating, width_of
 
 NOMINAL = CubeWidth(CUBE, 5e-5)

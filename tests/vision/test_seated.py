@@ -13,7 +13,8 @@ from cell.furniture import T_hole_cube, plate_body
 from cell.releasefaults import RELEASES, T_hole_released
 from cell.render.renderer import PlacedBoard, render, with_noise
 from vision.camera import Camera
-from vision.cube_top import OUTWARD, PLACES, CubeTop, measure_top
+from vision.cube_fit import PLACES
+from vision.cube_top import OUTWARD, CubeTop, measure_top
 from vision.seated import CubeWidth, Sight, seating, width_of
 
 CENTRE = (0.46, -0.13, 0.09)
