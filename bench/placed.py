@@ -125,6 +125,7 @@ def main() -> None:
     )
     parser.add_argument("--seated", type=int, default=500)
     parser.add_argument("--unseated", type=int, default=200)
+    parser.add_argument("--first-seed", type=int, default=FIRST_SEED)
     parser.add_argument("--alone", action="store_true", help="no look shows a place empty")
     parser.add_argument(
         "--grey", type=float, nargs=2, default=(25.0, 235.0), help="range of the cubes' grey levels"
@@ -140,22 +141,24 @@ def main() -> None:
     ).stdout.strip()
     print(
         f"{date.today()}, commit {commit}, numpy {np.__version__}, OpenCV {cv2.__version__}, Python "
-        f"{platform.python_version()}; seeds from {FIRST_SEED}{'; no empty places' if options.alone else ''}; "
+        f"{platform.python_version()}; seeds from {options.first_seed}{'; no empty places' if options.alone else ''}; "
         f"cubes of grey {options.grey[0]:.0f} to {options.grey[1]:.0f}"
     )
     grey = (options.grey[0], options.grey[1])
     jobs = [
-        ("seated", ("view", "edge")[i % 2], FIRST_SEED + i, options.alone, grey)
+        ("seated", ("view", "edge")[i % 2], options.first_seed + i, options.alone, grey)
         for i in range(options.seated)
     ]
     jobs += [
-        (FAULTS[i % 4], ("view", "edge")[i // 4 % 2], FIRST_SEED + 100_000 + i, options.alone, grey)
+        (FAULTS[i % 4], ("view", "edge")[i // 4 % 2], options.first_seed + 100_000 + i, options.alone, grey)
         for i in range(options.unseated)
     ]
     share = options.seated / max(
         options.unseated, 1
     )  # mixed, so that a run that is cut short has some of all
-    jobs.sort(key=lambda job: (job[2] - FIRST_SEED) % 100_000 * (1.0 if job[0] == "seated" else share))
+    jobs.sort(
+        key=lambda job: (job[2] - options.first_seed) % 100_000 * (1.0 if job[0] == "seated" else share)
+    )
     cases = []
     if options.lines is not None and options.lines.exists():
         cases = [json.loads(line) for line in options.lines.read_text().splitlines()]

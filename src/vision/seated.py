@@ -32,8 +32,7 @@ MOST_UNLIKELY = (
     14.0  # log likelihood, of the best seated or raised cube below that of four sides by themselves
 )
 ALL_AGREE = 9.0  # the same, where no side is mistaken
-MOST_STD = 1.0e-3  # m, of a height that is called known
-LEAST_SIDES = 3  # that show; with three, none is mistaken
+MOST_STD = {4: 1.3e-3, 3: 1.0e-3, 2: 0.6e-3}  # m, of a height that is called known, by how many sides show
 LEAST_SHOWN = 10.0  # log likelihood, that a side shows
 LEAST_THERE = -40.0  # log likelihood, of a side that is not there at all, below that of no border
 MISTAKEN = 12.0  # log likelihood: so unlikely is it that a foot, a mouth or a border was taken for a side
@@ -89,14 +88,12 @@ def seating(top: CubeTop | None, cube: CubeWidth) -> Seating:
     if (top.shown < LEAST_THERE).any():
         return Seating("unsure", "what is seen there is not the top of a cube that stands upright")
     seen = int((top.shown > LEAST_SHOWN).sum())
-    if seen < LEAST_SIDES:
-        return Seating(
-            "unsure", f"{seen} of the sides of its top show well enough, and it takes {LEAST_SIDES}"
-        )
+    if not _shows(top):
+        return Seating("unsure", "the sides of its top do not show well enough")
     width = CubeWidth(cube.value, float(np.hypot(cube.std, OWN_STD)))
     log, best = _heights(top, width, PLAY * PLAYS)
     lift, std = _moments(LIFTS, log)
-    if best < -MOST_UNLIKELY or (best < -ALL_AGREE and seen == LEAST_SIDES):
+    if best < -MOST_UNLIKELY or (best < -ALL_AGREE and seen < len(top.shown)):
         aside = _aside(top, width)
         if aside > MOST_ASIDE:
             return Seating(
@@ -106,7 +103,7 @@ def seating(top: CubeTop | None, cube: CubeWidth) -> Seating:
             "unsure", "the sides of its top are not where those of a seated or a higher cube are", lift, std
         )
     told = f"its top is {1e3 * lift:+.1f} mm from a seated one's height, std {1e3 * std:.1f} mm"
-    known = std <= MOST_STD and -max(MOST_LIFT, SURE * std) <= lift <= MOST_LIFT
+    known = std <= MOST_STD[seen] and -max(MOST_LIFT, SURE * std) <= lift <= MOST_LIFT
     if known and lift + SURE * std <= LIFT:
         return Seating("seated", "", lift, std)
     return Seating("off" if abs(lift) - SURE * std > 0.0 else "unsure", told, lift, std)
