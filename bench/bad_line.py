@@ -34,21 +34,21 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
+from arm.controller.segments import CountPath
+from arm.controller.unit import Limits, Unit, load_unit
 from arm.errors import ExecutionStopped
-from arm.motion import CountPath
-from arm.robot import Robot, load_a465
+from arm.robot.model import Robot, load_a465
 from arm.se3 import Array
-from arm.unit import Limits, Unit, load_unit
 from count_paths import departures
 from driver.emulator import Emulator, EmulatorOptions
-from driver.emulator.line import MemoryLine
-from driver.mars import Mars
-from driver.progress import StreamOptions
-from driver.stepped import SteppedClock
-from driver.stream import stream
+from driver.emulator.line.memory import MemoryLine
+from driver.execution.progress import StreamOptions
+from driver.execution.stream import stream
+from driver.line.stepped_clock import SteppedClock
+from driver.mars.mars import Mars
 from line_damage import ANSWER, KINDS, SEGMENT, BitErrors, Damage
-from plan.segments import to_segments
-from plan.timing import time_path
+from plan.trajectory.integer_segments import to_segments
+from plan.trajectory.timing import time_path
 
 UNITS = ("crs93", "crs97")
 LATENCIES_S = (0.0, 0.016, 0.1)

@@ -31,7 +31,7 @@ from boards_bench.outcomes import Outcome, column, outcomes, ratio
 from boards_bench.scenes import FRAMES, NOISE_PX, TILTS_DEG, Conditions
 from boards_bench.ways import WAYS
 
-from vision.board_doubts import BoardLimits
+from vision.boards.checks import BoardLimits
 
 OURS = "two markers, joint (ours)"
 SET = tuple(np.radians(TILTS_DEG))

@@ -16,16 +16,16 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests" / "support"))
 
-from arm.bodies import Body, Box  # noqa: E402
+from arm.controller.unit import load_unit  # noqa: E402
 from arm.errors import ImpossibleError  # noqa: E402
-from arm.robot import load_a465  # noqa: E402
+from arm.robot.model import load_a465  # noqa: E402
+from arm.robot.shapes import Body, Box  # noqa: E402
 from arm.se3 import rot_x, transform  # noqa: E402
-from arm.unit import load_unit  # noqa: E402
 from plan.budget import LOOKS_A_SECOND, allowed  # noqa: E402
 from plan.options import PlanOptions  # noqa: E402
-from plan.poselist import plan_poses  # noqa: E402
-from plan.targets import Target  # noqa: E402
-from plan.task import plan_task  # noqa: E402
+from plan.pick_place.planner import plan_task  # noqa: E402
+from plan.waypoints.planner import plan_poses  # noqa: E402
+from plan.waypoints.target import Target  # noqa: E402
 from task2_scene import Q_START, task2  # noqa: E402
 
 SEEDS = 4

@@ -24,14 +24,14 @@ from pathlib import Path
 import numpy as np
 
 from arm.errors import CalibrationRefused
-from arm.files import data_file
-from calib.camera_calibration import calibrate_camera
-from calib.intrinsics import NAMES, vector_of
-from calib.view_choice import TargetPhoto
-from cell.targetviews import Shot, photograph_target, random_poses
-from vision.camera import read_camera
-from vision.target import Target, TargetFinder
-from vision.target_quality import measure_quality
+from arm.io.storage import data_file
+from calib.camera.calibrate import calibrate_camera
+from calib.camera.view_selection import TargetPhoto
+from calib.model.intrinsics import NAMES, vector_of
+from cell.sim.target_photos import Shot, photograph_target, random_poses
+from vision.camera.model import read_camera
+from vision.targets.quality import measure_quality
+from vision.targets.target import Target, TargetFinder
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,8 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests" / "support"))
 
 from grazing import ARMS, MOTIONS, NEAR, OBSTACLES, Case, dense, draw, place  # noqa: E402
-from plan.check import RESOLUTION, check_curve  # noqa: E402
-from plan.world import DISTANCE_ERROR  # noqa: E402
+from plan.collision.certificate import RESOLUTION, check_curve  # noqa: E402
+from plan.collision.world import DISTANCE_ERROR  # noqa: E402
 
 DENSER = 20  # samples per configuration that the proof looked at
 LEAST_SAMPLES = 240

@@ -9,23 +9,24 @@ import cv2
 import numpy as np
 
 from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_MOUTH
+from arm.controller.unit import Limits
 from arm.errors import ImpossibleError
 from arm.poses import BoardPose, hole_poses
-from arm.robot import Robot
+from arm.robot.model import Robot
 from arm.se3 import Array, apply, transform
-from arm.unit import Limits
-from cell.cellfile import Cell, read_cell
-from cell.lookfile import Seen, SeenBoard
-from cell.planning import reach_of
-from cell.scenery import build_scene, hole_station
-from cell.taskfile import Task, read_task
-from cell.worldfile import board_placement
-from plan.check import check_curve
-from plan.curve import curve_of_waypoints
-from plan.line import follow_line
-from plan.reach import LineChoice
+from cell.config.cell import Cell
+from cell.config.cell_file import read_cell
+from cell.files.observation import Seen, SeenBoard
+from cell.files.task import Task, read_task
+from cell.files.world import board_placement
+from cell.scene.build import build_scene, hole_station
+from cell.task.planning import reach_of
+from plan.cartesian.line import follow_line
+from plan.cartesian.reachability import LineChoice
+from plan.collision.bezier import curve_of_waypoints
+from plan.collision.certificate import check_curve
+from plan.collision.world import World
 from plan.scene import Station
-from plan.world import World
 
 MARKER_MARGIN_PX = 3.0  # a marker's black square stays this far inside the image: nearer, a corner leaves it
 MARGIN_PX = 6.0  # and cubes in the holes this far

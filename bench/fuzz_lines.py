@@ -16,11 +16,11 @@ from collections import Counter
 
 import numpy as np
 
-from arm.unit import load_unit
+from arm.controller.unit import load_unit
 from driver.emulator import EmulatorOptions
 from driver.emulator.commands import Interpreter
-from driver.emulator.machine import Machine
-from driver.protocol import (
+from driver.emulator.unit.machine import Machine
+from driver.line.protocol import (
     Answer,
     MalformedAnswer,
     parse_integer,

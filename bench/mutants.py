@@ -1,7 +1,7 @@
 """Do the tests see what they are for: mutants of the safety modules, and how many of them turn a test red.
 
 python bench/mutants.py --jobs 2                  # all that were not tried yet
-python bench/mutants.py --room plan --only pieces # names that hold the word
+python bench/mutants.py --room plan --only subdivision # names that hold the word
 python bench/mutants.py --check                   # only whether every mutant still stands where it stood
 python bench/mutants.py --draw 220                # draw the list bench/mutants_bench/drawn.json anew
 python bench/mutants.py --draw 100 --seed 2 --into drawn-2.json  # others: how much is seen by tests not made for it
@@ -37,29 +37,60 @@ from mutants_bench.operators import drawn
 from mutants_bench.tests_of import located, tests_of
 from mutants_bench.trial import GREEN, LATE, RED, ROOT, SKIPPED, Outcome, Trial
 
-from arm.files import sha256
+from arm.io.storage import sha256
 
 SAFETY = {
     "driver": (
-        *("rest", "link", "stream", "mars", "hold", "homing", "gripper", "startup", "refusals", "ready"),
-        *("portlink", "echo", "feed", "lookahead", "pathwatch", "manners", "unittime", "identity"),
-        *("looks", "running", "preload", "registers", "absolute"),
+        "mars/stopping",
+        "line/link",
+        "execution/stream",
+        "execution/stream_run",
+        "mars/mars",
+        "execution/pause",
+        "mars/homing",
+        "mars/gripper",
+        "mars/startup",
+        "mars/refusals",
+        "mars/ready",
+        "line/transport",
+        "line/echo",
+        "execution/feed",
+        "mars/lookahead",
+        "execution/path_watch",
+        "line/manners",
+        "line/unit_time",
+        "mars/identity",
+        "execution/polls",
+        "mars/running",
+        "execution/preload",
+        "mars/registers",
+        "mars/absolute_move",
     ),
-    "plan": ("check", "pieces", "volumes", "replay", "barrier", "world", "segments"),
+    "plan": (
+        "collision/certificate",
+        "collision/subdivision",
+        "collision/bounds",
+        "verify",
+        "cartesian/collision_barrier",
+        "collision/world",
+        "trajectory/integer_segments",
+    ),
     "cell": (
-        *(
-            "checking",
-            "approval",
-            "inputs",
-            "resume",
-            "asking",
-            "homed",
-            "boardshift",
-            "holding",
-            "confirming",
-        ),
+        "task/plan_matches",
+        "task/approval",
+        "config/inputs",
+        "task/resume",
+        "session/dialogue",
+        "session/homed",
+        "task/free_cell",
+        "files/board_shift",
+        "session/grasp_monitor",
+        "task/confirm_placed",
     ),
-    "arm": ("unit", "planfile"),
+    "arm": (
+        "controller/unit",
+        "plan_file",
+    ),
 }
 LISTS = Path(__file__).parent / "mutants_bench"
 RESULTS = Path(__file__).parent / "results" / "mutants.jsonl"

@@ -2,11 +2,12 @@
 
 python bench/nao.py --seeds 20 --honest 100
 
-Simulated runs (`cell.naorun`): the robot on its back drives to each stance and settles; vertices are drawn with the
-paper's noise (0.0486, 0.0403) px, not rendered; joints stop within 0.2 deg of where they are sent. Truth: the mean
-column of the paper's Table 2; with springs 0.3 to 0.9 deg/Nm and half plays 0.2 to 0.6 deg in rows that say so. 24
-stances a leg with three postures of the head, drawn anew for each seed from a pool of 300 a leg, unless a row says
-`planned`. Models are chosen by hand but in the verdict's rows; whether play is hard or smooth is found by the fit.
+Simulated runs (`nao_paper_bench.run`): the robot on its back drives to each stance and settles; vertices are
+drawn with the paper's noise (0.0486, 0.0403) px, not rendered; joints stop within 0.2 deg of where they are
+sent. Truth: the mean column of the paper's Table 2; with springs 0.3 to 0.9 deg/Nm and half plays 0.2 to 0.6
+deg in rows that say so. 24 stances a leg with three postures of the head, drawn anew for each seed from a
+pool of 300 a leg, unless a row says `planned`. Models are chosen by hand but in the verdict's rows; whether
+play is hard or smooth is found by the fit.
 Joint errors: rms over the 12 offsets. Standing error: rms distance of the soles in the camera over 600 standing and
 swinging postures, gravity down.
 """
@@ -22,19 +23,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-
-from arm.se3 import Array
-from calib.chain_fit import ChainFit, fit_chains
-from calib.kinematic import HEAD as HEAD_PART
-from calib.kinematic import NAO_LIMITS, PLAY, SPRINGS, calibrate_nao
-from calib.nao import LEG_JOINTS, SIDES, NaoUnknowns
-from calib.nao_kinematics import ON_ITS_BACK, NaoKinematics, masses_off, standing_error
-from calib.nao_plan import Plan, Sensing, find_pool, plan_stances, random_stances, stance_informations
-from calib.nao_play import fit_springs_and_play
-from calib.nao_pool import Stance
-from calib.nao_recording import NaoRecording
-from cell.naorobot import Servos
-from cell.naorun import (
+from nao_paper_bench.robot import Servos
+from nao_paper_bench.run import (
     NAO_CAMERA,
     PAPER_PIXEL_SIGMA,
     READING_SIGMA,
@@ -43,6 +33,24 @@ from cell.naorun import (
     run_measurement,
     table_2_robot,
 )
+
+from arm.se3 import Array
+from calib.chain.fit import ChainFit, fit_chains
+from calib.nao.backlash import fit_springs_and_play
+from calib.nao.calibrate import HEAD as HEAD_PART
+from calib.nao.calibrate import NAO_LIMITS, PLAY, SPRINGS, calibrate_nao
+from calib.nao.chain import LEG_JOINTS, SIDES, NaoUnknowns
+from calib.nao.kinematics import ON_ITS_BACK, NaoKinematics, masses_off, standing_error
+from calib.nao.recording import NaoRecording
+from calib.nao.stance_design import (
+    Plan,
+    Sensing,
+    find_pool,
+    plan_stances,
+    random_stances,
+    stance_informations,
+)
+from calib.nao.stance_pool import Stance
 
 PAPER, HEAD, ALL = NaoUnknowns(), NaoUnknowns(head=True), NaoUnknowns(True, True, True)
 SENSING = Sensing(NAO_CAMERA, VERTICES, PAPER_PIXEL_SIGMA, np.full(8, READING_SIGMA))

@@ -13,8 +13,9 @@ import sys
 import time
 from pathlib import Path
 
-from arm.files import write_atomic
-from cell.naopaper import reproduce
+from nao_paper_bench.paper import reproduce
+
+from arm.io.storage import write_atomic
 
 
 def main() -> None:

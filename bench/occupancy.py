@@ -38,7 +38,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 from board_scenes import CUBE, lab_camera
 from hole_scenes import ACROSS, CONDITIONS, drawn_pose, measured_pose, photographs, random_scene
 from hole_scenes_mujoco import mujoco_photographs, why_no_opengl
-from vision.occupancy import hole_occupancy
+from vision.occupancy.classify import hole_occupancy
 
 FIRST_SEED = 300_000
 ACROSS_PART = 10  # one scene "across" to as many others

@@ -42,9 +42,9 @@ from arm.poses import hole_poses
 from arm.se3 import Array
 from board_scenes import CUBE, lab_camera
 from placed_scenes import HoleLook, moved_cube
-from vision.cube_top import EmptyPlace
-from vision.occupancy import hole_occupancy
-from vision.seated import CubeWidth, Sight, seating
+from vision.occupancy.classify import hole_occupancy
+from vision.occupancy.cube_top import EmptyPlace
+from vision.occupancy.seated import CubeWidth, Sight, seating
 
 FIRST_SEED = 2_000_000
 FAULTS = ("high", "half", "rim", "aside")

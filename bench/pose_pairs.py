@@ -35,7 +35,7 @@ from scipy.spatial.transform import Rotation
 
 from arm.errors import CalibrationRefused
 from arm.se3 import Array, inverse
-from calib.pose_pairs import RobotWorld, calibrate_pose_pairs
+from calib.robot_world.solve import RobotWorld, calibrate_pose_pairs
 
 OURS = "a465"
 DEGENERATE = ("cone 2 deg", "cone 10 deg", "parallel joints")

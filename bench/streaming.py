@@ -26,20 +26,20 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
-from arm.motion import CountPath
+from arm.controller.segments import CountPath
+from arm.controller.unit import Limits, Unit, load_unit
 from arm.se3 import Array
-from arm.unit import Limits, Unit, load_unit
 from count_paths import off_path_deg
 from driver.emulator import Emulator, EmulatorOptions
 from driver.emulator.commands import Interpreter
-from driver.emulator.machine import Machine
-from driver.mars import Mars
-from driver.protocol import VERTEX_STEPS, encode, encode_segment
-from driver.stepped import SteppedClock
-from driver.stream import stream
-from plan.extremes import segment_extremes
-from plan.segments import to_segments
-from plan.timing import time_path
+from driver.emulator.unit.machine import Machine
+from driver.execution.stream import stream
+from driver.line.protocol import VERTEX_STEPS, encode, encode_segment
+from driver.line.stepped_clock import SteppedClock
+from driver.mars.mars import Mars
+from plan.trajectory.extremes import segment_extremes
+from plan.trajectory.integer_segments import to_segments
+from plan.trajectory.timing import time_path
 
 ROOM = np.radians(2.0)  # that way-points keep from the joints' limits
 CHUNK = 50  # streams of one emulated unit, plans of one task

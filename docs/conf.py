@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 HERE = Path(__file__).resolve().parent
 SOURCE = HERE.parent / "src"
-ROOMS = ("arm", "plan", "vision", "driver", "calib", "cell")  # as they rest on each other
+ROOMS = ("arm", "plan", "vision", "driver", "render", "calib", "cell")  # as they rest on each other
 
 project = "a465"
 author = "the a465 authors"

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from arm.robot import load_a465
-from arm.unit import load_unit
+from arm.controller.unit import load_unit
+from arm.robot.model import load_a465
 
 unit = load_unit("crs93")
 robot = load_a465(tool_length=0.134112, jaw_opening=0.060)

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from arm.robot import load_a465
+from arm.controller.unit import load_unit
+from arm.robot.model import load_a465
 from arm.se3 import rot_x, transform
-from arm.unit import load_unit
-from plan.ik import explain_pose, inverse_kinematics
+from plan.kinematics.ik import explain_pose, inverse_kinematics
 
 unit, robot = load_unit("crs93"), load_a465(0.134112, 0.060)
 T_base_tool = transform(rot_x(np.pi), (0.45, 0.10, 0.08))  # above the table, pointing down

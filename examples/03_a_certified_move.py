@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from arm.bodies import Body, Box
-from arm.robot import load_a465
+from arm.controller.unit import load_unit
+from arm.robot.model import load_a465
+from arm.robot.shapes import Body, Box
 from arm.se3 import transform
-from arm.unit import load_unit
 from plan.options import PlanOptions
+from plan.pick_place.go_to import plan_way
 from plan.scene import Scene
-from plan.way import plan_way
 
 unit = load_unit("crs93")
 bodies = (

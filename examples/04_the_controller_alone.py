@@ -2,10 +2,10 @@
 
 import sys
 
-from arm.unit import load_unit
+from arm.controller.unit import load_unit
 from driver.emulator import Emulator
-from driver.mars import Mars
-from driver.stepped import SteppedClock
+from driver.line.stepped_clock import SteppedClock
+from driver.mars.mars import Mars
 
 unit, clock = load_unit("crs93"), SteppedClock()  # on a real port: Mars("/dev/mars", unit)
 with Emulator(unit, clock) as emulator, Mars(emulator.open_line(), unit, clock) as mars:

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 
-from arm.files import data_file
+from arm.io.storage import data_file
+from cell.commands.steps import look_step
 from cell.console import Console
-from cell.lookfile import read_seen
-from cell.planning import plan_rest, reach_of
-from cell.steps import look_step
-from cell.taskfile import read_task
+from cell.files.observation import read_seen
+from cell.files.task import read_task
+from cell.task.planning import plan_rest, reach_of
 
 task_file = data_file("scenes/task2.toml")
 look_step(task_file, None, None, Path("runs/example-look.json"), None, Console())

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from arm.files import data_file
-from driver.logfile import Session, read_log
+from arm.io.storage import data_file
+from driver.log.read import Session, read_log
 from logged_session import LoggedRun, logged_run
 
 
@@ -36,3 +36,16 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> LoggedRun:
 def session(run: LoggedRun) -> Session:
     """What the log says."""
     return read_log(run.log)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def patient() -> Iterator[None]:
+    """On ports of the host a unit is silent, and its echo late, after this, not when the host is busy.
+
+    Stepped time knows of no host.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("driver.line.transport.LEAST_WALL_S", 10.0)
+        patch.setattr("driver.execution.feed.BUSY_HOST_S", 2.0)
+        patch.setattr("driver.mars.absolute_move.BUSY_HOST_S", 1.0)
+        yield

@@ -14,7 +14,7 @@ from boards_bench.outcomes import Outcome, assessed
 from boards_bench.scenes import TILTS_DEG, Conditions, Scene, bound
 from made_boards import glued_aside, made, moved_px
 from marker_pictures import Exposure, Pane, panes, photographed
-from vision.board_pose import assess_board
+from vision.boards.pose import assess_board
 
 EXPOSURES = 10
 SIZES = (0.036, 0.040)  # m

@@ -13,8 +13,8 @@ from board_scenes import lab_camera, twist_between
 from boards_bench.scenes import Conditions, Frames, Scene, bound, drawn, hole_levers
 from boards_bench.spoils import SPOILS
 from boards_bench.ways import WAYS
-from vision.board_doubts import Spread
-from vision.board_pose import assess_board
+from vision.boards.checks import Spread
+from vision.boards.pose import assess_board
 
 WRONG_TURN_DEG, WRONG_SIDEWAYS_MM, WRONG_HEIGHT_MM = 2.0, 2.0, 5.0
 

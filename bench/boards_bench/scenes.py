@@ -10,9 +10,9 @@ from arm.board import Board
 from arm.poses import adjoint
 from arm.se3 import Array, inverse
 from board_scenes import lab_board, lab_camera, random_pose, seen_corners, spoiled
-from vision.board_fit import pose_jacobian
-from vision.camera import Camera
-from vision.markers import Marker
+from vision.boards.pose_fit import pose_jacobian
+from vision.camera.model import Camera
+from vision.markers.detect import Marker
 
 TILTS_DEG = (0.0, 7.0, 15.0)
 FRAMES, NOISE_PX = 5, 0.3

@@ -9,9 +9,9 @@ import numpy as np
 from arm.board import Board
 from arm.se3 import Array, rotation, rotation_vector, transform
 from boards_bench.scenes import Frames
-from vision.board_fit import Corners, fit_weighted, planar_poses
-from vision.board_pose import assess_board
-from vision.camera import Camera
+from vision.boards.pose import assess_board
+from vision.boards.pose_fit import Corners, fit_weighted, planar_poses
+from vision.camera.model import Camera
 
 Way = Callable[[Board, Frames, Camera], Array]
 
@@ -51,7 +51,7 @@ def corner_median(board: Board, frames: Frames, camera: Camera) -> Array:
 
 
 def joint(board: Board, frames: Frames, camera: Camera) -> Array:
-    """All corners of all photographs in one robust estimate: `vision.board_pose`."""
+    """All corners of all photographs in one robust estimate: `vision.boards.pose`."""
     seen = assess_board(board, frames, camera)
     return np.full((4, 4), np.nan) if seen.pose is None else camera.T_camera_base @ seen.pose.T_base_board
 

@@ -20,8 +20,8 @@ from arm_sets import (
     spoilt,
     wide,
 )
-from calib.hand_eye import calibrate_hand_eye
-from calib.next_poses import plan_poses
+from calib.hand_eye.calibrate import calibrate_hand_eye
+from calib.hand_eye.next_poses import plan_poses
 from hand_eye_bench.judge import (
     Off,
     bound,

@@ -8,13 +8,13 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from arm.dh import DhTable
+from arm.robot.dh import DhTable
 from arm.se3 import Array, angle_between, inverse, rotation, transform
 from arm_sets import LENS, NOISE_PX, TARGETS, Truth
-from calib.arm_chain import OFFSETS, arm_chain
-from calib.arm_recording import ArmRecording
-from calib.free_poses import fit_free_poses
-from calib.hand_eye import HandEye
+from calib.chain.per_image_poses import fit_free_poses
+from calib.hand_eye.calibrate import HandEye
+from calib.hand_eye.chain import OFFSETS, arm_chain
+from calib.recordings.arm import ArmRecording
 
 FIRST, LAST = 0, 5  # joints whose zeros are held: the gauges
 

@@ -15,8 +15,8 @@ from kinhec.robots import get_robot
 from scipy.spatial.transform import Rotation
 
 from arm.se3 import Array
-from calib.pose_pair_fit import UNKNOWNS, Closed, inverses, moved
-from calib.pose_scatter import Linearised, skews
+from calib.robot_world.noise_model import Linearised, skews
+from calib.robot_world.reml import UNKNOWNS, Closed, inverses, moved
 from kinhec_bench.sequences import Sample
 
 _STEP = 1e-6

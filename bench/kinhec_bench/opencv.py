@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from arm.se3 import Array, transform
-from calib.pose_pair_fit import inverses
+from calib.robot_world.reml import inverses
 
 HAND_EYE = {
     "cv TSAI": cv2.CALIB_HAND_EYE_TSAI,

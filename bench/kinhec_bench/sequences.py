@@ -14,8 +14,8 @@ from kinhec.motions import select_keyframes
 from kinhec.pipeline import generate_dataset
 
 from arm.se3 import Array
-from calib.pose_pair_fit import inverses
-from calib.pose_pairs import PosePairs
+from calib.robot_world.reml import inverses
+from calib.robot_world.solve import PosePairs
 
 TIER = Path(__file__).with_name("tier.yaml")
 

@@ -6,7 +6,7 @@ import ast
 import json
 from dataclasses import dataclass
 
-from arm.files import sha256, write_atomic
+from arm.io.storage import sha256, write_atomic
 from mutants_bench.mutant import Mutant
 from mutants_bench.trial import ROOT, Trial
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
-from arm.files import read_json, sha256, write_atomic
+from arm.io.storage import read_json, sha256, write_atomic
 
 FOUND, MISSING, AMBIGUOUS = "found", "old text not found", "old text not unique"
 
@@ -18,7 +18,7 @@ class Mutant:
 
     Attributes:
         name: of the mutant; no two have one.
-        file: below ``src``, such as ``driver/rest.py``.
+        file: below ``src``, such as ``driver/mars/stopping.py``.
         old, new: the text and what it becomes; `old` stands once in the file.
         what: in a few words.
         tests: files below ``tests``, fastest first; none: those of the module (`mutants_bench.tests_of`).

@@ -18,7 +18,7 @@ class Reach:
 
     Args:
         src: folder of the sources.
-        files: below it, such as ``plan/check.py``.
+        files: below it, such as ``plan/collision/certificate.py``.
         output: JSON file: seconds by test, and tests by ``file:line``.
     """
 

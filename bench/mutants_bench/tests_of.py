@@ -5,64 +5,106 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-# Beside tests/<room>/test_<module>.py, where there is one.
+# Beside tests/<folder>/test_<module>.py, where there is one.
 _MORE: dict[str, tuple[str, ...]] = {
-    "driver/rest.py": ("driver/test_mars_stopping.py", "driver/test_mars.py", "driver/test_stream.py"),
-    "driver/link.py": ("driver/test_mars.py", "driver/test_bad_line.py"),
-    "driver/stream.py": (
-        "driver/test_stream_control.py",
-        "driver/test_execute.py",
-        "driver/test_execute_control.py",
-        "driver/test_bad_line.py",
+    "cell/task/free_cell.py": ("cell/session/test_homed.py",),
+    "driver/mars/stopping.py": (
+        "driver/mars/test_mars_stopping.py",
+        "driver/mars/test_mars.py",
+        "driver/execution/test_stream.py",
     ),
-    "driver/mars.py": (
-        "driver/test_mars_startup.py",
-        "driver/test_mars_stopping.py",
-        "driver/test_driver_session.py",
+    "driver/line/link.py": ("driver/mars/test_mars.py", "driver/line/test_bad_line.py"),
+    "driver/execution/stream.py": (
+        "driver/execution/test_stream_control.py",
+        "driver/execution/test_execute.py",
+        "driver/execution/test_execute_control.py",
+        "driver/line/test_bad_line.py",
     ),
-    "driver/hold.py": ("driver/test_stream_control.py", "driver/test_execute_control.py"),
-    "driver/homing.py": (
-        "driver/test_mars_startup.py",
-        "driver/test_mars.py",
-        "driver/test_driver_session.py",
+    "driver/execution/stream_run.py": (
+        "driver/execution/test_stream.py",
+        "driver/execution/test_stream_control.py",
+        "driver/execution/test_execute.py",
+        "driver/execution/test_execute_control.py",
+        "driver/line/test_bad_line.py",
     ),
-    "driver/gripper.py": ("driver/test_mars.py", "driver/test_execute.py", "driver/test_driver_session.py"),
-    "driver/startup.py": ("driver/test_mars_startup.py", "driver/test_mars.py"),
-    "driver/refusals.py": ("driver/test_mars.py", "driver/test_stream.py", "driver/test_execute.py"),
-    "driver/ready.py": ("driver/test_mars.py", "driver/test_mars_stopping.py", "driver/test_mars_startup.py"),
-    "driver/portlink.py": ("driver/test_link.py", "driver/test_mars.py", "driver/test_bad_line.py"),
-    "driver/echo.py": ("driver/test_mars_startup.py", "driver/test_stream.py"),
-    "driver/feed.py": ("driver/test_lookahead.py", "driver/test_stream.py"),
-    "driver/lookahead.py": ("driver/test_stream.py",),
-    "driver/pathwatch.py": ("driver/test_stream.py", "driver/test_bad_line.py"),
-    "driver/manners.py": ("driver/test_bad_line.py", "driver/test_mars_startup.py"),
-    "driver/unittime.py": ("driver/test_mars_stopping.py", "driver/test_bad_line.py"),
-    "driver/identity.py": ("driver/test_mars_startup.py", "driver/test_bad_line.py"),
-    "cell/asking.py": ("cell/test_approval.py", "cell/test_homed.py"),
-    "cell/boardshift.py": ("cell/test_checking.py",),
-    "plan/check.py": ("plan/test_certificate.py", "plan/test_pieces.py", "plan/test_few_parts.py"),
-    "plan/pieces.py": ("plan/test_check.py", "plan/test_certificate.py"),
-    "plan/volumes.py": ("plan/test_check.py", "plan/test_world.py", "plan/test_certificate.py"),
-    "plan/barrier.py": ("plan/test_line.py",),
-    "plan/world.py": ("plan/test_check.py", "plan/test_volumes.py"),
-    "plan/segments.py": ("plan/test_jerk.py",),
-    "plan/transit.py": ("plan/test_few_parts.py",),
-    "cell/checking.py": ("cell/test_refused_plans.py", "cell/test_cell_and_task_files.py"),
-    "cell/inputs.py": ("cell/test_checking.py", "cell/test_cell_and_task_files.py"),
-    "cell/approval.py": (),
-    "cell/resume.py": (),
-    "arm/unit.py": ("driver/test_mars.py", "plan/test_segments.py"),
-    "arm/planfile.py": ("plan/test_replay.py",),
-    "vision/look.py": ("vision/test_board_pose.py",),
-    "calib/chain_verdict.py": ("calib/test_hold_out.py",),
-    "calib/pose_pairs.py": ("calib/test_robot_world_start.py",),
+    "driver/mars/mars.py": (
+        "driver/mars/test_mars_startup.py",
+        "driver/mars/test_mars_stopping.py",
+        "driver/mars/test_session.py",
+    ),
+    "driver/execution/pause.py": (
+        "driver/execution/test_stream_control.py",
+        "driver/execution/test_execute_control.py",
+    ),
+    "driver/mars/homing.py": (
+        "driver/mars/test_mars_startup.py",
+        "driver/mars/test_mars.py",
+        "driver/mars/test_session.py",
+    ),
+    "driver/mars/gripper.py": (
+        "driver/mars/test_mars.py",
+        "driver/execution/test_execute.py",
+        "driver/mars/test_session.py",
+    ),
+    "driver/mars/startup.py": ("driver/mars/test_mars_startup.py", "driver/mars/test_mars.py"),
+    "driver/mars/refusals.py": (
+        "driver/mars/test_mars.py",
+        "driver/execution/test_stream.py",
+        "driver/execution/test_execute.py",
+    ),
+    "driver/mars/ready.py": (
+        "driver/mars/test_mars.py",
+        "driver/mars/test_mars_stopping.py",
+        "driver/mars/test_mars_startup.py",
+    ),
+    "driver/line/transport.py": (
+        "driver/line/test_link.py",
+        "driver/mars/test_mars.py",
+        "driver/line/test_bad_line.py",
+    ),
+    "driver/line/echo.py": ("driver/mars/test_mars_startup.py", "driver/execution/test_stream.py"),
+    "driver/execution/feed.py": ("driver/mars/test_lookahead.py", "driver/execution/test_stream.py"),
+    "driver/mars/lookahead.py": ("driver/execution/test_stream.py",),
+    "driver/execution/path_watch.py": ("driver/execution/test_stream.py", "driver/line/test_bad_line.py"),
+    "driver/line/manners.py": ("driver/line/test_bad_line.py", "driver/mars/test_mars_startup.py"),
+    "driver/line/unit_time.py": ("driver/mars/test_mars_stopping.py", "driver/line/test_bad_line.py"),
+    "driver/mars/identity.py": ("driver/mars/test_mars_startup.py", "driver/line/test_bad_line.py"),
+    "cell/session/dialogue.py": ("cell/task/test_approval.py", "cell/session/test_homed.py"),
+    "cell/files/board_shift.py": ("cell/task/test_plan_matches.py",),
+    "plan/collision/certificate.py": (
+        "plan/collision/test_certificate_attacked.py",
+        "plan/collision/test_subdivision.py",
+        "plan/collision/test_few_parts.py",
+    ),
+    "plan/collision/subdivision.py": (
+        "plan/collision/test_certificate.py",
+        "plan/collision/test_certificate_attacked.py",
+    ),
+    "plan/collision/bounds.py": (
+        "plan/collision/test_certificate.py",
+        "plan/collision/test_world.py",
+        "plan/collision/test_certificate_attacked.py",
+    ),
+    "plan/cartesian/collision_barrier.py": ("plan/cartesian/test_line.py",),
+    "plan/collision/world.py": ("plan/collision/test_certificate.py", "plan/collision/test_bounds.py"),
+    "plan/trajectory/integer_segments.py": ("plan/trajectory/test_jerk_limited.py",),
+    "plan/transit/planner.py": ("plan/collision/test_few_parts.py",),
+    "cell/task/plan_matches.py": ("cell/task/test_refused_plans.py", "cell/config/test_cell.py"),
+    "cell/config/inputs.py": ("cell/task/test_plan_matches.py", "cell/config/test_cell.py"),
+    "cell/task/approval.py": (),
+    "cell/task/resume.py": (),
+    "arm/controller/unit.py": ("driver/mars/test_mars.py", "plan/trajectory/test_integer_segments.py"),
+    "arm/plan_file.py": ("plan/test_verify.py",),
+    "vision/observe.py": ("vision/boards/test_pose.py",),
+    "calib/chain/verdict.py": ("calib/chain/test_hold_out.py",),
+    "calib/robot_world/solve.py": ("calib/robot_world/test_initial_guess.py",),
 }
 
 
 def tests_of(file: str, tests: Path) -> tuple[str, ...]:
     """Test files below `tests` for a module below ``src``."""
-    room, _, module = file.partition("/")
-    named = f"{room}/test_{module}"
+    folder, _, module = file.rpartition("/")
+    named = f"{folder}/test_{module}"
     return located((named, *_MORE.get(file, ())), tests)
 
 

@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parents[2]
 COPIED = ("src", "tests", "urdf", "scenes", "docs", "examples", "bench")
 FILES = ("pyproject.toml", "constraints.txt", "README.md", "CHANGELOG.md", "Makefile", "LICENSE")
 RED, GREEN, LATE, SKIPPED = "red", "green", "red (time limit)", "skipped"
-_ROOMS = ("a465", "arm", "plan", "vision", "driver", "calib", "cell")
+_ROOMS = ("a465", "arm", "plan", "vision", "driver", "render", "calib", "cell")
 _LIBRARIES = (
     "numpy",
     "scipy.optimize",

@@ -17,11 +17,11 @@ from itertools import pairwise, permutations, product
 
 import numpy as np
 
+from arm.controller.unit import Limits
 from arm.se3 import Array
-from arm.unit import Limits
-from plan.line import JointPath
-from plan.timing import time_line
-from plan.travel import straight_time
+from plan.cartesian.line import JointPath
+from plan.trajectory.time_estimates import straight_time
+from plan.trajectory.timing import time_line
 from planning_bench.grips import GripLine, grip_lines
 from planning_bench.query import OFFSET, Query
 

@@ -8,9 +8,9 @@ import time
 import numpy as np
 
 from arm.se3 import frozen, inverse
-from plan.check import check_curve
-from plan.curve import curve_of_waypoints
-from plan.world import World
+from plan.collision.bezier import curve_of_waypoints
+from plan.collision.certificate import check_curve
+from plan.collision.world import World
 from planning_bench.choices import pairs
 from planning_bench.query import CLEARANCE
 from planning_bench.scenes import draw, lines_that_are_free

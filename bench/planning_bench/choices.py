@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from arm.se3 import Array
-from plan.travel import straight_time
+from plan.trajectory.time_estimates import straight_time
 from planning_bench.grips import GripLine, grip_lines
 from planning_bench.query import Query
 

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arm.products import norm
-from arm.robot import Robot
+from arm.controller.unit import Limits
+from arm.numerics.products import norm
+from arm.robot.model import Robot
 from arm.se3 import Array
-from arm.unit import Limits
-from plan.ik import all_branches, nearest_turns
+from plan.kinematics.ik import all_branches, nearest_turns
 from plan.scene import Station
 from planning_bench.query import OFFSET
 

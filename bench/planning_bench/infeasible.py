@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from arm.bodies import Body, Box
 from arm.errors import ImpossibleError
+from arm.robot.shapes import Body, Box
 from arm.se3 import frozen, rotation, transform
 from planning_bench.ours import Ours
+from planning_bench.placed import Placed
 from planning_bench.query import Query
-from planning_bench.scenes import BenchScene, Placed, draw, lines_that_are_free
+from planning_bench.scenes import BenchScene, draw, lines_that_are_free
 from planning_bench.tables import markdown
 
 _DRAWS = 100

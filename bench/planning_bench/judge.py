@@ -15,8 +15,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from arm.bodies import Body, Box, Cylinder, Sphere
-from arm.files import data_file
+from arm.io.storage import data_file
+from arm.robot.shapes import Body, Box, Cylinder, Sphere
 from arm.se3 import Array, angle_between, frozen, inverse, transform
 from planning_bench.query import OFFSET, Answer, Query, Stretch
 

@@ -14,8 +14,8 @@ import roboplan.toppra as toppra
 from ompl import base, geometric, util
 
 from arm.se3 import Array
+from plan.collision.world import World
 from plan.scene import Station
-from plan.world import World
 from planning_bench.grips import GripLine, grip_lines
 from planning_bench.judge import OPEN
 from planning_bench.query import Answer, Query, Timed

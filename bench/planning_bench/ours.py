@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arm.motion import CountPath
-from arm.planfile import GripperStep, Move, Plan
+from arm.controller.segments import CountPath
+from arm.controller.unit import Unit
+from arm.plan_file import GripperStep, Move, Plan
 from arm.se3 import Array
-from arm.unit import Unit
-from plan.extremes import segment_extremes
 from plan.options import PlanOptions
-from plan.task import plan_task
+from plan.pick_place.planner import plan_task
+from plan.trajectory.extremes import segment_extremes
 from planning_bench.query import CLEARANCE, Answer, Query, Stretch
 
 VERTEX_S = 5e-3  # a join may step in velocity by what the acceleration limit gives in this time
@@ -34,7 +34,7 @@ class Sent:
 
 
 class Ours:
-    """`plan.task.plan_task` at full speed and acceleration, 5 mm of clearance, no looks between cubes."""
+    """`plan.pick_place.planner.plan_task` at full speed and acceleration, 5 mm of clearance, no looks between cubes."""
 
     name = "ours"
 

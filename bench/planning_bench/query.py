@@ -8,9 +8,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from arm.bodies import Body
+from arm.controller.unit import Limits, Unit
+from arm.robot.shapes import Body
 from arm.se3 import Array, frozen
-from arm.unit import Limits, Unit
 from plan.scene import Scene, Transfer
 
 Q_START = frozen(np.radians([-60.0, -40.0, -80.0, 0.0, -60.0, 0.0]))

@@ -16,12 +16,12 @@ import roboplan.core as core
 import roboplan.rrt as rrt
 import roboplan.toppra as toppra
 
-from arm.bodies import Body
-from arm.files import data_file
+from arm.controller.unit import Limits
+from arm.io.storage import data_file
+from arm.robot.shapes import Body
 from arm.se3 import Array, transform
-from arm.unit import Limits
 from plan.scene import Station
-from plan.travel import path_time
+from plan.trajectory.time_estimates import path_time
 from planning_bench.grips import GripLine, line_poses
 from planning_bench.judge import HOLDING, OPEN, TOOL_LENGTH
 from planning_bench.query import Answer, PlannerFailed, Query, Timed

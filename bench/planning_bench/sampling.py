@@ -6,8 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
+from arm.controller.unit import Limits
 from arm.se3 import Array, frozen, inverse
-from arm.unit import Limits
 from plan.scene import Station
 from planning_bench.choices import pairs
 from planning_bench.grips import GripLine

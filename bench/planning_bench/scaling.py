@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from arm.board import CUBE_SEAT_DEPTH
-from arm.bodies import Body, Box
+from arm.robot.shapes import Body, Box
 from arm.se3 import frozen, rot_x, rot_z, transform
-from cell.furniture import cube_body
+from cell.scene.bodies import cube_body
 from plan.scene import Scene, Station, Transfer
 from planning_bench.ours import Ours
 from planning_bench.query import Query

@@ -14,16 +14,18 @@ from pathlib import Path
 import coal
 import numpy as np
 
-from arm.board import CUBE_SEAT_DEPTH, PLATE_CENTRE, PLATE_SIZE, POCKET_MOUTH, Board
-from arm.bodies import Body, Box
-from arm.products import mul, norm
+from arm.board import CUBE_SEAT_DEPTH, PLATE_SIZE, POCKET_MOUTH, Board, plate_name
+from arm.numerics.products import mul
+from arm.robot.shapes import Body, Box
 from arm.se3 import Array, apply, frozen, inverse, rot_x, rot_z, transform
-from cell.cellfile import Cell, read_cell
-from cell.furniture import T_hole_cube, cube_body, plate_body, plate_name, stand_body
-from cell.worldfile import board_placement
+from cell.config.cell import Cell
+from cell.config.cell_file import read_cell
+from cell.files.world import board_placement
+from cell.scene.bodies import T_hole_cube, cube_body, plate_body, stand_body
+from plan.collision.world import World
 from plan.scene import Scene, Station, Transfer
-from plan.world import World
 from planning_bench.grips import GripLine, by_distance, grip_lines, line_poses
+from planning_bench.placed import Placed, gap_between
 from planning_bench.query import CLEARANCE, Q_START, Query
 
 CELL = Path(__file__).resolve().parents[2] / "scenes" / "cell.toml"
@@ -35,22 +37,6 @@ RELEASE_GAP = 1e-3  # a cube is let go this far above where it will sit, m
 WALLS_A_LAYOUT = 30
 _STEP = 0.02  # rad between samples of a straight move that must be blocked
 _CUBE_TOP = CUBE_SEAT_DEPTH * -1.0 + 0.04
-
-
-@dataclass(frozen=True)
-class Placed:
-    """A board and where it stands."""
-
-    board: Board
-    T_base_board: Array
-
-    def T_base_hole(self, index: int) -> Array:
-        return frozen(mul(self.T_base_board, self.board.T_board_hole(index)))
-
-    def outline(self) -> Array:
-        half = np.array(PLATE_SIZE[:2]) / 2
-        square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half + PLATE_CENTRE
-        return apply(self.T_base_board, np.column_stack([square, np.zeros(4)]))
 
 
 @dataclass(frozen=True)
@@ -182,7 +168,7 @@ def _layout(cell: Cell, rng: np.random.Generator, gap: float) -> tuple[Placed, P
         placed = [
             _board(cell, rng, cell.boards[i], s, gap) for i, s in zip((first, second), sides, strict=True)
         ]
-        if _gap(*placed).width >= gap:
+        if gap_between(*placed).width >= gap:
             return placed[0], placed[1]
 
 
@@ -213,34 +199,9 @@ def _seen(cell: Cell, placed: Placed) -> bool:
     return bool(np.all(pixels > MARGIN_PX) and np.all(pixels < np.array(cell.camera.size) - MARGIN_PX))
 
 
-@dataclass(frozen=True)
-class Gap:
-    """The widest straight strip between two plates seen from above: unit normal (2,), middle (2,), width m."""
-
-    normal: Array
-    middle: Array
-    width: float
-
-
-def _gap(a: Placed, b: Placed) -> Gap:
-    """Among strips along an edge of either plate; negative width if they overlap."""
-    flats = [p.outline()[:, :2] for p in (a, b)]
-    best = Gap(np.array([1.0, 0.0]), np.zeros(2), -np.inf)
-    for flat in flats:
-        for edge in np.roll(flat, -1, axis=0) - flat:
-            normal = np.array([edge[1], -edge[0]]) / norm(edge)
-            normal = normal * np.sign(mul(flats[1].mean(axis=0) - flats[0].mean(axis=0), normal))
-            low, high = float((mul(flats[0], normal)).max()), float((mul(flats[1], normal)).min())
-            if high - low > best.width:
-                middle = (flats[0].mean(axis=0) + flats[1].mean(axis=0)) / 2
-                middle = middle + ((low + high) / 2 - mul(middle, normal)) * normal
-                best = Gap(normal, middle, high - low)
-    return best
-
-
 def _obstacle(rng: np.random.Generator, a: Placed, b: Placed) -> Body:
     """A wall or a box in the gap between the boards."""
-    gap = _gap(a, b)
+    gap = gap_between(a, b)
     if rng.random() < 0.6:
         kind, size = "wall", (rng.uniform(0.01, 0.02), rng.uniform(0.25, 0.6), rng.uniform(0.2, 0.6))
     else:

@@ -11,7 +11,7 @@ import itertools
 import numpy as np
 
 from arm.se3 import Array
-from plan.ik import inverse_kinematics
+from plan.kinematics.ik import inverse_kinematics
 from planning_bench.query import Answer, PlannerFailed, Query, Stretch
 from planning_bench.scenes import offset_pose
 from planning_bench.straight import straight

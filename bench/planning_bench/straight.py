@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arm.controller.unit import Limits
 from arm.se3 import Array
-from arm.unit import Limits
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,9 @@ import numpy as np
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
-from arm.files import data_file
+from arm.io.storage import data_file
+from cell.commands.steps import look_step, plan_step, preview_step
 from cell.console import Console
-from cell.steps import look_step, plan_step, preview_step
 
 HERE = Path(__file__).resolve().parent
 SIZE = {"width": 1280, "height": 760}

@@ -13,17 +13,17 @@ from pathlib import Path
 import numpy as np
 from certificates import BLUE, GREY, INK, RED, dot, line, shape, svg, text
 
-from arm.bodies import Body, Box
-from arm.planfile import Move
-from arm.robot import load_a465
+from arm.controller.unit import load_unit
+from arm.plan_file import Move
+from arm.robot.model import load_a465
+from arm.robot.shapes import Body, Box
 from arm.se3 import Array, transform
-from arm.unit import load_unit
-from plan.check import check_move
+from plan.collision.certificate import check_move
+from plan.collision.world import World
 from plan.options import PlanOptions
+from plan.pick_place.go_to import plan_way
+from plan.pick_place.planner import planned_limits
 from plan.scene import Scene
-from plan.task import planned_limits
-from plan.way import plan_way
-from plan.world import World
 
 HERE = Path(__file__).resolve().parent
 ASKED = 0.010  # m

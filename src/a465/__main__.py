@@ -20,7 +20,7 @@ def main() -> None:
             print(json.dumps({"error": told}, indent=2))
         print(f"a465: wrong input: {ascii(str(error))[1:-1]}", file=sys.stderr)
         sys.exit(BAD_INPUT)
-    from cell.start import main as run
+    from cell.cli.start import main as run
 
     run()
 

@@ -9,7 +9,7 @@ import sys
 from importlib.machinery import PathFinder
 from pathlib import Path
 
-ROOMS = ("arm", "plan", "vision", "driver", "calib", "cell")
+ROOMS = ("arm", "plan", "vision", "driver", "render", "calib", "cell")
 _HERE = Path(__file__).resolve().parents[1]  # the rooms lie beside this package
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from arm.errors import FileInputError
-from arm.files import read_text
+from arm.io.storage import read_text
 from arm.se3 import Array, frozen, transform
 
 PLATE_SIZE = (0.240, 0.200, 0.015)  # m
@@ -154,3 +154,8 @@ def _pair(path: Path, number: int, line: str, what: str) -> tuple[float, float]:
     if not np.isfinite([first, second]).all():
         raise FileInputError(path, f"line {number}", line, f"must be {what}, finite")
     return first, second
+
+
+def plate_name(board_name: str) -> str:
+    """Name of a board's plate as a body."""
+    return f"plate {board_name}"

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arm.angles import arccos
 from arm.board import TOLERANCE_SDS, Board
-from arm.products import mul
+from arm.numerics.angles import arccos
+from arm.numerics.products import mul
 from arm.se3 import Array, frozen, inverse, skew
 
 

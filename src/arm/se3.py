@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from arm.angles import arctan2
 from arm.errors import A465Error
-from arm.products import mul, nearest_rotation, norm
+from arm.numerics.angles import arctan2
+from arm.numerics.products import mul, nearest_rotation, norm
 
 Array = npt.NDArray[np.float64]
 

@@ -3,29 +3,29 @@
 Importing it loads Pinocchio and coal (about half a second). Everything here is documented where it is defined.
 """
 
-from arm.bodies import Body, Box, Capsule, Convex, Cylinder, Sphere, convex
+from arm.controller.unit import Limits, Unit, load_unit
 from arm.errors import A465Error, ImpossibleError, InputError
-from arm.meshfile import read_mesh_points
-from arm.outfit import ignoring, urdf_limits, with_tool
-from arm.planfile import Plan
-from arm.robot import Robot, load_a465, load_robot
+from arm.plan_file import Plan
+from arm.robot.mesh import read_mesh_points
+from arm.robot.model import Robot, load_a465, load_robot
+from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Sphere, convex
+from arm.robot.tool import ignoring, urdf_limits, with_tool
 from arm.se3 import inverse, rot_x, rot_y, rot_z, rotation, transform
-from arm.unit import Limits, Unit, load_unit
 from plan.budget import PlanningInterrupted, SearchBudget, TransitBudget
-from plan.check import check_curve, check_move
-from plan.curve import curve_of_waypoints
-from plan.ik import explain_pose, inverse_kinematics
-from plan.ik_numeric import SearchOptions, solve_ik
-from plan.line import Line, LineOptions, follow_line
+from plan.cartesian.line import Line, LineOptions, follow_line
+from plan.cartesian.reachability import reach
+from plan.collision.bezier import curve_of_waypoints
+from plan.collision.certificate import check_curve, check_move
+from plan.collision.world import World
+from plan.kinematics.ik import explain_pose, inverse_kinematics
+from plan.kinematics.numeric_ik import SearchOptions, solve_ik
 from plan.options import PlanOptions
-from plan.poselist import PosePlan, SearchEffort, Target, plan_poses
-from plan.poseplan import Pause, Reached
-from plan.reach import reach
+from plan.pick_place.go_to import plan_way
+from plan.pick_place.planner import plan_task
 from plan.scene import Scene, Station, Transfer
-from plan.task import plan_task
-from plan.transit import plan_transit
-from plan.way import plan_way
-from plan.world import World
+from plan.transit.planner import plan_transit
+from plan.waypoints.plan import Pause, Reached
+from plan.waypoints.planner import PosePlan, SearchEffort, Target, plan_poses
 
 __all__ = [
     "A465Error",

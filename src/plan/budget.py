@@ -14,11 +14,11 @@ from contextvars import ContextVar
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
+from arm.arguments import integer, number
 from arm.errors import A465Error
-from arm.given import integer, number
 
 if TYPE_CHECKING:
-    from arm.planfile import Plan
+    from arm.plan_file import Plan
 
 # About what one processor of 2020 does; measured over refused searches (bench/budget.py).
 LOOKS_A_SECOND = 20_000.0

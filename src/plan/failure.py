@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from arm.errors import ImpossibleError
-from plan.reach import LineChoice
+from plan.cartesian.reachability import LineChoice
 
 OUT_OF_REACH = "out of reach"
 LINE_BLOCKED = "line blocked"
@@ -113,7 +113,7 @@ def failure_from_json(value: Mapping[str, Any]) -> Failure:
 
 
 def failure_in(error: ImpossibleError) -> Failure | None:
-    """The failure that an error of `plan.task.plan_task` carries."""
+    """The failure that an error of `plan.pick_place.planner.plan_task` carries."""
     value = error.data.get("failure")
     return failure_from_json(value) if value else None
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from arm.arguments import integer, number, shown
 from arm.errors import InputError
-from arm.given import integer, number, shown
 from plan.budget import TransitBudget
 
 LOOKS = ("each", "never")
@@ -32,7 +32,7 @@ _SLOWEST, _SLOWEST_AT = 0.002, 0.5  # m/s, at that speed and above
 
 @dataclass(frozen=True)
 class PlanOptions:
-    """Options of `plan.task.plan_task`.
+    """Options of `plan.pick_place.planner.plan_task`.
 
     Attributes:
         speed: factor on velocities (and its square on accelerations), 0 < speed <= 1.
@@ -47,7 +47,7 @@ class PlanOptions:
         approach_speed: of the tool on approach and retract at speed 1, m/s.
         fraction_closed: target of the jaws when gripping, 0 open to 1 shut.
         jerk_time: s in which an acceleration builds up to its limit; 0 for none: acceleration may step. With a limit on
-            jerk the arm also rests at every corner and at the offset points (`plan.jerk`).
+            jerk the arm also rests at every corner and at the offset points (`plan.trajectory.jerk_limited`).
         settle_s: least wait after the jaws moved, s.
         segment_ms: duration of a motion segment where nothing asks for less.
         look: ``each``: home and look after every cube; ``never``: from cube to cube, home at the end; or a number n:
@@ -81,7 +81,7 @@ class PlanOptions:
 
     @property
     def slowest(self) -> float:
-        """Tool speed at which joints must still keep up on lines, m/s (`plan.line_steps.LineOptions`).
+        """Tool speed at which joints must still keep up on lines, m/s (`plan.cartesian.differential_ik.LineOptions`).
 
         That rule finds lines too near a singular configuration. Below half of the registers' speed everything is
         slower in proportion, and so is this: else a low speed alone would be taken for such a line.

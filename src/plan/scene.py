@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from arm.bodies import Body, body_from_json, body_to_json
+from arm.arguments import pairs, rigid, shown
 from arm.errors import InputError
-from arm.files import sha256
-from arm.given import pairs, rigid, shown
-from arm.robot import Robot
+from arm.io.storage import sha256
+from arm.robot.model import Robot
+from arm.robot.shapes import Body, body_from_json, body_to_json
 from arm.se3 import Array
 
 Pair = frozenset[str]

@@ -3,36 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from arm.board import PLATE_CENTRE, Board
-from arm.bodies import Body, Box, body_to_json
-from arm.motion import CountPath, Segment
-from arm.planfile import GripperStep, LookStep, Move, Plan, Step
-from arm.robot import Robot, load_a465
+from arm.controller.segments import CountPath, Segment
+from arm.controller.unit import Unit, load_unit
+from arm.plan_file import GripperStep, LookStep, Move, Plan, Step
+from arm.robot.model import Robot, load_a465
+from arm.robot.shapes import Body, Box, body_to_json
 from arm.se3 import Array, frozen, inverse, rot_x, rot_z, rotation, rotation_vector, transform
-from arm.unit import Unit, load_unit
-from cell.furniture import T_hole_cube, cube_body, plate_body, stand_body
+from arm_sets import TARGETS, Truth, draw_truth, recorded, wide
+from browsers import chromium
+from calib.chain.score_tests import ChainSuspect
+from calib.hand_eye.calibrate import HandEye, calibrate_hand_eye
+from cell.scene.bodies import T_hole_cube, cube_body, plate_body, stand_body
 
 TOOL_LENGTH = 0.134112
 Q_START = np.radians([-60.0, -40.0, -80.0, 0.0, -60.0, 0.0])
 SPEED = 0.5
-
-
-@pytest.fixture(autouse=True, scope="session")
-def patient() -> Iterator[None]:
-    """On ports of the host a unit is silent, and its echo late, after this, not when the host is busy.
-
-    Stepped time knows of no host.
-    """
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("driver.portlink.LEAST_WALL_S", 10.0)
-        patch.setattr("driver.feed.BUSY_HOST_S", 2.0)
-        patch.setattr("driver.absolute.BUSY_HOST_S", 1.0)
-        yield
 
 
 @dataclass(frozen=True)
@@ -250,3 +241,38 @@ def preview_case() -> PreviewCase:
 def make_preview_case() -> Callable[[int], PreviewCase]:
     """Plans of other lengths."""
     return make_case
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[object]:
+    """Debian's chromium."""
+    with chromium() as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def truth() -> Truth:
+    """An arm with its camera and target, drawn."""
+    return draw_truth(np.random.default_rng(8))
+
+
+@pytest.fixture(scope="module")
+def found() -> HandEye:
+    """A calibration with errors of the links in it, and with things to tell that it does not have."""
+    rng = np.random.default_rng(3)
+    truth = draw_truth(rng, links=True)
+    joints = wide(truth, TARGETS["charuco"], 30, rng)
+    found = calibrate_hand_eye(replace(recorded(truth, joints, "charuco", rng), unit="crs97"))
+    c = found.chain
+    assert c.accepted
+    assert c.trials[0].needed
+    weights = np.ones(30)
+    weights[[4, 11]] = 0.0
+    told = replace(
+        c,
+        problem=replace(c.problem, reading_sigma=np.radians([0.01, 0.02, 0.03, 0.0, 0.0, 0.0])),
+        fit=replace(c.fit, weights=(weights,)),
+        suspects=(ChainSuspect("target size", 0.01, 0.002, "", 50.0, 20.0),),
+        remarks=("look at this",),
+    )
+    return replace(found, chain=told)

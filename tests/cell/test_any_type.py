@@ -19,32 +19,32 @@ import numpy as np
 import pytest
 
 from any_type import JSON, TOML, keys_of, with_value, without
-from arm.armcalibration import read_arm_calibration
+from arm.calibration_file import read_arm_calibration
+from arm.controller.unit import load_unit
 from arm.errors import MOST_MESSAGE, A465Error
-from arm.files import data_file, read_text
-from arm.planfile import read_plan
-from arm.unit import load_unit
+from arm.io.storage import data_file, read_text
+from arm.plan_file import read_plan
 from arm_sets import TARGETS, draw_truth, recorded, wide
 from board_scenes import lab_board, lab_camera, random_pose, seen_corners
-from calib.arm_recording import read_arm_recording, write_arm_recording
-from calib.nao import NaoUnknowns
-from calib.nao_recording import read_nao_recording
-from cell.cellfile import read_cell
-from cell.checking import require_match, require_scene, require_start_at, scene_of_now
-from cell.exportscene import surroundings_of_plan
-from cell.handtarget import read_hand_target
-from cell.lookfile import read_seen
-from cell.poselistfile import read_pose_list
-from cell.scenefile import read_scene_file
-from cell.taskfile import read_task
-from cell.worldfile import read_world
+from calib.nao.chain import NaoUnknowns
+from calib.nao.recording import read_nao_recording
+from calib.recordings.arm import read_arm_recording, write_arm_recording
+from cell.config.cell_file import read_cell
+from cell.export.scene import surroundings_of_plan
+from cell.files.hand_target import read_hand_target
+from cell.files.observation import read_seen
+from cell.files.pose_list import read_pose_list
+from cell.files.scene import read_scene_file
+from cell.files.task import read_task
+from cell.files.world import read_world
+from cell.task.plan_matches import require_match, require_scene, require_start_at, scene_of_now
 from command_line import a465
-from driver.emulator.faultfile import read_faults
+from driver.emulator.faults.file import read_faults
 from nao_recordings import as_json, nao_recording
 from recorded_sets import recorded_set
-from vision.camera import read_camera
-from vision.detections import read_detections
-from vision.target import read_target
+from vision.camera.model import read_camera
+from vision.markers.recorded import read_detections
+from vision.targets.target import read_target
 from whole_files import whole_camera, whole_cell, whole_world
 
 pytestmark = pytest.mark.xdist_group("any_type")
@@ -162,7 +162,7 @@ def test_json(whole: Path, tmp_path: Path, name: str, monkeypatch: pytest.Monkey
             content, reader = json.loads(read_text(plain / "plan.json")), judge_plan
             steps = content["steps"]
             monkeypatch.setattr(
-                "cell.checking._require_placed", lambda *_: None
+                "cell.task.plan_matches._require_placed", lambda *_: None
             )  # of a plan that is cut short
             content["steps"] = [next(s for s in steps if s["step"] == kind) for kind in ("move", "gripper")]
         case "poses":

@@ -15,12 +15,12 @@ from pathlib import Path
 import pytest
 
 import cell.console
-from arm.files import data_file
+from arm.io.storage import data_file
+from cell.cli.start import main
 from cell.console import Console, OutputLost, say_on_stderr
-from cell.start import main
-from driver.logfile import read_log
+from driver.log.read import read_log
 
-BEGIN = "import sys; from cell.start import main; sys.argv = ['a465', *sys.argv[1:]]; main()"
+BEGIN = "import sys; from cell.cli.start import main; sys.argv = ['a465', *sys.argv[1:]]; main()"
 
 
 class Gone(io.StringIO):
@@ -137,7 +137,7 @@ def test_an_interrupt_where_nothing_is_open_is_told_in_one_line(
     def ended() -> None:
         raise end
 
-    monkeypatch.setattr("cell.cli.main", ended)
+    monkeypatch.setattr("cell.cli.main.main", ended)
     with pytest.raises(SystemExit) as left:
         main()
     assert left.value.code == 130

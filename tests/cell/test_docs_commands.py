@@ -14,11 +14,11 @@ from pathlib import Path
 import pytest
 import typer.main
 
-import cell.cli
-import cell.collecting
-import cell.connection
-import driver.mars
-from calib.nao import NaoUnknowns
+import cell.cli.main
+import cell.collect.collector
+import cell.session.connection
+import driver.mars.mars
+from calib.nao.chain import NaoUnknowns
 from doc_commands import (
     ROOT,
     TIME_SCALE,
@@ -34,9 +34,9 @@ from doc_commands import (
     require_target,
     told_by_the_way,
     unknown_to,
-    unlike,
 )
-from driver.clock import Clock
+from doc_output import unlike
+from driver.line.clock import Clock
 from nao_recordings import as_json, nao_recording
 
 TOGETHER = (  # pages that one reader follows one after the other: each goes on where those before it ended
@@ -44,8 +44,8 @@ TOGETHER = (  # pages that one reader follows one after the other: each goes on 
     ("docs/calibration-guide.md", "docs/calibration.md"),
 )
 IN_ITS_OWN_TEST = {  # pages whose commands another test types, in full
-    "docs/interop.md": "tests/cell/test_pose_list_file.py",
-    "docs/python.md": "tests/plan/test_python_page.py",
+    "docs/interop.md": "tests/cell/files/test_pose_list.py",
+    "docs/python.md": "tests/plan/test_api.py",
 }
 POOL = 60  # poses from which those for a target in the hand are chosen
 GIVEN = {  # what the Python of a page has from its reader
@@ -83,10 +83,10 @@ def typed() -> list[object]:
 def test_what_a_page_says_can_be_done(
     some: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in (cell.connection, driver.mars):
+    for module in (cell.session.connection, driver.mars.mars):
         monkeypatch.setattr(module, "Clock", lambda scale=TIME_SCALE: Clock(scale))
     monkeypatch.setattr(webbrowser, "open", lambda *_: True)
-    monkeypatch.setattr(cell.collecting, "POOL", POOL)
+    monkeypatch.setattr(cell.collect.collector, "POOL", POOL)
     reader = Reader(tmp_path, monkeypatch.setenv)
     if "docs/nao.md" in some:
         seen, _ = nao_recording(3, NaoUnknowns())
@@ -155,7 +155,7 @@ def test_many_commands_are_typed_here() -> None:
         if isinstance(part, Command) and part.words[0] == "a465"
     ]
     told = subprocess.run(
-        [sys.executable, "-c", "from cell.start import main; main()", "--help"],
+        [sys.executable, "-c", "from cell.cli.start import main; main()", "--help"],
         capture_output=True,
         text=True,
         check=True,
@@ -164,7 +164,7 @@ def test_many_commands_are_typed_here() -> None:
 
 
 def test_commands_inside_sentences_have_verbs_and_options_that_there_are() -> None:
-    command = typer.main.get_command(cell.cli.app)
+    command = typer.main.get_command(cell.cli.main.app)
     known = ("look TASK", "calibrate --collect", "check X --q=-60,-40", "run --json", "--install-completion")
     assert [unknown_to(command, tuple(line.split())) for line in known] == [[]] * len(known)
     for line, unknown in (("lok TASK", "lok"), ("calibrate eye", "eye"), ("look --prt=/dev/mars", "--prt")):

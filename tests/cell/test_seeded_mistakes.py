@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm.files import data_file
+from arm.io.storage import data_file
 from command_line import a465, ended
 
 pytestmark = pytest.mark.xdist_group("seeded_mistakes")

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from arm.unit import Unit, load_unit
-from driver.emulator.line import MemoryLine
-from driver.mars import Mars
-from driver.stepped import SteppedClock
+from arm.controller.unit import Unit, load_unit
+from driver.emulator.line.memory import MemoryLine
+from driver.line.stepped_clock import SteppedClock
+from driver.mars.mars import Mars
 
 Hook = Callable[[str], "list[str] | None"]
 
@@ -161,19 +161,6 @@ class FakeUnit:
     def unplug(self) -> None:
         """The port goes away."""
         self.line.hang_up()
-
-
-@pytest.fixture(autouse=True, scope="session")
-def patient() -> Iterator[None]:
-    """On ports of the host a unit is silent, and its echo late, after this, not when the host is busy.
-
-    Stepped time knows of no host.
-    """
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("driver.portlink.LEAST_WALL_S", 10.0)
-        patch.setattr("driver.feed.BUSY_HOST_S", 2.0)
-        patch.setattr("driver.absolute.BUSY_HOST_S", 1.0)
-        yield
 
 
 @pytest.fixture

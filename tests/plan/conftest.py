@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from arm.planfile import Plan
-from arm.robot import Robot, load_a465
-from arm.unit import UNITS, Unit, load_unit
+from arm.controller.unit import UNITS, Unit, load_unit
+from arm.plan_file import Plan
+from arm.robot.model import Robot, load_a465
 from plan.options import PlanOptions
-from plan.task import plan_task
+from plan.pick_place.planner import plan_task
 from task2_scene import Q_START, Task2, task2
 
 

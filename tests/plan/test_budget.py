@@ -7,11 +7,11 @@ import json
 import numpy as np
 import pytest
 
-from arm.bodies import Body, Box
+from arm.controller.unit import Unit
 from arm.errors import ImpossibleError, InputError
-from arm.robot import Robot
+from arm.robot.model import Robot
+from arm.robot.shapes import Body, Box
 from arm.se3 import transform
-from arm.unit import Unit
 from plan.budget import (
     LOOKS_A_SECOND,
     BudgetSpent,
@@ -21,10 +21,10 @@ from plan.budget import (
     allowed,
     spend,
 )
-from plan.poselist import plan_poses
-from plan.poseplan import PosePlan
-from plan.posesearch import PoseSearch
-from plan.targets import Target
+from plan.waypoints.plan import PosePlan
+from plan.waypoints.planner import plan_poses
+from plan.waypoints.search import PoseSearch
+from plan.waypoints.target import Target
 from pose_lists import EFFORT, FAST, TABLE, check_plan, down
 
 WALL = Body("wall", Box((0.4, 0.02, 0.3)), transform(t=(0.5, 0.0, 0.15)), "wall")

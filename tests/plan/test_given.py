@@ -7,27 +7,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from arm.bodies import Body, Box
+from arm.controller.unit import Limits, load_unit
 from arm.errors import InputError
-from arm.robot import Robot
+from arm.robot.model import Robot
+from arm.robot.shapes import Body, Box
 from arm.se3 import transform
-from arm.unit import Limits, load_unit
 from made_up_arms import RAIL, arm
 from plan.budget import TransitBudget
-from plan.check import BUDGET, check_curve
-from plan.curve import Curve, curve_of_waypoints
-from plan.ik import explain_pose, inverse_kinematics
-from plan.ik_numeric import solve_ik
+from plan.cartesian.reachability import reach
+from plan.collision.bezier import Curve, curve_of_waypoints
+from plan.collision.certificate import BUDGET, check_curve
+from plan.collision.world import World
+from plan.kinematics.configuration import standing
+from plan.kinematics.ik import explain_pose, inverse_kinematics
+from plan.kinematics.numeric_ik import solve_ik
 from plan.options import PlanOptions
-from plan.poselist import plan_poses
-from plan.reach import reach
+from plan.pick_place.go_to import plan_way
+from plan.pick_place.planner import plan_task
 from plan.scene import Scene, Station
-from plan.standing import standing
-from plan.targets import Target
-from plan.task import plan_task
-from plan.transit import plan_transit
-from plan.way import plan_way
-from plan.world import World
+from plan.transit.planner import plan_transit
+from plan.waypoints.planner import plan_poses
+from plan.waypoints.target import Target
 from task2_scene import Q_START, TABLE, Task2, task2
 
 UNIT = load_unit("crs93")
@@ -301,7 +301,7 @@ def test_a_budget_that_is_spent_proves_nothing(monkeypatch, world: World) -> Non
     checked = check_curve(world, spin, 0.005)
     assert checked.proved
     assert checked.evaluations < BUDGET
-    monkeypatch.setattr("plan.check.BUDGET", 20)
+    monkeypatch.setattr("plan.collision.certificate.BUDGET", 20)
     spent = check_curve(world, spin, 0.005)
     assert not spent.proved
     assert spent.clearance < 0.005 <= spent.seen  # not proved, which is not the same as too near

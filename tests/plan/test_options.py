@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from arm.bodies import Body, Box
+from arm.controller.unit import Unit
 from arm.errors import ImpossibleError, InputError
-from arm.robot import Robot
+from arm.robot.model import Robot
+from arm.robot.shapes import Body, Box
 from arm.se3 import rot_z, transform
-from arm.unit import Unit
 from plan.options import LEAST_CLEARANCE, PlanOptions, told_clearance
-from plan.poselist import plan_poses
-from plan.targets import Target
+from plan.waypoints.planner import plan_poses
+from plan.waypoints.target import Target
 from pose_lists import EFFORT, TABLE, down
 
 

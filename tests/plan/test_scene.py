@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from arm.errors import InputError
-from arm.robot import load_a465
+from arm.robot.model import load_a465
 from arm.se3 import transform
 from plan.scene import scene_from_json
 from task2_scene import TABLE, Task2, task2

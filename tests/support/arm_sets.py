@@ -14,10 +14,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
 
-from arm.dh import DhTable
+from arm.robot.dh import DhTable
 from arm.se3 import Array, apply, frozen, inverse, orthonormalised, rot_x, rot_y, rot_z, transform
-from calib.arm_recording import ArmRecording
-from vision.camera import Camera
+from calib.recordings.arm import ArmRecording
+from vision.camera.model import Camera
 
 HALF = np.pi / 2
 NOMINAL = DhTable(

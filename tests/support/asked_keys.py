@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from arm import toml_table
-from arm.toml_table import TomlTable
+from arm.io import toml_reader as toml_table
+from arm.io.toml_reader import TomlTable
 
 REQUIRED, LEFT_OUT = "required", "may be left out"
 _CONTAINERS = ("a table", "an array of tables")

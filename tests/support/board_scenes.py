@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arm.board import PLATE_CENTRE, Board, read_board_csv
-from arm.bodies import Body, Box
-from arm.files import data_file
+from arm.io.storage import data_file
+from arm.robot.shapes import Body, Box
 from arm.se3 import Array, frozen, inverse, rot_z, rotation, rotation_vector, transform
-from cell.furniture import T_hole_cube, cube_body, plate_body
-from cell.render.renderer import PlacedBoard, render, with_noise
-from vision.camera import Camera, Image, read_camera
-from vision.markers import Marker
+from cell.scene.bodies import T_hole_cube, cube_body, plate_body
+from render.renderer import PlacedBoard, render, with_noise
+from vision.camera.model import Camera, Image, read_camera
+from vision.markers.detect import Marker
 
 MARKER = 0.036
 CUBE = 0.040

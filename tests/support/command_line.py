@@ -9,7 +9,7 @@ from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
 from unittest.mock import patch
 
-from cell.cli import main
+from cell.cli.main import main
 
 
 def replace_in(path: Path, old: str, new: str) -> None:
@@ -20,7 +20,7 @@ def replace_in(path: Path, old: str, new: str) -> None:
 
 
 def _in_a_process(arguments: list[str], flags: list[str], cwd: Path) -> tuple[int, str, str]:
-    command = [sys.executable, *flags, "-c", "import cell.cli; cell.cli.main()", *arguments]
+    command = [sys.executable, *flags, "-c", "import cell.cli.main; cell.cli.main.main()", *arguments]
     ran = subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd, timeout=120)
     assert "Traceback" not in ran.stderr, ran.stderr[-4000:]
     return ran.returncode, ran.stdout, ran.stderr

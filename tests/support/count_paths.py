@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from arm.motion import CountPath, Segment
-from arm.unit import Unit
+from arm.controller.segments import CountPath, Segment
+from arm.controller.unit import Unit
 
 Counts = npt.NDArray[np.int64]
 

@@ -14,7 +14,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from board_scenes import smaller
 from command_line import a465, replace_in
 from emulated_camera import SERIAL
 from small_scenes import small_scenes
-from vision.camera import read_camera, write_camera
+from vision.camera.model import read_camera, write_camera
 
 ROOT = Path(__file__).resolve().parents[2]
 SHELL = ("", "sh", "bash", "shell", "console")
@@ -343,7 +343,7 @@ class Reader:
         if _value(options, "--time-scale"):
             place = options.index("--time-scale")
             del options[place : place + 2]
-        program = [sys.executable, "-c", "from cell.start import main; main()", "emulate"]
+        program = [sys.executable, "-c", "from cell.cli.start import main; main()", "emulate"]
         unit = subprocess.Popen(
             [*program, *options, "--time-scale", f"{TIME_SCALE:g}"],
             cwd=self.folder,
@@ -385,22 +385,6 @@ def _value(words: list[str], option: str) -> str | None:
 
 def _set(words: list[str], option: str, value: str) -> None:
     words[words.index(option) + 1] = value
-
-
-def unlike(shown: str, said: str) -> list[str]:
-    """Lines that a page shows and nobody said; figures may be others, and ``...`` stands for anything."""
-    heard = _without_figures(said)
-    lines = (line for line in shown.splitlines() if re.search(r"[^\s\-.]", line))
-    return [line for line in lines if not all(part in heard for part in _parts(line))]
-
-
-def _parts(line: str) -> Iterable[str]:
-    return (_without_figures(part) for part in line.split("...") if part.strip())
-
-
-def _without_figures(text: str) -> str:
-    text = re.sub(r"\b(?=[0-9a-f]*\d)[0-9a-f]{8,}\b", "#", text.replace("cubes", "cube"))
-    return " ".join(re.sub(r"[-+]?\d+(?:\.\d+)?", "#", text).split())
 
 
 def followed(page: Path) -> Iterator[Block | Command]:

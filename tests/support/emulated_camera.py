@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from vision.frames import Image
+from vision.camera.frame_source import Image
 
 SERIAL = "serial:0815-0000"
 

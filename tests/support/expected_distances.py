@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from arm.files import data_file
-from cell.scenefile import Pair, SceneFile, read_scene_file
+from arm.io.storage import data_file
+from cell.files.scene import Pair, SceneFile, read_scene_file
 from mujoco_cell import MujocoCell
 
 SAMPLES = 801  # of a motion, before its least distance is narrowed down

@@ -18,18 +18,18 @@ from pathlib import Path
 
 import numpy as np
 
+from arm.controller.segments import CountPath
+from arm.controller.unit import Limits, load_unit
 from arm.errors import A465Error, ExecutionStopped, ImpossibleError
-from arm.motion import CountPath
 from arm.se3 import Array
-from arm.unit import Limits, load_unit
 from count_paths import off_path_deg
 from driver.emulator import Emulator, EmulatorOptions, Fault, When
-from driver.mars import Mars
-from driver.stepped import SteppedClock
-from driver.stream import stream
-from driver.wirelog import WireLog
-from plan.segments import to_segments
-from plan.timing import time_path
+from driver.execution.stream import stream
+from driver.line.stepped_clock import SteppedClock
+from driver.line.wire_log import WireLog
+from driver.mars.mars import Mars
+from plan.trajectory.integer_segments import to_segments
+from plan.trajectory.timing import time_path
 
 MOMENTS = ("idle", "homing", "streaming", "gripping", "waiting")
 F, T, S, U, R = "finishes", "told", "stops", "unknown", "refuses"

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from arm.bodies import Body, Box, Capsule, Cylinder, Shape, Sphere, convex
-from arm.motion import CountPath, Segment
-from arm.robot import LinkBody, Robot, load_a465, load_robot
+from arm.controller.segments import CountPath, Segment
+from arm.controller.unit import load_unit
+from arm.robot.model import LinkBody, Robot, load_a465, load_robot
+from arm.robot.shapes import Body, Box, Capsule, Cylinder, Shape, Sphere, convex
 from arm.se3 import Array, frozen, rotation, transform
-from arm.unit import load_unit
-from plan.curve import Curve, curve_of_counts, curve_of_waypoints
-from plan.world import World
+from plan.collision.bezier import Curve, curve_of_counts, curve_of_waypoints
+from plan.collision.world import World
 from task2_scene import TABLE, TOOL_LENGTH
 
 UNIT = load_unit("crs93")

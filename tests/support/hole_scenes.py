@@ -14,19 +14,19 @@ import cv2
 import numpy as np
 
 from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_FLOOR, POCKET_MOUTH, Board
-from arm.bodies import Body, Box, Capsule
 from arm.errors import A465Error
 from arm.poses import BoardPose
+from arm.robot.shapes import Body, Box, Capsule
 from arm.se3 import Array, apply, rot_x, rot_y, rot_z, rotation, transform
 from board_scenes import CUBE, TABLE, lab_board, leaning
-from cell.furniture import plate_body
-from cell.render.light import Light
-from cell.render.rays import Floats
-from cell.render.renderer import PlacedBoard, render, with_noise
-from cell.render.solids import BodySolid
-from vision.board_pose import estimate_board_pose
-from vision.camera import Camera, Image
-from vision.markers import detect_markers
+from cell.scene.bodies import plate_body
+from render.light import Light
+from render.rays import Floats
+from render.renderer import PlacedBoard, render, with_noise
+from render.solids import BodySolid
+from vision.boards.pose import estimate_board_pose
+from vision.camera.model import Camera, Image
+from vision.markers.detect import detect_markers
 
 POCKET_DEPTH = 0.010
 BOARDS = ("01-02", "03-04", "05-06", "07-08", "09-10", "11-12")

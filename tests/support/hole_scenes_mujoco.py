@@ -17,14 +17,14 @@ import mujoco
 import numpy as np
 
 from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_FLOOR, POCKET_MOUTH, Board
-from arm.bodies import Body, Box, Capsule
+from arm.robot.shapes import Body, Box, Capsule
 from arm.se3 import Array
 from board_scenes import TABLE
-from cell.render.light import FINGER_HOLE, KIND_GREY, MARKER_BLACK, MARKER_WHITE
-from cell.render.plate import marker_modules
-from cell.render.rays import Floats, pixel_rays
 from hole_scenes import POCKET_DEPTH, HoleScene, exposed
-from vision.camera import Camera, Image
+from render.light import FINGER_HOLE, KIND_GREY, MARKER_BLACK, MARKER_WHITE
+from render.plate import marker_modules
+from render.rays import Floats, pixel_rays
+from vision.camera.model import Camera, Image
 
 BORDER_PX = 60  # of the pinhole image, for what the lens draws in
 SEGMENTS = 32  # of a finger hole's rim

@@ -9,22 +9,22 @@ from typing import Any
 
 import pytest
 
-import cell.run
+import cell.commands.run
 from arm.errors import ExecutionStopped
-from arm.planfile import Step
-from cell.connection import Connection
+from arm.plan_file import Step
+from cell.commands.steps import look_step, plan_step
 from cell.console import Console
-from cell.simulation import SimulatedCamera, SimulatedCell
-from cell.steps import look_step, plan_step
-from cell.taskfile import read_task
-from cell.taskrun import TaskRun
-from cell.worldfile import read_world
+from cell.files.task import read_task
+from cell.files.world import read_world
+from cell.session.connection import Connection
+from cell.sim.cell import SimulatedCamera, SimulatedCell
+from cell.task.run import TaskRun
 from driver.emulator import Emulator, EmulatorOptions
-from driver.emulator.line import Tap
-from driver.mars import Mars
-from driver.progress import Progress
-from driver.stepped import SteppedClock
-from driver.wirelog import WireLog
+from driver.emulator.line.memory import Tap
+from driver.execution.progress import Progress
+from driver.line.stepped_clock import SteppedClock
+from driver.line.wire_log import WireLog
+from driver.mars.mars import Mars
 from small_scenes import small_scenes
 
 
@@ -60,7 +60,7 @@ class LastingCell:
             "/dev/mars",
         )  # as it is told; nothing is opened there
         self.stop_at: Callable[[str, float], bool] | None = None
-        monkeypatch.setattr(cell.run, "open_cell", self.opened)
+        monkeypatch.setattr(cell.commands.run, "open_cell", self.opened)
         plain = TaskRun._on_progress
 
         def on_progress(run: TaskRun, progress: Progress) -> None:

@@ -15,7 +15,7 @@ ANSWER = re.compile(rb"(COORDAP|ST|STAMP)=")
 
 @dataclass
 class Damage:
-    """A tap for `driver.emulator.line.MemoryLine`. Nothing is damaged before `armed`.
+    """A tap for `driver.emulator.line.memory.MemoryLine`. Nothing is damaged before `armed`.
 
     Args:
         kind: of damage.

@@ -5,16 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from arm.controller.segments import CountPath, Segment
+from arm.controller.unit import load_unit
 from arm.errors import ExecutionStopped
-from arm.motion import CountPath, Segment
-from arm.unit import load_unit
 from count_paths import DISTANCE, Jaws, quintic
 from driver.emulator import Emulator, Record
-from driver.mars import Mars
-from driver.progress import Progress
-from driver.stepped import SteppedClock
-from driver.stream import stream
-from driver.wirelog import WireLog
+from driver.execution.progress import Progress
+from driver.execution.stream import stream
+from driver.line.stepped_clock import SteppedClock
+from driver.line.wire_log import WireLog
+from driver.mars.mars import Mars
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from arm.planfile import Move
-from driver.progress import Progress
-from driver.protocol import Position
+from arm.plan_file import Move
+from driver.execution.progress import Progress
+from driver.line.protocol import Position
 
 
 def looks(

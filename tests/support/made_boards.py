@@ -6,8 +6,8 @@ import numpy as np
 
 from arm.board import TOLERANCE_SDS, Board
 from arm.se3 import Array
-from vision.camera import Camera
-from vision.shared_errors import OWN_EDGE, SAME_PRINT
+from vision.boards.shared_errors import OWN_EDGE, SAME_PRINT
+from vision.camera.model import Camera
 
 
 def made(board: Board, rng: np.random.Generator) -> Array:

@@ -9,9 +9,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from arm.bodies import Body
-from arm.outfit import ignoring
-from arm.robot import Robot, load_robot
+from arm.robot.model import Robot, load_robot
+from arm.robot.shapes import Body
+from arm.robot.tool import ignoring
 from arm.se3 import transform
 from mujoco_cell import _pose, _shape
 

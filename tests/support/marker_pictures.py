@@ -14,10 +14,10 @@ import numpy as np
 from arm.board import Board
 from arm.se3 import Array, frozen
 from board_scenes import TABLE, lab_camera, window
-from cell.furniture import plate_body
-from cell.render.renderer import PlacedBoard, render, with_noise
-from vision.camera import Camera
-from vision.markers import Marker, detect_markers
+from cell.scene.bodies import plate_body
+from render.renderer import PlacedBoard, render, with_noise
+from vision.camera.model import Camera
+from vision.markers.detect import Marker, detect_markers
 
 MARGIN_PX = 48.0
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from arm.bodies import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere
+from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from arm.se3 import Array
-from calib.nao import SIDES, NaoUnknowns
-from calib.nao_recording import NaoRecording
+from calib.nao.chain import SIDES, NaoUnknowns
+from calib.nao.recording import NaoRecording
 from nao_scenes import BOARD, CAMERA, ON_ITS_BACK, STEP, sightings
 
 

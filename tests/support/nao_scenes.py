@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from arm.se3 import Array, frozen
-from calib.chain_fit import Problem, Sightings
-from calib.nao import SIDES, NaoUnknowns, nao_sightings
-from vision.camera import Camera
+from calib.chain.fit import Problem, Sightings
+from calib.nao.chain import SIDES, NaoUnknowns, nao_sightings
+from vision.camera.model import Camera
 
 CAMERA = Camera(np.array([[562.5, 0, 324], [0, 562.5, 189], [0, 0, 1]]), np.zeros(5), (640, 480), np.eye(4))
 PIXEL_SIGMA = np.array([0.0486, 0.0403])

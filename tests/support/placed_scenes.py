@@ -15,19 +15,19 @@ import cv2
 import numpy as np
 
 from arm.board import Board
-from arm.bodies import Body, Box
 from arm.errors import A465Error
 from arm.poses import BoardPose
+from arm.robot.shapes import Body, Box
 from arm.se3 import Array, apply, frozen, inverse, rot_z, rotation, transform
 from board_scenes import CUBE, TABLE, window
-from cell.furniture import plate_body
-from cell.releasefaults import T_hole_released
-from cell.render.renderer import PlacedBoard, render, with_noise
-from cell.render.solids import BodySolid
+from cell.scene.bodies import plate_body
+from cell.sim.release_faults import T_hole_released
 from hole_scenes import CONDITIONS, HoleScene, random_scene
-from vision.board_pose import estimate_board_pose
-from vision.camera import Camera, Image
-from vision.markers import detect_markers
+from render.renderer import PlacedBoard, render, with_noise
+from render.solids import BodySolid
+from vision.boards.pose import estimate_board_pose
+from vision.camera.model import Camera, Image
+from vision.markers.detect import detect_markers
 
 MARGIN_PX = 40  # around a plate that is drawn: the rest of the image is not
 PLATE_CORNERS = np.array([[x, y, z] for x in (-0.03, 0.21) for y in (-0.03, 0.17) for z in (0.0, 0.04)])
@@ -119,7 +119,7 @@ def moved_cube(
 
     Args:
         seed: of everything that is drawn.
-        release: how the cube stands in the end, see `cell.releasefaults`.
+        release: how the cube stands in the end, see `cell.sim.release_faults`.
         camera: the whole image's.
         where: "view": whole boards; "edge": a marker's white border leaves the image.
         reality: what is not the same in two looks.

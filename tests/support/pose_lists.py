@@ -6,14 +6,14 @@ import itertools
 
 import numpy as np
 
-from arm.bodies import Body, Box
+from arm.robot.shapes import Body, Box
 from arm.se3 import inverse, rot_x, rotation_vector, transform
-from plan.extremes import segment_extremes
-from plan.ik_numeric import FREE, SearchOptions
+from plan.kinematics.numeric_ik import FREE, SearchOptions
 from plan.options import PlanOptions
-from plan.poselist import SearchEffort
-from plan.poseplan import PosePlan
-from plan.targets import Target
+from plan.trajectory.extremes import segment_extremes
+from plan.waypoints.plan import PosePlan
+from plan.waypoints.planner import SearchEffort
+from plan.waypoints.target import Target
 
 DOWN = rot_x(np.pi)
 

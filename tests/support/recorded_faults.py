@@ -10,7 +10,7 @@ import numpy as np
 
 from arm.se3 import Array, frozen, transform
 from arm_sets import TARGETS, Truth, recorded
-from calib.arm_recording import ArmRecording
+from calib.recordings.arm import ArmRecording
 
 Fault = Callable[[Truth, Array, str, np.random.Generator], ArmRecording]
 

@@ -7,8 +7,8 @@ from typing import Any
 
 from arm.board import Board
 from arm.se3 import Array
-from vision.camera import Camera
-from vision.markers import Marker
+from vision.camera.model import Camera
+from vision.markers.detect import Marker
 
 
 def recorded_set(

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from arm.bodies import Body, Box
+from arm.controller.unit import Limits, load_unit
+from arm.robot.shapes import Body, Box
 from arm.se3 import Array, frozen, rotation, transform
-from arm.unit import Limits, load_unit
+from plan.advice.changes import Request
 from plan.budget import TransitBudget
-from plan.change import Request
 from plan.options import PlanOptions
 from task2_scene import BOARD_A, BOARD_B, POST, Q_START, TABLE, PlacedBoard, Task2, placed_board, task2
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from arm.files import data_file
+from arm.io.storage import data_file
 from board_scenes import lab_camera, smaller
 from command_line import replace_in
-from vision.camera import write_camera
+from vision.camera.model import write_camera
 
 
 def small_scenes(folder: Path) -> Path:

@@ -9,12 +9,12 @@ import numpy as np
 
 from arm.se3 import Array, frozen
 from board_scenes import lab_camera
-from calib.bundle import View
-from calib.view_choice import TargetPhoto
-from cell.targetviews import corners_in_view, random_poses
-from vision.camera import Camera
-from vision.target import Target, TargetView
-from vision.target_quality import Quality
+from calib.camera.bundle_adjustment import View
+from calib.camera.view_selection import TargetPhoto
+from cell.sim.target_photos import corners_in_view, random_poses
+from vision.camera.model import Camera
+from vision.targets.quality import Quality
+from vision.targets.target import Target, TargetView
 
 CHARUCO = Target()
 NOISE_PX = 0.03

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm.board import CUBE_SEAT_DEPTH, PLATE_CENTRE, PLATE_SIZE, Board, read_board_csv
-from arm.bodies import Body, Box
-from arm.files import data_file
-from arm.robot import load_a465
+from arm.io.storage import data_file
+from arm.robot.model import load_a465
+from arm.robot.shapes import Body, Box
 from arm.se3 import Array, apply, frozen, rot_x, rot_z, rotation, transform
 from plan.scene import Scene, Station, Transfer
 

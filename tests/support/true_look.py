@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from arm.files import data_file
+from arm.io.storage import data_file
 from arm.poses import BoardPose
-from cell.lookfile import Seen, SeenBoard
-from cell.taskfile import Task
-from cell.worldfile import read_world
+from cell.files.observation import Seen, SeenBoard
+from cell.files.task import Task
+from cell.files.world import read_world
 
 
 def true_look(task: Task) -> Seen:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from arm.armcalibration import ArmCalibration, write_arm_calibration
-from arm.links import LinkErrors
+from arm.calibration_file import ArmCalibration, write_arm_calibration
+from arm.robot.link_errors import LinkErrors
 from arm.se3 import frozen
-from vision.camera import read_camera, write_camera
+from vision.camera.model import read_camera, write_camera
 
 _MORE_WALLS = """
 [[walls]]

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-import cell.run
+import cell.commands.run
 from arm.errors import A465Error
-from arm.planfile import Plan, read_plan
-from cell.connection import Connection, WhichCell, open_cell
+from arm.plan_file import Plan, read_plan
 from cell.console import Console
-from cell.simulation import CellState, SimulatedCell
-from cell.taskfile import Task, read_task
+from cell.files.task import Task, read_task
+from cell.session.connection import Connection, WhichCell, open_cell
+from cell.sim.cell import CellState, SimulatedCell
 from driver.emulator import Record
 
 
@@ -81,17 +81,17 @@ def run_whole(
                 run.record, run.sent = emulator.record(), emulator.lines
             return self._opened.__exit__(*error)
 
-    before, cell.run.open_cell = cell.run.open_cell, Watched  # type: ignore[assignment]
+    before, cell.commands.run.open_cell = cell.commands.run.open_cell, Watched  # type: ignore[assignment]
     output = io.StringIO()
     try:
         with redirect_stdout(output), redirect_stderr(output):
-            run.report = cell.run.run_task(
+            run.report = cell.commands.run.run_task(
                 task_file, Console(), WhichCell(world=world, speed=speed, time_scale=time_scale), folder
             )
     except A465Error as error:
         run.error = error
     finally:
-        cell.run.open_cell = before  # type: ignore[assignment]
+        cell.commands.run.open_cell = before  # type: ignore[assignment]
     run.said = output.getvalue()
     return run
 

@@ -8,7 +8,7 @@ import select
 import socket
 import time
 
-from driver.emulator.line import MemoryLine
+from driver.emulator.line.memory import MemoryLine
 
 
 class SteppedClient:

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arm.bodies import Body, body_from_json
-from arm.planfile import Move, Plan
-from arm.robot import Robot
+from arm.controller.unit import Unit
+from arm.plan_file import Move, Plan
+from arm.robot.model import Robot
+from arm.robot.shapes import Body, body_from_json
 from arm.se3 import Array
-from arm.unit import Unit
 from cell.preview.overlays import ClearanceSample
 from cell.preview.timeline import CubePose, cube_tracks, timed_steps
-from plan.world import World
+from plan.collision.world import World
 
 CLEARANCE_EVERY_S = 0.2
 

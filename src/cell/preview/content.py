@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from arm.board import Board
-from arm.bodies import body_from_json
+from arm.controller.unit import Unit
 from arm.errors import InputError
-from arm.planfile import GripperStep, LookStep, Move, Plan
-from arm.robot import Robot
+from arm.plan_file import GripperStep, LookStep, Move, Plan
+from arm.robot.model import Robot
+from arm.robot.shapes import body_from_json
 from arm.se3 import Array, inverse, rotation_vector
-from arm.unit import Unit
 from cell.preview.overlays import (
     CameraView,
     ClearanceSample,

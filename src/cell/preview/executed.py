@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arm.motion import CountPath, Segment
-from arm.planfile import GripperStep, LookStep, Move, Plan
+from arm.controller.segments import CountPath, Segment
+from arm.controller.unit import Unit
+from arm.plan_file import GripperStep, LookStep, Move, Plan
 from arm.se3 import Array, frozen
-from arm.unit import Unit
 from cell.preview.overlays import ExecutedMove
-from driver.logfile import Session
-from driver.logmotions import LoggedMotion
+from driver.log.motions import LoggedMotion
+from driver.log.read import Session
 
 STEP_S = (
     0.005  # of the planned path that samples are compared with; between two steps it is taken as straight

@@ -9,17 +9,16 @@ from typing import Any, Protocol
 import cv2
 import numpy as np
 
-from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_DEPTH, Board
-from arm.bodies import Body, Convex, Shape, hull_faces, shape_to_json
+from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_DEPTH, Board, plate_name
 from arm.errors import InputError
+from arm.robot.shapes import Body, Convex, Shape, hull_faces, shape_to_json
 from arm.se3 import Array, transform
-from cell.furniture import plate_name
 
 _DIGITS = 7  # of lengths in m: a tenth of a micrometre
 
 
 class CameraView(Protocol):
-    """A camera to draw; `vision.camera.Camera` is one."""
+    """A camera to draw; `vision.camera.model.Camera` is one."""
 
     @property
     def K(self) -> Array:

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from arm.board import Board
-from arm.files import canonical_json, read_text, write_atomic
-from arm.planfile import Plan
-from arm.robot import Robot
-from arm.unit import Unit
+from arm.controller.unit import Unit
+from arm.io.storage import canonical_json, read_text, write_atomic
+from arm.plan_file import Plan
+from arm.robot.model import Robot
 from cell.preview.clearance import CLEARANCE_EVERY_S, sample_clearance
 from cell.preview.content import page_content
 from cell.preview.overlays import CameraView, ExecutedMove
@@ -92,7 +92,7 @@ def preview_page(
         camera: drawn with its view.
         clearance_every_s: spacing of the clearance samples along the moves; 0 shows one figure a move instead.
         executed: drawn over the plan.
-        live: the mark of a page that follows the events of the server that gives it (`cell.liveserver`).
+        live: the mark of a page that follows the events of the server that gives it (`cell.live.server`).
 
     Raises:
         InputError: the plan does not fit the unit or the arms.

@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from arm.bodies import Body
+from arm.controller.unit import Unit
 from arm.errors import InputError
-from arm.planfile import GripperStep, LookStep, Move, Plan, Step
-from arm.robot import Robot
+from arm.plan_file import GripperStep, LookStep, Move, Plan, Step
+from arm.robot.model import Robot
+from arm.robot.shapes import Body
 from arm.se3 import Array, frozen, inverse
-from arm.unit import Unit
 
 LOOK_S = 1.5  # how long a look is shown, s
 

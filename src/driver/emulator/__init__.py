@@ -1,9 +1,9 @@
-"""The emulated MARS-8 controller with its arm: what `driver.mars` talks to when there is no hardware."""
+"""The emulated MARS-8 controller with its arm: what `driver.mars.mars` talks to when there is no hardware."""
 
 from driver.emulator.emulator import Emulator
-from driver.emulator.faults import Fault, FaultEvent, When
+from driver.emulator.faults.model import Fault, FaultEvent, When
 from driver.emulator.options import EmulatorOptions
-from driver.emulator.plant import Plant
-from driver.emulator.record import Record, Violation
+from driver.emulator.unit.plant import Plant
+from driver.emulator.unit.record import Record, Violation
 
 __all__ = ["Emulator", "EmulatorOptions", "Fault", "FaultEvent", "Plant", "Record", "Violation", "When"]

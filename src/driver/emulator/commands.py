@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections import deque
 
-from driver.emulator.machine import Machine
+from driver.emulator.unit.machine import Machine
 
 _LINE = re.compile(r"([A-Z][A-Z0-9]*?)(\?:?|:)(.*)")
 _INT32 = 2**31

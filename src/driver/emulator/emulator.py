@@ -1,7 +1,7 @@
 """The emulated MARS-8: a thread that serves a pseudo-terminal or a TCP port in a clock's time.
 
 Controller's fact sheet, section 4.3, is what it must do. Nothing runs while nothing moves and nobody speaks. With a
-`driver.stepped.SteppedClock` there is no thread: the clock calls `Emulator.step` when something is due.
+`driver.line.stepped_clock.SteppedClock` there is no thread: the clock calls `Emulator.step` when something is due.
 """
 
 from __future__ import annotations
@@ -13,24 +13,24 @@ import threading
 from pathlib import Path
 from types import TracebackType
 
+from arm.controller.unit import Unit
 from arm.errors import A465Error
-from arm.unit import Unit
-from driver.clock import Clock
+from driver.emulator.apply_faults import Trouble
 from driver.emulator.commands import Interpreter
 from driver.emulator.exchange import Exchange
-from driver.emulator.faults import Fault, FaultEvent
-from driver.emulator.line import MemoryLine, Tap
-from driver.emulator.machine import Machine
+from driver.emulator.faults.model import Fault, FaultEvent
+from driver.emulator.line.memory import MemoryLine, Tap
+from driver.emulator.line.ports import Ports
+from driver.emulator.line.uart import Wire
+from driver.emulator.line.weave import Weave
 from driver.emulator.options import EmulatorOptions
-from driver.emulator.plant import Plant
-from driver.emulator.ports import Ports
-from driver.emulator.record import Record, Violation
-from driver.emulator.trouble import Trouble
-from driver.emulator.weave import Weave
-from driver.emulator.wire import Wire
-from driver.interrupt import held
-from driver.stepped import SteppedClock
-from driver.wirelog import WireLog
+from driver.emulator.unit.machine import Machine
+from driver.emulator.unit.plant import Plant
+from driver.emulator.unit.record import Record, Violation
+from driver.line.clock import Clock
+from driver.line.signals import held
+from driver.line.stepped_clock import SteppedClock
+from driver.line.wire_log import WireLog
 
 _BATCH_WALL_S = 0.004  # how late, in wall time, motion and R! may be seen
 _STEP_MS = 4  # the same in stepped time,
@@ -142,7 +142,7 @@ class Emulator:
             A465Error: the clock is not a stepped one.
         """
         if not isinstance(self.clock, SteppedClock):
-            raise A465Error("a line in memory needs a driver.stepped.SteppedClock")
+            raise A465Error("a line in memory needs a driver.line.stepped_clock.SteppedClock")
         line = MemoryLine(self.clock, latency_s, to_unit, to_host)
         self._ports.open_line(line)
         return line

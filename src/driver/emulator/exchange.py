@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
+from driver.emulator.apply_faults import Trouble
 from driver.emulator.commands import Interpreter
-from driver.emulator.ports import Ports
-from driver.emulator.trouble import Trouble
-from driver.emulator.wire import Wire
-from driver.wirelog import WireLog
+from driver.emulator.line.ports import Ports
+from driver.emulator.line.uart import Wire
+from driver.line.wire_log import WireLog
 
 _NEVER = 2**62
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from arm.errors import InputError
-from driver.emulator.faults import Fault
+from driver.emulator.faults.model import Fault
 
 
 @dataclass(frozen=True)

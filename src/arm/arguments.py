@@ -1,0 +1,182 @@
+"""Checks of what a caller gives: numbers, joint positions, poses. A refusal says name, value, rule and what helps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.errors import InputError
+from arm.numerics.products import mul
+from arm.se3 import Array, frozen
+
+RIGID = 1e-6  # what the axes of a pose may be off from unit length and right angles
+
+_HELP_POSE = "make poses with arm.se3.transform(R, t)"
+
+
+def shown(value: object) -> str:
+    """A value as messages show it: short."""
+    if isinstance(value, np.ndarray) and value.ndim:
+        return f"array of shape {value.shape}"
+    if isinstance(value, Real) and not isinstance(value, Integral):
+        return f"{float(value):g}"
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def number(name: str, value: Any, low: float, high: float, unit: str = "", help: str = "") -> float:
+    """`value` as a float from `low` to `high`.
+
+    Raises:
+        InputError: it is no number (texts, truth values and arrays are none), NaN, or outside.
+    """
+    real = isinstance(value, Real) and not isinstance(value, bool)
+    if real and low <= value <= high:
+        return float(value)
+    of, what = f" {unit}" if unit else "", "" if real else "a number "
+    raise InputError(
+        f"{name} = {shown(value)}{of if real else ''}: must be {what}from {low:g} to {high:g}"
+        + ("" if real else of)
+        + (f"; {help}" if help else ""),
+        name=name,
+        value=float(value) if real else shown(value),
+        low=low,
+        high=high,
+    )
+
+
+def finite(name: str, value: Any, unit: str = "") -> float:
+    """`value` as a finite float.
+
+    Raises:
+        InputError: it is no number, NaN or infinite.
+    """
+    if isinstance(value, Real) and not isinstance(value, bool) and abs(float(value)) < inf:
+        return float(value)
+    of = f" in {unit}" if unit else ""
+    raise InputError(f"{name} = {shown(value)}: must be a finite number{of}", name=name, value=shown(value))
+
+
+def integer(name: str, value: Any, low: int) -> int:
+    """`value` as a whole number of at least `low`.
+
+    Raises:
+        InputError: it is none (1.5, texts and truth values are none), or below.
+    """
+    if isinstance(value, bool) or not isinstance(value, Integral) or int(value) < low:
+        raise InputError(
+            f"{name} = {shown(value)}: must be a whole number from {low} on",
+            name=name,
+            value=shown(value),
+            low=low,
+        )
+    return int(value)
+
+
+def numbers(value: Any) -> Array | None:
+    """`value` as an array of floats, or None where it is none: a text, rows of different lengths, None."""
+    try:
+        array = np.asarray(value)
+        return np.asarray(array, dtype=float) if array.dtype.kind in "fiu" else None
+    except (TypeError, ValueError):
+        return None
+
+
+def joints(name: str, q: Any, names: Sequence[str]) -> Array:
+    """One finite number per joint, (n,); (1, n) will do.
+
+    Raises:
+        InputError: another shape, a text or None, or a number that is not finite.
+    """
+    n, array = len(names), numbers(q)
+    if array is not None and array.shape == (1, n):
+        array = array[0]
+    rule = f"must be {n} finite numbers in rad (m for a sliding joint), one for each of {', '.join(names)}"
+    if array is None or array.shape != (n,):
+        of = f"{shown(q)}" if array is None else f"array of shape {array.shape}"
+        raise InputError(f"{name} = {of}: {rule}", name=name, joints=n)
+    if not np.isfinite(array).all():
+        at = int(np.argmin(np.isfinite(array)))
+        raise InputError(f"{name}: joint {names[at]} = {array[at]:g}: {rule}", name=name, joint=names[at])
+    return array
+
+
+def rigid(name: str, T: Any) -> Array:
+    """A pose as a read-only 4x4 array; about 3 us.
+
+    Raises:
+        InputError: not 4x4, not finite, scaled, skewed or mirrored by more than `RIGID`.
+    """
+    pose = T if type(T) is np.ndarray and T.dtype == np.float64 else numbers(T)
+    if pose is None or pose.shape != (4, 4):
+        of = shown(T) if pose is None else f"array of shape {pose.shape}"
+        raise InputError(f"{name} = {of}: must be a 4x4 pose; {_HELP_POSE}", name=name)
+    (a, b, c, x), (d, e, f, y), (g, h, i, z), (o, p, q, r) = pose.tolist()
+    lengths = a * a + d * d + g * g, b * b + e * e + h * h, c * c + f * f + i * i
+    askew = abs(a * b + d * e + g * h) + abs(b * c + e * f + h * i) + abs(a * c + d * f + g * i)
+    volume = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    off = abs(lengths[0] - 1.0) + abs(lengths[1] - 1.0) + abs(lengths[2] - 1.0) + askew
+    last = abs(o) + abs(p) + abs(q) + abs(r - 1.0)
+    # written so that NaN is refused
+    if off <= 2.0 * RIGID and volume > 0.0 and last <= RIGID and abs(x) + abs(y) + abs(z) < inf:
+        return frozen(pose) if pose.flags.writeable else pose
+    raise InputError(f"{name}: {_not_rigid(pose, volume)}; {_HELP_POSE}", name=name, matrix=pose.tolist())
+
+
+def _not_rigid(pose: Array, volume: float) -> str:
+    if not np.isfinite(pose).all():
+        return "the pose holds a number that is not finite"
+    if np.abs(pose[3] - (0.0, 0.0, 0.0, 1.0)).sum() > RIGID:
+        return f"the last row of the pose is {pose[3].tolist()}, must be 0 0 0 1"
+    lengths = np.linalg.norm(pose[:3, :3], axis=0)
+    if np.abs(lengths - 1.0).max() > RIGID:
+        return f"the axes of the pose have lengths {', '.join(f'{v:.7g}' for v in lengths)}, must be 1 to {RIGID:g}"
+    if volume <= 0.0:
+        return "the pose is mirrored: its axes must be right-handed"
+    return f"the axes of the pose are not at right angles to {RIGID:g}"
+
+
+def poses(name: str, T: npt.ArrayLike) -> Array:
+    """Poses (m, 4, 4) of (4, 4) or (m, 4, 4).
+
+    Raises:
+        InputError: another shape, or one of them is not rigid (see `rigid`).
+    """
+    array = numbers(T)
+    if array is None or array.ndim not in (2, 3) or array.shape[-2:] != (4, 4):
+        of = shown(T) if array is None else f"array of shape {array.shape}"
+        raise InputError(f"{name} = {of}: must be 4x4, or (m, 4, 4) for m poses; {_HELP_POSE}", name=name)
+    every = array.reshape(-1, 4, 4)
+    R = every[:, :3, :3]
+    with np.errstate(invalid="ignore", over="ignore"):
+        off = np.abs(mul(np.swapaxes(R, 1, 2), R) - np.eye(3)).sum(axis=(1, 2))
+        # of a right-handed rotation the last axis is the product of the others
+        off = np.maximum(off, np.abs(np.cross(R[:, :, 0], R[:, :, 1]) - R[:, :, 2]).max(axis=1))
+        off = np.maximum(off, np.abs(every[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(axis=1))
+        fine = (off <= RIGID) & np.isfinite(every[:, :3, 3]).all(axis=1)
+    for i in np.flatnonzero(~fine).tolist():  # those at the edge of the tolerance are judged by the one rule
+        rigid(name if array.ndim == 2 else f"{name}[{i}]", every[i])
+    return every
+
+
+def pairs(name: str, value: Any) -> frozenset[frozenset[str]]:
+    """Pairs of names, each of two different ones.
+
+    Raises:
+        InputError: a single name where a pair must be, or a pair of more or fewer than two.
+    """
+    rule = 'must be pairs of two names, such as [("finger_l", "table")]'
+    if isinstance(value, str) or not hasattr(value, "__iter__"):
+        raise InputError(f"{name} = {shown(value)}: {rule}", name=name)
+    found = set()
+    for pair in value:
+        one = frozenset() if isinstance(pair, str) or not hasattr(pair, "__iter__") else frozenset(pair)
+        if len(one) != 2 or not all(isinstance(body, str) for body in one):
+            raise InputError(f"{name}: {shown(pair)}: {rule}", name=name, value=shown(pair))
+        found.add(one)
+    return frozenset(found)

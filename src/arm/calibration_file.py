@@ -1,0 +1,125 @@
+"""What a calibration found of an arm and its camera, as a file that a cell file names.
+
+It is made by ``a465 calibrate hand-eye`` and applied when the cell is read: the camera to its place, the zeros to the
+unit's encoders. The unit's and the camera's own files stay as they are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm.io.storage import sha256, write_atomic
+from arm.io.toml_reader import TomlTable
+from arm.io.toml_writer import toml_lines, toml_rows
+from arm.robot.link_errors import LinkErrors
+from arm.se3 import Array, frozen
+
+LARGEST_LINK = (0.02, np.radians(2.0))  # m and rad
+LARGEST_ZERO = np.radians(5.0)  # rad; an arm further off than that was homed wrongly
+
+
+@dataclass(frozen=True, eq=False)
+class ArmCalibration:
+    """A calibration's result.
+
+    Attributes:
+        T_base_camera: where the camera stands, 4x4.
+        joint_offsets: true joint position less the one that the encoders say, (6,) rad.
+        links: errors of the arm's links.
+        unit: name of the unit that it was found on; "" if not known.
+        lens: digest of the lens that it rests on; "" if not known.
+        dh: digest of the arm's nominal numbers that it adds to; "" if not known.
+        made: how good it is, and when and of what it was made, for people; texts, numbers, flags, or lists of these.
+    """
+
+    T_base_camera: Array
+    joint_offsets: Array
+    links: LinkErrors = field(default_factory=LinkErrors.none)
+    unit: str = ""
+    lens: str = ""
+    dh: str = ""
+    made: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def id(self) -> str:
+        """Of all that it says: the same numbers have the same id, and nothing can be changed by hand."""
+        found: dict[str, Any] = {
+            "camera": self.T_base_camera.tolist(),
+            "offsets": self.joint_offsets.tolist(),
+            "links": self.links.to_json(),
+        }
+        of = {"unit": self.unit, "lens": self.lens, "dh": self.dh, "made": dict(self.made)}
+        return "hand-eye-" + sha256({**found, **of})[:12]
+
+
+def read_arm_calibration(path: Path) -> ArmCalibration:
+    """Read such a file.
+
+    Raises:
+        FileInputError: a value breaks its rule, or the id is not that of the values (they were edited by hand).
+    """
+    root = TomlTable.read(path)
+    written = root.text("id")
+    T_base_camera = root.rigid("T_base_camera")
+    offsets = root.numbers("joint_offsets_rad", 6, "rad", -LARGEST_ZERO, LARGEST_ZERO)
+    links = LinkErrors(
+        *(
+            root.numbers(key, 6, unit, -largest, largest, default=[0.0] * 6)
+            for key, unit, largest in (
+                ("dh_d_error_m", "m", LARGEST_LINK[0]),
+                ("dh_a_error_m", "m", LARGEST_LINK[0]),
+                ("dh_alpha_error_rad", "rad", LARGEST_LINK[1]),
+            )
+        )
+    )
+    made = _made(root.table("made", required=False))
+    unit, lens, dh = (root.text(key, default="") for key in ("unit", "lens", "dh"))
+    calibration = ArmCalibration(T_base_camera, frozen(offsets), links, unit, lens, dh, made)
+    if written != calibration.id:
+        raise root.error(
+            "id", f"must be {calibration.id}, that of the values; they were changed after the calibration"
+        )
+    root.finish()
+    return calibration
+
+
+def _made(table: TomlTable) -> dict[str, Any]:
+    """What is told of the calibration; only what a calibration can have written, for the id is of it too."""
+    values = table.value_dict()
+    for key, value in values.items():
+        if not _tellable(value):
+            raise table.error(key, "must be a text, a finite number, true or false, or a list of these")
+    return values
+
+
+def _tellable(value: object) -> bool:
+    if isinstance(value, list):
+        return all(map(_tellable, value))
+    return isinstance(value, str | int) or (isinstance(value, float) and math.isfinite(value))
+
+
+def write_arm_calibration(path: Path, calibration: ArmCalibration) -> None:
+    """Write a file that `read_arm_calibration` reads back to the last bit.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    names = {"unit": calibration.unit, "lens": calibration.lens, "dh": calibration.dh}
+    lines = [
+        '# Made by a465 calibrate hand-eye; a cell file names it with its key "calibration".',
+        *toml_lines({"id": calibration.id} | {key: value for key, value in names.items() if value}),
+        f"T_base_camera = {toml_rows(calibration.T_base_camera)}",
+        f"joint_offsets_rad = {calibration.joint_offsets.tolist()}",
+    ]
+    d, a, alpha = calibration.links.to_json()
+    if any((*d, *a, *alpha)):
+        lines += [f"dh_d_error_m = {d}", f"dh_a_error_m = {a}", f"dh_alpha_error_rad = {alpha}"]
+    if calibration.made:
+        lines += ["", "[made]", *toml_lines(calibration.made)]
+    write_atomic(path, "\n".join(lines) + "\n")

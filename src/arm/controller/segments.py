@@ -1,0 +1,146 @@
+"""Motion as the controller executes it: polynomial segments in encoder counts and milliseconds.
+
+A segment is one ``COORDSPLINET``: counts(u) = start + a1 u + a2 u^2 + a3 u^3 with u from 0 to 1 over its
+duration (fact sheet of the controller, section 2, row 3). All numbers are integers, so what is checked, stored
+and sent is the same to the bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from arm.controller.unit import Counts
+from arm.errors import A465Error, InputError
+from arm.se3 import Array
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One polynomial segment of all axes.
+
+    Attributes:
+        duration_ms: shortest duration; the controller may only take longer, never leave the path.
+        coefficients: a1, a2, .. as rows, one tuple of six counts each; 1 row is a straight line, 3 a cubic.
+    """
+
+    duration_ms: int
+    coefficients: tuple[tuple[int, ...], ...]
+
+    def end(self) -> Counts:
+        """Displacement over the whole segment, (6,) counts."""
+        return np.asarray(np.array(self.coefficients, dtype=np.int64).sum(axis=0), dtype=np.int64)
+
+    def reversed(self) -> Segment:
+        """The same stretch of path the other way: c(1 - u) less c(1), integers again.
+
+        Raises:
+            A465Error: of order above 3.
+        """
+        if len(self.coefficients) > 3:
+            raise A465Error(f"segment of order {len(self.coefficients)}: only up to 3 can be reversed")
+        a = np.zeros((3, len(self.coefficients[0])), dtype=np.int64)
+        a[: len(self.coefficients)] = self.coefficients
+        back = np.stack([-(a[0] + 2 * a[1] + 3 * a[2]), a[1] + 3 * a[2], -a[2]])[: len(self.coefficients)]
+        return Segment(self.duration_ms, tuple(tuple(int(c) for c in row) for row in back))
+
+    def displacement(self, u: float | Array) -> Array:
+        """Counts from the segment's start at parameter u (scalar or (m,)); shape (6,) or (m, 6)."""
+        return _polynomial(self.coefficients, np.asarray(u, dtype=float), 0)
+
+    def derivative(self, u: float | Array, order: int = 1) -> Array:
+        """Derivative of that order by time at the segment's own duration, counts/s^order."""
+        return (
+            _polynomial(self.coefficients, np.asarray(u, dtype=float), order)
+            / (self.duration_ms / 1e3) ** order
+        )
+
+
+def _polynomial(coefficients: tuple[tuple[int, ...], ...], u: Array, order: int) -> Array:
+    total = np.zeros((*u.shape, len(coefficients[0])))
+    for power, row in enumerate(coefficients, start=1):
+        if power >= order:
+            factor = float(np.prod(np.arange(power - order + 1, power + 1)))
+            total += factor * u[..., None] ** (power - order) * np.array(row, dtype=float)
+    return total
+
+
+@dataclass(frozen=True)
+class CountPath:
+    """A chain of segments from a start that is known to the count.
+
+    Attributes:
+        start: (6,) counts.
+        segments: in order; each starts where the one before ends.
+    """
+
+    start: tuple[int, ...]
+    segments: tuple[Segment, ...]
+
+    @property
+    def duration_s(self) -> float:
+        """Planned duration, s."""
+        return sum(s.duration_ms for s in self.segments) / 1e3
+
+    def knots(self) -> Counts:
+        """Counts at the start of every segment and at the end, (n + 1, 6)."""
+        steps = [np.array(self.start, dtype=np.int64), *(s.end() for s in self.segments)]
+        return np.cumsum(np.stack(steps), axis=0)
+
+    @property
+    def end(self) -> tuple[int, ...]:
+        """Counts at the end, (6,)."""
+        return tuple(int(c) for c in self.knots()[-1])
+
+    def reversed(self) -> CountPath:
+        """The same path from its end to its start, to the count."""
+        return CountPath(self.end, tuple(s.reversed() for s in reversed(self.segments)))
+
+    def sample(self, step_s: float = 1e-3) -> Array:
+        """Counts on a regular time grid from 0 to the end, both included; (m, 6), not rounded."""
+        times = np.arange(0.0, self.duration_s + step_s / 2, step_s)
+        return self.at(np.minimum(times, self.duration_s))
+
+    def at(self, times: Sequence[float] | Array) -> Array:
+        """Counts at times (m,) in s from the start, clamped to the motion; (m, 6), not rounded."""
+        knots = self.knots()
+        ends = np.cumsum([s.duration_ms for s in self.segments]) / 1e3
+        out = np.empty((len(times), knots.shape[1]))
+        if not self.segments:
+            out[:] = knots[0]
+            return out
+        clamped = np.clip(np.asarray(times, dtype=float), 0.0, ends[-1])
+        which = np.minimum(np.searchsorted(ends, clamped, side="right"), len(self.segments) - 1)
+        for index in np.unique(which):
+            rows = which == index
+            segment = self.segments[index]
+            begin = ends[index] - segment.duration_ms / 1e3
+            u = (
+                (clamped[rows] - begin) / (segment.duration_ms / 1e3)
+                if segment.duration_ms
+                else np.ones(rows.sum())
+            )
+            out[rows] = knots[index] + segment.displacement(np.clip(u, 0.0, 1.0))
+        return out
+
+
+def chain(paths: Sequence[CountPath]) -> CountPath:
+    """Paths one behind the other as one.
+
+    Raises:
+        InputError: there is none, or one does not start where the one before ends, to the count.
+    """
+    if not paths:
+        raise InputError("a chain needs at least one path", count=0)
+    for number, (before, after) in enumerate(pairwise(paths), start=1):
+        if before.end != after.start:
+            raise InputError(
+                f"path {number} of the chain starts at {after.start}, but the one before ends at {before.end}",
+                path=number,
+                start=list(after.start),
+                end=list(before.end),
+            )
+    return CountPath(paths[0].start, tuple(s for path in paths for s in path.segments))

@@ -1,0 +1,358 @@
+"""One arm on one controller: encoder counts, limits and registers, read from ``urdf/a465/<unit>.toml``.
+
+Counts are quadrature counts (times 4). A speed register is counts/256 per ms, an acceleration register
+counts/256 per ms^2 (the controller's fact sheet; the latter assumed until measured).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from numbers import Real
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.arguments import numbers, shown
+from arm.errors import InputError
+from arm.io.storage import data_file, read_bytes, sha256
+from arm.io.toml_reader import TomlTable
+from arm.se3 import Array, frozen
+
+Counts = npt.NDArray[np.int64]
+UNITS = ("crs93", "crs97")
+MOST_REST_TOLERANCE = 500  # counts, 0.45 to 0.9 deg
+REST_TOLERANCE = 25  # counts of static error seen on real units after a move (0.023 to 0.045 deg)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits that motion is planned under.
+
+    Attributes:
+        lower, upper: joint positions (n,), rad.
+        velocity: (n,), rad/s, both directions.
+        acceleration: (n,), rad/s^2, both directions.
+
+    Raises:
+        InputError: lengths that differ, a number that is not finite, a lower limit above the upper one, a velocity or
+            acceleration that is not positive.
+    """
+
+    lower: Array
+    upper: Array
+    velocity: Array
+    acceleration: Array
+
+    def __post_init__(self) -> None:
+        n = np.size(self.lower)
+        for key in ("lower", "upper", "velocity", "acceleration"):
+            value = numbers(getattr(self, key))
+            if value is None or value.shape != (n,) or not n:
+                of = shown(getattr(self, key)) if value is None else f"array of shape {value.shape}"
+                raise InputError(
+                    f"limits: {key} = {of}: must be one number per joint, ({n},) as lower has them", name=key
+                )
+            least = 0.0 if key in ("velocity", "acceleration") else -np.inf
+            wrong = np.flatnonzero(~(np.isfinite(value) & (value > least)))
+            if len(wrong):
+                k = int(wrong[0])
+                rule = "finite and above 0; a URDF may lack it" if least == 0.0 else "finite"
+                raise InputError(
+                    f"limits: {key}[{k}] = {value[k]:g}: must be {rule}",
+                    name=key,
+                    joint=k,
+                    value=float(value[k]),
+                )
+            object.__setattr__(self, key, frozen(value))
+        empty = np.flatnonzero(self.lower > self.upper)
+        if len(empty):
+            k = int(empty[0])
+            raise InputError(
+                f"limits: lower[{k}] = {self.lower[k]:g} is above upper[{k}] = {self.upper[k]:g}; must not be",
+                name="lower",
+                joint=k,
+                value=float(self.lower[k]),
+            )
+
+    def scaled(self, speed: float) -> Limits:
+        """The same path stretched in time by 1/speed: velocities times speed, accelerations times speed^2.
+
+        Raises:
+            InputError: speed is not in (0, 1]; it only lowers.
+        """
+        if not (isinstance(speed, Real) and 0.0 < float(speed) <= 1.0):
+            raise InputError(
+                f"speed = {shown(speed)}: must be above 0 and at most 1; it only lowers what the registers allow",
+                speed=speed,
+            )
+        return Limits(
+            self.lower, self.upper, frozen(self.velocity * speed), frozen(self.acceleration * speed**2)
+        )
+
+
+@dataclass(frozen=True)
+class GripperAxis:
+    """The gripper's analog servo axis; positions are ADC counts. `registers` maps REG* names to values."""
+
+    axis: str
+    open_adc: int
+    closed_adc: int
+    adc_channel: int
+    current_channel: int
+    registers: dict[str, int]
+
+    def adc(self, fraction_closed: float) -> int:
+        """ADC position for 0 (open) to 1 (closed)."""
+        return round(self.open_adc + fraction_closed * (self.closed_adc - self.open_adc))
+
+    def fraction_closed(self, adc: float) -> float:
+        """0 (open) to 1 (closed) for an ADC position."""
+        return (adc - self.open_adc) / (self.closed_adc - self.open_adc)
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Everything that differs from one arm and controller to the next.
+
+    Attributes:
+        name: ``crs93`` or ``crs97``, or the stem of a user's own file.
+        firmware: what the answer to VER begins with.
+        axes: controller axis letter of each joint.
+        counts_per_rad: signed, (6,).
+        counts_at_zero: encoder counts at q = 0, (6,) int.
+        lower, upper: joint positions allowed in planning: the tighter of encoder bounds and data sheet,
+            less the margin; (6,) rad.
+        velocity_cap: data-sheet speed, (6,) rad/s.
+        speed_registers, acceleration_registers: the unit's defaults, (6,) int.
+        axis_registers: REG* name to (6,) int, set once at start.
+        idle_release_s: IDLEREL.
+        homing: groups of axes homed together, in order.
+        soft_home: configuration after homing, (6,) rad.
+        gripper: the gripper's axis.
+        digest: SHA-256 of the file.
+        rest_tolerance: counts by which any axis may be at rest from where it was sent.
+    """
+
+    name: str
+    firmware: str
+    axes: tuple[str, ...]
+    counts_per_rad: Array
+    counts_at_zero: Counts
+    lower: Array
+    upper: Array
+    velocity_cap: Array
+    speed_registers: tuple[int, ...]
+    acceleration_registers: tuple[int, ...]
+    axis_registers: dict[str, tuple[int, ...]]
+    idle_release_s: int
+    homing: tuple[tuple[str, ...], ...]
+    soft_home: Array
+    gripper: GripperAxis
+    digest: str
+    rest_tolerance: int = REST_TOLERANCE
+
+    def counts(self, q: npt.ArrayLike) -> Counts:
+        """Encoder counts nearest to joint positions (..., 6) in rad."""
+        exact = self.counts_at_zero + np.asarray(q, dtype=float) * self.counts_per_rad
+        return np.rint(exact).astype(np.int64)
+
+    def positions(self, counts: npt.ArrayLike) -> Array:
+        """Joint positions in rad of encoder counts (..., 6)."""
+        offset = np.asarray(counts, dtype=float) - self.counts_at_zero
+        return np.asarray(offset / self.counts_per_rad, dtype=float)
+
+    def calibrated(self, joint_offsets: npt.ArrayLike) -> Unit:
+        """The same unit with joints that truly stand `joint_offsets` (6,) rad from where its encoders say.
+
+        Encoders are whole counts, so zeros move by whole ones. Where joints may go is no wider than before.
+        """
+        offsets = np.asarray(joint_offsets, dtype=float)
+        if not offsets.any():
+            return self
+        at_zero = np.rint(self.counts_at_zero - offsets * self.counts_per_rad).astype(np.int64)
+        at_zero.flags.writeable = False
+        return replace(
+            self,
+            counts_at_zero=at_zero,
+            lower=frozen(self.lower + np.maximum(offsets, 0.0)),
+            upper=frozen(self.upper + np.minimum(offsets, 0.0)),
+            digest=sha256({"unit": self.digest, "counts_at_zero": at_zero.tolist()}),
+        )
+
+    def velocity(self, registers: npt.ArrayLike) -> Array:
+        """Joint speeds in rad/s of speed registers (6,)."""
+        return np.asarray(registers, dtype=float) / 256.0 * 1e3 / np.abs(self.counts_per_rad)
+
+    def acceleration(self, registers: npt.ArrayLike) -> Array:
+        """Joint accelerations in rad/s^2 of acceleration registers (6,)."""
+        return np.asarray(registers, dtype=float) / 256.0 * 1e6 / np.abs(self.counts_per_rad)
+
+    def speed_register_cap(self) -> tuple[int, ...]:
+        """The largest speed registers allowed: twice the default, never past the data sheet."""
+        sheet = np.floor(self.velocity_cap * np.abs(self.counts_per_rad) * 256.0 / 1e3).astype(int)
+        return tuple(min(2 * r, int(s)) for r, s in zip(self.speed_registers, sheet, strict=True))
+
+    def acceleration_register_cap(self) -> tuple[int, ...]:
+        """The largest acceleration registers allowed: twice the default."""
+        return tuple(2 * r for r in self.acceleration_registers)
+
+    def limits(
+        self,
+        speed_registers: tuple[int, ...] | None = None,
+        acceleration_registers: tuple[int, ...] | None = None,
+    ) -> Limits:
+        """Limits under given registers (defaults: the unit's own).
+
+        Raises:
+            InputError: not one integer an axis, or a register is below 1 or above its cap.
+        """
+        speed = self._registers("speed", speed_registers, self.speed_registers)
+        acceleration = self._registers("acceleration", acceleration_registers, self.acceleration_registers)
+        for name, values, caps in (
+            ("speed", speed, self.speed_register_cap()),
+            ("acceleration", acceleration, self.acceleration_register_cap()),
+        ):
+            for axis, value, cap in zip(self.axes, values, caps, strict=True):
+                if not 1 <= value <= cap:
+                    raise InputError(
+                        f"{name} register of axis {axis} = {value}: must be from 1 to {cap} on {self.name} "
+                        "(twice the default, never past the data sheet)",
+                        axis=axis,
+                        value=value,
+                        cap=cap,
+                    )
+        return Limits(
+            self.lower, self.upper, frozen(self.velocity(speed)), frozen(self.acceleration(acceleration))
+        )
+
+    def _registers(self, name: str, given: Any, usual: tuple[int, ...]) -> tuple[int, ...]:
+        if given is None:
+            return usual
+        values = numbers(given)
+        if values is None or values.shape != (len(self.axes),) or (values != np.rint(values)).any():
+            raise InputError(
+                f"{name} registers = {shown(given)}: must be {len(self.axes)} integers, one an axis of {self.name}",
+                value=shown(given),
+            )
+        return tuple(int(v) for v in values)
+
+
+def load_unit(name: str | Path) -> Unit:
+    """Read a unit by name (``crs93``, ``crs97``) or from a file of the same format.
+
+    Raises:
+        InputError: the name is unknown, or a value in the file breaks a rule.
+    """
+    if isinstance(name, Path):
+        return _read_unit(name)
+    if name not in UNITS:
+        raise InputError(
+            f"unit = {name!r}: must be one of {', '.join(UNITS)}", value=name, choices=list(UNITS)
+        )
+    return _read_unit(data_file(f"urdf/a465/{name}.toml"))
+
+
+def _letters(value: object) -> tuple[str, ...]:
+    """Axis letters, of a list of them or a text; none if it is anything else."""
+    letters = tuple(value) if isinstance(value, list | str) else ()
+    return letters if all(isinstance(a, str) and len(a) == 1 and "A" <= a <= "H" for a in letters) else ()
+
+
+def _read_unit(path: Path) -> Unit:
+    root = TomlTable.read(path)
+    name, _model, firmware = root.text("name"), root.text("model"), root.text("firmware")
+    axes = _letters(root.value("axes", "six axis letters"))
+    if len(axes) != 6:
+        raise root.error("axes", "must be six letters from A to H")
+
+    encoder = root.table("encoder")
+    per_turn = encoder.numbers("counts_per_turn", 6, "counts", 1, 1e6)
+    gear = encoder.numbers("gear", 6, "", 1, 1e4)
+    direction = encoder.numbers("direction", 6, "", -1, 1)
+    if not np.all(np.abs(direction) == 1):
+        raise encoder.error("direction", "must be six times 1 or -1")
+    at_zero = np.array(encoder.integers("counts_at_zero", 6, -(2**23), 2**23 - 1), dtype=np.int64)
+    at_zero.flags.writeable = False
+    counts_per_rad = frozen(per_turn * 4.0 * gear * direction / (2.0 * np.pi))
+    encoder.finish()
+
+    limits = root.table("limits")
+    bounds = np.array(
+        [limits.integers(key, 6, -(2**23), 2**23 - 1) for key in ("lower_counts", "upper_counts")]
+    )
+    sheet = np.radians(limits.numbers("data_sheet_deg", 6, "deg", 1, 360))
+    margin = np.radians(limits.number("margin_deg", "deg", 0, 30))
+    velocity_cap = frozen(np.radians(limits.numbers("data_sheet_deg_s", 6, "deg/s", 1, 1000)))
+    rest_tolerance = limits.integer("rest_tolerance_counts", 1, MOST_REST_TOLERANCE, default=REST_TOLERANCE)
+    limits.finish()
+    encoder_lower, encoder_upper = (bounds - at_zero) / counts_per_rad
+    lower = frozen(np.maximum(encoder_lower, -sheet) + margin)
+    upper = frozen(np.minimum(encoder_upper, sheet) - margin)
+    if not np.all(lower < upper):
+        raise limits.error("lower_counts", "and upper_counts leave no room for some joint; check direction")
+
+    registers = root.table("registers")
+    speed = registers.integers("speed", 6, 1, 32767)
+    acceleration = registers.integers("acceleration", 6, 1, 32767)
+    axis_registers = {
+        register: registers.integers(key, 6, 0, 32767)
+        for key, register in (
+            ("energy", "REGME"),
+            ("configuration", "REGCFG"),
+            ("p", "REGP"),
+            ("i", "REGI"),
+            ("d", "REGD"),
+        )
+    }
+    idle_release_s = registers.integer("idle_release_s", 0, 86400)
+    registers.finish()
+
+    homing = root.table("homing")
+    sequence = homing.value("sequence", "groups of axis letters")
+    groups = tuple(_letters(group) for group in sequence) if isinstance(sequence, list) else ()
+    if sorted(axis for group in groups for axis in group) != sorted(axes):
+        raise homing.error("sequence", "must name every axis once, in groups")
+    soft_home = frozen(np.radians(homing.numbers("soft_home_deg", 6, "deg", -360, 360)))
+    homing.finish()
+
+    gripper = root.table("gripper")
+    gripper_axis = GripperAxis(
+        axis=gripper.text("axis", choices=("G", "H")),
+        open_adc=gripper.integer("open_adc", 0, 4095),
+        closed_adc=gripper.integer("closed_adc", 0, 4095),
+        adc_channel=gripper.integer("adc_channel", 0, 64),
+        current_channel=gripper.integer("current_channel", 0, 64),
+        registers={
+            "REGS1": gripper.integer("current_channel", 0, 64),
+            "REGS2": gripper.integer("feedback", 0, 32767),
+            "REGME": gripper.integer("energy", 0, 20000),
+            "REGMS": gripper.integer("speed", 1, 32767),
+            "REGCFG": gripper.integer("configuration", 0, 32767),
+            "REGP": gripper.integer("p", 0, 32767),
+            "REGI": gripper.integer("i", 0, 32767),
+            "REGD": gripper.integer("d", 0, 32767),
+        },
+    )
+    gripper.finish()
+    root.finish()
+    return Unit(
+        name=name,
+        firmware=firmware,
+        axes=axes,
+        counts_per_rad=counts_per_rad,
+        counts_at_zero=at_zero,
+        lower=lower,
+        upper=upper,
+        velocity_cap=velocity_cap,
+        speed_registers=speed,
+        acceleration_registers=acceleration,
+        axis_registers=axis_registers,
+        idle_release_s=idle_release_s,
+        homing=groups,
+        soft_home=soft_home,
+        gripper=gripper_axis,
+        digest=sha256(read_bytes(path, "TOML")),
+        rest_tolerance=rest_tolerance,
+    )

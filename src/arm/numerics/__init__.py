@@ -1,0 +1,1 @@
+"""Products and angles that give the same bits on every processor."""

@@ -1,0 +1,43 @@
+"""Jaws whose opening is not known: fingers as long as all the places where they may be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from arm.errors import InputError
+from arm.io.storage import sha256
+from arm.numerics.products import mul
+from arm.robot.model import LinkBody, Robot
+from arm.robot.shapes import Box
+from arm.se3 import Array, frozen, inverse
+
+FINGERS = ("finger_l", "finger_r")
+
+
+def with_any_jaws(robot: Robot) -> Robot:
+    """The arm with its fingers drawn out inwards until they meet: clear of it is clear of every narrower opening.
+
+    Args:
+        robot: an arm whose fingers are boxes that close along the y axis of its end frame, as those of
+            `arm.robot.model.load_a465`.
+
+    Raises:
+        InputError: it has no such fingers.
+    """
+    end = robot.model.frames[robot.model.getFrameId(robot.end_frame)]
+    T_joint_end = frozen(end.placement.homogeneous)
+    found = {body.name for body in robot.bodies if isinstance(body.shape, Box)}
+    missing = [name for name in FINGERS if name not in found]
+    if missing:
+        raise InputError(f"the arm has no finger {missing[0]!r} that is a box", name=missing[0])
+    bodies = tuple(_drawn(b, T_joint_end) if b.name in FINGERS else b for b in robot.bodies)
+    return replace(robot, bodies=bodies, digest=sha256({"robot": robot.digest, "jaws": "any"}))
+
+
+def _drawn(finger: LinkBody, T_joint_end: Array) -> LinkBody:
+    """From its outer face to the middle."""
+    T_end_finger = mul(inverse(T_joint_end), finger.T_joint_body)
+    x, y, z = finger.shape.size  # type: ignore[union-attr]
+    outer = abs(float(T_end_finger[1, 3])) + y / 2.0
+    T_end_finger[1, 3] = outer / 2.0 if T_end_finger[1, 3] > 0.0 else -outer / 2.0
+    return replace(finger, shape=Box((x, outer, z)), T_joint_body=frozen(mul(T_joint_end, T_end_finger)))

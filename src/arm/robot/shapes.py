@@ -1,0 +1,293 @@
+"""Rigid bodies of simple shape: what is collided, drawn and rendered. Plain values, no collision library."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.arguments import number, numbers, rigid, shown
+from arm.errors import A465Error, InputError
+from arm.numerics.products import mul
+from arm.se3 import Array, frozen, orthonormalised
+
+LEAST_LENGTH, MOST_LENGTH = 1e-4, 100.0  # of a body that is read from a file, m
+_LEAST, _MOST = 1e-6, 1e4  # of any body, m; beyond, distances have no digits left
+
+
+class _Round:
+    """What shapes with a radius and perhaps a length check when they are made."""
+
+    def __post_init__(self) -> None:
+        for key, value in list(vars(self).items()):
+            if type(value) is not float or not _LEAST <= value <= _MOST:
+                object.__setattr__(self, key, _size(f"{type(self).__name__}.{key}", value))
+
+
+def _size(name: str, value: Any) -> float:
+    return number(name, value, _LEAST, _MOST, "m", "sizes are positive, full lengths and radii in metres")
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box centred on its frame; `size` (3,) full edge lengths, m.
+
+    All shapes raise InputError where a size is not a finite positive number.
+    """
+
+    size: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        size = self.size
+        if type(size) is tuple and len(size) == 3:
+            x, y, z = size
+            # the usual case, at next to no cost; NaN fails the comparisons
+            if (
+                type(x) is type(y) is type(z) is float
+                and _LEAST <= x <= _MOST
+                and _LEAST <= y <= _MOST
+                and _LEAST <= z <= _MOST
+            ):
+                return
+        if isinstance(size, str) or not hasattr(size, "__len__") or len(size) != 3:
+            raise InputError(
+                f"Box.size = {shown(size)}: must be three full edge lengths x, y, z in m", name="size"
+            )
+        checked = tuple(_size(f"Box.size[{i}]", value) for i, value in enumerate(size))
+        object.__setattr__(self, "size", checked)
+
+
+@dataclass(frozen=True)
+class Cylinder(_Round):
+    """A cylinder centred on its frame, axis along z; `radius` and full `length`, m."""
+
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True)
+class Sphere(_Round):
+    """A sphere centred on its frame; `radius`, m."""
+
+    radius: float
+
+
+@dataclass(frozen=True)
+class Capsule(_Round):
+    """A cylinder with a half ball on each end, centred on its frame, axis along z.
+
+    `radius`, and `length` between the centres of the balls, m.
+    """
+
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True)
+class Convex:
+    """The convex hull of `points`, (n, 3) m in its frame; at least four, not all in one plane."""
+
+    points: tuple[tuple[float, float, float], ...]
+
+    def __post_init__(self) -> None:
+        p = numbers(self.points)
+        if p is None or p.ndim != 2 or p.shape[1] != 3 or len(p) < 4 or not np.isfinite(p).all():
+            of = shown(self.points) if p is None else f"array of shape {p.shape}"
+            raise InputError(
+                f"Convex.points = {of}: must be four or more points of three finite numbers x, y, z in m",
+                name="points",
+            )
+        thick, wide = thickness(p), float(np.ptp(p, axis=0).max())
+        if not (thick >= _LEAST and wide <= _MOST):
+            raise InputError(
+                f"Convex.points: {wide:.4g} m wide and {thick:.3g} m thick; must not lie in one plane, and measure "
+                f"{_LEAST:g} to {_MOST:g} m",
+                name="points",
+                thickness_m=thick,
+            )
+        if type(self.points) is not tuple or not all(type(point) is tuple for point in self.points):
+            object.__setattr__(self, "points", tuple((float(x), float(y), float(z)) for x, y, z in p))
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """Triangles of a hull.
+
+    Attributes:
+        corners: (m, 3) indices of its points, counterclockwise seen from outside.
+        normals: (m, 3), unit, outwards.
+        offsets: (m,) m; a point p of the triangle's plane has normal @ p == offset.
+    """
+
+    corners: npt.NDArray[np.intp]
+    normals: Array
+    offsets: Array
+
+
+Shape = Box | Cylinder | Sphere | Capsule | Convex
+_SHAPES = (Box, Cylinder, Sphere, Capsule, Convex)
+
+
+@dataclass(frozen=True)
+class Body:
+    """A named shape at a pose.
+
+    Attributes:
+        name: unique in its scene; messages use it.
+        shape: see `Shape`.
+        T_base_body: pose in the base frame, 4x4.
+        kind: what it is to the planner and the eye: table, wall, post, stand, board, cube, robot.
+        padding: how far any of its points may be from where shape and pose have it, m; taken off every distance.
+
+    Raises:
+        InputError: no name, no shape, a pose that is not rigid to 1e-6, or a padding that is not from 0 to 100 m.
+    """
+
+    name: str
+    shape: Shape
+    T_base_body: Array
+    kind: str
+    padding: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.name, str) and self.name and isinstance(self.kind, str)):
+            raise InputError(
+                f"body: name = {shown(self.name)}, kind = {shown(self.kind)}: must be texts, the name not empty",
+                name=shown(self.name),
+            )
+        if not isinstance(self.shape, _SHAPES):
+            raise InputError(
+                f"body {self.name!r}: shape = {shown(self.shape)}: must be a Box, Cylinder, Sphere, Capsule or Convex",
+                name=self.name,
+            )
+        object.__setattr__(self, "T_base_body", rigid(f"body {self.name!r}: T_base_body", self.T_base_body))
+        if self.padding != 0.0:  # the usual one needs no check
+            checked = number(f"body {self.name!r}: padding", self.padding, 0.0, MOST_LENGTH, "m")
+            object.__setattr__(self, "padding", checked)
+
+    def at(self, T_base_body: Array) -> Body:
+        """The same body at another pose."""
+        return replace(self, T_base_body=frozen(T_base_body))
+
+
+def shape_to_json(shape: Shape) -> dict[str, Any]:
+    """A shape as JSON types, lengths in metres."""
+    match shape:
+        case Box(size):
+            return {"box": list(size)}
+        case Cylinder(radius, length):
+            return {"cylinder": [radius, length]}
+        case Sphere(radius):
+            return {"sphere": radius}
+        case Capsule(radius, length):
+            return {"capsule": [radius, length]}
+        case Convex(points):
+            return {"convex": [list(p) for p in points]}
+
+
+def shape_from_json(value: dict[str, Any]) -> Shape:
+    """The inverse of `shape_to_json`.
+
+    Raises:
+        InputError: not a known shape.
+    """
+    match value:
+        case {"box": [x, y, z]}:
+            return Box((_length(x), _length(y), _length(z)))
+        case {"cylinder": [radius, length]}:
+            return Cylinder(_length(radius), _length(length))
+        case {"sphere": radius}:
+            return Sphere(_length(radius))
+        case {"capsule": [radius, length]}:
+            return Capsule(_length(radius), _length(length))
+        case {"convex": [*points]}:
+            return convex(points)
+    raise InputError(
+        f"shape = {str(value)[:80]}: must be a box, cylinder, sphere, capsule or convex", value=value
+    )
+
+
+def convex(points: npt.ArrayLike) -> Convex:
+    """The hull of points (n, 3) m, without those that lie inside it, in an order that does not hang on theirs.
+
+    Raises:
+        InputError: fewer than four points, all in one plane, or larger or thinner than a body may be.
+    """
+    p = np.asarray(points, dtype=float)
+    if p.ndim != 2 or p.shape[1:] != (3,) or len(p) < 4 or not np.isfinite(p).all():
+        raise InputError(
+            f"convex: points of shape {p.shape}; must be four or more points of x, y, z", shape=p.shape
+        )
+    p = np.unique(p, axis=0)
+    size = np.ptp(p, axis=0)
+    if not (thickness(p) >= LEAST_LENGTH and size.max() <= MOST_LENGTH):
+        raise InputError(
+            f"convex: points span {size[0]:.4g} x {size[1]:.4g} x {size[2]:.4g} m; must not lie in one plane, and "
+            f"measure {LEAST_LENGTH:g} to {MOST_LENGTH:g} m",
+            size=size.tolist(),
+        )
+    from scipy.spatial import ConvexHull  # slow to import, and few cells have such bodies
+
+    corners = p[np.sort(ConvexHull(p).vertices)]
+    while len(corners) < len(p):  # until nothing is dropped, so that the hull of a hull is the same
+        p, corners = corners, corners[np.sort(ConvexHull(corners).vertices)]
+    return Convex(tuple((float(x), float(y), float(z)) for x, y, z in corners))
+
+
+def thickness(points: Array) -> float:
+    """How far points (n, 3) spread across the plane that fits them best, m."""
+    centred = points - points.mean(axis=0)
+    _, _, axes = np.linalg.svd(centred, full_matrices=False)
+    return float(np.ptp(mul(centred, axes[-1]))) if len(axes) == 3 else 0.0
+
+
+def hull_faces(shape: Convex) -> Faces:
+    """The surface of a hull as triangles; a flat face may have several."""
+    from scipy.spatial import ConvexHull
+
+    p = np.array(shape.points)
+    hull = ConvexHull(p)
+    corners, planes = hull.simplices.copy(), hull.equations
+    normals = np.cross(p[corners[:, 1]] - p[corners[:, 0]], p[corners[:, 2]] - p[corners[:, 0]])
+    inwards = (normals * planes[:, :3]).sum(axis=1) < 0.0
+    corners[inwards] = corners[inwards][:, ::-1]
+    return Faces(corners.astype(np.intp), frozen(planes[:, :3]), frozen(-planes[:, 3]))
+
+
+def _length(value: Any) -> float:
+    length = float(value)
+    if not LEAST_LENGTH <= length <= MOST_LENGTH:
+        raise InputError(
+            f"length = {length:g} m: must be from {LEAST_LENGTH:g} to {MOST_LENGTH:g}", value=length
+        )
+    return length
+
+
+def body_to_json(body: Body) -> dict[str, Any]:
+    """A body as JSON types; a padding of 0 is left out."""
+    said = {
+        "name": body.name,
+        "kind": body.kind,
+        "shape": shape_to_json(body.shape),
+        "T_base_body": body.T_base_body.tolist(),
+    }
+    return {**said, "padding": body.padding} if body.padding else said
+
+
+def body_from_json(value: Any) -> Body:
+    """The inverse of `body_to_json`.
+
+    Raises:
+        InputError: not a body: a key is missing, a size not positive, a pose not rigid.
+    """
+    try:
+        name, kind, shape = value["name"], value["kind"], shape_from_json(value["shape"])
+        pose = orthonormalised(value["T_base_body"], tolerance=1e-6)
+        padding = value.get("padding", 0.0)
+    except (KeyError, TypeError, ValueError, A465Error) as error:
+        raise InputError(f"body {str(value)[:60]}: {type(error).__name__} {error}", value=value) from error
+    if not isinstance(name, str) or not isinstance(kind, str):
+        raise InputError(f"body {str(name)[:60]}: name and kind must be texts", value=value)
+    return Body(name, shape, pose, kind, padding)

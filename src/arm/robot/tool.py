@@ -1,0 +1,152 @@
+"""What a bare URDF lacks: the tool of today, pairs of links that always touch, and limits of acceleration."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.arguments import number, rigid
+from arm.controller.unit import Limits
+from arm.errors import InputError
+from arm.io.storage import sha256
+from arm.numerics.products import mul
+from arm.robot.model import LinkBody, Robot, by_link
+from arm.robot.shapes import Body, shape_to_json
+from arm.robot.urdf import bodies_of
+from arm.se3 import frozen
+
+
+def with_tool(robot: Robot, T_end_tool: npt.ArrayLike, bodies: Iterable[Body] = ()) -> Robot:
+    """The arm with another tool frame, and with bodies that the tool is made of.
+
+    Args:
+        robot: the arm.
+        T_end_tool: the tool frame in the arm's end frame, 4x4, m.
+        bodies: of the tool; the pose of each is taken in the END frame, not in the base. They are not checked against
+            what moves with the same joint, nor against bodies of the joint before it, which carry it.
+
+    Raises:
+        InputError: a body has the name of one of the arm's, or the frame is no pose.
+    """
+    frame = rigid("T_end_tool", T_end_tool)
+    end = robot.model.frames[robot.model.getFrameId(robot.end_frame)]
+    joint, placement = int(end.parentJoint), end.placement.homogeneous
+    tool = tuple(
+        LinkBody(b.name, joint, b.shape, frozen(mul(placement, b.T_base_body)), b.padding) for b in bodies
+    )
+    names = [b.name for b in (*robot.bodies, *tool)]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(
+            f"tool: the arm has a body named {twice[0]!r} already; names must differ", names=twice
+        )
+    before = int(robot.model.parents[joint])
+    carrying = [b.name for b in robot.bodies if b.joint == before]
+    touching = {frozenset((b.name, name)) for b in tool for name in carrying}
+    parts = [
+        [b.name, shape_to_json(b.shape), b.T_joint_body.tolist(), *([b.padding] if b.padding else [])]
+        for b in tool
+    ]
+    return replace(
+        robot,
+        T_end_tool=frame,
+        bodies=(*robot.bodies, *tool),
+        touching=robot.touching | touching,
+        digest=sha256({"robot": robot.digest, "tool": frame.tolist(), "bodies": parts}),
+    )
+
+
+def padded(robot: Robot, padding: float, but: Iterable[str] = ()) -> Robot:
+    """The arm with bodies that are not known exactly: `padding` m is taken off every distance of all but those named.
+
+    Raises:
+        InputError: the padding is not from 0 to 0.5 m.
+    """
+    padding = number("padding", padding, 0.0, 0.5, "m")
+    if padding == 0.0:
+        return robot
+    left = set(but)
+    bodies = tuple(b if b.name in left else replace(b, padding=b.padding + padding) for b in robot.bodies)
+    said = {b.name: b.padding for b in bodies if b.padding}
+    return replace(robot, bodies=bodies, digest=sha256({"robot": robot.digest, "paddings": said}))
+
+
+def ignoring(robot: Robot, pairs: Iterable[Iterable[str]] = (), neighbours: bool = False) -> Robot:
+    """The arm with more pairs of its bodies that are not checked against each other.
+
+    Args:
+        robot: the arm.
+        pairs: of names of links, which stand for all their bodies, or of single bodies.
+        neighbours: add all pairs of bodies that one joint joins; joints that carry no body are passed over. For
+            arms without an SRDF, whose links overlap where they meet.
+
+    Raises:
+        InputError: a name is not of the arm.
+    """
+    named = {frozenset(pair) for pair in pairs}
+    names = {b.name for b in robot.bodies}
+    links = by_link(robot.bodies)
+    unknown = sorted({name for pair in named for name in pair} - names - set(links))
+    if unknown:
+        raise InputError(
+            f"pairs to ignore name {unknown[0]!r}; the arm has {', '.join(sorted(names))}", names=unknown
+        )
+    more = set(bodies_of(named, links))
+    if neighbours:
+        bearing = sorted({b.joint for b in robot.bodies})
+        for inner, outer in pairwise(bearing):
+            more |= {
+                frozenset((a.name, b.name))
+                for a in robot.bodies
+                for b in robot.bodies
+                if a.joint == inner and b.joint == outer
+            }
+    touching = robot.touching | more
+    listed = sorted(sorted(pair) for pair in touching)
+    return replace(robot, touching=touching, digest=sha256({"robot": robot.digest, "touching": listed}))
+
+
+def urdf_limits(
+    robot: Robot,
+    acceleration: float | npt.ArrayLike | Mapping[str, float],
+    velocity: npt.ArrayLike | None = None,
+    margin: float = 0.0,
+) -> Limits:
+    """Limits as the URDF states them, with accelerations, which no URDF has.
+
+    Args:
+        robot: the arm.
+        acceleration: for all joints, for each (n,), or by the joint's name; rad/s^2, m/s^2 for sliding joints.
+        velocity: for each (n,) instead of the URDF's, rad/s (m/s).
+        margin: taken off each end of the range, rad (m).
+
+    Raises:
+        InputError: a joint without a range, or a limit that is not positive.
+    """
+    names = robot.joint_names
+    if isinstance(acceleration, Mapping):
+        missing = [name for name in names if name not in acceleration]
+        if missing:
+            raise InputError(f"acceleration: joint {missing[0]!r} has none", names=missing)
+        acceleration = [acceleration[name] for name in names]
+    lower = np.array(robot.model.lowerPositionLimit, dtype=float) + margin
+    upper = np.array(robot.model.upperPositionLimit, dtype=float) - margin
+    fast = np.broadcast_to(
+        np.asarray(robot.model.velocityLimit if velocity is None else velocity, dtype=float), lower.shape
+    )
+    push = np.broadcast_to(np.asarray(acceleration, dtype=float), lower.shape)
+    for name, low, high, v, a in zip(names, lower, upper, fast, push, strict=True):
+        if not (low < high and np.isfinite(high - low)):
+            raise InputError(
+                f"joint {name}: range {low:g} to {high:g} must be finite and not empty", joint=name
+            )
+        if not (0.0 < v < np.inf and 0.0 < a < np.inf):
+            raise InputError(
+                f"joint {name}: velocity {v:g} and acceleration {a:g} must be positive; a URDF may lack them",
+                joint=name,
+            )
+    return Limits(frozen(lower), frozen(upper), frozen(fast), frozen(push))

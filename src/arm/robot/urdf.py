@@ -1,0 +1,201 @@
+"""What a URDF and its SRDF say, before Pinocchio reads them: joints made ready, meshes found, pairs that may touch.
+
+Meshes are named as ROS names them: ``package://PACKAGE/path`` (or ``model://``), ``file:///path``, or a path beside the
+URDF. A package is looked for in the folders that a caller gives, in the folders above the URDF, and where ROS keeps its
+packages: ROS_PACKAGE_PATH (ROS 1) and AMENT_PREFIX_PATH (ROS 2, ``<prefix>/share/PACKAGE``).
+"""
+
+from __future__ import annotations
+
+import os
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import combinations, product
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+
+from arm.arguments import shown
+from arm.errors import FileInputError, InputError
+from arm.io.storage import read_text
+
+Pairs = frozenset[frozenset[str]]
+
+_TURNS = 2.0 * np.pi  # rad each way, of a continuous joint
+_SCHEMES = ("package://", "model://")
+_ROS_PATHS = {
+    "ROS_PACKAGE_PATH": "",
+    "AMENT_PREFIX_PATH": "share",
+}  # and where packages are in each of their folders
+
+
+def read_urdf(urdf: Path, package_dirs: Iterable[str | Path], text: str | None = None) -> tuple[str, str]:
+    """The text of the file (or `text` in its place), and the same as Pinocchio can read it.
+
+    There every continuous joint has a turn each way, for which Pinocchio has one number and not a cosine and sine, and
+    the meshes of collision bodies are absolute paths.
+
+    Raises:
+        FileInputError: no XML, a xacro file, or a mesh that is not there.
+    """
+    text = read_text(urdf) if text is None else text
+    root = _parsed(urdf, text)
+    changed = _bounded(root)
+    folders = _folders(package_dirs)
+    for link in root.findall("link"):
+        for mesh in link.findall("collision/geometry/mesh"):
+            mesh.set("filename", str(_mesh(urdf, link.get("name", ""), mesh.get("filename", ""), folders)))
+            changed = True
+    return text, ElementTree.tostring(root, encoding="unicode") if changed else text
+
+
+def _folders(package_dirs: Iterable[str | Path]) -> list[Path]:
+    listed = isinstance(package_dirs, Iterable) and not isinstance(package_dirs, str | bytes | Path)
+    folders = list(package_dirs) if listed else []
+    wrong = [folder for folder in folders if not isinstance(folder, str | Path)]
+    if wrong or not listed:
+        value = shown(wrong[0] if wrong else package_dirs)
+        raise InputError(
+            f"package_dirs: {value}: must be a list of folders, each a text or a Path", value=value
+        )
+    return [Path(folder) for folder in folders]
+
+
+def _parsed(urdf: Path, text: str) -> ElementTree.Element:
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        if "<xacro:" in text:
+            raise _is_xacro(urdf) from error
+        raise FileInputError(urdf, "", None, f"is not a URDF: {error}") from error
+    for element in root.iter():
+        if "xacro" in element.tag or any("${" in value or "$(" in value for value in element.attrib.values()):
+            raise _is_xacro(urdf)
+    return root
+
+
+def _is_xacro(urdf: Path) -> FileInputError:
+    made = urdf.name.removesuffix(".xacro")
+    made = made if made.endswith(".urdf") and made != urdf.name else f"{urdf.stem}_plain.urdf"
+    return FileInputError(
+        urdf,
+        "",
+        None,
+        "is xacro, from which a URDF is made",
+        f"`xacro {urdf.name} > {made}` (pip install xacro, or ROS) makes it; give that file",
+    )
+
+
+def _bounded(root: ElementTree.Element) -> bool:
+    endless = [joint for joint in root.findall("joint") if joint.get("type") == "continuous"]
+    for joint in endless:
+        joint.set("type", "revolute")
+        limit = joint.find("limit")
+        if limit is None:
+            limit = ElementTree.SubElement(joint, "limit", {"effort": "0", "velocity": "0"})
+        limit.set("lower", str(-_TURNS))
+        limit.set("upper", str(_TURNS))
+    return bool(endless)
+
+
+def _mesh(urdf: Path, link: str, name: str, package_dirs: Sequence[Path]) -> Path:
+    """Where a mesh is."""
+    here = urdf.resolve().parent
+    scheme = next((scheme for scheme in _SCHEMES if name.startswith(scheme)), None)
+    if scheme is None:
+        path = Path(unquote(name.removeprefix("file://")) if name.startswith("file://") else name)
+        places: Iterator[Path] = (folder / path for folder in (here, *here.parents[:2], *package_dirs))
+        help = "a path is taken from the URDF's folder"
+    else:
+        package, _, rest = name.removeprefix(scheme).partition("/")
+        folders = [*package_dirs, *_ros_folders(), here, *here.parents]
+        places = (folder / rest for folder in _package_folders(package, folders))
+        help = (
+            f"give package_dirs=[...] with the folder that holds {package}, or set ROS_PACKAGE_PATH (ROS 1) or "
+            "AMENT_PREFIX_PATH (ROS 2)"
+        )
+    found = next((place for place in places if place.is_file()), None)
+    if found is None:
+        raise FileInputError(urdf, f"link {link}: mesh", name, "could not be found", help)
+    return found.resolve()
+
+
+def _package_folders(package: str, folders: Iterable[Path]) -> Iterator[Path]:
+    """Folders that may be a package's: below a folder, below its share, or the folder itself."""
+    for folder in folders:
+        yield folder / package
+        yield folder / "share" / package
+        if folder.name == package or _states(folder / "package.xml", package):
+            yield folder
+
+
+def _states(manifest: Path, package: str) -> bool:
+    """Whether a package.xml is of that package."""
+    try:
+        return ElementTree.parse(manifest).getroot().findtext("name", "").strip() == package
+    except (OSError, ElementTree.ParseError):
+        return False
+
+
+def _ros_folders() -> Iterator[Path]:
+    for variable, inside in _ROS_PATHS.items():
+        for folder in os.environ.get(variable, "").split(os.pathsep):
+            if folder:
+                yield Path(folder) / inside
+
+
+def read_touching(srdf: Path, text: str, bodies: Mapping[str, Sequence[str]]) -> Pairs:
+    """Pairs of bodies that an SRDF does not want checked: all of one link with all of the other.
+
+    ``disable_default_collisions`` leaves a link unchecked against all others, ``enable_collisions`` checks a pair again
+    (MoveIt's SRDF).
+
+    Args:
+        srdf: the file, for messages.
+        text: what it says; "" where there is none.
+        bodies: names of the bodies of each link.
+
+    Raises:
+        FileInputError: no XML, no SRDF, or a pair without its links.
+    """
+    if not text:
+        return frozenset()
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise FileInputError(srdf, "", None, f"is not XML: {error}") from error
+    if root.tag != "robot":
+        raise FileInputError(srdf, "", None, f"is no SRDF: it begins with <{root.tag}>, must be <robot>")
+    if root.find("link") is not None or root.find("joint") is not None:
+        raise FileInputError(srdf, "", None, "is a URDF: an SRDF has neither <link> nor <joint> of its own")
+    links = {
+        frozenset((alone, other))
+        for alone in (_named(srdf, e, "link") for e in root.findall("disable_default_collisions"))
+        for other in bodies
+        if other != alone
+    }
+    links -= {_pair(srdf, e) for e in root.findall("enable_collisions")}
+    links |= {_pair(srdf, e) for e in root.findall("disable_collisions")}
+    return bodies_of(links, bodies)
+
+
+def bodies_of(links: Iterable[frozenset[str]], bodies: Mapping[str, Sequence[str]]) -> Pairs:
+    """Pairs of bodies of pairs of links; a name that is no link's stands for itself."""
+    return frozenset(
+        frozenset(pair)
+        for names in links
+        for a, b in combinations(sorted(names), 2)
+        for pair in product(bodies.get(a, (a,)), bodies.get(b, (b,)))
+    )
+
+
+def _pair(srdf: Path, element: ElementTree.Element) -> frozenset[str]:
+    return frozenset(_named(srdf, element, key) for key in ("link1", "link2"))
+
+
+def _named(srdf: Path, element: ElementTree.Element, key: str) -> str:
+    name = element.get(key)
+    if not name:
+        raise FileInputError(srdf, element.tag, None, f"has no {key}; it names links of the URDF")
+    return name

@@ -1,0 +1,62 @@
+"""A lens and poses to start an adjustment from: a few focal lengths, the best of which goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from arm.errors import CalibrationRefused
+from arm.se3 import Array
+from calib.camera.bundle_adjustment import Bundle, View, adjust
+from calib.model.intrinsics import camera_of
+from vision.boards.pose_fit import Corners, fit_weighted, planar_poses
+from vision.camera.model import Camera
+
+ROUGH = 1e-3  # relative change of the cost that ends a start
+MOST_VIEWS = 8  # for the choice of the focal length
+FOCAL_LENGTHS = (0.7, 1.2, 2.0, 3.5, 6.0)  # in image widths: from wide angle to a long lens
+_PINHOLE = np.array([True, True, True, True, False, False, False, False, False])
+
+
+def pose_of(view: View, camera: Camera) -> Array:
+    """T_camera_target (4x4) of a view for a given lens: the better of both planar solutions, fitted."""
+    corners = Corners(view.pixels[None], view.points)
+    weights = np.ones((1, len(view.points)))
+    fits = [
+        fit_weighted(corners, weights, start, camera)
+        for start in planar_poses(view.pixels, view.points, camera)
+    ]
+    costs = [fit.cost if np.isfinite(fit.cost) else np.inf for fit in fits]
+    return fits[int(np.argmin(costs))].T_camera_board
+
+
+def start(views: Sequence[View], size: tuple[int, int]) -> Bundle:
+    """A pinhole camera and poses near the views.
+
+    Raises:
+        CalibrationRefused: no focal length fits them.
+    """
+    some = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, MOST_VIEWS).astype(int))]
+    tried: list[Bundle] = []
+    for share in FOCAL_LENGTHS:
+        f = share * size[0]
+        camera = camera_of(
+            np.array([f, f, (size[0] - 1) / 2.0, (size[1] - 1) / 2.0, 0.0, 0.0, 0.0, 0.0, 0.0]), size
+        )
+        try:
+            poses = [pose_of(view, camera) for view in some]
+            bundle = adjust(some, camera, poses, _PINHOLE, done=ROUGH)
+        except (CalibrationRefused, np.linalg.LinAlgError):
+            continue
+        if np.isfinite(bundle.squares) and bundle.camera.K[0, 0] > 0.0:
+            tried.append(bundle)
+    if not tried:
+        raise CalibrationRefused(
+            "no focal length between 0.7 and 6 image widths fits the views; are they of one camera, and is the "
+            "target the one that the file describes?",
+            reason="start",
+        )
+    best = min(tried, key=lambda bundle: bundle.squares)
+    poses = [pose_of(view, best.camera) for view in views]
+    return adjust(views, best.camera, poses, _PINHOLE, best.prior, done=ROUGH)

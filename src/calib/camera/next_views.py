@@ -1,0 +1,118 @@
+"""Which views of a target would help most: every candidate's information is known before it is taken."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from arm.se3 import Array, rot_z, rotation, transform
+from calib.camera.bundle_adjustment import blocks_of
+from calib.camera.view_selection import cost
+from vision.camera.model import Camera
+from vision.targets.target import Target
+
+TILT = np.radians(35.0)
+TURNED = 8  # directions of the tilt
+MARGIN_PX = 8.0
+LEAST_SEEN = 0.5  # part of the corners that must be in the image
+_ACROSS = ("left", "", "right")
+_DOWN = ("upper", "", "lower")
+_NEARER = ("right", "lower right", "lower", "lower left", "left", "upper left", "upper", "upper right")
+
+
+@dataclass(frozen=True, eq=False)
+class NextView:
+    """A view that is worth taking.
+
+    Attributes:
+        T_camera_target: where the target should be.
+        words: the same for a person.
+        gain: by how much it lowers the error at the work points, 0 to 1.
+        information: (9, 9) that it would add.
+    """
+
+    T_camera_target: Array
+    words: str
+    gain: float
+    information: Array
+
+
+def next_views(
+    camera: Camera,
+    target: Target,
+    information: Array,
+    worth: Array,
+    near: float,
+    far: float,
+    count: int = 3,
+) -> list[NextView]:
+    """The `count` best views to take next, each with the ones before it taken.
+
+    Args:
+        camera: as known now.
+        target: to be shown.
+        information: (9, 9) of what there is, the prior in it, per px^2 of corner variance.
+        worth: of errors, see `calib.camera.working_volume.WorkPoints.worth`.
+        near, far: between which the target can be held, m.
+    """
+    candidates = _candidates(camera, target, near, far)
+    chosen: list[NextView] = []
+    S = information
+    for _ in range(count):
+        if not candidates:
+            break
+        before = cost(S, worth)
+        costs = [cost(S + c.information, worth) for c in candidates]
+        best = int(np.argmin(costs))
+        c = candidates.pop(best)
+        gain = 1.0 - float(np.sqrt(costs[best] / before))
+        chosen.append(NextView(c.T_camera_target, c.words, gain, c.information))
+        S = S + c.information
+    return chosen
+
+
+def _candidates(camera: Camera, target: Target, near: float, far: float) -> list[NextView]:
+    middle = np.array([*target.size, 0.0]) / 2.0
+    points = target.points()
+    found = []
+    places = product(range(3), range(3), (near, far), range(-1, TURNED))
+    for column, row, z, turned in places:
+        pixel = (np.array([column, row]) * 0.3 + 0.2) * np.array(camera.size)
+        ray = np.append(camera.normalised(pixel), 1.0)
+        if not np.isfinite(ray).all():
+            continue
+        angle = 2.0 * np.pi * turned / TURNED
+        # turned about this axis the edge in direction `angle` of the image comes nearer
+        axis = np.array([-np.sin(angle), np.cos(angle), 0.0])
+        R = rotation(TILT * axis if turned >= 0 else np.zeros(3)) @ rot_z(_lying(camera, target))
+        T = transform(R, z * ray - R @ middle)
+        pixels = camera.project(points @ T[:3, :3].T + T[:3, 3])
+        last = np.array(camera.size) - 1.0 - MARGIN_PX
+        inside = ((pixels >= MARGIN_PX) & (pixels <= last)).all(axis=1)
+        if inside.mean() < LEAST_SEEN:
+            continue
+        information = blocks_of(camera, T, points[inside]).reduced()
+        found.append(NextView(T, _words(column, row, z, turned), 0.0, information))
+    return found
+
+
+def _lying(camera: Camera, target: Target) -> float:
+    """Turn of the target, rad, that lays its long side along the image's."""
+    along = (camera.size[0] >= camera.size[1]) == (target.size[0] >= target.size[1])
+    return 0.0 if along else np.pi / 2.0
+
+
+def _words(column: int, row: int, z: float, turned: int) -> str:
+    place = " ".join(w for w in (_DOWN[row], _ACROSS[column]) if w)
+    where = f"in the {place} part of the image" if place else "in the middle of the image"
+    edge = f"its {_NEARER[turned]} edge" if turned % 2 == 0 else f"its {_NEARER[turned]} corner"
+    tilt = "facing the camera" if turned < 0 else f"tilted {np.degrees(TILT):.0f} deg, {edge} nearer"
+    return f"{where}, {1e3 * z:.0f} mm away, {tilt}"
+
+
+def information_of(informations: Sequence[Array], prior: Array) -> Array:
+    """Sum of what views and prior say of the lens."""
+    return np.asarray(sum(informations, np.diag(prior)))

@@ -1,0 +1,146 @@
+"""Which views go into a calibration, and why others stay outside."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.se3 import Array
+from vision.targets.quality import Quality
+from vision.targets.target import FEWEST_CORNERS, TargetView
+
+BLURRED = 2.0  # times the blur of the sharpest quarter,
+LEAST_BLUR_PX = 1.5  # and at least this; but
+MOST_BLUR_PX = 4.0  # this is too much even if all views are so
+LEAST_CONTRAST = 25.0  # grey levels
+SATURATED = 0.5  # part of the white that is at the sensor's end
+SAME_PX = 4.0  # views whose corners lie this near to each other show the same
+STEEPEST = np.radians(65.0)
+OUTLIER_VIEW = 4.0  # standard deviations of a view's variance above that of the others,
+OUTLIER_SIGMA = 2.5  # and at least this times their corner error: views differ in tilt, light and sharpness,
+LEAST_OUTLIER_RMS_PX = 0.1  # and at least this: less is no motion
+OUTLIER_CORNER = 6.0  # standard deviations,
+LEAST_OUTLIER_PX = 0.25  # and at least this: detectors err so far now and then, mistakes are larger
+
+
+@dataclass(frozen=True, eq=False)
+class TargetPhoto:
+    """A photograph taken for a calibration.
+
+    Attributes:
+        name: of its file.
+        view: what was found, or None.
+        quality: of that, or None.
+        taken_s: when, s of any clock that all photographs share; None if not known.
+    """
+
+    name: str
+    view: TargetView | None
+    quality: Quality | None
+    taken_s: float | None = None
+
+
+def unusable(photos: Sequence[TargetPhoto]) -> list[str]:
+    """For each photograph why it cannot be used as it is, "" if it can."""
+    blurs = sorted(
+        p.quality.blur_px for p in photos if p.quality is not None and np.isfinite(p.quality.blur_px)
+    )
+    sharp = float(np.median(blurs[: max(1, len(blurs) // 4)])) if blurs else 0.0
+    limit = min(max(BLURRED * sharp, LEAST_BLUR_PX), MOST_BLUR_PX)
+    reasons = []
+    kept: list[TargetPhoto] = []
+    for photo in photos:
+        reason = _why_unusable(photo, limit, sharp) or _same_as(photo, kept)
+        reasons.append(reason)
+        if not reason:
+            kept.append(photo)
+    return reasons
+
+
+def _why_unusable(photo: TargetPhoto, blur_limit: float, sharp: float) -> str:
+    if photo.view is None or photo.quality is None:
+        return (
+            f"fewer than {FEWEST_CORNERS} corners of the target were found: it is hidden, cut off (a checkerboard must "
+            "be whole), or there are two of it"
+        )
+    if _on_one_line(photo.view):
+        return "all corners that were found lie on one line"
+    if photo.quality.contrast < LEAST_CONTRAST:
+        return (
+            f"contrast of {photo.quality.contrast:.0f} grey levels, less than {LEAST_CONTRAST:.0f}: too dark"
+        )
+    if photo.quality.saturated > SATURATED:
+        return f"{100 * photo.quality.saturated:.0f} % of its white is overexposed"
+    if photo.quality.blur_px > blur_limit:
+        return f"blurred: edges {photo.quality.blur_px:.1f} px wide, the sharpest views have {sharp:.1f} px"
+    return ""
+
+
+def _on_one_line(view: TargetView) -> bool:
+    centred = view.corners_px - view.corners_px.mean(axis=0)
+    values = np.linalg.svd(centred, compute_uv=False)
+    return bool(values[1] < 0.02 * values[0])
+
+
+def _same_as(photo: TargetPhoto, kept: Sequence[TargetPhoto]) -> str:
+    for other in kept:
+        if photo.view is None or other.view is None:
+            continue
+        common, here, there = np.intersect1d(photo.view.ids, other.view.ids, return_indices=True)
+        if len(common) < FEWEST_CORNERS:
+            continue
+        off = np.linalg.norm(photo.view.corners_px[here] - other.view.corners_px[there], axis=1)
+        if np.median(off) < SAME_PX:
+            return f"shows the target where {other.name} does"
+    return ""
+
+
+def outlying_views(variances: Array, counts: npt.NDArray[np.intp]) -> npt.NDArray[np.bool_]:
+    """Views whose residuals are larger than those of the others by more than chance, (n,).
+
+    Args:
+        variances: mean square residual of each view, px^2.
+        counts: coordinates of each view that are free, 2 corners - 6.
+    """
+    typical = float(np.median(variances))
+    chance = 1.0 + OUTLIER_VIEW * np.sqrt(2.0 / np.maximum(counts, 1))
+    limit = typical * np.maximum(chance, OUTLIER_SIGMA**2)
+    return np.asarray(variances > np.maximum(limit, LEAST_OUTLIER_RMS_PX**2))
+
+
+def outlying_corner(residual: Array, sigma: float) -> int | None:
+    """The corner of a view that is off most, if by more than chance; it pulls the others, so they wait."""
+    off = np.abs(residual).max(axis=1)
+    worst = int(np.argmax(off))
+    return worst if off[worst] > max(OUTLIER_CORNER * sigma, LEAST_OUTLIER_PX) else None
+
+
+def best_views(informations: Sequence[Array], worth: Array, prior: Array, most: int) -> list[int]:
+    """The `most` views that leave the least error at the work points, chosen one by one.
+
+    Args:
+        informations: of each view, (9, 9), per px^2 of corner variance.
+        worth: see `calib.camera.working_volume.WorkPoints.worth`.
+        prior: (9,) information of the prior on the same scale.
+        most: how many.
+    """
+    S = np.diag(prior)
+    left = list(range(len(informations)))
+    chosen: list[int] = []
+    while left and len(chosen) < most:
+        after = [cost(S + informations[i], worth) for i in left]
+        best = left[int(np.argmin(after))]
+        S = S + informations[best]
+        chosen.append(best)
+        left.remove(best)
+    return sorted(chosen)
+
+
+def cost(S: Array, worth: Array) -> float:
+    """Mean variance at the work points for information S (9, 9)."""
+    scale = 1.0 / np.sqrt(np.diag(S))
+    inner = np.linalg.inv(S * np.outer(scale, scale) + 1e-15 * np.eye(len(S)))
+    return float(np.trace(worth @ (inner * np.outer(scale, scale))))

@@ -1,0 +1,400 @@
+"""Unknowns of kinematic chains from what cameras saw at their ends: least squares with errors in the readings too.
+
+Every reading of an encoder that is not exact gets an error of its own, with the encoder's standard deviation as its
+prior, shared by all images that were taken at that reading. These errors are eliminated stance by stance (Schur
+complement), as poses are in `calib.camera.bundle_adjustment`: to first order the same as weighting the pixels
+by their full covariance (generalised least squares), and what keeps a coarse encoder from being taken for an
+exact one (fact sheet of calibration, finding 1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.se3 import Array, by_twist
+from calib.camera.bundle_adjustment import inverse_scaled, solve_scaled
+from calib.model.chain import Chain, Evaluated
+from vision.camera.model import Camera
+
+MOST_STEPS = 60
+_STEP_DONE = 1e-3  # a step of a thousandth of every standard deviation ends it
+_MOST_DAMPING = 1e10
+
+Gains = Callable[[Array, Array], dict[str, Array]]
+"""Gains of unknowns by name, each (n,), from readings (n, readings) and unknowns (count,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sightings:
+    """Images of a target at the end of one chain.
+
+    Attributes:
+        chain: T_camera_target.
+        readings: (n, readings) rad or m at each image.
+        reading_ids: (n, readings) images with the same number in a column share that reading, and its error.
+        stances: (n,) images with the same number are eliminated together; readings are shared inside a stance only.
+        points: (m, 3) m in the target frame.
+        pixels: (n, m, 2) px, NaN where a point was not seen.
+        gains: of unknowns, or None.
+        noise: of each image's corners in noise of the typical image's, (n,); None for 1.
+    """
+
+    chain: Chain
+    readings: Array
+    reading_ids: npt.NDArray[np.intp]
+    stances: npt.NDArray[np.intp]
+    points: Array
+    pixels: Array
+    gains: Gains | None = None
+    noise: Array | None = None
+
+    def sigma(self, pixel_sigma: Array) -> Array:
+        """Standard deviations of every image's corners, (n, 1, 2) px, from those of the typical image (2,)."""
+        noise = np.ones(len(self.readings)) if self.noise is None else self.noise
+        return np.asarray(noise[:, None, None] * pixel_sigma)
+
+    def evaluate(self, unknowns: Array, errors: Array) -> Evaluated:
+        """The chain for unknowns (count,) with the readings corrected by errors (n, readings)."""
+        corrected = self.readings + errors
+        gains = self.gains(corrected, unknowns) if self.gains is not None else None
+        return self.chain.evaluate(corrected, unknowns, gains)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is to be found.
+
+    Attributes:
+        sightings: of every chain.
+        camera: the lens; at the origin.
+        start: of the unknowns (count,).
+        prior_sigma: of the unknowns about the start, (count,); infinite where nothing is known.
+        pixel_sigma: of x and y, (2,) px.
+        reading_sigma: of the readings (readings,) rad or m; 0 where they are exact.
+        free: (count,) which unknowns are fitted.
+    """
+
+    sightings: Sequence[Sightings]
+    camera: Camera
+    start: Array
+    prior_sigma: Array
+    pixel_sigma: Array
+    reading_sigma: Array
+    free: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class ChainFit:
+    """Unknowns that fit.
+
+    Attributes:
+        unknowns: (count,).
+        errors: of the readings of every chain, (n, readings) each.
+        residuals: measured minus projected, (n, m, 2) px of every chain, NaN where nothing was seen.
+        cost: what was minimised: squares over their variances.
+        information: (free, free) of the free unknowns, the priors in it.
+        iterations: steps that were taken.
+        freedom: measurements minus unknowns; an error of a reading comes with a measurement of its own, its prior.
+    """
+
+    unknowns: Array
+    errors: tuple[Array, ...]
+    residuals: tuple[Array, ...]
+    cost: float
+    information: Array
+    iterations: int
+    freedom: int
+    weights: tuple[Array, ...] = field(default=())
+
+    @property
+    def chi2_dof(self) -> float:
+        """About 1 if the model is complete and the standard deviations are right."""
+        return self.cost / max(self.freedom, 1)
+
+    @property
+    def own(self) -> int:
+        """Coordinates that are left if every used image is given a pose of its own: what noise alone shows in."""
+        seen = [
+            np.isfinite(r[w > 0.0]).sum(axis=(1, 2))
+            for r, w in zip(self.residuals, self.weights, strict=True)
+        ]
+        return int(np.maximum(np.concatenate(seen) - 6, 0).sum())
+
+    def excess(self, noise_freedom: float, drop: float = 0.0, unknowns: int = 0) -> float:
+        """Cost per degree of freedom of what images say of each other, about 1 if the model is complete.
+
+        Where the images told the noise, their own coordinates cost what they number; what is beyond is the chain's.
+        With many corners an image, `chi2_dof` hardly sees that.
+
+        Args:
+            noise_freedom: measurements that the noise rests on; infinite if it was known before, then all count.
+            drop: of the cost, by further unknowns.
+            unknowns: how many.
+        """
+        own = self.own if np.isfinite(noise_freedom) else 0
+        return (self.cost - drop - own) / max(self.freedom - unknowns - own, 1)
+
+    def covariance(self, free: npt.NDArray[np.bool_]) -> Array:
+        """Of all unknowns, (count, count); zero rows where they were not fitted."""
+        covariance = np.zeros((len(free), len(free)))
+        covariance[np.ix_(free, free)] = inverse_scaled(self.information)
+        return covariance
+
+
+def fit_chains(
+    problem: Problem, weights: Sequence[Array] | None = None, begin: ChainFit | None = None
+) -> ChainFit:
+    """Levenberg-Marquardt from the start of a problem.
+
+    Args:
+        problem: what is to be found.
+        weights: of every image of every chain, (n,) each; 1 if not given. Of weight 0 it is as if never taken.
+        begin: another fit to go on from.
+    """
+    weights = [np.ones(len(s.readings)) for s in problem.sightings] if weights is None else list(weights)
+    x = problem.start.copy()
+    errors = [np.zeros_like(s.readings) for s in problem.sightings]
+    if begin is not None:
+        x[problem.free] = begin.unknowns[problem.free]
+        errors = [e.copy() for e in begin.errors]
+    cost = _cost(problem, x, errors, weights)
+    damping, iterations = 1e-6, 0
+    system = _System.of(problem, x, errors, weights)
+    while iterations < MOST_STEPS:
+        step, changes = system.step(damping)
+        then = [e + c for e, c in zip(errors, changes, strict=True)]
+        trial = x.copy()
+        trial[problem.free] += step
+        after = _cost(problem, trial, then, weights)
+        if after <= cost:  # NaN compares false
+            small = bool(np.abs(step * np.sqrt(np.diag(system.S))).max(initial=0.0) < _STEP_DONE)
+            x, errors, cost, damping = trial, then, after, max(damping * 0.1, 1e-12)
+            iterations += 1
+            system = _System.of(problem, x, errors, weights)
+            if small:
+                break
+        else:
+            damping *= 10.0
+            if damping > _MOST_DAMPING:
+                break
+    residuals = tuple(
+        _residual(problem, s, s.evaluate(x, e)) for s, e in zip(problem.sightings, errors, strict=True)
+    )
+    seen = sum(int(np.isfinite(r[w > 0.0]).sum()) for r, w in zip(residuals, weights, strict=True))
+    known = int(np.isfinite(problem.prior_sigma[problem.free]).sum())
+    return ChainFit(
+        x,
+        tuple(errors),
+        residuals,
+        cost,
+        system.S,
+        iterations,
+        seen - int(problem.free.sum()) + known,
+        tuple(weights),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """What each stance says of the free unknowns and of k more columns, readings' errors eliminated.
+
+    Attributes:
+        prior: information and gradient of the priors, (free + k, free + k) and (free + k,).
+        S: information of each stance in the order of chains and stances, (stances, free + k, free + k).
+        g: gradients down the cost, (stances, free + k).
+    """
+
+    prior: tuple[Array, Array]
+    S: Array
+    g: Array
+
+
+def normal_equations(
+    problem: Problem, fit: ChainFit, extra: Sequence[Array] | None = None
+) -> NormalEquations:
+    """Normal equations at a fit.
+
+    Args:
+        problem: of the fit.
+        fit: where they are taken.
+        extra: derivatives of the projected points by further unknowns, (n, m, 2, k) px of every chain.
+    """
+    prior = _priors(problem, fit.unknowns, 0 if extra is None else extra[0].shape[-1])
+    stances = [
+        stance
+        for number in range(len(problem.sightings))
+        for stance in _stances(problem, number, fit.unknowns, fit.errors, fit.weights, extra)
+    ]
+    return NormalEquations(prior, np.array([s.S for s in stances]), np.array([s.g for s in stances]))
+
+
+def _residual(problem: Problem, s: Sightings, at: Evaluated) -> Array:
+    points = s.points @ np.swapaxes(at.T[:, :3, :3], 1, 2) + at.T[:, None, :3, 3]
+    return np.asarray(s.pixels - problem.camera.project(points))
+
+
+def _cost(problem: Problem, x: Array, errors: Sequence[Array], weights: Sequence[Array]) -> float:
+    off = (x - problem.start) / problem.prior_sigma
+    total = float((off**2).sum())
+    exact = problem.reading_sigma <= 0.0
+    for s, e, w in zip(problem.sightings, errors, weights, strict=True):
+        r = _residual(problem, s, s.evaluate(x, e))
+        if not np.array_equal(np.isfinite(r), np.isfinite(s.pixels)):
+            return float("inf")  # a point behind the camera
+        total += float(np.nansum(w[:, None, None] * (r / s.sigma(problem.pixel_sigma)) ** 2))
+        total += float(((e[:, ~exact] / problem.reading_sigma[~exact]) ** 2 * _share(s, w)[:, ~exact]).sum())
+    return total
+
+
+def _share(s: Sightings, weights: Array) -> Array:
+    """One over the number of used images that share a reading, (n, readings): each error counts once."""
+    used = weights > 0.0
+    share = np.zeros(s.reading_ids.shape)
+    for j, column in enumerate(s.reading_ids.T):
+        _, back, count = np.unique(column[used], return_inverse=True, return_counts=True)
+        share[used, j] = 1.0 / count[back]
+    return share
+
+
+@dataclass(frozen=True, eq=False)
+class _Stance:
+    """What a stance says of the unknowns, and the way back to the errors of its readings that were eliminated."""
+
+    chain: int
+    S: Array  # (free, free)
+    g: Array  # (free,)
+    columns: list[tuple[int, npt.NDArray[np.intp]]]  # of each error: reading, and the images that share it
+    by_unknown: Array  # (errors, free)
+    alone: Array  # (errors,)
+
+
+@dataclass(frozen=True, eq=False)
+class _System:
+    """Normal equations of the free unknowns with all errors eliminated."""
+
+    S: Array
+    g: Array
+    stances: list[_Stance]
+    shapes: list[tuple[int, ...]]
+
+    @classmethod
+    def of(cls, problem: Problem, x: Array, errors: Sequence[Array], weights: Sequence[Array]) -> _System:
+        S, g = _priors(problem, x)
+        stances: list[_Stance] = []
+        for number in range(len(problem.sightings)):
+            for stance in _stances(problem, number, x, errors, weights, apart=False):
+                S += stance.S
+                g += stance.g
+                stances.append(stance)
+        return cls(S, g, stances, [e.shape for e in errors])
+
+    def step(self, damping: float) -> tuple[Array, list[Array]]:
+        """Changes of the free unknowns and of all errors."""
+        step = solve_scaled(self.S + damping * np.diag(np.diag(self.S)), self.g)
+        changes = [np.zeros(shape) for shape in self.shapes]
+        for stance in self.stances:
+            change = stance.alone - stance.by_unknown @ step
+            for value, (j, shared) in zip(change, stance.columns, strict=True):
+                changes[stance.chain][shared, j] = value
+        return step, changes
+
+
+def _priors(problem: Problem, x: Array, more: int = 0) -> tuple[Array, Array]:
+    weight = np.append(problem.prior_sigma[problem.free] ** -2, np.zeros(more))
+    return np.diag(weight), weight * np.append((problem.start - x)[problem.free], np.zeros(more))
+
+
+def _stances(
+    problem: Problem,
+    chain: int,
+    x: Array,
+    errors: Sequence[Array],
+    weights: Sequence[Array],
+    extra: Sequence[Array] | None = None,
+    apart: bool = True,
+) -> Iterator[_Stance]:
+    """Every stance of a chain that has an image of weight; if not `apart`, those without errors as one."""
+    s, e, w = problem.sightings[chain], errors[chain], weights[chain]
+    r, J, by_reading = _linearised(problem, s, s.evaluate(x, e), w)
+    if extra is not None:
+        scale = (np.sqrt(w)[:, None, None] / s.sigma(problem.pixel_sigma))[..., None]
+        seen = np.isfinite(s.pixels)[..., None]
+        J = np.concatenate([J, np.where(seen, extra[chain] * scale, 0.0)], axis=-1)
+    inexact = np.flatnonzero(problem.reading_sigma > 0.0)
+    if not len(inexact):
+        yield from _exact_stances(
+            s, chain, J.reshape(len(J), -1, J.shape[-1]), r.reshape(len(r), -1), w, apart
+        )
+        return
+    for stance in np.unique(s.stances):
+        together = np.flatnonzero(s.stances == stance)
+        images = together[w[together] > 0.0]
+        if not len(images):
+            continue
+        rows = r[images].reshape(-1)
+        A = J[images].reshape(len(rows), -1)
+        columns = [
+            (int(j), together[s.reading_ids[together, j] == i])
+            for j in inexact
+            for i in np.unique(s.reading_ids[images, j])
+        ]
+        N = np.zeros((len(images), *r.shape[1:], len(columns)))
+        place = {int(image): k for k, image in enumerate(images)}
+        for k, (j, shared) in enumerate(columns):
+            for image in shared:
+                if int(image) in place:
+                    N[place[int(image)], ..., k] = by_reading[image, ..., j]
+        N = N.reshape(len(rows), -1)
+        sigma = problem.reading_sigma[[j for j, _ in columns]]
+        now = np.array([e[shared[0], j] for j, shared in columns])
+        H = N.T @ N + np.diag(sigma**-2)
+        NA = N.T @ A
+        back = np.linalg.solve(H, np.column_stack([NA, N.T @ rows - now / sigma**2]))
+        S = A.T @ A - NA.T @ back[:, :-1]
+        g = A.T @ rows - NA.T @ back[:, -1]
+        yield _Stance(chain, S, g, columns, back[:, :-1], back[:, -1])
+
+
+def _exact_stances(
+    s: Sightings, chain: int, J: Array, r: Array, weights: Array, apart: bool
+) -> Iterator[_Stance]:
+    """Every stance of weight where readings have no errors: sums over its images."""
+    none = np.zeros((0, J.shape[-1])), np.zeros(0)
+    if not apart:
+        whole = J.reshape(-1, J.shape[-1])
+        yield _Stance(chain, whole.T @ whole, r.reshape(-1) @ whole, [], *none)
+        return
+    S = np.swapaxes(J, 1, 2) @ J
+    g = np.einsum("nrk,nr->nk", J, r)
+    for stance in np.unique(s.stances[weights > 0.0]):
+        images = np.flatnonzero((s.stances == stance) & (weights > 0.0))
+        yield _Stance(chain, S[images].sum(axis=0), g[images].sum(axis=0), [], *none)
+
+
+def _linearised(problem: Problem, s: Sightings, at: Evaluated, weights: Array) -> tuple[Array, Array, Array]:
+    """Whitened residuals (n, m, 2) and their derivatives by free unknowns and by readings, (n, m, 2, count); by none
+    of the readings if all are exact."""
+    R = at.T[:, :3, :3]
+    points = s.points @ np.swapaxes(R, 1, 2) + at.T[:, None, :3, 3]
+    r = s.pixels - problem.camera.project(points)
+    by_point = problem.camera.projection_jacobian(points) @ R[:, None]
+    scale = np.sqrt(weights)[:, None, None] / s.sigma(problem.pixel_sigma)
+    seen = np.isfinite(r)
+    twists = np.where(seen[..., None], by_twist(by_point, s.points) * scale[..., None], 0.0)
+    r = np.where(seen, r * scale, 0.0)
+    inexact = (problem.reading_sigma > 0.0).any()
+    return (
+        r,
+        _along(twists, at.by_unknown[:, problem.free]),
+        _along(twists, at.by_reading) if inexact else np.zeros((*r.shape, 0)),
+    )
+
+
+def _along(twists: Array, by: Array) -> Array:
+    """Derivatives (n, m, 2, k) of points by what gives their frames the twists (n, k, 6)."""
+    n, m = twists.shape[:2]
+    return np.asarray((twists.reshape(n, -1, 6) @ np.swapaxes(by, 1, 2)).reshape(n, m, 2, -1))

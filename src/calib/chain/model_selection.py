@@ -1,0 +1,208 @@
+"""Which unknowns a chain's model needs, and which images it must not believe: both from the residuals.
+
+Parts of a model (offsets of a head, springs, play, errors of links) are left out one after the other as long as the
+cost rises by no more than unknowns without meaning would make it rise (likelihood-ratio test, chi square). A model
+that has a part too many is unsure of more than it need be; one that lacks a part is wrong without knowing it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy import stats
+
+from arm.se3 import Array
+from calib.chain.fit import MOST_STEPS, ChainFit, Problem, Sightings, fit_chains
+
+MEANINGLESS = 1e-3  # how often a part that is not there is taken in
+WRONG_IMAGE = 1e-6  # how often a right image would be left out
+_SOFT, _ROUNDS = 2.0, 12
+_SECOND_CHANCES, _FAR = 10, 10.0
+_SPOILT = 1.5  # chi2 per degree of freedom
+
+
+def largest_rise(chance: float, unknowns: int, noise_freedom: float) -> float:
+    """Change of the cost by unknowns without meaning that is exceeded so often, where the noise that the cost is
+    weighed with was estimated from `noise_freedom` measurements (R. A. Fisher's variance ratio)."""
+    if np.isinf(noise_freedom):
+        return float(stats.chi2.isf(chance, unknowns))
+    return unknowns * float(stats.f.isf(chance, unknowns, max(noise_freedom, 1.0)))
+
+
+@dataclass(frozen=True)
+class Part:
+    """Unknowns that a model has or lacks together.
+
+    Attributes:
+        name: in words.
+        unknowns: their places among all.
+    """
+
+    name: str
+    unknowns: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A part that was left out to see what it is worth.
+
+    Attributes:
+        part: its name.
+        rise: of the cost without it.
+        limit: rise up to which it means nothing.
+    """
+
+    part: str
+    rise: float
+    limit: float
+
+    @property
+    def needed(self) -> bool:
+        """Whether the model keeps it."""
+        return self.rise > self.limit
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """A model and its fit.
+
+    Attributes:
+        problem: with the chosen unknowns free.
+        fit: weights 0 or 1.
+        trials: the last of each part.
+    """
+
+    problem: Problem
+    fit: ChainFit
+    trials: tuple[Trial, ...]
+
+    @property
+    def wrong(self) -> tuple[npt.NDArray[np.intp], ...]:
+        """Images of every chain that were left out."""
+        return tuple(np.flatnonzero(w == 0.0) for w in self.fit.weights)
+
+
+def choose_model(
+    problem: Problem,
+    parts: Sequence[Part],
+    weights: Sequence[Array] | None = None,
+    noise_freedom: float = np.inf,
+) -> Choice:
+    """Fit with all parts, leave out wrong images, then the parts that are not needed.
+
+    Args:
+        problem: with all unknowns of all parts free, beside those that always are.
+        parts: that may be left out.
+        weights: of a start that knows some images to be wrong, (n,) of every chain.
+        noise_freedom: measurements that the problem's `pixel_sigma` rests on.
+    """
+    fit = _without_wrong_images(problem, weights, noise_freedom)
+    if (
+        fit.chi2_dof > _SPOILT
+    ):  # with many unknowns wrong images bend the model to them; with few they stand out
+        bare = problem
+        for part in parts:
+            bare = _without(bare, part)
+        begun = _without_wrong_images(bare, weights, noise_freedom)
+        other = _without_wrong_images(problem, begun.weights, noise_freedom)
+        fit = min(fit, other, key=lambda one: one.chi2_dof)
+    kept = list(parts)
+    trials: dict[str, Trial] = {}
+    while kept:
+        fits = {part.name: fit_chains(_without(problem, part), fit.weights, fit) for part in kept}
+        for part in kept:
+            limit = largest_rise(MEANINGLESS, len(part.unknowns), noise_freedom)
+            trials[part.name] = Trial(part.name, fits[part.name].cost - fit.cost, limit)
+        least = min(kept, key=lambda part: trials[part.name].rise / trials[part.name].limit)
+        if trials[least.name].needed:
+            break
+        problem, fit = _without(problem, least), fits[least.name]
+        kept.remove(least)
+    return Choice(problem, fit, tuple(trials.values()))
+
+
+def _without(problem: Problem, part: Part) -> Problem:
+    free, start = problem.free.copy(), problem.start.copy()
+    free[list(part.unknowns)] = False
+    start[list(part.unknowns)] = 0.0  # what is not there is none, whatever is expected of one that is
+    return replace(problem, free=free, start=start)
+
+
+def _without_wrong_images(
+    problem: Problem, weights: Sequence[Array] | None, noise_freedom: float
+) -> ChainFit:
+    """A fit with weights that fall with an image's distance from the others, and in the end are 0 or 1."""
+    fit = fit_chains(problem, weights)
+    if fit.iterations >= MOST_STEPS:  # what finds no end fits nothing, whichever images are left out
+        return fit
+    now = list(fit.weights)
+    for _ in range(_ROUNDS):
+        off = _off(problem, fit)
+        then = [1.0 / (1.0 + (_SOFT * np.maximum(o - 1.0, 0.0)) ** 2) for o in off]
+        done = max(float(np.abs(a - b).max()) for a, b in zip(then, now, strict=True)) < 0.02
+        if done:
+            break
+        now = then
+        fit = fit_chains(problem, now, fit)
+    for _ in range(_ROUNDS):
+        then = _within(problem, fit, noise_freedom)
+        same = all(np.array_equal(a, b) for a, b in zip(then, fit.weights, strict=True))
+        if same:
+            break
+        fit = fit_chains(problem, then, fit)
+    return _taken_back(problem, fit, noise_freedom)
+
+
+def _taken_back(problem: Problem, fit: ChainFit, noise_freedom: float) -> ChainFit:
+    """With images that only seemed wrong: few others predict an image badly, with it they may all agree."""
+    limits = [_limit(s, noise_freedom) for s in problem.sightings]
+    left = [
+        (float(off[i] / limit[i]), chain, int(i))
+        for chain, (off, limit) in enumerate(zip(_off(problem, fit), limits, strict=True))
+        for i in np.flatnonzero(fit.weights[chain] == 0.0)
+    ]
+    for off, chain, i in sorted(left)[:_SECOND_CHANCES]:
+        if off > _FAR:
+            break
+        weights = [w.copy() for w in fit.weights]
+        weights[chain][i] = 1.0
+        trial = fit_chains(problem, weights, fit)
+        used = (w > 0.0 for w in weights)
+        if all(w[u].all() for w, u in zip(_within(problem, trial, noise_freedom), used, strict=True)):
+            fit = trial
+    return fit
+
+
+def _within(problem: Problem, fit: ChainFit, noise_freedom: float) -> list[Array]:
+    """1 for images whose residuals are no larger than those of right ones, 0 for others."""
+    off = _off(problem, fit)
+    return [
+        (o <= _limit(s, noise_freedom)).astype(float) for o, s in zip(off, problem.sightings, strict=True)
+    ]
+
+
+def _off(problem: Problem, fit: ChainFit) -> list[Array]:
+    """Rms of every image's residuals, in noise of corners, or of the typical image where the model lacks something."""
+    sizes = [
+        np.sqrt(np.nanmean((r / s.sigma(problem.pixel_sigma)) ** 2, axis=(1, 2)))
+        for s, r in zip(problem.sightings, fit.residuals, strict=True)
+    ]
+    counts = [np.isfinite(s.pixels).sum(axis=(1, 2)) for s in problem.sightings]
+    used = np.concatenate(
+        [
+            (o * np.sqrt(c / stats.chi2.median(c)))[w > 0.0]
+            for o, c, w in zip(sizes, counts, fit.weights, strict=True)
+        ]
+    )
+    typical = max(1.0, float(np.median(used)))
+    return [o / typical for o in sizes]
+
+
+def _limit(s: Sightings, noise_freedom: float) -> Array:
+    """Rms, (n,), that a right image does not reach."""
+    count = np.isfinite(s.pixels).sum(axis=(1, 2))
+    by_count = {c: np.sqrt(largest_rise(WRONG_IMAGE, int(c), noise_freedom) / c) for c in np.unique(count)}
+    return np.array([by_count[c] for c in count])

@@ -1,0 +1,156 @@
+"""What images of a target say alone, with the target's pose free in each: noise of the corners, and wrong corners.
+
+It rests on no arm, so it is the measure that an arm's model is held against: residuals that are larger with the arm
+in between are the arm's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy import special, stats
+
+from arm.errors import InputError
+from arm.se3 import Array, by_twist
+from calib.camera.bundle_adjustment import View
+from calib.camera.initial_guess import pose_of
+from vision.camera.model import Camera
+
+FEWEST = 4  # corners of an image
+WRONG_CORNER = 6.0  # standard deviations
+_MANY = 8  # corners from which wrong ones can be told
+_FEW_IMAGES, _SURE = 6, 3.0  # images, and standard deviations, from which they are believed to differ
+_PER_AXIS = 16  # corners from which x and y are told apart
+_FINEST = 1e-6  # px; drawn images have no noise, and nothing can be weighed with none
+
+
+@dataclass(frozen=True, eq=False)
+class FreePoses:
+    """Poses of a target that fit each image alone.
+
+    Attributes:
+        T_camera_target: (n, 4, 4).
+        residuals: (n, m, 2) px, NaN where a corner was not seen.
+        pixel_sigma: standard deviation of a corner's x and y, (2,) px.
+        freedom: coordinates beyond the poses that it rests on; few make it uncertain.
+        noise: of each image's corners, in the typical image's, (n,): targets that are far away, oblique or blurred
+            are found less well. Ones if images do not differ by more than chance.
+        wrong: (n, m) corners that do not fit the others of their image.
+    """
+
+    T_camera_target: Array
+    residuals: Array
+    pixel_sigma: Array
+    freedom: float
+    noise: Array
+    wrong: npt.NDArray[np.bool_]
+
+
+def fit_free_poses(camera: Camera, points: Array, pixels: Array) -> FreePoses:
+    """Fit a pose to every image.
+
+    The standard deviation is that of the better half of the images, so that a few with wrong corners do not count.
+
+    Args:
+        camera: at the origin.
+        points: (m, 3) m in the target frame.
+        pixels: (n, m, 2), NaN where a corner was not seen; four at least in every image.
+
+    Raises:
+        InputError: of some image fewer than four corners lie where the lens can see anything, or no pose fits it.
+    """
+    shown = pixels.copy()
+    with np.errstate(all="ignore"):
+        wrong = np.isfinite(pixels[..., 0]) & ~np.isfinite(camera.normalised(pixels)).all(axis=-1)
+    shown[wrong] = np.nan
+    few = np.flatnonzero(np.isfinite(shown[..., 0]).sum(axis=1) < FEWEST)
+    if len(few):
+        raise InputError(
+            f"image {few[0]}: fewer than {FEWEST} of its corners lie where the lens can see anything; are they in px, "
+            "and of this camera?",
+            images=few.tolist(),
+        )
+    for _ in range(4):
+        poses = np.array(
+            [
+                pose_of(View(points[seen], image[seen]), camera)
+                for image, seen in zip(shown, np.isfinite(shown[..., 0]), strict=True)
+            ]
+        )
+        residuals, spared = _residuals(camera, points, pixels, shown, poses)
+        sigma, freedom = _sigma(residuals, spared, np.isfinite(shown[..., 0]))
+        off = np.linalg.norm(residuals / sigma, axis=-1)
+        lost = np.flatnonzero(~np.isfinite(off).any(axis=1))
+        if len(lost):
+            raise InputError(
+                f"image {lost[0]}: in no pose does the target look like that; is it this target, and this camera?",
+                images=lost.tolist(),
+            )
+        worst = np.nanargmax(off, axis=1)
+        rows = np.arange(len(off))
+        count = np.isfinite(shown[..., 0]).sum(axis=1)
+        far = (off > WRONG_CORNER) & (off >= 0.5 * off[rows, worst][:, None])
+        # where most corners are far off, the image shows something else, whichever of them are believed
+        drop = (count > _MANY) & ~wrong[rows, worst] & (2 * far.sum(axis=1) < count) & far[rows, worst]
+        if not drop.any():
+            break
+        far &= drop[:, None]
+        wrong |= far
+        shown[far] = np.nan
+    noise = _noise(residuals / sigma, np.where(np.isfinite(shown), spared, 0.0))
+    return FreePoses(poses, residuals, sigma, freedom, noise, wrong)
+
+
+def _residuals(
+    camera: Camera, points: Array, pixels: Array, shown: Array, poses: Array
+) -> tuple[Array, Array]:
+    """Residuals of all corners (n, m, 2), and what part of each coordinate's variance is left in it."""
+    residuals, spared = np.full(pixels.shape, np.nan), np.zeros(pixels.shape)
+    for i, T in enumerate(poses):
+        at = points @ T[:3, :3].T + T[:3, 3]
+        residuals[i] = pixels[i] - camera.project(at)
+        by_point = camera.projection_jacobian(at) @ T[:3, :3]
+        J = by_twist(by_point, points)
+        J[~np.isfinite(shown[i, :, 0])] = 0.0
+        Q, _ = np.linalg.qr(J.reshape(-1, 6))
+        spared[i] = 1.0 - (Q**2).sum(axis=1).reshape(-1, 2)
+    return residuals, spared
+
+
+def _sigma(residuals: Array, spared: Array, seen: npt.NDArray[np.bool_]) -> tuple[Array, float]:
+    """Of x and y, (2,) px, from the better half of the images by their squares; and the coordinates it rests on."""
+    squares = np.where(seen[..., None], residuals, 0.0) ** 2
+    freedom = np.where(seen[..., None], spared, 0.0).sum(axis=(1, 2))
+    usable = freedom > 0.5
+    mean = squares.sum(axis=(1, 2))[usable] / freedom[usable]
+    typical = np.median(mean) / np.median(stats.chi2.median(freedom[usable]) / freedom[usable])
+    good = usable.copy()
+    good[usable] = mean * freedom[usable] < typical * stats.chi2.isf(1e-4, freedom[usable])
+    total = squares[good].sum(axis=(0, 1)), np.where(seen[..., None], spared, 0.0)[good].sum(axis=(0, 1))
+    if np.median(seen.sum(axis=1)) < _PER_AXIS:
+        return np.full(2, max(np.sqrt(total[0].sum() / total[1].sum()), _FINEST)), float(total[1].sum())
+    return np.maximum(np.sqrt(total[0] / total[1]), _FINEST), float(total[1].sum())
+
+
+def _noise(whitened: Array, spared: Array) -> Array:
+    """Of each image, (n,), shrunk to 1 by how little images differ (an empirical Bayes estimate of variances).
+
+    The variances of images are taken to be spread as inverse chi squares with as many degrees of freedom as the spread
+    of their logarithms tells, beyond that of few corners.
+    """
+    freedom = spared.sum(axis=(1, 2))
+    squares = np.where(spared > 0.0, whitened, 0.0) ** 2
+    total = np.nansum(squares, axis=(1, 2))
+    usable = freedom > 1.0
+    if usable.sum() < _FEW_IMAGES:
+        return np.ones(len(freedom))
+    logs = np.log(np.maximum(total[usable], 1e-12) / freedom[usable])
+    spread = float(stats.iqr(logs, scale="normal")) ** 2
+    chance = float(np.mean(special.polygamma(1, freedom[usable] / 2.0)))
+    surplus = spread - chance
+    if surplus <= _SURE * chance * np.sqrt(2.0 / usable.sum()):
+        return np.ones(len(freedom))
+    prior = 2.0 / surplus
+    return np.asarray(np.sqrt((prior + total) / (prior + freedom)))

@@ -1,0 +1,222 @@
+"""Eye-to-hand calibration of an arm before a fixed camera: where the camera stands, how the target is held, and what
+the arm's zeros and links are off by, from images of the target and the joints at each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.calibration_file import LARGEST_LINK, LARGEST_ZERO
+from arm.errors import CalibrationRefused
+from arm.se3 import Array, frozen
+from calib.chain.fit import Problem, Sightings
+from calib.chain.flipped_targets import turned_images
+from calib.chain.model_selection import Part
+from calib.chain.per_image_poses import fit_free_poses
+from calib.chain.result import ChainCalibration, ChainLimits, calibrate_chain
+from calib.chain.verdict import judged
+from calib.hand_eye.chain import CAMERA, OFFSETS, TARGET, arm_chain, place_and_mount, unknown_names
+from calib.recordings.arm import ArmRecording
+from calib.recordings.encoder_steps import reading_sigmas
+from calib.recordings.points import numbers_of_this_world
+from calib.robot_world.initial_guess import start_robot_world
+
+LINKS = "errors of the links"
+ZERO = np.radians(3.0)  # rad; no joint's zero is further off in an arm that was ever homed
+LENGTH, ANGLE = 0.5e-3, np.radians(0.1)  # m and rad; what links of an industrial arm are off by
+GAUGES = (
+    "zero of the first joint: turns the base, and is in T_base_camera",
+    "zero of the last joint: turns the hand, and is in T_gripper_target",
+)
+HAND_EYE_LIMITS = ChainLimits(held_out=1e-3)
+
+
+@dataclass(frozen=True, eq=False)
+class HandEye:
+    """A camera's place and an arm's errors.
+
+    Attributes:
+        recording: that it rests on.
+        chain: the calibration of the chain, with its verdict.
+        start: T_base_camera and T_gripper_target about which the chain's unknowns count, 4x4 each.
+        pixel_sigma: noise of a corner, (2,) px, that the images show without the arm.
+    """
+
+    recording: ArmRecording
+    chain: ChainCalibration
+    start: tuple[Array, Array]
+    pixel_sigma: Array
+
+    @cached_property
+    def _placed(self) -> tuple[Array, Array]:
+        return place_and_mount(*self.start, self.chain.fit.unknowns)
+
+    @property
+    def T_base_camera(self) -> Array:
+        """Where the camera stands, 4x4."""
+        return self._placed[0]
+
+    @property
+    def T_gripper_target(self) -> Array:
+        """How the target is held: gripper is the flange, 4x4."""
+        return self._placed[1]
+
+    @property
+    def joint_offsets(self) -> Array:
+        """What to add to each reading, (joints,) rad."""
+        return frozen(self.chain.fit.unknowns[OFFSETS : OFFSETS + self.recording.dh.joints])
+
+    @property
+    def link_errors(self) -> tuple[Array, Array, Array]:
+        """What to add to d and a (m) and alpha (rad), (joints,) each."""
+        first = OFFSETS + self.recording.dh.joints
+        return tuple(map(frozen, np.split(self.chain.fit.unknowns[first:], 3)))  # type: ignore[return-value]
+
+    def pose_sigma(self, first: int, R: Array) -> tuple[Array, Array]:
+        """Standard deviations (3,) m along the axes of the frame that R leads to, and (3,) rad about its own axes."""
+        covariance = self.chain.covariance[first : first + 6, first : first + 6]
+        along = R @ covariance[:3, :3] @ R.T
+        return np.sqrt(np.diag(along)), np.sqrt(np.diag(covariance)[3:])
+
+    @property
+    def camera_sigma(self) -> tuple[Array, Array]:
+        """Of `T_base_camera`: m in the base frame, rad about the camera's axes."""
+        return self.pose_sigma(CAMERA, self.T_base_camera[:3, :3])
+
+    @property
+    def target_sigma(self) -> tuple[Array, Array]:
+        """Of `T_gripper_target`: m in the gripper's frame, rad about the target's axes."""
+        return self.pose_sigma(TARGET, self.T_gripper_target[:3, :3])
+
+
+def hand_eye_problem(
+    recording: ArmRecording,
+    about: tuple[Array, Array],
+    pixel_sigma: Array,
+    reading_sigma: Array,
+    wrong: npt.NDArray[np.bool_] | None = None,
+    noise: Array | None = None,
+) -> Problem:
+    """What is unknown of an arm before a camera, all of it free but the gauges.
+
+    Args:
+        recording: images and joints.
+        about: T_base_camera and T_gripper_target, 4x4 each, from which the unknowns count.
+        pixel_sigma: (2,) px.
+        reading_sigma: (joints,) rad, 0 for exact encoders.
+        wrong: (n, m) corners that are not to be used.
+        noise: of each image in noise of the typical one, (n,).
+    """
+    dh, n = recording.dh, len(recording.joints)
+    count = len(unknown_names(dh.joints))
+    pixels = recording.pixels if wrong is None else np.where(wrong[..., None], np.nan, recording.pixels)
+    ids = np.tile(np.arange(n)[:, None], (1, dh.joints))
+    chain = arm_chain(dh, *about)
+    sightings = Sightings(chain, recording.joints, ids, np.arange(n), recording.points, pixels, None, noise)
+    free = np.ones(count, dtype=bool)
+    free[[OFFSETS, OFFSETS + dh.joints - 1]] = False
+    prior = np.full(count, np.inf)
+    links = OFFSETS + dh.joints
+    prior[OFFSETS:links] = ZERO
+    prior[links : links + 2 * dh.joints] = LENGTH
+    prior[links + 2 * dh.joints :] = ANGLE
+    return Problem([sightings], recording.camera, np.zeros(count), prior, pixel_sigma, reading_sigma, free)
+
+
+def calibrate_hand_eye(
+    recording: ArmRecording, limits: ChainLimits = HAND_EYE_LIMITS, encoder_step: float | None = None
+) -> HandEye:
+    """Find place, mount, zeros and, if the images show them, errors of the links.
+
+    Zeros of the first and last joint are a gauge and held (`GAUGES`).
+
+    Args:
+        recording: images and joints.
+        limits: of the verdict.
+        encoder_step: rad; None to see it from the readings.
+
+    Raises:
+        CalibrationRefused: too few poses, motions that determine nothing, or numbers that no arm and camera have.
+    """
+    with numbers_of_this_world():
+        return _calibrated(recording, limits, encoder_step)
+
+
+def _calibrated(recording: ArmRecording, limits: ChainLimits, encoder_step: float | None) -> HandEye:
+    dh = recording.dh
+    alone = fit_free_poses(recording.camera, recording.points, recording.pixels)
+    names = unknown_names(dh.joints)
+    lengths = np.array([name[-1] in "xyzda" and "turn" not in name and "alpha" not in name for name in names])
+    nominal = arm_chain(dh, np.eye(4), np.eye(4)).evaluate(recording.joints, np.zeros(len(names))).T
+    begin = start_robot_world(nominal, alone.T_camera_target)
+    problem = hand_eye_problem(
+        recording,
+        (begin.T_base_camera, begin.T_gripper_target),
+        alone.pixel_sigma,
+        reading_sigmas([recording.joints])
+        if encoder_step is None
+        else np.full(dh.joints, encoder_step / np.sqrt(12.0)),
+        alone.wrong,
+        alone.noise,
+    )
+    if not begin.inliers.any():
+        raise CalibrationRefused("no two poses agree on where the camera stands", reason="start")
+    chain = calibrate_chain(
+        names,
+        lengths,
+        problem,
+        [Part(LINKS, tuple(range(OFFSETS + dh.joints, len(names))))],
+        limits,
+        [begin.inliers.astype(float)],
+        alone.freedom,
+        readings=[f"J{j + 1}" for j in range(dh.joints)],
+        step_known=encoder_step is not None,
+    )
+
+    def in_words(name: str, value: float) -> str:
+        length = lengths[names.index(name)]
+        return f"{1e3 * value:.3g} mm" if length else f"{np.degrees(value):.3g} deg"
+
+    chain = judged(chain, in_words)
+    flipped = tuple(
+        f"{len(images)} of the images that were left out show the target taken for turned by {turn} deg (a flipped "
+        f"marker): {', '.join(map(str, images[:8]))}{', ...' if len(images) > 8 else ''}"
+        for turn, images in turned_images(chain).items()
+    )
+    found = HandEye(
+        recording,
+        replace(chain, remarks=(*chain.remarks, *flipped)),
+        (begin.T_base_camera, begin.T_gripper_target),
+        alone.pixel_sigma,
+    )
+    return replace(found, chain=replace(found.chain, reasons=(*chain.reasons, *_beyond_belief(found))))
+
+
+def _beyond_belief(found: HandEye) -> list[str]:
+    """Errors of the arm that no calibration file takes: that is another arm, or one that was homed wrongly."""
+    d, a, alpha = found.link_errors
+    length, angle = LARGEST_LINK
+    checked = (
+        ("zero", found.joint_offsets, LARGEST_ZERO, np.degrees(1.0), "deg"),
+        ("d", d, length, 1e3, "mm"),
+        ("a", a, length, 1e3, "mm"),
+        ("alpha", alpha, angle, np.degrees(1.0), "deg"),
+    )
+    beyond = [
+        (
+            float(abs(values[j]) / most),
+            f"{what} of J{j + 1} is off by {unit * values[j]:.3g} {symbol}, at most {unit * most:.3g} is believed",
+        )
+        for what, values, most, unit, symbol in checked
+        for j in np.flatnonzero(np.abs(values) > most)
+    ]
+    if not beyond:
+        return []
+    others = f", and {len(beyond) - 1} more such numbers" if len(beyond) > 1 else ""
+    return [
+        f"{max(beyond)[1]}{others}: home the arm again; is it the one of the recording's dh, and are that and the "
+        "target in m and rad?"
+    ]

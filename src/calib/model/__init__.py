@@ -1,0 +1,1 @@
+"""What is estimated: intrinsics, and chains of joints as a URDF has them."""

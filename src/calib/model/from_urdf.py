@@ -1,0 +1,74 @@
+"""A chain with unknowns from any Pinocchio model, between any two of its frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pinocchio as pin
+
+from arm.errors import InputError
+from arm.se3 import Array, frozen
+from calib.model.chain import Chain, Element, Fixed, Motion, Unknown, joined
+
+_AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
+
+
+def chain_from_root(
+    model: pin.Model,
+    frame: str,
+    reading_of: Mapping[str, int],
+    unknowns_of: Callable[[str], tuple[Unknown, ...]] = lambda joint: (),
+    after: Callable[[str], tuple[Element, ...]] = lambda joint: (),
+) -> Chain:
+    """T_root_frame as a chain.
+
+    Args:
+        model: of revolute and prismatic joints.
+        frame: name of its end.
+        reading_of: column of the readings of each joint on the way, by name.
+        unknowns_of: what is unknown of a joint's own motion (offset, spring, play), by its name.
+        after: what comes between a joint's motion and what it carries, such as geometric errors, by its name.
+
+    Raises:
+        InputError: there is no such frame, a joint on the way has no reading, or is of another kind.
+    """
+    if not model.existFrame(frame):
+        names = ", ".join(f.name for f in model.frames)
+        raise InputError(
+            f"frame = {frame!r}: {model.name} has none of that name; it has {names}", frame=frame
+        )
+    end = model.frames[model.getFrameId(frame)]
+    way: list[int] = []
+    joint = end.parentJoint
+    while joint > 0:
+        way.insert(0, joint)
+        joint = model.parents[joint]
+    elements: list[Element] = []
+    for joint in way:
+        name = model.names[joint]
+        if name not in reading_of:
+            raise InputError(f"joint {name}: on the way to {frame}, but it has no reading", joint=name)
+        axis, turns = _axis(model.joints[joint], name)
+        elements += [
+            Fixed(frozen(model.jointPlacements[joint].homogeneous)),
+            Motion(axis, turns, reading_of[name], unknowns_of(name)),
+            *after(name),
+        ]
+    return joined([*elements, Fixed(frozen(end.placement.homogeneous))])
+
+
+def _axis(joint: pin.JointModel, name: str) -> tuple[Array, bool]:
+    kind = joint.shortname()
+    turns = kind.startswith("JointModelR")
+    if kind in {"JointModelRevoluteUnaligned", "JointModelPrismaticUnaligned"}:
+        return frozen(np.asarray(joint.extract().axis)), turns
+    if (
+        kind.startswith(("JointModelR", "JointModelP"))
+        and kind[-1] in _AXES
+        and kind[:-1] in {"JointModelR", "JointModelP"}
+    ):
+        return frozen(_AXES[kind[-1]]), turns
+    raise InputError(
+        f"joint {name}: is a {kind}; chains have revolute and prismatic joints", joint=name, kind=kind
+    )

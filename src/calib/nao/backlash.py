@@ -1,0 +1,269 @@
+"""Springs and play of the NAO's legs where stances tell little of them, and play that changes over all at once.
+
+A joint's play shows only where its torque changes sign, and a spring's compliance only where the torque differs from
+stance to stance; of the rest no more is known than that joints of one make are alike. That is used: compliances and
+half plays of all joints are draws from one distribution each, whose mean and width the well known ones tell.
+
+Play may change sides smoothly with the torque, or all at once. If at once, a joint whose torque is near zero may lie
+on either side, because masses are known to a part only; the images tell on which: sides are chosen stance by stance
+to cost least, each with the probability that its torque has that sign. The shape of the play that costs less is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+from scipy.stats import norm
+
+from arm.se3 import Array, by_twist
+from calib.chain.fit import ChainFit, Problem, Sightings, fit_chains
+from calib.nao.chain import LEG, KnownSides, NaoUnknowns, gravity_gains, gravity_torques, nao_model
+from vision.camera.model import Camera
+
+MASS_SIGMA = 0.10  # of a link's mass, a part of it
+_LEAST_TORQUE_SIGMA = 0.005  # Nm; centres of mass are not exact either
+_KINDS = ("compliance", "backlash")
+_FIRST_MEAN, _FIRST_SIGMA = (
+    np.radians(0.5),
+    np.radians(1.0),
+)  # a joint's before any is known, per Nm for springs
+_KNOWN = np.radians(0.15)  # standard deviation from which a joint tells of the others
+_FEWEST_KNOWN, _LEAST_WIDTH = 4, np.radians(0.13)
+_DOUBTFUL, _MOST_DOUBTFUL = (
+    3.5,
+    5,
+)  # torques below so many of their standard deviations; of so many joints a stance
+_ROUNDS = 10
+
+
+@dataclass(frozen=True, eq=False)
+class PlayFit:
+    """A fit with springs and play.
+
+    Attributes:
+        problem: with the priors and gains that were used.
+        fit: of it.
+        hard: whether play changes sides all at once.
+        smooth_cost, hard_cost: of both shapes, the sides' own improbability in the second.
+        iterations: of all fits that led to it.
+    """
+
+    problem: Problem
+    fit: ChainFit
+    hard: bool
+    smooth_cost: float
+    hard_cost: float
+    iterations: int
+
+
+def torque_sigmas(side: str, legs: Array, gravity: npt.ArrayLike) -> Array:
+    """Standard deviation (n, 6) Nm of gravity's torques if every link's mass is known to `MASS_SIGMA`."""
+    full = nao_model()
+    total = np.zeros((len(legs), len(LEG)))
+    for joint in LEG:
+        alone = full.copy()
+        for i in range(1, alone.njoints):
+            if alone.names[i] != side + joint:
+                alone.inertias[i] = pin.Inertia.Zero()
+        total += (MASS_SIGMA * gravity_torques(side, legs, gravity, alone)) ** 2
+    return np.asarray(np.sqrt(total + _LEAST_TORQUE_SIGMA**2))
+
+
+def with_first_priors(problem: Problem, unknowns: NaoUnknowns) -> Problem:
+    """Springs and play from about half a degree, and no more than a degree or two off that unless images say so."""
+    start, sigma = problem.start.copy(), problem.prior_sigma.copy()
+    for kind in _KINDS:
+        places = _fitted(problem, unknowns, kind)
+        start[places], sigma[places] = _FIRST_MEAN, _FIRST_SIGMA
+    return replace(problem, start=start, prior_sigma=sigma)
+
+
+def with_priors_of_a_make(problem: Problem, unknowns: NaoUnknowns, fit: ChainFit) -> Problem:
+    """Springs and play about the mean of those that a fit knows well, as wide as these are apart."""
+    start, sigma = problem.start.copy(), problem.prior_sigma.copy()
+    spread = np.sqrt(np.diag(fit.covariance(problem.free)))
+    for kind in _KINDS:
+        places = _fitted(problem, unknowns, kind)
+        known = [i for i in places if spread[i] < _KNOWN]
+        if len(known) < _FEWEST_KNOWN:
+            continue
+        weight = 1.0 / (spread[known] ** 2 + _KNOWN**2)
+        mean = float(weight @ fit.unknowns[known] / weight.sum())
+        width = float(np.sqrt(weight @ (fit.unknowns[known] - mean) ** 2 / weight.sum()))
+        start[places], sigma[places] = mean, max(1.3 * width, _LEAST_WIDTH)
+    return replace(problem, start=start, prior_sigma=sigma)
+
+
+def fit_springs_and_play(
+    problem: Problem,
+    unknowns: NaoUnknowns,
+    sides: Sequence[str],
+    gravity: npt.ArrayLike,
+    weights: Sequence[Array] | None = None,
+) -> PlayFit:
+    """Fit with priors that suit the joints' make, play being of the shape that costs less.
+
+    Args:
+        problem: whose sightings are of `calib.nao.chain.nao_sightings`; which unknowns are free is kept.
+        unknowns: that are looked for.
+        sides: L or R of each of the problem's chains.
+        gravity: in the torso's frame, (3,) m/s^2.
+        weights: of every image of every chain, 0 for those that are wrong; 1 if not given.
+    """
+    first = with_first_priors(problem, unknowns)
+    begin = fit_chains(first, weights)
+    known = with_priors_of_a_make(first, unknowns, begin)
+    smooth = fit_chains(known, weights)  # from a fit it would creep: torques' derivatives are left out
+    iterations = begin.iterations + smooth.iterations
+    if not _fitted(problem, unknowns, "backlash"):
+        return PlayFit(known, smooth, False, smooth.cost, float("inf"), iterations)
+    hard, hard_fit, improbable, steps = _all_at_once(
+        known, unknowns, sides, np.asarray(gravity, float), smooth
+    )
+    cost = hard_fit.cost + improbable
+    if cost < smooth.cost:
+        return PlayFit(hard, hard_fit, True, smooth.cost, cost, iterations + steps)
+    return PlayFit(known, smooth, False, smooth.cost, cost, iterations + steps)
+
+
+def with_shape_of_play(
+    problem: Problem,
+    unknowns: NaoUnknowns,
+    sides: Sequence[str],
+    gravity: npt.ArrayLike,
+    weights: Sequence[Array] | None = None,
+) -> Problem:
+    """The same problem with play that changes sides at once where that costs less; see `fit_springs_and_play`."""
+    found = fit_springs_and_play(problem, unknowns, sides, gravity, weights)
+    return replace(problem, sightings=found.problem.sightings) if found.hard else problem
+
+
+def _fitted(problem: Problem, unknowns: NaoUnknowns, kind: str) -> list[int]:
+    return [i for i, name in enumerate(unknowns.names) if kind in name and problem.free[i]]
+
+
+def _all_at_once(
+    problem: Problem, unknowns: NaoUnknowns, sides: Sequence[str], gravity: Array, begin: ChainFit
+) -> tuple[Problem, ChainFit, float, int]:
+    """The fit whose sides of the play cost least, minus twice the log probability of these sides, and all steps."""
+    torque = [
+        _torque(s, side, unknowns, gravity, begin) for s, side in zip(problem.sightings, sides, strict=True)
+    ]
+    sigma = [
+        torque_sigmas(side, s.readings[:, :6], gravity)
+        for s, side in zip(problem.sightings, sides, strict=True)
+    ]
+    signs = [np.where(t < 0.0, -1.0, 1.0) for t in torque]
+    fit, steps = begin, 0
+    for number in range(_ROUNDS):
+        held = [
+            replace(s, gains=gravity_gains(side, unknowns, gravity, KnownSides(s.readings[:, :6], lie)))
+            for s, side, lie in zip(problem.sightings, sides, signs, strict=True)
+        ]
+        problem = replace(problem, sightings=held)
+        fit = fit_chains(problem, begin.weights)
+        steps += fit.iterations
+        if number == 1:
+            problem = with_priors_of_a_make(problem, unknowns, fit)
+        torque = [_torque(s, side, unknowns, gravity, fit) for s, side in zip(held, sides, strict=True)]
+        then = [
+            _likelier_sides(problem, fit, k, _half_plays(fit, unknowns, side), lie, t / w)
+            for k, (side, lie, t, w) in enumerate(zip(sides, signs, torque, sigma, strict=True))
+        ]
+        same = all(np.array_equal(a, b) for a, b in zip(then, signs, strict=True))
+        signs = then
+        if same and number > 1:
+            break
+    improbable = 0.0
+    for s, lie, t, w in zip(problem.sightings, signs, torque, sigma, strict=True):
+        _, once = np.unique(s.stances, return_index=True)
+        improbable -= 2.0 * float(norm.logcdf((lie * t / w)[once]).sum())
+    return problem, fit, improbable, steps
+
+
+def _torque(s: Sightings, side: str, unknowns: NaoUnknowns, gravity: Array, fit: ChainFit) -> Array:
+    offsets = [unknowns.names.index(f"{side}{joint}_deg") for joint in LEG]
+    return gravity_torques(side, s.readings[:, :6] + fit.unknowns[offsets], gravity)
+
+
+def _half_plays(fit: ChainFit, unknowns: NaoUnknowns, side: str) -> Array:
+    return fit.unknowns[[unknowns.names.index(f"{side}{joint}_backlash_half_deg") for joint in LEG]]
+
+
+def _likelier_sides(
+    problem: Problem, fit: ChainFit, chain: int, half: Array, signs: Array, score: Array
+) -> Array:
+    """Sides (n, 6) of one chain that cost least stance by stance, unknowns held, errors of readings anew.
+
+    Args:
+        problem, fit: with play on the sides `signs`.
+        chain: number of it.
+        half: its half plays (6,) rad.
+        signs: sides now, (n, 6).
+        score: torques in their standard deviations, (n, 6).
+    """
+    s, errors, used = problem.sightings[chain], fit.errors[chain], fit.weights[chain] > 0.0
+    r, by_reading = _whitened(problem, s, fit, chain)
+    then = signs.copy()
+    for stance in np.unique(s.stances[used]):
+        images = np.flatnonzero((s.stances == stance) & used)
+        at = images[0]
+        order = np.argsort(np.abs(score[at]))
+        doubtful = [j for j in order if abs(score[at, j]) < _DOUBTFUL][:_MOST_DOUBTFUL]
+        if not doubtful:
+            continue
+        N, now, sigma = _columns(problem, s, by_reading, errors, images)
+        rows = r[images].reshape(-1)
+        solve = np.linalg.inv(N.T @ N + np.diag(sigma**-2))
+        least = np.inf
+        for tried in product((-1.0, 1.0), repeat=len(doubtful)):
+            lie = signs[at].copy()
+            lie[doubtful] = tried
+            moved = rows - N[:, :6] @ (half * (lie - signs[at]))
+            g = N.T @ moved - now / sigma**2
+            cost = float(moved @ moved + ((now / sigma) ** 2).sum() - g @ solve @ g)
+            cost -= 2.0 * float(norm.logcdf(lie[doubtful] * score[at, doubtful]).sum())
+            if cost < least - 1e-9:
+                least, best = cost, lie
+        then[s.stances == stance] = best
+    return then
+
+
+def _whitened(problem: Problem, s: Sightings, fit: ChainFit, chain: int) -> tuple[Array, Array]:
+    """Residuals (n, m, 2) and their derivatives by the readings (n, m, 2, readings); zero where nothing was seen."""
+    at = s.evaluate(fit.unknowns, fit.errors[chain])
+    sigma = s.sigma(problem.pixel_sigma)
+    by_reading = pixels_by_twists(problem.camera, s.points, at.T, at.by_reading) / sigma[..., None]
+    seen = np.isfinite(fit.residuals[chain])
+    r = np.where(seen, fit.residuals[chain] / sigma, 0.0)
+    return r, np.where(seen[..., None], by_reading, 0.0)
+
+
+def pixels_by_twists(camera: Camera, points: Array, T: Array, twists: Array) -> Array:
+    """Derivatives (n, m, 2, k) px of points (m, 3) m at poses T (n, 4, 4) by twists (n, k, 6) in their own frames."""
+    at = np.einsum("nij,mj->nmi", T[:, :3, :3], points) + T[:, None, :3, 3]
+    by_point = np.einsum("nmuk,nki->nmui", camera.projection_jacobian(at), T[:, :3, :3])
+    return np.asarray(np.einsum("nmut,nkt->nmuk", by_twist(by_point, points), twists))
+
+
+def _columns(
+    problem: Problem, s: Sightings, by_reading: Array, errors: Array, images: npt.NDArray[np.intp]
+) -> tuple[Array, Array, Array]:
+    """Of one stance's readings, the leg's six first: derivatives of all rows, the errors now, standard deviations.
+
+    A reading that is taken as exact gets an error that is next to none.
+    """
+    k, m = len(images), by_reading.shape[1]
+    sigma = np.maximum(problem.reading_sigma, 1e-9)
+    head = by_reading.shape[-1] - 6
+    N = np.zeros((k, m, 2, 6 + head * k))
+    N[..., :6] = by_reading[images][..., :6]
+    for i, image in enumerate(images):
+        N[i, ..., 6 + head * i : 6 + head * (i + 1)] = by_reading[image, ..., 6:]
+    now = np.concatenate([errors[images[0], :6], errors[images, 6:].reshape(-1)])
+    return N.reshape(k * m * 2, -1), now, np.concatenate([sigma[:6], np.tile(sigma[6:], k)])

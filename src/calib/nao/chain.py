@@ -1,0 +1,218 @@
+"""The NAO of the second seed: its chains from the lower camera to the checkerboards on its soles, and what is unknown.
+
+T. Kastner, T. Roefer, T. Laue, "Automatic robot calibration for the NAO" (2014): eqs. 1 to 5 for the chain, Table 1 for
+the unknowns. Past the paper: offsets of the head, springs and play in the legs' joints (its future work).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from arm.io.storage import data_file
+from arm.se3 import Array, frozen, transform
+from calib.chain.fit import Gains, Sightings
+from calib.model.chain import Chain, Fixed, Motion, Unknown, joined
+from calib.model.from_urdf import chain_from_root
+
+LEG = ("HipYawPitch", "HipRoll", "HipPitch", "KneePitch", "AnklePitch", "AnkleRoll")
+HEAD = ("HeadYaw", "HeadPitch")
+SIDES = ("L", "R")
+LEG_JOINTS = tuple(side + joint for side in SIDES for joint in LEG)
+CAMERA_TURNS = ("CamYaw", "CamPitch", "CamRoll")
+MOUNT = ("RotZ", "TransX", "TransY")
+PLAY_NM = (
+    0.05  # torque over which a joint goes from one end of its play to the other (data sheet of the sets)
+)
+_SAME_STANCE = np.radians(3.0)  # a fit may move readings by a degree on its way
+_X, _Y, _Z = np.eye(3)
+_FORWARD = transform(
+    [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]
+)  # the paper's camera looks along x
+
+
+@dataclass(frozen=True)
+class NaoUnknowns:
+    """Which numbers are looked for, beside the paper's 21.
+
+    Attributes:
+        head: offsets of both head joints.
+        springs: compliance of every leg joint.
+        play: half the backlash of every leg joint.
+    """
+
+    head: bool = False
+    springs: bool = False
+    play: bool = False
+
+    @property
+    def names(self) -> list[str]:
+        """In order, with their units as in the data's truth."""
+        named = [f"{n}_deg" for n in (*CAMERA_TURNS, *LEG_JOINTS)]
+        named += [f"{s}{m}_{'deg' if m == 'RotZ' else 'mm'}" for s in SIDES for m in MOUNT]
+        if self.head:
+            named += [f"{n}_deg" for n in HEAD]
+        if self.springs:
+            named += [f"{n}_compliance_deg_per_Nm" for n in LEG_JOINTS]
+        if self.play:
+            named += [f"{n}_backlash_half_deg" for n in LEG_JOINTS]
+        return named
+
+    def si(self) -> Array:
+        """What one of each name's unit is in rad, m, rad/Nm."""
+        return np.array([1e-3 if n.endswith("_mm") else np.pi / 180.0 for n in self.names])
+
+    def index(self, name: str) -> int:
+        """Of a name without its unit."""
+        return next(
+            i for i, n in enumerate(self.names) if n.rpartition("_")[0] == name or n.startswith(f"{name}_")
+        )
+
+
+@lru_cache(maxsize=1)
+def nao_model() -> pin.Model:
+    """The NAO of ``urdf/nao/nao.urdf``, its torso fixed."""
+    return pin.buildModelFromUrdf(str(data_file("urdf/nao/nao.urdf")))
+
+
+@lru_cache(maxsize=32)
+def nao_chain(side: str, unknowns: NaoUnknowns) -> Chain:
+    """T_camera_board: the camera frame as OpenCV has it, the sole's frame with the board's mount."""
+    names = unknowns.names
+
+    def of(name: str) -> Unknown:
+        return Unknown(names.index(name))
+
+    def of_joint(joint: str) -> tuple[Unknown, ...]:
+        found = [of(f"{joint}_deg")] if f"{joint}_deg" in names else []
+        if f"{joint}_compliance_deg_per_Nm" in names:
+            found.append(Unknown(names.index(f"{joint}_compliance_deg_per_Nm"), f"torque {joint}"))
+        if f"{joint}_backlash_half_deg" in names:
+            found.append(Unknown(names.index(f"{joint}_backlash_half_deg"), f"play {joint}"))
+        return tuple(found)
+
+    model = nao_model()
+    columns = {side + joint: i for i, joint in enumerate(LEG)} | {
+        joint: 6 + i for i, joint in enumerate(HEAD)
+    }
+    head = chain_from_root(model, "lower_camera", columns, of_joint)
+    turns = [
+        Motion(frozen(axis), unknowns=(of(f"{name}_deg"),))
+        for axis, name in ((_Y, "CamPitch"), (_X, "CamRoll"), (_Z, "CamYaw"))  # eq. 3
+    ]
+    camera = Chain((*head.elements, *turns, Fixed(_FORWARD)))
+    leg = chain_from_root(model, f"{side}_sole", columns, of_joint)
+    mount = [
+        Motion(frozen(_Z), unknowns=(of(f"{side}RotZ_deg"),)),  # eq. 4
+        Motion(frozen(_X), turns=False, unknowns=(of(f"{side}TransX_mm"),)),
+        Motion(frozen(_Y), turns=False, unknowns=(of(f"{side}TransY_mm"),)),
+    ]
+    return joined([*camera.turned_round().elements, *leg.elements, *mount])
+
+
+def gravity_torques(side: str, legs: Array, gravity: npt.ArrayLike, model: pin.Model | None = None) -> Array:
+    """Torques of gravity about a leg's joints, positive as they act, Nm.
+
+    Args:
+        side: L or R.
+        legs: angles (n, 6) rad.
+        gravity: in the torso's frame, (3,) m/s^2.
+        model: with other masses, or None.
+
+    Returns:
+        (n, 6).
+    """
+    model = (nao_model() if model is None else model).copy()
+    model.gravity.linear = np.asarray(gravity, dtype=float)
+    data = model.createData()
+    columns = [model.joints[model.getJointId(side + joint)].idx_q for joint in LEG]
+    torque = np.empty((len(legs), len(LEG)))
+    q = np.zeros(model.nq)
+    for n, leg in enumerate(legs):
+        q[columns] = leg
+        torque[n] = -pin.computeGeneralizedGravity(model, data, q)[columns]
+    return torque
+
+
+@dataclass(frozen=True, eq=False)
+class KnownSides:
+    """Sides of their play, -1 or 1, on which a leg's joints were found.
+
+    Attributes:
+        legs: readings (n, 6) rad at which that was.
+        sides: (n, 6).
+    """
+
+    legs: Array
+    sides: Array
+
+    def at(self, legs: Array, torque: Array) -> Array:
+        """Sides (k, 6) at readings (k, 6) rad: as found there, elsewhere where torques (k, 6) Nm turn them."""
+        away = np.abs(legs[:, None] - self.legs[None]).max(axis=-1)
+        found = self.sides[away.argmin(axis=1)]
+        return np.where(away.min(axis=1)[:, None] < _SAME_STANCE, found, np.sign(torque))
+
+
+def gravity_gains(
+    side: str, unknowns: NaoUnknowns, gravity: npt.ArrayLike, known: KnownSides | None = None
+) -> Gains | None:
+    """Torques of gravity about the leg's joints, Nm as they act, and on which side of its play each joint lies.
+
+    Both are taken at the readings with their offsets.
+
+    Args:
+        side: L or R.
+        unknowns: that are looked for.
+        gravity: in the torso's frame, (3,) m/s^2.
+        known: sides on which joints lie in stances; None where play changes over within about `PLAY_NM`.
+    """
+    if not (unknowns.springs or unknowns.play):
+        return None
+    offsets = [unknowns.names.index(f"{side}{joint}_deg") for joint in LEG]
+
+    def gains(readings: Array, x: Array) -> dict[str, Array]:
+        torque = gravity_torques(side, readings[:, :6] + x[offsets], gravity)
+        play = np.tanh(torque / PLAY_NM) if known is None else known.at(readings[:, :6], torque)
+        given = {f"torque {side}{joint}": torque[:, i] for i, joint in enumerate(LEG)}
+        return given | {f"play {side}{joint}": play[:, i] for i, joint in enumerate(LEG)}
+
+    return gains
+
+
+def nao_sightings(
+    side: str,
+    unknowns: NaoUnknowns,
+    stances: npt.NDArray[np.intp],
+    leg: Array,
+    head: Array,
+    board: Array,
+    pixels: Array,
+    gravity: Sequence[float],
+) -> Sightings:
+    """Images of one sole's board.
+
+    Args:
+        side: L or R.
+        unknowns: that are looked for.
+        stances: (n,) of each image; images of one stance share one reading of the leg.
+        leg, head: encoders, (n, 6) and (n, 2) rad.
+        board: vertices (m, 3) m in the sole's frame.
+        pixels: (n, m, 2).
+        gravity: in the torso's frame, m/s^2.
+    """
+    images = np.arange(len(stances))
+    ids = np.column_stack([np.tile(stances[:, None], (1, len(LEG))), images, images])
+    return Sightings(
+        nao_chain(side, unknowns),
+        np.column_stack([leg, head]),
+        ids,
+        stances,
+        board,
+        pixels,
+        gravity_gains(side, unknowns, np.asarray(gravity)),
+    )

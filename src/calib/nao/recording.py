@@ -1,0 +1,111 @@
+"""Recorded images of the checkerboards on a NAO's soles.
+
+``camera{focal_px, centre_px, size_px}``, ``board.vertices_sole_m``, ``gravity_m_s2`` and ``images[]{side, stance,
+leg_encoder_deg[6], head_encoder_deg[2], vertices_px[n][2]}``, null for a vertex that was not seen (docs/nao.md);
+nothing else in the file is read. Vertices may lie outside the image: those of simulated soft legs do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from arm.io.json_reader import JsonNode
+from arm.se3 import Array, frozen
+from calib.chain.fit import Sightings
+from calib.nao.chain import SIDES, NaoUnknowns, nao_sightings
+from calib.recordings.points import refuse_repeats, seen_points, target_points
+from vision.camera.model import Camera
+
+_MOST_IMAGES, _FEWEST_VERTICES = 100_000, 4
+GRAVITY, _GRAVITY_VARIES = 9.81, 0.05  # m/s^2; it is 9.78 at the equator and 9.83 at the poles
+
+
+@dataclass(frozen=True, eq=False)
+class NaoRecording:
+    """What a file holds.
+
+    Attributes:
+        camera: at the origin, z forward.
+        board: vertices (m, 3) m in the sole's frame.
+        gravity: in the torso's frame, (3,) m/s^2.
+        side: of each image, 0 for L and 1 for R, (n,).
+        stance: number of each image's stance, (n,).
+        leg, head: encoders (n, 6) and (n, 2), rad.
+        pixels: (n, m, 2), NaN where a vertex was not seen.
+    """
+
+    camera: Camera
+    board: Array
+    gravity: Array
+    side: Array
+    stance: Array
+    leg: Array
+    head: Array
+    pixels: Array
+
+    def sightings(self, unknowns: NaoUnknowns) -> list[Sightings]:
+        """Of both soles, or of the one that was seen."""
+        return [
+            nao_sightings(
+                side,
+                unknowns,
+                self.stance[of].astype(np.intp),
+                self.leg[of],
+                self.head[of],
+                self.board,
+                self.pixels[of],
+                self.gravity.tolist(),
+            )
+            for number, side in enumerate(SIDES)
+            if (of := self.side == number).any()
+        ]
+
+
+def _gravity(node: JsonNode) -> Array:
+    gravity = node.numbers(3)
+    if not abs(np.linalg.norm(gravity) - GRAVITY) < _GRAVITY_VARIES:
+        raise node.error(f"must be {GRAVITY} m/s^2 long, to {_GRAVITY_VARIES}")
+    return gravity
+
+
+def read_nao_recording(path: Path) -> NaoRecording:
+    """Read such a file.
+
+    Raises:
+        InputError: with the key that breaks the format; an image is there twice.
+    """
+    root = JsonNode.of_file(path)
+    if "poses" in root and "images" not in root:
+        raise root["poses"].error("belongs to a recording of an arm, which a465 calibrate hand-eye reads")
+    node = root["camera"]
+    focal = float(node["focal_px"].numbers())
+    centre, size = node["centre_px"].numbers(2), node["size_px"].numbers(2)
+    if focal <= 0.0:
+        raise node["focal_px"].error("must be above 0 px")
+    if (size < 1.0).any():
+        raise node["size_px"].error("must be width and height in px")
+    K = np.array([[focal, 0.0, centre[0]], [0.0, focal, centre[1]], [0.0, 0.0, 1.0]])
+    board = target_points(root["board"]["vertices_sole_m"], _FEWEST_VERTICES, "vertices")
+    images = root["images"].items()
+    if not images:
+        raise root["images"].error("must be one image at least")
+    side = np.array([SIDES.index(image["side"].text(*SIDES)) for image in images])
+    leg = np.radians([image["leg_encoder_deg"].numbers(6) for image in images])
+    head = np.radians([image["head_encoder_deg"].numbers(2) for image in images])
+    pixels = np.array(
+        [seen_points(image["vertices_px"], len(board), _FEWEST_VERTICES, "vertices") for image in images]
+    )
+    refuse_repeats(images, np.column_stack([side, leg, head]), pixels)
+    return NaoRecording(
+        Camera(K, np.zeros(5), (int(size[0]), int(size[1])), np.eye(4)),
+        board,
+        _gravity(root["gravity_m_s2"]),
+        frozen(side),
+        frozen(np.array([image["stance"].integer(0, _MOST_IMAGES) for image in images])),
+        frozen(leg),
+        frozen(head),
+        frozen(pixels),
+    )

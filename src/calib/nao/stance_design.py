@@ -1,0 +1,267 @@
+"""Which stances a NAO should be measured in: those that together say most of what is looked for.
+
+What a stance will say is known before it is taken: the information of its images with the errors of its encoders
+eliminated (generalised least squares, fact sheet of calibration, section 2c). Information adds up over stances; the
+best sum is looked for greedily first, then by exchange (V. V. Fedorov, "Theory of optimal experiments", 1972).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.errors import ImpossibleError
+from arm.se3 import Array
+from calib.camera.bundle_adjustment import inverse_scaled
+from calib.nao.backlash import pixels_by_twists
+from calib.nao.chain import LEG_JOINTS, SIDES, NaoUnknowns, nao_sightings
+from calib.nao.stance_pool import Stance, find_stances, free_way, near_stances, resting_posture
+from vision.camera.model import Camera
+
+Criterion = Literal["A", "D"]
+_PASSES = 4
+_GAIN_DONE = 1e-6  # of a logarithm
+_NEAR, _TRIES = np.radians(12.0), 270  # of all chosen stances together
+_WIDE = {"deg": np.radians(10.0), "mm": 0.01}  # what is known of any NAO: keeps determinants above zero
+_WIDE_SOFT = np.radians(1.0)  # of springs, per Nm, and play
+
+
+@dataclass(frozen=True, eq=False)
+class Sensing:
+    """What the measurement is made with.
+
+    Attributes:
+        camera: the lower camera's lens.
+        board: vertices (m, 3) m in the sole's frame.
+        pixel_sigma: of a vertex in x and y, (2,) px.
+        reading_sigma: of the encoders of leg and head, (8,) rad; 0 where they are exact.
+        gravity: in the torso's frame, (3,) m/s^2.
+    """
+
+    camera: Camera
+    board: Array
+    pixel_sigma: Array
+    reading_sigma: Array
+    gravity: tuple[float, float, float] = (-9.81, 0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Stances in an order in which they can be driven to.
+
+    Attributes:
+        stances: of both legs.
+        information: (unknowns, unknowns) of all of them, with next to nothing known before.
+        unknowns: that it is of.
+    """
+
+    stances: tuple[Stance, ...]
+    information: Array
+    unknowns: NaoUnknowns
+
+    @property
+    def joint_sigma_deg(self) -> float:
+        """Rms standard deviation of the legs' offsets that is to be expected."""
+        places = [self.unknowns.names.index(f"{j}_deg") for j in LEG_JOINTS]
+        return float(np.degrees(np.sqrt(np.diag(inverse_scaled(self.information))[places].mean())))
+
+
+def find_pool(camera: Camera, count: int, seed: int) -> list[Stance]:
+    """Stances to choose from, `count` of each leg, see `calib.nao.stance_pool.find_stances`."""
+    rng = np.random.default_rng(seed)
+    return [stance for side in SIDES for stance in find_stances(side, camera, count, rng)]
+
+
+def plan_stances(
+    pool: Sequence[Stance],
+    count: int,
+    sensing: Sensing,
+    unknowns: NaoUnknowns,
+    x: Array | None = None,
+    criterion: Criterion | None = None,
+    rounds: int = 4,
+    seed: int = 0,
+) -> Plan:
+    """The `count` stances of each leg that together say most, chosen from a pool, then bettered near by.
+
+    Args:
+        pool: of both legs.
+        count: of each leg.
+        sensing: what it is measured with.
+        unknowns: that are looked for.
+        x: where about they are, SI; zero if not given.
+        criterion: A for the least variance of the legs' angles (offsets, plays, and springs under 1 Nm), D for the
+            greatest determinant of all; default: A for rigid legs, D with springs or play, where it errs less on a
+            robot that stands.
+        rounds: of stances near the chosen ones that are tried in their stead.
+        seed: of these.
+
+    Raises:
+        ImpossibleError: the pool has fewer.
+    """
+    judge = _Judge(unknowns, criterion or ("D" if unknowns.springs or unknowns.play else "A"))
+    rng, tries = np.random.default_rng(seed), -(-_TRIES // (2 * count))
+    chosen = _exchanged(pool, [], count, sensing, unknowns, x, judge)
+    for number in range(rounds):
+        spread = _NEAR / (1.0 + 0.5 * number)
+        near = [n for s in chosen for n in near_stances(s, sensing.camera, tries, spread, rng)]
+        chosen = _exchanged([*chosen, *near], range(len(chosen)), count, sensing, unknowns, x, judge)
+    return _plan(chosen, sensing, unknowns, x)
+
+
+def random_stances(
+    pool: Sequence[Stance],
+    count: int,
+    sensing: Sensing,
+    unknowns: NaoUnknowns,
+    rng: np.random.Generator,
+    x: Array | None = None,
+) -> Plan:
+    """`count` stances of each leg drawn from a pool; as many as the paper has are 24.
+
+    Raises:
+        ImpossibleError: the pool has fewer.
+    """
+    side = np.array([SIDES.index(s.side) for s in pool])
+    _require(side, count)
+    chosen = [int(i) for k in range(2) for i in rng.choice(np.flatnonzero(side == k), count, replace=False)]
+    return _plan([pool[i] for i in chosen], sensing, unknowns, x)
+
+
+def stance_informations(
+    stances: Sequence[Stance], sensing: Sensing, unknowns: NaoUnknowns, x: Array | None = None
+) -> Array:
+    """What each stance says of the unknowns, (n, unknowns, unknowns), its encoders' errors eliminated."""
+    x = np.zeros(len(unknowns.names)) if x is None else x
+    found = np.empty((len(stances), len(x), len(x)))
+    for side in SIDES:
+        of = [i for i, s in enumerate(stances) if s.side == side]
+        if of:
+            found[of] = _informations(side, [stances[i] for i in of], sensing, unknowns, x)
+    return found
+
+
+def _informations(
+    side: str, stances: Sequence[Stance], sensing: Sensing, unknowns: NaoUnknowns, x: Array
+) -> Array:
+    heads, m = len(stances[0].heads), len(sensing.board)
+    which = np.repeat(np.arange(len(stances)), heads)
+    leg = np.array([s.leg for s in stances])[which]
+    head = np.concatenate([s.heads for s in stances])
+    s = nao_sightings(
+        side, unknowns, which, leg, head, sensing.board, np.zeros((len(which), m, 2)), sensing.gravity
+    )
+    at = s.evaluate(x, np.zeros_like(s.readings))
+    scale = sensing.pixel_sigma[:, None]
+    shape = (len(stances), heads * m * 2, -1)
+    A = (pixels_by_twists(sensing.camera, s.points, at.T, at.by_unknown) / scale).reshape(shape)
+    by_reading = pixels_by_twists(sensing.camera, s.points, at.T, at.by_reading) / scale
+    by_reading = (by_reading * sensing.reading_sigma).reshape(len(stances), heads, m * 2, -1)
+    N = np.zeros((len(stances), heads, m * 2, 6 + 2 * heads))
+    N[..., :6] = by_reading[..., :6]
+    for k in range(heads):
+        N[:, k, :, 6 + 2 * k : 8 + 2 * k] = by_reading[:, k, :, 6:]
+    N = N.reshape(shape)
+    NA = np.einsum("nri,nrj->nij", N, A)
+    H = np.einsum("nri,nrj->nij", N, N) + np.eye(N.shape[-1])
+    gone = np.einsum("nki,nkj->nij", NA, np.linalg.solve(H, NA))
+    return np.asarray(np.einsum("nri,nrj->nij", A, A) - gone)
+
+
+def _prior(unknowns: NaoUnknowns) -> Array:
+    return np.array(
+        [
+            _WIDE_SOFT if "compliance" in n or "backlash" in n else _WIDE[n.rpartition("_")[2]]
+            for n in unknowns.names
+        ]
+    )
+
+
+def _require(side: npt.NDArray[np.intp], count: int) -> None:
+    least = min(int((side == k).sum()) for k in range(2))
+    if least < count:
+        raise ImpossibleError(
+            f"{count} stances of each leg are asked for, and the pool has {least}; make a larger pool",
+            asked=count,
+            pool=least,
+        )
+
+
+class _Judge:
+    """What a sum of informations is worth; unknowns in units of `_prior`."""
+
+    def __init__(self, unknowns: NaoUnknowns, criterion: Criterion) -> None:
+        self.scale = _prior(unknowns)
+        names = [f"{j}_{kind}" for j in LEG_JOINTS for kind in ("deg", "compliance", "backlash")]
+        self._legs = [i for i, n in enumerate(unknowns.names) if n.startswith(tuple(names))]
+        self._weight = self.scale[self._legs] ** 2
+        self._criterion = criterion
+
+    def values(self, totals: Array) -> Array:
+        """Of many (n, p, p); more is better."""
+        if self._criterion == "D":
+            return np.asarray(np.linalg.slogdet(totals)[1])
+        variances = np.einsum("nii->ni", np.linalg.inv(totals))[:, self._legs]
+        return np.asarray(-np.log(variances @ self._weight))
+
+
+def _exchanged(
+    pool: Sequence[Stance],
+    chosen: Sequence[int],
+    count: int,
+    sensing: Sensing,
+    unknowns: NaoUnknowns,
+    x: Array | None,
+    judge: _Judge,
+) -> list[Stance]:
+    """`count` stances of each leg of a pool: those that are chosen, filled up greedily, then exchanged one by one."""
+    side = np.array([SIDES.index(s.side) for s in pool])
+    _require(side, count)
+    informations = stance_informations(pool, sensing, unknowns, x) * np.outer(judge.scale, judge.scale)
+    chosen = list(chosen)
+    total = np.eye(len(judge.scale)) + informations[chosen].sum(axis=0)
+
+    def best(without: Array, of: int) -> int:
+        free = np.flatnonzero(side == of)
+        free = free[~np.isin(free, chosen)]
+        return int(free[int(np.argmax(judge.values(without + informations[free])))])
+
+    for n in range(len(chosen), 2 * count):
+        chosen.append(best(total, n % 2))
+        total = total + informations[chosen[-1]]
+    for _ in range(_PASSES):
+        before = float(judge.values(total[None])[0])
+        for place, old in enumerate(chosen):
+            without = total - informations[old]
+            chosen[place] = -1  # may come back
+            chosen[place] = best(without, int(side[old]))
+            total = without + informations[chosen[place]]
+        if float(judge.values(total[None])[0]) - before < _GAIN_DONE:
+            break
+    return [pool[i] for i in chosen]
+
+
+def _plan(stances: Sequence[Stance], sensing: Sensing, unknowns: NaoUnknowns, x: Array | None) -> Plan:
+    total = stance_informations(stances, sensing, unknowns, x).sum(axis=0) + np.diag(_prior(unknowns) ** -2)
+    return Plan(_in_order(stances), total, unknowns)
+
+
+def _in_order(stances: Sequence[Stance]) -> tuple[Stance, ...]:
+    """Leg by leg, the next stance being the nearest to which there is a free way, if there is one."""
+    now = resting_posture()
+    ordered: list[Stance] = []
+    left = list(stances)
+    while left:
+        side = [s for s in left if not ordered or s.side == ordered[-1].side] or left
+        postures = [s.posture(s.heads[0]) for s in side]
+        by_distance = np.argsort([np.abs(p - now).max() for p in postures])
+        direct = (i for i in by_distance if free_way(now, postures[i]))
+        next_one = side[next(direct, by_distance[0])]
+        left = [s for s in left if s is not next_one]
+        ordered.append(next_one)
+        now = next_one.posture(next_one.heads[-1])
+    return tuple(ordered)

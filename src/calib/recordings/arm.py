@@ -1,0 +1,133 @@
+"""Recorded images of a target in an arm's gripper, seen by a camera that stands still, with the joints at each.
+
+``camera{K_px, distortion_k1k2p1p2k3, size_px}``, ``dh{d_m, a_m, alpha_rad, theta_offset_rad}``, ``target{kind,
+points_m}`` and ``poses[]{joints_rad, corners_px[n][2]}``, null for a corner that was not seen; and ``unit`` where it is
+known. Nothing else in the file is read.
+
+Corners may lie outside the image by up to a hundredth of its longer side (19 px of 1920): noise carries one past the
+border by a fraction of a pixel, and a wrong detection by some pixels more, which the fit leaves out. A corner farther
+out is of another image, or of another size of it.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm.io.json_reader import JsonNode
+from arm.io.storage import write_atomic
+from arm.robot.dh import DhTable
+from arm.se3 import Array, frozen
+from calib.recordings.points import refuse_repeats, seen_points, target_points
+from vision.camera.model import Camera
+from vision.markers.recorded import read_recorded_camera
+
+FEWEST_CORNERS = 4
+OUTSIDE = 0.01  # of the image's longer side that a corner may lie outside
+
+
+@dataclass(frozen=True, eq=False)
+class ArmRecording:
+    """What was recorded.
+
+    Attributes:
+        camera: at the origin.
+        dh: the arm as its maker says.
+        points: of the target, (m, 3) m.
+        kind: of the target, in a word.
+        joints: (n, joints) rad; they may lie outside the arm's limits.
+        pixels: (n, m, 2), NaN where a corner was not seen.
+        unit: name of the unit that the joints are of; "" if the file does not say.
+    """
+
+    camera: Camera
+    dh: DhTable
+    points: Array
+    kind: str
+    joints: Array
+    pixels: Array
+    unit: str = ""
+
+
+def read_arm_recording(path: Path) -> ArmRecording:
+    """Read such a file.
+
+    Raises:
+        InputError: with the key that breaks the format; a corner lies outside the image, or a pose is there twice.
+    """
+    root = JsonNode.of_file(path)
+    if "images" in root and "poses" not in root:
+        raise root["images"].error("belongs to a recording of a NAO, which a465 calibrate kinematic reads")
+    dh = root["dh"]
+    d = dh["d_m"].numbers(None)
+    others = [dh[key].numbers(len(d)) for key in ("a_m", "alpha_rad", "theta_offset_rad")]
+    camera = read_recorded_camera(root["camera"])
+    points = target_points(root["target"]["points_m"], FEWEST_CORNERS, "points")
+    poses = root["poses"].items()
+    if not poses:
+        raise root["poses"].error("must be one pose at least")
+    joints = frozen(np.array([pose["joints_rad"].numbers(len(d)) for pose in poses]))
+    pixels = frozen(np.array([_corners(pose["corners_px"], len(points), camera.size) for pose in poses]))
+    refuse_repeats(poses, joints, pixels)
+    return ArmRecording(
+        camera,
+        DhTable(d, *others),
+        points,
+        root["target"]["kind"].text() if "kind" in root["target"] else "target",
+        joints,
+        pixels,
+        root["unit"].text() if "unit" in root else "",
+    )
+
+
+def _corners(node: JsonNode, count: int, size: tuple[int, int]) -> Array:
+    pixels = seen_points(node, count, FEWEST_CORNERS, "corners")
+    beyond = OUTSIDE * max(size)
+    high = np.array(size) - 1.0 + beyond
+    for corner, axis in np.argwhere((pixels < -beyond) | (pixels > high)):
+        number = node.items()[corner].items()[axis]
+        raise number.error(
+            f"must be from {-beyond:g} to {high[axis]:g} px: camera.size_px is {size[0]} x {size[1]}, and a corner "
+            f"may lie {beyond:g} px outside"
+        )
+    return pixels
+
+
+def recording_json(r: ArmRecording) -> dict[str, Any]:
+    """A recording as its file has it."""
+    return {
+        "kind": "eye_to_hand_fixed_camera",
+        **({"unit": r.unit} if r.unit else {}),
+        "camera": {
+            "K_px": r.camera.K.tolist(),
+            "distortion_k1k2p1p2k3": r.camera.distortion.tolist(),
+            "size_px": list(r.camera.size),
+        },
+        "dh": {
+            "d_m": r.dh.d.tolist(),
+            "a_m": r.dh.a.tolist(),
+            "alpha_rad": r.dh.alpha.tolist(),
+            "theta_offset_rad": r.dh.theta_offset.tolist(),
+        },
+        "target": {"kind": r.kind, "points_m": r.points.tolist()},
+        "poses": [
+            {
+                "joints_rad": q.tolist(),
+                "corners_px": [[None, None] if np.isnan(c).any() else c.tolist() for c in corners],
+            }
+            for q, corners in zip(r.joints, r.pixels, strict=True)
+        ],
+    }
+
+
+def write_arm_recording(path: Path, r: ArmRecording) -> None:
+    """Write a file that `read_arm_recording` reads back to the last bit, whole or not at all.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    write_atomic(path, json.dumps(recording_json(r), indent=1) + "\n")

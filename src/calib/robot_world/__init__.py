@@ -1,0 +1,1 @@
+"""Robot-world and hand-eye from pairs of poses, AX = ZB."""

@@ -1,0 +1,206 @@
+"""Where a camera is and where its target is, from pairs of poses: the arm's and the camera's.
+
+A consensus of pairs gives a start, and the wrong ones (`calib.robot_world.initial_guess`); how the right ones
+scatter gives their weights (`calib.robot_world.noise_model`). A pair whose turn alone is wrong, as of a flipped marker,
+keeps its shift.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from arm.errors import CalibrationRefused, InputError
+from arm.se3 import Array, frozen
+from calib.robot_world.initial_guess import start_robot_world
+from calib.robot_world.noise_model import Scatter
+from calib.robot_world.observability import MotionAxes, refuse_parallel_axes
+from calib.robot_world.reml import UNKNOWNS, Bools, Closed, PairFit, fit_pairs, inverses
+
+FEWEST = 4  # pairs that agree: three determine the poses, and nothing would tell their error
+CONSENSUS = 0.4  # share of the pairs that must agree
+_WRONG = 1e-5  # of right pairs are called wrong
+_STRAYS = 5.0  # degrees of freedom of Student's t
+_GAIN = 2.0  # log likelihood that a shape with one or two more sizes must win (Akaike)
+_ROUNDS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class PosePairs:
+    """What an arm and a camera said at the same times.
+
+    Attributes:
+        T_base_gripper: (n, 4, 4).
+        T_camera_target: (n, 4, 4), NaN where the target was not seen.
+        camera_in_gripper: whether the camera is held and the target stands; if not, the other way round.
+    """
+
+    T_base_gripper: Array
+    T_camera_target: Array
+    camera_in_gripper: bool = False
+
+    def __post_init__(self) -> None:
+        shapes = self.T_base_gripper.shape, self.T_camera_target.shape
+        if shapes[0] != shapes[1] or shapes[0][1:] != (4, 4):
+            raise InputError(
+                f"pairs of poses are two arrays (n, 4, 4), these are {shapes[0]} and {shapes[1]}",
+                T_base_gripper=list(shapes[0]),
+                T_camera_target=list(shapes[1]),
+            )
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Of the poses that are sought: of what is held, and of what stands."""
+        if self.camera_in_gripper:
+            return "T_gripper_camera", "T_base_target"
+        return "T_gripper_target", "T_base_camera"
+
+
+@dataclass(frozen=True, eq=False)
+class RobotWorld:
+    """Poses that fit pairs of poses.
+
+    Attributes:
+        pairs: that were given.
+        T_held: of the target (or camera) in the gripper, 4x4.
+        T_standing: of the camera (or target) in the base, 4x4.
+        covariance: (12, 12) of the twists of both, held first, in their own frames, shift first.
+        used: (n, 2) whether a pair's shift and turn were used.
+        scatter: shape that was chosen.
+        sizes: standard deviations of its parts in m and rad, by name.
+        reason: why that shape.
+        axes: about what the arm turned.
+        residuals: (n, 6), measured minus predicted target in the camera: m in the camera frame, rad in the target's.
+    """
+
+    pairs: PosePairs
+    T_held: Array
+    T_standing: Array
+    covariance: Array
+    used: Bools
+    scatter: Scatter
+    sizes: dict[str, float]
+    reason: str
+    axes: MotionAxes
+    residuals: Array
+
+    @property
+    def inliers(self) -> Bools:
+        """(n,) pairs that are right as a whole."""
+        return np.asarray(self.used.all(axis=1))
+
+    @property
+    def flipped(self) -> Bools:
+        """(n,) pairs whose shift is right and whose turn is wrong, as where a marker's pose is flipped."""
+        return np.asarray(self.used[:, 0] & ~self.used[:, 1])
+
+    @property
+    def weakest(self) -> str:
+        """The shift that is known worst, by name, with its standard deviation."""
+        worst = []
+        for k, name in enumerate(self.pairs.names):
+            values, vectors = np.linalg.eigh(self.covariance[6 * k : 6 * k + 3, 6 * k : 6 * k + 3])
+            own = name.split("_")[-1]
+            axis = vectors[:, -1]
+            main = int(np.argmax(np.abs(axis)))
+            x, y, z = axis * np.sign(axis[main])
+            along = f"{'xyz'[main]}" if abs(axis[main]) > 0.9 else f"({x:.2f}, {y:.2f}, {z:.2f})"
+            words = f"{name}: shift along {along} of the {own}, {1e3 * np.sqrt(values[-1]):.3g} mm"
+            worst.append((float(values[-1]), words))
+        return max(worst)[1]
+
+
+def calibrate_pose_pairs(pairs: PosePairs, seed: int = 0) -> RobotWorld:
+    """Poses of what is held and of what stands, with their covariance; wrong pairs have no weight.
+
+    Args:
+        pairs: in the order in which they were taken.
+        seed: of the consensus.
+
+    Raises:
+        CalibrationRefused: too few pairs, or too few that agree, or motions about one axis only; `data["reason"]` is
+            "few_pairs", "no_consensus", "degenerate" or "parallel_axes".
+    """
+    both = np.concatenate([pairs.T_base_gripper, pairs.T_camera_target], axis=1)
+    seen: Bools = np.asarray(np.isfinite(both).all(axis=(1, 2)))
+    A, C = pairs.T_base_gripper[seen], pairs.T_camera_target[seen]
+    if len(A) > FEWEST:
+        refuse_parallel_axes(A[:, :3, :3])
+    start = start_robot_world(A, inverses(C) if pairs.camera_in_gripper else C, seed)
+    agree = int(start.inliers.sum())
+    if agree < max(FEWEST, CONSENSUS * len(A)):
+        raise CalibrationRefused(
+            f"{agree} of {len(A)} pairs of poses agree with each other, at least {FEWEST} and "
+            f"{100 * CONSENSUS:.0f} % must: were arm and camera read at the same time, and is the target fixed?",
+            reason="no_consensus",
+            agree=agree,
+            pairs=len(A),
+        )
+    axes = refuse_parallel_axes(A[start.inliers, :3, :3])
+    held, standing = start.T_gripper_target, start.T_base_camera
+    P, Q = (held, standing) if pairs.camera_in_gripper else (standing, held)
+    closed = Closed(A, C, pairs.camera_in_gripper)
+    fit, reason, used = _fitted(closed, P, Q, start.inliers)
+    everything: Bools = np.zeros((len(seen), 2), dtype=bool)
+    everything[seen] = used
+    residuals = np.full((len(seen), 6), np.nan)
+    residuals[seen] = fit.at.residuals
+    P, Q, covariance = fit.P, fit.Q, fit.covariance
+    if not pairs.camera_in_gripper:
+        swap = np.r_[6:UNKNOWNS, 0:6]
+        P, Q, covariance = Q, P, covariance[np.ix_(swap, swap)]
+    return RobotWorld(
+        pairs, P, Q, frozen(covariance), everything, fit.scatter, fit.size, reason, axes, frozen(residuals)
+    )
+
+
+def _fitted(closed: Closed, P: Array, Q: Array, inliers: Bools) -> tuple[PairFit, str, Bools]:
+    """The best of the shapes, why, and what was used."""
+    used = np.stack([inliers, inliers], axis=1)
+    fit, reason = _best_camera(closed, P, Q, used)
+    for _ in range(_ROUNDS):
+        now = _right(fit)
+        if (now == used).all():
+            break
+        used = now
+        fit, reason = _best_camera(closed, fit.P, fit.Q, used)
+    for richer, words in (
+        ({"geometry": True}, "the arm's errors change smoothly with its pose"),
+        ({"freedom": _STRAYS}, "pairs stray more than a bell curve lets them"),
+    ):
+        trial = fit_pairs(closed, fit.P, fit.Q, replace(fit.scatter, **richer), used, fit)
+        gain = trial.log_likelihood - fit.log_likelihood
+        if gain > _GAIN:
+            fit, reason = trial, f"{reason}; {words} (+{gain:.1f})"
+    return fit, reason, used
+
+
+def _best_camera(closed: Closed, P: Array, Q: Array, used: Bools) -> tuple[PairFit, str]:
+    axes = fit_pairs(closed, P, Q, Scatter("axes"), used)
+    if axes.at.nearest <= 0.0:
+        return axes, "camera's errors lie along its axes: a target behind the camera is in no image"
+    image = fit_pairs(closed, P, Q, Scatter("image"), used, axes)
+    gain = image.log_likelihood - axes.log_likelihood
+    if gain <= 0.0:
+        return axes, f"camera's errors lie along its axes, in no target's image (log likelihood +{-gain:.1f})"
+    reason = f"camera's errors are those of a target's image (log likelihood +{gain:.1f})"
+    beside = fit_pairs(closed, image.P, image.Q, Scatter("image", off_centre=True), used, image)
+    more = beside.log_likelihood - image.log_likelihood
+    if more > _GAIN:
+        return beside, f"{reason} whose middle is not its origin (+{more:.1f})"
+    return image, reason
+
+
+def _right(fit: PairFit) -> Bools:
+    """Which shifts and turns (n, 2) lie where the scatter lets them; one that is wrong alone leaves the other."""
+    r, S = fit.at.residuals, fit.covariances
+
+    def within(rows: slice) -> Bools:
+        e = r[:, rows]
+        squares = np.einsum("ni,nij,nj->n", e, np.linalg.inv(S[:, rows, rows]), e)
+        return np.asarray(squares < chi2.isf(_WRONG, e.shape[1]))
+
+    whole, shift, turn = within(slice(0, 6)), within(slice(0, 3)), within(slice(3, 6))
+    return np.stack([whole | (shift & ~turn), whole | (turn & ~shift)], axis=1)

@@ -1,0 +1,384 @@
+"""The command line. This module imports nothing heavy: every command imports what it needs when it runs."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from arm.errors import A465Error, ExecutionStopped, InputError
+from cell.cli.calibrate import app as calibrate_app
+from cell.cli.failure import fail
+from cell.cli.options import (
+    Advice,
+    Budget,
+    Camera,
+    Free,
+    GiveUp,
+    Homed,
+    Images,
+    Json,
+    LiveFlag,
+    LivePort,
+    LookFile,
+    Output,
+    PlanFile,
+    Port,
+    Preload,
+    Speed,
+    TaskFile,
+    TimeScale,
+    Unseen,
+    WorldFile,
+    refuse,
+)
+from cell.cli.tools import tools
+from cell.console import Console, say_on_stderr
+from driver.line.signals import interruptible
+
+if TYPE_CHECKING:
+    from cell.session.observer import Watcher
+
+app = typer.Typer(
+    name="a465",
+    help="Plan, preview and run motions of a CRS A465 arm in its work cell, or in a simulated one.",
+    rich_markup_mode=None,
+    no_args_is_help=True,
+    add_completion=True,
+    pretty_exceptions_enable=False,
+)
+app.add_typer(calibrate_app)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"a465 {version('a465')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Every verb answers --help with an example, and --json with one JSON object."""
+
+
+@app.command(
+    short_help="Do a whole task: look, plan, stream, look again, report.",
+    help="Do the whole task: look, check reach, plan, stream, look again after each cube, report. "
+    "In the simulated cell, or on the real one with --port.",
+    epilog="Example: a465 run scenes/task2.toml --speed 0.5",
+)
+def run(
+    task: TaskFile,
+    port: Port = None,
+    world: WorldFile = None,
+    images: Images = None,
+    camera: Camera = None,
+    speed: Speed = None,
+    time_scale: TimeScale = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="New folder of the run; default: runs/TASK-1, -2 ..")
+    ] = None,
+    advice: Advice = True,
+    budget: Budget = None,
+    give_up: GiveUp = None,
+    unseen: Unseen = False,
+    homed: Homed = False,
+    free: Free = False,
+    preload: Preload = False,
+    live: LiveFlag = False,
+    live_port: LivePort = None,
+    as_json: Json = False,
+) -> None:
+    console = Console(as_json)
+    with console.doing("beginning"):
+        from cell.commands.run import run_task
+        from cell.session.budget import budget_of
+        from cell.session.connection import WhichCell
+        from cell.task.approval import Consent, require_a_port
+        from cell.task.free_cell import before_homing
+
+    require_a_port("--unseen", unseen, port)
+    require_a_port("--homed", homed, port)
+    require_a_port("--free", free, port)
+    allowed = budget_of(budget, give_up)
+    confirm = None if port is None else before_homing(Consent(unseen, console), port, homed, free, console)
+    where = WhichCell(port, world, images, camera, speed, time_scale, homed, preload)
+    with _watched(console, live, live_port) as watcher:
+        _finish(console, run_task(task, console, where, output, advice, confirm, watcher, allowed))
+
+
+@app.command(
+    short_help="Find the boards, their holes and cubes.",
+    help="Find the boards, their holes and cubes: in photographs, with a camera, or in the simulated cell.",
+    epilog="Example: a465 look scenes/task2.toml -o look.json",
+)
+def look(
+    task: Annotated[
+        Path | None, typer.Argument(help="Task file, such as scenes/task2.toml.", metavar="TASK")
+    ] = None,
+    images: Images = None,
+    camera: Camera = None,
+    detections: Annotated[
+        Path | None,
+        typer.Option("--detections", help="File of recorded marker corners, instead of photographs."),
+    ] = None,
+    world: WorldFile = None,
+    output: Output = None,
+    picture: Annotated[
+        Path | None, typer.Option("--picture", help="PNG to write, with what was found.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    console = Console(as_json)
+    if detections is not None:
+        others = {"--images": images, "--camera": camera, "--world": world, "--picture": picture}
+        for name, given in others.items():
+            if given is not None:
+                raise InputError(
+                    f"{name} does not go with --detections: corners are no photographs", option=name
+                )
+        with console.doing("looking"):
+            from cell.commands.look_recorded import detections_step
+
+            result = detections_step(detections, task, output, console)
+        console.result(result)
+        return
+    if task is None:
+        raise InputError(
+            "look: TASK is missing, such as scenes/task2.toml; or give --detections FILE", task=None
+        )
+    with console.doing("looking"):
+        from cell.commands.steps import look_step
+
+        result = look_step(task, images, world, output, picture, console, camera)
+    console.result(result)
+
+
+@app.command(
+    short_help="Say for every hole whether the arm can serve it.",
+    help="Say for every hole whether the arm can serve it, on which branches, and by how much not.",
+    epilog="Example: a465 reach scenes/task2.toml --look look.json",
+)
+def reach(task: TaskFile, look: LookFile, advice: Advice = True, as_json: Json = False) -> None:
+    console = Console(as_json)
+    with console.doing("reaching for every hole"):
+        from cell.commands.steps import reach_step
+
+        result = reach_step(task, look, console, advice)
+    console.result(result)
+
+
+@app.command(
+    short_help="Plan a whole task from what was seen.",
+    help="Plan the whole task from what was seen and write the plan file.",
+    epilog="Example: a465 plan scenes/task2.toml --look look.json -o plan.json",
+)
+def plan(
+    task: TaskFile,
+    look: LookFile,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Plan file to write.")] = Path("plan.json"),
+    speed: Speed = None,
+    advice: Advice = True,
+    budget: Budget = None,
+    give_up: GiveUp = None,
+    as_json: Json = False,
+) -> None:
+    console = Console(as_json)
+    with console.doing("planning"):
+        from cell.commands.steps import plan_step
+        from cell.session.budget import budget_of
+
+        result = plan_step(task, look, output, speed, console, advice, budget_of(budget, give_up))
+    console.result(result)
+
+
+@app.command(
+    "plan-poses",
+    short_help="Plan through a list of poses and configurations.",
+    help="Plan the arm through a list of poses and joint configurations, as programs for ctu_crs have them, "
+    "clear of all that stands in the cell, and write the plan file. docs/interop.md tells the formats.",
+    epilog="Example: a465 plan-poses scenes/cell.toml poses.json -o plan.json -- or: "
+    "a465 plan-poses scenes/task2.toml poses.npy --frame flange --look look.json",
+)
+def plan_poses(
+    place: Annotated[Path, typer.Argument(help="Cell file, or task file with its cell.", metavar="CELL")],
+    poses: Annotated[Path, typer.Argument(help="The list: JSON, CSV or .npy.", metavar="POSES")],
+    look: Annotated[
+        Path | None, typer.Option("--look", help="What was seen; else table and walls alone are there.")
+    ] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Plan file to write.")] = Path("plan.json"),
+    frame: Annotated[
+        str | None,
+        typer.Option("--frame", help="Whose poses bare numbers are: flange (as ctu_crs has them) or tool."),
+    ] = None,
+    angles: Annotated[
+        str | None, typer.Option("--angles", help="Unit of bare joint angles: rad or deg.")
+    ] = None,
+    lengths: Annotated[str, typer.Option("--lengths", help="Unit of places in poses: m or mm.")] = "m",
+    speed: Speed = None,
+    back: Annotated[bool, typer.Option("--back", help="Go back to q_start in the end.")] = False,
+    budget: Budget = None,
+    give_up: GiveUp = None,
+    as_json: Json = False,
+) -> None:
+    console = Console(as_json)
+    with console.doing("planning"):
+        from cell.commands.plan_poses import plan_poses_step
+        from cell.files.pose_list import reading_of
+        from cell.session.budget import budget_of
+
+        reading = reading_of(frame, angles, lengths)
+        allowed = budget_of(budget, give_up)
+        result = plan_poses_step(place, poses, look, output, reading, speed, back, console, allowed)
+    console.result(result)
+
+
+@app.command(
+    short_help="Check a plan again, a scene, or a configuration.",
+    help="Check a plan file again: limits and clearance of everything it would send. "
+    "Or a scene file: verdicts and distances against those it expects; with --q, "
+    "the closest pairs at any configuration of a scene, cell or task file.",
+    epilog="Example: a465 check plan.json scenes/task2.toml -- or: "
+    "a465 check scenes/fixtures/capsule.toml --q 0,10,-80,0,-60,0",
+)
+def check(
+    file: Annotated[
+        Path,
+        typer.Argument(help="Plan file, or scene file such as scenes/fixtures/capsule.toml.", metavar="FILE"),
+    ],
+    task: Annotated[Path | None, typer.Argument(help="Task file of the plan.", metavar="TASK")] = None,
+    q: Annotated[str | None, typer.Option("--q", help="J1 to J6 in deg with commas.", metavar="Q")] = None,
+    as_json: Json = False,
+) -> None:
+    console = Console(as_json)
+    with console.doing("checking"):
+        from cell.commands.check import check_step
+
+        report = check_step(file, task, q, console)
+    console.result(report)
+    if report.get("differing"):
+        refuse(f"not as expected: {', '.join(report['differing'])}")
+
+
+@app.command(
+    short_help="Write a page that shows a plan or a log in 3D.",
+    help="Write a page that shows a plan in 3D, or what a log says was executed over what was planned; "
+    "it opens in any browser without a network.",
+    epilog="Example: a465 preview plan.json scenes/task2.toml -o plan.html -- or: "
+    "a465 preview runs/task2-1/wire.jsonl",
+)
+def preview(
+    file: Annotated[
+        Path,
+        typer.Argument(help="Plan file, or log of a run such as runs/task2-1/wire.jsonl.", metavar="FILE"),
+    ],
+    task: Annotated[
+        Path | None,
+        typer.Argument(help="Task file of the plan; that of a log is found by what it says.", metavar="TASK"),
+    ] = None,
+    output: Output = None,
+    as_json: Json = False,
+) -> None:
+    console = Console(as_json)
+    with console.doing("drawing"):
+        from cell.commands.preview import preview_file
+
+        result = preview_file(file, task, output, console)
+    console.result(result)
+
+
+@app.command(
+    short_help="Execute a plan: simulated, or on the arm with --port.",
+    help="Execute a plan file, if it matches the cell of now: in the simulated cell, or on the arm with --port. "
+    "On a terminal: space pauses, + and - change the speed, q or Ctrl-C aborts.",
+    epilog="Example: a465 execute plan.json scenes/task2.toml --speed 0.5",
+)
+def execute(
+    plan: PlanFile,
+    task: TaskFile,
+    port: Port = None,
+    world: WorldFile = None,
+    images: Images = None,
+    camera: Camera = None,
+    speed: Speed = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="After a stop: plan what is left anew, from where the arm is.")
+    ] = False,
+    budget: Budget = None,
+    give_up: GiveUp = None,
+    time_scale: TimeScale = None,
+    yes: Annotated[
+        str | None,
+        typer.Option(
+            "--yes", help="With --port: the code that the plan's preview shows; else it is asked for."
+        ),
+    ] = None,
+    homed: Homed = False,
+    free: Free = False,
+    preload: Preload = False,
+    live: LiveFlag = False,
+    live_port: LivePort = None,
+    as_json: Json = False,
+) -> None:
+    console = Console(as_json)
+    with console.doing("beginning"):
+        from cell.commands.run import execute_plan, resume_plan
+        from cell.session.budget import budget_of, require_planning
+        from cell.session.connection import WhichCell
+        from cell.task.approval import Approval, require_a_port
+        from cell.task.free_cell import before_homing
+
+    require_planning(resume, budget, give_up)
+    require_a_port("--yes", yes is not None, port)
+    require_a_port("--homed", homed, port)
+    require_a_port("--free", free, port)
+    confirm = None
+    if port is not None:
+        approval = Approval(plan, yes, console, resumes=resume)
+        confirm = before_homing(approval, port, homed or resume, free, console)
+    where = WhichCell(port, world, images, camera, speed, time_scale, homed, preload)
+    with _watched(console, live, live_port) as watcher:
+        if resume:
+            allowed = budget_of(budget, give_up)
+            result = resume_plan(plan, task, console, where, None, confirm, watcher, allowed)
+        else:
+            result = execute_plan(plan, task, console, where, None, confirm, watcher)
+        _finish(console, result)
+
+
+def _watched(console: Console, live: bool, port: int | None) -> AbstractContextManager[Watcher | None]:
+    """A live view, if one is asked for; a port asks for it too."""
+    if not live and port is None:
+        return nullcontext()
+    from cell.live.view import live_view
+
+    return live_view(console, port or 0)
+
+
+def _finish(console: Console, report: dict[str, Any]) -> None:
+    """Print the report of a run; a run that left a cube behind does not end with 0."""
+    console.result(report)
+    left = [cube["from"] for cube in report["cubes"] if not cube["placed"]]
+    if left:
+        say_on_stderr(f"a465: not done: the cube of {', '.join(left)} was not placed; the arm is at q_start")
+        raise typer.Exit(ExecutionStopped.exit_code)
+
+
+app.registered_commands += tools.registered_commands
+
+
+def main() -> None:
+    """Run the command line; our errors become one line and their exit code."""
+    with interruptible(ends=True):
+        try:
+            app()
+        except A465Error as error:
+            fail(error)

@@ -1,0 +1,283 @@
+"""``a465 calibrate hand-eye --collect``: the arm shows a target to the camera in poses that tell most.
+
+Poses are chosen before anything is sent. Every way between them is planned and certified before it is driven, around
+everything that the cell file has and the whole zone in which boards may stand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm.errors import ImpossibleError, InputError
+from arm.robot.dh import A465
+from arm.se3 import Array, frozen
+from calib.hand_eye.calibrate import HAND_EYE_LIMITS
+from calib.hand_eye.next_poses import plan_poses
+from calib.recordings.arm import FEWEST_CORNERS
+from cell.collect import recipe_270 as handrecipe
+from cell.collect.pose_pool import HandView, hand_pool, nearest_order
+from cell.collect.recipe_270 import recipe_poses
+from cell.collect.record import HandRecord
+from cell.console import Console
+from cell.scene.build import unseen_scene
+from cell.session.homed import keep_home
+from cell.task.planning import options_of, provenance
+from cell.task.run import TaskRun
+from driver.mars.stopping import STILL_COUNTS, farthest
+from plan.pick_place.go_to import plan_way
+from plan.scene import Scene
+from vision.camera.frame_source import FrameSource
+from vision.targets.target import TargetFinder
+
+FEWEST_POSES = HAND_EYE_LIMITS.images
+PLANNED = 24  # poses, if nobody says how many
+POOL = 300  # configurations from which poses are chosen
+SETTLE_S = 0.5  # of the controller, after the arm has stopped: plates ring
+SAME_PX = 2.0  # rms; a target that was not touched appears so near to where it was at the same counts
+SAME_POSE = np.radians(0.05)  # of every joint
+MOST_FAILED = 5  # poses, before it is given up if they are more than half
+_REPEATS = 3  # poses that are tried for that
+
+
+@dataclass(frozen=True)
+class CollectOptions:
+    """What a person asks for.
+
+    Attributes:
+        poses: how many, with those that a recording holds already.
+        seed: of their choice.
+        recipe: take those of the first report (`cell.collect.recipe_270`) instead of the most telling.
+    """
+
+    poses: int = PLANNED
+    seed: int = 0
+    recipe: bool = False
+
+    def __post_init__(self) -> None:
+        if not FEWEST_POSES <= self.poses <= 300:
+            raise InputError(
+                f"--poses {self.poses}: must be from {FEWEST_POSES} to 300",
+                option="--poses",
+                value=self.poses,
+            )
+        if self.seed < 0:
+            raise InputError(f"--seed {self.seed}: must be 0 or more", option="--seed", value=self.seed)
+
+    @classmethod
+    def of(cls, poses: int | None, seed: int | None, recipe: bool) -> CollectOptions:
+        """With defaults where nothing was said."""
+        usual = handrecipe.POSES if recipe else PLANNED
+        return cls(usual if poses is None else poses, seed or 0, recipe)
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Configurations to take, and those that may be advised afterwards.
+
+    Attributes:
+        q: (k, 6) rad.
+        pool: (n, 6) rad, all certified to be clear and in view.
+    """
+
+    q: Array
+    pool: Array
+
+
+def hand_scene(record: HandRecord) -> Scene:
+    """The cell with the target in the arm's hand and the whole zone occupied."""
+    robot = record.hand.carried_by(record.cell.robot())
+    return Scene(robot, robot, unseen_scene(record.cell).bodies, ())
+
+
+def choose(record: HandRecord, scene: Scene, options: CollectOptions, console: Console) -> Choice:
+    """Configurations that are missing in a recording.
+
+    Raises:
+        ImpossibleError: the target cannot be shown to the camera.
+    """
+    cell, hand = record.cell, record.hand
+    view = HandView(scene.robot_open, scene.bodies, cell.limits, cell.camera, hand, cell.clearance)
+
+    def progress(part: float) -> None:
+        console.progress("poses that the camera sees", part)
+
+    missing, taken = options.poses - len(record), record.configurations()
+    pool = others(hand_pool(view, POOL, options.seed, progress).q, taken)
+    if options.recipe:
+        recipe = recipe_poses(view, options.poses, options.seed, progress)
+        left = others(recipe, taken)[:missing]
+        console.step(f"{len(left)} of the recipe's {len(recipe)} poses to be taken")
+        return Choice(left, pool)
+    plan = plan_poses(
+        pool,
+        missing,
+        A465,
+        cell.camera.at(np.eye(4)),
+        hand.target.points(),
+        cell.camera.T_base_camera,
+        hand.T_flange_target,
+        taken,
+    )
+    console.step(
+        f"{missing} of {len(pool)} poses chosen: the camera's place will be known to about "
+        f"{1e3 * plan.sigma:.2f} mm and {np.degrees(plan.sigma_turn):.3f} deg"
+    )
+    return Choice(pool[list(plan.places)], pool)
+
+
+def others(q: Array, taken: Array) -> Array:
+    """Configurations (n, 6) that are not among those taken."""
+    if not len(taken):
+        return q
+    off = np.abs(q[:, None] - taken).max(axis=-1).min(axis=1)
+    return np.asarray(q[off > SAME_POSE])
+
+
+class Collector:
+    """Drives the arm from pose to pose and records what the camera sees.
+
+    Args:
+        run: of an open cell.
+        record: what it adds to.
+        scene: the cell around the arm, the target in its hand.
+        console: where progress is told.
+    """
+
+    def __init__(self, run: TaskRun, record: HandRecord, scene: Scene, console: Console) -> None:
+        self.run, self.record, self.scene, self.console = run, record, scene, console
+        self.finder = TargetFinder(record.hand.target)
+
+    def take_into_use(self) -> None:
+        """Home the arm, unless it was and is. The jaws stay as they are: they may hold the plate."""
+        mars, cell = self.run.connection.mars, self.run.task.cell
+        if self.run.homed_before:
+            keep_home(mars, cell, self.console, jaws_too=False)
+        else:
+            self.console.step(
+                "homing: the controller moves every axis, nothing checks its way; the jaws stay as they are, the plate "
+                "must be firm in the hand"
+            )
+            mars.initialise(home=True, soft_home=False)
+        mars.set_registers(cell.speed_registers, cell.acceleration_registers)
+        self.run.homed = True
+
+    def home(self) -> None:
+        """Back to q_start, the target still in hand."""
+        self._drive(self.run.task.cell.q_start, "back to q_start")
+
+    def require_same_hold(self) -> None:
+        """Look at one of the recorded poses again: who goes on must hold the target as it was held.
+
+        Raises:
+            ImpossibleError: it appears elsewhere, or no recorded pose can be taken again; data: off_px.
+        """
+        recorded = self.record.configurations()
+        for place in nearest_order(self.run.q_now(), recorded)[:_REPEATS]:
+            if not self._drive(recorded[place], f"poses[{place}] again"):
+                continue
+            _, corners = self._look()
+            off = corners - self.record.pixels[place]
+            both = np.isfinite(off).all(axis=1)
+            if not both.any():
+                continue
+            off_px = float(np.sqrt(np.mean(np.sum(off[both] ** 2, axis=1))))
+            if off_px > SAME_PX:
+                raise ImpossibleError(
+                    f"at the configuration of poses[{place}] of {self.record.file} the target is {off_px:.1f} px "
+                    f"from where it was (allowed {SAME_PX:g}): it was put in anew, or the camera or the arm's zeros "
+                    "moved; give a new file",
+                    off_px=off_px,
+                    pose=place,
+                )
+            self.console.step(f"poses[{place}] again: the target is where it was, within {off_px:.2f} px")
+            return
+        raise ImpossibleError(
+            f"none of {_REPEATS} poses of {self.record.file} could be taken again, so nothing says that the target is "
+            "held as it was; give a new file",
+            off_px=None,
+        )
+
+    def collect(self, wanted: Array, nearest_first: bool) -> int:
+        """Take configurations (k, 6) rad; how many were taken.
+
+        Raises:
+            ImpossibleError: the target is not seen where it should be.
+            ExecutionStopped: motion stopped; what was recorded before is in the file.
+        """
+        order = nearest_order(self.run.q_now(), wanted) if nearest_first else range(len(wanted))
+        total, taken, failed = len(wanted), 0, 0
+        for number, place in enumerate(order, start=1):
+            name = f"pose {number} of {total}"
+            if self._take(wanted[place], name):
+                taken += 1
+                continue
+            failed += 1
+            if failed >= MOST_FAILED and failed > taken:
+                raise ImpossibleError(
+                    f"nothing could be taken in {failed} of {number} poses: is the target "
+                    f"{self.record.hand.target.label()}, lit, and held about where the target file says?",
+                    failed=failed,
+                    poses=number,
+                )
+        return taken
+
+    def _take(self, q: Array, name: str) -> bool:
+        """Go to a configuration and record what is seen; whether that could be done."""
+        if not self._drive(q, name):
+            return False
+        counts, corners = self._look()
+        shown = int(np.isfinite(corners[:, 0]).sum())
+        if counts is None:
+            found = "left out, the arm did not stand still"
+        elif shown < FEWEST_CORNERS:
+            found = "left out, the target was not seen"
+        else:
+            self.record.add(counts, corners)
+            found = f"{shown} corners"
+        self.console.step(f"{name}: {found}, {len(self.record)} recorded")
+        return counts is not None and shown >= FEWEST_CORNERS
+
+    def _drive(self, q: Array, what: str) -> bool:
+        """Plan the way to a configuration, certify it, drive it; False if there is none."""
+        task = self.run.task
+        try:
+            plan = plan_way(
+                self.scene,
+                self.run.q_now(),
+                q,
+                task.cell.unit,
+                task.cell.limits,
+                options_of(task, self.run.speed),
+                provenance(task),
+                {"name": task.name, "kind": task.kind},
+            )
+        except ImpossibleError as error:
+            self.console.step(f"{what}: left out, {error}")
+            return False
+        if plan is not None:
+            self.run.execute(plan.steps)
+        return True
+
+    def _look(self) -> tuple[tuple[int, ...] | None, Array]:
+        """Counts of the arm at rest, None if it moved meanwhile, and corners (m, 2) px, means over the frames."""
+        mars, cell = self.run.connection.mars, self.run.task.cell
+        mars.link.wait(SETTLE_S)
+        counts = mars.settled_counts()
+        corners = seen_corners(self.run.connection.frames, self.finder, cell.photographs)
+        still = farthest(counts, mars.settled_counts()) <= STILL_COUNTS
+        return (counts if still else None), corners
+
+
+def seen_corners(frames: FrameSource, finder: TargetFinder, count: int) -> Array:
+    """Corners (m, 2) px of a target that stands still, means over frames; NaN where it was not seen in half of them."""
+    shown = np.full((count, finder.target.corners, 2), np.nan)
+    for k, image in enumerate(frames.grab(count)):
+        view = finder.find(image)
+        if view is not None:
+            shown[k, view.ids] = view.corners_px
+    seen = np.isfinite(shown[..., 0]).sum(axis=0) * 2 > count
+    mean = np.full(shown.shape[1:], np.nan)
+    mean[seen] = np.nanmean(shown[:, seen], axis=0)
+    return frozen(mean)

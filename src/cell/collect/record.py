@@ -1,0 +1,110 @@
+"""A recording of a target in the hand that grows pose by pose; what was interrupted goes on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from arm.errors import InputError
+from arm.io.storage import read_bytes, sha256
+from arm.robot.dh import A465
+from arm.se3 import Array, frozen
+from calib.recordings.arm import ArmRecording, read_arm_recording, write_arm_recording
+from cell.config.cell import Cell
+from cell.files.hand_target import HandTarget
+
+CHANGED = "changed meanwhile"  # reason of an error: the file is no longer as this command left it
+
+
+class HandRecord:
+    """What was taken so far, in a file that is whole after every pose.
+
+    Args:
+        file: to go on with, or new.
+        cell: whose arm and camera take it.
+        hand: what is held.
+
+    Attributes:
+        before: how many poses were there already.
+
+    Raises:
+        InputError: the file is no recording, or one of another target, camera or arm.
+    """
+
+    def __init__(self, file: Path, cell: Cell, hand: HandTarget) -> None:
+        self.file, self.cell, self.hand = file, cell, hand
+        self.joints: list[Array] = []
+        self.pixels: list[Array] = []
+        self._known = self._on_disk()
+        if file.exists():
+            self._go_on(read_arm_recording(file))
+        self.before = len(self)
+
+    def _go_on(self, before: ArmRecording) -> None:
+        points = self.hand.target.points()
+        other = {
+            "target": before.points.shape != points.shape
+            or not np.allclose(before.points, points, atol=1e-9),
+            "camera": before.camera.lens_digest != self.cell.camera.lens_digest,
+            "arm": before.dh.digest != A465.digest or before.unit != self.cell.unit.name,
+        }
+        differing = [name for name, is_other in other.items() if is_other]
+        if differing:
+            raise InputError(
+                f"{self.file}: holds poses of another {' and '.join(differing)}; give a new file",
+                file=str(self.file),
+                differing=differing,
+            )
+        self.joints, self.pixels = list(before.joints), list(before.pixels)
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+    def add(self, counts: tuple[int, ...], pixels: Array) -> None:
+        """Keep a pose: encoder counts at rest, and corners (m, 2) px, NaN where one was not seen.
+
+        Raises:
+            InputError: the file cannot be written, or somebody else changed it meanwhile; it is left as it is.
+        """
+        now = self._on_disk()
+        if now not in (self._known, None):
+            raise InputError(
+                f"{self.file}: was changed by somebody else since this command last read or wrote it, so it is not "
+                "written over, and the pose just taken is lost; end what else writes it, then the same command goes on "
+                "from what it holds now",
+                file=str(self.file),
+                reason=CHANGED,
+            )
+        self.joints.append(frozen(self.cell.nominal_unit.positions(counts)))
+        self.pixels.append(pixels)
+        write_arm_recording(self.file, self.recording())
+        self._known = self._on_disk()
+
+    def _on_disk(self) -> str | None:
+        """What the file holds now, as a hash; None if there is none."""
+        return sha256(read_bytes(self.file, "JSON")) if self.file.exists() else None
+
+    def configurations(self) -> Array:
+        """Where the poses were taken as the cell's unit has it, (n, 6) rad."""
+        return np.array([self.from_readings(q) for q in self.joints]).reshape(-1, 6)
+
+    def from_readings(self, q: Array) -> Array:
+        """A configuration (6,) rad by the unit's own zeros, as the cell's unit has it."""
+        return self.cell.unit.positions(self.cell.nominal_unit.counts(q))
+
+    def to_readings(self, q: Array) -> Array:
+        """A configuration (6,) rad of the cell's unit, by the unit's own zeros."""
+        return self.cell.nominal_unit.positions(self.cell.unit.counts(q))
+
+    def recording(self) -> ArmRecording:
+        """All that was taken; joints are what the unit's own zeros say."""
+        return ArmRecording(
+            self.cell.camera.at(np.eye(4)),
+            A465,
+            self.hand.target.points(),
+            self.hand.target.kind,
+            frozen(np.array(self.joints)),
+            frozen(np.array(self.pixels)),
+            self.cell.unit.name,
+        )

@@ -1,0 +1,142 @@
+"""The collection as a command: choose the poses, open the cell, take them, calibrate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm.errors import ExecutionStopped, InputError
+from arm.io.storage import keep_apart
+from arm.se3 import Array
+from calib.hand_eye.calibrate import HAND_EYE_LIMITS
+from cell.collect.collector import CollectOptions, Collector, choose, hand_scene
+from cell.collect.record import CHANGED, HandRecord
+from cell.commands.calibration.chain import Results, encoder_step_of, limits_of, solve_hand_eye
+from cell.commands.run import Confirm, opened
+from cell.console import Console
+from cell.files.hand_target import read_hand_target
+from cell.files.task import Task, read_task
+from cell.report.run_folder import require_new_folder
+from cell.session.connection import WhichCell, require_openable
+from cell.session.speed import planning_speed
+from driver.execution.control import Control
+
+
+@dataclass(frozen=True)
+class CollectFiles:
+    """What a collection reads and writes.
+
+    Attributes:
+        recording: that is begun, or gone on with.
+        task, target: files of the task, whose cell it is, and of what the hand holds.
+        output, report: of the calibration; None: not written.
+        apply: let the task's cell file name the calibration, if it is accepted.
+        folder: for plans and the wire log; None: a new one.
+    """
+
+    recording: Path
+    task: Path
+    target: Path
+    output: Path | None = None
+    report: Path | None = None
+    apply: bool = False
+    folder: Path | None = None
+
+
+def collect_step(
+    files: CollectFiles,
+    options: CollectOptions,
+    limit_mm: float | None,
+    where: WhichCell,
+    console: Console,
+    encoder_step_deg: float | None = None,
+    confirm: Confirm | None = None,
+) -> dict[str, Any]:
+    """Record the target in the arm's hand and calibrate; both files are written as soon as they can be.
+
+    A recording that is complete is not added to, and nothing moves. A calibration that the cell file names and that
+    cannot be used is left out: it is to be made here.
+
+    Raises:
+        InputError: a file, value or port is wrong.
+        ImpossibleError: the target cannot be shown to the camera, or is not seen.
+        ExecutionStopped: motion stopped; the same command goes on from what was recorded.
+        CalibrationRefused: nothing could be computed.
+    """
+    recording, output = files.recording, files.output
+    limits, encoder_step = limits_of(HAND_EYE_LIMITS, limit_mm), encoder_step_of(encoder_step_deg)
+    task = read_task(files.task, lambda why: console.step(f"begun without the cell's calibration: {why}"))
+    hand = read_hand_target(files.target)
+    if files.apply and output is None:
+        raise InputError(
+            "--apply needs -o FILE: the calibration file that the cell is to name", option="--apply"
+        )
+    if recording.suffix != ".json":
+        raise InputError(f"{recording}: a recording is a .json file", file=str(recording))
+    world = where.world or task.file.with_suffix(".world.toml")
+    read = (files.task, files.target, task.cell.file, task.cell.camera_file, world)
+    keep_apart(recording, *read)
+    results = Results.beside(output, files.report, recording, *read)
+    record = HandRecord(recording, task.cell, hand)
+    folder, pool = None, None
+    if len(record) < options.poses:
+        pool, folder = _add(task, record, options, files.folder, where, console, confirm)
+    else:
+        console.step(f"{recording}: holds {len(record)} poses already, so nothing moves")
+    with console.doing("calibrating"):
+        result = solve_hand_eye(
+            recording,
+            record.recording(),
+            results,
+            limits,
+            encoder_step,
+            console,
+            task.cell.file,
+            files.apply,
+            pool,
+        )
+    return {**result, "recording": str(recording), "folder": None if folder is None else str(folder)}
+
+
+def _add(
+    task: Task,
+    record: HandRecord,
+    options: CollectOptions,
+    folder: Path | None,
+    where: WhichCell,
+    console: Console,
+    confirm: Confirm | None,
+) -> tuple[Array, Path]:
+    """Take the poses that are missing; readings (n, 6) rad at which the target could be shown, and the run's folder.
+
+    What can be seen without the arm is seen first: the choice of poses takes long.
+    """
+    if len(record):
+        console.step(f"{record.file}: {len(record)} poses are there from before")
+    speed = planning_speed(task.cell, where.speed)
+    require_openable(task, where)
+    require_new_folder(folder)
+    scene = hand_scene(record)
+    choice = choose(record, scene, options, console)
+    try:
+        with opened(task, console, where, speed, folder, Control(), confirm) as run:
+            if run.connection.simulated is not None:
+                run.connection.simulated.hold(record.hand)
+            collector = Collector(run, record, scene, console)
+            collector.take_into_use()
+            if len(record):
+                collector.require_same_hold()
+            taken = collector.collect(choice.q, nearest_first=not options.recipe)
+            collector.home()
+    except ExecutionStopped as error:
+        if not len(record) or error.data.get("reason") == CHANGED:
+            raise
+        raise ExecutionStopped(
+            f"{error}; {len(record)} poses are in {record.file}, and the same command goes on from them",
+            **error.data,
+        ) from error
+    console.step(f"{taken} taken, {len(record)} poses in {record.file}")
+    return np.array([record.to_readings(q) for q in choice.pool]), run.folder

@@ -1,0 +1,83 @@
+"""A calibration target as a drawing to print, true to size, with a scale to see whether the printer kept it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from arm.errors import InputError
+from arm.io.storage import keep_apart, write_atomic
+from arm.io.toml_reader import TomlTable
+from cell.console import Console
+from vision.markers.dictionaries import predefined
+from vision.targets.target import Target, target_of
+
+MARGIN_MM, SCALE_MM = 10.0, 100.0
+
+
+def target_print_step(target_file: Path | None, output: Path, console: Console) -> dict[str, Any]:
+    """``a465 calibrate target``: an SVG of the target of a file, or of the one that `a465 calibrate camera` expects.
+
+    Raises:
+        InputError: the file is wrong, or the output's name is.
+    """
+    keep_apart(output, target_file)
+    if output.suffix.lower() != ".svg":
+        raise InputError(
+            f"{output}: a target is drawn as .svg, which keeps its size in print", file=str(output)
+        )
+    target = Target() if target_file is None else target_of(TomlTable.read(target_file))
+    write_atomic(output, target_svg(target))
+    width, height = (1e3 * size for size in target.size)
+    console.say(f"{output}: {target.label()}; the chessboard is {width:g} x {height:g} mm")
+    console.say(
+        "print it at 100 %, not fitted to the page; measure the scale below it, and ten squares in a row"
+    )
+    return {"file": str(output), "width_mm": width, "height_mm": height, "square_mm": 1e3 * target.square}
+
+
+def target_svg(target: Target) -> str:
+    """The drawing's text: black rectangles on white, lengths in mm from the chessboard's top left corner."""
+    width, height = (1e3 * size for size in target.size)
+    scale = min(SCALE_MM, width)
+    below = height + MARGIN_MM / 2.0
+    shapes = [
+        f'<rect x="{x:.6g}" y="{y:.6g}" width="{side:.6g}" height="{side:.6g}"/>'
+        for x, y, side in _dark(target)
+    ]
+    ruler = f"M 0 {below - 2:g} V {below + 2:g} M 0 {below:g} H {scale:g} M {scale:g} {below - 2:g} V {below + 2:g}"
+    whole = (width + 2.0 * MARGIN_MM, height + 2.5 * MARGIN_MM)
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{whole[0]:g}mm" height="{whole[1]:g}mm" '
+        f'viewBox="{-MARGIN_MM:g} {-MARGIN_MM:g} {whole[0]:g} {whole[1]:g}">\n'
+        f'<rect x="{-MARGIN_MM:g}" y="{-MARGIN_MM:g}" width="{whole[0]:g}" height="{whole[1]:g}" fill="white"/>\n'
+        f'<g id="print" fill="black" shape-rendering="crispEdges">\n' + "\n".join(shapes) + "\n</g>\n"
+        f'<path d="{ruler}" stroke="black" stroke-width="0.2" fill="none"/>\n'
+        f'<text x="0" y="{below + 6:g}" font-size="3.5" font-family="sans-serif">'
+        f"{scale:g} mm between the end marks. {escape(target.label())}</text>\n</svg>\n"
+    )
+
+
+def _dark(target: Target) -> Iterator[tuple[float, float, float]]:
+    """Dark squares: left, top and side, mm."""
+    square, marker = 1e3 * target.square, 1e3 * target.marker
+    for j in range(target.rows):
+        for i in range(target.columns):
+            if (i + j) % 2 == 0:
+                yield i * square, j * square, square
+    if target.kind != "charuco":
+        return
+    dictionary = predefined(target.dictionary)
+    cells = dictionary.markerSize + 2  # with the border
+    off = (square - marker) / 2.0
+    for number, (i, j) in enumerate(target.marker_squares()):
+        image = cv2.aruco.generateImageMarker(dictionary, number, cells)
+        for row in range(cells):
+            for column in range(cells):
+                if image[row, column] == 0:
+                    bit = marker / cells
+                    yield i * square + off + column * bit, j * square + off + row * bit, bit

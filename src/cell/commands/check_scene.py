@@ -1,0 +1,240 @@
+"""``a465 check`` of a scene file: every question answered anew and held against what is expected."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.errors import InputError
+from cell.console import Console
+from cell.files.scene import (
+    MOTION_VERDICTS,
+    QUERY_VERDICTS,
+    Expected,
+    Motion,
+    Pair,
+    Query,
+    SceneFile,
+    beyond_limits,
+)
+from plan.collision.bezier import curve_of_waypoints
+from plan.collision.certificate import check_curve
+from plan.collision.world import World
+
+AGREES = 1e-5  # distances that differ by less are the same, m
+CLOSEST = 5  # pairs told of a configuration
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What was found about one query or motion.
+
+    Attributes:
+        name, expected: of the question.
+        verdict: of the question's kind.
+        proved, seen: the distance lies between them, m: the lower bound that was proved, and the smallest that was
+            computed on the way; for a query they are the same. A motion that collides is left at the first overlap, so
+            `proved` may then be far below.
+        pair: the closest two bodies.
+        agrees: whether nothing differs from what is expected.
+    """
+
+    name: str
+    expected: Expected
+    verdict: str
+    proved: float
+    seen: float
+    pair: tuple[str, str]
+    agrees: bool
+
+
+def answer_query(scene: SceneFile, query: Query) -> Answer:
+    """Distances at one configuration."""
+    world = scene.world(query.allowed)
+    distance = world.distance(query.q)
+    free, collides = QUERY_VERDICTS
+    verdict = free if distance.value > 0.0 else collides
+    expected = query.expected
+    agrees = (
+        _as_told(expected, verdict, free)
+        and _same(expected.distance, distance.value, distance.value)
+        and _as_close(world, query.q, expected, distance.value)
+    )
+    return Answer(query.name, expected, verdict, distance.value, distance.value, distance.pair, agrees)
+
+
+def answer_motion(scene: SceneFile, motion: Motion) -> Answer:
+    """Proof of clearance over one straight joint motion, tight enough to tell the clearance as well."""
+    world = scene.world(motion.allowed)
+    check = check_curve(world, curve_of_waypoints(motion.ends), motion.asked, tight=True)
+    clear, too_close = MOTION_VERDICTS
+    verdict = clear if check.proved else too_close
+    agrees = (
+        _as_told(motion.expected, verdict, clear)
+        and _same(motion.expected.distance, check.clearance, check.seen)
+        and _closest_on_the_way(scene, motion, check.seen)
+    )
+    return Answer(motion.name, motion.expected, verdict, check.clearance, check.seen, check.pair, agrees)
+
+
+def _as_told(expected: Expected, verdict: str, good: str) -> bool:
+    """Whether a verdict is the one that is expected; where nothing is, only a good one is."""
+    return (
+        verdict == expected.verdict
+        if expected.verdict is not None
+        else expected != Expected() or verdict == good
+    )
+
+
+def _same(expected: float | None, low: float, high: float) -> bool:
+    return expected is None or low - AGREES <= expected <= high + AGREES
+
+
+def _checked(world: World) -> list[Pair]:
+    return [frozenset(world.pair_names(i)) for i in range(len(world.pairs))]
+
+
+def _as_close(world: World, q: npt.ArrayLike, expected: Expected, closest: float) -> bool:
+    """Whether the expected pair is as close as the closest; two fingers may be so at once."""
+    if expected.pair is None:
+        return True
+    names = _checked(world)
+    if expected.pair not in names:
+        return False
+    index = np.array([names.index(expected.pair)])
+    return float(world.pair_distances(q, index)[0]) <= closest + AGREES
+
+
+def _closest_on_the_way(scene: SceneFile, motion: Motion, seen: float) -> bool:
+    """Whether the expected pair, looked at alone, comes as close as all pairs do."""
+    if motion.expected.pair is None:
+        return True
+    names = _checked(scene.world(motion.allowed))
+    if motion.expected.pair not in names:
+        return False
+    alone = scene.world({*motion.allowed, *names} - {motion.expected.pair})
+    least = check_curve(alone, curve_of_waypoints(motion.ends), motion.asked, tight=True)
+    if seen < 0.0:
+        return least.seen < 0.0
+    closest = seen if motion.expected.distance is None else motion.expected.distance
+    return _same(closest, least.clearance, least.seen)
+
+
+def check_scene(scene: SceneFile, console: Console) -> dict[str, Any]:
+    """Answer every question of a scene file, print a table of them, and give what ``--json`` prints.
+
+    Raises:
+        InputError: the file asks nothing.
+    """
+    if not scene.queries and not scene.motions:
+        raise InputError(
+            f"{scene.file}: asks nothing; give it [[queries]] or [[motions]], or a configuration with --q",
+            file=str(scene.file),
+        )
+    queries = [answer_query(scene, q) for q in scene.queries]
+    motions = [answer_motion(scene, m) for m in scene.motions]
+    before, after = ("expected", "found", "mm exp."), ("closest", "as expected")
+    if queries:
+        console.table(("query", *before, "mm", *after), [_row(a, (a.seen,)) for a in queries])
+    if motions:
+        console.say()
+        header = ("motion", *before, "mm proved", "mm seen", *after)
+        console.table(header, [_row(a, (_down(a.proved), _up(a.seen))) for a in motions])
+        console.say("proved: the clearance is at least this, over the whole motion; seen: it is at most this")
+    if any(a.seen < 0.0 for a in motions):
+        console.say("a motion that collides is left at the first overlap found; expected is the deepest")
+    differing = [a.name for a in (*queries, *motions) if not a.agrees]
+    console.say(
+        f"{scene.file}: {len(queries) + len(motions) - len(differing)} as expected, {len(differing)} not"
+    )
+    return {
+        "scene": str(scene.file),
+        "as_expected": not differing,
+        "differing": differing,
+        "queries": [_to_json(a, "distance_mm") for a in queries],
+        "motions": [
+            _to_json(a, "clearance_mm")
+            | {
+                "clearance_mm": _finite(a.proved),
+                "proved_mm": _finite(a.proved),
+                "seen_mm": _finite(a.seen),
+            }
+            for a in motions
+        ],
+    }
+
+
+def _row(answer: Answer, distances: tuple[float, ...]) -> tuple[object, ...]:
+    expected = answer.expected
+    return (
+        answer.name,
+        expected.verdict or "-",
+        answer.verdict,
+        None if expected.distance is None else 1e3 * expected.distance,
+        *map(_finite, distances),
+        " - ".join(answer.pair),
+        answer.agrees,
+    )
+
+
+def _to_json(answer: Answer, distance_key: str) -> dict[str, Any]:
+    expected = answer.expected
+    return {
+        "name": answer.name,
+        "verdict": answer.verdict,
+        distance_key: _finite(answer.seen),
+        "pair": list(answer.pair),
+        "expected": {
+            "verdict": expected.verdict,
+            distance_key: None if expected.distance is None else 1e3 * expected.distance,
+            "pair": None if expected.pair is None else sorted(expected.pair),
+        },
+        "as_expected": answer.agrees,
+    }
+
+
+def _finite(distance: float) -> float | None:
+    """In mm; None where no pair is checked."""
+    return 1e3 * distance if np.isfinite(distance) else None
+
+
+def _down(distance: float) -> float:
+    """To 0.01 mm, as the table shows it: what is proved must not look like more."""
+    return float(np.floor(distance * 1e5 + 1e-6)) / 1e5
+
+
+def _up(distance: float) -> float:
+    return float(np.ceil(distance * 1e5 - 1e-6)) / 1e5
+
+
+def closest_pairs(scene: SceneFile, configuration: str, console: Console) -> dict[str, Any]:
+    """The closest pairs at a configuration that is written as six angles in deg with commas.
+
+    Raises:
+        InputError: it is not that, or beyond the joints' limits.
+    """
+    try:
+        degrees = [float(v) for v in configuration.split(",")]
+    except ValueError:
+        degrees = []
+    if len(degrees) != 6 or not np.isfinite(degrees).all():
+        raise InputError(
+            f"q = {configuration!r}: must be six angles in deg, J1 to J6, such as 0,10,-80,0,-60,0",
+            q=configuration,
+        )
+    rule = beyond_limits(np.radians(degrees), scene.unit)
+    if rule:
+        raise InputError(f"q = {configuration!r}: {rule}", q=configuration)
+    found = scene.world().distances_below(np.radians(degrees), float("inf"))[:CLOSEST]
+    console.table(("closest", "mm"), [(" - ".join(d.pair), 1e3 * d.value) for d in found])
+    verdict = QUERY_VERDICTS[bool(found) and found[0].value <= 0.0]
+    console.say(f"{scene.file}: {verdict}")
+    return {
+        "scene": str(scene.file),
+        "q_deg": degrees,
+        "verdict": verdict,
+        "closest": [{"pair": list(d.pair), "distance_mm": 1e3 * d.value} for d in found],
+    }

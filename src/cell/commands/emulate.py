@@ -1,0 +1,152 @@
+"""``a465 emulate``: an emulated controller as a program, alone or in the simulated cell of a task.
+
+Imports nothing of the cell unless a task is given, so the unit alone starts at once.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections import Counter
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from arm.controller.unit import Unit, load_unit
+from arm.errors import ExecutionStopped, InputError
+from arm.io.storage import keep_apart
+from driver.emulator import Emulator, EmulatorOptions
+from driver.emulator.faults.file import read_faults
+from driver.line.clock import Clock
+from driver.line.signals import SIGNALS
+from driver.line.wire_log import WireLog
+
+if TYPE_CHECKING:
+    from cell.sim.cell import SimulatedCell
+
+POLL_S = 0.1  # wall time
+BAD = ("pushed", "missed", "fallen")  # what happened to cubes that should not have
+
+
+def emulate_step(
+    unit_name: str | None = None,
+    link: Path | None = None,
+    tcp: int | None = None,
+    time_scale: float = 1.0,
+    fault_file: Path | None = None,
+    log_file: Path | None = None,
+    task_file: Path | None = None,
+    world: Path | None = None,
+    photographs: Path | None = None,
+    hand_file: Path | None = None,
+) -> None:
+    """Serve until a signal comes, then say what happened to the cubes, if there are any.
+
+    Args:
+        unit_name: default: that of the task's cell, or crs93.
+        link: symbolic link to make to the pseudo-terminal.
+        tcp: port to listen on too; 0 is any.
+        time_scale: emulated seconds per wall second.
+        fault_file: faults to come.
+        log_file: takes every line.
+        task_file: of the cell around the arm; None leaves the arm alone.
+        world: truth of that cell; default: beside the task file.
+        photographs: folder that gets photographs of that cell (`cell.sim.photo_folder`).
+        hand_file: target that the gripper of that cell holds, about where the file says.
+
+    Raises:
+        InputError: unit, link, port, time scale, fault file, log, task, world or folder is wrong; nothing was served.
+        ExecutionStopped: the log or the folder cannot be written any more, or a port that was to come back is taken.
+    """
+    if not 0.01 <= time_scale <= 100.0:
+        raise InputError(f"time scale = {time_scale:g}: must be from 0.01 to 100", time_scale=time_scale)
+    if link is not None and _is_dead(link):
+        link.unlink()  # of an emulated unit that was killed
+    if link is not None and os.path.lexists(link):
+        raise InputError(f"{link}: exists already; give a new name for the link", link=str(link))
+    if tcp is not None and not 0 <= tcp <= 65535:
+        raise InputError(f"tcp = {tcp}: must be a port from 0 to 65535", tcp=tcp)
+    keep_apart(log_file, fault_file, task_file, world)
+    simulated = _cell(task_file, world, photographs, hand_file)
+    unit, clock = _unit(unit_name, simulated), Clock(time_scale)
+    options = EmulatorOptions(faults=read_faults(fault_file) if fault_file else ())
+    over = threading.Event()
+    for number in SIGNALS:
+        signal.signal(number, lambda *_: over.set())
+    with ExitStack() as stack:
+        log = stack.enter_context(WireLog(log_file, clock)) if log_file else None
+        emulator = stack.enter_context(Emulator(unit, clock, simulated, options, log))
+        camera = None
+        if simulated is not None:
+            from cell.session.connection import join
+
+            frames = join(simulated, emulator)
+            if photographs is not None:
+                from cell.sim.photo_folder import FolderCamera
+
+                camera = FolderCamera(simulated, frames, emulator, photographs)
+        try:
+            linked = f", linked from {link}" if link else ""
+            print(f"{unit.name} on {emulator.open_pty(link)}{linked}", flush=True)
+            if tcp is not None:
+                print(f"{unit.name} on {emulator.open_tcp(tcp)}", flush=True)
+        except OSError as error:
+            raise InputError(f"emulate: --tcp {tcp}: {error.strerror}", link=str(link), tcp=tcp) from error
+        if simulated is not None:
+            stack.callback(_tell_cubes, simulated)
+            print(f"around it the cell of {simulated.world.file}", flush=True)
+        if camera is not None:
+            print(f"photographs go to {photographs} while the arm stands", flush=True)
+        while not over.wait(POLL_S):
+            if log is not None:
+                log.check()
+            if emulator.failure is not None:
+                raise ExecutionStopped(f"emulate: {emulator.failure}", reason="port")
+            if camera is not None:
+                camera.poll()
+
+
+def _is_dead(link: Path) -> bool:
+    """Whether a link leads to a pseudo-terminal that is gone."""
+    return link.is_symlink() and os.readlink(link).startswith("/dev/pts/") and not link.exists()
+
+
+def _cell(
+    task_file: Path | None, world: Path | None, photographs: Path | None, hand_file: Path | None
+) -> SimulatedCell | None:
+    """The cell around the arm, if one is asked for."""
+    if task_file is None:
+        for name, value in (("--world", world), ("--photographs", photographs), ("--hand", hand_file)):
+            if value is not None:
+                raise InputError(f"{name} needs --task: the unit alone has no cell", value=str(value))
+        return None
+    from cell.files.task import read_task
+    from cell.session.connection import simulated_cell
+
+    simulated = simulated_cell(read_task(task_file), world)
+    if hand_file is not None:
+        from cell.files.hand_target import read_hand_target
+
+        simulated.hold(read_hand_target(hand_file))
+    return simulated
+
+
+def _unit(name: str | None, simulated: SimulatedCell | None) -> Unit:
+    if simulated is None:
+        return load_unit(name or "crs93")
+    unit = simulated.cell.nominal_unit
+    if name not in (None, unit.name):
+        raise InputError(f"--unit {name}: the cell of the task has {unit.name}; leave --unit out", unit=name)
+    return unit
+
+
+def _tell_cubes(simulated: SimulatedCell) -> None:
+    """What became of every cube, and everything that should not have happened to one."""
+    events = tuple(simulated.events)
+    counted = ", ".join(f"{n} {what}" for what, n in Counter(e.what for e in events).items())
+    print(f"cubes: {counted or 'none was touched'}")
+    last = {e.cube: e for e in events}
+    for event in events:
+        if event.what in BAD or event is last[event.cube]:
+            print(event.message)

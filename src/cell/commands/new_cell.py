@@ -1,0 +1,237 @@
+"""``a465 new-cell``: a complete cell to start from, which works in the simulated cell at once.
+
+Values come from the project's own scenes, comments from `cell.config.key_notes`.
+"""
+
+from __future__ import annotations
+
+import os
+import shlex
+import textwrap
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from arm.controller.unit import UNITS
+from arm.errors import InputError
+from arm.io.storage import data_file, read_text
+from arm.io.temporary import TemporaryFolder
+from arm.io.toml_writer import toml_value
+from cell.config import key_notes as cellnotes
+from cell.config.key_notes import Notes
+from cell.console import Console
+
+PLACEHOLDER = "placeholder"
+LONGEST_NAME = 60
+_COLUMNS = 110
+
+
+@dataclass(frozen=True)
+class _Source:
+    """A file of the new cell: the scene that it takes its values from, and what is said of them."""
+
+    scene: str
+    notes: Notes
+
+
+_FILES = {
+    "cell.toml": _Source("scenes/cell.toml", cellnotes.CELL),
+    "camera.toml": _Source("scenes/cameras/lab.toml", cellnotes.CAMERA),
+    "hand.toml": _Source("scenes/targets/hand.toml", cellnotes.HAND),
+    "task1.toml": _Source("scenes/task1.toml", cellnotes.TASK1),
+    "task1.world.toml": _Source("scenes/task1.world.toml", cellnotes.WORLD),
+    "task2.toml": _Source("scenes/task2.toml", cellnotes.TASK2),
+    "task2.world.toml": _Source("scenes/task2.world.toml", cellnotes.WORLD),
+}
+
+
+def new_cell_step(folder: Path, unit: str | None, name: str | None, console: Console) -> dict[str, Any]:
+    """Write a cell into a new or empty folder, all of it or nothing, and tell what comes next.
+
+    Args:
+        folder: to write.
+        unit: which arm; None is refused, for nothing else can tell.
+        name: of the cell, for the heads of its files; default: the folder's.
+
+    Raises:
+        InputError: unit or name is wrong, or the folder cannot be had.
+    """
+    if unit is None:
+        raise InputError(
+            f"--unit is missing: say which arm it is, {' or '.join(UNITS)}; the controller cannot tell, and with "
+            "another unit's zeros and registers angles are wrong by up to 11 degrees",
+            option="--unit",
+            choices=list(UNITS),
+        )
+    if unit not in UNITS:
+        raise InputError(f"--unit {unit}: must be one of {', '.join(UNITS)}", unit=unit)
+    place = folder.resolve()
+    _require_free(folder, place)
+    called = _require_name(place.name if name is None else name)
+    texts = cell_files(unit, called)
+    _write_all(folder, place, texts)
+    console.say(
+        f"{folder}: the cell {called!r} with the arm {unit}, in {len(texts)} files; what to measure is in them"
+    )
+    commands = next_commands(folder, unit)
+    console.say("\nNext, in this order; the first three need no hardware:")
+    for why, line in commands:
+        console.say(f"\n# {why}\n{line}")
+    return {
+        "folder": str(folder),
+        "name": called,
+        "unit": unit,
+        "files": sorted(texts),
+        "next": [{"why": why, "command": line} for why, line in commands],
+    }
+
+
+def cell_files(unit: str, name: str) -> dict[str, str]:
+    """Text of every file of a new cell, by its name in the folder."""
+    scenes = {file: tomllib.loads(read_text(data_file(source.scene))) for file, source in _FILES.items()}
+    scenes["cell.toml"] |= {"unit": unit, "camera": "camera.toml"}
+    scenes["camera.toml"]["calibration"] = {"id": PLACEHOLDER}
+    texts = {file: _commented(values, _FILES[file].notes, name) for file, values in scenes.items()}
+    for board in scenes["cell.toml"]["boards"]["files"]:
+        texts[board] = read_text(data_file(f"scenes/{board}"))
+    return texts
+
+
+def next_commands(folder: Path, unit: str) -> list[tuple[str, str]]:
+    """What the user of a real cell does next, in this order: why, and the command."""
+
+    def at(name: str) -> str:
+        return shlex.quote(str(folder / name))
+
+    task, port, camera = at("task2.toml"), "--port /dev/mars", "--camera name:MY-CAMERA"
+    return [
+        ("try it: four cubes in the simulated cell", f"a465 run {task}"),
+        (
+            f"measure, and edit {at('cell.toml')}; how near is the arm to what, at any joints?",
+            f"a465 check {at('cell.toml')} --q=-60,-40,-80,0,-60,0",
+        ),
+        (
+            "rehearse the calibration",
+            f"a465 calibrate hand-eye {at('rehearsal.json')} --collect {task} --target {at('hand.toml')}",
+        ),
+        (
+            f"is everything there? (that the arm is {unit} you have to know)",
+            f"a465 doctor --cell {task} {port} {camera}",
+        ),
+        (
+            f"find the lens; then add [pose] of {at('camera.toml')} to it, and name it in the cell file",
+            f"a465 calibrate camera {at('lens')} --live {camera} -o {at('lens.toml')}",
+        ),
+        (
+            f"print {at('hand.toml')}'s board, put it into the hand, clear the table; emergency stop at hand",
+            f"a465 calibrate hand-eye {at('recorded.json')} --collect {task} --target {at('hand.toml')} "
+            f"{port} {camera} --speed 0.1 -o {at('calibration.toml')} --apply",
+        ),
+        ("set up boards and cubes; what is seen?", f"a465 look {task} {camera} -o {at('look.json')}"),
+        ("plan it, and look at the plan", f"a465 plan {task} --look {at('look.json')} -o {at('plan.json')}"),
+        (
+            "it opens in a browser, and shows the code that the next command asks for",
+            f"a465 preview {at('plan.json')} {task} -o {at('plan.html')}",
+        ),
+        ("slowly first", f"a465 execute {at('plan.json')} {task} {port} {camera} --speed 0.1"),
+        (
+            "again, while the unit stays switched on: nothing is homed among the boards",
+            f"a465 execute {at('plan.json')} {task} {port} {camera} --speed 0.1 --homed",
+        ),
+        ("all of it in one, every look included", f"a465 run {task} {port} {camera} --speed 0.1"),
+    ]
+
+
+def _require_name(name: str) -> str:
+    if not name.strip() or len(name) > LONGEST_NAME or not name.isprintable():
+        raise InputError(
+            f"--name {name!r}: must be a line of 1 to {LONGEST_NAME} printable characters", name=name
+        )
+    return name
+
+
+def _require_free(folder: Path, place: Path) -> None:
+    """A folder that is not there, or that holds nothing and can be replaced."""
+    if place == Path.cwd():
+        raise InputError(
+            f"{folder}: is the folder that you are in, which cannot be replaced; give a new one, such as my-cell",
+            folder=str(folder),
+        )
+    try:
+        held = sorted(os.listdir(place)) if os.path.lexists(place) else []
+    except OSError as error:
+        raise InputError(
+            f"{folder}: is no folder to write into: {error.strerror}", folder=str(folder)
+        ) from error
+    if held:
+        raise InputError(
+            f"{folder}: holds something already ({held[0]}); give a new or an empty folder",
+            folder=str(folder),
+            holds=held[0],
+        )
+
+
+def _write_all(folder: Path, place: Path, texts: Mapping[str, str]) -> None:
+    """All files or none: into a folder beside, which then gets the name.
+
+    Raises:
+        InputError: it cannot be written, or somebody has put something there meanwhile.
+    """
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryFolder(place) as beside:
+            for name, text in texts.items():
+                file = beside.path / name
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_text(text, encoding="utf-8")
+            beside.become()
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written: {error.strerror}", folder=str(folder)) from error
+
+
+def _commented(values: Mapping[str, Any], notes: Notes, name: str) -> str:
+    """A TOML file with a comment above every key."""
+    lines = [*_comment(notes[""].replace("{name}", name)), *_table(values, notes, "")]
+    return "\n".join(lines) + "\n"
+
+
+def _table(values: Mapping[str, Any], notes: Notes, prefix: str) -> Iterator[str]:
+    """The lines of a table, its own keys first, as TOML wants it."""
+    tables = {key: value for key, value in values.items() if _is_tables(value)}
+    for key, value in values.items():
+        if key not in tables:
+            yield ""
+            yield from _comment(notes[prefix + key])
+            yield f"{key} = {_value(value)}"
+    if f"{prefix}*" in notes:
+        yield from ("", *notes[f"{prefix}*"].splitlines())
+    for key, value in tables.items():
+        many = isinstance(value, list)
+        for one in value if many else [value]:
+            yield ""
+            yield from _comment(notes.get(prefix + key, ""))
+            yield f"[[{prefix}{key}]]" if many else f"[{prefix}{key}]"
+            yield from _table(one, notes, f"{prefix}{key}.")
+
+
+def _is_tables(value: object) -> bool:
+    return isinstance(value, dict) or (isinstance(value, list) and any(isinstance(v, dict) for v in value))
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, list) and any(isinstance(v, str | list) for v in value):
+        return "[\n" + "".join(f"  {toml_value(v)},\n" for v in value) + "]"
+    return toml_value(value)
+
+
+def _comment(text: str) -> list[str]:
+    return textwrap.wrap(
+        text,
+        _COLUMNS,
+        initial_indent="# ",
+        subsequent_indent="# ",
+        break_on_hyphens=False,
+        break_long_words=False,
+    )

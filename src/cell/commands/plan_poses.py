@@ -1,0 +1,93 @@
+"""``a465 plan-poses``: a list of poses and configurations as a certified plan file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from arm.io.storage import keep_apart
+from arm.plan_file import Move, write_plan
+from cell.commands.steps import warn_of
+from cell.console import Console
+from cell.files.observation import read_seen
+from cell.files.place import POSES, read_place
+from cell.files.pose_list import Reading, read_pose_list
+from cell.session.budget import within
+from cell.session.speed import planning_speed, tool_words
+from cell.task.planning import require_above_table
+from cell.task.pose_list_planning import plan_pose_list
+from plan.budget import SearchBudget
+
+
+def plan_poses_step(
+    place_file: Path,
+    poses_file: Path,
+    look: Path | None,
+    output: Path,
+    reading: Reading,
+    speed: float | None,
+    back: bool,
+    console: Console,
+    budget: SearchBudget | None = None,
+) -> dict[str, Any]:
+    """Plan from q_start through the whole list and write the plan file; what was planned, as JSON types.
+
+    Args:
+        place_file: a task file, or a cell file.
+        poses_file: the list; see `cell.files.pose_list.read_pose_list`.
+        look: what was seen, or None: table and walls alone.
+        output: the plan file.
+        reading: what bare numbers of the list mean.
+        speed: see `cell.session.speed`; default: the cell's.
+        back: whether the arm goes back to q_start in the end.
+
+    Raises:
+        InputError: a file or value is wrong.
+        ImpossibleError: names the entry that cannot be reached, or is too near to something.
+    """
+    keep_apart(output, place_file, poses_file, look)
+    task = read_place(place_file)
+    poses = read_pose_list(poses_file, reading)
+    seen = None if look is None else read_seen(look, task.cell.boards)
+    if seen is not None:
+        if task.kind != POSES:
+            seen.require(task)
+        require_above_table(task, seen)
+    with within(budget):
+        plan = plan_pose_list(task, seen, poses, planning_speed(task.cell, speed), back)
+    write_plan(output, plan)
+    console.table(
+        ("step", "s", "mm", "closest"),
+        [
+            (s.name, s.path.duration_s, 1e3 * s.clearance, " - ".join(s.closest))
+            if isinstance(s, Move)
+            else (s.name, None, None, "")
+            for s in plan.steps
+        ],
+    )
+    least = 1e3 * min(m.clearance for m in plan.moves)
+    console.say(
+        f"{len(poses.entries)} entries, {plan.duration_s:.1f} s at speed {plan.speed:g}, "
+        f"{tool_words(plan, task.cell)}, "
+        f"at least {least:.1f} mm clear of everything"
+    )
+    warn_of(plan, console)
+    if seen is None:
+        console.say("of table and walls alone: boards and cubes are not in this plan (--look FILE)")
+    if any(entry.jaws for entry in poses.entries):
+        console.say("what the jaws hold is not known, so nothing is said about it")
+    console.say(f"plan {plan.sha256[:12]} is in {output}")
+    return {
+        "plan": str(output),
+        "plan_sha256": plan.sha256,
+        "entries": len(poses.entries),
+        "motion_s": plan.duration_s,
+        "min_clearance_mm": least,
+        "stopped": plan.notes.get("search"),
+        "boards": None if seen is None else [b.name for b in seen.boards],
+        "poses": plan.task["poses"],
+        "moves": [
+            {"name": m.name, "motion_s": m.path.duration_s, "clearance_mm": 1e3 * m.clearance}
+            for m in plan.moves
+        ],
+    }

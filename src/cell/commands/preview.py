@@ -1,0 +1,29 @@
+"""``a465 preview``: of a plan with its task, or of a log; each imports only what it needs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from arm.errors import InputError
+from arm.io.storage import keep_apart
+from cell.console import Console
+
+
+def preview_file(file: Path, task: Path | None, output: Path | None, console: Console) -> dict[str, Any]:
+    """Write the page of a plan or of a log, told by what is in the file; by default beside it."""
+    from driver.log.read import is_log
+
+    keep_apart(output, file, task)
+    if is_log(file):
+        from cell.preview.of_log import preview_log
+
+        return preview_log(file, task, output or file.with_suffix(".html"), console)
+    if task is None:
+        raise InputError(
+            f"{file} is no log of a run, and a plan is shown in the cell of its task: a465 preview {file} TASK",
+            file=str(file),
+        )
+    from cell.commands.steps import preview_step
+
+    return preview_step(file, task, output or file.with_suffix(".html"), console)

@@ -1,0 +1,284 @@
+"""The main job from the command line: a whole task, or a plan file that was made before."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from arm.errors import A465Error, ExecutionStopped, ImpossibleError, InputError
+from arm.plan_file import Plan, read_plan
+from cell.console import Console, OutputLost
+from cell.files.cube_widths import read_widths
+from cell.files.task import Task, read_task
+from cell.preview.of_plan import write_page
+from cell.report.run_folder import LOG, run_folder
+from cell.report.run_report import report_of
+from cell.session.connection import WhichCell, open_cell
+from cell.session.keyboard import HELP, hint, keyboard
+from cell.session.observer import Watcher
+from cell.session.speed import override_of, planning_speed, tool_words
+from cell.task.look import nominal_width
+from cell.task.plan_matches import replayed, require_match, require_scene, require_start_at
+from cell.task.resume import resume
+from cell.task.run import TaskRun
+from driver.execution.control import Control
+from driver.line.signals import caught, interruptible
+from driver.mars.mars import Mars
+from driver.mars.refusals import refuse_unhomed
+from plan.budget import SearchBudget
+
+SIMULATED = WhichCell()
+Confirm = Callable[[TaskRun], None]
+ConfirmPlan = Callable[[TaskRun, Plan], None]
+
+
+def run_task(
+    task_file: Path,
+    console: Console,
+    where: WhichCell = SIMULATED,
+    folder: Path | None = None,
+    advice: bool = False,
+    confirm: Confirm | None = None,
+    watcher: Watcher | None = None,
+    budget: SearchBudget | None = None,
+) -> dict[str, Any]:
+    """Do a whole task; its report as JSON types.
+
+    Args:
+        task_file: the task.
+        console: where it is told.
+        where: the cell it is done in.
+        folder: of the run; None: a new one.
+        advice: a refusal to plan says what would help.
+        confirm: see `opened`; a real arm has one (`cell.task.approval`).
+        watcher: follows the run.
+        budget: of each search for a plan.
+
+    Raises:
+        InputError: a file, value or port is wrong.
+        ImpossibleError: a board was not found, a hole is out of reach, or there is no plan; nothing moved, or the arm
+            stands at q_start.
+        ExecutionStopped: motion stopped; the state is in the error's data.
+    """
+    task = read_task(task_file)
+    speed = planning_speed(task.cell, where.speed)
+    with opened(task, console, where, speed, folder, Control(), confirm, watcher) as run:
+        run.advice, run.budget = advice, budget
+        before = run.try_look("before anything moves")
+        if before is not None and not run.foresee(before):
+            return run.report()
+        run.take_into_use()
+        run.go_to_start(before)
+        run.after_homing()
+        seen = run.look("from q_start")
+        run.check_reach(seen)
+        run.move_cubes(seen)
+        return run.require_confirmed()
+
+
+def execute_plan(
+    plan_file: Path,
+    task_file: Path,
+    console: Console,
+    where: WhichCell = SIMULATED,
+    folder: Path | None = None,
+    confirm: ConfirmPlan | None = None,
+    watcher: Watcher | None = None,
+) -> dict[str, Any]:
+    """Execute a plan file if it holds and matches the cell of now; its report as JSON types.
+
+    Args:
+        plan_file, task_file: what to execute, and in which cell.
+        console: where it is told.
+        where: the cell; its speed lowers all velocities of the plan, see `cell.session.speed`.
+        folder: of the run; None: a new one.
+        confirm: see `opened`, of this plan; a real arm has one (`cell.task.approval`).
+        watcher: follows the run.
+
+    Raises:
+        InputError: a file, value or port is wrong.
+        ImpossibleError: the plan does not hold, is for another cell, or a board or cube is not where the plan has it;
+            the arm stands, at most moved to q_start.
+        ExecutionStopped: motion stopped, or something changed on the way; the state is in the error's data.
+    """
+    task, plan = read_task(task_file), read_plan(plan_file)
+    control = Control(ceiling=override_of(plan, where.speed))
+    with console.doing("checking the plan"):
+        moves = replayed(task, plan)
+    require_start_at(task, plan)
+    speed = f"speed {plan.speed * control.ceiling:g}"
+    speed += f", lowered from the plan's {plan.speed:g}" if control.ceiling < 1.0 else ""
+    told = f"; {tool_words(plan, task.cell, control.ceiling)}" if moves else ""
+    console.step(f"plan {plan.sha256[:12]}: {len(moves)} moves hold and match this cell; {speed}{told}")
+    with opened(task, console, where, plan.speed, folder, control, _of_plan(confirm, plan), watcher) as run:
+        run.followed = plan_file if plan.task["cubes"] else None
+        before = run.try_look("before anything moves")
+        if before is not None:
+            require_scene(task.cell, plan, before)
+        run.take_into_use()
+        run.go_to_start(before)
+        run.after_homing()
+        seen = run.look("from q_start")
+        require_scene(task.cell, plan, seen)
+        run.keep(plan, "plan")
+        again = False
+        if plan.task["cubes"]:
+            _, again = run.follow(plan, seen)
+        else:
+            run.execute(plan.steps)
+            console.step(f"done: {len(moves)} moves, {plan.duration_s / control.ceiling:.1f} s of motion")
+        report = run.require_confirmed()
+    if again:
+        raise ExecutionStopped(f"{run.remarks[-1]}; plan again", **report)
+    return report
+
+
+def resume_plan(
+    plan_file: Path,
+    task_file: Path,
+    console: Console,
+    where: WhichCell,
+    folder: Path | None = None,
+    confirm: ConfirmPlan | None = None,
+    watcher: Watcher | None = None,
+    budget: SearchBudget | None = None,
+) -> dict[str, Any]:
+    """Go on after a stop, from where the arm is: what the plan was to do and is not done is planned anew.
+
+    Raises:
+        InputError: a file, value or port is wrong.
+        ImpossibleError: the plan is for another cell, the unit lost its positions, or there is no certified way.
+        ExecutionStopped: motion stopped; the state is in the error's data.
+    """
+    if where.port is None:
+        raise InputError("--resume needs --port: a simulated cell begins anew with every command", port=None)
+    task, plan = read_task(task_file), read_plan(plan_file)
+    control = Control(ceiling=override_of(plan, where.speed))
+    require_match(task, plan)
+    if not plan.task.get("cubes"):
+        raise ImpossibleError(
+            f"{plan_file}: moves no cubes, so nothing tells what of it is left; execute all of it again",
+            file=str(plan_file),
+        )
+    with opened(task, console, where, plan.speed, folder, control, _of_plan(confirm, plan), watcher) as run:
+        run.followed, run.budget = plan_file, budget
+        run.widths = read_widths(plan_file.parent, nominal_width(task.cell))
+        resume(run, plan)
+        return run.require_confirmed()
+
+
+def _of_plan(confirm: ConfirmPlan | None, plan: Plan) -> Confirm | None:
+    """Ask about this very plan, whatever the file holds by now."""
+    return None if confirm is None else lambda run: confirm(run, plan)
+
+
+@contextmanager
+def opened(
+    task: Task,
+    console: Console,
+    where: WhichCell,
+    speed: float,
+    asked: Path | None,
+    control: Control,
+    confirm: Confirm | None = None,
+    watcher: Watcher | None = None,
+) -> Iterator[TaskRun]:
+    """A run on an open cell; however it ends, its folder tells how.
+
+    Args:
+        task: that is run.
+        console: where it is told.
+        where: the cell to open.
+        speed: factor of velocities that is planned with.
+        asked: folder of the run; None: a new one.
+        control: of the execution.
+        confirm: asks a person, before keys mean anything else; raises if the answer is no.
+        watcher: follows the run.
+    """
+    with (
+        console.heard(),
+        interruptible(ends=True),
+        run_folder(asked, task.name) as folder,
+        open_cell(task, where, folder / LOG) as connection,
+    ):
+        control.tell = console.step
+        run = TaskRun(task, connection, console, speed, folder, control, watcher=watcher)
+        run.homed_before, run.preload, run.write_page = where.homed, where.preload, write_page
+        let_move = confirm is None
+        try:
+            run.introduce()
+            if run.homed_before:  # the unit is asked again before anything moves
+                refuse_unhomed(task.cell.unit, run.connection.mars.counters())
+            if confirm is not None:
+                confirm(run)
+                let_move = True
+            with keyboard(control) as keys:
+                if keys:
+                    console.say(HELP)
+                    run.hint = lambda running: hint(control, running)
+                yield run
+        except KeyboardInterrupt:
+            caught()
+            raise _ended(run, _interrupted(connection.mars, let_move), where) from None
+        except A465Error as error:
+            end = _ended(run, _told(run, error), where)
+            if end is error:
+                raise
+            raise end from error
+
+
+def _interrupted(mars: Mars, let_move: bool) -> ExecutionStopped:
+    """The end by an interrupt that came between motions; with the arm's state, if there is an arm that was let move."""
+    if not let_move:
+        return ExecutionStopped(
+            "interrupted before the arm was let move; nothing moved", reason="interrupted"
+        )
+    if not mars.link.identified:
+        return ExecutionStopped("interrupted before anything was sent; nothing moved", reason="interrupted")
+    state = mars.stop()
+    where = state.describe(mars.unit)
+    return ExecutionStopped(
+        f"interrupted between motions; {where}", state=state.to_json(), reason="interrupted"
+    )
+
+
+def _told(run: TaskRun, error: A465Error) -> A465Error:
+    """The error as the end of a run: where the arm has moved, its state is part of what is told."""
+    mars = run.connection.mars
+    stopped = isinstance(error, ExecutionStopped)
+    if (
+        not mars.link.identified
+        or "state" in error.data
+        or not (stopped or (run.homed and isinstance(error, InputError)))
+    ):
+        return error
+    state = mars.stop()
+    return ExecutionStopped(
+        f"{error}; {state.describe(mars.unit)}", **{**error.data, "state": state.to_json()}
+    )
+
+
+def _ended(run: TaskRun, error: A465Error, where: WhichCell) -> A465Error:
+    """Write and tell what a run that ends by an error has done, and how to go on."""
+    error.data["folder"] = str(run.folder)
+    words: list[str] = []
+    port, images, camera = where.port, where.images, where.camera
+    if isinstance(error, ExecutionStopped) and run.followed is not None and run.homed and port is not None:
+        error.data["resume_with"] = str(run.followed)
+        words = ["a465", "execute", str(run.followed), str(run.task.file), "--port", port]
+        words += [] if images is None else ["--images", str(images)]
+        words += [] if camera is None else ["--camera", camera]
+        words += ["--preload"] if where.preload else []
+        words += ["--speed", f"{run.speed * run.control.override:.4g}"] if run.control.override < 1.0 else []
+    with suppress(OutputLost):  # the error itself is told on standard error, and must not be lost for this
+        run.write_report(report_of(error))
+        if isinstance(error, ExecutionStopped):
+            if "cubes" not in error.data:  # else the table was printed
+                run.tell_rows()
+            run.console.say(f"what was seen, planned and sent is in {run.folder}")
+            if words:
+                run.console.say(f"to go on: {shlex.join([*words, '--resume'])}")
+    return error

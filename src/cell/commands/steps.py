@@ -1,0 +1,249 @@
+"""The single steps of the main job, one file between each and the next; each gives what its verb prints as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from arm.errors import ExecutionStopped, ImpossibleError, InputError
+from arm.io.storage import canonical_json, keep_apart, write_atomic
+from arm.plan_file import Move, Plan, read_plan, write_plan
+from cell.config.cell import Cell
+from cell.console import Console
+from cell.files.observation import Seen, read_seen, seen_to_json, tilt_words
+from cell.files.task import Task, read_task
+from cell.scene.arm_shape import arm_shape
+from cell.session.budget import within
+from cell.session.speed import planning_speed, tool_words
+from cell.task.planning import plan_rest, reach_of, require_above_table
+from plan.budget import PlanningInterrupted, SearchBudget
+from plan.options import told_clearance
+
+if TYPE_CHECKING:
+    from vision.camera.frame_source import FrameSource
+
+
+def look_step(
+    task_file: Path,
+    images: Path | None,
+    world: Path | None,
+    output: Path | None,
+    picture: Path | None,
+    console: Console,
+    camera: str | None = None,
+) -> dict[str, Any]:
+    """``a465 look``: photographs from a camera or a folder, or of the simulated cell with the arm at q_start."""
+    from cell.session.cameras import require_one_camera
+    from cell.task.look import look_and_save
+
+    require_one_camera(images, camera)
+    for written in (output, picture):
+        keep_apart(written, task_file, world)
+    task = read_task(task_file)
+    with _frames(task, images, camera, world) as frames:
+        seen = look_and_save(task, frames, picture, console, "at the cell")
+    result = seen_to_json(seen, task.cell.camera.T_base_camera)
+    if output is not None:
+        write_atomic(output, canonical_json(result) + "\n")
+    _print_look(seen, console)
+    seen.require(task)
+    return result
+
+
+@contextmanager
+def _frames(task: Task, images: Path | None, camera: str | None, world: Path | None) -> Iterator[FrameSource]:
+    from cell.session.cameras import open_basler
+    from vision.camera.frame_source import ImageFolder
+
+    if camera is not None:
+        with open_basler(task.cell, camera) as opened:
+            yield opened
+    else:
+        yield ImageFolder(images) if images is not None else _simulated_frames(task, world)
+
+
+def _simulated_frames(task: Task, world: Path | None) -> Any:
+    from cell.files.world import read_world
+    from cell.session.connection import world_file
+    from cell.sim.cell import SimulatedCamera, SimulatedCell
+
+    cell = task.cell
+    truth = read_world(world_file(task, world), cell.boards[0].marker_size)
+    simulated = SimulatedCell(cell, truth)
+    at_start = cell.unit.counts(cell.q_start)
+    return SimulatedCamera(simulated, truth.camera or cell.nominal_camera, lambda: at_start, cell.dictionary)
+
+
+def _print_look(seen: Seen, console: Console) -> None:
+    from arm.poses import hole_poses
+
+    rows = []
+    for board in seen.boards:
+        for hole, state in zip(hole_poses(board.pose), board.occupancy, strict=True):
+            x, y, z = 1e3 * hole.T_base_hole[:3, 3]
+            std = 1e3 * float(np.sqrt(np.trace(hole.covariance[:3, :3])))
+            rows.append((hole.name, float(x), float(y), float(z), std, state))
+    console.table(("hole", "x mm", "y mm", "z mm", "std mm", "state"), rows)
+    for board in seen.boards:
+        console.say(
+            f"board {board.name}: tilt {tilt_words(board.pose)}, residual {board.pose.residual_px:.3f} px"
+        )
+
+
+def reach_step(task_file: Path, look_file: Path, console: Console, advice: bool = False) -> dict[str, Any]:
+    """``a465 reach``."""
+    from cell.task.explain import explained
+
+    task = read_task(task_file)
+    seen = read_seen(look_file, task.cell.boards)
+    seen.require(task)
+    require_above_table(task, seen)
+    table = reach_of(task, seen)
+    console.table(
+        ("hole", "choices", "best branch", "yaw", "what limits it"),
+        [(h.hole, len(h.serving()), h.best.branch, h.best.yaw, h.best.reason()) for h in table.holes],
+    )
+    with explained(task, seen, task.cell.q_start, task.cell.speed, advice, every_hole=True):
+        table.require()
+    return {
+        "holes": [
+            {
+                "hole": h.hole,
+                "choices": len(h.serving()),
+                "branch": h.best.branch,
+                "yaw": h.best.yaw,
+                "joint": h.best.joint,
+                "margin_deg": float(np.degrees(h.best.margin)),
+            }
+            for h in table.holes
+        ]
+    }
+
+
+def plan_step(
+    task_file: Path,
+    look_file: Path,
+    output: Path,
+    speed: float | None,
+    console: Console,
+    advice: bool = False,
+    budget: SearchBudget | None = None,
+) -> dict[str, Any]:
+    """``a465 plan``: from q_start, all cubes that were seen.
+
+    Raises:
+        ExecutionStopped: Ctrl-C was pressed, and the best plan that was complete by then is written.
+    """
+    from cell.task.explain import explained
+
+    keep_apart(output, task_file, look_file)
+    task = read_task(task_file)
+    seen = read_seen(look_file, task.cell.boards)
+    seen.require(task)
+    speed, q_start = planning_speed(task.cell, speed), task.cell.q_start
+    stopped: PlanningInterrupted | None = None
+    try:
+        with within(budget), explained(task, seen, q_start, speed, advice):
+            plan = plan_rest(task, seen, q_start, speed, {}, {})
+    except PlanningInterrupted as stop:
+        stopped, plan = stop, stop.plan
+    if plan is None:
+        raise ImpossibleError(f"board {task.from_board.name} holds no cube, so there is nothing to plan")
+    write_plan(output, plan)
+    _print_plan(plan, task.cell, console)
+    if stopped is not None:
+        raise ExecutionStopped(
+            f"{stopped}; it is in {output}, certified, code {plan.code}",
+            plan=str(output),
+            reason="interrupted",
+        )
+    console.say(f"clearances are those of bodies as the cell file has them; {arm_shape(task.cell)}")
+    console.say(f"plan {plan.sha256[:12]} is in {output}")
+    return {
+        "plan": str(output),
+        "plan_sha256": plan.sha256,
+        "speed": plan.speed,
+        "motion_s": plan.duration_s,
+        "no_plan_is_faster_than_s": plan.task["no_plan_is_faster_than_s"],
+        "min_clearance_mm": 1e3 * min(m.clearance for m in plan.moves),
+        "cubes": plan.task["cubes"],
+        "stopped": plan.notes.get("search"),
+        "moves": [_move_to_json(m) for m in plan.moves],
+    }
+
+
+def _print_plan(plan: Plan, cell: Cell, console: Console) -> None:
+    rows = [
+        (m.name, m.path.duration_s, len(m.path.segments), 1e3 * m.clearance, " - ".join(m.closest))
+        for m in plan.moves
+    ]
+    console.table(("move", "s", "segments", "mm", "closest"), rows)
+    console.say(
+        f"{len(rows)} moves in {len(plan.motions)} motions, {plan.duration_s:.1f} s at speed {plan.speed:g}, "
+        f"{tool_words(plan, cell)}; no plan takes less than {plan.task['no_plan_is_faster_than_s']:.1f} s"
+    )
+    warn_of(plan, console)
+
+
+def warn_of(plan: Plan, console: Console) -> None:
+    """Tell of a plan that was asked for less clearance than is usual, and of a search that ended early."""
+    for told in (told_clearance(plan.provenance["options"]), plan.notes.get("search")):
+        if told:
+            console.say(f"NOTE: {told}")
+
+
+def _move_to_json(move: Move) -> dict[str, Any]:
+    return {
+        "name": move.name,
+        "role": move.role,
+        "motion_s": move.path.duration_s,
+        "clearance_mm": 1e3 * move.clearance,
+        "closest": list(move.closest),
+    }
+
+
+def preview_step(plan_file: Path, task_file: Path, output: Path, console: Console) -> dict[str, Any]:
+    """``a465 preview``; a plan that is not for the cell of now is shown with a warning."""
+    from cell.files.place import read_place
+    from cell.preview.of_plan import write_page
+    from cell.task.plan_matches import require_match
+
+    task, plan = read_place(task_file), read_plan(plan_file)
+    warning = None
+    try:
+        require_match(task, plan)
+    except ImpossibleError as error:
+        if "unit" in error.data["differing"]:  # counts mean other angles on it
+            raise
+        warning = str(error)
+    write_page(task, plan, output)
+    if warning is not None:
+        console.say(
+            f"WARNING: {warning}; the page shows it, in the cell of now, but it would not be executed"
+        )
+    console.say(f"open {output} in a browser")
+    told = {"page": str(output), "plan_sha256": plan.sha256, "bytes": output.stat().st_size}
+    return told if warning is None else {**told, "warning": warning}
+
+
+def render_step(
+    task_file: Path, world: Path | None, output: Path, count: int | None, console: Console
+) -> dict[str, Any]:
+    """``a465 render``."""
+    from cell.task.look import write_png
+
+    task = read_task(task_file)
+    wanted = task.cell.photographs if count is None else count
+    if not 1 <= wanted <= 1000:
+        raise InputError(f"count = {wanted}: must be from 1 to 1000", count=wanted)
+    names = []
+    for number, image in enumerate(_simulated_frames(task, world).grab(wanted), start=1):
+        path = output / f"photograph-{number:03d}.png"
+        write_png(path, image)
+        names.append(str(path))
+    console.say(f"{len(names)} photographs in {output}")
+    return {"photographs": names}

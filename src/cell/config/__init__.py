@@ -1,0 +1,1 @@
+"""The cell file and its keys."""

@@ -1,0 +1,253 @@
+"""``a465 export``: a log, plan, scene, cell or task file in other programs' forms; its content tells which it is."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from arm.controller.unit import Unit
+from arm.errors import InputError
+from arm.io.storage import keep_apart, read_text, write_atomic
+from arm.plan_file import read_plan
+from cell.console import Console
+from cell.export.ros import JOINTS, joint_trajectory
+from cell.export.series import Executed, executed, planned, unit_of
+from driver.log.read import Session, is_log, read_log
+
+if TYPE_CHECKING:
+    from cell.export.urdf import Surroundings
+
+PERIOD_S = 0.02  # between samples of a plan
+URDF = "urdf"
+SUFFIXES = {"csv": ".csv", "trajectory": ".trajectory.json", "mcap": ".mcap"}
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Options of an export; None and False where they were not given.
+
+    Attributes:
+        form: of `SUFFIXES`, or `URDF`.
+        output: file or folder to write.
+        planned: of a log's trajectory: what was sent.
+        unit: of a log.
+        period: between samples of a plan, s.
+        cell: file of the cell or task that a plan is for.
+        look: what was seen, of a cell or task.
+    """
+
+    form: str | None = None
+    output: Path | None = None
+    planned: bool = False
+    unit: str | None = None
+    period: float | None = None
+    cell: Path | None = None
+    look: Path | None = None
+
+
+def export_file(file: Path, asked: Asked, console: Console) -> dict[str, Any]:
+    """Write a file in another form; what was written, as JSON types.
+
+    Raises:
+        InputError: it is nothing that can be exported, an option or form that does not go with it, or nothing can be
+            written.
+    """
+    if is_log(file):
+        _refuse_options(file, "a log", asked, ("planned", "unit"), tuple(SUFFIXES))
+        return export_step(file, asked.form or "csv", asked.output, asked.planned, asked.unit, console)
+    if read_text(file, "JSON").lstrip().startswith(("{", "[")):
+        _refuse_options(file, "a plan", asked, ("period", "cell"), (*SUFFIXES, URDF))
+        return _plan_step(file, asked, console)
+    _refuse_options(file, "a scene, cell or task file", asked, ("look",), (URDF,))
+    from cell.export.scene import surroundings_of_file
+
+    output = asked.output or file.with_name(f"{file.stem}_{URDF}")
+    return {"scene": str(file), **_urdf_step(surroundings_of_file(file, asked.look), output, console)}
+
+
+def _refuse_options(
+    file: Path, kind: str, asked: Asked, fitting: tuple[str, ...], forms: tuple[str, ...]
+) -> None:
+    if asked.form is not None and asked.form not in forms:
+        raise InputError(
+            f"--format {asked.form}: must be one of {', '.join(forms)}, as {file} is {kind}",
+            value=asked.form,
+            choices=list(forms),
+        )
+    for name in ("planned", "unit", "period", "cell", "look"):
+        if name not in fitting and getattr(asked, name) not in (None, False):
+            raise InputError(f"--{name} does not go with {kind}, which {file} is", option=name)
+
+
+def _plan_step(file: Path, asked: Asked, console: Console) -> dict[str, Any]:
+    from cell.export.plan import csv_of, messages_of, sampled, trajectory_of
+    from cell.export.scene import surroundings_of_plan, unit_of_plan
+    from cell.files.place import read_place
+
+    plan, form = read_plan(file), asked.form or "csv"
+    place = None if asked.cell is None else read_place(asked.cell)
+    if form == URDF:
+        if asked.period is not None:
+            raise InputError("--period does not go with --format urdf", option="period")
+        output = asked.output or file.with_name(f"{file.stem}_{URDF}")
+        told = _urdf_step(surroundings_of_plan(file, plan, place), output, console)
+        return {"plan": str(file), "plan_sha256": plan.sha256, **told}
+    unit = unit_of_plan(file, plan, place)
+    if form == "trajectory" and asked.period is not None:
+        raise InputError(
+            "--period does not go with --format trajectory, which has the ends of segments", option="period"
+        )
+    path = asked.output or file.with_suffix(SUFFIXES[form])
+    keep_apart(path, file, asked.cell)
+    period = PERIOD_S if asked.period is None else asked.period
+    if form == "csv":
+        samples = sampled(plan, unit, period)
+        content: str | bytes = csv_of(samples)
+        counted: dict[str, Any] = {"samples": len(samples.time_s)}
+    elif form == "trajectory":
+        trajectory = trajectory_of(plan, unit)
+        content = json.dumps(trajectory, separators=(",", ":"), allow_nan=False) + "\n"
+        counted = {"points": len(trajectory["points"])}
+    else:
+        from cell.export.mcap import mcap_of
+
+        content, topics = mcap_of(messages_of(plan, unit, period))
+        counted = {"messages": topics}
+    write_atomic(path, content)
+    told = {
+        "plan": str(file),
+        "plan_sha256": plan.sha256,
+        "format": form,
+        "unit": unit.name,
+        "file": str(path),
+    }
+    told |= {**counted, "damaged": 0, "bytes": path.stat().st_size}
+    console.say(_phrase(told))
+    return told
+
+
+def _urdf_step(there: Surroundings, output: Path, console: Console) -> dict[str, Any]:
+    from cell.export.folder import write_folder
+    from cell.export.urdf import describe
+
+    made = describe(there)
+    write_folder(output, made.files)
+    console.say(
+        f"the arm and {len(made.links)} bodies in {output}: {', '.join(sorted(made.files))}; "
+        f"{len(made.disabled)} pairs are not checked"
+    )
+    if there.padding:
+        console.say(
+            f"the scene's padding of {1e3 * there.padding:g} mm is not in it: URDF has no place for it"
+        )
+    padded = there.paddings()
+    if padded:
+        shown = ", ".join(f"{name} {1e3 * padding:g}" for name, padding in padded.items())
+        console.say(f"paddings of single bodies are not in it, in mm: {shown}")
+    return {
+        "format": URDF,
+        "folder": str(output),
+        "files": sorted(made.files),
+        "links": dict(made.links),
+        "disabled_pairs": len(made.disabled),
+        "padding_mm": 1e3 * there.padding,
+        "paddings_mm": {name: 1e3 * padding for name, padding in padded.items()},
+    }
+
+
+def export_step(
+    log: Path, form: str, output: Path | None, sent: bool, unit_name: str | None, console: Console
+) -> dict[str, Any]:
+    """Write a log in another form; what was written, as JSON types.
+
+    Args:
+        log: the wire log.
+        form: csv, trajectory or mcap.
+        output: file to write, whole or not at all; default: beside the log.
+        sent: of a trajectory: what was sent, instead of where the arm was seen.
+        unit_name: of the unit; default: what the log tells.
+
+    Raises:
+        InputError: no log, nothing in it, a form that is none, a library that is missing, or the file cannot be
+            written.
+    """
+    if form not in SUFFIXES:
+        raise InputError(
+            f"--format {form}: must be one of {', '.join(SUFFIXES)}", value=form, choices=list(SUFFIXES)
+        )
+    if sent and form != "trajectory":
+        raise InputError(f"--planned goes with --format trajectory only, not {form}", format=form)
+    session = read_log(log)
+    unit = unit_of(session, unit_name)
+    path = output or log.with_suffix(SUFFIXES[form])
+    keep_apart(path, log)
+    told: dict[str, Any] = {"log": str(log), "format": form, "unit": unit.name, "file": str(path)}
+    if form == "trajectory":
+        trajectory = _sent(session, unit) if sent else _seen(executed(session, unit))
+        content: str | bytes = json.dumps(trajectory, separators=(",", ":"), allow_nan=False) + "\n"
+        told |= {"planned": sent, "points": len(trajectory["points"])}
+    elif form == "csv":
+        seen = executed(session, unit)
+        content = csv_text(seen)
+        told |= {"samples": len(seen.time_s), "before_homing": seen.unhomed}
+    else:
+        from cell.export.mcap import mcap_bytes
+
+        seen, motions = executed(session, unit), planned(session, unit)
+        content, counted = mcap_bytes(session, JOINTS, seen, motions)
+        told |= {"messages": counted}
+    write_atomic(path, content)
+    told |= {
+        "motions": len(session.motions),
+        "plans_sha256": [note.data.get("sha256") for note in session.noted("plan")],
+        "damaged": session.damaged,
+        "bytes": path.stat().st_size,
+    }
+    console.say(_phrase(told))
+    return told
+
+
+def _phrase(told: dict[str, Any]) -> str:
+    count = told.get("samples", told.get("points", sum(told.get("messages", {}).values())))
+    what = {"csv": "samples", "trajectory": "points", "mcap": "messages"}[told["format"]]
+    damaged = f"; {told['damaged']} damaged records left out" if told["damaged"] else ""
+    return f"{count} {what} of {told['unit']} in {told['file']}{damaged}"
+
+
+def csv_text(seen: Executed) -> str:
+    """A line a sample. ``motion`` and ``segment`` count from 0 and are empty where the arm rests or it is not known.
+
+    Angles are given finer than a count; jaws are 0 open to 1 closed, empty until asked.
+    """
+    header = ["time_s", "motion", "segment", *(f"{name}_deg" for name in JOINTS), "jaws_fraction_closed"]
+    degrees = np.degrees(seen.q)
+    lines = [",".join(header)]
+    for i, time_s in enumerate(seen.time_s):
+        numbers = ["" if n < 0 else str(n) for n in (seen.motion[i], seen.segment[i])]
+        jaws = f"{seen.jaws[i]:.4f}" if math.isfinite(seen.jaws[i]) else ""
+        lines.append(",".join([f"{time_s:.6f}", *numbers, *(f"{d:.5f}" for d in degrees[i]), jaws]))
+    return "\n".join(lines) + "\n"
+
+
+def _seen(seen: Executed) -> dict[str, Any]:
+    return joint_trajectory(JOINTS, seen.time_s, seen.q, seen.velocity, float(seen.time_s[0]))
+
+
+def _sent(session: Session, unit: Unit) -> dict[str, Any]:
+    """All motions in one; where the arm rests between two, their ends are both there."""
+    motions = planned(session, unit)
+    if not motions:
+        raise InputError(
+            f"{session.file}: holds no motion with a known start, so nothing was planned",
+            file=str(session.file),
+        )
+    time_s = np.concatenate([m.time_s for m in motions])
+    q = np.concatenate([m.q for m in motions])
+    parts = [m.velocity for m in motions if m.velocity is not None]
+    velocity = np.concatenate(parts) if len(parts) == len(motions) else None
+    return joint_trajectory(JOINTS, time_s, q, velocity, float(time_s[0]))

@@ -1,0 +1,35 @@
+"""A folder that is written whole or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from arm.errors import InputError
+from arm.io.storage import write_atomic
+from arm.io.temporary import TemporaryFolder
+
+
+def write_folder(path: Path, files: Mapping[str, bytes | str]) -> None:
+    """Write a new folder: all files into a hidden one beside it, which then gets its name.
+
+    Args:
+        path: of the folder; it may exist if it is empty.
+        files: content by relative name.
+
+    Raises:
+        InputError: there is something at `path`, or it cannot be written; nothing of it is then there.
+    """
+    try:
+        if path.is_symlink() or (path.exists() and (not path.is_dir() or any(path.iterdir()))):
+            raise InputError(
+                f"{path}: must be a new or an empty folder; what is there is not mixed with an export, nor replaced",
+                folder=str(path),
+            )
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryFolder(path) as temporary:
+            for name, content in files.items():
+                write_atomic(temporary.path / name, content)
+            temporary.become()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}", folder=str(path)) from error

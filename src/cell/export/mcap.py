@@ -1,0 +1,110 @@
+"""A session or a plan as an MCAP file: JSON messages with JSON schemas, times in ns since the log was opened."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from io import BytesIO
+from typing import Any
+
+from arm.errors import InputError
+from cell.export.ros import (
+    JOINT_STATE_SCHEMA,
+    JOINT_TRAJECTORY_SCHEMA,
+    joint_state,
+    joint_trajectory,
+    nanoseconds,
+)
+from cell.export.series import Executed, Planned
+from driver.log.read import Session
+
+JAWS_SCHEMA: dict[str, Any] = {
+    "title": "a465/Jaws",
+    "type": "object",
+    "properties": {"fraction_closed": {"type": "number"}},
+}
+EVENT_SCHEMA: dict[str, Any] = {
+    "title": "a465/Event",
+    "type": "object",
+    "properties": {"kind": {"type": "string"}, "data": {"type": "object"}},
+}
+TOPICS = {
+    "/joint_states": JOINT_STATE_SCHEMA,
+    "/planned": JOINT_TRAJECTORY_SCHEMA,
+    "/jaws": JAWS_SCHEMA,
+    "/events": EVENT_SCHEMA,
+}
+
+
+def mcap_bytes(
+    session: Session, names: Sequence[str], seen: Executed, sent: Sequence[Planned]
+) -> tuple[bytes, dict[str, int]]:
+    """The file, and how many messages each topic has; the same session gives the same bytes.
+
+    Raises:
+        InputError: the library `mcap` is not installed.
+    """
+    return mcap_of(_messages(session, names, seen, sent))
+
+
+def mcap_of(messages: Sequence[tuple[int, str, dict[str, Any]]]) -> tuple[bytes, dict[str, int]]:
+    """A file of messages (time in ns, topic of `TOPICS`, value), and how many each topic has.
+
+    Raises:
+        InputError: the library `mcap` is not installed.
+    """
+    try:
+        from mcap.writer import CompressionType, Writer
+    except ImportError as error:
+        raise InputError(
+            "format mcap needs the library mcap, which is not installed: run `make mcap` in the checkout, or install "
+            "mcap beside a465",
+            format="mcap",
+        ) from error
+    buffer = BytesIO()
+    writer = Writer(buffer, compression=CompressionType.NONE)
+    writer.start(profile="", library="a465")
+    channels = {}
+    for topic, schema in TOPICS.items():
+        schema_id = writer.register_schema(schema["title"], "jsonschema", _json(schema))
+        channels[topic] = writer.register_channel(topic, "json", schema_id)
+    counted = dict.fromkeys(TOPICS, 0)
+    for time_ns, topic, message in sorted(messages, key=lambda m: m[0]):
+        writer.add_message(channels[topic], time_ns, _json(message), time_ns, counted[topic])
+        counted[topic] += 1
+    writer.finish()  # type: ignore[no-untyped-call]
+    return buffer.getvalue(), counted
+
+
+def _messages(
+    session: Session, names: Sequence[str], seen: Executed, sent: Sequence[Planned]
+) -> list[tuple[int, str, dict[str, Any]]]:
+    """Time in ns, topic and message, in no order."""
+    found: list[tuple[int, str, dict[str, Any]]] = []
+
+    def add(time_s: float, topic: str, message: dict[str, Any]) -> None:
+        found.append((max(nanoseconds(time_s), 0), topic, message))
+
+    for i, time in enumerate(seen.time_s):
+        time_s = float(time)
+        add(time_s, "/joint_states", joint_state(names, time_s, seen.q[i], seen.velocity[i]))
+        if math.isfinite(seen.jaws[i]):
+            add(time_s, "/jaws", {"fraction_closed": round(float(seen.jaws[i]), 6)})
+    for motion in sent:
+        start_s = float(motion.time_s[0])
+        trajectory = joint_trajectory(names, motion.time_s, motion.q, motion.velocity, start_s)
+        add(motion.sent_s, "/planned", trajectory)
+    for note in session.notes:
+        add(note.time_s, "/events", {"kind": note.kind, "data": note.data})
+    for status in session.faults:
+        add(status.time_s, "/events", {"kind": "fault", "data": {"faults": list(status.status.faults())}})
+    for time_s in session.stops:
+        add(time_s, "/events", {"kind": "sent", "data": {"line": "STOP:"}})
+    for time_s in session.failures:
+        add(time_s, "/events", {"kind": "received", "data": {"line": "FAIL!"}})
+    return found
+
+
+def _json(value: dict[str, Any]) -> bytes:
+    return json.dumps(value, separators=(",", ":")).encode()

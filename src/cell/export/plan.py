@@ -1,0 +1,220 @@
+"""A plan as a table, as a ROS 2 JointTrajectory, or as MCAP: what would be sent, on a clock that begins with it.
+
+Jaws take the least time that the plan gives them, looks none: on the arm both may take longer, and the controller may
+stretch any motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from arm.controller.segments import CountPath
+from arm.controller.unit import Unit
+from arm.errors import InputError
+from arm.plan_file import GripperStep, LookStep, Move, Plan, Step
+from arm.se3 import Array, frozen
+from cell.export.ros import JOINTS, joint_state, joint_trajectory, nanoseconds, stamp
+
+PERIODS = (0.001, 10.0)  # s between rows
+TICK = 1e-9  # s: steps and segments begin at whole milliseconds, which floats are off by less
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """One step of a plan on its clock.
+
+    Attributes:
+        name: of the step.
+        begin_s, end_s: of it.
+        path: of a move; None while the arm is at rest.
+        q: where a step without a path finds the arm, (6,) rad.
+        jaws: target of the jaws during it, 0 open to 1 shut.
+        straight: whether a segment of it is a line, whose velocity jumps at its ends.
+    """
+
+    name: str
+    begin_s: float
+    end_s: float
+    path: CountPath | None
+    q: Array
+    jaws: float
+
+    @property
+    def straight(self) -> bool:
+        segments = () if self.path is None else self.path.segments
+        return any(len(s.coefficients) == 1 or s.duration_ms == 0 for s in segments)
+
+    def knots_s(self) -> Array:
+        """When segments begin, and the end."""
+        if self.path is None:
+            return np.array([self.begin_s, self.end_s])
+        durations = [s.duration_ms / 1e3 for s in self.path.segments]
+        return self.begin_s + np.concatenate([[0.0], np.cumsum(durations)])
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Joints at times that increase.
+
+    Attributes:
+        time_s: (m,) from the beginning of the plan.
+        q, velocity: (m, 6) rad, rad/s; of the segment that begins where two meet.
+        jaws: (m,) target, 0 open to 1 shut.
+        step: (m,) names.
+    """
+
+    time_s: Array
+    q: Array
+    velocity: Array
+    jaws: Array
+    step: tuple[str, ...]
+
+
+def stretches(plan: Plan, unit: Unit) -> tuple[Stretch, ...]:
+    """The plan's steps that take time, in order."""
+    found: list[Stretch] = []
+    now, jaws, q = 0.0, 0.0, unit.positions(plan.start)
+    for step in plan.steps:
+        path, end = None, now
+        match step:
+            case Move():
+                path, end = step.path, now + step.path.duration_s
+            case GripperStep():
+                jaws, end = step.fraction_closed, now + step.settle_s
+            case LookStep():
+                pass
+        found.append(Stretch(step.name, now, end, path, frozen(q), jaws))
+        now = end
+        if path is not None:
+            q = unit.positions(path.end)
+    return tuple(found)
+
+
+def sampled(plan: Plan, unit: Unit, period: float) -> Samples:
+    """Every `period` s, and wherever a segment ends.
+
+    Raises:
+        InputError: a period out of `PERIODS`, or a plan that takes no time.
+    """
+    if not PERIODS[0] <= period <= PERIODS[1]:
+        raise InputError(
+            f"--period {period:g}: must be from {PERIODS[0]:g} to {PERIODS[1]:g} s", period=period
+        )
+    parts = _lasting(plan, unit)
+    grid = period * np.arange(int(np.floor(parts[-1].end_s / period)) + 1)
+    return _at(parts, unit, np.concatenate([grid, *(part.knots_s() for part in parts)]))
+
+
+def _lasting(plan: Plan, unit: Unit) -> list[Stretch]:
+    parts = [part for part in stretches(plan, unit) if part.end_s > part.begin_s]
+    if not parts:
+        raise InputError("the plan takes no time: nothing moves in it", motion_s=0.0)
+    return parts
+
+
+def _at(parts: Sequence[Stretch], unit: Unit, times: Array) -> Samples:
+    """At times in any order, to the microsecond; of those within one, one is kept."""
+    time_s = np.unique(np.round(times, 6))
+    which = np.searchsorted([part.begin_s for part in parts], time_s + TICK, side="right") - 1
+    q, velocity, jaws = np.empty((len(time_s), 6)), np.zeros((len(time_s), 6)), np.empty(len(time_s))
+    for index, part in enumerate(parts):
+        rows = which == index
+        jaws[rows] = part.jaws
+        q[rows] = part.q
+        if part.path is not None:
+            at = time_s[rows] - part.begin_s
+            q[rows] = unit.positions(part.path.at(at))
+            velocity[rows] = _velocity(part.path, at) / unit.counts_per_rad
+    return Samples(
+        frozen(time_s), frozen(q), frozen(velocity), frozen(jaws), tuple(parts[i].name for i in which)
+    )
+
+
+def _velocity(path: CountPath, times: Array) -> Array:
+    """Counts/s at times (m,) s, of the segment that begins there; at the very end of the last."""
+    ends = np.cumsum([s.duration_ms for s in path.segments]) / 1e3
+    which = np.minimum(np.searchsorted(ends, times + TICK, side="right"), len(ends) - 1)
+    found = np.zeros((len(times), len(path.start)))
+    for index in np.unique(which):
+        rows, segment = which == index, path.segments[index]
+        lasts = segment.duration_ms / 1e3
+        if lasts:
+            found[rows] = segment.derivative(np.clip((times[rows] - ends[index]) / lasts + 1.0, 0.0, 1.0))
+    return found
+
+
+def csv_of(samples: Samples) -> str:
+    """A line a sample."""
+    names = [*(f"{name}_rad" for name in JOINTS), *(f"{name}_rad_s" for name in JOINTS)]
+    lines = [",".join(["time_s", *names, "jaws_fraction_closed", "step"])]
+    for i, time_s in enumerate(samples.time_s):
+        numbers = [f"{v + 0.0:.9f}" for v in np.round([*samples.q[i], *samples.velocity[i]], 9)]
+        step = '"' + samples.step[i].replace('"', '""') + '"'
+        lines.append(",".join([f"{time_s:.6f}", *numbers, f"{samples.jaws[i]:.4f}", step]))
+    return "\n".join(lines) + "\n"
+
+
+def trajectory_of(plan: Plan, unit: Unit) -> dict[str, Any]:
+    """One trajectory_msgs/JointTrajectory through the ends of all segments, and beside it what the jaws do.
+
+    Cubics through its positions and velocities are the segments, within a count; velocities are left out if a segment
+    is straight. ``gripper_events`` is no field of the message.
+
+    Raises:
+        InputError: a plan that takes no time.
+    """
+    parts = _lasting(plan, unit)
+    ends = _at(parts, unit, np.concatenate([part.knots_s() for part in parts]))
+    velocity = None if any(part.straight for part in parts) else ends.velocity
+    events = [
+        {
+            "time_from_start": stamp(part.begin_s),
+            "name": step.name,
+            "fraction_closed": step.fraction_closed,
+            "settle_s": step.settle_s,
+        }
+        for step, part in zip(plan.steps, stretches(plan, unit), strict=True)
+        if isinstance(step, GripperStep)
+    ]
+    return {**joint_trajectory(JOINTS, ends.time_s, ends.q, velocity, 0.0), "gripper_events": events}
+
+
+def messages_of(plan: Plan, unit: Unit, period: float) -> list[tuple[int, str, dict[str, Any]]]:
+    """Messages of `cell.export.mcap`: joints every `period` s, a trajectory a motion, the jaws, and an event a step.
+
+    Raises:
+        InputError: see `sampled`.
+    """
+    seen = sampled(plan, unit, period)
+    found: list[tuple[int, str, dict[str, Any]]] = []
+    for time, q, velocity, jaws in zip(seen.time_s, seen.q, seen.velocity, seen.jaws, strict=True):
+        time_s = float(time)
+        found.append((nanoseconds(time_s), "/joint_states", joint_state(JOINTS, time_s, q, velocity)))
+        found.append((nanoseconds(time_s), "/jaws", {"fraction_closed": float(jaws)}))
+    parts = stretches(plan, unit)
+    for motion in plan.motions:
+        moving = [p for p in parts[motion.first : motion.first + len(motion.moves)] if p.end_s > p.begin_s]
+        if moving:
+            ends = _at(moving, unit, np.concatenate([part.knots_s() for part in moving]))
+            velocity = None if any(part.straight for part in moving) else ends.velocity
+            begin_s = moving[0].begin_s
+            trajectory = joint_trajectory(JOINTS, ends.time_s, ends.q, velocity, begin_s)
+            found.append((nanoseconds(begin_s), "/planned", trajectory))
+    for step, part in zip(plan.steps, parts, strict=True):
+        event = {"kind": "step", "data": {"name": step.name, "step": _kind(step)}}
+        found.append((nanoseconds(part.begin_s), "/events", event))
+    return found
+
+
+def _kind(step: Step) -> str:
+    match step:
+        case Move():
+            return "move"
+        case GripperStep():
+            return "gripper"
+        case LookStep():
+            return "look"

@@ -1,0 +1,141 @@
+"""What an export of a scene, cell, task or plan file has in it: the arm, its limits, the bodies around it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from arm.controller.unit import Limits, Unit, load_unit
+from arm.errors import FileInputError
+from arm.io.toml_reader import TomlTable
+from arm.plan_file import Plan
+from arm.robot.gripper import HAND
+from arm.robot.model import Robot
+from arm.robot.tool import padded
+from cell.config.cell_file import ARM_PADDING_MM
+from cell.config.tool_keys import gripper_of_inputs
+from cell.export.urdf import Surroundings
+from cell.files.observation import read_seen
+from cell.files.place import POSES, read_place
+from cell.files.scene import read_scene_file
+from cell.files.task import Task
+from cell.task.planning import scene_of
+from plan.scene import Scene, scene_from_json
+
+_ANOTHER = "give --cell FILE, the cell or task file that the plan was made for"
+
+
+def surroundings_of_file(path: Path, look: Path | None) -> Surroundings:
+    """Of a scene file, or of a cell or task file with open jaws, and with what was seen if a look is given.
+
+    Raises:
+        InputError: it is none of them, or has a mistake.
+    """
+    root = TomlTable.read(path)
+    if "task" in root or "q_start_deg" in root or "camera" in root:
+        return _of_cell(read_place(path), look)
+    scene = read_scene_file(path)
+    if look is not None:
+        raise FileInputError(path, "", None, "is a scene file, which has its bodies in it; leave out --look")
+    return Surroundings(
+        robot=scene.robot,
+        limits=scene.unit.limits(),
+        jaw_opening=scene.jaw_opening,
+        bodies=scene.bodies,
+        held=scene.held,
+        T_tool_held=scene.T_tool_held,
+        allowed=scene.allowed,
+        states={"home": scene.unit.soft_home},
+        padding=scene.padding,
+    )
+
+
+def _of_cell(task: Task, look: Path | None) -> Surroundings:
+    cell = task.cell
+    scene = Scene(cell.robot(), cell.robot(cell.cube_size), cell.fixed, ())
+    if look is not None:
+        seen = read_seen(look, cell.boards)
+        if task.kind != POSES:
+            seen.require(task)
+        scene = scene_of(task, seen, {})
+    return Surroundings(
+        robot=scene.robot_open,
+        limits=cell.limits,
+        jaw_opening=cell.jaw_opening,
+        bodies=(*scene.bodies, *scene.cubes),
+        allowed=scene.allowed,
+        states={"home": cell.unit.soft_home, "q_start": cell.q_start},
+    )
+
+
+def surroundings_of_plan(path: Path, plan: Plan, place: Task | None) -> Surroundings:
+    """Of a plan, at its start: its own bodies and cubes, its own arm with open jaws.
+
+    Args:
+        path: of the plan, for messages.
+        plan: the plan.
+        place: for which it was made; needed where its file does not tell the arm.
+
+    Raises:
+        InputError: the arm is not the plan's.
+    """
+    unit = unit_of_plan(path, plan, place)
+    robot_open, robot_holding, jaw_opening = _arms(path, plan, place)
+    if plan.scene.get("robot_open") != robot_open.digest:
+        raise FileInputError(path, "scene.robot_open", None, "is another arm than this one", _ANOTHER)
+    scene = scene_from_json(plan.scene, robot_open, robot_holding)
+    velocity, acceleration = (
+        unit.velocity(plan.speed_registers),
+        unit.acceleration(plan.acceleration_registers),
+    )
+    return Surroundings(
+        robot=robot_open,
+        limits=Limits(unit.lower, unit.upper, velocity, acceleration),
+        jaw_opening=jaw_opening,
+        bodies=(*scene.bodies, *scene.cubes),
+        allowed=scene.allowed,
+        states={"home": unit.soft_home, "q_start": unit.positions(plan.start)},
+    )
+
+
+def unit_of_plan(path: Path, plan: Plan, place: Task | None) -> Unit:
+    """The unit whose counts the plan is in; a calibrated one is only told by its cell.
+
+    Raises:
+        InputError: it is another unit, or a calibrated one and no cell is given.
+    """
+    unit = load_unit(plan.unit) if place is None else place.cell.unit
+    if plan.unit != unit.name:
+        raise FileInputError(path, "unit", plan.unit, f"must be that of the cell, {unit.name}", _ANOTHER)
+    if plan.provenance.get("unit") != unit.digest:
+        of = "as it is in its own file" if place is None else f"of {place.file.name}"
+        raise FileInputError(
+            path,
+            "provenance.unit",
+            str(plan.provenance.get("unit"))[:12],
+            f"must be {unit.digest[:12]}, the unit {of}; counts would mean other angles",
+            _ANOTHER,
+        )
+    return unit
+
+
+def _arms(path: Path, plan: Plan, place: Task | None) -> tuple[Robot, Robot, float]:
+    """With open jaws, with a cube in them, and how far they are open, m."""
+    if place is not None:
+        cell = place.cell
+        return cell.robot(), cell.robot(cell.cube_size), cell.jaw_opening
+    inputs = plan.provenance.get("inputs")
+    said = inputs.get("cell") if isinstance(inputs, Mapping) else None
+    gripper, cube = gripper_of_inputs(said), _metres(said, "cube.size_mm")
+    if gripper is None or cube is None:
+        raise FileInputError(path, "provenance.inputs", None, "does not tell the arm's tool", _ANOTHER)
+    padding = _metres(said, "arm_padding_mm")
+    padding = ARM_PADDING_MM / 1e3 if padding is None else padding
+    opened, holding = (padded(gripper.robot(width), padding, but=HAND) for width in (gripper.opening, cube))
+    return opened, holding, gripper.opening
+
+
+def _metres(said: Any, key: str) -> float | None:
+    value = said.get(key) if isinstance(said, Mapping) else None
+    return float(value) / 1e3 if isinstance(value, int | float) and not isinstance(value, bool) else None

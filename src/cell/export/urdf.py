@@ -1,0 +1,306 @@
+"""An arm and what stands around it as URDF and SRDF, with the hulls of meshes beside them.
+
+The arm's own description is kept: its links, joints and jaws. Origins of joints are those of the arm that is exported,
+so a calibrated arm keeps its corrections; joint limits are the unit's. Every body is a link that is fixed to the base,
+a held one to the tool. A capsule, which URDF lacks, is a cylinder and two spheres in one link.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import struct
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Mapping
+from copy import deepcopy
+from dataclasses import dataclass, field
+from itertools import combinations
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+
+from arm.controller.unit import Limits
+from arm.errors import InputError
+from arm.io.storage import data_file, read_text
+from arm.robot.model import Robot
+from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, hull_faces
+from arm.se3 import Array, rot_y, rot_z, transform
+from plan.collision.world import World
+
+ARM = "urdf/a465/a465"  # the description that `arm.robot.model.load_a465` reads, without its suffix
+URDF, SRDF, MESHES = "cell.urdf", "cell.srdf", "meshes"
+NAME = "a465_cell"
+TOOL = "tool"
+JAWS = ("jaw_l", "jaw_r")
+HAND = ("gripper", "palm", "finger_l", "finger_r")
+_PLACES = ("origin", "geometry")  # of a collision element that a visual one shares
+Pair = frozenset[str]
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What is exported.
+
+    Attributes:
+        robot: the arm with its tool and jaws where they are; its links are those of `ARM`.
+        limits: of its joints.
+        jaw_opening: m.
+        bodies: that stand still.
+        held: in the jaws, or None.
+        T_tool_held: its pose in the tool frame, 4x4.
+        allowed: pairs of names that may touch.
+        states: configurations with names, (6,) rad.
+        padding: taken off every distance in collision checks, m; URDF has no place for it.
+    """
+
+    robot: Robot
+    limits: Limits
+    jaw_opening: float
+    bodies: tuple[Body, ...]
+    held: Body | None = None
+    T_tool_held: Array = field(default_factory=transform)
+    allowed: frozenset[Pair] = frozenset()
+    states: Mapping[str, Array] = field(default_factory=dict)
+    padding: float = 0.0
+
+    def paddings(self) -> dict[str, float]:
+        """Of the bodies that have one, m."""
+        bodies = self.bodies if self.held is None else (*self.bodies, self.held)
+        said = [(b.name, b.padding) for b in self.robot.bodies] + [(b.name, b.padding) for b in bodies]
+        return {name: padding for name, padding in said if padding}
+
+
+@dataclass(frozen=True)
+class Description:
+    """The files of an export.
+
+    Attributes:
+        files: content by relative name.
+        links: the link of each body that is none of the arm's, by the body's name.
+        disabled: pairs of links that are not checked against each other.
+    """
+
+    files: Mapping[str, bytes | str]
+    links: Mapping[str, str]
+    disabled: tuple[tuple[str, str], ...]
+
+
+def describe(there: Surroundings) -> Description:
+    """The files of an export.
+
+    Raises:
+        InputError: two bodies have one name.
+    """
+    root = ElementTree.fromstring(there.robot.urdf or read_text(data_file(f"{ARM}.urdf")))
+    root.set("name", NAME)
+    _place_joints(root, there.robot)
+    _limit_joints(root, there)
+    own = {str(link.get("name")) for link in root.iter("link")}
+    if TOOL in own:
+        raise InputError(f"the arm has a link {TOOL!r} of its own", name=TOOL)
+    _fixed(root, TOOL, there.robot.end_frame, there.robot.T_end_tool)
+    links = link_names([b.name for b in (*there.bodies, *([there.held] if there.held else []))], {*own, TOOL})
+    meshes: dict[str, bytes] = {}
+    for body in there.bodies:
+        _add_body(root, body, links[body.name], "base", body.T_base_body, meshes)
+    if there.held is not None:
+        _add_body(root, there.held, links[there.held.name], TOOL, there.T_tool_held, meshes)
+    for link in root.iter("link"):
+        _show(link)
+    disabled = _disabled(there, links)
+    files: dict[str, bytes | str] = {URDF: _text(root), SRDF: _text(_semantics(there, disabled)), **meshes}
+    return Description(files, links, tuple(disabled))
+
+
+def link_names(names: Iterable[str], taken: Iterable[str]) -> dict[str, str]:
+    """A link's name for each body: letters, digits and underscores alone, none twice, none taken.
+
+    Raises:
+        InputError: two bodies have one name.
+    """
+    used, found = set(taken), dict[str, str]()
+    for name in names:
+        if name in found:
+            raise InputError(f"two bodies are named {name!r}; names must differ", name=name)
+        plain = re.sub(r"[^A-Za-z0-9_]", "_", name)
+        link, number = plain, 1
+        while link in used:
+            number += 1
+            link = f"{plain}_{number}"
+        used.add(link)
+        found[name] = link
+    return found
+
+
+def _place_joints(root: Element, robot: Robot) -> None:
+    """Origins of a calibrated arm's joints; those of the arm as its maker says stay as they are written."""
+    if robot.ideal is None:
+        return
+    for number, name in enumerate(robot.joint_names, start=1):
+        joint = _joint(root, name)
+        for old in joint.findall("origin"):
+            joint.remove(old)
+        joint.insert(0, _origin(robot.model.jointPlacements[number].homogeneous))
+
+
+def _limit_joints(root: Element, there: Surroundings) -> None:
+    limits = there.limits
+    for k, name in enumerate(there.robot.joint_names):
+        limit = _joint(root, name).find("limit")
+        if limit is None:
+            raise InputError(f"joint {name}: has no limits in {ARM}.urdf", joint=name)
+        for key, value in (("lower", limits.lower), ("upper", limits.upper), ("velocity", limits.velocity)):
+            limit.set(key, repr(float(value[k])))
+
+
+def _joint(root: Element, name: str) -> Element:
+    found = root.find(f"joint[@name='{name}']")
+    if found is None:
+        raise InputError(f"{ARM}.urdf: has no joint {name}", joint=name)
+    return found
+
+
+def _add_body(
+    root: Element, body: Body, link: str, parent: str, T_parent_body: Array, meshes: dict[str, bytes]
+) -> None:
+    if link != body.name:
+        # as JSON, because a comment may hold neither control characters nor two dashes
+        root.append(ElementTree.Comment(f" {json.dumps(body.name).replace('--', '- -')} "))
+    _fixed(root, link, parent, T_parent_body)
+    element = root.findall("link")[-1]
+    match body.shape:
+        case Capsule(radius, length):
+            _collide(element, Cylinder(radius, length), "")
+            for end in (-length / 2.0, length / 2.0):
+                _collide(element, Sphere(radius), "", transform(t=(0.0, 0.0, end)))
+        case Convex():
+            mesh = f"{MESHES}/{link}.stl"
+            meshes[mesh] = stl_of(body.shape)
+            _collide(element, body.shape, mesh)
+        case _:
+            _collide(element, body.shape, "")
+
+
+def _fixed(root: Element, link: str, parent: str, T_parent_link: Array) -> None:
+    joint = SubElement(root, "joint", {"name": f"{link}_fixed", "type": "fixed"})
+    SubElement(joint, "parent", {"link": parent})
+    SubElement(joint, "child", {"link": link})
+    joint.append(_origin(T_parent_link))
+    SubElement(root, "link", {"name": link})
+
+
+def _collide(link: Element, shape: Shape, mesh: str, T_link_shape: Array | None = None) -> None:
+    collision = SubElement(link, "collision")
+    if T_link_shape is not None:
+        collision.append(_origin(T_link_shape))
+    geometry = SubElement(collision, "geometry")
+    match shape:
+        case Box(size):
+            SubElement(geometry, "box", {"size": _numbers(size)})
+        case Cylinder(radius, length):
+            SubElement(geometry, "cylinder", {"radius": repr(radius), "length": repr(length)})
+        case Sphere(radius):
+            SubElement(geometry, "sphere", {"radius": repr(radius)})
+        case _:
+            SubElement(geometry, "mesh", {"filename": mesh})
+
+
+def _show(link: Element) -> None:
+    """What is collided is also what is seen, where the description has nothing of its own to show."""
+    if link.find("visual") is not None:
+        return
+    for index, collision in enumerate(link.findall("collision")):
+        visual = Element("visual")
+        visual.extend(deepcopy(part) for part in collision if part.tag in _PLACES)
+        link.insert(index, visual)
+
+
+def _origin(T: Array) -> Element:
+    return Element("origin", {"xyz": _numbers(T[:3, 3]), "rpy": _numbers(rpy_of(T[:3, :3]))})
+
+
+def rpy_of(R: Array) -> Array:
+    """Roll, pitch, yaw (3,) rad with R = Rz(yaw) Ry(pitch) Rx(roll); exact also where the pitch is a right angle."""
+    yaw = float(np.arctan2(R[1, 0], R[0, 0]))
+    pitch = float(np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0])))
+    # what is left is a turn about x alone, whatever the yaw of a vertical axis was taken for
+    left = (rot_z(yaw) @ rot_y(pitch)).T @ R
+    return np.array([np.arctan2(left[2, 1], left[1, 1]), pitch, yaw])
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(repr(float(v) + 0.0) for v in values)
+
+
+def stl_of(shape: Convex) -> bytes:
+    """A hull as binary STL, m; corners to the seven digits of its floats."""
+    points, faces = np.array(shape.points), hull_faces(shape)
+    parts = [b"a465 hull".ljust(80), struct.pack("<I", len(faces.corners))]
+    for normal, corners in zip(faces.normals, faces.corners, strict=True):
+        parts.append(struct.pack("<12fH", *normal, *points[corners].ravel(), 0))
+    return b"".join(parts)
+
+
+def _disabled(there: Surroundings, links: Mapping[str, str]) -> dict[tuple[str, str], str]:
+    """Pairs of links that our own world leaves out, each with the reason."""
+    world = World(there.robot, there.bodies, there.held, there.T_tool_held, there.allowed)
+    checked = {frozenset(world.pair_names(i)) for i in range(len(world.pairs))}
+    written = ElementTree.fromstring(read_text(data_file(f"{ARM}.srdf")))
+    reasons = {
+        frozenset((e.attrib["link1"], e.attrib["link2"])): e.attrib.get("reason", "")
+        for e in written.iter("disable_collisions")
+    }
+    found = {}
+    for a, b in combinations(world.names, 2):
+        pair = frozenset((a, b))
+        if pair in checked:
+            continue
+        joint = world.joint_of(a)
+        reason = reasons.get(pair, "")
+        if not reason and joint == world.joint_of(b):
+            reason = "move together" if joint else "both stand still"
+        found[links.get(a, a), links.get(b, b)] = reason or "may touch"
+    return found
+
+
+def _semantics(there: Surroundings, disabled: Mapping[tuple[str, str], str]) -> Element:
+    root = Element("robot", {"name": NAME})
+    if there.padding:
+        root.append(
+            ElementTree.Comment(
+                f" a465 takes {1e3 * there.padding:g} mm off every distance; this file cannot "
+            )
+        )
+    for name, padding in there.paddings().items():
+        root.append(
+            ElementTree.Comment(
+                f" a465 takes {1e3 * padding:g} mm off every distance of {name!r} ".replace("--", "- -")
+            )
+        )
+    arm = SubElement(root, "group", {"name": "arm"})
+    SubElement(arm, "chain", {"base_link": "base", "tip_link": TOOL})
+    gripper = SubElement(root, "group", {"name": "gripper"})
+    for link in HAND:
+        SubElement(gripper, "link", {"name": link})
+    for joint in JAWS:
+        SubElement(gripper, "joint", {"name": joint})
+    SubElement(
+        root, "end_effector", {"name": "hand", "parent_link": there.robot.end_frame, "group": "gripper"}
+    )
+    for name, q in there.states.items():
+        _state(root, name, "arm", dict(zip(there.robot.joint_names, q.tolist(), strict=True)))
+    _state(root, "jaws", "gripper", dict.fromkeys(JAWS, there.jaw_opening / 2.0))
+    for (a, b), reason in disabled.items():
+        SubElement(root, "disable_collisions", {"link1": a, "link2": b, "reason": reason})
+    return root
+
+
+def _state(root: Element, name: str, group: str, values: Mapping[str, float]) -> None:
+    state = SubElement(root, "group_state", {"name": name, "group": group})
+    for joint, value in values.items():
+        SubElement(state, "joint", {"name": joint, "value": repr(float(value))})
+
+
+def _text(root: Element) -> str:
+    ElementTree.indent(root)
+    return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"

@@ -1,0 +1,92 @@
+"""A calibration target in the gripper: its file, the arm that carries it, and how it looks in the simulated cell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from arm.io.storage import sha256
+from arm.io.toml_reader import TomlTable
+from arm.numerics.products import mul
+from arm.robot.model import LinkBody, Robot
+from arm.robot.shapes import Box
+from arm.se3 import Array, frozen, inverse, rot_x, rot_y, rot_z, rotation, transform
+from vision.targets.target import Target, target_of
+
+PLATE = "target plate"
+_ROUGH = (0.003, np.radians(2.0))  # m and rad: how well a person puts a plate where the file says
+
+
+@dataclass(frozen=True, eq=False)
+class HandTarget:
+    """A target on a plate that moves with the flange.
+
+    Attributes:
+        target: what is printed.
+        T_flange_target: about where it is; its origin is the corner of the chessboard.
+        plate: extent (3,) m along x, y and z of the printed side, about the chessboard's middle.
+    """
+
+    target: Target
+    T_flange_target: Array
+    plate: tuple[float, float, float]
+
+    @property
+    def T_target_plate(self) -> Array:
+        """Of the plate's middle; z goes into the plate."""
+        width, height = self.target.size
+        return transform(t=(width / 2.0, height / 2.0, self.plate[2] / 2.0))
+
+    def carried_by(self, robot: Robot) -> Robot:
+        """The arm with the plate as a body of its last joint; what holds the plate may touch it."""
+        flange = inverse(robot.T_end_tool)
+        joint = len(robot.joint_names)
+        q = np.zeros(joint)
+        T_joint_flange = mul(mul(inverse(robot.joint_poses(q)[joint]), robot.T_base_tool(q)), flange)
+        plate = LinkBody(
+            PLATE,
+            joint,
+            Box(self.plate),
+            frozen(mul(mul(T_joint_flange, self.T_flange_target), self.T_target_plate)),
+        )
+        said = {"robot": robot.digest, "plate": [list(self.plate), plate.T_joint_body.tolist()]}
+        return replace(robot, bodies=(*robot.bodies, plate), digest=sha256(said))
+
+    def roughly_mounted(self, seed: int) -> HandTarget:
+        """The same plate where a person really put it, for the simulated cell."""
+        rng = np.random.default_rng([seed, 465])
+        off = transform(rotation(rng.normal(0.0, _ROUGH[1], 3)), rng.normal(0.0, _ROUGH[0], 3))
+        return replace(self, T_flange_target=frozen(mul(self.T_flange_target, off)))
+
+    def sight(self, T_base_camera: Array, T_base_target: Array) -> Array:
+        """Corners (5, 3) m of the pyramid between camera and chessboard, which nothing may reach into."""
+        width, height = self.target.size
+        corners = np.array([[0, 0, 0], [width, 0, 0], [0, height, 0], [width, height, 0]], dtype=float)
+        corners[:, 2] = -2e-3  # above the print
+        on_target = mul(corners, T_base_target[:3, :3].T) + T_base_target[:3, 3]
+        return np.vstack([on_target, T_base_camera[:3, 3]])
+
+
+def read_hand_target(path: Path) -> HandTarget:
+    """Read a target file with a table ``[hand]``: centre_mm, rpy_deg, plate_mm.
+
+    Raises:
+        FileInputError: a value breaks its rule.
+    """
+    root = TomlTable.read(path)
+    target = target_of(root)
+    hand = root.table("hand")
+    centre = hand.numbers("centre_mm", 3, "mm", -500, 500) / 1e3
+    roll, pitch, yaw = np.radians(hand.numbers("rpy_deg", 3, "deg", -360, 360))
+    x, y, z = hand.numbers("plate_mm", 3, "mm", 0.5, 500) / 1e3
+    if x < target.size[0] or y < target.size[1]:
+        shown = " x ".join(f"{1e3 * v:g}" for v in target.size)
+        raise hand.error("plate_mm", f"must be as large as the chessboard at least, {shown} mm")
+    hand.finish()
+    root.finish()
+    R = mul(mul(rot_z(float(yaw)), rot_y(float(pitch))), rot_x(float(roll)))
+    width, height = target.size
+    T = mul(transform(R, centre), transform(t=(-width / 2.0, -height / 2.0, 0.0)))
+    return HandTarget(target, frozen(T), (float(x), float(y), float(z)))

@@ -1,0 +1,42 @@
+"""Where a plan is made and judged: a task file, or a cell file alone, which has nothing to do but to be moved in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from arm.io.storage import canonical_json, sha256
+from arm.io.toml_reader import TomlTable
+from cell.config.cell import Cell
+from cell.config.cell_file import read_cell
+from cell.files.task import Task, read_task
+
+POSES = "poses"  # kind of what is done in a cell without a task
+
+
+def read_place(path: Path) -> Task:
+    """A task file; or a cell file, as a task of kind `POSES` that serves no board.
+
+    Raises:
+        InputError: it is neither, or has a mistake.
+    """
+    if "task" in TomlTable.read(path):
+        return read_task(path)
+    return _task_of(read_cell(path))
+
+
+def _task_of(cell: Cell) -> Task:
+    return Task(
+        file=cell.file,
+        kind=POSES,
+        cell=cell,
+        from_board=cell.boards[0],  # every task has one; with no cube to move, nothing asks for it
+        to_board=None,
+        places=None,
+        board_height=None,
+        look_after="never",
+        order="given",
+        assignment="given",
+        seed=0,
+        inputs={},
+        digest=sha256(sha256(canonical_json({})) + cell.digest),
+    )

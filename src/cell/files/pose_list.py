@@ -1,0 +1,323 @@
+"""A list of poses and configurations, as programs for this arm have them: JSON, CSV or NumPy's .npy.
+
+Which of them a file is, is told by its content. What a pose is of (flange or tool) and in what unit angles are is never
+guessed: programs for this arm differ by the 134 mm between flange and finger tips.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm.errors import A465Error, FileInputError, InputError
+from arm.io.json_reader import JsonNode
+from arm.io.storage import read_bytes
+from arm.se3 import Array, frozen, orthonormalised
+
+FRAMES = ("flange", "tool")
+ANGLES = {"rad": 1.0, "deg": float(np.radians(1.0))}
+LENGTHS = {"m": 1.0, "mm": 1e-3}
+WAYS = ("transit", "line")
+JAWS = {"open": 0.0, "close": 1.0}
+FARTHEST = 5.0  # from the base, m
+MOST = 5000  # entries
+PRINTED = 1e-3  # by which a matrix with few digits may miss a rotation
+_LEAST_BY_NUMBERS = {6: "six joint angles", 12: "the upper three rows of a 4x4 pose", 16: "a 4x4 pose"}
+_BY_KEY = ("T_base_flange", "T_base_tool", "q_rad", "q_deg")
+_AT_A_POSE = ("by", "free", "approach_mm", "retract_mm", "within_mm", "speed_mm_s")
+_ALWAYS = ("name", "dwell_s", "jaws")
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What rows of bare numbers mean; None where neither file nor caller says it.
+
+    Attributes:
+        frame: whose poses they are, of `FRAMES`.
+        angles: of joints, of `ANGLES`.
+        lengths: of poses, of `LENGTHS`.
+    """
+
+    frame: str | None = None
+    angles: str | None = None
+    lengths: str = "m"
+
+
+def reading_of(frame: str | None, angles: str | None, lengths: str) -> Reading:
+    """The same from the options of a command.
+
+    Raises:
+        InputError: one of them is no such word.
+    """
+    for option, value, choices in (
+        ("frame", frame, FRAMES),
+        ("angles", angles, tuple(ANGLES)),
+        ("lengths", lengths, tuple(LENGTHS)),
+    ):
+        if value is not None and value not in choices:
+            raise InputError(f"--{option} {value}: must be one of {', '.join(choices)}", value=value)
+    return Reading(frame, angles, lengths)
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """One place of the list, or something that happens at the one before.
+
+    Attributes:
+        key: where it stands in the file, such as ``entries[2]`` or ``row 3``.
+        name: for people; unique.
+        frame, T: a pose and whose it is, 4x4 in the base frame, m; T is None where it is no pose.
+        q: a configuration (6,) rad, or None.
+        by, free, approach, retract, within, speed: see `plan.waypoints.target.Target`; SI units.
+        dwell_s: rest there, s.
+        jaws: how far the jaws are closed there, 0 open to 1 shut; None: as they are.
+    """
+
+    key: str
+    name: str
+    frame: str = ""
+    T: Array | None = None
+    q: Array | None = None
+    by: str = "transit"
+    free: str = ""
+    approach: float = 0.0
+    retract: float = 0.0
+    within: float = 0.0
+    speed: float | None = None
+    dwell_s: float = 0.0
+    jaws: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class PoseList:
+    """A list as its file says; `entries` in order, at least one."""
+
+    file: Path
+    entries: tuple[Entry, ...]
+
+
+def read_pose_list(path: Path, reading: Reading | None = None) -> PoseList:
+    """Read a list.
+
+    JSON: an object with ``entries`` and perhaps ``frame``, ``angles``, ``lengths``, or the entries alone. An entry is
+    an object with one of ``T_base_flange``, ``T_base_tool``, ``q_rad``, ``q_deg``, or rows of numbers alone. CSV: a row
+    an entry, of 16 or 12 numbers (row by row) or 6. npy: an array of the same.
+
+    Args:
+        path: the file.
+        reading: what bare numbers mean where the file does not say it.
+
+    Raises:
+        FileInputError: with file, row or entry, value and rule.
+    """
+    reading = reading or Reading()
+    data = read_bytes(path, "pose list")
+    if data.startswith(b"\x93NUMPY"):
+        found = _of_array(path, data, reading)
+    elif data.lstrip()[:1] in (b"{", b"["):
+        found = _of_json(path, reading)
+    else:
+        found = _of_text(path, data, reading)
+    entries = list(islice(found, MOST + 1))
+    if len(entries) > MOST:
+        raise FileInputError(path, "", None, f"has more than {MOST} entries; a plan has room for no more")
+    if not entries:
+        raise FileInputError(path, "", None, "has no pose and no configuration; it must have one at least")
+    seen: dict[str, str] = {}
+    for entry in entries:
+        if entry.name in seen:
+            raise FileInputError(
+                path,
+                entry.key,
+                entry.name,
+                f"has the name of {seen[entry.name]}; names must differ",
+            )
+        seen[entry.name] = entry.key
+    return PoseList(path, tuple(entries))
+
+
+def _of_array(path: Path, data: bytes, reading: Reading) -> Iterator[Entry]:
+    try:
+        array = np.load(io.BytesIO(data), allow_pickle=False)
+    except (ValueError, EOFError, OSError, MemoryError, OverflowError) as error:
+        raise FileInputError(path, "", None, f"is no .npy file of numbers: {error}") from error
+    if array.dtype.kind not in "fiu":
+        raise FileInputError(path, "", str(array.dtype), "must be an array of real numbers")
+    if array.ndim and array.shape[-2:] in ((4, 4), (3, 4)):
+        array = array.reshape(-1, array.shape[-2] * 4)
+    array = array.reshape(1, -1) if array.ndim == 1 else array
+    if array.ndim != 2:
+        raise FileInputError(
+            path, "", list(array.shape), "must be an array of (n, 4, 4), (n, 16), (n, 12) or (n, 6)"
+        )
+    for number, row in enumerate(array.astype(float), start=1):
+        yield _bare(path, f"row {number}", number, row, reading)
+
+
+def _of_text(path: Path, data: bytes, reading: Reading) -> Iterator[Entry]:
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise FileInputError(
+            path, "", None, "is neither text (CSV, JSON) nor a .npy file; give the poses in one of these"
+        ) from error
+    number = 0
+    for line, words in enumerate(text.splitlines(), start=1):
+        cells = [c for c in re.split(r"[,;\s]+", words.partition("#")[0].strip()) if c]
+        if not cells or (not number and not any(map(_is_number, cells))):
+            continue  # nothing, or the names of the columns
+        wrong = next((cell for cell in cells if not _is_number(cell)), None)
+        if wrong is not None:
+            raise FileInputError(path, f"row {line}", wrong, "must be a number")
+        number += 1
+        yield _bare(path, f"row {line}", number, np.array([float(c) for c in cells]), reading)
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _bare(path: Path, key: str, number: int, values: Array, reading: Reading) -> Entry:
+    """An entry of numbers alone: how many there are tells what they are."""
+    if len(values) not in _LEAST_BY_NUMBERS:
+        counts = ", ".join(f"{n} ({what})" for n, what in sorted(_LEAST_BY_NUMBERS.items()))
+        raise FileInputError(path, key, f"{len(values)} numbers", f"must be one of {counts}")
+    if not np.isfinite(values).all():
+        raise FileInputError(path, key, values.tolist(), "must be finite numbers")
+    if len(values) == 6:
+        if reading.angles is None:
+            raise FileInputError(
+                path,
+                key,
+                None,
+                "is six joint angles, and nothing says in what unit; give --angles rad or deg",
+            )
+        return Entry(key, f"configuration {number}", q=frozen(values * ANGLES[reading.angles]))
+    if reading.frame is None:
+        raise FileInputError(
+            path,
+            key,
+            None,
+            "is a pose, and nothing says whose; give --frame flange (as ctu_crs has them) or tool (finger tips)",
+        )
+    T = _pose(path, key, values.reshape(-1, 4), reading.lengths)
+    return Entry(key, f"pose {number}", reading.frame, T)
+
+
+def _pose(path: Path, key: str, rows: Array, lengths: str) -> Array:
+    """The rigid transform of three or four rows of four."""
+    T = np.vstack([rows[:3], rows[3:] if len(rows) == 4 else [[0.0, 0.0, 0.0, 1.0]]])
+    T[:3, 3] *= LENGTHS[lengths]
+    if not np.abs(T[:3, 3]).max() <= FARTHEST:
+        raise FileInputError(
+            path,
+            key,
+            rows[:3, 3].tolist(),
+            f"is a place in {lengths}; must be within {FARTHEST:g} m of the base",
+            'lengths in mm are told by --lengths mm, or "lengths": "mm"',
+        )
+    try:
+        return orthonormalised(T, tolerance=PRINTED)
+    except A465Error as error:
+        raise FileInputError(
+            path,
+            key,
+            rows.tolist(),
+            f"is no pose: {error}",
+            "rows come one after another, the last is 0 0 0 1",
+        ) from error
+
+
+def _of_json(path: Path, reading: Reading) -> Iterator[Entry]:
+    root = JsonNode.of_file(path)
+    if isinstance(root.value, dict):
+        _require_known(root, ("entries", "frame", "angles", "lengths"))
+        reading = Reading(
+            root["frame"].text(*FRAMES) if "frame" in root else reading.frame,
+            root["angles"].text(*ANGLES) if "angles" in root else reading.angles,
+            root["lengths"].text(*LENGTHS) if "lengths" in root else reading.lengths,
+        )
+        root = root["entries"]
+    for number, node in enumerate(root.items(), start=1):
+        yield _entry(node, number, reading)
+
+
+def _require_known(node: JsonNode, known: tuple[str, ...]) -> None:
+    for name in node.value:
+        if name not in known:
+            raise node[name].error(f"is not a key that is known here; there are {', '.join(known)}")
+
+
+def _entry(node: JsonNode, number: int, reading: Reading) -> Entry:
+    if isinstance(node.value, list):
+        return _bare(node.path, node.key, number, _flat(node), reading)
+    if not isinstance(node.value, dict):
+        raise node.error("must be an object, or a row of numbers")
+    _require_known(node, (*_BY_KEY, *_AT_A_POSE, *_ALWAYS))
+    given = [key for key in _BY_KEY if key in node]
+    if len(given) > 1:
+        raise node[given[1]].error(f"stands beside {given[0]}; an entry has one of them")
+    at_a_pose = [key for key in _AT_A_POSE if key in node]
+    if at_a_pose and (not given or given[0].startswith("q_")):
+        raise node[at_a_pose[0]].error("goes with a pose only (T_base_flange or T_base_tool)")
+    if not given and "jaws" not in node and "dwell_s" not in node:
+        raise node.error(f"must have one of {', '.join(_BY_KEY)}, or jaws or dwell_s alone")
+    kind = given[0] if given else "rest"
+    named = {"T": "pose", "q": "configuration", "r": "rest"}[kind[0]]
+    return Entry(
+        key=node.key,
+        name=node["name"].text() if "name" in node else f"{named} {number}",
+        frame=kind.removeprefix("T_base_") if kind.startswith("T_") else "",
+        T=_pose(node.path, f"{node.key}.{kind}", _flat(node[kind], 12, 16).reshape(-1, 4), reading.lengths)
+        if kind.startswith("T_")
+        else None,
+        q=frozen(_flat(node[kind], 6) * ANGLES[kind.removeprefix("q_")]) if kind.startswith("q_") else None,
+        by=node["by"].text(*WAYS) if "by" in node else "transit",
+        free=node["free"].text() if "free" in node else "",
+        approach=_number(node, "approach_mm", 1000.0) / 1e3,
+        retract=_number(node, "retract_mm", 1000.0) / 1e3,
+        within=_number(node, "within_mm", 1000.0) / 1e3,
+        speed=_number(node, "speed_mm_s", 2000.0, 0.1) / 1e3 if "speed_mm_s" in node else None,
+        dwell_s=_number(node, "dwell_s", 60.0),
+        jaws=_jaws(node["jaws"]) if "jaws" in node else None,
+    )
+
+
+def _flat(node: JsonNode, *counts: int) -> Array:
+    """Its numbers, row by row, whether it is a list or a list of rows."""
+    rows = isinstance(node.value, list) and bool(node.value) and isinstance(node.value[0], list)
+    values = np.ravel(node.numbers(None, None) if rows else node.numbers(None))
+    if rows and np.shape(node.value) not in ((4, 4), (3, 4)):
+        raise node.error("must be 4 (or 3) rows of 4 numbers")
+    if counts and len(values) not in counts:
+        raise node.error(f"must be {' or '.join(map(str, counts))} numbers, not {len(values)}")
+    return values
+
+
+def _number(node: JsonNode, key: str, high: float, low: float = 0.0) -> float:
+    if key not in node:
+        return 0.0
+    value: Any = node[key].value
+    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+        raise node[key].error(f"must be a number from {low:g} to {high:g}")
+    return float(value)
+
+
+def _jaws(node: JsonNode) -> float:
+    if isinstance(node.value, str):
+        return JAWS[node.text(*JAWS)]
+    value = node.value
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= 1.0:
+        raise node.error("must be open, close, or a number from 0 (open) to 1 (shut)")
+    return float(value)

@@ -1,0 +1,181 @@
+"""What a live view shows: the run as it was last told of, and each change of it as an event for the page.
+
+One thread at a time uses a `LiveState`. Times are on the clock of the plan's preview, so that the page can compare.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from arm.controller.unit import Unit
+from arm.plan_file import Motion, Plan, Step
+from cell.preview.executed import OnPath
+from cell.preview.timeline import timed_steps
+from driver.execution.control import Control
+from driver.execution.progress import Progress
+
+MOST_SAMPLES = 12_000  # kept for a page that comes late: 20 min at ten a second
+MOST_LINES = 200
+
+
+@dataclass(frozen=True, eq=False)
+class NewPlan:
+    """A plan is executed from now on.
+
+    Attributes:
+        mark: tells its page from any other's.
+        name: of its file.
+        page: that shows it, or None if there is none: then the page that waits is shown, which has no mark.
+    """
+
+    mark: str
+    name: str
+    plan: Plan
+    unit: Unit
+    page: bytes | None
+
+
+@dataclass(frozen=True)
+class Told:
+    """A line for a person."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Ended:
+    """The run has ended: ``done``, or why not."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Begun:
+    """The run has begun; a pause is asked for through `control`."""
+
+    control: Control
+
+
+Message = Begun | NewPlan | Step | Progress | Told | Ended
+
+
+def event(name: str, value: Mapping[str, Any]) -> bytes:
+    """One server-sent event (WHATWG HTML, 9.2.5)."""
+    return f"event: {name}\ndata: {json.dumps(value, separators=(',', ':'), allow_nan=False)}\n\n".encode()
+
+
+class LiveState:
+    """The present state.
+
+    Attributes:
+        page: of the plan that is executed; None before there is one.
+    """
+
+    def __init__(self) -> None:
+        self.page: bytes | None = None
+        self._control = Control()
+        self._plan: dict[str, Any] | None = None
+        self._unit: Unit | None = None
+        self._places: dict[int, int] = {}  # id of a step -> index
+        self._motions: dict[int, tuple[Motion, int]] = {}  # index of a step -> its motion, place in it
+        self._steps: tuple[Step, ...] = ()  # kept, so that their ids are theirs alone
+        self._starts: list[float] = []
+        self._index: int | None = None
+        self._on_path: tuple[Motion, OnPath] | None = None
+        self._samples: deque[dict[str, Any]] = deque(maxlen=MOST_SAMPLES)
+        self._lines: deque[str] = deque(maxlen=MOST_LINES)
+        self._step: dict[str, Any] | None = None
+        self._ended: str | None = None
+        self._shown = self._state()
+
+    def take(self, message: Message) -> list[bytes]:
+        """What happened, and the events that tell of it."""
+        match message:
+            case Begun(control):
+                self._control, events = control, []
+            case NewPlan():
+                events = [self._follow(message)]
+            case Told(text):
+                self._lines.append(text)
+                events = [event("told", {"lines": [text]})]
+            case Ended(text):
+                self._ended, events = text, []
+            case Progress():
+                events = [event("sample", self._sample(message))]
+            case _:
+                events = [self._enter(message)]
+        return events + self.changes()
+
+    def changes(self) -> list[bytes]:
+        """Whether the arm moves, pauses or stands, if that is another than was told last."""
+        state = self._state()
+        if state == self._shown:
+            return []
+        self._shown = state
+        return [event("state", state)]
+
+    def snapshot(self) -> list[bytes]:
+        """Events that tell the present state to a page that comes late."""
+        self._shown = self._state()
+        events = [] if self._plan is None else [event("plan", self._plan)]
+        events.append(event("past", {"lines": list(self._lines), "samples": list(self._samples)}))
+        events += [] if self._step is None else [event("step", self._step)]
+        return [*events, event("state", self._shown)]
+
+    def _state(self) -> dict[str, Any]:
+        if self._ended is not None:
+            return {"state": "ended", "text": self._ended}
+        if self._step is None:
+            return {"state": "waits"}
+        if self._control.paused:
+            return {"state": "stands" if self._control.standing else "pauses"}
+        return {"state": "runs"}
+
+    def _follow(self, new: NewPlan) -> bytes:
+        plan = new.plan
+        self.page, self._unit, self._steps = new.page, new.unit, plan.steps
+        self._starts = [timed.start_s for timed in timed_steps(plan)]
+        self._places = {id(s): i for i, s in enumerate(plan.steps)}
+        self._motions = {m.first + k: (m, k) for m in plan.motions for k in range(len(m.moves))}
+        self._index, self._step, self._on_path = None, None, None
+        self._samples.clear()
+        mark = None if new.page is None else new.mark
+        self._plan = {"mark": mark, "name": new.name, "sha256": plan.sha256}
+        return event("plan", self._plan)
+
+    def _enter(self, step: Step) -> bytes:
+        self._index = self._places.get(id(step))
+        start = None if self._index is None else round(self._starts[self._index], 6)
+        self._step = {"index": self._index, "name": step.name, "t": start}
+        return event("step", self._step)
+
+    def _sample(self, progress: Progress) -> dict[str, Any]:
+        first, t = self._place(progress)
+        sample = {
+            "motion": first,
+            "t": t,
+            "ms": progress.position.time_ms,
+            "counts": list(progress.position.counts),
+            "done": progress.done,
+            "total": progress.total,
+            "override": round(progress.override, 4),
+            "jaws": None if progress.jaws is None else round(progress.jaws, 4),
+        }
+        self._samples.append(sample)
+        return sample
+
+    def _place(self, progress: Progress) -> tuple[int | None, float | None]:
+        """The first step of the motion that runs, and where on the plan's clock the sample is."""
+        found = None if self._index is None else self._motions.get(self._index)
+        if found is None or self._unit is None:
+            return None, None
+        motion, k = found
+        if self._on_path is None or self._on_path[0] is not motion:
+            self._on_path = motion, OnPath(motion.path, self._unit)
+        q = self._unit.positions(progress.position.counts)
+        time_s, _ = self._on_path[1].place(q, motion.starts[k] + progress.done)
+        return motion.first, round(self._starts[motion.first] + time_s, 4)

@@ -1,0 +1,265 @@
+"""What the calibration of a chain prints: tables for people, one object for programs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from calib.chain.result import ChainCalibration
+from calib.chain.self_test import TWINS, SelfTest
+from calib.hand_eye.calibrate import GAUGES, HandEye
+from calib.hand_eye.next_poses import NextPose
+from cell.console import Console
+
+_MOST_CORRELATIONS = 6
+
+Numbers = npt.NDArray[np.intp]
+"""Of images in a recording, from 0."""
+
+
+def left_out(c: ChainCalibration, images: Sequence[Numbers] = ()) -> list[list[int]]:
+    """Numbers of the images of each chain that were left out, from 0, as they stand in the recording.
+
+    Args:
+        c: the calibration.
+        images: of each chain, where its images stand in the recording, (n,); none: one chain has them all.
+    """
+    return [(images[k][of] if images else of).tolist() for k, of in enumerate(c.wrong)]
+
+
+def numbers(images: Sequence[Sequence[int]]) -> str:
+    """Numbers of images of all chains in words, such as ``3, 7 to 12, 20``."""
+    runs: list[list[int]] = []
+    for image in sorted(number for of in images for number in of):
+        if runs and image == runs[-1][-1] + 1:
+            runs[-1].append(image)
+        else:
+            runs.append([image])
+    return ", ".join(f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs)
+
+
+def kinematic_json(c: ChainCalibration, si: Any, images: Sequence[Numbers] = ()) -> dict[str, Any]:
+    """The NAO's result; `si` is one of each parameter's unit in SI, (count,); `images` as for `left_out`."""
+    sigma = np.sqrt(np.diag(c.covariance))
+    free = np.flatnonzero(c.problem.free)
+    return {
+        "parameters": {
+            c.names[i]: {"value": float(c.fit.unknowns[i] / si[i]), "std": float(sigma[i] / si[i])}
+            for i in free
+        },
+        "held_at_zero": [name for name, fitted in zip(c.names, c.problem.free, strict=True) if not fitted],
+        "encoder_std_deg": np.degrees(c.problem.reading_sigma).tolist(),
+        **_chain_json(c, images),
+    }
+
+
+def hand_eye_json(h: HandEye, more: Sequence[NextPose] = ()) -> dict[str, Any]:
+    """The result of an arm before a camera, and poses that would tell more."""
+    d, a, alpha = h.link_errors
+    sigma = np.sqrt(np.diag(h.chain.covariance))
+    joints = h.recording.dh.joints
+    (camera_m, camera_rad), (target_m, target_rad) = h.camera_sigma, h.target_sigma
+    offsets = sigma[12 : 12 + joints]
+    return {
+        "T_base_camera": h.T_base_camera.tolist(),
+        "T_gripper_target": h.T_gripper_target.tolist(),
+        "joint_offsets_rad": h.joint_offsets.tolist(),
+        "dh_d_error_m": d.tolist(),
+        "dh_a_error_m": a.tolist(),
+        "dh_alpha_error_rad": alpha.tolist(),
+        "std": {
+            "T_base_camera": {"position_m": camera_m.tolist(), "rotation_rad": camera_rad.tolist()},
+            "T_gripper_target": {"position_m": target_m.tolist(), "rotation_rad": target_rad.tolist()},
+            "joint_offsets_rad": offsets.tolist(),
+            "dh_d_error_m": sigma[12 + joints : 12 + 2 * joints].tolist(),
+            "dh_a_error_m": sigma[12 + 2 * joints : 12 + 3 * joints].tolist(),
+            "dh_alpha_error_rad": sigma[12 + 3 * joints :].tolist(),
+        },
+        "held_out_px": _or_none(h.chain.held_out.px),
+        "held_out_mm": _or_none(1e3 * h.chain.held_out.metres),
+        "gauges": list(GAUGES),
+        "next_poses": [{"joints_rad": p.joints.tolist(), "gain": p.gain} for p in more],
+        **_chain_json(h.chain),
+    }
+
+
+def self_test_json(test: SelfTest) -> dict[str, Any]:
+    """What came of the synthetic twins."""
+    return {
+        "nees_dof": test.nees_dof,
+        "limits": list(test.limits),
+        "worst_sigmas": test.worst,
+        "passed": test.passed,
+    }
+
+
+def describe_self_test(test: SelfTest) -> str:
+    """The same in words."""
+    low, high = test.limits
+    verdict = "as predicted" if test.passed else "NOT as predicted"
+    return (
+        f"on {TWINS} synthetic twins squared errors are {test.nees_dof:.2f} of the predicted ones (chance: "
+        f"{low:.2f} to {high:.2f}), {verdict}"
+    )
+
+
+def _chain_json(c: ChainCalibration, images: Sequence[Numbers] = ()) -> dict[str, Any]:
+    return {
+        "residual_std_px": c.residual_std.tolist(),
+        "corner_sigma_px": c.problem.pixel_sigma.tolist(),
+        "iterations": c.iterations,
+        "solve_s": c.solve_s,
+        "chi2_dof": c.fit.chi2_dof,
+        "held_out": {"px": _or_none(c.held_out.px), "mm": _or_none(1e3 * c.held_out.metres)},
+        "images": c.images,
+        "wrong_images": left_out(c, images),
+        "model": [{"part": t.part, "in": t.needed, "cost_rise": t.rise, "limit": t.limit} for t in c.trials],
+        "correlations": [{"parameters": [a, b], "correlation": r} for a, b, r in c.correlations],
+        "weakest_direction": [{"parameter": name, "share": share} for name, share in c.weakest],
+        "suspects": [
+            {"name": s.name, "amount": s.amount, "std": s.sigma, "sure": s.sure, "cost_drop": s.drop}
+            for s in c.suspects
+        ],
+        "verdict": "accepted" if c.accepted else "refused",
+        "reasons": list(c.reasons),
+        "remarks": list(c.remarks),
+    }
+
+
+def _or_none(value: float) -> float | None:
+    """JSON has no NaN."""
+    return value if np.isfinite(value) else None
+
+
+Tables = list[tuple[str, Sequence[str], Sequence[Sequence[str]]]]
+"""Title, header and rows of each table."""
+
+
+def kinematic_tables(c: ChainCalibration, si: Any) -> Tables:
+    """What was found of a NAO."""
+    sigma = np.sqrt(np.diag(c.covariance))
+    rows = [
+        (name, *with_std(c.fit.unknowns[i] / si[i], sigma[i] / si[i]), unit)
+        for i in np.flatnonzero(c.problem.free)
+        for name, unit in [_name_and_unit(c.names[i])]
+    ]
+    return [("Parameters", ("parameter", "value", "std", "unit"), rows)]
+
+
+def _name_and_unit(name: str) -> tuple[str, str]:
+    if name.endswith("_deg_per_Nm"):
+        return name.removesuffix("_deg_per_Nm"), "deg/Nm"
+    stem, _, unit = name.rpartition("_")
+    return stem, unit
+
+
+def with_std(value: float, std: float) -> tuple[str, str]:
+    """A number and its standard deviation, with as many decimals as that has a meaning: two figures of it if the first
+    is 1 or 2, else one."""
+    if not 0.0 < std < np.inf:
+        return f"{value:+.4f}", f"{std:.4f}"
+    first = int(np.floor(np.log10(std)))
+    figures = 2 if std < 3.0 * 10.0**first else 1
+    decimals = max(figures - 1 - first, 0)
+    return f"{value:+.{decimals}f}", f"{std:.{decimals}f}"
+
+
+def hand_eye_tables(h: HandEye) -> Tables:
+    """What was found of an arm before a camera."""
+    (camera_m, camera_rad), (target_m, target_rad) = h.camera_sigma, h.target_sigma
+    places = [
+        (
+            name,
+            *(f"{1e3 * v:.3f}" for v in T[:3, 3]),
+            f"{1e3 * float(np.linalg.norm(m)):.3f}",
+            f"{np.degrees(float(np.linalg.norm(rad))):.4f}",
+        )
+        for name, T, m, rad in (
+            ("camera in base", h.T_base_camera, camera_m, camera_rad),
+            ("target in gripper", h.T_gripper_target, target_m, target_rad),
+        )
+    ]
+    sigma = np.sqrt(np.diag(h.chain.covariance))
+    n = h.recording.dh.joints
+    free = h.chain.problem.free[12:].reshape(-1, n)
+    columns = [
+        (k, unit, what, values)
+        for k, (unit, what, values) in enumerate(
+            zip(
+                (np.degrees(1.0), 1e3, 1e3, np.degrees(1.0)),
+                ("zero deg", "d mm", "a mm", "alpha deg"),
+                (h.joint_offsets, *h.link_errors),
+                strict=True,
+            )
+        )
+        if free[k].any()
+    ]
+    joints = [
+        (
+            f"J{j + 1}",
+            *(
+                "+-".join(with_std(unit * values[j], unit * sigma[12 + k * n + j])) if free[k, j] else "held"
+                for k, unit, _, values in columns
+            ),
+        )
+        for j in range(n)
+    ]
+    return [
+        ("Places", ("", "x mm", "y mm", "z mm", "std mm", "std deg"), places),
+        ("Arm", ("joint", *(what for _, _, what, _ in columns)), joints),
+    ]
+
+
+def tell_kinematic(c: ChainCalibration, si: Any, console: Console, images: Sequence[Numbers] = ()) -> None:
+    """Print parameters and verdict."""
+    _tell_tables(kinematic_tables(c, si), console)
+    _tell_chain(c, console, images)
+
+
+def tell_hand_eye(h: HandEye, console: Console, more: Sequence[NextPose] = ()) -> None:
+    """Print place, zeros, links, verdict, and poses that would tell more."""
+    _tell_tables(hand_eye_tables(h), console)
+    _tell_chain(h.chain, console)
+    if more:
+        console.say(
+            "poses that would help most (joints in deg; how much less a predicted target would be off, each taken "
+            "with those before it):"
+        )
+    for pose in more:
+        shown = "  ".join(f"{q:7.1f}" for q in np.degrees(pose.joints))
+        console.say(f"  {shown}   {100.0 * pose.gain:.0f} %")
+
+
+def _tell_tables(tables: Tables, console: Console) -> None:
+    for _, header, rows in tables:
+        console.table(header, rows)
+        console.say()
+
+
+def _tell_chain(c: ChainCalibration, console: Console, images: Sequence[Numbers] = ()) -> None:
+    used = c.images - sum(map(len, c.wrong))
+    x, y = c.problem.pixel_sigma
+    console.say(
+        f"images:      {used} of {c.images} used; corners scatter by {x:.3f} / {y:.3f} px (x / y) alone"
+    )
+    if used < c.images:
+        console.say(f"left out:    {numbers(left_out(c, images))} (images count from 0)")
+    x, y = c.residual_std
+    console.say(
+        f"fit:         residuals {x:.3f} / {y:.3f} px, chi2/dof {c.fit.chi2_dof:.3f}, {c.iterations} steps in "
+        f"{c.solve_s:.2f} s"
+    )
+    step = float(np.degrees(c.problem.reading_sigma.max()))
+    if step > 0.0:
+        console.say(f"encoders:    {step:.4f} deg (one standard deviation), seen from their readings")
+    console.say(
+        f"held out:    {c.held_out.px:.3f} px, {1e3 * c.held_out.metres:.3f} mm across the line of sight"
+    )
+    for remark in c.remarks:
+        console.say(f"note: {remark}")
+    console.say("accepted" if c.accepted else "refused:")
+    for reason in c.reasons:
+        console.say(f"  {reason}")

@@ -1,0 +1,120 @@
+"""The report of a run: a row a cube, from what the stack knows, and from truth where the cell is simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from arm.plan_file import Move, Step
+from arm.se3 import Array, inverse, transform
+from cell.console import Console
+from cell.files.task import Task
+from cell.sim.cell import angle_to_square
+
+if TYPE_CHECKING:
+    from cell.sim.cell import SimulatedCell
+
+RELEASED = ("placed", "unseated", "set down", "fallen")  # what becomes of a cube that is let go
+HEADER = ("cube", "from", "to", "placed", "planned s", "clearance mm", "error mm", "tilt deg")
+
+
+@dataclass
+class CubeRow:
+    """What became of one cube.
+
+    Attributes:
+        source, target: names of the places.
+        placed: whether a look has surely seen it where it should be.
+        motion_s: planned motion for it, s.
+        min_clearance: smallest clearance of its moves, m.
+        error: of its axis from the place's when the jaws opened, m; truth, so only in the simulated cell.
+        tilt_error: of its axis, rad; likewise.
+        remarks: what else there is to tell.
+    """
+
+    source: str
+    target: str
+    placed: bool = False
+    motion_s: float = 0.0
+    min_clearance: float | None = None
+    error: float | None = None
+    tilt_error: float | None = None
+    remarks: list[str] = field(default_factory=list)
+
+    def add_motion(self, steps: Sequence[Step]) -> None:
+        """Count moves that were made for this cube."""
+        moves = [s for s in steps if isinstance(s, Move)]
+        self.motion_s += sum(m.path.duration_s for m in moves)
+        clearances = [m.clearance for m in moves] + (
+            [] if self.min_clearance is None else [self.min_clearance]
+        )
+        self.min_clearance = min(clearances, default=None)
+
+    def to_json(self) -> dict[str, Any]:
+        """The row of ``a465 run --json``."""
+        return {
+            "from": self.source,
+            "to": self.target,
+            "placed": self.placed,
+            "error_mm": _scaled(self.error, 1e3),
+            "tilt_error_deg": _scaled(self.tilt_error, 180.0 / np.pi),
+            "motion_s": round(self.motion_s, 3),
+            "min_clearance_mm": _scaled(self.min_clearance, 1e3),
+            "remarks": self.remarks,
+        }
+
+
+def print_rows(console: Console, rows: Sequence[CubeRow]) -> None:
+    """The table that ends a run."""
+    table = [
+        (
+            number,
+            row.source,
+            row.target,
+            row.placed,
+            row.motion_s,
+            _scaled(row.min_clearance, 1e3),
+            _scaled(row.error, 1e3),
+            _scaled(row.tilt_error, 180.0 / np.pi),
+        )
+        for number, row in enumerate(rows, start=1)
+    ]
+    console.say()
+    console.table(HEADER, table)
+    for number, row in enumerate(rows, start=1):
+        for remark in row.remarks:
+            console.say(f"cube {number}: {remark}")
+
+
+def judge_release(task: Task, simulated: SimulatedCell, row: CubeRow) -> None:
+    """Compare where the last cube truly was when the jaws opened with where it should have been."""
+    event = next(e for e in reversed(simulated.events) if e.what in RELEASED)
+    if event.T_base_cube is None:
+        return
+    T_base_place = _true_place(task, simulated, row.target)
+    T_place_cube = inverse(T_base_place) @ event.T_base_cube
+    row.error = float(np.hypot(T_place_cube[0, 3], T_place_cube[1, 3]))
+    row.tilt_error = float(np.arccos(np.clip(T_place_cube[2, 2], -1.0, 1.0)))
+    if task.places is not None:  # on the table nothing squares the cube, so its turn counts too
+        row.tilt_error = angle_to_square(T_place_cube[:3, :3])
+    wanted = "placed" if task.to_board is not None else "set down"
+    if event.what != wanted:
+        row.remarks.append(event.message)
+
+
+def _true_place(task: Task, simulated: SimulatedCell, target: str) -> Array:
+    board_name, _, number = target.partition("/")
+    if task.places is not None:
+        x, y = task.places.centres[int(number) - 1]
+        return transform(t=(x, y, task.cell.table_z))
+    for b in simulated.world.boards:
+        if b.board.name == board_name:
+            return np.asarray(b.T_base_board @ b.board.T_board_hole(int(number) - 1))
+    return transform()
+
+
+def _scaled(value: float | None, factor: float) -> float | None:
+    return None if value is None else float(value * factor)

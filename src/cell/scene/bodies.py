@@ -1,0 +1,57 @@
+"""Bodies that follow from where a board is: its plate, the stand under it, and cubes in its holes.
+
+The stack builds them from what it saw, the simulated cell from what is true.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from arm.board import CUBE_SEAT_DEPTH, PLATE_CENTRE, PLATE_SIZE, plate_name
+from arm.numerics.angles import arctan2
+from arm.numerics.products import mul
+from arm.robot.shapes import Body, Box
+from arm.se3 import Array, apply, frozen, transform
+
+
+def plate_body(board_name: str, T_base_board: Array) -> Body:
+    """The plate as a solid box: pockets are not cut out, so contact in one has to be allowed by name."""
+    centre = transform(t=(*PLATE_CENTRE, -PLATE_SIZE[2] / 2.0))
+    return Body(plate_name(board_name), Box(PLATE_SIZE), frozen(mul(T_base_board, centre)), "board")
+
+
+def stand_body(
+    board_name: str,
+    T_base_board: Array,
+    footprint: tuple[float, float],
+    table_z: float,
+    padding: float = 0.0,
+) -> Body | None:
+    """The stand under a plate as an upright box from the table to the plate's underside, or None if there is no room.
+
+    Real stands are wedges; the box ends where the underside is lowest above its footprint, so it stays under the plate.
+    A padded one ends lower by its padding, so that it does not reach through the plate: no body of the arm is thin
+    enough for the slot between the two.
+    """
+    half_x, half_y = footprint[0] / 2.0, footprint[1] / 2.0
+    cx, cy = PLATE_CENTRE
+    corners = [(cx + i * half_x, cy + j * half_y, -PLATE_SIZE[2]) for i in (-1, 1) for j in (-1, 1)]
+    top = float(apply(T_base_board, corners)[:, 2].min()) - 1e-3 - padding
+    if top - table_z < 2e-3:
+        return None
+    x, y, _ = apply(T_base_board, (cx, cy, -PLATE_SIZE[2]))
+    yaw = float(arctan2(T_base_board[1, 0], T_base_board[0, 0]))
+    c, s = np.cos(yaw), np.sin(yaw)
+    pose = transform([[c, -s, 0], [s, c, 0], [0, 0, 1]], (x, y, (top + table_z) / 2.0))
+    box = Box((footprint[0], footprint[1], top - table_z))
+    return Body(f"stand {board_name}", box, pose, "stand", padding)
+
+
+def T_hole_cube(cube_size: float, depth: float = CUBE_SEAT_DEPTH) -> Array:
+    """Pose of a cube that sits in a hole: wedged to its seat depth, m, centred."""
+    return transform(t=(0.0, 0.0, cube_size / 2.0 - depth))
+
+
+def cube_body(name: str, size: float, T_base_cube: Array) -> Body:
+    """A cube at a pose of its centre."""
+    return Body(name, Box((size, size, size)), frozen(T_base_cube), "cube")

@@ -1,0 +1,1 @@
+"""The simulated cell: bodies, cubes and photographs."""

@@ -1,0 +1,328 @@
+"""The simulated cell: cubes, boards and jaws as they truly are, seen by a synthetic camera.
+
+It is the emulated controller's plant and the look's frame source. The stack never reads it; the report asks it, at
+the end, how far each cube was from where it should have been.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.board import PLATE_CENTRE, PLATE_SIZE, seat_depth
+from arm.numerics.products import mul
+from arm.robot.dh import A465
+from arm.robot.link_errors import with_link_errors
+from arm.robot.model import Robot
+from arm.robot.shapes import Body
+from arm.se3 import Array, apply, frozen, inverse, rot_z, transform
+from cell.config.cell import Cell
+from cell.files.hand_target import HandTarget
+from cell.files.world import TrueBoard, World
+from cell.scene.bodies import T_hole_cube, cube_body, plate_body, stand_body
+from cell.sim.release_faults import PUSH, T_hole_released
+from render.light import Light
+from render.renderer import PlacedBoard, render, with_noise
+from render.target import TargetSolid
+from vision.camera.model import Camera
+
+GRIP_OFFSET = 3e-3  # a cube is gripped if it stands between the jaws within this, m,
+GRIP_ANGLE = np.radians(3.0)  # and this
+LEAST_GRIP = 5e-3  # depth of the finger tips below the cube's top, m
+CAPTURE_TILT = np.radians(4.0)
+DROP = 0.010  # a released cube falls at most this far and stays upright, m
+
+
+@dataclass(frozen=True)
+class SimulatedCube:
+    """A cube of the simulated cell.
+
+    Attributes:
+        name: ``cube 1`` ...
+        T_base_cube: of its centre; while held, where it was gripped.
+        where: pocket, jaws, table or fallen.
+        T_tool_cube: in the jaws, while held.
+    """
+
+    name: str
+    T_base_cube: Array
+    where: str
+    T_tool_cube: Array | None = None
+
+
+@dataclass(frozen=True)
+class CellEvent:
+    """Something that happened to a cube.
+
+    Attributes:
+        what: gripped, pushed, missed, placed or unseated in a pocket, set down, fallen.
+        cube: its name, or "" if the jaws found none.
+        T_base_cube: pose of its centre when it happened.
+        message: one line for a person.
+    """
+
+    what: str
+    cube: str
+    T_base_cube: Array | None
+    message: str
+
+
+@dataclass(frozen=True)
+class CellState:
+    """Cubes and jaws from a time on, until the next state; a held cube moves with the tool.
+
+    Attributes:
+        time_ms: emulated.
+        cubes: all of them.
+        jaw_opening: distance of the fingers, m.
+    """
+
+    time_ms: int
+    cubes: tuple[SimulatedCube, ...]
+    jaw_opening: float
+
+
+class SimulatedCell:
+    """Truth, with the jaws acting on it. Thread-safe: the controller's thread and the camera's both use it.
+
+    Args:
+        cell: what the user knows (sizes, fixed bodies, nominal arm).
+        world: what is true.
+
+    Attributes:
+        in_hand: a calibration target that the gripper carries.
+        events: what happened to cubes, in order.
+        history: states, for whoever judges the run afterwards.
+        now_ms: gives emulated time; set by whoever runs the controller.
+    """
+
+    def __init__(self, cell: Cell, world: World) -> None:
+        self.cell = cell
+        self.pocket = cell.boards[0].pocket  # one for all boards of a cell file
+        self.seat = seat_depth(cell.cube_size, self.pocket)
+        boards = tuple(replace(b, board=replace(b.board, pocket=self.pocket)) for b in world.boards)
+        self.world = replace(world, boards=boards)
+        self.in_hand: HandTarget | None = None
+        self.events: list[CellEvent] = []
+        self.now_ms: Callable[[], int] = lambda: 0
+        self._lock = threading.RLock()
+        self._robot = self.true_robot(cell.jaw_opening)
+        self._opening = cell.jaw_opening
+        self._faults = list(world.releases)
+        seated = T_hole_cube(cell.cube_size, self.seat)
+        places = [(b, hole) for b in boards for hole in b.cubes]
+        self._cubes = [
+            SimulatedCube(
+                f"cube {n}", frozen(mul(mul(b.T_base_board, b.board.T_board_hole(hole)), seated)), "pocket"
+            )
+            for n, (b, hole) in enumerate(places, start=1)
+        ]
+        self.history = [CellState(0, tuple(self._cubes), self._opening)]
+
+    def cubes(self, counts: npt.ArrayLike) -> list[SimulatedCube]:
+        """The cubes now, a held one where the arm at `counts` holds it."""
+        with self._lock:
+            T_base_tool = self.T_base_tool(counts)
+            return [
+                c
+                if c.T_tool_cube is None
+                else replace(c, T_base_cube=frozen(mul(T_base_tool, c.T_tool_cube)))
+                for c in self._cubes
+            ]
+
+    def hold(self, hand: HandTarget) -> None:
+        """Put a target into the gripper, as well as a person would."""
+        self.in_hand = hand.roughly_mounted(self.world.seed)
+
+    def true_robot(self, jaw_opening: float) -> Robot:
+        """The arm as it is, jaws at an opening in m."""
+        return with_link_errors(self.cell.nominal_robot(jaw_opening), A465, self.world.links)
+
+    def positions(self, counts: npt.ArrayLike) -> Array:
+        """True joint positions at encoder counts, (6,) rad."""
+        return self.cell.nominal_unit.positions(counts) + self.world.joint_offsets
+
+    def T_base_tool(self, counts: npt.ArrayLike) -> Array:
+        """True pose of the tool at encoder counts."""
+        return self._robot.T_base_tool(self.positions(counts))
+
+    def targets(self, counts: npt.ArrayLike) -> list[TargetSolid]:
+        """Calibration targets as they are with the arm at `counts`."""
+        if self.in_hand is None:
+            return []
+        T_base_flange = mul(self.T_base_tool(counts), inverse(self._robot.T_end_tool))
+        return [TargetSolid(self.in_hand.target, mul(T_base_flange, self.in_hand.T_flange_target), Light())]
+
+    def bodies(self, counts: npt.ArrayLike, robot: Robot) -> list[Body]:
+        """Everything that can be seen with the arm at `counts`."""
+        size = self.cell.cube_size
+        found = list(self.cell.fixed)
+        for b in self.world.boards:
+            found.append(plate_body(b.board.name, b.T_base_board))
+            stand = stand_body(b.board.name, b.T_base_board, self.cell.stand_size, self.cell.table_z)
+            found += [stand] if stand else []
+        found += [cube_body(c.name, size, c.T_base_cube) for c in self.cubes(counts)]
+        return found + robot.bodies_at(self.positions(counts))
+
+    def jaws(self, counts: tuple[int, ...], from_adc: int, to_adc: int) -> int:
+        """The jaws go from one ADC position towards another; returns where they stop (`driver.emulator.Plant`)."""
+        gripper = self.cell.unit.gripper
+        with self._lock:
+            T_base_tool = self.T_base_tool(counts)
+            before, target = (min(max(gripper.fraction_closed(a), 0.0), 1.0) for a in (from_adc, to_adc))
+            stop = self._close(T_base_tool, target) if target > before else self._open(T_base_tool, target)
+            self._opening = self.cell.gripper.width(stop)
+            self.history.append(CellState(self.now_ms(), tuple(self._cubes), self._opening))
+            return gripper.adc(stop)
+
+    @property
+    def jaw_opening(self) -> float:
+        """Distance of the fingers now, m."""
+        return self._opening
+
+    def _close(self, T_base_tool: Array, target: float) -> float:
+        on_cube = self.cell.fraction_closed(self.cell.cube_size)
+        if any(c.T_tool_cube is not None for c in self._cubes):
+            return min(target, on_cube)
+        if target < on_cube:
+            return target
+        for index, cube in enumerate(self._cubes):
+            T_tool_cube = mul(inverse(T_base_tool), cube.T_base_cube)
+            x, y, z = T_tool_cube[:3, 3]
+            if max(abs(x), abs(y)) > self.cell.jaw_opening / 2.0 or abs(z) > self.cell.cube_size:
+                continue
+            depth = self.cell.cube_size / 2.0 - z  # of the tips below the cube's top
+            offset, angle = float(np.hypot(x, y)), angle_to_square(T_tool_cube[:3, :3])
+            if offset <= GRIP_OFFSET and angle <= GRIP_ANGLE and depth >= LEAST_GRIP:
+                self._cubes[index] = replace(cube, where="jaws", T_tool_cube=frozen(T_tool_cube))
+                self._tell(
+                    "gripped", cube.name, cube.T_base_cube, f"{1e3 * offset:.2f} mm off the jaws' axis"
+                )
+                return on_cube
+            if depth >= 0.0:
+                self._cubes[index] = replace(cube, where="pushed")
+                self._tell(
+                    "pushed",
+                    cube.name,
+                    cube.T_base_cube,
+                    f"stands {1e3 * offset:.1f} mm and {np.degrees(angle):.1f} deg off the jaws, "
+                    f"tips {1e3 * depth:.1f} mm below its top",
+                )
+                return target
+        self._tell("missed", "", None, "the jaws closed on nothing")
+        return target
+
+    def _open(self, T_base_tool: Array, target: float) -> float:
+        for index, cube in enumerate(self._cubes):
+            if cube.T_tool_cube is not None and target < self.cell.fraction_closed(self.cell.cube_size):
+                self._cubes[index] = self._released(cube.name, frozen(mul(T_base_tool, cube.T_tool_cube)))
+        return target
+
+    def _released(self, name: str, T_base_cube: Array) -> SimulatedCube:
+        half = self.cell.cube_size / 2.0
+        for b in self.world.boards:
+            for hole in range(len(b.board.holes)):
+                T_base_hole = mul(b.T_base_board, b.board.T_board_hole(hole))
+                T_hole_cube_now = mul(inverse(T_base_hole), T_base_cube)
+                x, y, z = T_hole_cube_now[:3, 3]
+                tilt = float(np.arccos(np.clip(T_hole_cube_now[2, 2], -1.0, 1.0)))
+                sides, capture = max(abs(x), abs(y)), (self.pocket[0] - self.cell.cube_size) / 2.0
+                if sides <= capture and tilt <= CAPTURE_TILT and abs(z - half) <= 2 * DROP:
+                    quarter = np.round(np.arctan2(T_hole_cube_now[1, 0], T_hole_cube_now[0, 0]) / (np.pi / 2))
+                    turned = transform(rot_z(quarter * np.pi / 2))
+                    seat = frozen(mul(mul(T_base_hole, T_hole_cube(self.cell.cube_size, self.seat)), turned))
+                    into = f"into {b.board.name}/{hole + 1}, {1e3 * sides:.2f} mm off its axis"
+                    fault = self._faults.pop(0) if self._faults else "seated"
+                    if fault != "seated":
+                        return self._unseated(fault, name, T_base_cube, b, T_base_hole, into)
+                    self._tell("placed", name, T_base_cube, into)
+                    return SimulatedCube(name, seat, "pocket")
+        bottom = float(apply(T_base_cube, (0.0, 0.0, -half))[2]) - self.cell.table_z
+        upright = T_base_cube[2, 2] > np.cos(CAPTURE_TILT)
+        if upright and -1e-3 <= bottom <= DROP and not self._over_plate(T_base_cube):
+            yaw = float(np.arctan2(T_base_cube[1, 0], T_base_cube[0, 0]))
+            x, y = T_base_cube[:2, 3]
+            self._tell("set down", name, T_base_cube, f"on the table from {1e3 * bottom:.1f} mm")
+            return SimulatedCube(name, transform(rot_z(yaw), (x, y, self.cell.table_z + half)), "table")
+        self._tell("fallen", name, T_base_cube, f"{1e3 * bottom:.0f} mm above the table, over no free hole")
+        return SimulatedCube(name, T_base_cube, "fallen")
+
+    def _unseated(
+        self, fault: str, name: str, T_base_cube: Array, board: TrueBoard, T_base_hole: Array, into: str
+    ) -> SimulatedCube:
+        """A cube that the world file has go wrong."""
+        where = frozen(T_base_hole @ T_hole_released(fault, self.cell.cube_size, self.seat))
+        self._tell("placed" if fault == "pushed" else "unseated", name, T_base_cube, f"{fault}, {into}")
+        if fault == "pushed":
+            push = transform(t=PUSH)
+            on = [inverse(board.T_base_board) @ c.T_base_cube for c in self._cubes]
+            reach = max(PLATE_SIZE)
+            for index, (cube, T) in enumerate(zip(self._cubes, on, strict=True)):
+                if cube.where == "pocket" and np.abs(T[:2, 3] - PLATE_CENTRE).max() < reach / 2.0:
+                    self._cubes[index] = replace(cube, T_base_cube=frozen(push @ cube.T_base_cube))
+            moved = replace(board, T_base_board=frozen(push @ board.T_base_board))
+            boards = tuple(moved if b is board else b for b in self.world.boards)
+            self.world = replace(self.world, boards=boards)
+            where = frozen(push @ where)
+        return SimulatedCube(name, where, "pocket")
+
+    def _over_plate(self, T_base_cube: Array) -> bool:
+        for b in self.world.boards:
+            x, y, _ = apply(inverse(b.T_base_board), T_base_cube[:3, 3])
+            if abs(x - PLATE_CENTRE[0]) < PLATE_SIZE[0] / 2 and abs(y - PLATE_CENTRE[1]) < PLATE_SIZE[1] / 2:
+                return True
+        return False
+
+    def _tell(self, what: str, cube: str, T_base_cube: Array | None, detail: str) -> None:
+        self.events.append(CellEvent(what, cube, T_base_cube, f"{cube or 'no cube'} {what}: {detail}"))
+
+
+def angle_to_square(R: Array) -> float:
+    """Smallest turn that would bring a cube's rotation R (3, 3) to one that looks like no rotation, rad."""
+    nearest = np.zeros((3, 3))
+    for axis in range(3):
+        column = int(np.argmax(np.abs(R[:, axis])))
+        nearest[column, axis] = np.sign(R[column, axis])
+    return float(np.arccos(np.clip((np.trace(mul(nearest.T, R)) - 1.0) / 2.0, -1.0, 1.0)))
+
+
+class SimulatedCamera:
+    """Renders the simulated cell as it is at the moment of each grab (`vision.camera.frame_source.FrameSource`).
+
+    A grab is one exposure: one rendering, `count` draws of noise.
+
+    Args:
+        simulated: the cell.
+        camera: the true camera.
+        counts: gives where the arm is now.
+        dictionary: of the markers that are truly there.
+    """
+
+    def __init__(
+        self,
+        simulated: SimulatedCell,
+        camera: Camera,
+        counts: Callable[[], npt.ArrayLike],
+        dictionary: str,
+    ) -> None:
+        self._simulated = simulated
+        self._camera = camera
+        self._counts = counts
+        self._dictionary = dictionary
+        self._rng = np.random.default_rng(simulated.world.seed)
+
+    def grab(self, count: int) -> list[npt.NDArray[np.uint8]]:
+        """`count` frames, (h, w) grey."""
+        simulated = self._simulated
+        robot = simulated.true_robot(simulated.jaw_opening)
+        boards = [PlacedBoard(b.board, b.T_base_board) for b in simulated.world.boards]
+        counts = self._counts()
+        targets = simulated.targets(counts)
+        clean = render(
+            self._camera, simulated.bodies(counts, robot), boards, self._dictionary, others=targets
+        )
+        return [with_noise(clean, self._rng, simulated.world.noise_grey) for _ in range(count)]

@@ -1,0 +1,106 @@
+"""The simulated camera that puts its photographs into a folder, for clients of an emulated unit in other programs."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import time
+from pathlib import Path
+
+import cv2
+
+from arm.errors import ExecutionStopped, InputError
+from arm.io.temporary import TemporaryFile, mode_of_new
+from cell.sim.cell import SimulatedCamera, SimulatedCell
+from driver.emulator import Emulator
+
+STILL_S = 1.0  # wall time for which nothing moved before a set is taken: looks that follow a motion then find it new
+EVERY_S = 5.0  # wall time from the end of a set to the next, while nothing moves
+KEEP_SETS = 3
+_NAME = re.compile(r"emulated-(\d+)\.png")
+
+
+class FolderCamera:
+    """Takes sets of photographs while the arm stands, and only then. Somebody has to call `poll` all the time.
+
+    A set shows one moment. It comes into the folder whole, under names that increase, and only if nothing has moved
+    since that moment: what appears after a look has asked shows the cell that the look asks for.
+
+    Args:
+        simulated: the cell.
+        camera: that sees it.
+        emulator: the unit whose plant it is.
+        folder: made if it is not there. Files that are named like its own are deleted, but for the newest sets.
+
+    Raises:
+        InputError: the folder cannot be made.
+    """
+
+    def __init__(
+        self, simulated: SimulatedCell, camera: SimulatedCamera, emulator: Emulator, folder: Path
+    ) -> None:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{folder}: cannot be made: {error.strerror}", folder=str(folder)) from error
+        self.folder = folder
+        self._simulated = simulated
+        self._camera = camera
+        self._emulator = emulator
+        self._count = simulated.cell.photographs
+        self._number = max((number for number, _ in self._own()), default=0)
+        self._seen: tuple[object, ...] = ()
+        self._due = 0.0
+
+    def poll(self) -> bool:
+        """Take a set if one is due; whether one was put into the folder.
+
+        Raises:
+            ExecutionStopped: the folder cannot be written any more.
+        """
+        now = time.monotonic()
+        if self._moved():
+            self._seen, self._due = self._state(), now + STILL_S
+        if now < self._due:
+            return False
+        try:
+            return self._take()
+        except OSError as error:
+            raise ExecutionStopped(
+                f"{self.folder}: photographs cannot be put there: {error.strerror}", folder=str(self.folder)
+            ) from error
+
+    def _moved(self) -> bool:
+        """Whether anything moves, or did since the last set or motion."""
+        return self._emulator.machine.busy or self._state() != self._seen
+
+    def _state(self) -> tuple[object, ...]:
+        """Differs where photographs differ: the arm or the jaws are elsewhere, or were meanwhile."""
+        return self._emulator.counts(), len(self._simulated.history)
+
+    def _take(self) -> bool:
+        images = [cv2.imencode(".png", image)[1].tobytes() for image in self._camera.grab(self._count)]
+        files = [self.folder / f"emulated-{self._number + n:06d}.png" for n in range(1, len(images) + 1)]
+        with contextlib.ExitStack() as held:
+            parts = [
+                held.enter_context(TemporaryFile(file)) for file in files
+            ]  # their names end as no image's
+            for part, image in zip(parts, images, strict=True):
+                part.write(image)
+            if self._moved():
+                self._due = time.monotonic() + STILL_S
+                return False  # it shows a cell that is no more
+            for part in parts:
+                part.become(mode_of_new())
+        self._number += len(files)
+        self._due = time.monotonic() + EVERY_S
+        for number, file in self._own():
+            if number <= self._number - KEEP_SETS * self._count:
+                with contextlib.suppress(FileNotFoundError):  # somebody else tidied up
+                    file.unlink()
+        return True
+
+    def _own(self) -> list[tuple[int, Path]]:
+        """Photographs of this camera, or of one before it, with their numbers."""
+        found = ((_NAME.fullmatch(file.name), file) for file in self.folder.iterdir())
+        return [(int(match[1]), file) for match, file in found if match]

@@ -1,0 +1,116 @@
+"""Photographs of a calibration target held before a simulated camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import count
+
+import numpy as np
+
+from arm.errors import ImpossibleError
+from arm.se3 import Array, rot_z, rotation, transform
+from render.light import Light
+from render.renderer import render, with_noise
+from render.target import TargetSolid
+from vision.camera.model import Camera, Image
+from vision.targets.target import Target
+
+LEAST_SEEN = 0.6  # part of the corners that a view shows
+MARGIN_PX = 5.0
+_MOST_TRIES = 1000
+
+
+@dataclass(frozen=True)
+class Shot:
+    """How a target is photographed.
+
+    Attributes:
+        bend: see `render.target.TargetSolid`, m.
+        true_marker: edge of the markers as printed, if that is not what the target says, m.
+        psf_px: standard deviation of the blur, px.
+        noise_grey: of the camera.
+        light: of the room.
+    """
+
+    bend: float = 0.0
+    true_marker: float | None = None
+    psf_px: float = 0.7
+    noise_grey: float = 2.0
+    light: Light = field(default_factory=lambda: Light(shadow=0.0))
+
+
+def photograph_target(
+    camera: Camera, target: Target, T_camera_target: Array, rng: np.random.Generator, shot: Shot | None = None
+) -> Image:
+    """One photograph of a target at a pose, (h, w) uint8."""
+    shot = shot or Shot()
+    solid = TargetSolid(
+        target, camera.T_base_camera @ T_camera_target, shot.light, shot.bend, shot.true_marker
+    )
+    image = render(camera, [], [], psf_px=shot.psf_px, light=shot.light, others=[solid])
+    return with_noise(image, rng, shot.noise_grey)
+
+
+def held(camera: Camera, target: Target, pixel: Array, distance: float, turn: Array, roll: float) -> Array:
+    """T_camera_target of a target whose middle is seen at `pixel` (2,), `distance` m along the camera's axis.
+
+    Args:
+        turn: rotation vector (2,) rad about the image's x and y.
+        roll: about the target's own z, before that, rad.
+    """
+    R = rotation([*turn, 0.0]) @ rot_z(roll)
+    middle = np.append(camera.normalised(pixel), 1.0) * distance
+    width, height = target.size
+    return transform(R, middle - R @ np.array([width / 2.0, height / 2.0, 0.0]))
+
+
+def corners_in_view(camera: Camera, target: Target, T_camera_target: Array) -> np.ndarray:
+    """Which inner corners (n,) appear in the image."""
+    pixels = camera.project(target.points() @ T_camera_target[:3, :3].T + T_camera_target[:3, 3])
+    last = np.array(camera.size) - 1.0 - MARGIN_PX
+    return np.asarray(((pixels >= MARGIN_PX) & (pixels <= last)).all(axis=1))
+
+
+def random_poses(
+    camera: Camera,
+    target: Target,
+    rng: np.random.Generator,
+    number: int,
+    distances: tuple[float, float] = (0.85, 1.25),
+    tilt: float = 0.5,
+) -> list[Array]:
+    """Poses T_camera_target as somebody who was told to fill the image would hold it.
+
+    Args:
+        distances: nearest and farthest, m.
+        tilt: most about each axis of the image, rad.
+
+    Raises:
+        ImpossibleError: the image is too small for the target at these distances.
+    """
+    found: list[Array] = []
+    size = np.array(camera.size)
+    for attempt in count():
+        if len(found) == number:
+            break
+        if attempt > _MOST_TRIES * number:
+            raise ImpossibleError(
+                f"the target ({target.label()}) does not fit into the camera's image at {distances[0]:g} to "
+                f"{distances[1]:g} m; take a smaller target or larger distances",
+                distances_m=list(distances),
+            )
+        pixel = size * rng.uniform(0.15, 0.85, 2)
+        T = held(
+            camera,
+            target,
+            pixel,
+            rng.uniform(*distances),
+            rng.uniform(-tilt, tilt, 2),
+            rng.uniform(-np.pi, np.pi),
+        )
+        seen = corners_in_view(camera, target, T).mean()
+        if seen >= (
+            LEAST_SEEN if target.kind == "charuco" else 1.0
+        ):  # a checkerboard is found whole or not at all
+            found.append(T)
+    return found

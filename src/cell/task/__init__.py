@@ -1,0 +1,1 @@
+"""A run of a task: look, plan, execute, confirm, resume."""

@@ -1,0 +1,200 @@
+"""Is a cube that was let go surely where it should be? What the look after it shows, and nothing else, says so."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm.errors import ExecutionStopped
+from arm.poses import hole_poses
+from arm.se3 import Array, apply, transform
+from cell.files.board_shift import board_shift
+from cell.files.observation import Seen
+from cell.files.task import Task
+from cell.report.cubes import CubeRow
+from cell.scene.build import T_base_cube_on_table
+from vision.occupancy.cube_top import CubeTop, EmptyPlace
+from vision.occupancy.seated import CubeWidth, Seating, seating, width_of
+
+NO_PHOTOGRAPHS = Seating("unsure", "there are no photographs to measure it in")
+NOT_CONFIRMED = "not confirmed"
+OUT_OF_VIEW = "is out of the camera's view"
+
+
+@dataclass(frozen=True)
+class Unconfirmed:
+    """Why a cube is not confirmed.
+
+    Attributes:
+        reasons: a line each.
+        lost: it may stand where nobody knows, so the arm must not move on.
+    """
+
+    reasons: tuple[str, ...]
+    lost: bool
+
+
+def confirm(
+    task: Task, before: Seen, after: Seen, source: str, target: str, width: CubeWidth | None
+) -> Unconfirmed | None:
+    """None if a cube surely left its source for its target, and the target's board stands where it was.
+
+    Args:
+        task: of the cube.
+        before: the last look at which the cube stood at its source.
+        after: the look to judge by.
+        source, target: names of the places.
+        width: of the cube, if it was measured before; None: as the cell file says.
+
+    The look before shows the place empty, and the look after the source: what is seen beside a cube is known by that.
+    """
+    reasons = []
+    state = after.state(source)
+    if state != "empty":
+        reasons.append(f"hole {source} looks {state or 'hidden'}, not empty")
+    lost = bool(reasons)
+    if task.to_board is None and not _in_view(task, after, target):
+        return Unconfirmed((*reasons, f"{target} {OUT_OF_VIEW}"), lost)
+    state = after.state(target) if task.to_board is not None else "cube"
+    if state != "cube":
+        reasons.append(f"hole {target} looks {state or 'hidden'}, not cube")
+    seen = seated(task, after, target, width, before)
+    if seen.state != "seated":
+        reasons.append(f"the cube in {target} does not surely sit: {seen.reason}")
+    if reasons:
+        return Unconfirmed(tuple(reasons), True)
+    board = target.rpartition("/")[0]
+    old, new = before.board(board), after.board(board)
+    if old is not None and new is not None:
+        shift = board_shift(old.pose.board, task.cell.cube_size, old.pose.T_base_board, new.pose.T_base_board)
+        if shift.beyond(task.cell):
+            return Unconfirmed((f"board {board} moved by {shift} while the cube was brought there",), False)
+    return None
+
+
+def seated(
+    task: Task, seen: Seen, place: str, width: CubeWidth | None = None, without: Seen | None = None
+) -> Seating:
+    """Whether a cube sits at a place, by the size and place of its top; `without` is a look that shows it empty."""
+    if seen.sight is None:
+        return NO_PHOTOGRAPHS
+    return seating(_top(task, seen, place, without), width or seen.sight.cube)
+
+
+def width_at(task: Task, seen: Seen, place: str, without: Seen | None = None) -> CubeWidth | None:
+    """How wide the cube at a place is, as it stands there; None without photographs, or where they do not tell."""
+    return None if seen.sight is None else width_of(_top(task, seen, place, without), seen.sight.cube)
+
+
+def unseen_places(task: Task, seen: Seen, places: Iterable[str]) -> str:
+    """What to tell of those of some places that are on the table and out of view; empty if there are none."""
+    if task.places is None or seen.sight is None:
+        return ""
+    hidden = [place for place in places if not _in_view(task, seen, place)]
+    if not hidden:
+        return ""
+    return (
+        f"out of the camera's view: {', '.join(hidden)}; no look can confirm a cube there, so the run will end as "
+        "not confirmed; give the task file places in view"
+    )
+
+
+def _top(task: Task, seen: Seen, place: str, without: Seen | None) -> CubeTop | None:
+    T_base_place = _T_base_place(task, seen, place)
+    if seen.sight is None or T_base_place is None:
+        return None
+    empty = None if without is None else _empty(task, without, place)
+    if _on_table(task, place):
+        return seen.sight.on_plane(T_base_place, empty)
+    return seen.sight.in_hole(T_base_place, empty)
+
+
+def _empty(task: Task, seen: Seen, place: str) -> EmptyPlace | None:
+    """A place as a look shows it empty; None if it does not surely."""
+    T_base_place = _T_base_place(task, seen, place)
+    if seen.sight is None or T_base_place is None or place in seen.moved_since:
+        return None
+    if not _on_table(task, place) and seen.state(place) != "empty":
+        return None
+    return seen.sight.empty(T_base_place)
+
+
+def _on_table(task: Task, place: str) -> bool:
+    return place.startswith("table/") and task.to_board is None
+
+
+def _T_base_place(task: Task, seen: Seen, place: str) -> Array | None:
+    """A hole's pose as seen, or that of a place on the table; None for a hole whose board was not found."""
+    if _on_table(task, place):
+        return _T_base_on_table(task, place)
+    name, _, number = place.rpartition("/")
+    board = seen.board(name)
+    return None if board is None else hole_poses(board.pose)[int(number) - 1].T_base_hole
+
+
+def _T_base_on_table(task: Task, place: str) -> Array:
+    """Pose of a place on the table: at the foot of the cube that is put there."""
+    return np.asarray(T_base_cube_on_table(task, place) @ transform(t=(0.0, 0.0, -task.cell.cube_size / 2.0)))
+
+
+def _in_view(task: Task, seen: Seen, place: str) -> bool:
+    if seen.sight is None:
+        return False
+    half = task.cell.cube_size / 2.0 + 3e-3
+    corners = np.array([[x, y, task.cell.cube_size] for x in (-half, half) for y in (-half, half)])
+    return seen.sight.shows(apply(_T_base_on_table(task, place), corners))
+
+
+class LetGo:
+    """Cubes that were let go and have not been seen at their places yet.
+
+    Args:
+        task: that moves them.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self._task = task
+        self._waiting: list[tuple[CubeRow, Seen, CubeWidth | None]] = []
+
+    def add(self, row: CubeRow, before: Seen, width: CubeWidth | None = None) -> None:
+        """A cube was let go; `before` is the last look at which it was at its source, `width` its width if known."""
+        self._waiting.append((row, before, width))
+
+    def judge(self, seen: Seen, picture: Path) -> Iterator[tuple[CubeRow, Unconfirmed]]:
+        """Judge all of them by a look; those that are not confirmed, each with a remark that names the picture."""
+        waiting, self._waiting = self._waiting, []
+        found = [
+            (
+                row,
+                confirm(
+                    self._task, before, seen, row.source, row.target, self._width(row, before, seen) or width
+                ),
+            )
+            for row, before, width in waiting
+        ]
+        for row, why in found:
+            row.placed = why is None
+            if why is not None:
+                row.remarks.append(f"{NOT_CONFIRMED}: {'; '.join(why.reasons)} (see {picture.name})")
+        yield from ((row, why) for row, why in found if why is not None)
+
+    def _width(self, row: CubeRow, before: Seen, seen: Seen) -> CubeWidth | None:
+        """Of a cube, by the look at its source and what that looks like without it."""
+        return None if row.source in before.moved_since else width_at(self._task, before, row.source, seen)
+
+
+def require_confirmed(rows: Iterable[CubeRow], report: dict[str, Any]) -> None:
+    """Refuse to call a run done one of whose cubes was not confirmed.
+
+    Raises:
+        ExecutionStopped: naming them; with the report.
+    """
+    rows = list(rows)
+    wrong = [row for row in rows if any(remark.startswith(NOT_CONFIRMED) for remark in row.remarks)]
+    if wrong:
+        told = "; ".join(f"{row.source} to {row.target} {row.remarks[-1]}" for row in wrong)
+        raise ExecutionStopped(f"{len(wrong)} of {len(rows)} cubes not confirmed: {told}", **report)

@@ -1,0 +1,149 @@
+"""Refusals explained to the person at the terminal: the ways that were rejected, and what would help, checked."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+
+import numpy as np
+
+from arm.errors import ImpossibleError
+from arm.robot.shapes import Box
+from arm.se3 import Array
+from cell.console import Console
+from cell.files.observation import Seen
+from cell.files.task import Task
+from cell.scene.build import Work
+from cell.task.planning import hole_stations, options_of, reach_of, scene_of, work_left
+from plan.advice.changes import Request
+from plan.advice.search import Advice, advise
+from plan.failure import START_BLOCKED, Failure, Rejected, failure_in
+from plan.pick_place.cause import out_of_reach
+
+# Rows of the table of ways: for each place, and in all.
+_ROWS_A_PLACE, _ROWS = 3, 12
+
+
+@contextmanager
+def explained(
+    task: Task,
+    seen: Seen,
+    q_from: Array,
+    speed: float,
+    wanted: bool,
+    done: Mapping[str, str] | None = None,
+    on_table: Mapping[str, Array] | None = None,
+    skip: Iterable[int] = (),
+    every_hole: bool = False,
+) -> Iterator[None]:
+    """Explain a refusal to plan on standard error, with advice; the error goes on, with `failure` and `advice`.
+
+    Args:
+        task, seen, q_from, speed, done, on_table, skip: as in `cell.task.planning.plan_rest`.
+        wanted: whether advice is.
+        every_hole: whether all holes of the task's boards have to be in reach, used or not.
+    """
+    try:
+        yield
+    except ImpossibleError as error:
+        if "advice" not in error.data:
+            if "failure" not in error.data and "holes" in error.data:
+                error.data["failure"] = out_of_reach(error, reach_of(task, seen, speed)).to_json()
+            failure = failure_in(error)
+            if failure is not None:
+                console = Console(as_json=True)  # standard error
+                print_failure(console, failure)
+                request = _request(task, seen, q_from, speed, done or {}, on_table or {}, skip, every_hole)
+                advice = _advice(console, task, request, error) if wanted else ()
+                error.data["advice"] = [a.to_json() for a in advice]
+                keys = _keys(task, failure)
+                if keys:
+                    raise ImpossibleError(f"{error}; {'; '.join(keys)}", **error.data) from error
+        raise
+
+
+def _keys(task: Task, failure: Failure) -> list[str]:
+    """What of the cell file may be wrong, where its own values are against each other."""
+    cell = task.cell
+    if failure.kind != START_BLOCKED:
+        return []
+    start = f"q_start_deg = [{', '.join(f'{v:g}' for v in np.round(np.degrees(cell.q_start), 3))}]"
+    other = f"the place of {failure.body}" if failure.body else "what is in its way"
+    if failure.body == "table":
+        other = f"table.top_z_mm = {cell.table_z * 1e3:g}"
+    return [f"in {cell.file.name}, {start} or {other} has to change"]
+
+
+def print_failure(console: Console, failure: Failure) -> None:
+    """What rejects the ways, the nearest miss of each place first; ways with the same against them in one row."""
+    alike: dict[tuple[str, str], list[Rejected]] = {}
+    for way in failure.ways:
+        alike.setdefault((way.where, way.reason), []).append(way)
+    rows, places = [], Counter[str]()
+    for (where, reason), ways in alike.items():
+        places[where] += 1
+        if places[where] <= _ROWS_A_PLACE or len({w.where for w in failure.ways}) == 1:
+            yaw = "" if ways[0].yaw is None else f"yaw {ways[0].yaw}, {ways[0].branch}"
+            rows.append((where, len(ways), yaw, reason))
+    console.say(f"{failure.kind}: {failure.step}")
+    columns = [0, 1, 2, 3] if any(row[2] for row in rows) else [0, 3]
+    header = ("where", "ways", "such as", "what rejects them")
+    console.table([header[i] for i in columns], [[row[i] for i in columns] for row in rows[:_ROWS]])
+    hidden = len(failure.ways) - sum(row[1] for row in rows[:_ROWS])
+    if hidden:
+        console.say(f"and {hidden} more ways; --json lists all")
+
+
+def _advice(console: Console, task: Task, request: Request, error: ImpossibleError) -> tuple[Advice, ...]:
+    console.say("what would help (each is planned before it is offered; --no-advice leaves it out):")
+    advice = advise(
+        request,
+        error,
+        fits=lambda changed: _in_zone(task, changed),
+        tell=lambda text: console.step(f"try: {text}"),
+    )
+    for piece in advice:
+        console.say(f"- {piece.text}")
+    if not advice:
+        console.say(
+            "- nothing was found: boards moved one at a time, single cubes left out, bodies moved away"
+        )
+    return advice
+
+
+def _request(
+    task: Task,
+    seen: Seen,
+    q_from: Array,
+    speed: float,
+    done: Mapping[str, str],
+    on_table: Mapping[str, Array],
+    skip: Iterable[int],
+    every_hole: bool,
+) -> Request:
+    cell = task.cell
+    try:
+        left = work_left(task, seen, done, skip, speed)
+    except ImpossibleError:  # more cubes than places that can be reached: then reach alone is looked at
+        left = Work((), ())
+    return Request(
+        scene_of(task, seen, on_table),
+        left.transfers,
+        q_from,
+        cell.unit,
+        cell.limits,
+        options_of(task, speed),
+        left.spare,
+        hole_stations(task, seen) if every_hole else (),
+    )
+
+
+def _in_zone(task: Task, changed: Request) -> bool:
+    """Whether all boards stand where the cell file lets them, and the camera sees them."""
+    zone = task.cell.zone
+    half = np.array(zone.shape.size[:2]) / 2.0 if isinstance(zone.shape, Box) else np.full(2, np.inf)
+    plates = [b for b in changed.scene.bodies if b.kind == "board"]
+    return all(
+        bool(np.all(np.abs((b.T_base_body[:3, 3] - zone.T_base_body[:3, 3])[:2]) <= half)) for b in plates
+    )

@@ -1,0 +1,346 @@
+"""Does a plan match the cell of now, and does it hold? Asked before anything is executed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple, replace
+from typing import Any
+
+import numpy as np
+
+from arm.board import plate_name
+from arm.errors import ImpossibleError
+from arm.io.storage import canonical_json, sha256
+from arm.numerics.products import mul
+from arm.plan_file import Plan
+from arm.poses import BoardPose, hole_poses
+from arm.robot.shapes import Body, Shape
+from arm.se3 import Array, apply, frozen, inverse, transform
+from cell.config.cell import Cell
+from cell.config.inputs import changes, shortened
+from cell.files.board_shift import board_shift
+from cell.files.observation import Seen
+from cell.files.task import Task
+from cell.scene.bodies import T_hole_cube, plate_body
+from cell.scene.build import RELEASE_GAP, T_base_cube_on_table, build_scene, cube_name
+from cell.task.planning import options_of, pose_list_options, provenance
+from plan.pick_place.grammar import require_shape
+from plan.scene import Scene, scene_from_json
+from plan.verify import Asked, ReplayedMove, placed, replay
+
+_FROM_FILES = ("task", "inputs", "seed", "options", "robot_open", "robot_holding")
+PLACED = 5e-4  # from where a place is to where the motion sets its cube down, m; whole counts are 0.03 mm
+SAME = 1e-9  # bodies of one scene written twice differ by less, m
+
+
+def require_match(task: Task, plan: Plan) -> None:
+    """All of the plan's provenance must be as it would be stated now: unit, arm, limits, calibration, files, options.
+
+    Raises:
+        ImpossibleError: naming each that differs, of task and cell file key by key; nothing moved.
+    """
+    cell = task.cell
+    _require_same_job(task, plan)
+    now, then = _provenance_of_now(task, plan), plan.provenance
+    differing = [
+        key
+        for key in sorted(
+            now.keys() | then.keys(), key=lambda key: list(now).index(key) if key in now else 99
+        )
+        if key not in now or key not in then or canonical_json(then[key]) != canonical_json(now[key])
+    ]
+    registers = _other_registers(cell, plan)
+    if registers:
+        differing = [*(key for key in differing if key != "limits"), "limits"]
+    if differing:
+        changed = _changed_inputs(task, plan) if {"task", "inputs"} & set(differing) else {}
+        # a changed file says it all: the rest follows from it
+        hashes = [key for key in differing if not (changed and key in _FROM_FILES)]
+        shown = [f"{file}: {shortened(words)}" for file, words in changed.items()]
+        shown += [
+            f"limits: {', '.join(registers)}"
+            if key == "limits" and registers
+            else _difference(key, then.get(key), now.get(key))
+            + (f" ({cell.camera_file.name})" if key == "calibration" else "")
+            for key in hashes
+        ]
+        raise ImpossibleError(
+            f"the plan is not for the cell of now: {'; '.join(shown)}; plan again",
+            differing=differing,
+            changed=changed,
+            plan={key: then.get(key) for key in differing},
+            now={key: now.get(key) for key in differing},
+        )
+
+
+def _provenance_of_now(task: Task, plan: Plan) -> dict[str, Any]:
+    """What the plan would state if it were made now for its own scene, at its own speed."""
+    cell = task.cell
+    options = pose_list_options(task, plan.speed) if "poses" in plan.task else options_of(task, plan.speed)
+    stated = provenance(task)
+    del stated["notes"]
+    return {
+        **stated,
+        "robot_open": cell.robot().digest,
+        "robot_holding": cell.robot(cell.cube_size).digest,
+        "unit": cell.unit.digest,
+        "options": options.to_json(),
+        "scene": sha256(plan.scene),
+    }
+
+
+def _difference(key: str, then: Any, now: Any) -> str:
+    if isinstance(then, dict) and isinstance(now, dict):
+        return f"{key}: {shortened(changes(then, now))}"
+    return f"{key} {_short(then)}, now {_short(now)}"
+
+
+def _short(value: Any) -> str:
+    return "not given" if value is None else "given" if isinstance(value, dict) else str(value)[:12]
+
+
+def _require_same_job(task: Task, plan: Plan) -> None:
+    """What makes every other difference beside the point: another task, or another unit."""
+    named = plan.task.get("name", task.name), plan.task.get("kind", task.kind)
+    for what, then, now in (
+        ("task", f"{named[0]} ({named[1]})", f"{task.name} ({task.kind})"),
+        ("unit", plan.unit, task.cell.unit.name),
+    ):
+        if then != now:
+            raise ImpossibleError(
+                f"the plan is for {what} {then}, but {task.file.name} is of {what} {now}; plan again",
+                differing=[what],
+                plan={what: then},
+                now={what: now},
+            )
+
+
+def _changed_inputs(task: Task, plan: Plan) -> dict[str, list[str]]:
+    """Per file, what it said when the plan was made and does not say now; empty where the plan does not tell."""
+    then = plan.provenance.get("inputs")
+    files = (("task", task.file.name, task.inputs), ("cell", task.cell.file.name, task.cell.inputs))
+    if not isinstance(then, dict) or not all(isinstance(then.get(key), dict) for key, _, _ in files):
+        return {}
+    told = {name: changes(then[key], inputs) for key, name, inputs in files}
+    return {name: words for name, words in told.items() if words}
+
+
+def _other_registers(cell: Cell, plan: Plan) -> list[str]:
+    """The speed and acceleration registers that the plan has otherwise than the cell, and by how much."""
+    sides = (
+        ("speed", plan.speed_registers, cell.speed_registers),
+        ("acceleration", plan.acceleration_registers, cell.acceleration_registers),
+    )
+    return [
+        f"{name} register of axis {axis} {then}, now {now} ({100.0 * (now - then) / max(then, 1):+.1f} %)"
+        for name, planned, of_cell in sides
+        for axis, then, now in zip(cell.unit.axes, planned, of_cell, strict=True)
+        if then != now
+    ]
+
+
+def require_start_at(task: Task, plan: Plan) -> None:
+    """The plan must begin where the cell's work begins, at q_start: that is where the arm goes before it.
+
+    Raises:
+        ImpossibleError: by how much each axis is off; nothing moved.
+    """
+    unit = task.cell.unit
+    begin, q_start = next(plan.moves).path.start, unit.counts(task.cell.q_start)
+    off = [int(b - c) for b, c in zip(begin, q_start, strict=True)]
+    if max(map(abs, off)) > unit.rest_tolerance:
+        degrees = np.degrees(unit.positions(begin) - task.cell.q_start)
+        shown = ", ".join(
+            f"{axis} {counts:+d} counts ({turn:+.2f} deg)"
+            for axis, counts, turn in zip(unit.axes, off, degrees, strict=True)
+            if abs(counts) > unit.rest_tolerance
+        )
+        raise ImpossibleError(
+            f"the plan starts elsewhere than at the cell's q_start: off by {shown}; plan again, "
+            "or go on from where the arm is with --resume",
+            off_counts=off,
+        )
+
+
+def require_scene(cell: Cell, plan: Plan, seen: Seen) -> None:
+    """The boards must stand where the plan has them, within the cell's tolerance, and hold the cubes that it has.
+
+    Raises:
+        ImpossibleError: naming each that does not, and by how much; nothing moved.
+    """
+    bodies = {b["name"]: np.array(b["T_base_body"]) for b in plan.scene["bodies"]}
+    faults = []
+    for pose in seen.poses:
+        plate = plate_body(pose.board.name, pose.T_base_board)
+        planned = bodies.pop(plate.name, None)
+        if planned is None:
+            faults.append(f"{plate.name} is not in the plan")
+            continue
+        # from where the plate is to where the board is, as in the look
+        T_plate_board = mul(inverse(plate.T_base_body), pose.T_base_board)
+        shift = board_shift(pose.board, cell.cube_size, mul(planned, T_plate_board), pose.T_base_board)
+        if shift.beyond(cell):
+            faults.append(f"{plate.name} stands {shift} from the plan's")
+    holding = {c["name"].removeprefix(cube_name("")) for c in plan.scene["cubes"]}
+    for board in seen.boards:
+        for number, state in enumerate(board.occupancy, start=1):
+            planned_state = "cube" if f"{board.name}/{number}" in holding else "empty"
+            if state not in (planned_state, "unsure"):
+                faults.append(f"hole {board.name}/{number} looks {state}, the plan has it {planned_state}")
+    faults += [f"{name} of the plan was not seen" for name in bodies if name.startswith(plate_name(""))]
+    if faults:
+        raise ImpossibleError(
+            f"the scene is not the plan's: {'; '.join(faults)}; look and plan again", faults=faults
+        )
+
+
+def scene_of_now(task: Task, plan: Plan) -> Scene:
+    """The plan's scene as the cell file of now gives it; only where boards stand and which holes hold cubes is its own.
+
+    Raises:
+        ImpossibleError: the plan's scene has other bodies, cubes or allowed contacts than that; naming them.
+    """
+    cell = task.cell
+    stated = scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
+    poses = [pose_of_plate(cell, body) for body in stated.bodies if body.name.startswith(plate_name(""))]
+    cubes_in: dict[str, list[int]] = {}
+    on_table: dict[str, Array] = {}
+    for cube in stated.cubes:
+        place, _, number = cube.name.removeprefix(cube_name("")).rpartition("/")
+        if not number.isdigit():
+            raise ImpossibleError(f"the plan's scene has {cube.name!r}, which names no place; plan again")
+        if place == "table":
+            on_table[cube.name] = T_base_cube_on_table(task, f"{place}/{number}")
+        else:
+            cubes_in.setdefault(place, []).append(int(number) - 1)
+    final = placed(plan, stated, cell.unit)
+    for entry in plan.task.get("cubes", ()):
+        if entry["cube"] != cube_name(entry["from"]):
+            raise ImpossibleError(
+                f"the plan takes {entry['cube']!r} from {entry['from']!r}, where another cube stands; plan again"
+            )
+        _require_placed(task, final, poses, entry)
+    now = build_scene(cell, poses, cubes_in, on_table)
+    served = {
+        frozenset((e["cube"], under(e[end]))) for e in plan.task.get("cubes", ()) for end in ("from", "to")
+    }
+    now = replace(now, allowed=now.allowed | served)
+    differing = _differing(stated, now)
+    if differing:
+        raise ImpossibleError(
+            f"the plan's scene is not that of the cell of now: {', '.join(differing)}; plan again",
+            differing=differing,
+        )
+    return now
+
+
+def _require_placed(
+    task: Task, cubes: Mapping[str, Array], poses: Sequence[BoardPose], entry: Mapping[str, str]
+) -> None:
+    """The motion must set a cube of the task down where the task says that it does."""
+    place = entry["to"]
+    board, _, number = place.rpartition("/")
+    holes = {hole.name: hole.T_base_hole for pose in poses for hole in hole_poses(pose)}
+    if place in holes:
+        T_base_place = mul(holes[place], T_hole_cube(task.cell.cube_size))
+    elif board == "table" and number.isdigit() and int(number) > 0:
+        T_base_place = T_base_cube_on_table(task, place)
+    else:
+        raise ImpossibleError(
+            f"the plan brings {entry['cube']!r} to {place!r}, which is no place; plan again"
+        )
+    let_go = apply(T_base_place, [0.0, 0.0, RELEASE_GAP])
+    off = float(np.linalg.norm(cubes[entry["cube"]][:3, 3] - let_go))
+    if off > PLACED:
+        raise ImpossibleError(
+            f"the plan says that it brings {entry['cube']!r} to {place!r}, but its motion sets it down {1e3 * off:.1f} "
+            "mm from there; plan again",
+            cube=entry["cube"],
+            place=place,
+            off_m=off,
+        )
+
+
+def under(place: str) -> str:
+    """The body that a cube at a place stands on or in."""
+    board = place.rpartition("/")[0]
+    return "table" if board == "table" else plate_name(board)
+
+
+def pose_of_plate(cell: Cell, plate: Body) -> BoardPose:
+    """Where the board of a plate stands.
+
+    Raises:
+        ImpossibleError: the cell file has no such board.
+    """
+    name = plate.name.removeprefix(plate_name(""))
+    for board in cell.boards:
+        if board.name == name:
+            nominal = plate_body(name, transform()).T_base_body
+            return BoardPose(
+                board, frozen(mul(plate.T_base_body, inverse(nominal))), np.zeros((6, 6)), 0.0, np.inf
+            )
+    raise ImpossibleError(
+        f"the plan's scene has {plate.name!r}, which is no board of the cell file; plan again"
+    )
+
+
+def _same_shape(a: Shape, b: Shape) -> bool:
+    if type(a) is not type(b):
+        return False
+    x, y = np.hstack(astuple(a)), np.hstack(astuple(b))
+    return x.shape == y.shape and bool(np.allclose(x, y, rtol=0.0, atol=SAME))
+
+
+def _differing(stated: Scene, now: Scene) -> list[str]:
+    """Names of bodies and contacts that are not the same in both."""
+    lists = [{b.name: b for b in (*scene.bodies, *scene.cubes)} for scene in (stated, now)]
+    names = sorted(set(lists[0]) ^ set(lists[1]))
+    for name in sorted(set(lists[0]) & set(lists[1])):
+        a, b = (bodies[name] for bodies in lists)
+        if (
+            not _same_shape(a.shape, b.shape)
+            or np.abs(a.T_base_body - b.T_base_body).max() > SAME
+            or abs(a.padding - b.padding) > SAME
+        ):
+            names.append(name)
+    contacts = stated.allowed ^ now.allowed
+    return names + [f"contact of {' and '.join(sorted(pair))}" for pair in sorted(contacts, key=sorted)]
+
+
+def replayed(task: Task, plan: Plan) -> tuple[ReplayedMove, ...]:
+    """Every move of the plan, judged anew on the scene of now.
+
+    Raises:
+        ImpossibleError: the plan does not match the cell of now, cannot be executed as it is, or does not hold.
+    """
+    require_match(task, plan)
+    require_shape(plan)
+    cell = task.cell
+    asked = Asked(cell.clearance, options_of(task, plan.speed).line_clearance, cell.offset)
+    return replay(plan, scene_of_now(task, plan), cell.unit, cell.limits, asked)
+
+
+def check_plan(task: Task, plan: Plan) -> dict[str, Any]:
+    """What ``a465 check`` prints.
+
+    Raises:
+        ImpossibleError: see `replayed`.
+    """
+    moves = replayed(task, plan)
+    return {
+        "plan_sha256": plan.sha256,
+        "holds": True,
+        "min_clearance_mm": 1e3 * min(m.check.clearance for m in moves),
+        "peak_velocity": max(m.peak_velocity for m in moves),
+        "peak_acceleration": max(m.peak_acceleration for m in moves),
+        "moves": [
+            {
+                "name": m.move.name,
+                "stated_mm": 1e3 * m.move.clearance,
+                "proved_mm": 1e3 * m.check.clearance,
+                "closest": list(m.check.pair),
+            }
+            for m in moves
+        ],
+    }

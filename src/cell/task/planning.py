@@ -1,0 +1,292 @@
+"""From what was seen to a plan: reach of every hole, the whole task, and where the plan's inputs came from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from importlib.metadata import version
+from typing import Any
+
+from arm.errors import ImpossibleError
+from arm.io.storage import sha256
+from arm.plan_file import Move, Plan
+from arm.poses import hole_poses
+from arm.se3 import Array
+from cell.config.cell import Cell
+from cell.files.observation import Seen, SeenBoard
+from cell.files.task import Task
+from cell.scene.build import (
+    CLEAR,
+    RELEASE_GAP,
+    Work,
+    build_scene,
+    free_table_stations,
+    hole_station,
+    unseen_scene,
+    work,
+)
+from plan.cartesian.reachability import ReachTable, reach
+from plan.collision.world import World
+from plan.failure import nearness
+from plan.options import PlanOptions
+from plan.pick_place.go_to import plan_way
+from plan.pick_place.planner import plan_task, planned_limits
+from plan.pick_place.recovery import plan_back_out
+from plan.scene import Scene, Station
+from vision.occupancy.classify import OTHER
+
+
+def options_of(task: Task, speed: float) -> PlanOptions:
+    """The planner's options of a task at a speed."""
+    cell = task.cell
+    return PlanOptions(
+        speed=speed,
+        velocity_fraction=cell.velocity_fraction,
+        acceleration_fraction=cell.acceleration_fraction,
+        clearance=cell.clearance,
+        least_clearance=cell.least_clearance,
+        offset=cell.offset,
+        approach_speed=cell.approach_speed,
+        fraction_closed=round(cell.fraction_closed(cell.gripper.close_to), 9),
+        jerk_time=cell.jerk_time,
+        settle_s=cell.settle_s,
+        look=task.look_after,
+        order=task.order,
+        assignment=task.assignment,
+        seed=task.seed,
+    )
+
+
+def pose_list_options(task: Task, speed: float) -> PlanOptions:
+    """The planner's options for a list of poses: lines keep as much clearance as transits, and nothing is looked at."""
+    return replace(options_of(task, speed), line_clearance=task.cell.clearance, look="never")
+
+
+def limits_digest(cell: Cell) -> str:
+    """Hash of the limits that motion is planned under: unit and registers."""
+    registers = {"speed": list(cell.speed_registers), "acceleration": list(cell.acceleration_registers)}
+    return sha256({"unit": cell.unit.digest, **registers})
+
+
+def provenance(task: Task) -> dict[str, Any]:
+    """What a plan rests on: hashes, and task and cell file key by key; execution compares them with those of now.
+
+    What stands under `notes` is not compared (`arm.plan_file.Plan.notes`).
+    """
+    return {
+        "notes": {"a465": version("a465")},
+        "limits": limits_digest(task.cell),
+        "calibration": task.cell.camera.digest,
+        "calibration_id": task.cell.calibration.id if task.cell.calibration is not None else "none",
+        "task": task.digest,
+        "inputs": {"task": dict(task.inputs), "cell": dict(task.cell.inputs)},
+        "seed": task.seed,
+    }
+
+
+def require_above_table(task: Task, seen: Seen) -> None:
+    """Holes are in the top of a plate, so where they were seen has to be above the table.
+
+    Raises:
+        ImpossibleError: naming those that are not, by how much, and the keys of the cell file; data: below_mm.
+    """
+    cell = task.cell
+    below = {
+        hole.name: 1e3 * (cell.table_z - float(hole.T_base_hole[2, 3]))
+        for board in seen.boards
+        if board.name in {b.name for b in task.boards}
+        for hole in hole_poses(board.pose)
+        if hole.T_base_hole[2, 3] < cell.table_z
+    }
+    if not below:
+        return
+    closest = World(cell.robot(), cell.fixed).distance(cell.q_start)
+    start = ""
+    if "table" in closest.pair and closest.value < cell.clearance:
+        start = f"; {nearness(closest.pair, closest.value, cell.clearance)} also where the arm starts (q_start_deg)"
+    shown = ", ".join(f"{name} by {depth:.1f} mm" for name, depth in below.items())
+    raise ImpossibleError(
+        f"holes were seen below the table's top, {shown}: table.top_z_mm = {cell.table_z * 1e3:g} in {cell.file.name}, "
+        f"or the camera's place, is wrong{start}",
+        below_mm=below,
+    )
+
+
+def hole_stations(task: Task, seen: Seen) -> tuple[Station, ...]:
+    """Every hole of the task's boards, as the planner serves it: cubes are let go a little above the target's holes."""
+    gaps = {b.name: 0.0 if b is task.from_board else RELEASE_GAP for b in task.boards}
+    return tuple(
+        hole_station(task.cell, board.name, hole.name, hole.T_base_hole, gaps[board.name])
+        for board in seen.boards
+        if board.name in gaps
+        for hole in hole_poses(board.pose)
+    )
+
+
+def reach_of(task: Task, seen: Seen, speed: float | None = None) -> ReachTable:
+    """Reach of every hole of the task's boards, over all branches and the cube's four yaws: the planner's own table.
+
+    Args:
+        speed: that is planned for, which decides whether joints keep up near singular configurations; default: the
+            cell's.
+    """
+    return _reach(task, hole_stations(task, seen), speed)
+
+
+def _reach(task: Task, stations: Iterable[Station], speed: float | None) -> ReachTable:
+    cell = task.cell
+    options = options_of(task, cell.speed if speed is None else speed)
+    limits = planned_limits(cell.limits, options)
+    return reach(
+        cell.robot(), limits, {s.name: s.T_base_tool for s in stations}, cell.offset, options.slowest
+    )
+
+
+def reachable_places(task: Task, seen: Seen, speed: float | None = None) -> tuple[str, ...]:
+    """Names of the table places that no board covers and the arm can serve (Task 1), in the order of preference."""
+    stations = free_table_stations(task, seen.poses)
+    if not stations:
+        return ()
+    table = _reach(task, stations, speed)
+    return tuple(s.name for s in stations if table[s.name].ok)
+
+
+def work_left(
+    task: Task, seen: Seen, done: Mapping[str, str], skip: Iterable[int] = (), speed: float | None = None
+) -> Work:
+    """What is left to do.
+
+    Args:
+        task: the task.
+        seen: the last look.
+        done: per cube that was moved, the place where it is now.
+        skip: holes of the source board (0 to 3) whose cube is not to be tried again.
+        speed: see `reach_of`.
+
+    Raises:
+        ImpossibleError: more cubes than places.
+    """
+    source = seen.board(task.from_board.name)
+    target = seen.board(task.to_board.name) if task.to_board is not None else None
+    if source is None:
+        raise ImpossibleError(f"board {task.from_board.name} was not found", board=task.from_board.name)
+    emptied = {int(cube.rsplit("/", 1)[1]) - 1 for cube in done}
+    holding = [i for i in source.holes("cube", "unsure") if i not in emptied | set(skip)]
+    for hole in holding:
+        _require_seat(source, hole)
+    filled = {int(place.rsplit("/", 1)[1]) - 1 for place in done.values()} if target is not None else set()
+    occupied = filled | (set(target.holes("cube", "unsure")) if target is not None else set())
+    notes = [] if target is None else [_taken(target, i) for i in sorted(occupied)]
+    doubted = target is not None and any(target.occupancy[i] == "unsure" for i in occupied - filled)
+    cure = (
+        "let the camera see the holes that it does not tell, or clear the target board" if doubted else CLEAR
+    )
+    return work(
+        task,
+        seen.poses,
+        holding,
+        occupied,
+        taken_places=done.values(),
+        reachable_places=reachable_places(task, seen, speed) if task.places is not None else None,
+        notes=notes,
+        cure=cure,
+    )
+
+
+def _require_seat(board: SeenBoard, hole: int) -> None:
+    """Jaws that close around a cube beside its seat push it, and their palm may meet it.
+
+    Raises:
+        ImpossibleError: something other than a seated cube shows in the hole.
+    """
+    if board.occupancy[hole] == "unsure" and board.doubts[hole] == OTHER:
+        name = f"{board.name}/{hole + 1}"
+        raise ImpossibleError(
+            f"hole {name} cannot be taken from: {OTHER}; seat the cube, clear the hole, or take away what casts "
+            "the shadow, and look again",
+            hole=name,
+            reason=OTHER,
+        )
+
+
+def _taken(board: SeenBoard, hole: int) -> str:
+    name = f"hole {board.name}/{hole + 1}"
+    if board.occupancy[hole] != "unsure":
+        return f"{name} holds a cube"
+    return f"{name} may hold a cube, the image does not say ({board.doubts[hole] or 'no reason is given'})"
+
+
+def scene_of(task: Task, seen: Seen, on_table: Mapping[str, Array]) -> Scene:
+    """The planner's scene of a look; cubes that were set down on the table are not in the image but still there."""
+    return build_scene(task.cell, seen.poses, seen.cubes_in(), on_table)
+
+
+def _named(task: Task) -> dict[str, Any]:
+    return {"name": task.name, "kind": task.kind}
+
+
+def plan_rest(
+    task: Task,
+    seen: Seen,
+    q_from: Array,
+    speed: float,
+    done: Mapping[str, str],
+    on_table: Mapping[str, Array],
+    skip: Iterable[int] = (),
+) -> Plan | None:
+    """A plan of all that is left of a task, from rest at `q_from`; None if nothing is left.
+
+    Raises:
+        ImpossibleError: with step, hole, joint or pair of bodies and how much.
+    """
+    require_above_table(task, seen)
+    left = work_left(task, seen, done, skip, speed)
+    if not left.transfers:
+        return None
+    scene = scene_of(task, seen, on_table)
+    return plan_task(
+        scene,
+        left.transfers,
+        q_from,
+        task.cell.unit,
+        task.cell.limits,
+        options_of(task, speed),
+        provenance(task),
+        _named(task),
+        left.spare,
+    )
+
+
+def plan_to_start(
+    task: Task, seen: Seen | None, q_from: Array, speed: float, on_table: Mapping[str, Array]
+) -> Plan | None:
+    """A plan that only goes to q_start, around what was seen or might stand there; None if the arm is there.
+
+    Raises:
+        ImpossibleError: there is no way.
+    """
+    scene = unseen_scene(task.cell) if seen is None else scene_of(task, seen, on_table)
+    return plan_way(
+        scene,
+        q_from,
+        task.cell.q_start,
+        task.cell.unit,
+        task.cell.limits,
+        options_of(task, speed),
+        provenance(task),
+        _named(task),
+    )
+
+
+def back_out(
+    task: Task, seen: Seen, approach: Move, speed: float, on_table: Mapping[str, Array]
+) -> tuple[Move, ...]:
+    """The way with empty jaws out of where `approach` has brought them.
+
+    Raises:
+        ImpossibleError: there is none; says what is in the way.
+    """
+    cell = task.cell
+    q = cell.unit.positions(approach.path.end)
+    scene, options = scene_of(task, seen, on_table), options_of(task, speed)
+    return plan_back_out(scene, q, cell.unit, cell.limits, options)

@@ -1,0 +1,300 @@
+"""A list of poses and configurations in a cell, planned and certified as a plan file.
+
+What stands in the cell is table and walls, and boards and cubes if a look is given. Every move keeps the cell's
+clearance from all of it. Between configurations, which are given as they are, poses are planned together
+(`plan.waypoints.planner`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from arm.controller.segments import CountPath, Segment
+from arm.errors import FileInputError, ImpossibleError, InputError
+from arm.io.storage import read_bytes, sha256
+from arm.numerics.products import mul
+from arm.plan_file import GripperStep, Move, Plan, Step
+from arm.robot.jaws import with_any_jaws
+from arm.robot.model import Robot
+from arm.robot.shapes import Body
+from arm.se3 import Array, frozen
+from cell.files.observation import Seen
+from cell.files.pose_list import Entry, PoseList
+from cell.files.scene import beyond_limits
+from cell.files.task import Task
+from cell.task.planning import pose_list_options, provenance, scene_of
+from plan.collision.certificate import check_move
+from plan.collision.world import World
+from plan.failure import nearness
+from plan.pick_place.go_to import plan_way
+from plan.pick_place.planner import plan_of
+from plan.scene import Scene
+from plan.waypoints.plan import Pause
+from plan.waypoints.planner import plan_poses
+from plan.waypoints.target import Target
+
+_LONGEST_MS = 60_000  # of a segment in a plan file
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """A pose or configuration, and what happens there once the arm is at rest; `entry` None: where the arm starts."""
+
+    entry: Entry | None
+    actions: tuple[Entry, ...]
+
+    @property
+    def name(self) -> str:
+        return "the start" if self.entry is None else self.entry.name
+
+    @property
+    def rest_s(self) -> float:
+        return sum(action.dwell_s for action in self.actions)
+
+    @property
+    def acts(self) -> bool:
+        return any(action.jaws is not None or action.dwell_s > 0.0 for action in self.actions)
+
+
+@dataclass(frozen=True, eq=False)
+class _Leg:
+    """Poses on the way to a configuration; `goal` None: the last pose is the end."""
+
+    through: tuple[_Place, ...]
+    goal: _Place | None
+
+
+def plan_pose_list(task: Task, seen: Seen | None, poses: PoseList, speed: float, back: bool) -> Plan:
+    """Plan from rest at the cell's q_start through the whole list.
+
+    Args:
+        task: whose cell; of a cell file alone, see `cell.files.place`.
+        seen: boards and cubes that stand there, or None for table and walls alone.
+        poses: the list.
+        speed: factor of velocities.
+        back: whether the arm goes back to q_start in the end.
+
+    Raises:
+        InputError: a configuration beyond the joints' limits; a value that `plan.waypoints.target.Target` refuses.
+        ImpossibleError: a pose is out of reach, something is too near, or there is no clear way; names the entry.
+    """
+    return _Planner(task, seen, poses, speed).plan(back)
+
+
+class _Planner:
+    def __init__(self, task: Task, seen: Seen | None, poses: PoseList, speed: float) -> None:
+        self.task, self.cell, self.poses = task, task.cell, poses
+        self.options = pose_list_options(task, speed)
+        self.closes = any(entry.jaws for entry in poses.entries)
+        self.scene = Scene(self.cell.robot(), self.cell.robot(self.cell.cube_size), self.cell.fixed, ())
+        if seen is not None:
+            self.scene = scene_of(task, seen, {})
+        # where jaws close, nothing is known of what they hold, and everywhere counts as finger
+        self.robot: Robot = with_any_jaws(self.scene.robot_open) if self.closes else self.scene.robot_open
+        self.bodies: tuple[Body, ...] = (*self.scene.bodies, *self.scene.cubes)
+        self.world = World(self.robot, self.bodies)
+        self.fraction_closed = 0.0
+        self.at = self.cell.unit.counts(self.cell.q_start)
+        self.steps: list[Step] = []
+        self.reached: list[tuple[str, Array]] = []
+        self.stopped: list[str] = []
+
+    def plan(self, back: bool) -> Plan:
+        places = _places(self.poses.entries)
+        for place in places:
+            self.require(place.entry)
+        self.act(places[0])
+        legs = _legs(places[1:])
+        for leg in legs:
+            self.leg(leg, None)
+        if back:
+            self.leg(_Leg((), None), self.cell.q_start)
+        if not any(isinstance(step, Move) for step in self.steps):
+            raise ImpossibleError(
+                f"{self.poses.file}: nothing moves: the arm is at q_start, where the list leads",
+                file=str(self.poses.file),
+            )
+        task: dict[str, object] = {
+            "name": self.task.name,
+            "kind": self.task.kind,
+            "cubes": [],
+            "poses": [{"name": name, "q": [round(float(v), 9) + 0.0 for v in q]} for name, q in self.reached],
+        }
+        stated = provenance(self.task)
+        stated["notes"]["poses"] = sha256(read_bytes(self.poses.file, "pose list"))
+        if self.stopped:
+            stated["notes"]["search"] = "; ".join(self.stopped)
+        return plan_of(self.scene, self.steps, self.cell.unit, self.cell.limits, self.options, stated, task)
+
+    def require(self, entry: Entry | None) -> None:
+        """A configuration must be one where the arm may stand."""
+        if entry is None or entry.q is None:
+            return
+        rule = beyond_limits(entry.q, self.cell.unit)
+        if rule:
+            degrees = [round(float(v), 3) for v in np.degrees(entry.q)]
+            raise FileInputError(self.poses.file, entry.key, degrees, f"in deg: {rule}")
+        closest = self.world.distance(entry.q)
+        if closest.value < self.cell.clearance:
+            raise ImpossibleError(
+                f"{self.poses.file}: {entry.key} ({entry.name}): "
+                f"{nearness(closest.pair, closest.value, self.cell.clearance)}",
+                entry=entry.key,
+                target=entry.name,
+                pair=list(closest.pair),
+                distance_m=closest.value,
+                clearance_m=self.cell.clearance,
+            )
+
+    def leg(self, leg: _Leg, q_end: Array | None) -> None:
+        q = self.cell.unit.positions(self.at)
+        goal = leg.goal.entry.q if leg.goal is not None and leg.goal.entry is not None else q_end
+        try:
+            if leg.through:
+                self.through(leg, q, goal)
+            elif goal is not None:
+                self.way(q, goal, "q_start" if leg.goal is None else leg.goal.name)
+        except ImpossibleError as error:
+            raise self.told(error, leg) from error
+        if leg.goal is not None and leg.goal.entry is not None and leg.goal.entry.q is not None:
+            self.reached.append((leg.goal.name, self.cell.unit.positions(self.at)))
+            self.act(leg.goal)
+
+    def through(self, leg: _Leg, q: Array, goal: Array | None) -> None:
+        """Poses, all planned together."""
+        made = plan_poses(
+            self.robot,
+            self.bodies,
+            [self.target(place) for place in leg.through],
+            q,
+            self.cell.limits,
+            q_end=goal,
+            unit=self.cell.unit,
+            options=self.options,
+        )
+        if made.stopped:
+            self.stopped.append(made.stopped)
+        by_name = {place.name: place for place in leg.through}
+        end = "q_end" if leg.goal is None else leg.goal.name
+        for step in made.steps:
+            if isinstance(step, Pause):
+                self.act(by_name[step.target])
+            else:
+                self.move(step, step.name.replace("to q_end", f"to {end}"))
+        self.reached += [(r.target, r.q) for r in made.reached]
+
+    def way(self, q: Array, goal: Array, name: str) -> None:
+        scene = replace(self.scene, robot_open=self.robot, robot_holding=self.robot)
+        made = plan_way(scene, q, goal, self.cell.unit, self.cell.limits, self.options)
+        for move in () if made is None else made.moves:
+            self.move(move, f"to {name}")
+
+    def target(self, place: _Place) -> Target:
+        entry = place.entry
+        if entry is None or entry.T is None:
+            raise ImpossibleError(f"{place.name} is no pose; this is a fault of the planner")
+        T_base_tool = entry.T if entry.frame == "tool" else frozen(mul(entry.T, self.robot.T_end_tool))
+        try:
+            return Target(
+                entry.name,
+                T_base_tool,
+                free=entry.free,
+                by=entry.by,
+                approach=entry.approach,
+                retract=entry.retract,
+                speed=entry.speed,
+                within=entry.within,
+                dwell_s=max(place.rest_s, self.cell.settle_s, 1e-3) if place.acts else 0.0,
+            )
+        except InputError as error:
+            raise FileInputError(self.poses.file, entry.key, None, str(error)) from error
+
+    def move(self, move: Move, name: str) -> None:
+        """As a plan file has it: any move that keeps the cell's clearance is a transit there."""
+        opening = self.cell.gripper.width(self.fraction_closed)
+        self.steps.append(replace(move, name=name, role="transit", cube=None, jaw_opening=opening))
+        self.at = np.array(move.path.end, dtype=np.int64)
+
+    def act(self, place: _Place) -> None:
+        """What happens at a place, in the order of the file: the jaws, then the rest."""
+        for action in place.actions:
+            if action.jaws is not None:
+                word = "close" if action.jaws > 0.0 else "open"
+                self.steps.append(
+                    GripperStep(f"{word} at {place.name}", word, None, action.jaws, self.cell.settle_s)
+                )
+                self.fraction_closed = action.jaws
+            if action.dwell_s > 0.0:
+                self.rest(place.name, action.dwell_s)
+
+    def rest(self, name: str, dwell_s: float) -> None:
+        """A segment of no length: the controller stays that long, and it is certified as all others are."""
+        left_ms = round(1e3 * dwell_s)
+        zero = ((0,) * len(self.at),) * 3
+        path = CountPath(
+            tuple(int(c) for c in self.at),
+            tuple(
+                Segment(min(_LONGEST_MS, left_ms - begin), zero) for begin in range(0, left_ms, _LONGEST_MS)
+            ),
+        )
+        if not path.segments:
+            return
+        check = check_move(self.world, path, self.cell.unit, self.cell.clearance)
+        if not check.proved:
+            raise ImpossibleError(
+                f"{self.poses.file}: rest at {name}: {nearness(check.pair, check.seen, self.cell.clearance)}",
+                target=name,
+                pair=list(check.pair),
+                distance_m=check.seen,
+            )
+        clearance = float(np.floor(check.clearance * 1e7)) / 1e7
+        self.move(
+            Move(
+                name=name,
+                role="transit",
+                cube=None,
+                path=path,
+                held=None,
+                jaw_opening=0.0,
+                clearance=clearance,
+                closest=check.pair,
+                certified=True,
+                clearances=(clearance,) * len(path.segments),
+            ),
+            f"rest at {name}",
+        )
+
+    def told(self, error: ImpossibleError, leg: _Leg) -> ImpossibleError:
+        """With the file, and the entry that it is about or those between which it happened."""
+        places = [*leg.through, *([leg.goal] if leg.goal is not None else [])]
+        entries = [place.entry for place in places if place.entry is not None]
+        about = [e for e in entries if e.name == error.data.get("target")] or entries
+        where = " to ".join(dict.fromkeys(e.key for e in (about[0], about[-1]))) if about else "the way back"
+        data = {k: v for k, v in error.data.items() if k != "entry"}
+        return ImpossibleError(f"{self.poses.file}: {where}: {error}", entry=where, **data)
+
+
+def _places(entries: Sequence[Entry]) -> list[_Place]:
+    """The start, then every pose and configuration, each with what happens there."""
+    found: list[tuple[Entry | None, list[Entry]]] = [(None, [])]
+    for entry in entries:
+        if entry.T is not None or entry.q is not None:
+            found.append((entry, []))
+        found[-1][1].append(entry)
+    return [_Place(entry, tuple(actions)) for entry, actions in found]
+
+
+def _legs(places: Sequence[_Place]) -> list[_Leg]:
+    """Cut behind every configuration."""
+    legs: list[_Leg] = []
+    through: list[_Place] = []
+    for place in places:
+        if place.entry is not None and place.entry.q is not None:
+            legs.append(_Leg(tuple(through), place))
+            through = []
+        else:
+            through.append(place)
+    return [*legs, *([_Leg(tuple(through), None)] if through else [])]

@@ -1,0 +1,300 @@
+"""Going on after a stop: from where the arm is, with what is in the jaws and on the boards now.
+
+Nothing of the stopped plan is replayed; it only says what was to be done, and where things stood.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from arm.board import plate_name
+from arm.errors import ExecutionStopped, ImpossibleError
+from arm.numerics.products import mul, norm
+from arm.plan_file import GripperStep, Move, Plan
+from arm.poses import hole_poses
+from arm.se3 import Array, frozen, inverse
+from cell.files.observation import Seen, SeenBoard
+from cell.files.task import Task
+from cell.report.cubes import CubeRow
+from cell.scene.build import RELEASE_GAP, T_base_cube_on_table, cube_name, hole_station, table_station
+from cell.session.grasp_monitor import grip_of
+from cell.task.confirm_placed import NOT_CONFIRMED, seated
+from cell.task.plan_matches import pose_of_plate, under
+from cell.task.planning import options_of, provenance, scene_of
+from cell.task.run import TaskRun
+from plan.pick_place.recovery import InJaws, plan_back_out, plan_set_down
+from plan.scene import Station, scene_from_json
+
+STANDS = 3e-3  # m, so near to open or shut the jaws are
+NEAR_PATH = np.radians(2.0)  # of a carrying move of the plan, for the cube in the jaws to be known
+
+
+@dataclass(frozen=True)
+class Carried:
+    """The cube in the jaws, as the plan has it.
+
+    Attributes:
+        transfer: what was to be done with it: cube, from, to.
+        jaws: how it is held.
+    """
+
+    transfer: dict[str, str]
+    jaws: InJaws
+
+
+def resume(run: TaskRun, plan: Plan) -> None:
+    """Finish what a stopped plan was to do.
+
+    Raises:
+        ImpossibleError: the unit lost its positions, or there is no certified way out of where the arm is; nothing
+            moved.
+        ExecutionStopped: motion stopped again, or a cube stands where nothing sees it.
+    """
+    mars, task, cell = run.connection.mars, run.task, run.task.cell
+    mars.initialise(home=False)
+    run.homed = True
+    mars.set_registers(cell.speed_registers, cell.acceleration_registers)
+    counts, closed = mars.settled_counts(), mars.jaws()
+    degrees = ", ".join(f"{d:.1f}" for d in np.degrees(cell.unit.positions(counts)))
+    run.console.step(f"the arm stands at [{degrees}] deg, the jaws are {abs(round(100 * closed))} % closed")
+    look = run.see("from where the arm stands", arm_in_view=True)
+    seen = _known(look, task, plan)
+    width = cell.gripper.width(closed)
+    why_not = grip_of(cell).why_not(width)
+    if not why_not:
+        carried = carried_by(task, plan, counts, look)
+        run.console.step(f"{carried.transfer['cube']} is in the jaws: it goes to {carried.transfer['to']}")
+        _set_down(run, plan, seen, carried, closed)
+    else:
+        if cell.gripper.shut + STANDS < width < cell.gripper.opening - STANDS:
+            run.tell(f"no cube is in the jaws: {why_not}; they open where the arm stands")
+        run.on_table = _on_table(task, plan)
+        if mars.gripper(0.0).stalled:
+            raise ExecutionStopped("the jaws do not open: something blocks them; the arm has not moved")
+        _leave(run, seen)
+    seen = run.look("from q_start")
+    run.confirm_placed(seen)
+    _take_stock(run, plan, seen)
+    run.check_reach(seen)
+    run.move_cubes(seen)
+
+
+def _known(seen: Seen, task: Task, plan: Plan) -> Seen:
+    """Boards as seen, or as planned where the arm hides them, with a cube wherever one may be."""
+    cell = task.cell
+    scene = scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
+    may_hold = {c.name.removeprefix(cube_name("")) for c in scene.cubes}
+    may_hold |= {transfer["to"] for transfer in plan.task["cubes"]}
+    boards = []
+    names = {b.name: b for b in scene.bodies if b.name.startswith(plate_name(""))}
+    for body in names.values():
+        pose = pose_of_plate(cell, body)
+        now = seen.board(pose.board.name)
+        if now is not None:
+            pose = now.pose
+        places = [f"{pose.board.name}/{n + 1}" for n in range(len(pose.board.holes))]
+        states = tuple("cube" if place in may_hold else "empty" for place in places)
+        boards.append(SeenBoard(pose, states))
+    more = [b for b in seen.boards if plate_name(b.name) not in names]
+    return Seen((*boards, *more), {})
+
+
+def _on_table(task: Task, plan: Plan) -> dict[str, Array]:
+    """Cubes that may stand on the table: those that the plan had there, and where it would have put others."""
+    if task.places is None:
+        return {}
+    had = [c["name"].removeprefix(cube_name("")) for c in plan.scene["cubes"]]
+    places = [p for p in had if p.startswith("table/")] + [t["to"] for t in plan.task["cubes"]]
+    return {cube_name(place): T_base_cube_on_table(task, place) for place in places}
+
+
+def carried_by(task: Task, plan: Plan, counts: tuple[int, ...], seen: Seen) -> Carried:
+    """Which cube of the plan the jaws hold: told by where the arm is, or else by which hole is empty.
+
+    Args:
+        counts: where the arm stands.
+        seen: from there; what the arm hides is not in it.
+
+    Raises:
+        ImpossibleError: neither tells it.
+    """
+    cell = task.cell
+    q = cell.unit.positions(counts)
+    transfer = _carried_near(task, plan, q) or _missing(seen, plan)
+    if transfer is None:
+        raise ImpossibleError(
+            "something is in the jaws, but which cube it is cannot be told: the arm is not where this plan carries "
+            "one, and not exactly one cube of the plan is missing; take it out of the jaws by hand, put it back into "
+            "its hole, and resume again"
+        )
+    robot = cell.robot()
+    cube = scene_from_json(plan.scene, robot, cell.robot(cell.cube_size)).cube(transfer["cube"])
+    index = plan.task["cubes"].index(transfer)
+    lift = next(m for m in plan.moves if m.held is not None and m.cube == index)
+    T_tool_cube = mul(inverse(robot.T_base_tool(cell.unit.positions(lift.path.start))), cube.T_base_body)
+    return Carried(transfer, InJaws(transfer["cube"], frozen(T_tool_cube)))
+
+
+def _carried_near(task: Task, plan: Plan, q: Array) -> dict[str, str] | None:
+    """The transfer that carries its cube along where the arm is."""
+    unit = task.cell.unit
+    best: tuple[float, dict[str, str] | None] = (NEAR_PATH, None)
+    for move in plan.moves:
+        if move.held is not None and move.cube is not None:
+            off = float(np.abs(unit.positions(move.path.sample(0.02)) - q).max(axis=1).min())
+            if off <= best[0]:
+                best = off, plan.task["cubes"][move.cube]
+    return best[1]
+
+
+def _missing(seen: Seen, plan: Plan) -> dict[str, str] | None:
+    """The only transfer whose cube surely is at neither of its places; None where there is no such, or two."""
+    gone = [
+        transfer
+        for transfer in plan.task["cubes"]
+        if seen.state(transfer["from"]) == "empty" and seen.state(transfer["to"]) in (None, "empty")
+    ]
+    return gone[0] if len(gone) == 1 else None
+
+
+def _touched(task: Task, seen: Seen, transfer: dict[str, str], T_base_tool: Array) -> frozenset[str]:
+    """What the held cube may stand in: the board or table of a place that the tool is on the line of."""
+    reach_m = 1.2 * options_of(task, 1.0).offset
+    near = []
+    for place in (transfer["from"], transfer["to"]):
+        T = _station(task, seen, place).T_base_tool[0]
+        if norm(T_base_tool[:3, 3] - T[:3, 3]) < reach_m:
+            near.append(under(place))
+    return frozenset(near)
+
+
+def _station(task: Task, seen: Seen, place: str) -> Station:
+    """A place of a plan, where it is now."""
+    board, _, number = place.rpartition("/")
+    if board == "table" and task.places is not None:
+        x, y = task.places.centres[int(number) - 1]
+        return table_station(task.cell, place, x, y, task.places.yaw)
+    found = seen.board(board)
+    if found is None:
+        raise ImpossibleError(f"board {board} is not known, so its holes are not", board=board)
+    hole = hole_poses(found.pose)[int(number) - 1]
+    return hole_station(task.cell, board, hole.name, hole.T_base_hole, RELEASE_GAP)
+
+
+def _set_down(run: TaskRun, plan: Plan, seen: Seen, carried: Carried, closed: float) -> None:
+    task, cell, transfer = run.task, run.task.cell, carried.transfer
+    run.on_table = {k: T for k, T in _on_table(task, plan).items() if k != cube_name(transfer["to"])}
+    boards = tuple(
+        replace(
+            b,
+            occupancy=tuple(
+                "empty" if f"{b.name}/{i + 1}" == transfer["to"] else state
+                for i, state in enumerate(b.occupancy)
+            ),
+        )
+        for b in seen.boards
+    )
+    scene = scene_of(task, replace(seen, boards=boards), run.on_table)
+    others = [t for t in plan.task["cubes"] if t != transfer]
+    q = run.q_now()
+    touches = _touched(task, seen, transfer, scene.robot_open.T_base_tool(q))
+    made = plan_set_down(
+        scene,
+        q,
+        replace(carried.jaws, touches=touches),
+        _station(task, seen, transfer["to"]),
+        cell.q_start,
+        cell.unit,
+        cell.limits,
+        options_of(task, run.speed),
+        provenance(task),
+        {"name": task.name, "kind": task.kind, "cubes": [transfer, *others]},
+    )
+    run.keep(made, "set-down")
+    let_go = 1 + next(i for i, s in enumerate(made.steps) if isinstance(s, GripperStep))
+    row = CubeRow(transfer["from"], transfer["to"])
+    run.rows.append(row)
+    run.finish_carry(made.steps[:let_go], made.steps[let_go:], transfer, closed, row, seen)
+
+
+def _back_out_of(
+    task: Task, seen: Seen, q: Array, speed: float, on_table: Mapping[str, Array], blocked: ImpossibleError
+) -> tuple[Move, ...]:
+    """The way with open jaws, back along them, out of where the arm was stopped at `q` (6,) rad.
+
+    Shorter ways are tried where the whole length of a line is not free: the arm may have been near its end.
+
+    Raises:
+        ImpossibleError: there is none; says what is in the way, of this and of `blocked`, the way to q_start.
+    """
+    cell, scene, options = task.cell, scene_of(task, seen, on_table), options_of(task, speed)
+    refused: ImpossibleError | None = None
+    for part in (1.0, 0.6, 0.3):
+        try:
+            return plan_back_out(
+                scene, q, cell.unit, cell.limits, replace(options, offset=part * options.offset)
+            )
+        except ImpossibleError as error:
+            refused = refused or error
+    raise ImpossibleError(
+        f"no certified way from where the arm stands: {blocked}; and out along the jaws: {refused}; "
+        "move the arm clear by hand, then home it by a465 run",
+        blocked=str(blocked),
+        back_out=str(refused),
+    )
+
+
+def _leave(run: TaskRun, seen: Seen) -> None:
+    """To q_start with empty jaws; out of a line first where the arm stands in one."""
+    try:
+        run.go_to_start(seen)
+    except ImpossibleError as blocked:
+        run.console.step("the arm stands close to something: it backs out along the jaws first")
+        run.execute(_back_out_of(run.task, seen, run.q_now(), run.speed, run.on_table, blocked))
+        run.go_to_start(seen)
+
+
+def _take_stock(run: TaskRun, plan: Plan, seen: Seen) -> None:
+    """What was done before the stop, as the look shows it; a cube that surely sits where the plan brought it is done.
+
+    One that does not surely sit there is left where it is, and the run ends as not confirmed.
+
+    Raises:
+        ExecutionStopped: a cube surely is neither at its source nor where the plan brought it.
+    """
+    task = run.task
+    run.on_table = {
+        name: T
+        for name, T in _on_table(task, plan).items()
+        if name not in {cube_name(transfer["to"]) for transfer in plan.task["cubes"]}
+    }
+    unsure = 0
+    for transfer in plan.task["cubes"]:
+        if seen.state(transfer["from"]) != "empty":
+            continue
+        if task.places is not None:
+            run.on_table[cube_name(transfer["to"])] = T_base_cube_on_table(task, transfer["to"])
+        if transfer["cube"] in run.done:
+            continue  # let go in this run, so the look has judged it
+        state, sits = (
+            seen.state(transfer["to"]),
+            seated(task, seen, transfer["to"], run.widths.get(transfer["cube"])),
+        )
+        if state not in (None, "cube") or (state == "cube" and sits.state == "off"):
+            why = sits.reason if state == "cube" else f"that hole looks {state}"
+            raise ExecutionStopped(
+                f"the cube of {transfer['from']} is not confirmed in {transfer['to']}: {why}; put it right or take it "
+                "away, and run again; the arm is at q_start",
+                cube=transfer["cube"],
+            )
+        run.done[transfer["cube"]] = transfer["to"]  # where no other may go
+        if sits.state != "seated":
+            unsure += 1
+            row = CubeRow(transfer["from"], transfer["to"])
+            row.remarks.append(f"{NOT_CONFIRMED}: it does not surely sit: {sits.reason}")
+            run.rows.append(row)
+            run.tell(f"{row.source} to {row.target} {row.remarks[-1]}")
+    run.console.step(f"{len(run.done) - unsure} of {len(plan.task['cubes'])} cubes are where they should be")

@@ -1,0 +1,149 @@
+"""Applies faults to an emulated unit: what each kind of `Fault` does, and what ends it."""
+
+from __future__ import annotations
+
+import random
+from collections import deque
+from collections.abc import Callable
+
+from driver.emulator.commands import Interpreter
+from driver.emulator.faults.line import LineFaults
+from driver.emulator.faults.model import LINE_KINDS, Fault, FaultEvent
+from driver.emulator.faults.schedule import Schedule
+from driver.emulator.line.ports import Ports
+from driver.emulator.unit.machine import Machine
+
+_NOISE = b"\x00\xff\x80\xfe"  # at power-up, if the options name none
+
+
+class Trouble:
+    """The faults of one unit. Not thread-safe: the emulator's lock guards it.
+
+    Args:
+        interpreter: of the unit, with its machine and its options.
+        ports: of the unit.
+        tell: called with every event.
+
+    Attributes:
+        schedule: what is still to come.
+        line: what acts on bytes.
+        events: what has happened; the newest `EmulatorOptions.keep_lines`.
+        dark: the unit is switched off.
+    """
+
+    def __init__(self, interpreter: Interpreter, ports: Ports, tell: Callable[[FaultEvent], None]) -> None:
+        self.machine: Machine = interpreter.machine
+        self._interpreter = interpreter
+        self._ports = ports
+        self._tell = tell
+        self.schedule = Schedule(self.machine.options.faults)
+        self.line = LineFaults()
+        self.events: deque[FaultEvent] = deque(maxlen=self.machine.options.keep_lines)
+        self.dark = False
+        self._port_work: list[bool] = []  # True: restore
+        self.watch_segments()
+
+    def watch_segments(self) -> None:
+        """Set off what waits for segments that have begun, and let the machine halt at the next."""
+        begun = self.machine.path.begun
+        if begun >= self.schedule.next_segment():
+            self.schedule.segments(begun, self.machine.now_ms)
+        self.machine.halt_at_segment = self.schedule.next_segment()
+
+    def apply_due(self, now_ms: float) -> None:
+        """Apply everything that is due."""
+        while self.schedule.next_at() <= now_ms:
+            self.apply(*self.schedule.take())
+
+    def apply(self, fault: Fault, over: bool = False) -> None:
+        """Let a fault happen now, or be over."""
+        event = FaultEvent(self.machine.now_ms, fault, over)
+        self.events.append(event)
+        self._tell(event)
+        lasts_ms = 1e3 * fault.back_after_s if fault.kind == "port_gone" else fault.for_ms
+        if lasts_ms and not over:
+            self.schedule.put(self.machine.now_ms + lasts_ms, fault, over=True)
+        if fault.kind in LINE_KINDS:
+            (self.line.end if over else self.line.begin)(fault)
+        elif not self._cabinet(fault, over) and not self._arm(fault, over):
+            self._once(fault)
+        if self.machine.faulty:
+            self.machine.freeze()
+
+    def _cabinet(self, fault: Fault, over: bool) -> bool:
+        machine = self.machine
+        match fault.kind:
+            case "power_off":
+                machine.power = over
+            case "motion_stop":
+                machine.motion_stop = not over
+            case "axis_error":
+                machine.axis_errors.add(fault.axis)
+            case "port_gone":
+                self._port_work.append(over)
+                for wire in self._ports.wires:
+                    wire.forget()
+                    wire.cut = True
+            case "power_cycle":
+                self._power_cycle(fault, over)
+            case _:
+                return False
+        return True
+
+    def _arm(self, fault: Fault, over: bool) -> bool:
+        if fault.kind not in ("stuck_axis", "drift", "lag"):
+            return False
+        if over:
+            self.machine.following.end(fault)
+        else:
+            self.machine.following.begin(fault, self.machine.path.at)
+        return True
+
+    def _once(self, fault: Fault) -> None:
+        defects = self.machine.defects
+        match fault.kind:
+            case "queue_overflow" if fault.queue:
+                lowered = defects.queue is None
+                defects.queue = fault.queue if lowered else None
+            case "queue_overflow":
+                defects.drop_segments += fault.count
+            case "missed_grasp":
+                defects.miss_grasps += fault.count
+            case "early_ready":
+                defects.early_ready += fault.count
+            case "fail_reply":
+                defects.fail_replies += fault.count
+            case "stray_line":
+                self._say(fault.text.encode("ascii") + b"\r\n")
+            case "noise":
+                self._say(random.Random(fault.seed).randbytes(fault.count))
+
+    def _say(self, data: bytes) -> None:
+        for wire in self._ports.wires:
+            if wire.heard:
+                for late, piece in self.line.to_host(data):
+                    wire.answer(piece, self.machine.now_ms, late)
+
+    def _power_cycle(self, fault: Fault, over: bool) -> None:
+        if not over:
+            self.machine.power_cycle()
+            self._interpreter.power_up()
+            for wire in self._ports.wires:
+                wire.forget()
+            self.dark = True
+        if over or not fault.for_ms:
+            self.dark = False
+            self._say(self.machine.options.noise or _NOISE)
+
+    def serve_ports(self) -> None:
+        """Lose and restore ports as faults want; only in the thread that waits for their bytes.
+
+        Raises:
+            OSError, A465Error: a port cannot be had again.
+        """
+        for restore in self._port_work:
+            if restore:
+                self._ports.restore()
+            else:
+                self._ports.lose()
+        self._port_work.clear()

@@ -1,0 +1,255 @@
+"""Faults as data: what goes wrong with an emulated unit or its line, when, and for how long.
+
+Issue 4's list of faults; the behaviours behind it are those of the controller's fact sheet, sections 1, 2 and 6. Every
+random choice of a fault is drawn from its own seed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import Literal, get_args
+
+from arm.errors import InputError
+from driver.line.protocol import COMMANDS
+
+Kind = Literal[
+    "power_off", "motion_stop", "axis_error", "fail_reply", "lost_bytes", "garbled_bytes", "delayed_bytes",
+    "split_bytes", "noise", "stray_line", "port_gone", "stuck_axis", "drift", "lag", "missed_grasp",
+    "queue_overflow", "early_ready", "power_cycle",
+]  # fmt: skip
+Direction = Literal["to_unit", "to_host", "both", "echo", "parser"]
+
+KINDS: tuple[Kind, ...] = get_args(Kind)
+DIRECTIONS: tuple[Direction, ...] = get_args(Direction)
+LINE_KINDS = ("lost_bytes", "garbled_bytes", "delayed_bytes", "split_bytes")
+AXES = "ABCDEFGH"
+
+_BYTES = ("direction", "probability", "byte", "line", "seed", "for_ms")
+USED: dict[Kind, tuple[str, ...]] = {  # besides kind and when
+    "power_off": ("for_ms",),
+    "motion_stop": ("for_ms",),
+    "axis_error": ("axis",),
+    "fail_reply": ("count",),
+    "lost_bytes": _BYTES,
+    "garbled_bytes": _BYTES,
+    "delayed_bytes": ("direction", "probability", "line", "seed", "for_ms", "delay_ms"),
+    "split_bytes": ("direction", "probability", "line", "seed", "for_ms", "delay_ms"),
+    "noise": ("count", "seed"),
+    "stray_line": ("text",),
+    "port_gone": ("back_after_s",),
+    "stuck_axis": ("axis", "for_ms"),
+    "drift": ("axis", "for_ms", "counts_per_s", "most_counts"),
+    "lag": ("lag_ms", "for_ms"),
+    "missed_grasp": ("count",),
+    "queue_overflow": ("queue", "count", "for_ms"),
+    "early_ready": ("count",),
+    "power_cycle": ("for_ms", "seed"),
+}
+NEEDED: dict[Kind, tuple[str, ...]] = {
+    "axis_error": ("axis",),
+    "stuck_axis": ("axis",),
+    "drift": ("axis", "counts_per_s"),
+    "lag": ("lag_ms",),
+    "delayed_bytes": ("delay_ms",),
+    "stray_line": ("text",),
+}
+
+
+# Names of lines that can set off a fault: the driver's, and what other clients send.
+KNOWN = (*COMMANDS, "COORDRELMVT")
+
+
+@dataclass(frozen=True)
+class When:
+    """What sets a fault off. Without arguments: the first byte of a client, or at once if the fault is injected.
+
+    A fault set off by a line happens before that line is obeyed, so the third ``COORDSPLINET`` is the first that meets
+    it, and the ``R:`` that sets off `early_ready` is the one that is answered early.
+
+    Attributes:
+        after_ms: emulated ms from what sets it off until it happens.
+        command: name of a line, with its axis letter (``HHB``) or without (``HH``: any axis).
+        segment: the fault waits until this many segments have begun to be executed (a dwell is one) since the unit was
+            switched on.
+        nth: the how manieth line of that name, from 1, since the fault was scripted or injected.
+    """
+
+    after_ms: float = 0.0
+    command: str = ""
+    segment: int = 0
+    nth: int = 1
+
+    def __post_init__(self) -> None:
+        _require(0.0 <= self.after_ms < 1e9, "when.after_ms", self.after_ms, "must be from 0 to 1e9 ms")
+        _require(self.nth >= 1, "when.nth", self.nth, "must be 1 or more")
+        _require(self.segment >= 0, "when.segment", self.segment, "must be 1 or more")
+        _require(
+            not (self.command and self.segment),
+            "when",
+            self.command,
+            "must be a command or a segment, not both",
+        )
+        _require(
+            self.command == ""
+            or (self.command.isascii() and self.command.isalnum() and self.command.isupper()),
+            "when.command",
+            self.command,
+            "must be a command's name without marks, such as COORDSPLINET or HHB",
+        )
+        _require(
+            self.command == "" or self.command in KNOWN or self.command[:-1] in KNOWN,
+            "when.command",
+            self.command,
+            f"must be one of {', '.join(KNOWN)}, with or without an axis letter",
+        )
+
+    def describe(self) -> str:
+        """For messages and logs."""
+        event = "start"
+        if self.command:
+            event = f"{self.command} number {self.nth}"
+        elif self.segment:
+            event = f"segment {self.segment}"
+        return f"{event} + {self.after_ms:g} ms"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something that goes wrong.
+
+    ================ =====================================================================================
+    kind             what happens (the fields it uses; ``for_ms`` 0 is for ever)
+    ================ =====================================================================================
+    power_off        arm power drops, the brakes hold (``for_ms``)
+    motion_stop      the red button is pressed (``for_ms``)
+    axis_error       `axis` is in error until PURGE
+    fail_reply       `count` waits end in FAIL!: an outstanding one at once, else the next R: or Rx:
+    lost_bytes       bytes vanish: each with `probability`, or the `byte`-th alone, or the whole `line`-th line
+    garbled_bytes    the same, one bit of the byte flipped
+    delayed_bytes    lines come `delay_ms` late, in order: each with `probability`, or the `line`-th alone
+    split_bytes      lines come in two pieces, the second `delay_ms` later (0: at once, but a write of its own)
+    noise            the unit sends `count` random bytes
+    stray_line       the unit sends `text` and a line end, unasked
+    port_gone        connection, listener, pseudo-terminal and link vanish; there again after `back_after_s`, 0 never
+    stuck_axis       `axis` stays where it is, its generator goes on (``for_ms``; it then follows again)
+    drift            `axis` creeps from its reference at `counts_per_s`, to `most_counts` away (``for_ms``)
+    lag              the arm follows its reference with a time constant of `lag_ms`: R! comes before it has settled
+    missed_grasp     the jaws close `count` times on nothing, whatever is there
+    queue_overflow   the unit holds only `queue` segments (``for_ms``); with `queue` 0 it drops the next `count`
+    early_ready      `count` waits are answered R! at once, motion or not; ST stays true
+    power_cycle      switched off and on, dark for ``for_ms``: every axis reads 0 where it stands, no group, registers
+                     as at power-up, echo on, noise, waits and motion forgotten
+    ================ =====================================================================================
+
+    Attributes:
+        kind: of `KINDS`.
+        when: what sets it off.
+        axis: letter.
+        for_ms: emulated ms that it lasts.
+        direction: of bytes: to the unit, to the host, both, the unit's echo alone, or (``parser``) in the unit behind
+            its echo: what comes back is right, what is obeyed is not. With an echo of bytes ``to_unit`` is behind it.
+        probability: for each byte or line.
+        byte, line: the how manieth one from then on in each direction, from 1; 0 leaves it to `probability`.
+        seed: of its random choices.
+
+    Raises:
+        InputError: a field is outside its range, is missing, or is not one of its kind's.
+    """
+
+    kind: Kind
+    when: When = field(default_factory=When)
+    axis: str = ""
+    for_ms: float = 0.0
+    direction: Direction = "both"
+    probability: float = 1.0
+    byte: int = 0
+    line: int = 0
+    delay_ms: float = 0.0
+    count: int = 1
+    text: str = ""
+    back_after_s: float = 0.0
+    counts_per_s: float = 0.0
+    most_counts: int = 100_000
+    lag_ms: float = 0.0
+    queue: int = 0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        _require(self.kind in KINDS, "kind", self.kind, f"must be one of {', '.join(KINDS)}")
+        used = USED[self.kind]
+        for each in fields(self):
+            if each.name in ("kind", "when") or each.name in used:
+                continue
+            value = getattr(self, each.name)
+            _require(
+                value == each.default, each.name, value, f"is not a field of {self.kind}: {', '.join(used)}"
+            )
+        for name in NEEDED.get(self.kind, ()):
+            _require(bool(getattr(self, name)), name, getattr(self, name), f"must be given for {self.kind}")
+        _require(
+            self.axis == "" or (len(self.axis) == 1 and self.axis in AXES),
+            "axis",
+            self.axis,
+            "must be A to H",
+        )
+        _require(
+            self.direction in DIRECTIONS,
+            "direction",
+            self.direction,
+            f"must be one of {', '.join(DIRECTIONS)}",
+        )
+        _require(
+            0.0 < self.probability <= 1.0, "probability", self.probability, "must be above 0 and at most 1"
+        )
+        _require(not (self.byte and self.line), "line", self.line, "cannot be given together with byte")
+        for name, high in _RANGES.items():
+            value = getattr(self, name)
+            low = 1 if name in ("count", "most_counts") else 0
+            _require(low <= value <= high, name, value, f"must be from {low} to {high:g}")
+        _require(abs(self.counts_per_s) <= 1e6, "counts_per_s", self.counts_per_s, "must be from -1e6 to 1e6")
+        _require(
+            self.text.isascii() and self.text.isprintable() and len(self.text) <= 200,
+            "text",
+            self.text,
+            "must be at most 200 printable ASCII characters",
+        )
+
+
+_RANGES: dict[str, float] = {
+    "for_ms": 1e9,
+    "byte": 1e9,
+    "line": 1e9,
+    "delay_ms": 1e6,
+    "count": 1e6,
+    "back_after_s": 1e6,
+    "most_counts": 2**31,
+    "lag_ms": 1e5,
+    "queue": 1e6,
+    "seed": 2**31 - 1,
+}
+
+
+@dataclass(frozen=True)
+class FaultEvent:
+    """A fault that happened, or was over.
+
+    Attributes:
+        time_ms: emulated.
+        fault: which.
+        over: it has ended.
+    """
+
+    time_ms: int
+    fault: Fault
+    over: bool = False
+
+    @property
+    def kind(self) -> Kind:
+        """Of the fault."""
+        return self.fault.kind
+
+
+def _require(right: bool, key: str, value: object, rule: str) -> None:
+    if not right or (isinstance(value, float) and not math.isfinite(value)):
+        raise InputError(f"fault: {key} = {value!r}: {rule}", key=key, value=value, rule=rule)

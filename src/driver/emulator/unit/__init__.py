@@ -1,0 +1,1 @@
+"""The emulated unit itself: axes, path generator, limits, and the plant that it moves."""

@@ -1,0 +1,366 @@
+"""The emulated controller without its line: axes, path generator, gripper, faults. Time passes by `run` alone.
+
+Positions are of two kinds. The unit counts from where it was switched on, until an axis is homed; the truth is the
+homed convention, in which an axis reads 0 at its mark. `offset` is the difference, 0 once homed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm.controller.unit import Unit
+from driver.emulator.options import EmulatorOptions
+from driver.emulator.unit.axes import AxisMove, GripperJaws
+from driver.emulator.unit.defects import Defects
+from driver.emulator.unit.following import Following
+from driver.emulator.unit.limit_watch import LimitWatch
+from driver.emulator.unit.path_generator import PathGenerator
+from driver.emulator.unit.plant import Plant
+from driver.emulator.unit.record import Recorder, Violation
+from driver.emulator.unit.segment import QueuedSegment
+
+_GRIPPER_ACCELERATION = 51  # counts/256 per ms^2 until told otherwise
+_ROOM_BIT = 50  # ST bit 7 is 0 only if more positions are free
+
+
+@dataclass(frozen=True)
+class _Held:
+    """A segment that waits for the arm to stand; where it starts is not known before."""
+
+    least_ms: float
+    rows: Sequence[Sequence[int]]
+    absolute: bool
+
+
+class Machine:
+    """State of the unit and its arm.
+
+    Args:
+        unit: which.
+        plant: what the gripper acts upon; None is nothing.
+        options: behaviour.
+
+    Attributes:
+        now_ms: emulated time.
+        booted_ms: when the unit was switched on last; its own clock counts from then.
+        registers: name with axis -> value, as told.
+        group: axes of the coordinated group, empty if not formed.
+        axis_errors: axes in error.
+        power, motion_stop: as the cabinet's lamps show.
+        following, defects: what is wrong with the arm and with the unit.
+        halt_at_segment: `run` returns early when so many segments have begun since power-up.
+        violations: what a careful driver never does; the newest `EmulatorOptions.keep_lines`.
+        violated: how many there were in all.
+    """
+
+    def __init__(self, unit: Unit, plant: Plant | None, options: EmulatorOptions) -> None:
+        self.unit = unit
+        self.plant = plant
+        self.options = options
+        self.now_ms = 0
+        self.booted_ms = 0
+        true = tuple(int(c) for c in unit.counts(np.radians(options.power_up_deg)))
+        self.offset = true  # true = what the unit counts + offset
+        self.homed = [False] * len(true)
+        self.path = PathGenerator((0,) * len(true))
+        self.moves: dict[int, AxisMove] = {}
+        self._homing: set[int] = set()
+        self._held: deque[_Held] = deque()
+        self.jaws = GripperJaws(unit.gripper.open_adc, unit.gripper.closed_adc)
+        self.registers = self._power_up_registers()
+        self.group: tuple[str, ...] = ()
+        self.axis_errors: set[str] = set()
+        self.power = True
+        self.motion_stop = False
+        self.following = Following(unit.axes)
+        self.defects = Defects()
+        self.halt_at_segment = math.inf
+        self.violations: deque[Violation] = deque(maxlen=options.keep_lines)
+        self.violated = 0
+        self.recorder = Recorder(len(true), options.keep_ms)
+        self._numbers = 0
+        self._random = np.random.default_rng(options.seed)
+        self._static = (0,) * len(true)
+        self._limits = LimitWatch(unit)
+
+    def _power_up_registers(self) -> dict[str, float]:
+        registers: dict[str, float] = {"COORDDISCONT": self.options.vertex_steps}
+        unit = self.unit
+        for axis, speed, acceleration in zip(
+            unit.axes, unit.speed_registers, unit.acceleration_registers, strict=True
+        ):
+            registers[f"REGMS{axis}"], registers[f"REGACC{axis}"] = speed, acceleration
+        return registers
+
+    # -- asking
+
+    @property
+    def reference(self) -> tuple[int, ...]:
+        """Where the unit's generators stand, by its own count, every axis of the arm."""
+        return self.path.at
+
+    def actual(self) -> tuple[int, ...]:
+        """What the unit reads: the reference, what does not follow it and, at rest, the static error."""
+        at = self.following.apply(self.path.at)
+        if self.arm_busy or not self.options.static_error:
+            return at
+        return tuple(a + e for a, e in zip(at, self._static, strict=True))
+
+    def true_counts(self) -> tuple[int, ...]:
+        """Where the arm is, homed convention."""
+        return tuple(a + o for a, o in zip(self.actual(), self.offset, strict=True))
+
+    @property
+    def coordinated(self) -> bool:
+        """Segments of the group run, or wait to."""
+        return bool(self.path.queue or self._held)
+
+    @property
+    def arm_busy(self) -> bool:
+        """Some axis of the arm generates motion, or is about to."""
+        return bool(self.path.queue or self.moves or self._held)
+
+    @property
+    def busy(self) -> bool:
+        """Anything generates motion."""
+        return self.arm_busy or self.jaws.move is not None
+
+    def axis_busy(self, axis: str) -> bool:
+        """That axis generates motion."""
+        if axis == self.unit.gripper.axis:
+            return self.jaws.move is not None
+        if axis not in self.unit.axes:
+            return False
+        in_group = self.coordinated and axis in self.group
+        return in_group or self.unit.axes.index(axis) in self.moves
+
+    @property
+    def faulty(self) -> bool:
+        """Nothing may move."""
+        return bool(self.axis_errors) or not self.power or self.motion_stop
+
+    def status(self) -> int:
+        """The status word."""
+        free = self.queue_limit - len(self.path.queue) - len(self._held)
+        bits = (
+            (bool(self.axis_errors), 0x8),
+            (self.busy, 0x10),
+            (free <= _ROOM_BIT, 0x80),
+            (not self.power, 0x10000),
+            (self.motion_stop, 0x20000),
+        )
+        return sum(mask for on, mask in bits if on)
+
+    @property
+    def queue_limit(self) -> int:
+        """Segments that the unit holds at the moment."""
+        return self.options.queue if self.defects.queue is None else self.defects.queue
+
+    def violate(self, what: str) -> None:
+        """Note something that a careful driver never does."""
+        self.violated += 1
+        self.violations.append(Violation(self.now_ms, what))
+
+    # -- being told
+
+    def append_absolute(self, least_ms: float, target: Sequence[int]) -> bool:
+        """COORDMV, COORDMVT: straight to counts of the group's axes. False if the queue is full."""
+        return self._hold(least_ms, [[t] for t in target], absolute=True)
+
+    def append_polynomial(self, least_ms: float, coefficients: Sequence[Sequence[int]]) -> bool:
+        """COORDSPLINET, COORDRELMVT: one row of a1, a2, .. an axis of the group. False if the queue is full."""
+        return self._hold(least_ms, coefficients, absolute=False)
+
+    def _hold(self, least_ms: float, rows: Sequence[Sequence[int]], absolute: bool) -> bool:
+        if self.faulty:
+            self.violate("motion asked for while a fault stands")
+            return True
+        if len(self.path.queue) + len(self._held) >= self.queue_limit:
+            self.violate(f"segment beyond the queue's {self.queue_limit}")
+            return False
+        if self.defects.drop_segments:
+            self.defects.drop_segments -= 1
+            return True
+        self._held.append(_Held(least_ms, rows, absolute))
+        self._admit()
+        return True
+
+    def _admit(self) -> None:
+        """Queue what is held, unless the arm still brakes or single axes move."""
+        while self._held and not self.path.stopping and not self.moves:
+            self._queue(self._held.popleft())
+
+    def _queue(self, held: _Held) -> None:
+        start = self.path.end
+        rows: list[Sequence[int]] = [(0,)] * len(start)
+        for axis, row in zip(self.group, held.rows, strict=True):
+            index = self.unit.axes.index(axis)
+            rows[index] = (row[0] - start[index],) if held.absolute else row
+        self._numbers = self._numbers % 0x7FFF + 1
+        speed = [self.registers[f"REGMS{a}"] / 256.0 for a in self.unit.axes]
+        acceleration = [self.registers[f"REGACC{a}"] / 256.0 for a in self.unit.axes]
+        segment = QueuedSegment(start, rows, held.least_ms, speed, acceleration, self._numbers)
+        self.path.append(segment, self.registers["COORDDISCONT"])
+
+    def move_axis(self, axis: str, target: float) -> None:
+        """G: one axis by itself."""
+        if axis == self.unit.gripper.axis:
+            self._move_jaws(target)
+        else:
+            self._start_axis(axis, target)
+
+    def run_axis(self, axis: str, speed: float, duration_ms: float = math.inf) -> None:
+        """SPD, SPDT: constant speed, counts/ms."""
+        self._start_axis(axis, None, speed, duration_ms)
+
+    def home(self, axis: str) -> None:
+        """HH: to the mark, which then is 0."""
+        if axis in self.unit.axes:
+            index = self.unit.axes.index(axis)
+            speed = self.registers[f"REGMS{axis}"] / 256.0 * self.options.homing_speed
+            mark = -float(self.offset[index]) - self.following.off(index)
+            if self._start_axis(axis, mark, speed):
+                self._homing.add(index)
+
+    def _start_axis(
+        self, axis: str, target: float | None, speed: float | None = None, duration_ms: float = math.inf
+    ) -> bool:
+        if axis not in self.unit.axes:
+            return False
+        if self.faulty or self.path.queue:
+            self.violate(
+                f"axis {axis} told to move while {'a fault stands' if self.faulty else 'the group moves'}"
+            )
+            return False
+        index = self.unit.axes.index(axis)
+        self._homing.discard(index)
+        self.moves[index] = AxisMove(
+            self.path.at[index],
+            target,
+            self.registers[f"REGMS{axis}"] / 256.0 if speed is None else speed,
+            self.registers[f"REGACC{axis}"] / 256.0,
+            duration_ms,
+        )
+        return True
+
+    def _move_jaws(self, target: float) -> None:
+        if self.faulty:
+            self.violate("gripper told to move while a fault stands")
+            return
+        reach = self.jaws.within_stroke(target)
+        axis, gripper = self.unit.gripper.axis, self.unit.gripper
+        closing = (reach - self.jaws.adc) * (gripper.closed_adc - gripper.open_adc) > 0
+        if closing and self.defects.miss_grasps:
+            self.defects.miss_grasps -= 1
+            stop = reach
+        else:
+            stop = reach if self.plant is None else self.plant.jaws(self.true_counts(), self.jaws.adc, reach)
+        if self.faulty:  # the plant let something go wrong
+            return
+        speed = self.registers.get(f"REGMS{axis}", self.unit.gripper.registers["REGMS"]) / 256.0
+        acceleration = self.registers.get(f"REGACC{axis}", _GRIPPER_ACCELERATION) / 256.0
+        self.jaws.go(target, stop, speed, acceleration)
+
+    def stop(self, axis: str = "") -> None:
+        """STOP, PURGE's motion part: flush, brake on the path, hold."""
+        if axis == self.unit.gripper.axis:
+            self.jaws.release()
+        elif axis in ("", *self.group):
+            self._held.clear()
+            self.path.stop()
+        for index, move in self.moves.items():
+            if axis in ("", self.unit.axes[index]):
+                self._homing.discard(index)
+                move.stop()
+        if not axis and self.jaws.move is not None:
+            self.jaws.release()
+
+    def purge(self, axis: str = "") -> None:
+        """Stop, and clear the errors of axes."""
+        self.stop(axis)
+        self.axis_errors -= {axis} if axis else set(self.axis_errors)
+
+    def release(self, axis: str = "") -> None:
+        """No current: the brakes hold at once."""
+        if axis == self.unit.gripper.axis:
+            self.jaws.release()
+            return
+        if self.arm_busy:
+            self.violate("released while moving")
+        self.freeze()
+
+    def freeze(self) -> None:
+        """The brakes: the arm stands where it is, all motion forgotten."""
+        self.path.abort()
+        self.moves.clear()
+        self._homing.clear()
+        self._held.clear()
+        self.jaws.release()
+
+    def power_cycle(self) -> None:
+        """Switched off and on: every axis counts from 0 where it stands, nothing that was told is remembered."""
+        self.freeze()
+        self.offset = self.true_counts()
+        self.homed = [False] * len(self.offset)
+        self.path = PathGenerator((0,) * len(self.offset))
+        self.following.forget()
+        self._static = (0,) * len(self.offset)
+        self.registers = self._power_up_registers()
+        self.group = ()
+        self.axis_errors.clear()
+        self._numbers = 0
+        self.booted_ms = self.now_ms
+
+    # -- time
+
+    def run(self, ticks: int) -> None:
+        """Let that many ms pass; only motion is computed. Ends early at `halt_at_segment`."""
+        until = self.now_ms + ticks
+        while self.busy and self.now_ms < until and self.path.begun < self.halt_at_segment:
+            self.now_ms += 1
+            moving = self.arm_busy
+            if self.moves:
+                self._tick_axes()
+            elif self.path.queue:
+                self.path.tick()
+            if self._held:
+                self._admit()
+            self.jaws.tick()
+            if self.following.active:
+                self.following.run(self.path.at, 1.0)
+            if moving:
+                if not self.arm_busy:
+                    self._settle()
+                self.recorder.add(self.now_ms, self.true_counts())
+        if self.path.begun < self.halt_at_segment:
+            self.following.run(self.path.at, until - self.now_ms)
+            self.now_ms = until
+        for axis, value, low, high in self._limits.newly_outside(self.true_counts()):
+            self.violate(f"axis {axis} at {value} counts, allowed {low} to {high}")
+
+    def _tick_axes(self) -> None:
+        at = list(self.path.at)
+        for index, move in list(self.moves.items()):
+            move.tick()
+            at[index] = round(move.at)
+            if move.done and not (index in self._homing and self.following.is_stuck(index)):
+                del self.moves[index]
+                if index in self._homing:
+                    self._homing.discard(index)
+                    at[index] = self._mark(index)
+        self.path.at = tuple(at)
+
+    def _mark(self, index: int) -> int:
+        self.homed[index] = True
+        self.following.mark(index)
+        self.offset = tuple(0 if i == index else o for i, o in enumerate(self.offset))
+        return 0
+
+    def _settle(self) -> None:
+        if most := self.options.static_error:
+            self._static = tuple(int(e) for e in self._random.integers(-most, most + 1, len(self.offset)))

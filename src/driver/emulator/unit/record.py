@@ -1,0 +1,86 @@
+"""What the arm did, millisecond by millisecond, and which rules were broken."""
+
+from __future__ import annotations
+
+import threading
+from array import array
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm.controller.unit import Counts
+from arm.se3 import Array
+
+_INT32 = 2**31
+
+
+@dataclass(frozen=True)
+class Violation:
+    """Something that a careful driver never asks for; a unit does it, or ignores it, without a word.
+
+    Attributes:
+        time_ms: emulated.
+        what: in words.
+    """
+
+    time_ms: int
+    what: str
+
+
+@dataclass(frozen=True)
+class Record:
+    """True positions in the homed convention at every executed ms while anything moved.
+
+    Attributes:
+        time_ms: emulated ms, (m,) int.
+        counts: (m, 6) int.
+    """
+
+    time_ms: Counts
+    counts: Counts
+
+    def velocity(self) -> Array:
+        """Counts/ms between successive samples of one motion, (k, 6); gaps between motions left out."""
+        step = np.diff(self.time_ms)
+        return np.asarray(np.diff(self.counts, axis=0)[step == 1], dtype=float)
+
+
+class Recorder:
+    """Collects samples compactly.
+
+    Args:
+        axes: numbers of a sample.
+        keep: how many samples, at least; the oldest beyond are forgotten. None keeps all (32 bytes each).
+    """
+
+    def __init__(self, axes: int, keep: int | None = None) -> None:
+        self._axes = axes
+        self._keep = keep
+        self._time = array("q")
+        self._counts = array("i")
+        self._lock = threading.Lock()
+
+    def __len__(self) -> int:
+        return len(self._time)
+
+    def add(self, time_ms: int, counts: tuple[int, ...]) -> None:
+        """One sample; counts beyond 32 bits are told as the nearest that fit."""
+        with self._lock:
+            try:
+                sample = array("i", counts)
+            except OverflowError:
+                sample = array("i", [min(max(c, -_INT32), _INT32 - 1) for c in counts])
+            self._counts.extend(sample)
+            self._time.append(time_ms)
+            if self._keep is not None and len(self._time) > self._keep + self._keep // 8 + 1:
+                old = len(self._time) - self._keep
+                del self._time[:old]
+                del self._counts[: old * self._axes]
+
+    def record(self) -> Record:
+        """A copy of everything kept. May be called from another thread."""
+        with self._lock:
+            time = np.array(self._time, dtype=np.int64)
+            counts = np.array(self._counts, dtype=np.int64).reshape(-1, self._axes)
+        time.flags.writeable = counts.flags.writeable = False
+        return Record(time, counts)

@@ -1,0 +1,125 @@
+"""Whether the arm is where its path is: the last means of noticing that what it executes is not what was sent.
+
+Where the unit echoes, this only has to see an arm that does not follow: a box around what is executed. Where it does
+not, it is all there is. Then each axis must be where the path has it at some time from `LAG_MOST_S` ago to now, and
+these lags must agree from sample to sample: a regulator lags by about the same time all along (a set-membership
+estimate: the lags that every sample so far allows are kept, widened by how far a lag may change).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.controller.segments import CountPath
+from arm.errors import ExecutionStopped
+from arm.se3 import Array
+
+LAG_SEGMENTS = 3  # the arm follows its reference by regulators that lag
+ASTRAY = 2  # samples in a row: one may have a digit lost on the line
+LAG_MOST_S = 0.15  # what real regulators lag is not known
+LAG_CHANGE_S = 0.02  # by which an axis' lag may differ from one sample to another
+_STEP_S = 0.005
+_EARLY_STEPS = 2  # the position may be read a little later than the parameter
+_CHANGE_STEPS = round(LAG_CHANGE_S / _STEP_S)
+
+
+class PathWatch:
+    """Compares samples of the position with what runs.
+
+    Args:
+        path: planned, with as many segments as are sent.
+        axes: letters, for the message.
+        box_counts: how far any axis may be outside the box around all that is sent from `LAG_SEGMENTS` before.
+        tube_counts: how far any axis may be from where the path has it within the lag, where the line itself cannot be
+            checked; None: only the box.
+
+    Attributes:
+        doubtful: the last sample was off; the next one decides.
+    """
+
+    def __init__(
+        self, path: CountPath, axes: Sequence[str], box_counts: int, tube_counts: int | None
+    ) -> None:
+        self._path = path
+        self._knots = path.knots()
+        self._begins = np.concatenate([[0.0], np.cumsum([s.duration_ms / 1e3 for s in path.segments])])
+        self._axes = axes
+        self._box, self._tube = box_counts, tube_counts
+        self._astray = 0
+        steps = round(LAG_MOST_S / _STEP_S)
+        self._lags = np.arange(-_EARLY_STEPS, steps + 1) * _STEP_S
+        self._possible = np.ones((len(self._lags) - 1, len(axes)), dtype=bool)  # steps that all samples allow
+
+    @property
+    def doubtful(self) -> bool:
+        return self._astray > 0
+
+    def take(
+        self, counts: tuple[int, ...], begun: int, sent: int, share: float | None = None, sure: bool = True
+    ) -> None:
+        """A sample, while segment `begun` (from 1; 0 is the dwell) runs and `sent` have been sent.
+
+        Args:
+            share: of that segment which is done, 0 to 1; None if the unit does not tell.
+            sure: that it is that segment; else only the box counts.
+
+        Raises:
+            ExecutionStopped: the arm is off its path, twice in a row; reason ``following``.
+        """
+        if self._tube is None or not sure:
+            outside, most = self._out_of_box(counts, begun, sent), self._box
+        else:
+            outside, most = self._off_tube(counts, begun, share, self._tube), self._tube
+        worst = int(np.argmax(outside))
+        self._astray = self._astray + 1 if outside[worst] > most else 0
+        if self._astray >= ASTRAY:
+            raise ExecutionStopped(
+                f"axis {self._axes[worst]} is {int(outside[worst])} counts off its path, at most {most}",
+                axis=self._axes[worst],
+                counts=list(counts),
+                reason="following",
+            )
+
+    def _out_of_box(self, counts: tuple[int, ...], begun: int, sent: int) -> Array:
+        window = self._knots[max(begun - 1 - LAG_SEGMENTS, 0) : sent + 1]
+        return np.asarray(np.maximum(window.min(axis=0) - counts, counts - window.max(axis=0)), dtype=float)
+
+    def _off_tube(self, counts: tuple[int, ...], begun: int, share: float | None, most: int) -> Array:
+        """How far each axis is from the path within the lags that are possible; keeps those that this one allows."""
+        off = self._off_by_lag(np.array(counts), begun, share)
+        near = off <= most
+        if share is not None and (near & self._possible).any(axis=0).all():
+            self._possible &= _widened(near, _CHANGE_STEPS)
+        return np.asarray(np.where(self._possible, off, np.inf).min(axis=0), dtype=float)
+
+    def _off_by_lag(self, counts: npt.NDArray[np.int64], begun: int, share: float | None) -> Array:
+        """Counts from the path by step of lag and axis, (steps, 6); at best, if its place is not known."""
+        segment = min(max(begun, 0), len(self._path.segments))
+        start, end = self._begins[[max(segment - 1, 0), segment]]
+        if begun == segment > 0 and share is None:
+            nows = np.arange(start, end + _STEP_S, _STEP_S)
+        else:
+            nows = np.array(
+                [start + share * (end - start) if begun == segment and share is not None else end]
+            )
+        if nows[-1] >= end:
+            nows = np.append(
+                nows, end + LAG_MOST_S
+            )  # it may have been over for a while: nothing else is sent
+        times = np.minimum(nows[:, None] - self._lags[None, :], end)
+        at = self._path.at(times.ravel()).reshape(*times.shape, -1)
+        low, high = np.minimum(at[:, 1:], at[:, :-1]), np.maximum(at[:, 1:], at[:, :-1])
+        off = np.maximum(np.maximum(low - counts, counts - high), 0.0)
+        return np.asarray(off.min(axis=0), dtype=float)
+
+
+def _widened(near: npt.NDArray[np.bool_], steps: int) -> npt.NDArray[np.bool_]:
+    """True also up to so many rows before and after."""
+    wide = near.copy()
+    for k in range(1, steps + 1):
+        wide[k:] |= near[:-k]
+        wide[:-k] |= near[k:]
+    return wide

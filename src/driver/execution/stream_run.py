@@ -1,0 +1,354 @@
+"""One run of a stream: what is due next, what the unit's answers say, and the deadlines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from arm.controller.segments import CountPath
+from arm.controller.unit import Counts
+from arm.errors import ExecutionStopped
+from driver.execution.control import Control
+from driver.execution.feed import Feed
+from driver.execution.path_watch import PathWatch
+from driver.execution.pause import Hold
+from driver.execution.polls import Look, Looks
+from driver.execution.progress import Progress, Sent, StreamOptions
+from driver.execution.speed_override import stretched
+from driver.line.link import ANSWER_S, NoAnswer
+from driver.line.protocol import (
+    VERTEX_STEPS,
+    Answer,
+    Failed,
+    MalformedAnswer,
+    Position,
+    Ready,
+    Reply,
+    Status,
+    encode,
+    encode_query,
+    encode_segment,
+    parse_integer,
+    parse_position,
+    parse_status,
+)
+from driver.line.unit_time import SLACK_S
+from driver.mars.mars import Mars
+from driver.mars.ready import refuse_failure
+from driver.mars.running import Running
+
+STALL_S = 5.0  # a segment may take this much longer than planned
+REPEAT_S = 0.5  # a sample that was asked for and lost on the line is asked for again after this,
+REPEAT_WALL_S = 0.1  # and not before this much wall time
+IDLE_S = 1.0  # an idle unit that has not said R! is asked again after this,
+IDLE_LOOKS = 2  # and no sooner than this many looks
+UNLOCATED = 3  # answers to ST without one to COORDAP
+STEP_S = 0.25  # longest wait for anything,
+LEAST_STEP_S = 0.001  # and shortest
+
+
+def encoded(path: CountPath, knots: Counts) -> list[str]:
+    """A line for each segment; `knots` (m + 1, 6) are where they begin and end."""
+    return [encode_segment(s, end) for s, end in zip(path.segments, knots[1:].tolist(), strict=True)]
+
+
+class StreamRun:
+    """One run. Counting is of segments behind the dwell; the segment being executed is not done."""
+
+    def __init__(
+        self,
+        mars: Mars,
+        planned: CountPath,
+        on_progress: Callable[[Progress], None] | None,
+        options: StreamOptions,
+        control: Control,
+        slower: float = 1.0,
+    ) -> None:
+        self.mars = mars
+        self.link = mars.link
+        self.planned = planned
+        self.override = control.override
+        self.path = stretched(planned, self.override)
+        self.knots = planned.knots()
+        self.lines = encoded(self.path, self.knots)
+        self.on_progress = on_progress
+        self.options = options
+        self.control = control
+        self.hold: Hold | None = None  # while paused
+        self.durations = [s.duration_ms / 1e3 for s in self.path.segments]
+        self.feed = Feed(mars, options, slower)
+        self.feed.plan(self.lines, self.durations)
+        tube = None if self.link.echoes else options.tube_counts + mars.unit.rest_tolerance
+        self.watch = PathWatch(planned, mars.unit.axes, options.following_counts, tube)
+        self.begun = 0  # 0 while the first dwell runs, then the number of segments begun
+        self.started: float | None = None
+        self.most_ahead = 0.0
+        self.samples = 0
+        self.jaws: float | None = None
+        self.running = Running()
+        self.looks = Looks()
+        self.unlocated = 0  # answers to ST since the last one to COORDAP
+        self.heard_at = self.begun_at = self.link.clock.now()
+        self.waiting = False  # R: is sent
+        self.ready_at: float | None = None
+        self.idle = False
+        self.idle_looks = 0  # in a row, without R!,
+        self.idle_since = 0.0  # the first of them
+
+    @property
+    def total(self) -> int:
+        return len(self.lines)
+
+    @property
+    def sent(self) -> int:
+        return self.feed.sent
+
+    @property
+    def done(self) -> int:
+        return self.begun if self._dwelling else max(self.begun - 1, 0)
+
+    @property
+    def _dwelling(self) -> bool:
+        return self.begun <= self.feed.stood
+
+    @property
+    def stands(self) -> bool:
+        """Nothing that was sent can have begun."""
+        feed = self.feed
+        return feed.dwells == 1 and feed.stood == 0 and self.link.clock.now() < feed.stands_until
+
+    @property
+    def at_once(self) -> tuple[int, int]:
+        """How many segments are loaded before any begins, and how many there are."""
+        return min(self.feed.most_loaded, self.total), self.total
+
+    def run(self) -> Sent:
+        link = self.link
+        self.mars.registers.tell(encode("COORDDISCONT", VERTEX_STEPS))
+        link.events.clear()
+        self.heard_at = self.begun_at = link.clock.now()
+        try:
+            while self.ready_at is None or not self.idle:
+                self._step()
+        except ExecutionStopped as error:
+            error.data.update(segments_done=self.done, segments_sent=self.sent, ahead_s=self._ahead())
+            raise
+        end = self.mars.arrived(self.path.end)
+        self.mars.note("streamed", segments=self.sent, end=list(end))
+        started = self.ready_at if self.started is None else self.started
+        return Sent(
+            path=CountPath(self.path.start, self.path.segments[: self.sent]),
+            start_s=started,
+            duration_s=self.ready_at - started,
+            end_counts=end,
+            ahead_s=self.most_ahead,
+            samples=self.samples,
+        )
+
+    def _step(self) -> None:
+        """Do the next thing that is due: take what has arrived, look, send, or wait a little."""
+        link, feed, now = self.link, self.feed, self.link.clock.now()
+        while (reply := link.receive(now)) is not None:
+            self._take(reply)
+        feed.require_verified()
+        feed.require_loaded()
+        next_poll = self.looks.next_at(feed.poll_s, self._repeat_s(), self.watch.doubtful)
+        if self._needs_dwell():
+            self._dwell()
+        elif now >= next_poll and feed.dwells:
+            self._poll(now)
+        elif self._may_send():
+            feed.send()
+            self.most_ahead = max(self.most_ahead, self._ahead())
+        elif self.sent == self.total and not self.waiting:
+            self.waiting = True
+            link.send(encode("R"))
+        else:
+            until = min(next_poll, feed.decide_at(), now + STEP_S)
+            reply = link.receive(max(until, now + LEAST_STEP_S))
+            if reply is not None:
+                self._take(reply)
+        self._watch()
+
+    def _repeat_s(self) -> float:
+        repeat_s = max(REPEAT_S, 2.5 * self.link.trip_s)
+        return self.link.clock.at_least(repeat_s, REPEAT_WALL_S)
+
+    def _needs_dwell(self) -> bool:
+        """A motion begins with a dwell; so does what follows after the unit ran out of motion."""
+        return not self._holds() and self.sent < self.total and (not self.feed.dwells or self._dry)
+
+    def _dwell(self) -> None:
+        self.mars.reference = None  # known again when the stream has ended
+        self.feed.dwell()
+        self.mars.parameters.begin()
+        self.started = self.feed.stands_until if self.started is None else self.started
+        self.running.forget()
+        self.begun = self.sent
+        self.begun_at = self.heard_at = self.link.clock.now()
+        self.looks.begin()
+        self._poll(self.begun_at)
+
+    def _ahead(self) -> float:
+        """Motion that the unit holds, the dwell included, s; by the earliest times that are possible."""
+        if not self.feed.dwells:
+            return 0.0
+        return max(self.feed.timeline.begins(self.sent) - self.link.clock.now(), 0.0)
+
+    def _may_send(self) -> bool:
+        if self.sent == self.total or self._holds() or self._dry or not self.feed.dwells:
+            return False
+        if not self.running.known and (
+            not self.link.echoes or self.link.clock.now() > self.feed.stands_until
+        ):
+            return False  # where its numbers begin is not known: let it run dry, and stand again
+        held = self.sent - self.done + self._dwelling  # the running one or the dwell included
+        if held >= self.options.queue:
+            return False
+        near = held <= 1 or self._ahead() + self.durations[self.sent] <= self.feed.ahead_s
+        return (near or self.sent < self.feed.load_end) and self.feed.in_time()
+
+    @property
+    def _dry(self) -> bool:
+        """All that was sent is done, and more is to come."""
+        return self.sent < self.total and self.begun > self.sent
+
+    def _holds(self) -> bool:
+        """Whether a pause holds the next segment back."""
+        if self.hold is None and self.control.paused:
+            self.hold = Hold(self.mars, self.control, self.path.start)
+            self.hold.begin(self._ahead())
+            self.feed.end_loading()
+        elif self.hold is not None and self.hold.over(self._dry):
+            self.hold.end(self.sent)
+            self.hold = None
+            self.begun_at = self.link.clock.now()
+            if self._dry:
+                self._restretch()
+        return self.hold is not None
+
+    def _restretch(self) -> None:
+        """What is left goes with the override of now: the arm stands, so its speed does not jump."""
+        if self.control.override == self.override:
+            return
+        self.override = self.control.override
+        left = CountPath(self.planned.start, self.planned.segments[self.sent :])
+        left = stretched(left, self.override)
+        self.path = CountPath(self.path.start, (*self.path.segments[: self.sent], *left.segments))
+        self.lines[self.sent :] = encoded(left, self.knots[self.sent :])
+        self.durations[self.sent :] = [s.duration_ms / 1e3 for s in left.segments]
+        self.feed.plan(self.lines, self.durations)
+        self.mars.note("override", factor=self.override, segments_sent=self.sent)
+
+    def _poll(self, now: float) -> None:
+        self.looks.ask(Look(self.sent, self.feed.dwells, now))
+        self.link.send(encode_query("COORDAP"))
+        self.link.send(encode_query("ST"))
+        if self.options.watch_jaws:
+            self.link.send(encode_query("AP", self.mars.unit.gripper.axis))
+        self.looks.asked_at = self.link.clock.now()
+
+    def _take(self, reply: Reply) -> None:
+        try:
+            match reply:
+                case Answer("COORDAP", text):
+                    self._locate(parse_position(text, len(self.path.start)))
+                case Answer("ST", text):
+                    self._take_status(parse_status(text))
+                case Answer("STAMP", text):
+                    self.feed.stamped(text)
+                case Answer(name, text) if name == f"AP{self.mars.unit.gripper.axis}":
+                    self.jaws = self.mars.unit.gripper.fraction_closed(parse_integer(text))
+                case Ready(""):
+                    if self.waiting and self.ready_at is None:
+                        self.ready_at, self.idle = self.link.clock.now(), False
+                        self.looks.asked_at = -math.inf  # a look now tells whether it is idle
+                case _:
+                    pass
+        except MalformedAnswer as error:  # the next look will tell; too long without one is an error
+            self.mars.note("damaged", text=str(error))
+
+    def _take_status(self, status: Status) -> None:
+        self.unlocated += 1
+        if self.unlocated > UNLOCATED:  # it answers, but knows of no group
+            self.link.restarted = True
+        poll, believed = self.looks.take(status)
+        refuse_failure(self.link, believed, f"segment {self.begun} of {self.total}")
+        self.heard_at = self.link.clock.now()
+        self.idle = not status.busy and poll.sent == self.total and poll.dwells == self.feed.dwells
+        self._ask_again()
+        if self.looks.idle and poll.dwells == self.feed.dwells and poll.sent + 1 > self.begun:
+            self._begin(poll.sent + 1)  # all that it had been sent is done
+
+    def _ask_again(self) -> None:
+        """R: or its answer was lost on the line: an idle unit that says nothing is asked once more."""
+        unanswered = self.idle and self.waiting and self.ready_at is None
+        now = self.link.clock.now()
+        self.idle_looks = self.idle_looks + 1 if unanswered else 0
+        if self.idle_looks <= 1:
+            self.idle_since = now
+        if self.idle_looks >= IDLE_LOOKS and now >= self.idle_since + IDLE_S:
+            self.idle_looks, self.waiting = 0, False
+
+    def _locate(self, position: Position) -> None:
+        link, now = self.link, self.link.clock.now()
+        self.unlocated = 0
+        if link.unit_time.jumped(now, position.time_ms, link.patience(SLACK_S)):
+            link.restarted = True
+            refuse_failure(link, Status(0), f"segment {self.begun} of {self.total}")
+        poll = self.looks.oldest
+        current = poll is not None and poll.dwells == self.feed.dwells
+        feed, running = self.feed, self.running
+        sound = True
+        if current and now < feed.stands_until:
+            sound = running.stands(position.segment, feed.stood)
+            self.mars.parameters.stands(position, round(1e3 * feed.dwell_s))
+        elif sound := running.take(position.segment, self.sent, feed.timeline, now):
+            if poll is not None and current and running.counted < self.sent:
+                feed.timeline.not_before(running.counted, poll.asked_s)
+            if running.counted > self.begun:
+                self._begin(running.counted)
+        self.samples += 1
+        if self.hold is not None and self._dry:
+            self.hold.take(position.counts, tuple(int(c) for c in self.knots[self.sent]))
+        self.watch.take(position.counts, self.begun, self.sent, self._share(position), sound)
+        if self.on_progress is not None:
+            planned_s = sum(self.durations[: self.done])
+            self.on_progress(
+                Progress(self.done, self.total, planned_s, position, self.override, self.jaws, self.durations)
+            )
+
+    def _share(self, position: Position) -> float | None:
+        """How far the segment `begun` is done."""
+        if self._dwelling or self.begun > self.running.counted:
+            return 1.0 if self._dwelling else 0.0
+        if position.parameter == 0 and self.begun == self.sent:
+            return None  # it has just begun, or is over: a unit that stands tells 0
+        return self.mars.parameters.share(position)
+
+    def _begin(self, begun: int) -> None:
+        self.begun = begun
+        self.begun_at = self.link.clock.now()
+
+    def _watch(self) -> None:
+        """Deadlines: an answer at least every ANSWER_S, a new segment when the running one should be over."""
+        link, now = self.link, self.link.clock.now()
+        failed = any(isinstance(e, Failed) for e in link.events)
+        link.events.clear()
+        if failed:
+            raise ExecutionStopped(
+                f"segment {self.begun} of {self.total}: the unit answered FAIL!", reason="fault"
+            )
+        silent_s = max(ANSWER_S, 3.0 * self.feed.poll_s + 4.0 * link.trip_s)
+        if now > self.heard_at + link.patience(silent_s):
+            raise NoAnswer(f"no sound answer from the unit for {silent_s:g} s", reason="silent")
+        if self.hold is not None and self._dry:
+            return  # it waits for us, and its own deadline is the hold's
+        running = self.feed.dwell_s if self._dwelling else 0.0
+        if self.begun <= self.total and not self._dwelling:
+            running = self.durations[self.begun - 1]
+        if now > self.begun_at + link.patience(running + STALL_S):
+            raise NoAnswer(
+                f"segment {self.begun} of {self.total} is not over {STALL_S:g} s after its time",
+                reason="deadline",
+            )

@@ -1,0 +1,376 @@
+"""The MARS-8 line protocol as data: one table of commands, and pure functions between values and lines.
+
+Source: the controller's fact sheet, sections 1 and 2. ``NAME[axis]:v,v..`` commands, ``NAME[axis]?`` asks; lines
+end in a line feed; a command that succeeds answers nothing; an answer is ``NAME[axis]=value`` and CR LF.
+Evidence: D documented by the vendor, C client code, U records from a unit, I inferred.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from arm.controller.segments import Segment
+from arm.errors import ExecutionStopped, InputError
+
+BAUD = 19200
+BYTES_PER_SECOND = BAUD / 10.0  # 8N1: ten bits a byte
+MAX_LINE = 149  # the longest line known to work publicly is about 150 characters [I]
+QUEUE_LENGTH = 200  # coordinated segments that the unit holds [D]
+VERTEX_STEPS = (
+    5  # COORDDISCONT: "best performance" of the vendor's toolbox, in acceleration steps of 1 ms [D]
+)
+STAMP_RANGE = 0x8000  # a stamp is 0 .. 0x7FFF
+SEQUENCE_RANGE = 0x8000  # segment numbers are compared modulo this: right for a wrap at 2^15 and at 2^16
+CLOCK_RANGE_MS = 0x10000  # COORDAP's milliseconds wrap here [D]
+_INT32 = 2**31
+
+
+@dataclass(frozen=True)
+class Command:
+    """One row of the command table.
+
+    Attributes:
+        name: as sent, case matters.
+        axis: whether a name takes an axis letter: "" never, "x" always, "?" it may.
+        values: how many values at least and at most; None if it is only asked.
+        asked: whether ``NAME?`` is answered (None: unknown, never relied upon).
+        unit: of its values.
+        answer: form of what comes back, or "".
+        meaning: what it does.
+        evidence: D, C, U, I.
+    """
+
+    name: str
+    axis: str
+    values: tuple[int, int] | None
+    asked: bool | None
+    unit: str
+    answer: str
+    meaning: str
+    evidence: str
+
+
+COMMANDS: dict[str, Command] = {
+    row.name: row
+    for row in (
+        Command(
+            "ECHO", "", (1, 1), False, "0 or 1", "", "send received characters back; on after power-up", "CU"
+        ),
+        Command("VER", "", None, True, "text", "VER=<text>", "firmware", "CU"),
+        Command("STAMP", "", (1, 1), False, "0..32767", "STAMP=n", "answered in order of commands", "C"),
+        Command("ST", "", None, True, "bits", "ST=<decimal>", "status word", "C"),
+        Command(
+            "R", "?", (0, 0), False, "", "R! | Rx! | FAIL!", "answered when nothing generates motion", "C"
+        ),
+        Command("AP", "x", None, True, "counts", "APx=<int>", "actual position of an axis", "C"),
+        Command(
+            "COORDAP",
+            "",
+            None,
+            True,
+            "ms, -, -, counts",
+            "COORDAP=ms,seg,par,p..",
+            "positions of the group",
+            "D",
+        ),
+        Command("STOP", "?", (0, 0), False, "", "", "stop, stay powered and hold", "U"),
+        Command("RELEASE", "?", (0, 0), False, "", "", "no current; brakes engage, the arm may drop", "DU"),
+        Command("PURGE", "?", (0, 0), False, "", "", "stop any action and clear errors", "DC"),
+        Command("HH", "x", (0, 0), False, "", "", "hard home: go to the mark, position 0 there", "C"),
+        Command("G", "x", (1, 1), False, "counts", "", "go to a position, this axis alone", "C"),
+        Command(
+            "SPDT",
+            "x",
+            (2, 2),
+            False,
+            "counts/256 per ms, ms",
+            "",
+            "constant speed for a time; closes the loop",
+            "DI",
+        ),
+        Command("REGMS", "x", (1, 1), None, "counts/256 per ms", "", "speed limit", "DCU"),
+        Command(
+            "REGACC", "x", (1, 1), None, "counts/256 per ms^2", "", "acceleration limit (unit assumed)", "C"
+        ),
+        Command("REGME", "x", (1, 1), None, "32000 is 24 V", "", "energy limit", "C"),
+        Command("REGCFG", "x", (1, 1), None, "bits", "", "axis configuration, homing speed", "CI"),
+        Command("REGP", "x", (1, 1), None, "", "", "proportional gain", "C"),
+        Command("REGI", "x", (1, 1), None, "", "", "integral gain", "C"),
+        Command("REGD", "x", (1, 1), None, "", "", "derivative gain", "C"),
+        Command("REGS1", "x", (1, 1), None, "", "", "current limit", "C"),
+        Command("REGS2", "x", (1, 1), None, "", "", "overcurrent feedback", "C"),
+        Command("ANAXSETUP", "x", (2, 2), False, "ADC channels", "", "feed an axis by an ADC channel", "C"),
+        Command(
+            "IDLEREL", "", (1, 1), None, "s (assumed)", "", "release the arm after idling; 0 is never", "CI"
+        ),
+        Command(
+            "COORDGRP", "", (0, 8), False, "axis letters", "", "form or dissolve the coordinated group", "C"
+        ),
+        Command(
+            "COORDDISCONT", "", (1, 1), None, "acceleration steps", "", "speed jump allowed at a vertex", "DC"
+        ),
+        Command(
+            "COORDMV", "", (1, 8), False, "counts", "", "straight to an absolute position, shortest time", "D"
+        ),
+        Command("COORDMVT", "", (2, 9), False, "ms, counts", "", "the same in at least that time", "D"),
+        Command(
+            "COORDSPLINET", "", (3, 40), False, "ms, order, counts", "", "polynomial, axis by axis", "DC"
+        ),
+    )
+}
+
+# What may be sent to something that has not yet said what it is: none of these moves or changes anything.
+HARMLESS = frozenset({"ECHO", "STAMP", "VER"})
+
+
+def encode(name: str, *values: int | str, axis: str = "") -> str:
+    """The line (without its end) of a command such as ``REGMSA:7680``.
+
+    Raises:
+        InputError: the command is unknown, the axis or the count of values is wrong, a value is not a whole
+            number of 32 bits (axis letters for COORDGRP), or the line is longer than MAX_LINE.
+    """
+    command = _command(name, axis)
+    if command.values is None:
+        raise InputError(f"{name} is only asked, never set", command=name)
+    least, most = command.values
+    if not least <= len(values) <= most:
+        raise InputError(
+            f"{name}: takes {least} to {most} values, not {len(values)}", command=name, values=list(values)
+        )
+    for value in values:
+        if isinstance(value, str):
+            if name != "COORDGRP" or not _is_axis(value):
+                raise InputError(f"{name} value {value!r}: must be a whole number", command=name, value=value)
+        elif isinstance(value, bool) or int(value) != value or not -_INT32 <= value < _INT32:
+            raise InputError(
+                f"{name} value {value}: must be a whole number of 32 bits", command=name, value=value
+            )
+    line = f"{name}{axis}:" + ",".join(v if isinstance(v, str) else str(int(v)) for v in values)
+    if len(line) > MAX_LINE:
+        raise InputError(
+            f"{name} line of {len(line)} characters: at most {MAX_LINE}; use shorter segments",
+            command=name,
+            line=line,
+        )
+    return line
+
+
+def encode_query(name: str, axis: str = "") -> str:
+    """The line (without its end) that asks, such as ``ST?`` or ``APG?``.
+
+    Raises:
+        InputError: the command is unknown, cannot be asked, or the axis is wrong.
+    """
+    if _command(name, axis).asked is False:
+        raise InputError(f"{name} cannot be asked", command=name)
+    return f"{name}{axis}?"
+
+
+def encode_segment(segment: Segment, end: Sequence[int]) -> str:
+    """The line of one segment that ends at absolute counts `end` (6,).
+
+    A polynomial goes as COORDSPLINET, relative to the end of the segment before; a straight segment as COORDMVT,
+    absolute and shorter.
+
+    Raises:
+        InputError: a duration below 1 ms, more than cubic, or the line is too long.
+    """
+    order = len(segment.coefficients)
+    if segment.duration_ms < 1 or not 1 <= order <= 3:
+        raise InputError(
+            f"segment of {segment.duration_ms} ms and order {order}: needs at least 1 ms and order 1 to 3",
+            duration_ms=segment.duration_ms,
+            order=order,
+        )
+    if order == 1:
+        return encode("COORDMVT", segment.duration_ms, *(int(c) for c in end))
+    by_axis = [int(a) for axis in zip(*segment.coefficients, strict=True) for a in axis]
+    return encode("COORDSPLINET", segment.duration_ms, order, *by_axis)
+
+
+def encode_dwell(duration_ms: int, axes: int) -> str:
+    """A zero-length timed cubic: the arm stands for that long while segments are loaded behind it [C]."""
+    return encode("COORDSPLINET", duration_ms, 3, *([0] * (3 * axes)))
+
+
+def _command(name: str, axis: str) -> Command:
+    command = COMMANDS.get(name)
+    if command is None:
+        raise InputError(
+            f"{name!r} is not a command of the MARS-8; known: {', '.join(COMMANDS)}", command=name
+        )
+    if (axis and not _is_axis(axis)) or (axis and not command.axis) or (command.axis == "x" and not axis):
+        rule = {"": "takes no axis", "x": "needs an axis A to H", "?": "may take an axis A to H"}[
+            command.axis
+        ]
+        raise InputError(f"{name}{axis}: {rule}", command=name, axis=axis)
+    return command
+
+
+def _is_axis(text: str) -> bool:
+    return len(text) == 1 and "A" <= text <= "H"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """``key=text``, the answer to a query or a stamp."""
+
+    key: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Ready:
+    """``R!`` or ``Rx!``: the awaited axes generate no motion any more. `axis` is "" for all."""
+
+    axis: str
+
+
+@dataclass(frozen=True)
+class Failed:
+    """``FAIL!``: an awaited axis is in error, or power is off."""
+
+
+@dataclass(frozen=True)
+class Other:
+    """Anything else: noise, half a line."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Echoed:
+    """A line that came back, or one that was damaged and is passed over; what became of it,
+    `driver.line.echo` knows."""
+
+    text: str
+
+
+Reply = Answer | Ready | Failed | Other | Echoed
+
+_ANSWER = re.compile(r"([A-Z][A-Z0-9]*)=(.*)")
+_READY = re.compile(r"R([A-H]?)!")
+
+
+def parse_reply(line: str) -> Reply:
+    """What one received line (without its end) is. Never raises: any text is at least `Other`."""
+    if match := _ANSWER.fullmatch(line):
+        return Answer(match[1], match[2])
+    if match := _READY.fullmatch(line):
+        return Ready(match[1])
+    return Failed() if line == "FAIL!" else Other(line)
+
+
+@dataclass(frozen=True)
+class Status:
+    """The status word. Bits are masked, never compared whole: others may be set (fact sheet 1.1)."""
+
+    word: int
+
+    @property
+    def axis_error(self) -> bool:
+        """Some axis is in error."""
+        return bool(self.word & 0x8)
+
+    @property
+    def busy(self) -> bool:
+        """Some axis still generates motion."""
+        return bool(self.word & 0x10)
+
+    @property
+    def queue_nearly_full(self) -> bool:
+        """At most 50 segments fit into the queue."""
+        return bool(self.word & 0x80)
+
+    @property
+    def arm_power_off(self) -> bool:
+        """Arm power is off."""
+        return bool(self.word & 0x10000)
+
+    @property
+    def motion_stop(self) -> bool:
+        """Motion stop is pressed."""
+        return bool(self.word & 0x20000)
+
+    @property
+    def fault(self) -> bool:
+        """Anything that forbids motion."""
+        return self.axis_error or self.arm_power_off or self.motion_stop
+
+    def faults(self) -> tuple[str, ...]:
+        """The faults in words; empty if there is none."""
+        named = (
+            (self.axis_error, "an axis is in error"),
+            (self.arm_power_off, "arm power is off"),
+            (self.motion_stop, "motion stop is pressed"),
+        )
+        return tuple(text for on, text in named if on)
+
+    def remedy(self) -> str:
+        """What clears the faults (fact sheet, section 6)."""
+        return (
+            "see what stopped the axis, and that nothing touches it; press Motion Stop, then Arm Power"
+            if self.axis_error
+            else "unlock the stop, close the cage, press Motion Stop, then Arm Power"
+        )
+
+
+@dataclass(frozen=True)
+class Position:
+    """One answer to COORDAP.
+
+    Attributes:
+        time_ms: the unit's clock, modulo CLOCK_RANGE_MS.
+        segment: number of the segment being executed; it wraps at 2^15 or 2^16 (unknown which).
+        parameter: place inside it, scale unknown; above 0 only while moving [C].
+        counts: actual positions in the group's order.
+    """
+
+    time_ms: int
+    segment: int
+    parameter: int
+    counts: tuple[int, ...]
+
+
+class MalformedAnswer(ExecutionStopped):
+    """An answer that arrived damaged: bytes lost or changed on the line."""
+
+
+def parse_integer(text: str) -> int:
+    """A whole number in decimal.
+
+    Raises:
+        MalformedAnswer: it is not one, or has more digits than any answer of the unit.
+    """
+    if not re.fullmatch(r"[+-]?[0-9]{1,12}", text):
+        raise MalformedAnswer(f"{text[:40]!r} is not a whole number")
+    return int(text)
+
+
+def parse_status(text: str) -> Status:
+    """The value of ST.
+
+    Raises:
+        MalformedAnswer: not a whole number below 2^18.
+    """
+    word = parse_integer(text)
+    if not 0 <= word < 2**18:
+        raise MalformedAnswer(f"status {word} is outside 0 to 2^18")
+    return Status(word)
+
+
+def parse_position(text: str, axes: int) -> Position:
+    """The value of COORDAP for a group of that many axes.
+
+    Raises:
+        MalformedAnswer: other than 3 + axes whole numbers, or a position beyond the unit's 24 bits.
+    """
+    values = [parse_integer(v) for v in text.split(",")]
+    if len(values) != 3 + axes:
+        raise MalformedAnswer(f"COORDAP has {len(values)} values, not {3 + axes}")
+    if any(not -(2**23) <= v < 2**23 for v in values[3:]):
+        raise MalformedAnswer(f"COORDAP position outside 24 bits: {values[3:]}")
+    return Position(values[0], values[1], values[2], tuple(values[3:]))

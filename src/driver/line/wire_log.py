@@ -1,0 +1,98 @@
+"""The wire log: every byte of a link, and what the driver made of it, with time stamps, as JSON lines.
+
+Each record is one write to a file opened for appending, so records of two threads never mix and a crash loses at
+most none that was written.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from arm.errors import ExecutionStopped, InputError
+from driver.line.clock import Clock
+
+
+class WireLog:
+    """A log file of one session with a controller.
+
+    Bytes are stored as text with one character a byte (Latin-1), so that any byte survives and ASCII stays
+    readable. Kinds of record: ``open``, ``sent``, ``received``, and those of `note`.
+
+    Args:
+        path: the file; an older one is replaced.
+        clock: gives the time stamps, controller seconds.
+
+    Raises:
+        InputError: the file cannot be made or the disk is full.
+    """
+
+    def __init__(self, path: Path, clock: Clock) -> None:
+        self.path = path
+        self._clock = clock
+        self._failure: OSError | None = None
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND, 0o666)
+        except OSError as error:
+            raise InputError(f"log {path}: cannot be written: {error.strerror}", file=str(path)) from error
+        self.note("open", time_scale=clock.time_scale)
+        if self._failure is not None:
+            os.close(self._file)
+            raise InputError(f"log {path}: cannot be written: {self._failure.strerror}", file=str(path))
+
+    def sent(self, data: bytes) -> None:
+        """Bytes given to the port."""
+        self._write("sent", {"data": data.decode("latin-1")})
+
+    def received(self, data: bytes) -> None:
+        """Bytes taken from the port."""
+        self._write("received", {"data": data.decode("latin-1")})
+
+    def note(self, kind: str, **data: Any) -> None:
+        """An event of the driver: a segment, a position sample, a stop, the hash of a plan (JSON types)."""
+        self._write(kind, data)
+
+    @property
+    def failed(self) -> bool:
+        """Whether a record was lost."""
+        return self._failure is not None
+
+    def check(self) -> None:
+        """Refuse to go on with a log that lost something.
+
+        Raises:
+            ExecutionStopped: a record could not be written.
+        """
+        if self._failure is not None:
+            raise ExecutionStopped(
+                f"log {self.path}: cannot be written any more: {self._failure.strerror}",
+                file=str(self.path),
+                reason="log",
+            )
+
+    def close(self) -> None:
+        """Close the file; the log takes no more."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+
+    def __enter__(self) -> WireLog:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _write(self, kind: str, data: dict[str, Any]) -> None:
+        if self._failure is not None or self._file < 0:
+            return
+        record = json.dumps({"t": round(self._clock.now(), 6), "kind": kind, **data}, separators=(",", ":"))
+        line = record.encode() + b"\n"
+        try:
+            # A short write only happens when the disk fills; the reader of the log then sees a torn last line.
+            if os.write(self._file, line) != len(line):
+                self._failure = OSError(28, "no space left on the device")
+        except OSError as error:
+            self._failure = error

@@ -1,0 +1,1 @@
+"""A log is read: sessions, motions, samples."""

@@ -1,0 +1,223 @@
+"""Motions of a wire log: which segments were sent, as parts of which motion, and what was sampled of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from arm.controller.segments import CountPath, Segment
+from driver.line.protocol import SEQUENCE_RANGE
+from driver.log.samples import AXES, LoggedSample
+
+# What ends a stream, and makes the controller's own reference unknown but for STOP's own axis letters of the gripper.
+_ENDS = re.compile(r"(R|STOP|RELEASE|PURGE|HH|COORDMV|G|SPDT|COORDGRP)([A-H]?):")
+_LOSES = ("STOP", "RELEASE", "PURGE", "HH", "G", "SPDT")
+_GRIPPERS = ("G", "H")
+
+
+@dataclass(frozen=True)
+class LoggedMotion:
+    """What was sent between two rests, and where the arm was seen meanwhile.
+
+    Attributes:
+        sent_s: when its first line was sent, s of the log's clock.
+        target: of an absolute motion (COORDMV), (6,) counts; None for a stream of segments.
+        start: where it begins, (6,) counts, or None if nothing in the log tells.
+        start_exact: `start` follows from what was sent; else it was sampled, and is as exact as the arm follows.
+        dwell_ms: the stand that goes before the first segment, while segments are loaded.
+        dwell_s: when that was sent.
+        segments: that were sent, in order.
+        segments_sent_s: when each was sent.
+        stands: how many segments were sent before each later dwell: the unit had run out of motion.
+        ready_s: when the unit said that it was done; None if it never did.
+        stopped_s: when STOP was sent while it ran; None if it was not.
+        number: the unit's own number of the segment before the first; None if it was not seen.
+        samples: taken while it ran.
+    """
+
+    sent_s: float
+    target: tuple[int, ...] | None = None
+    start: tuple[int, ...] | None = None
+    start_exact: bool = False
+    dwell_ms: int = 0
+    dwell_s: float = 0.0
+    segments: tuple[Segment, ...] = ()
+    segments_sent_s: tuple[float, ...] = ()
+    stands: tuple[int, ...] = ()
+    ready_s: float | None = None
+    stopped_s: float | None = None
+    number: int | None = None
+    samples: tuple[LoggedSample, ...] = ()
+
+    @property
+    def path(self) -> CountPath | None:
+        """The segments from their start; None if that is not known or there are none."""
+        if self.start is None or not self.segments:
+            return None
+        return CountPath(self.start, self.segments)
+
+    @property
+    def begin_s(self) -> float:
+        """When the first segment could begin."""
+        return self.dwell_s + self.dwell_ms / 1e3
+
+    def segment_of(self, sample: LoggedSample) -> int | None:
+        """Index of the segment that ran when a sample was taken; -1 in the dwell, None if that is not known."""
+        if self.number is None:
+            return None
+        advance = (sample.position.segment - self.number) % SEQUENCE_RANGE
+        if advance > len(self.segments) + len(self.stands):
+            return None
+        passed = sum(place + k < advance for k, place in enumerate(self.stands))
+        return advance - 1 - passed
+
+
+@dataclass
+class _Open:
+    """A motion that is being read. Straight segments have absolute ends, so they need the one before."""
+
+    motion: LoggedMotion
+    segments: list[Segment] = field(default_factory=list)
+    times: list[float] = field(default_factory=list)
+    stands: list[int] = field(default_factory=list)
+    waits: bool = False  # R: was sent
+
+    def closed(self) -> LoggedMotion:
+        return replace(
+            self.motion,
+            segments=tuple(self.segments),
+            segments_sent_s=tuple(self.times),
+            stands=tuple(self.stands),
+        )
+
+
+class MotionReader:
+    """Collects motions from the lines sent and the moments when the unit was ready.
+
+    Attributes:
+        damaged: segments that are not understood; what follows them in their motion is left out.
+    """
+
+    def __init__(self) -> None:
+        self.damaged = 0
+        self._done: list[LoggedMotion] = []
+        self._open: _Open | None = None
+        self._at: tuple[int, ...] | None = None  # the controller's own reference, as far as lines tell
+
+    def sent(self, time_s: float, line: str, cut: bool) -> None:
+        """A line that was sent."""
+        name, _, rest = line.partition(":")
+        if name in ("COORDSPLINET", "COORDMVT"):
+            if not cut:
+                self._segment(time_s, name, rest)
+            return
+        match = _ENDS.match(line)
+        if match is None or match[2] in _GRIPPERS:
+            return
+        if match[1] == "R" and self._open is not None:
+            self._open.waits = self._open.waits or not match[2]
+            return
+        behind = self._open is not None and self._open.motion.target is None and not self._open.segments
+        if match[1] == "COORDMV" and behind:
+            self._open = None  # only the dwell in which the absolute move was verified
+        if self._open is not None and self._open.motion.ready_s is None and match[1] == "STOP":
+            self._open.motion = replace(self._open.motion, stopped_s=time_s)
+        self._close()
+        if match[1] in _LOSES:
+            self._at = None
+        if match[1] == "COORDMV":
+            target = _integers(rest)
+            if target is None or len(target) != AXES:
+                self.damaged += 1
+                return
+            self._open = _Open(LoggedMotion(time_s, tuple(target), self._at, self._at is not None))
+            self._at = tuple(target)
+
+    def _segment(self, time_s: float, name: str, rest: str) -> None:
+        if self._open is not None and (self._open.waits or self._open.motion.target is not None):
+            self._close()
+        segment = self._parsed(name, rest)
+        if segment is None:
+            self.damaged += 1
+            self._at = None
+            self._close()
+            return
+        if self._open is None:
+            self._open = _Open(LoggedMotion(time_s, None, self._at, self._at is not None, 0, time_s))
+        stands = not any(any(row) for row in segment.coefficients)
+        if stands and not self._open.segments:
+            dwell_ms = segment.duration_ms
+            self._open.motion = replace(self._open.motion, dwell_ms=dwell_ms, dwell_s=time_s)
+            return
+        if stands and len(segment.coefficients) == 3:
+            self._open.stands.append(len(self._open.segments))
+            return
+        self._open.segments.append(segment)
+        self._open.times.append(time_s)
+        if self._at is not None:
+            self._at = tuple(int(a + d) for a, d in zip(self._at, segment.end(), strict=True))
+
+    def _parsed(self, name: str, rest: str) -> Segment | None:
+        values = _integers(rest)
+        if values is None or len(values) < 2 or values[0] < 0:
+            return None
+        if name == "COORDMVT":
+            if len(values) != 1 + AXES or self._at is None:
+                return None
+            return Segment(values[0], (tuple(v - a for v, a in zip(values[1:], self._at, strict=True)),))
+        order = values[1]
+        if not 1 <= order <= 3 or len(values) != 2 + order * AXES:
+            return None
+        rows = tuple(tuple(values[2 + axis * order + k] for axis in range(AXES)) for k in range(order))
+        return Segment(values[0], rows)
+
+    def ready(self, time_s: float, axis: str) -> None:
+        """R! or Rx! was received."""
+        if self._open is not None and self._open.waits and not axis:
+            self._open.motion = replace(self._open.motion, ready_s=time_s)
+            self._close()
+
+    def _close(self) -> None:
+        if self._open is not None:
+            self._done.append(self._open.closed())
+        self._open = None
+
+    def finish(self, samples: Sequence[LoggedSample]) -> tuple[LoggedMotion, ...]:
+        """All motions, each with its part of the samples, which come in the order in which they were heard."""
+        self._close()
+        motions, index = [], 0
+        followings = [*(m.sent_s for m in self._done[1:]), float("inf")][: len(self._done)]
+        for motion, following_s in zip(self._done, followings, strict=True):
+            end_s = following_s if motion.ready_s is None else min(motion.ready_s, following_s)
+            while index < len(samples) and samples[index].heard_s < motion.sent_s:
+                index += 1
+            first = index
+            while index < len(samples) and samples[index].heard_s <= end_s:
+                index += 1
+            motions.append(_sampled(motion, tuple(samples[first:index])))
+        return tuple(motions)
+
+
+def _sampled(motion: LoggedMotion, samples: tuple[LoggedSample, ...]) -> LoggedMotion:
+    """The motion with its samples; the one of the dwell gives the unit's number, and a start if none is known."""
+    standing = (
+        [s for s in samples if motion.dwell_s <= s.heard_s <= motion.begin_s] if motion.dwell_ms else []
+    )
+    start = motion.start
+    if start is None and samples:
+        start = (standing or samples)[0].position.counts
+    return replace(
+        motion,
+        start=start if start is None or len(start) == AXES else None,
+        number=standing[-1].position.segment if standing else None,
+        samples=samples,
+    )
+
+
+def _integers(text: str) -> list[int] | None:
+    """Whole numbers of 32 bits with commas, or None."""
+    parts = text.split(",")
+    if not all(re.fullmatch(r"[+-]?[0-9]{1,10}", part) for part in parts):
+        return None
+    return [int(part) for part in parts]

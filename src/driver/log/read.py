@@ -1,0 +1,310 @@
+"""Reading a wire log: records in JSON lines to what they say of a session, `Session`.
+
+Nothing but the bytes is trusted: lines are put together again from what was given to and taken from the port, and
+commands, answers, motions and samples are read from those. What the driver noted is added. A record or a sample that
+is damaged is counted and left out.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from arm.errors import FileInputError
+from arm.io.storage import open_file
+from driver.line.protocol import (
+    Answer,
+    Failed,
+    MalformedAnswer,
+    Ready,
+    Status,
+    parse_integer,
+    parse_reply,
+    parse_status,
+)
+from driver.log.motions import LoggedMotion, MotionReader
+from driver.log.samples import LoggedSample, SampleReader
+
+LONGEST_RECEIVED = 1024  # without a line end: noise, as the link takes it
+
+
+@dataclass(frozen=True)
+class LoggedLine:
+    """A line of the wire without its end, and when its last byte passed, s of the log's clock.
+
+    Attributes:
+        cut: a STOP was sent before it was whole, so the unit may have had less of it.
+    """
+
+    time_s: float
+    text: str
+    cut: bool = False
+
+
+@dataclass(frozen=True)
+class LoggedStatus:
+    """A status word that is not the one before it."""
+
+    time_s: float
+    status: Status
+
+
+@dataclass(frozen=True)
+class LoggedJaws:
+    """Where the gripper's axis was, ADC counts."""
+
+    time_s: float
+    adc: int
+
+
+@dataclass(frozen=True)
+class LoggedNote:
+    """What the driver noted: ``step``, ``stop``, ``plan``, ``run`` .., with its data in JSON types."""
+
+    time_s: float
+    kind: str
+    data: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Session:
+    """A session with a controller as its log tells it. Times are controller seconds since the log was opened.
+
+    Attributes:
+        file: the log.
+        time_scale: controller seconds per wall second.
+        sent: lines given to the port, in order.
+        motions: streamed and absolute motions, in order, with their segments.
+        samples: answers to COORDAP, in order.
+        statuses: status words, where they change.
+        jaws: answers to the gripper's AP.
+        notes: of the driver.
+        ready: times of ``R!``.
+        failures: times of ``FAIL!``.
+        version: what the unit answered to VER, or "".
+        records: read.
+        damaged: records, status words, segments and samples that cannot be read, and a torn last line.
+        noise: received lines that are no answer, echoes among them.
+    """
+
+    file: Path
+    time_scale: float
+    sent: tuple[LoggedLine, ...]
+    motions: tuple[LoggedMotion, ...]
+    samples: tuple[LoggedSample, ...]
+    statuses: tuple[LoggedStatus, ...]
+    jaws: tuple[LoggedJaws, ...]
+    notes: tuple[LoggedNote, ...]
+    ready: tuple[float, ...]
+    failures: tuple[float, ...]
+    version: str
+    records: int
+    damaged: int
+    noise: int
+
+    @property
+    def stops(self) -> tuple[float, ...]:
+        """When STOP was sent."""
+        return tuple(line.time_s for line in self.sent if line.text == "STOP:")
+
+    @property
+    def homed_s(self) -> float:
+        """When the last homing had ended: positions of before are counted from elsewhere.
+
+        Minus infinity if the log holds no homing, infinity if the last one did not end.
+        """
+        last_s = max((line.time_s for line in self.sent if line.text.startswith("HH")), default=-math.inf)
+        return min((t for t in self.ready if t > last_s), default=math.inf) if last_s > -math.inf else last_s
+
+    @property
+    def faults(self) -> tuple[LoggedStatus, ...]:
+        """Status words that tell of a fault."""
+        return tuple(s for s in self.statuses if s.status.fault)
+
+    def noted(self, kind: str) -> tuple[LoggedNote, ...]:
+        """The notes of one kind."""
+        return tuple(note for note in self.notes if note.kind == kind)
+
+
+def read_log(path: Path) -> Session:
+    """Read a wire log. Memory is bounded by the file's size.
+
+    Raises:
+        FileInputError: it cannot be read, or its first line is not the record that opens a log.
+    """
+    try:
+        with open_file(path, "log") as stream:
+            return _Reader(path).read(stream)
+    except OSError as error:
+        raise FileInputError(path, "", None, f"cannot be read: {error.strerror}") from error
+
+
+def is_log(path: Path) -> bool:
+    """Whether a file begins as a wire log does; nothing else of it is looked at.
+
+    Raises:
+        FileInputError: it cannot be read.
+    """
+    try:
+        with open_file(path, "log") as stream:
+            record = _record(stream.readline(1000))
+    except OSError as error:
+        raise FileInputError(path, "", None, f"cannot be read: {error.strerror}") from error
+    return record is not None and record["kind"] == "open"
+
+
+MOST_S = 2e9  # seconds that fit the formats that a log is exported to; 63 years
+
+
+def _record(line: bytes) -> dict[str, Any] | None:
+    """A record, or None if the line is none."""
+    try:
+        value = json.loads(line)
+    except (ValueError, RecursionError):  # no UTF-8, no JSON, nested too deeply
+        return None
+    if not isinstance(value, dict) or not isinstance(value.get("kind"), str):
+        return None
+    time_s = value.get("t")
+    if not isinstance(time_s, int | float) or isinstance(time_s, bool) or not abs(time_s) < MOST_S:
+        return None
+    return value
+
+
+def _bytes(record: dict[str, Any]) -> bytes | None:
+    """The bytes of a ``sent`` or ``received`` record."""
+    data = record.get("data")
+    try:
+        return data.encode("latin-1") if isinstance(data, str) else None
+    except UnicodeEncodeError:
+        return None
+
+
+@dataclass
+class _Reader:
+    """Collects what `Session` holds."""
+
+    path: Path
+    time_scale: float = 1.0
+    sent: list[LoggedLine] = field(default_factory=list)
+    statuses: list[LoggedStatus] = field(default_factory=list)
+    jaws: list[LoggedJaws] = field(default_factory=list)
+    notes: list[LoggedNote] = field(default_factory=list)
+    ready: list[float] = field(default_factory=list)
+    failures: list[float] = field(default_factory=list)
+    version: str = ""
+    records: int = 0
+    damaged: int = 0
+    noise: int = 0
+    unsent: bytes = b""
+    unread: bytes = b""
+
+    def read(self, stream: BinaryIO) -> Session:
+        self.motions, self.samples = MotionReader(), SampleReader()
+        for number, line in enumerate(stream, start=1):
+            record = _record(line)
+            if number == 1:
+                self._open(record)
+            elif record is None:
+                self.damaged += bool(line.strip())
+                continue
+            self.records += 1
+            if record is not None:
+                self._take(record)
+        if not self.records:
+            raise FileInputError(self.path, "", None, "line 1: is empty, so it is no wire log")
+        samples = self.samples.finish()
+        return Session(
+            file=self.path,
+            time_scale=self.time_scale,
+            sent=tuple(self.sent),
+            motions=self.motions.finish(samples),
+            samples=samples,
+            statuses=tuple(self.statuses),
+            jaws=tuple(self.jaws),
+            notes=tuple(self.notes),
+            ready=tuple(self.ready),
+            failures=tuple(self.failures),
+            version=self.version,
+            records=self.records,
+            damaged=self.damaged + self.samples.damaged + self.motions.damaged,
+            noise=self.noise,
+        )
+
+    def _open(self, record: dict[str, Any] | None) -> None:
+        if record is None or record["kind"] != "open":
+            raise FileInputError(
+                self.path, "", None, 'line 1: must be the record of kind "open" that begins a wire log'
+            )
+        scale = record.get("time_scale", 1.0)
+        if isinstance(scale, bool) or not isinstance(scale, int | float) or not 0.0 < scale < math.inf:
+            raise FileInputError(
+                self.path, "line 1: time_scale", scale, "must be controller seconds per wall second, above 0"
+            )
+        self.time_scale = float(scale)
+        self.samples.open(self.time_scale)
+
+    def _take(self, record: dict[str, Any]) -> None:
+        time_s, kind = float(record["t"]), record["kind"]
+        if kind not in ("sent", "received"):
+            noted = {key: value for key, value in record.items() if key not in ("t", "kind")}
+            self.notes.append(LoggedNote(time_s, kind, noted))
+            return
+        data = _bytes(record)
+        if data is None:
+            self.damaged += 1
+        elif kind == "sent":
+            for line in self._sent_lines(time_s, data):
+                self.sent.append(line)
+                self.motions.sent(line.time_s, line.text, line.cut)
+                self.samples.sent(line.text)
+        else:
+            *received, rest = (self.unread + data).split(b"\n")
+            self.unread = rest if len(rest) <= LONGEST_RECEIVED else b""
+            for text in received:
+                self._received(time_s, text.rstrip(b"\r").decode("latin-1"))
+
+    def _sent_lines(self, time_s: float, data: bytes) -> Iterator[LoggedLine]:
+        cut = data.startswith(b"\nSTOP")  # the link ends whatever half line it had begun
+        *lines, self.unsent = (self.unsent + data).split(b"\n")
+        for number, line in enumerate(lines):
+            if line:
+                yield LoggedLine(time_s, line.decode("latin-1"), cut and number == 0)
+
+    def _received(self, time_s: float, text: str) -> None:
+        match parse_reply(text):
+            case Answer("COORDAP", value):
+                self.samples.answer(time_s, value)
+            case Answer("ST", value):
+                self._status(time_s, value)
+            case Answer("VER", value):
+                self.version = value
+            case Answer(key, value) if key in ("APG", "APH"):
+                self._jaws(time_s, value)
+            case Answer():
+                pass
+            case Ready(axis):
+                self.ready += [] if axis else [time_s]
+                self.motions.ready(time_s, axis)
+            case Failed():
+                self.failures.append(time_s)
+            case _:
+                self.noise += bool(text)
+
+    def _status(self, time_s: float, value: str) -> None:
+        try:
+            status = parse_status(value)
+        except MalformedAnswer:
+            self.damaged += 1
+            return
+        if not self.statuses or self.statuses[-1].status != status:
+            self.statuses.append(LoggedStatus(time_s, status))
+
+    def _jaws(self, time_s: float, value: str) -> None:
+        try:
+            self.jaws.append(LoggedJaws(time_s, parse_integer(value)))
+        except MalformedAnswer:
+            self.damaged += 1

@@ -1,0 +1,400 @@
+"""A CRS A465 on a MARS-8 controller: identify, initialise, move, grip, stop.
+
+Every wait ends by a deadline in controller seconds. Whatever ends a motion early (a fault, a silent line, an
+interrupt, an error in the caller's own code), the arm is told STOP first, and the error carries the state it was
+left in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict
+from types import TracebackType
+
+from arm.controller.unit import Unit
+from arm.errors import ExecutionStopped, ImpossibleError, InputError
+from driver.line.clock import Clock
+from driver.line.link import Link
+from driver.line.manners import Manners
+from driver.line.port import Port
+from driver.line.protocol import Position, Status, encode, parse_integer
+from driver.line.signals import caught, hear_again, interruptible
+from driver.line.wire_log import WireLog
+from driver.mars import startup
+from driver.mars.absolute_move import send_verified
+from driver.mars.gripper import GripperResult, move_gripper, read_jaws
+from driver.mars.homing import home_all
+from driver.mars.identity import gripper_answers, identify, refuse_another
+from driver.mars.ready import wait_ready, wait_settled
+from driver.mars.refusals import (
+    refuse_displaced,
+    refuse_faults,
+    refuse_not_arrived,
+    refuse_outside,
+    refuse_unhomed,
+)
+from driver.mars.registers import Registers
+from driver.mars.running import ParameterScale
+from driver.mars.stopping import STILL_COUNTS, RestState, bring_to_rest, farthest, read_position, read_status
+
+ENGAGE_S = 5.0
+RELEASE_MARGIN_S = 60.0  # before IDLEREL would release the arm
+
+
+class Mars:
+    """One arm on one controller. A context manager; leaving it by an exception stops the arm, never releases it.
+
+    Inside the context, in the main thread, a signal that would end the program (`driver.line.signals`) is an exception.
+
+    Call `identify`, then `initialise`, then move. Not for use from two threads.
+
+    Args:
+        port: see `Link`.
+        unit: which arm and controller it must be.
+        clock: controller time; default wall time.
+        log: takes every byte and event.
+
+    Attributes:
+        reference: where the controller's own path generator stands, (6,) counts, or None if that is not known
+            (after opening, after a stop): a relative segment may then not be sent.
+        manners: how the unit speaks, once it is identified.
+        registers: tells them, and reads them back.
+        parameters: what its parameter of a segment counts to, learnt while it stands.
+
+    Raises:
+        InputError: the port is not there, is no serial line, or is in use.
+    """
+
+    def __init__(
+        self, port: str | Port, unit: Unit, clock: Clock | None = None, log: WireLog | None = None
+    ) -> None:
+        self.unit = unit
+        self.clock = clock or Clock()
+        self.log = log
+        self.link = Link(port, self.clock, log)
+        self.reference: tuple[int, ...] | None = None
+        self.speed_registers = unit.speed_registers
+        self.acceleration_registers = unit.acceleration_registers
+        self.manners = Manners(echoes=False, adapter=False, takes_turns=False, round_trip_s=0.0)
+        self.parameters = ParameterScale()
+        self.registers = Registers(self.link)
+        self._group_formed = False
+        self._initialised = False
+        self._guarded = False
+        self._last_motion = self.clock.now()
+        self._signals = ExitStack()
+
+    def __enter__(self) -> Mars:
+        self._signals.enter_context(interruptible())
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        try:
+            if not self.link.identified:
+                pass  # nothing moves, and nothing may be sent that could
+            elif isinstance(error, ExecutionStopped):
+                if "state" not in error.data:
+                    error.data["state"] = self.stop().to_json()
+            elif error is not None and not isinstance(error, InputError | ImpossibleError):
+                self.stop()
+        finally:
+            self.link.close()
+            self._signals.close()
+
+    # -- taking into use
+
+    def identify(self) -> str:
+        """Learn what is on the other side, by ECHO, STAMP and VER alone; the firmware's text.
+
+        Raises:
+            InputError: nothing answers like a MARS, or its firmware is not the unit's.
+        """
+        version, self.manners = identify(self.link, self.unit.firmware)
+        self.note("manners", **asdict(self.manners))
+        return version
+
+    def initialise(self, home: bool = True, soft_home: bool = True) -> None:
+        """Registers, coordinated group, and homing.
+
+        Args:
+            home: False if the unit kept its positions since it was last homed (it stayed powered): nothing moves.
+            soft_home: go on from the marks to the unit's soft home, straight in joint space; False leaves the arm at
+                its marks, for a planner that knows what stands in the way.
+
+        Raises:
+            InputError: `identify` was not called; or the gripper answers on another unit's axis: nothing was set.
+            ImpossibleError: arm power off, motion stop or an axis error; or positions that cannot be right.
+            ExecutionStopped: something failed while homing; with the state.
+        """
+        if not self.link.identified:
+            raise InputError("identify() comes before initialise()")
+        self._initialised = False
+        answers = gripper_answers(self.link)
+        self.note("whose_arm", unit=self.unit.name, gripper_axes=answers)
+        refuse_another(self.unit, answers)
+        with self.guarded("initialise"):
+            self._send(encode("PURGE"))
+            self.link.synchronise(attempts=2)  # a stop drops what is still on its way
+            rest = self.stop()
+        if not rest.at_rest:
+            raise ExecutionStopped(f"initialise: {rest.describe(self.unit)}", state=rest.to_json())
+        refuse_faults(self.status())
+        with self.guarded("initialise"):
+            self.registers.forget()
+            self.registers.tell(*startup.axis_lines(self.unit), *startup.gripper_lines(self.unit))
+            self._engage()
+            self.registers.tell(*startup.group_lines(self.unit))
+            self._group_formed = True
+            self.speed_registers = self.unit.speed_registers
+            self.acceleration_registers = self.unit.acceleration_registers
+            self.note("read_back", **self.registers.answers)
+        if home:
+            with self.guarded("homing"):
+                home_all(self.link, self.unit, self.settled_counts)
+        else:
+            refuse_unhomed(self.unit, self.counts())
+        self._initialised = True
+        if home and soft_home:
+            self.move_to([int(c) for c in self.unit.counts(self.unit.soft_home)])
+
+    def refuse_outside(self, counts: Sequence[int], what: str) -> None:
+        """Refuse counts outside the unit's joint limits; `what` begins the message.
+
+        Raises:
+            ImpossibleError: with axis and excess in rad.
+        """
+        refuse_outside(self.unit, counts, what)
+
+    def status(self) -> Status:
+        """The status word now."""
+        return read_status(self.link)
+
+    def position(self) -> Position:
+        """Time, segment and counts now.
+
+        Raises:
+            InputError: before `initialise`, which forms the coordinated group: the unit then does not answer.
+        """
+        if not self._group_formed:
+            raise InputError(
+                "position: initialise() comes first; home=False moves nothing, if the unit is homed"
+            )
+        return read_position(self.link, len(self.unit.axes))
+
+    def counters(self) -> tuple[int, ...]:
+        """What the axes' counters say, (6,), also before `initialise`: positions if the arm was homed since power-up.
+
+        Raises:
+            InputError: `identify` was not called.
+        """
+        if not self.link.identified:
+            raise InputError("identify() comes before counters()")
+        return tuple(parse_integer(self.link.ask("AP", axis)) for axis in self.unit.axes)
+
+    def counts(self) -> tuple[int, ...]:
+        """Encoder counts now, (6,)."""
+        return self.position().counts
+
+    def settled_counts(self, tolerance: int = STILL_COUNTS) -> tuple[int, ...]:
+        """Counts once two samples 0.1 s apart differ by at most `tolerance` on every axis.
+
+        Raises:
+            NoAnswer: still moving after `driver.mars.ready.SETTLE_S`.
+        """
+        return wait_settled(self.link, self.counts, tolerance)
+
+    # -- moving
+
+    def set_registers(self, speed: Sequence[int], acceleration: Sequence[int]) -> None:
+        """Speed and acceleration limits of the six axes, from now on. Only while nothing moves.
+
+        Raises:
+            InputError: a register is above its cap.
+            ExecutionStopped: the arm is moving (what queued segments would do is not known).
+        """
+        lines = startup.limit_lines(self.unit, tuple(speed), tuple(acceleration))
+        if self.status().busy:
+            raise ExecutionStopped("registers may only change while the arm stands", reason="busy")
+        self.registers.tell(*lines)
+        self.speed_registers, self.acceleration_registers = tuple(speed), tuple(acceleration)
+
+    def move_to(self, counts: Sequence[int]) -> tuple[int, ...]:
+        """Go straight in joint space to absolute counts; where the arm settled.
+
+        Raises:
+            InputError: not one count for each axis.
+            ImpossibleError: outside the unit's limits; nothing moved.
+            ExecutionStopped: did not arrive, or settled more than 25 counts away; with the state.
+        """
+        target = tuple(int(c) for c in counts)
+        if len(target) != len(self.unit.axes):
+            raise InputError(
+                f"counts = {list(target)}: {len(target)} values, must be {len(self.unit.axes)}, one an axis",
+                counts=list(target),
+            )
+        self.refuse_outside(target, "target")
+        with self.guarded("move"):
+            if self.reference is None and self.link.echoes:
+                self.anchor(self.require_ready())  # slowly, where it is; then what follows can be verified
+            return self._go(target)
+
+    def anchor(self, counts: Sequence[int]) -> None:
+        """Make the controller's path generator start from exactly these counts, a few counts from the arm.
+
+        After a stop, a release or a push the generator's own end may be elsewhere, and a relative segment would
+        jump. So an absolute move to the measured pose goes first, slowly (fact sheet, section 6).
+
+        Raises:
+            ImpossibleError: the arm is further than 25 counts from `counts`; nothing moved.
+            ExecutionStopped: it did not arrive; with the state.
+        """
+        target = tuple(int(c) for c in counts)
+        with self.guarded("anchor"):
+            here = self.require_ready()
+        if farthest(here, target) > self.unit.rest_tolerance:
+            raise ImpossibleError(
+                f"the arm is {farthest(here, target)} counts from {list(target)}: go there by a planned motion",
+                counts=list(here),
+                target=list(target),
+            )
+        with self.guarded("anchor"):
+            speed, acceleration = self.speed_registers, self.acceleration_registers
+            self.set_registers(startup.slow_registers(self.unit), acceleration)
+            self._go(here)
+            if target != here:
+                self._go(target)
+            self.set_registers(speed, acceleration)
+
+    def _go(self, target: tuple[int, ...]) -> tuple[int, ...]:
+        here = self.require_ready()
+        distance = tuple(b - a for a, b in zip(here, target, strict=True))
+        seconds = startup.move_time(distance, self.speed_registers, self.acceleration_registers)
+        line, verifiable = encode("COORDMV", *target), self.reference is not None and self.link.echoes
+        if self.reference is None:
+            self.registers.tell(*startup.group_lines(self.unit))  # a stop may have dissolved the group
+        self.reference = None
+        if verifiable:
+            send_verified(self.link, len(self.unit.axes), line)
+        else:
+            self._send(line)
+        wait_ready(self.link, "COORDMV", 1.5 * seconds + 5.0)
+        return self.arrived(target)
+
+    def arrived(self, target: Sequence[int]) -> tuple[int, ...]:
+        """Settle after a motion to `target` and make that the reference; where the arm settled.
+
+        Raises:
+            ExecutionStopped: more than 25 counts away, or it does not settle.
+        """
+        goal = tuple(int(c) for c in target)
+        end = self.settled_counts()
+        refuse_not_arrived(self.unit, end, goal)
+        self.reference = goal
+        self._last_motion = self.clock.now()
+        return end
+
+    def require_ready(self) -> tuple[int, ...]:
+        """Check that the arm may start to move, and is where the last motion left it; its counts.
+
+        Raises:
+            ExecutionStopped: not initialised, a fault, moving, or displaced since (pushed, or power-cycled).
+        """
+        if not self._initialised:
+            raise ExecutionStopped("initialise() comes before any motion", reason="order")
+        idle_s = self.clock.now() - self._last_motion
+        if self.unit.idle_release_s and idle_s > self.unit.idle_release_s - RELEASE_MARGIN_S:
+            self._engage()  # the unit has released the arm, or is about to
+        status = self.status()
+        if status.fault or status.busy:
+            why = " and ".join(status.faults()) or "it is still moving"
+            raise ExecutionStopped(f"the arm cannot start: {why}", status=status.word, reason="fault")
+        here = self.counts()
+        if self.reference is not None and farthest(here, self.reference) > self.unit.rest_tolerance:
+            here = self.counts()  # one answer may be damaged on the line
+        if self.reference is not None:
+            refuse_displaced(self.unit, here, self.reference)
+        return here
+
+    def _engage(self) -> None:
+        self._send(*startup.engage_lines(self.unit))
+        wait_ready(self.link, "engage the shoulder", ENGAGE_S)
+        self._last_motion = self.clock.now()
+
+    def gripper(self, fraction_closed: float) -> GripperResult:
+        """Move the jaws, 0 open to 1 closed, and wait until they rest, at the target or on an object.
+
+        Raises:
+            InputError: not from 0 to 1.
+            ExecutionStopped: a fault, or they do not come to rest in time; with the state.
+        """
+        if not 0.0 <= fraction_closed <= 1.0:
+            raise InputError(
+                f"fraction_closed = {fraction_closed:g}: must be from 0 to 1", value=fraction_closed
+            )
+        with self.guarded("gripper"):
+            if not self._initialised:
+                raise ExecutionStopped("initialise() comes before any motion", reason="order")
+            result = move_gripper(self.link, self.unit.gripper, fraction_closed)
+            self.position()  # a unit that was switched off meanwhile has let go, though its jaws rest
+            return result
+
+    def jaws(self) -> float:
+        """How far the jaws are closed now, 0 open to 1 closed; nothing moves.
+
+        Raises:
+            ExecutionStopped: no answer; with the state.
+        """
+        with self.guarded("jaws"):
+            return read_jaws(self.link, self.unit.gripper)
+
+    # -- stopping
+
+    def stop(self) -> RestState:
+        """STOP at once, wait until the arm stands, and say where. Never raises for anything the link does."""
+        self.reference = None
+        state = bring_to_rest(self.link, self.unit.axes if self._group_formed else ())
+        self.note("stop", **state.to_json())
+        return state
+
+    @contextmanager
+    def guarded(self, what: str) -> Iterator[None]:
+        """Whatever goes wrong inside, the arm is stopped before the error goes on, with its state in ``data``.
+
+        An interrupt (SIGINT) becomes `ExecutionStopped` with ``reason="interrupted"``. Nested uses do it once.
+        """
+        if self._guarded:
+            yield
+            return
+        self._guarded = True
+        try:
+            yield
+        except ExecutionStopped as error:
+            state = self.stop()
+            data = {**error.data, "state": state.to_json()}
+            raise ExecutionStopped(f"{what}: {error}; {state.describe(self.unit)}", **data) from error
+        except KeyboardInterrupt:
+            caught()
+            state = self.stop()
+            hear_again()
+            raise ExecutionStopped(
+                f"{what}: interrupted; {state.describe(self.unit)}",
+                state=state.to_json(),
+                reason="interrupted",
+            ) from None
+        except BaseException:
+            self.stop()
+            raise
+        finally:
+            self._guarded = False
+
+    def _send(self, *lines: str) -> None:
+        for line in lines:
+            self.link.send(line)
+
+    def note(self, kind: str, **data: object) -> None:
+        """Put an event into the log, if there is one."""
+        if self.log is not None:
+            self.log.note(kind, **data)

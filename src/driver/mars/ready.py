@@ -1,0 +1,93 @@
+"""Waiting until the controller generates no motion any more, and until the arm stands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from arm.errors import ExecutionStopped
+from driver.line.link import Link, NoAnswer
+from driver.line.protocol import Failed, Ready, Status, encode
+from driver.mars.stopping import SAMPLE_S, farthest, read_status, refuse_restarted
+
+POLL_S = 0.25
+SETTLE_S = 3.0
+IDLE_POLLS = 4  # looks in a row at an idle unit that has not said R!
+
+
+def wait_ready(
+    link: Link, what: str, timeout: float, axis: str = "", on_look: Callable[[], None] | None = None
+) -> None:
+    """Wait for ``R!`` (or ``Rx!``) and for the status to agree.
+
+    ``R!`` alone is not trusted: one that an earlier, abandoned wait asked for may still be on its way. Nor does it
+    mean that the arm stands: its path generator has finished (fact sheet, section 1), so settle afterwards.
+
+    Args:
+        what: is waited for, for the message.
+        timeout: controller seconds.
+        axis: to wait for, or "" for all.
+        on_look: called at each look at the status, four times a second.
+
+    Raises:
+        ExecutionStopped: FAIL!, a fault in the status, no end in time, or the link is lost.
+    """
+    link.synchronise(attempts=2)  # noise may spoil one
+    link.events.clear()
+    link.send(encode("R", axis=axis))
+    deadline = link.deadline(timeout)
+    ready, idle = False, 0
+    while True:
+        until = min(deadline, link.clock.now() + POLL_S)
+        while link.clock.now() < until and (ready or not link.events):
+            link.receive(until)
+        status = read_status(link)
+        refuse_failure(link, status, what)
+        if on_look is not None:
+            on_look()
+        ready = ready or any(isinstance(e, Ready) and e.axis == axis for e in link.events)
+        link.events.clear()
+        if ready and not status.busy:
+            return
+        idle = 0 if status.busy else idle + 1
+        if idle == IDLE_POLLS:  # the question or its answer was lost on the line: asking again costs nothing
+            idle = 0
+            link.send(encode("R", axis=axis))
+        if link.clock.now() >= deadline:
+            raise NoAnswer(f"{what}: not finished within {timeout:.1f} s", timeout=timeout, reason="deadline")
+
+
+def wait_settled(link: Link, read: Callable[[], tuple[int, ...]], tolerance: int) -> tuple[int, ...]:
+    """Counts once two samples 0.1 s apart differ by at most `tolerance` on every axis.
+
+    Args:
+        read: gives the counts now.
+
+    Raises:
+        NoAnswer: still moving after SETTLE_S.
+    """
+    last = read()
+    deadline = link.deadline(SETTLE_S)
+    while link.clock.now() < deadline:
+        link.wait(SAMPLE_S)
+        now = read()
+        if farthest(last, now) <= tolerance:
+            return now
+        last = now
+    raise NoAnswer(f"the arm does not settle within {SETTLE_S:g} s", counts=list(last), reason="settle")
+
+
+def refuse_failure(link: Link, status: Status, what: str) -> None:
+    """Refuse to go on when the status has a fault, ``FAIL!`` has come, or the unit was switched off and on.
+
+    Raises:
+        ExecutionStopped: with the reason ``fault`` or ``restarted``.
+    """
+    refuse_restarted(link, what)
+    if status.fault or any(isinstance(e, Failed) for e in link.events):
+        if not status.fault:
+            raise ExecutionStopped(f"{what}: the unit answered FAIL!", status=status.word, reason="fault")
+        raise ExecutionStopped(
+            f"{what}: {' and '.join(status.faults())}; to go on: {status.remedy()}",
+            status=status.word,
+            reason="fault",
+        )

@@ -1,0 +1,239 @@
+"""What might help when a task cannot be planned: families of changes, the cheapest for a person first.
+
+Nothing here is checked; that is what `plan.advice.search` does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm.numerics.angles import arccos
+from arm.numerics.products import norm
+from arm.se3 import Array
+from plan.advice.changes import Asked, Change, Displaced, Elsewhere, Groups, Removed, Request, Skipped
+from plan.failure import AFTER_TIMING, LINE_BLOCKED, NO_WAY_ACROSS, OUT_OF_REACH, START_BLOCKED, Failure
+from plan.options import PlanOptions
+from plan.scene import Station
+
+STEP, STEPS = 0.010, 12  # m, of moves that are tried, and how many
+TURNS = tuple(float(np.radians(d)) for d in (15.0, -15.0, 30.0, -30.0, 45.0, -45.0, 90.0, -90.0))
+FIXED = ("table", "post")  # kinds of bodies that nobody moves: cameras and tables are calibrated
+_ASLANT = tuple(float(np.radians(d)) for d in (20.0, 45.0))  # off the way to the base
+_TILTED = np.radians(3.0)  # boards that lean more can also be turned about their own normal
+_UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Family:
+    """Changes of one sort, the smallest first.
+
+    Attributes:
+        rank: families of a lower rank cost a person less.
+        changes: of growing size.
+        anchors: where more of a change helps more surely: numbers of the changes to begin with, in this order; the
+            smallest change that helps is then looked for by halving.
+    """
+
+    rank: int
+    changes: tuple[Change, ...]
+    anchors: tuple[int, ...] = ()
+
+
+def families(
+    request: Request, failure: Failure, groups: Groups, spare: Sequence[Station]
+) -> Iterator[Family]:
+    """All families for a failure, in order of rank.
+
+    Args:
+        request: that failed.
+        failure: why.
+        groups: names of boards to the names of the bodies that move with them.
+        spare: places that could be given to the task too.
+    """
+    yield from _options(request, failure, spare)
+    yield from _obstacle(request, failure, groups)
+    yield from _boards(request, failure, groups)
+    skipped = skipped_for(request, failure)
+    if skipped is not None:
+        yield Family(6, (skipped,))
+
+
+def _options(request: Request, failure: Failure, spare: Sequence[Station]) -> Iterator[Family]:
+    options = request.options
+    if failure.kind in (LINE_BLOCKED, NO_WAY_ACROSS, OUT_OF_REACH):
+        if options.order == "given" and failure.kind != OUT_OF_REACH:
+            yield Family(0, (Asked("let the order of the cubes be chosen", (("order", "free"),)),))
+        if options.assignment == "given":
+            text = "let the places of the cubes be chosen"
+            yield Family(0, (Asked(text, (("assignment", "free"), ("order", "free"))),))
+        known = {s.name for s in request.stations()}
+        more = tuple(s for s in spare if s.name not in known)
+        if more:
+            names = ", ".join(s.name for s in more)
+            yield Family(0, (Elsewhere(f"let cubes go to {names} too", more),))
+    racing = any(w.joint and w.excess_deg is None for w in failure.ways)
+    if racing and options.speed < 1.0:
+        # lines are refused where a joint could not keep up at the slowest tool speed
+        speeds = [s for s in (0.25, 0.5, 0.75, 1.0) if s > options.speed]
+        yield Family(0, tuple(Asked(f"ask for speed {s:g}", (("speed", s),)) for s in speeds))
+    if failure.kind in (NO_WAY_ACROSS, START_BLOCKED, AFTER_TIMING):
+        yield from _less_clearance(options, failure)
+
+
+def _less_clearance(options: PlanOptions, failure: Failure) -> Iterator[Family]:
+    """Whole millimetres below what is asked.
+
+    First what was seen, if no way can keep more: where a way across begins or ends. Then the default, then the least.
+    """
+    now, usual = options.clearance * 1e3, round(PlanOptions.clearance * 1e3)
+    least = int(np.ceil(options.least_clearance * 1e3 - 1e-9))
+    sizes = range(int(np.ceil(now - 1e-9)) - 1, least - 1, -1)
+    if not sizes:
+        return
+    ends = [
+        w.distance_mm for w in failure.ways if w.distance_mm is not None and not w.where.startswith("from ")
+    ]
+    first = [int(max(ends))] if ends else []
+    text = "ask for {:g} mm of clearance instead of {:g} mm"
+    yield Family(
+        0,
+        tuple(Asked(text.format(c, now), (("clearance", c / 1e3),)) for c in sizes),
+        tuple(dict.fromkeys(sizes.index(c) for c in (*first, usual, least) if c in sizes)),
+    )
+
+
+def _obstacle(request: Request, failure: Failure, groups: Groups) -> Iterator[Family]:
+    """The body in the way: moved off, or taken away."""
+    scene, name = request.scene, failure.body
+    if name is None:
+        return
+    if name in {c.name for c in scene.cubes} - {t.cube for t in request.transfers}:
+        yield Family(1, (Removed(f"take {name} away", name),))
+    body = next((b for b in scene.bodies if b.name == name), None)
+    if body is None or body.kind in FIXED:
+        return
+    board = next((g for g, names in groups.items() if name in names), None)
+    at = _centre(request, failure.stations)
+    if board is not None:
+        if at is not None and not _on(request, groups[board], failure.stations):
+            yield _moves(1, board, groups[board], _away(body.T_base_body[:3, 3], at), _from(failure))
+        return
+    for direction, words in _ways_off(np.array(body.T_base_body[:3, 3]), at, failure):
+        yield _moves(1, name, frozenset({name}), direction, words)
+    yield Family(2, (Removed(f"take {name} away", name),))
+
+
+def _boards(request: Request, failure: Failure, groups: Groups) -> Iterator[Family]:
+    """The boards that hold the places that fail: moved, turned, raised, lowered."""
+    for board, names in groups.items():
+        on = _on(request, names, failure.stations)
+        if not on:
+            continue
+        at = np.mean([s.T_base_tool[0][:3, 3] for s in on], axis=0)
+        out = _level(at)
+        side = np.array([-out[1], out[0], 0.0])
+        # what the links cannot reach has to come nearer by that much at least
+        beyond = min((w.outside_mm for w in failure.ways if w.outside_mm is not None), default=0.0)
+        steps = STEPS + int(np.ceil(beyond / 1e3 / STEP))
+        yield _moves(3, board, names, -out, "towards the base", steps)
+        yield _moves(3, board, names, out, "away from the base")
+        for aside in (side, -side):
+            yield _moves(3, board, names, aside, "sideways")
+            yield _moves(
+                3, board, names, (aside - out) / np.sqrt(2.0), "towards the base and sideways", steps
+            )
+        yield from _turns(request, board, names, on[0])
+        yield _moves(5, board, names, _UP, "up")
+        yield _moves(5, board, names, -_UP, "down")
+
+
+def _turns(request: Request, board: str, names: frozenset[str], station: Station) -> Iterator[Family]:
+    plates = [b for b in request.scene.bodies if b.name in names & station.touches]
+    if not plates:
+        return
+    about = tuple(float(v) for v in plates[0].T_base_body[:3, 3])
+    normal = -station.T_base_tool[0][:3, 2]
+    ways = [("about the vertical, seen from above", _UP, names)]
+    if arccos(abs(normal[2])) > _TILTED:
+        # turned on its stand, which stays where it is
+        stands = {b.name for b in request.scene.bodies if b.kind == "stand"}
+        ways.append(("about its own normal, seen from its front", normal, names - stands))
+    for words, axis, bodies in ways:
+        along = tuple(float(v) for v in np.round(axis, 12))
+        yield Family(
+            4,
+            tuple(
+                Displaced(
+                    f"turn {board} by {abs(np.degrees(turn)):.0f} deg {_hand(turn)} {words}",
+                    board,
+                    bodies,
+                    turn=turn,
+                    axis=(along[0], along[1], along[2]),
+                    about=(about[0], about[1], about[2]),
+                )
+                for turn in TURNS
+            ),
+        )
+
+
+def _hand(turn: float) -> str:
+    return "counter-clockwise" if turn > 0.0 else "clockwise"
+
+
+def skipped_for(request: Request, failure: Failure, already: frozenset[str] = frozenset()) -> Skipped | None:
+    """Cubes that need the places that fail, left where they are; None if no others remain."""
+    failing = frozenset(failure.stations)
+    cubes = already | {t.cube for t in request.transfers if {t.pick.name, t.place.name} & failing}
+    if not cubes - already or len(cubes) >= len(request.transfers):
+        return None
+    names = ", ".join(t.cube for t in request.transfers if t.cube in cubes)
+    return Skipped(f"leave {names} out", cubes)
+
+
+def _moves(
+    rank: int, name: str, bodies: frozenset[str], direction: Array, words: str, steps: int = STEPS
+) -> Family:
+    changes = []
+    for count in range(1, steps + 1):
+        size = STEP * count
+        by = np.round(size * direction, 4) + 0.0
+        axes = ", ".join(f"{a} {v * 1e3:+.0f}" for a, v in zip("xyz", by, strict=True) if abs(v) >= 5e-4)
+        text = f"move {name} by {size * 1e3:.0f} mm {words} ({axes} mm)"
+        changes.append(Displaced(text, name, bodies, (float(by[0]), float(by[1]), float(by[2]))))
+    return Family(rank, tuple(changes))
+
+
+def _ways_off(body: Array, at: Array | None, failure: Failure) -> list[tuple[Array, str]]:
+    away = _away(body, at) if at is not None else _level(body)
+    side = np.array([-away[1], away[0], 0.0])
+    words = _from(failure)
+    return [(away, words), (side, "sideways"), (-side, "sideways"), (_UP, "up")]
+
+
+def _from(failure: Failure) -> str:
+    return f"away from {failure.stations[0]}" if failure.stations else "away from the base"
+
+
+def _away(body: Array, at: Array) -> Array:
+    """Level unit vector from `at` to the body; away from the base where one is above the other."""
+    apart = np.array([body[0] - at[0], body[1] - at[1], 0.0])
+    return _level(apart) if norm(apart) > 5e-3 else _level(body)
+
+
+def _level(vector: Array) -> Array:
+    flat = np.array([vector[0], vector[1], 0.0])
+    length = float(norm(flat))
+    return flat / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])
+
+
+def _centre(request: Request, names: Sequence[str]) -> Array | None:
+    points = [s.T_base_tool[0][:3, 3] for s in request.stations() if s.name in names]
+    return np.mean(points, axis=0) if points else None
+
+
+def _on(request: Request, bodies: frozenset[str], names: Sequence[str]) -> list[Station]:
+    """The places of those names that are on a board."""
+    return [s for s in request.stations() if s.name in names and s.touches & bodies]

@@ -1,0 +1,246 @@
+"""What was asked of the planner, and ways to change it: a body or board moved or turned, a cube skipped, an option.
+
+A board is moved with all that belongs to it (`groups_of`): its plate, its stand, the cubes in it and the places on it.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from arm.controller.unit import Limits, Unit
+from arm.numerics.products import mul
+from arm.plan_file import Plan
+from arm.robot.shapes import Body, Box
+from arm.se3 import Array, frozen, rotation, transform
+from plan.options import PlanOptions
+from plan.pick_place.planner import Planner, plan_task
+from plan.scene import Scene, Station, Transfer
+
+Groups = Mapping[str, frozenset[str]]
+# A stand that would be left lower than this is taken away, m.
+_LEAST_STAND = 2e-3
+
+
+@dataclass(frozen=True)
+class Request:
+    """The inputs of `plan.pick_place.planner.plan_task`.
+
+    Attributes:
+        scene, transfers, q_start, unit, limits, options, places: as there.
+        required: places that must be in reach too, whatever the transfers use.
+    """
+
+    scene: Scene
+    transfers: tuple[Transfer, ...]
+    q_start: Array
+    unit: Unit
+    limits: Limits
+    options: PlanOptions = field(default_factory=PlanOptions)
+    places: tuple[Station, ...] = ()
+    required: tuple[Station, ...] = ()
+
+    def plan(self) -> Plan | None:
+        """The plan; None where there is nothing to move.
+
+        Raises:
+            ImpossibleError, InputError: as `plan.pick_place.planner.plan_task`.
+        """
+        if not self.transfers:
+            return None
+        return plan_task(
+            self.scene,
+            self.transfers,
+            self.q_start,
+            self.unit,
+            self.limits,
+            self.options,
+            places=self.places,
+        )
+
+    def planner(self) -> Planner:
+        """A planner for it."""
+        return Planner(self.scene, self.q_start, self.unit, self.limits, self.options)
+
+    def stations(self) -> tuple[Station, ...]:
+        """All places, each once."""
+        every = [s for t in self.transfers for s in (t.pick, t.place)]
+        return tuple({s.name: s for s in (*every, *self.places, *self.required)}.values())
+
+
+def groups_of(scene: Scene, stations: Sequence[Station]) -> dict[str, frozenset[str]]:
+    """What moves together: each ``plate X`` that a place touches, with ``stand X`` and the cubes that touch it."""
+    known = {b.name for b in scene.bodies}
+    plates = sorted({n for s in stations for n in s.touches if n.startswith("plate ") and n in known})
+    cubes = {c.name for c in scene.cubes}
+    groups = {}
+    for plate in plates:
+        name = plate.removeprefix("plate ")
+        inside = {other for pair in scene.allowed if plate in pair for other in pair - {plate}}
+        groups[f"board {name}"] = frozenset({plate} | ({f"stand {name}"} & known) | (inside & cubes))
+    return groups
+
+
+@dataclass(frozen=True)
+class Change(ABC):
+    """One change of a request.
+
+    Attributes:
+        text: what a person is to do.
+    """
+
+    text: str
+
+    @abstractmethod
+    def apply(self, request: Request) -> Request:
+        """The request with the change made."""
+
+    @abstractmethod
+    def to_json(self) -> dict[str, Any]:
+        """JSON types; lengths in mm, angles in deg."""
+
+
+@dataclass(frozen=True)
+class Displaced(Change):
+    """Bodies moved together as one rigid thing, with the places on them.
+
+    An upright stand keeps its foot on the table: raised bodies get a taller one.
+
+    Attributes:
+        name: of what is moved.
+        bodies: names.
+        by: (3,) m.
+        turn: rad about `axis` (3,) through the point `about` (3,) m.
+    """
+
+    name: str
+    bodies: frozenset[str]
+    by: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turn: float = 0.0
+    axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    about: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def motion(self) -> Array:
+        """The displacement, (4, 4) in the base frame."""
+        R, centre = rotation(self.turn * np.array(self.axis)), np.array(self.about)
+        return transform(R, centre - mul(R, centre) + self.by)
+
+    def apply(self, request: Request) -> Request:
+        M, scene = self.motion(), request.scene
+
+        def moved(body: Body) -> Body | None:
+            if body.name not in self.bodies:
+                return body
+            return _restood(body, M) if _upright_stand(body) else body.at(mul(M, body.T_base_body))
+
+        def displaced(station: Station) -> Station:
+            if not station.touches & self.bodies:
+                return station
+            return replace(station, T_base_tool=tuple(frozen(mul(M, T)) for T in station.T_base_tool))
+
+        bodies, cubes = (
+            tuple(b for b in map(moved, some) if b is not None) for some in (scene.bodies, scene.cubes)
+        )
+        return replace(
+            request,
+            scene=replace(scene, bodies=bodies, cubes=cubes),
+            transfers=tuple(
+                replace(t, pick=displaced(t.pick), place=displaced(t.place)) for t in request.transfers
+            ),
+            places=tuple(map(displaced, request.places)),
+            required=tuple(map(displaced, request.required)),
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "change": "move",
+            "what": self.name,
+            "bodies": sorted(self.bodies),
+            "by_mm": [round(v * 1e3, 3) + 0.0 for v in self.by],
+            "turn_deg": round(float(np.degrees(self.turn)), 3),
+            "axis": list(self.axis),
+            "about_mm": [round(v * 1e3, 3) + 0.0 for v in self.about],
+        }
+
+
+def _upright_stand(body: Body) -> bool:
+    return body.kind == "stand" and isinstance(body.shape, Box) and abs(body.T_base_body[2, 2]) > 1.0 - 1e-9
+
+
+def _restood(stand: Body, M: Array) -> Body | None:
+    """An upright stand under what was moved by M, its foot where it was; None if there is no room for one."""
+    size = stand.shape.size if isinstance(stand.shape, Box) else (0.0, 0.0, 0.0)
+    T = np.array(mul(M, stand.T_base_body))
+    foot = float(stand.T_base_body[2, 3]) - size[2] / 2.0
+    top = float(T[2, 3]) + size[2] / 2.0
+    if top - foot < _LEAST_STAND:
+        return None
+    T[2, 3] = (foot + top) / 2.0
+    return replace(stand, shape=Box((size[0], size[1], top - foot)), T_base_body=frozen(T))
+
+
+@dataclass(frozen=True)
+class Removed(Change):
+    """A body or cube taken away."""
+
+    name: str
+
+    def apply(self, request: Request) -> Request:
+        scene = request.scene
+        return replace(
+            request,
+            scene=replace(
+                scene,
+                bodies=tuple(b for b in scene.bodies if b.name != self.name),
+                cubes=tuple(c for c in scene.cubes if c.name != self.name),
+                allowed=frozenset(pair for pair in scene.allowed if self.name not in pair),
+            ),
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        return {"change": "take away", "what": self.name}
+
+
+@dataclass(frozen=True)
+class Asked(Change):
+    """Other options."""
+
+    options: tuple[tuple[str, str | float], ...]
+
+    def apply(self, request: Request) -> Request:
+        return replace(request, options=replace(request.options, **dict(self.options)))  # type: ignore[arg-type]
+
+    def to_json(self) -> dict[str, Any]:
+        return {"change": "options", **dict(self.options)}
+
+
+@dataclass(frozen=True)
+class Elsewhere(Change):
+    """More places to choose from."""
+
+    stations: tuple[Station, ...]
+
+    def apply(self, request: Request) -> Request:
+        options = replace(request.options, assignment="free")
+        return replace(request, options=options, places=(*request.places, *self.stations))
+
+    def to_json(self) -> dict[str, Any]:
+        return {"change": "more places", "places": [s.name for s in self.stations]}
+
+
+@dataclass(frozen=True)
+class Skipped(Change):
+    """Cubes left where they are."""
+
+    cubes: frozenset[str]
+
+    def apply(self, request: Request) -> Request:
+        left = tuple(t for t in request.transfers if t.cube not in self.cubes)
+        return replace(request, transfers=left)
+
+    def to_json(self) -> dict[str, Any]:
+        return {"change": "skip", "cubes": sorted(self.cubes)}

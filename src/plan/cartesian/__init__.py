@@ -1,0 +1,1 @@
+"""Lines of the tool: differential inverse kinematics, reachability, and the barrier beside bodies."""

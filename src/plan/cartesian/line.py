@@ -1,0 +1,164 @@
+"""Straight lines of the tool as joint paths: way-points by `plan.cartesian.differential_ik`, a cubic spline
+between them.
+
+The spline is held against the line, and the step is halved until it keeps the tolerances everywhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import CubicSpline
+
+from arm.controller.unit import Limits
+from arm.errors import ImpossibleError, InputError
+from arm.numerics.products import norm
+from arm.robot.model import Robot
+from arm.se3 import Array, frozen
+from plan.budget import LINE_LOOKS, spend
+from plan.cartesian.differential_ik import ACTIVE, SOLVERS, Barrier, Follower, LineOptions
+from plan.kinematics.product_of_exponentials import screw_arm
+from plan.kinematics.straight_line import AXES, Line, LineDeviation
+
+__all__ = ["SOLVERS", "Barrier", "JointPath", "Line", "LineDeviation", "LineOptions", "follow_line"]
+
+_MAX_HALVINGS = 5  # of the step, where the spline between way-points is not near enough to the line
+
+
+@dataclass(frozen=True)
+class JointPath:
+    """Configurations along a path; between them it is the cubic spline through them
+    (`plan.trajectory.joint_path.smooth_path`).
+
+    Attributes:
+        q: (n, 6) rad.
+        s: (n,) strictly increasing from 0; m of tool travel for a line.
+    """
+
+    q: Array
+    s: Array
+
+
+def follow_line(
+    robot: Robot,
+    q_start: npt.ArrayLike,
+    T_start: Array,
+    T_end: Array,
+    limits: Limits,
+    options: LineOptions | None = None,
+) -> JointPath:
+    """Joint path that moves the tool straight from `T_start` to `T_end`, starting at `q_start`.
+
+    Args:
+        robot: the arm.
+        q_start: (n,) rad, with the tool at `T_start`.
+        T_start, T_end: (4, 4) in the base frame.
+        limits: of position and velocity.
+        options: see `LineOptions`.
+
+    Returns:
+        way-points of which the first is `q_start` itself and the last at `T_end`; they and the spline through them are
+        within the options' tolerances of the line; s in metres (of tool travel; for a pure rotation in rad).
+        Barriers hold at the way-points.
+
+    Raises:
+        InputError: `q_start` is not at `T_start`, is outside limits, or the solver or axis is not known.
+        ImpossibleError: a limit or barrier stops the line; data: constraint, joint, distance_m (of a barrier's
+            bodies), done_m, length_m (as s).
+    """
+    spend(LINE_LOOKS)
+    options = options or LineOptions()
+    for name, value, known in (
+        ("solver", options.solver, SOLVERS),
+        ("free_axis", options.free_axis, (None, *AXES)),
+    ):
+        if value not in known:
+            choices = ", ".join(str(k) for k in known)
+            raise InputError(f"{name} = {value!r}: must be one of {choices}", **{name: value})
+    line = Line(frozen(T_start), frozen(T_end))
+    q = np.array(q_start, dtype=float)
+    _check_start(robot, q, line, limits, options)
+    angle = float(norm(line.turn))
+    # without travel the turn is what is measured along the path
+    length = line.length if line.length > options.tolerance else angle
+    if length == 0.0:
+        raise InputError("a line needs two different poses", length_m=0.0)
+    count = max(4, int(np.ceil(max(line.length / options.step, angle / options.step_angle) - 1e-9)))
+    for _ in range(_MAX_HALVINGS):
+        path = _followed(robot, q, line, limits, options, np.linspace(0.0, length, count + 1))
+        off = _between(robot, path, line, options.free_axis)
+        if off.distance.max() <= options.tolerance and off.angle.max() <= options.angle_tolerance:
+            return path
+        count *= 2
+    worst = int(np.argmax(off.distance / options.tolerance + off.angle / options.angle_tolerance))
+    done = float(path.s[worst // len(_BETWEEN)])
+    raise ImpossibleError(
+        f"line cannot be kept after {done * 1e3:.1f} of {length * 1e3:.1f} mm: between way-points "
+        f"{path.s[1] * 1e3:.2g} mm apart the tool is {off.distance[worst] * 1e6:.1f} um and "
+        f"{np.degrees(off.angle[worst]):.2g} deg off; the arm is close to a singular configuration there, or a "
+        "barrier bends its way sharply; another configuration, or the tool turned otherwise, may do",
+        constraint="smoothness",
+        joint=None,
+        done_m=done,
+        length_m=length,
+    )
+
+
+_BETWEEN = np.array([0.25, 0.5, 0.75])  # of the way from one way-point to the next
+
+
+def _between(robot: Robot, path: JointPath, line: Line, free_axis: str | None) -> LineDeviation:
+    """How far the spline through the way-points is off the line between them."""
+    places = (path.s[:-1, None] + np.diff(path.s)[:, None] * _BETWEEN).ravel()
+    poses = screw_arm(robot).tool_poses(CubicSpline(path.s, path.q)(places))
+    on_the_spot = line.length < 0.5 * path.s[-1]
+    return line.deviation(poses, free_axis, places / path.s[-1] if on_the_spot else None)
+
+
+def _followed(
+    robot: Robot, q: Array, line: Line, limits: Limits, options: LineOptions, s: Array
+) -> JointPath:
+    length = float(s[-1])
+    follower = Follower(robot, limits, options, limits.velocity * (s[1] / options.slowest), line, length)
+    path = [q]
+    for done, goal in zip(s[:-1], line.poses(s[1:] / length), strict=True):
+        # the line goes on much as before: begin the search there, the bounds keep it honest. Where the tool may turn
+        # freely it begins at the last way-point instead, or the turning would go on by itself
+        guess = path[-1] if options.free_axis else _extrapolated(path)
+        path.append(follower.meet(goal, path[-1], guess, float(done)))
+    return JointPath(frozen(path), frozen(s))
+
+
+def _extrapolated(path: list[Array]) -> Array:
+    """The polynomial through the last four way-points, one step on."""
+    match path[-4:]:
+        case [a, b, c, d]:
+            return np.asarray(4.0 * (d + b) - 6.0 * c - a)
+        case [a, b, c]:
+            return np.asarray(3.0 * (c - b) + a)
+        case [a, b]:
+            return np.asarray(2.0 * b - a)
+        case _:
+            return path[-1]
+
+
+def _check_start(robot: Robot, q: Array, line: Line, limits: Limits, options: LineOptions) -> None:
+    T = robot.T_base_tool(q)
+    distance = float(norm(T[:3, 3] - line.T_start[:3, 3]))
+    angle = float(Line(line.T_start, line.T_start).deviation(T[None], options.free_axis).angle[0])
+    if distance > options.tolerance or angle > options.angle_tolerance:
+        raise InputError(
+            f"the line starts {distance * 1e3:.3g} mm and {np.degrees(angle):.3g} deg "
+            f"from where q_start puts the tool (at most {options.tolerance * 1e3:g} mm)",
+            distance_m=distance,
+        )
+    excess = np.maximum(limits.lower - q, q - limits.upper)
+    if excess.max() > ACTIVE:
+        joint = int(np.argmax(excess))
+        raise InputError(
+            f"q_start has joint {robot.joint_names[joint]} {np.degrees(excess[joint]):.3g} deg beyond its limits",
+            joint=robot.joint_names[joint],
+            excess_rad=float(excess[joint]),
+        )

@@ -1,0 +1,231 @@
+"""Which holes the arm can serve, before anything moves: every yaw, every branch, over the whole approach line.
+
+A branch serves a hole only if it stays within limits, on one branch and with no joint racing, all the way from the
+hole to the offset point above it. Where none does, the table says which came nearest and what stops it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm.arguments import finite, rigid
+from arm.controller.unit import Limits
+from arm.errors import ImpossibleError, InputError
+from arm.robot.model import Robot
+from arm.se3 import Array, frozen
+from plan.cartesian.line import LineOptions
+from plan.kinematics.configuration import require_limits
+from plan.kinematics.ik import BRANCH_NAMES, RawBranches, all_branches, nearest_turns
+
+# m between poses tried along a line; joints move smoothly in between, away from singularities
+_SAMPLE_STEP = 0.005
+
+
+@dataclass(frozen=True)
+class LineChoice:
+    """One way to serve a hole: a yaw and a branch, and how it fares along the line.
+
+    Attributes:
+        hole: its name.
+        yaw: index into the hole's poses.
+        branch: see `plan.kinematics.ik.BRANCH_NAMES`.
+        q_line: (m, 6) rad at even distances from the hole to the offset point, continuous.
+        margin: rad that the joint nearest to its limits keeps; negative is how far it goes beyond.
+        joint: that joint.
+        outside: m by which the line leaves what the links reach; 0 if it does not.
+        racing: name of a joint that would have to turn faster than it can even at the slowest tool speed, or "".
+    """
+
+    hole: str
+    yaw: int
+    branch: str
+    q_line: Array
+    margin: float
+    joint: str
+    outside: float
+    racing: str
+
+    @property
+    def q_hole(self) -> Array:
+        """(6,) rad at the hole."""
+        return np.asarray(self.q_line[0])
+
+    @property
+    def q_offset(self) -> Array:
+        """(6,) rad at the offset point."""
+        return np.asarray(self.q_line[-1])
+
+    @property
+    def ok(self) -> bool:
+        """Whether this choice serves the hole."""
+        return self.margin >= 0.0 and self.outside == 0.0 and not self.racing
+
+    def reason(self) -> str:
+        """What stands against this choice, in words."""
+        if self.outside > 0.0:
+            return f"the line leaves the workspace by {self.outside * 1e3:.1f} mm"
+        if self.margin < 0.0:
+            return f"joint {self.joint} goes {np.degrees(-self.margin):.1f} deg beyond its limit"
+        if self.racing:
+            return f"joint {self.racing} cannot turn fast enough near a singular configuration"
+        return f"joint {self.joint} keeps {np.degrees(self.margin):.1f} deg to its limit"
+
+
+@dataclass(frozen=True)
+class HoleReach:
+    """All choices for one hole; those that serve it first, largest margin first, then the nearest misses."""
+
+    hole: str
+    choices: tuple[LineChoice, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether some choice serves the hole."""
+        return self.choices[0].ok
+
+    @property
+    def best(self) -> LineChoice:
+        """The choice with the largest margin, or the nearest miss."""
+        return self.choices[0]
+
+    def serving(self) -> tuple[LineChoice, ...]:
+        """The choices that serve the hole, largest margin first."""
+        return tuple(c for c in self.choices if c.ok)
+
+
+@dataclass(frozen=True)
+class ReachTable:
+    """Reach of every hole, in the order they were given."""
+
+    holes: tuple[HoleReach, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether every hole can be served."""
+        return all(hole.ok for hole in self.holes)
+
+    def __getitem__(self, name: str) -> HoleReach:
+        for hole in self.holes:
+            if hole.hole == name:
+                return hole
+        raise InputError(
+            f"hole = {name!r}: must be one of {', '.join(h.hole for h in self.holes)}", hole=name
+        )
+
+    def require(self) -> None:
+        """Do nothing if every hole can be served.
+
+        Raises:
+            ImpossibleError: with every hole that cannot, its best branch and what stops it; data: holes, a list of
+                hole, branch, yaw, and joint with excess_deg, or outside_mm, or racing.
+        """
+        failing = [hole.best for hole in self.holes if not hole.ok]
+        if not failing:
+            return
+        raise ImpossibleError(
+            "out of reach: "
+            + "; ".join(f"hole {c.hole}: best branch {c.branch}, {c.reason()}" for c in failing),
+            holes=[_failure(c) for c in failing],
+        )
+
+
+def _failure(choice: LineChoice) -> dict[str, object]:
+    entry: dict[str, object] = {"hole": choice.hole, "branch": choice.branch, "yaw": choice.yaw}
+    if choice.outside > 0.0:
+        entry["outside_mm"] = choice.outside * 1e3
+    elif choice.margin < 0.0:
+        entry.update(joint=choice.joint, excess_deg=float(np.degrees(-choice.margin)))
+    else:
+        entry["racing"] = choice.racing
+    return entry
+
+
+def reach(
+    robot: Robot,
+    limits: Limits,
+    grasps: Mapping[str, Sequence[Array]],
+    offset_m: float,
+    slowest: float = LineOptions.slowest,
+) -> ReachTable:
+    """Try all yaws and branches of every hole along its line.
+
+    Args:
+        robot: the arm.
+        limits: of position, and of velocity for joints that race near a singularity.
+        grasps: hole name to T_base_tool (4, 4) at the hole, one per yaw.
+        offset_m: length of the line; it runs from the hole along the tool's -z.
+        slowest: tool speed at which joints must still keep up, m/s.
+
+    Raises:
+        InputError: no holes, a hole without poses or with one that is not rigid, or an offset that is not positive.
+    """
+    if not grasps or not all(len(poses) for poses in grasps.values()):
+        raise InputError("reach needs holes with a pose each", holes=list(grasps))
+    finite("offset", offset_m, "m")
+    if not offset_m > 0.0:
+        raise InputError(f"offset = {offset_m:g} m: must be positive", offset_m=offset_m)
+    heights = np.linspace(0.0, offset_m, max(2, int(np.ceil(offset_m / _SAMPLE_STEP - 1e-9)) + 1))
+    require_limits(robot, limits)
+    poses = np.stack(
+        [rigid(f"hole {name!r}: pose {i}", T) for name, hole in grasps.items() for i, T in enumerate(hole)]
+    )
+    lines = np.repeat(poses[:, None], len(heights), axis=1)
+    lines[:, :, :3, 3] -= heights[:, None] * poses[:, None, :3, 2]
+    raw = all_branches(robot, lines.reshape(-1, 4, 4))
+    steps = _Steps(robot, limits, raw, len(heights), limits.velocity * (heights[1] / slowest))
+    holes, row = [], 0
+    for name, yaws in grasps.items():
+        choices = [
+            steps.choice(name, row + yaw, yaw, b)
+            for yaw in range(len(yaws))
+            for b in range(len(BRANCH_NAMES))
+        ]
+        holes.append(HoleReach(name, tuple(sorted(choices, key=_rank))))
+        row += len(yaws)
+    return ReachTable(tuple(holes))
+
+
+def _rank(choice: LineChoice) -> tuple[float, ...]:
+    """Serving first, by margin; then misses: within reach before beyond it, by how much; last by index for order."""
+    return (
+        float(not choice.ok),
+        choice.outside,
+        -choice.margin,
+        float(choice.yaw),
+        float(BRANCH_NAMES.index(choice.branch)),
+    )
+
+
+class _Steps:
+    """Joint positions along every line, pose by pose continuous, and their verdict."""
+
+    def __init__(self, robot: Robot, limits: Limits, raw: RawBranches, samples: int, fastest: Array) -> None:
+        self.names, self.limits, self.fastest = robot.joint_names, limits, fastest
+        shape = (-1, samples, len(BRANCH_NAMES))
+        q = raw.q.reshape(*shape, len(self.names))
+        q = np.unwrap(q, axis=1)
+        # whole turns: as the middle of the line suits the middle of the limits, so that a line that fits is found
+        middle = (q.min(axis=1) + q.max(axis=1)) / 2
+        turned = nearest_turns(middle, (limits.lower + limits.upper) / 2)
+        self.q = q + (turned - middle)[:, None]
+        self.outside = np.where(raw.reached, 0.0, np.maximum(raw.outside, 1e-9)).reshape(shape)
+
+    def choice(self, hole: str, line: int, yaw: int, branch: int) -> LineChoice:
+        q = self.q[line, :, branch]
+        room = np.minimum(q - self.limits.lower, self.limits.upper - q).min(axis=0)
+        joint = int(np.argmin(room))
+        hurry = (np.abs(np.diff(q, axis=0)).max(axis=0)) / self.fastest
+        fastest = int(np.argmax(hurry))
+        return LineChoice(
+            hole=hole,
+            yaw=yaw,
+            branch=BRANCH_NAMES[branch],
+            q_line=frozen(q),
+            margin=float(room[joint]),
+            joint=self.names[joint],
+            outside=float(self.outside[line, :, branch].max()),
+            racing=self.names[fastest] if hurry[fastest] > 1.0 else "",
+        )

@@ -1,0 +1,1 @@
+"""Distances between bodies, and the certificate that a whole motion keeps clear."""

@@ -1,0 +1,76 @@
+"""Joint motions as chains of cubics, in the form that can be proved: by their Bernstein control points.
+
+A cubic stays within the hull of its four control points (G. Farin, "Curves and Surfaces for CAGD", 2002,
+chapters 4 and 5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.arguments import numbers, shown
+from arm.controller.segments import CountPath, Segment
+from arm.controller.unit import Unit
+from arm.errors import InputError
+from arm.se3 import Array
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A joint motion as a chain of cubics.
+
+    Attributes:
+        control: Bernstein control points of each cubic, (m, 4, n) rad.
+        ends: time at the end of each, (m,) s; or path parameter where the motion is not timed.
+    """
+
+    control: Array
+    ends: Array
+
+
+def curve_of_counts(path: CountPath, unit: Unit) -> Curve:
+    """The motion that the controller makes from integer segments."""
+    knots = path.knots()
+    control = [_bernstein(start, segment) for start, segment in zip(knots, path.segments, strict=False)]
+    points = np.array(control or [np.repeat(knots[:1], 4, axis=0)], dtype=float)
+    ends = np.cumsum([s.duration_ms for s in path.segments] or [0]) / 1e3
+    return Curve(unit.positions(points), ends)
+
+
+def curve_of_waypoints(waypoints: npt.ArrayLike) -> Curve:
+    """Straight joint lines between way-points (m, n) rad; line i ends at parameter i + 1.
+
+    Raises:
+        InputError: fewer than two way-points, not of shape (m, n), or not finite.
+    """
+    q = numbers(waypoints)
+    if q is None or q.ndim != 2 or len(q) < 2 or not q.shape[1]:
+        of = shown(waypoints) if q is None else f"array of shape {q.shape}"
+        raise InputError(
+            f"waypoints = {of}: must be (m, n), two or more rows of one number per joint, rad; to look at one "
+            "configuration use World.distance",
+            name="waypoints",
+        )
+    bad = np.flatnonzero(~np.isfinite(q).all(axis=1))
+    if len(bad):
+        raise InputError(
+            f"waypoints[{bad[0]}] = {q[bad[0]].tolist()}: must be finite numbers, rad",
+            name="waypoints",
+            row=int(bad[0]),
+        )
+    fractions = np.array([0.0, 1.0, 2.0, 3.0])[:, None] / 3.0
+    control = q[:-1, None, :] + (q[1:] - q[:-1])[:, None, :] * fractions
+    return Curve(control, np.arange(1.0, len(q)))
+
+
+def _bernstein(start: npt.NDArray[np.int64], segment: Segment) -> Array:
+    """Control points (4, 6) in counts of a segment of order 1 to 3."""
+    rows = np.zeros((3, len(start)))
+    rows[: len(segment.coefficients)] = segment.coefficients
+    a1, a2, a3 = rows
+    return np.asarray(
+        start + np.stack([0.0 * a1, a1 / 3.0, (2.0 * a1 + a2) / 3.0, a1 + a2 + a3]), dtype=float
+    )

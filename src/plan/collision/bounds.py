@@ -1,0 +1,399 @@
+"""Cheap bounds for many configurations at once: how far bodies can move, and how far apart they are at least.
+
+What is asked of a pair of bodies again and again is whether they can come nearer than some clearance while the joints
+move a little. For most pairs that is settled by balls around the moving bodies and boxes around the still ones, in
+numpy, for a whole batch of configurations; only what these leave open is asked of coal.
+
+Everything is written in the base frame at q = 0: with the product of exponentials E_k(q) = exp(S_1 q_1) ..
+exp(S_k q_k), a point p of a body on joint k is at E_k(q) p, and the axis of joint k is the image under E_k(q) of
+where it is at q = 0 (K. Lynch, F. Park, "Modern Robotics", 2017, section 4.1.1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from arm.numerics.products import mul, norm
+from arm.robot.shapes import Box, Capsule, Convex, Cylinder, Shape, Sphere
+from arm.se3 import Array, cross, skew
+
+Indices = npt.NDArray[np.intp]
+Flags = npt.NDArray[np.bool_]
+
+# Radii and bounds of distance are worsened by this, for rounding, m.
+ROUNDING = 1e-7
+# A long body is covered by at most this many balls.
+_MOST_BALLS = 4
+
+
+@dataclass(frozen=True)
+class Part:
+    """A body by the joint that it moves with (0: none), its pose there, and its padding, m."""
+
+    name: str
+    joint: int
+    shape: Shape
+    T_joint_body: Array
+    padding: float = 0.0
+
+
+class Volumes:
+    """Balls, boxes and hulls of the bodies of one world.
+
+    Args:
+        axes: of the arm.
+        parts: all bodies; the moving ones have joints above 0.
+        pairs: (p, 2) indices into `parts`, the one with the lower joint first.
+    """
+
+    def __init__(self, axes: Axes, parts: Sequence[Part], pairs: Indices) -> None:
+        self._axes = axes
+        moving = [i for i, part in enumerate(parts) if part.joint > 0]
+        at_zero = self._axes.poses_at_zero
+        placed = np.stack([part.T_joint_body for part in parts]) if parts else np.zeros((0, 4, 4))
+        poses = mul(at_zero[[part.joint for part in parts]], placed)
+        self._hulls = _Hulls([(parts[i], poses[i]) for i in moving], self._axes.turning)
+        joints = np.array([part.joint for part in parts], dtype=np.intp)
+        row = np.cumsum(joints > 0) - 1  # of each moving body among the moving ones
+        self._outer = row[pairs[:, 1]]
+        self._shared, self._joints = joints[pairs].T
+        self._pairs = pairs
+        self._supports = _Supports(parts, poses)
+        self._apart = _Apart(parts, poses, pairs)
+
+    @property
+    def turning(self) -> Flags:
+        """Whether each joint turns (or slides), (n,)."""
+        return self._axes.turning
+
+    def placed(self, q: Array) -> Placed:
+        """Everything at configurations q (m, n) rad."""
+        R, t = self._axes.place(q)
+        point, axis = self._axes.lines(R, t)
+        return Placed(q, R, t, point, axis, self._hulls)
+
+    def motion(self, at: Placed, delta: Array) -> Array:
+        """Bound (m, p) m on how far the bodies of each pair move against each other.
+
+        Args:
+            at: m configurations.
+            delta: (m, n) how far each joint moves at most from there, rad, not negative.
+        """
+        steps = np.zeros((*at.radii.shape[:2], at.radii.shape[2] + 1))
+        np.cumsum(at.radii * delta[:, None, :], axis=2, out=steps[:, :, 1:])
+        return np.asarray(steps[:, self._outer, -1] - steps[:, self._outer, self._shared])
+
+    def motion_of(self, at: Placed, delta: Array, rows: Indices, pairs: Indices) -> Array:
+        """`motion` of some pairs (k,) at some of the configurations, rows (k,); (k,) m."""
+        own = np.arange(at.radii.shape[2]) >= self._shared[pairs][:, None]
+        return np.asarray((at.radii[rows, self._outer[pairs]] * delta[rows] * own).sum(axis=1))
+
+    def distances(self, at: Placed) -> Array:
+        """Lower bound (m, p) m of the distance of each pair; -inf where nothing is known."""
+        return self._apart.distances(at.R, at.t)
+
+    def plane_distances(
+        self, at: Placed, rows: Indices, pairs: Indices, normals: Array, hulls: Array, spread: Array
+    ) -> Array:
+        """Lower bounds (k,) m of distance over a whole motion, by planes that stay between two bodies.
+
+        Derived in `plan.collision.certificate`. Any unit normal gives a bound, the nearest points' a good one.
+
+        Args:
+            at: m configurations.
+            rows, pairs: (k,) which configuration and which pair.
+            normals: (k, 3) from the body with the lower joint to the other.
+            hulls: (m, c, n) configurations around whose hull the motion stays, each joint within `spread` (m, n).
+        """
+        n = at.axis.shape[1]
+        joints = np.arange(n)
+        low, high = self._shared[pairs], self._joints[pairs]
+        between = (joints >= low[:, None]) & (joints < high[:, None])
+        axis, point = at.axis[rows], at.point[rows]
+        turning = self._axes.turning
+        lever = np.where((between & turning)[..., None], cross(normals[:, None], axis), 0.0)
+        moves = hulls[rows] - at.q[rows, None]
+        # n . motion of a point p for a small turn is lever . (p - o), and for a slide n . axis
+        at_zero = np.where(
+            turning, -(lever * point).sum(-1), np.where(between, (axis * normals[:, None]).sum(-1), 0.0)
+        )
+        tilted = normals[:, None] + mul(moves, lever)
+        shift = (mul(moves, at_zero[..., None]))[..., 0]
+        outer = -self._supports.of(self._pairs[pairs, 1], -tilted, at.R, at.t, rows)
+        inner = self._supports.of(self._pairs[pairs, 0], normals[:, None], at.R, at.t, rows)[:, 0]
+        first_order = (outer + shift).min(axis=1) - inner
+        # what the linear form leaves out: points run on circles, and inner joints turn what outer ones moved
+        radius = np.where(between, at.radii[rows, self._outer[pairs]], 0.0)
+        stray = spread[rows]
+        delta = np.where(between, np.abs(moves).max(axis=1) + stray, 0.0)
+        inside = np.cumsum(delta, axis=1) - 0.5 * delta
+        second_order = (radius * delta * inside).sum(axis=1)
+        return np.asarray(first_order - (radius * stray).sum(axis=1) - second_order - ROUNDING)
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Bodies and axes at m configurations, base frame.
+
+    Attributes:
+        q: (m, n) rad.
+        R, t: of the product of exponentials up to each joint, (m, n + 1, 3, 3) and (m, n + 1, 3) m.
+        point, axis: a point (m, n, 3) m and the direction (m, n, 3) of each joint's axis.
+        hulls: of the moving bodies.
+    """
+
+    q: Array
+    R: Array
+    t: Array
+    point: Array
+    axis: Array
+    hulls: _Hulls
+
+    @cached_property
+    def radii(self) -> Array:
+        """Farthest point of each moving body from each axis, (m, bodies, n) m; see `plan.collision.certificate`."""
+        return self.hulls.radii(self.R, self.t, self.point, self.axis)
+
+
+class Axes:
+    """An arm's axes at q = 0, and where the product of exponentials takes them.
+
+    Args:
+        model: Pinocchio model of a chain; every joint turns about or slides along one axis.
+    """
+
+    def __init__(self, model: Any) -> None:
+        data = model.createData()
+        # of an arm with one joint Pinocchio makes a plain vector
+        J = pin.computeJointJacobians(model, data, np.zeros(model.nq)).reshape(6, -1)
+        self.count = int(model.nq)
+        self.poses_at_zero = np.stack([M.homogeneous for M in data.oMi])
+        velocity, direction = np.array(J[:3]).T, np.array(J[3:]).T
+        turning = np.linalg.norm(direction, axis=1) > 0.5
+        self.turning: Flags = turning
+        self.point = np.where(turning[:, None], np.cross(direction, velocity), 0.0)
+        self.direction = np.where(turning[:, None], direction, velocity)
+        eye = np.eye(3)
+        along = np.einsum("ki,kj->kij", direction, direction)
+        self._along = np.where(turning[:, None, None], along, eye)
+        self._across = np.where(turning[:, None, None], eye - along, 0.0)
+        self._turn = np.stack([skew(d) for d in direction])
+        self._slide = np.where(turning[:, None], 0.0, velocity)
+
+    def place(self, q: Array) -> tuple[Array, Array]:
+        """Rotations (m, n + 1, 3, 3) and translations (m, n + 1, 3) of E_0 .. E_n."""
+        m, n = q.shape
+        cosine, sine = np.cos(q)[..., None, None], np.sin(q)[..., None, None]
+        step = self._along + cosine * self._across + sine * self._turn
+        shift = self.point - (mul(step, self.point[..., None]))[..., 0] + q[..., None] * self._slide
+        R, t = np.empty((m, n + 1, 3, 3)), np.empty((m, n + 1, 3))
+        R[:, 0], t[:, 0] = np.eye(3), 0.0
+        for k in range(n):
+            R[:, k + 1] = mul(R[:, k], step[:, k])
+            t[:, k + 1] = (mul(R[:, k], shift[:, k, :, None]))[..., 0] + t[:, k]
+        return R, t
+
+    def lines(self, R: Array, t: Array) -> tuple[Array, Array]:
+        """A point (m, n, 3) and the direction (m, n, 3) of each axis."""
+        direction = (mul(R[:, 1:], self.direction[..., None]))[..., 0]
+        point = (mul(R[:, 1:], self.point[..., None]))[..., 0] + t[:, 1:]
+        return point, direction
+
+
+class _Hulls:
+    """Each moving body lies in the hull of equal balls: its corners, or the ends of its axis."""
+
+    def __init__(self, bodies: Sequence[tuple[Part, Array]], turning: Flags) -> None:
+        hulls = [hull(part.shape) for part, _ in bodies]
+        self.ball = np.array([radius for _, radius in hulls])
+        points = [
+            mul(corners, T[:3, :3].T) + T[:3, 3] for (corners, _), (_, T) in zip(hulls, bodies, strict=True)
+        ]
+        self.points = np.concatenate(points) if points else np.zeros((0, 3))
+        # types and shapes are stated because an arm may have no bodies
+        counts = np.array([len(p) for p in points], dtype=np.intp)
+        joints = np.array([part.joint for part, _ in bodies], dtype=np.intp)
+        self.joint = np.repeat(joints, counts)
+        self.first = np.cumsum(counts) - counts
+        self.moves = (np.arange(len(turning)) < joints[:, None]).astype(float)
+        self.turning = turning
+
+    def radii(self, R: Array, t: Array, axis_point: Array, axis: Array) -> Array:
+        """(m, bodies, n) m; a sliding joint moves all points alike: 1."""
+        points = (mul(R[:, self.joint], self.points[..., None]))[..., 0] + t[:, self.joint]
+        # |(p - o) x d|^2 = |p - o|^2 - ((p - o) . d)^2, written out so that all are matrix products
+        along = mul(points, np.swapaxes(axis, 1, 2)) - (axis_point * axis).sum(-1)[:, None]
+        square = (
+            (points * points).sum(-1)[..., None]
+            - mul(2.0 * points, np.swapaxes(axis_point, 1, 2))
+            + (axis_point * axis_point).sum(-1)[:, None]
+        )
+        far = np.maximum.reduceat(square - along * along, self.first, axis=1)
+        reach = np.sqrt(np.maximum(far, 0.0)) + (self.ball[:, None] + ROUNDING)
+        return np.asarray(np.where(self.turning, reach, 1.0) * self.moves)
+
+
+class _Apart:
+    """Lower bounds of distance: balls around moving bodies against boxes around still ones, and against balls."""
+
+    def __init__(self, parts: Sequence[Part], poses: Array, pairs: Indices) -> None:
+        joints = np.array([part.joint for part in parts], dtype=np.intp)
+        moving, still = np.flatnonzero(joints > 0), np.flatnonzero(joints == 0)
+        covers = [cover(parts[i].shape) for i in moving.tolist()]
+        counts = np.array([len(points) for points, _ in covers], dtype=np.intp)
+        body = np.repeat(moving, counts)  # that each ball is of
+        local = np.concatenate([points for points, _ in covers]) if covers else np.zeros((0, 3))
+        self.centres = (mul(poses[body, :3, :3], local[..., None]))[..., 0] + poses[body, :3, 3]
+        self.joint = joints[body]
+        size = np.repeat([radius for _, radius in covers], counts)
+
+        boxes = [_rounded_box(parts[i].shape) for i in still.tolist()]
+        self.turn = np.concatenate([poses[i, :3, :3] for i in still], axis=1) if boxes else np.zeros((3, 0))
+        middles = [mul(poses[i, :3, 3], poses[i, :3, :3]) + B[0] for i, B in zip(still, boxes, strict=True)]
+        self.middle = np.array(middles).reshape(-1, 3)
+        self.half = np.array([B[1] + (B[2], B[2], 0.0) for B in boxes]).reshape(-1, 3)
+        extra = np.array([B[3] for B in boxes])
+
+        # for each pair, a body's row of balls against a box, or of all its balls against all
+        first_ball, ball_count, column, row = (np.zeros(len(parts), dtype=np.intp) for _ in range(4))
+        first_ball[moving], ball_count[moving] = np.cumsum(counts) - counts, counts
+        column[still], row[moving] = np.arange(len(still)), np.arange(len(moving))
+        self.first, self.size, self.extra = first_ball[moving], size[:, None], extra
+        is_box = joints[pairs[:, 0]] == 0
+        self.box_pairs, self.ball_pairs = np.flatnonzero(is_box), np.flatnonzero(~is_box)
+        inner, outer = pairs[self.box_pairs].T
+        self.boxes = row[outer], column[inner]
+        inner, outer = pairs[self.ball_pairs].T
+        first, self.first_ball = _runs(np.zeros_like(inner), ball_count[inner] * ball_count[outer])
+        of = np.repeat(np.arange(len(inner)), ball_count[inner] * ball_count[outer])
+        self.ball_rows = np.stack(
+            [
+                first_ball[outer][of] + first // ball_count[inner][of],
+                first_ball[inner][of] + first % ball_count[inner][of],
+            ]
+        )
+        self.ball_gap = size[self.ball_rows[0]] + size[self.ball_rows[1]]
+        self.count = len(pairs)
+
+    def distances(self, R: Array, t: Array) -> Array:
+        m = len(R)
+        centres = (mul(R[:, self.joint], self.centres[..., None]))[..., 0] + t[:, self.joint]
+        out = np.empty((m, self.count))
+        if len(self.box_pairs):
+            local = (mul(centres, self.turn)).reshape(m, len(self.joint), -1, 3)
+            local -= self.middle
+            np.abs(local, out=local)
+            local -= self.half
+            np.maximum(local, 0.0, out=local)
+            apart = np.sqrt(np.einsum("mbsi,mbsi->mbs", local, local)) - self.size
+            apart = np.minimum.reduceat(apart, self.first, axis=1) - self.extra
+            out[:, self.box_pairs] = apart[:, *self.boxes]
+        if len(self.first_ball):
+            between = centres[:, self.ball_rows[0]] - centres[:, self.ball_rows[1]]
+            rows = np.sqrt(np.einsum("mbi,mbi->mb", between, between)) - self.ball_gap
+            out[:, self.ball_pairs] = np.minimum.reduceat(rows, self.first_ball, axis=1)
+        out -= ROUNDING
+        # inside each other, balls and boxes say nothing of the depth
+        out[out <= 0.0] = -np.inf
+        return out
+
+
+class _Supports:
+    """How far each body reaches in a direction: the largest d . p over its points p."""
+
+    def __init__(self, parts: Sequence[Part], poses: Array) -> None:
+        sizes = [_rounded_box(part.shape) for part in parts]
+        self.joint = np.array([part.joint for part in parts], dtype=np.intp)
+        self.R = poses[:, :3, :3]
+        middle = np.array([size[0] for size in sizes]).reshape(-1, 3, 1)
+        self.middle = (mul(self.R, middle))[..., 0] + poses[:, :3, 3]
+        self.half = np.array([size[1] for size in sizes]).reshape(-1, 3)
+        self.tube, self.ball = np.array([size[2] for size in sizes]), np.array([size[3] for size in sizes])
+
+    def of(self, bodies: Indices, directions: Array, R: Array, t: Array, rows: Indices) -> Array:
+        """(k, c) m for bodies (k,) and directions (k, c, 3), at configurations `rows` (k,) of R and t."""
+        joint = self.joint[bodies]
+        turn = R[rows, joint]
+        middle = (mul(turn, self.middle[bodies][..., None]))[..., 0] + t[rows, joint]
+        local = mul(directions, mul(turn, self.R[bodies]))
+        reach = (np.abs(local) * self.half[bodies][:, None]).sum(-1)
+        reach += self.tube[bodies][:, None] * np.hypot(local[..., 0], local[..., 1])
+        reach += self.ball[bodies][:, None] * np.sqrt((local * local).sum(-1))
+        return np.asarray(reach + (directions * middle[:, None]).sum(-1))
+
+
+def _runs(first: Indices, counts: Indices) -> tuple[Indices, Indices]:
+    """`counts` numbers from each `first` on, one run behind the other, and where each run begins."""
+    begin = np.cumsum(counts) - counts
+    total = int(counts.sum())
+    return np.arange(total) - np.repeat(begin, counts) + np.repeat(first, counts), begin
+
+
+@lru_cache(maxsize=1024)
+def hull(shape: Shape) -> tuple[Array, float]:
+    """Points (n, 3) and a radius: the body lies in the hull of balls of that radius about the points."""
+    match shape:
+        case Box(size):
+            signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+            return signs * (np.array(size) / 2.0), 0.0
+        case Cylinder(radius, length) | Capsule(radius, length):
+            return np.array([[0.0, 0.0, -length / 2.0], [0.0, 0.0, length / 2.0]]), radius
+        case Sphere(radius):
+            return np.zeros((1, 3)), radius
+        case Convex(points):
+            return np.array(points), 0.0
+
+
+@lru_cache(maxsize=1024)
+def cover(shape: Shape) -> tuple[Array, float]:
+    """Centres (n, 3) and a radius of equal balls that cover the body."""
+    match shape:
+        case Sphere(radius):
+            return np.zeros((1, 3)), radius
+        case Capsule(radius, length):
+            return _row(np.array([0.0, 0.0, length + 2.0 * radius]), radius)
+        case Cylinder(radius, length):
+            return _row(np.array([2.0 * radius, 2.0 * radius, length]), radius)
+        case Box(size):
+            return _row(np.array(size), None)
+        case Convex(points):
+            corners = np.array(points)
+            middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
+            return middle[None], float(np.linalg.norm(corners - middle, axis=1).max())
+
+
+def _row(size: Array, radius: float | None) -> tuple[Array, float]:
+    """Balls along the longest edge of a box, or along the axis of a cylinder of that radius."""
+    axis = int(np.argmax(size)) if radius is None else 2
+    across = float(norm(np.delete(size, axis))) / 2.0 if radius is None else radius
+    count = int(np.clip(np.ceil(size[axis] / max(2.0 * across, 1e-9)), 1, _MOST_BALLS))
+    part = size[axis] / count
+    centres = np.zeros((count, 3))
+    centres[:, axis] = (np.arange(count) - (count - 1) / 2.0) * part
+    return centres, float(np.hypot(across, part / 2.0))
+
+
+@lru_cache(maxsize=1024)
+def _rounded_box(shape: Shape) -> tuple[Array, Array, float, float]:
+    """Middle and half sizes (3,) of a box, a radius across z and one all round: their sum is or holds the body."""
+    middle = np.zeros(3)
+    match shape:
+        case Box(size):
+            return middle, np.array(size) / 2.0, 0.0, 0.0
+        case Cylinder(radius, length):
+            return middle, np.array([0.0, 0.0, length / 2.0]), radius, 0.0
+        case Capsule(radius, length):
+            return middle, np.array([0.0, 0.0, length / 2.0]), 0.0, radius
+        case Sphere(radius):
+            return middle, np.zeros(3), 0.0, radius
+        case Convex(points):
+            corners = np.array(points)
+            low, high = corners.min(axis=0), corners.max(axis=0)
+            return (low + high) / 2.0, (high - low) / 2.0, 0.0, 0.0

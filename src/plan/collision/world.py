@@ -1,0 +1,400 @@
+"""The collision world: distances between an arm, what it holds, and everything around it, on coal.
+
+Each pair of bodies that may not touch is one collision pair of a Pinocchio geometry model, so forward kinematics,
+broadphase and distances run in C++. Two bodies on the same joint do not move against each other and make no pair,
+nor do two that stand still.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from math import isfinite
+from typing import Any
+
+import coal
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from arm import arguments as given
+from arm.errors import InputError
+from arm.numerics.products import mul
+from arm.robot.model import Robot
+from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere
+from arm.se3 import Array, cross, frozen
+from plan.budget import DISTANCE_LOOKS, spend
+from plan.collision.bounds import Axes, Part, Volumes
+
+Indices = npt.NDArray[np.intp]
+
+_FLOAT = np.dtype(float)
+
+GJK_TOLERANCE = 1e-7
+# What a distance may be wrong by, m: fifty times what GJK at this tolerance was seen to differ from MuJoCo on the
+# same primitives. Lower bounds of distance subtract it.
+DISTANCE_ERROR = 1e-5
+# In a few of a million configurations coal cannot tell how deep two bodies overlap; that counts as this deep, m.
+UNKNOWN_DEPTH = -1.0
+# Up to so many bodies, boxes around all of them are compared faster than they are sorted; a tree is slower than either.
+_FEW_BODIES = 60
+
+
+@dataclass(frozen=True)
+class Witnesses:
+    """Distances of k pairs, and between which points they are.
+
+    Attributes:
+        distance: (k,) m, negative by the depth where the bodies overlap.
+        normal: (k, 3) unit vectors from the body nearer to the base to the other.
+        point: (k, 3) m, on the other.
+    """
+
+    distance: Array
+    normal: Array
+    point: Array
+
+
+@dataclass(frozen=True)
+class Near:
+    """Pairs that are near each other at some of several configurations; r of them.
+
+    Attributes:
+        row: (r,) which configuration.
+        pair: (r,) which pair.
+        distance: (r,) m.
+        gradient: (r, n) of the distance by the joints, m/rad (1 for a sliding joint along the normal).
+    """
+
+    row: Indices
+    pair: Indices
+    distance: Array
+    gradient: Array
+
+
+@dataclass(frozen=True)
+class Distance:
+    """Smallest distance between two bodies.
+
+    Attributes:
+        value: m, negative by the depth where they overlap.
+        pair: their names, the one nearer to the tool first.
+        points: witness points on the first and second body, (2, 3) m in the base frame.
+    """
+
+    value: float
+    pair: tuple[str, str]
+    points: Array
+
+
+class World:
+    """One arm with or without a body in its jaws, among bodies that stand still.
+
+    Not for use from two threads at once (Pinocchio's workspace is inside).
+
+    Args:
+        robot: the arm, jaws where they are.
+        bodies: that stand still; overlaps between them are no concern of this world.
+        held: a body that moves with the tool, or None.
+        T_tool_held: its pose in the tool frame, 4x4; required with `held`.
+        allowed: pairs of names that may touch.
+        padding: taken off every distance, besides the paddings of the two bodies, m.
+
+    Raises:
+        InputError: `held` without `T_tool_held`, two bodies of one name, a pose that is not rigid, `allowed` that are
+            not pairs, or a padding that is negative. Methods raise it where a configuration has not one finite number
+            for each joint.
+
+    Attributes:
+        robot: the arm.
+        padding: m.
+        paddings: of each pair, (p,) m: `padding` and those of its two bodies.
+        names: of all bodies; the arm's own first, then the held one, then the still ones.
+        pairs: indices into `names` of each checked pair, (p, 2); the body nearer to the base first.
+        volumes: bounds on motion and distance of the pairs, for many configurations at once.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        bodies: Sequence[Body],
+        held: Body | None = None,
+        T_tool_held: npt.ArrayLike | None = None,
+        allowed: Iterable[frozenset[str]] = (),
+        padding: float = 0.0,
+    ) -> None:
+        if held is not None and T_tool_held is None:
+            raise InputError(f"held body {held.name!r} needs its pose in the tool frame", name=held.name)
+        for body in (*bodies, *([] if held is None else [held])):
+            if not isinstance(body, Body):
+                raise InputError(f"bodies: {given.shown(body)}: must be a Body", value=given.shown(body))
+        self.robot = robot
+        self.padding = given.number("padding", padding, 0.0, 100.0, "m", "it is taken off every distance")
+        given.rigid("robot.T_end_tool", robot.T_end_tool)
+        n = int(robot.model.nq)
+        self._shape = (n,)
+        parts = [Part(b.name, b.joint, b.shape, b.T_joint_body, b.padding) for b in robot.bodies]
+        if held is not None:
+            end = robot.model.frames[robot.model.getFrameId(robot.end_frame)]
+            pose = mul(
+                mul(end.placement.homogeneous, robot.T_end_tool), given.rigid("T_tool_held", T_tool_held)
+            )
+            parts.append(Part(held.name, int(end.parentJoint), held.shape, frozen(pose), held.padding))
+        parts += [Part(b.name, 0, b.shape, b.T_base_body, b.padding) for b in bodies]
+        self.names = tuple(p.name for p in parts)
+        if len(set(self.names)) != len(parts):
+            raise InputError(f"two bodies of one name among {', '.join(self.names)}", names=list(self.names))
+
+        self.pairs = _pairs(parts, robot.touching | given.pairs("allowed", allowed))
+        self.paddings = frozen(self.padding + np.array([p.padding for p in parts])[self.pairs].sum(axis=1))
+        self._joint = np.array([p.joint for p in parts], dtype=np.intp)
+        # which joints move the bodies of a pair against each other
+        joint = np.arange(1, n + 1)
+        inner, outer = self._joint[self.pairs].T[..., None]
+        self._between = (joint > inner) & (joint <= outer)
+        self._geometry = _geometry_model(parts, self.pairs)
+        self._data = robot.model.createData()
+        self._distances = pin.GeometryData(self._geometry)
+        # fresh requests, because Pinocchio's own start GJK from the answer before: then the last digits of a distance
+        # would depend on what was asked earlier
+        request = coal.DistanceRequest()
+        request.gjk_tolerance = request.epa_tolerance = GJK_TOLERANCE
+        requests = self._distances.distanceRequests
+        for i in range(len(self.pairs)):
+            requests[i] = request
+        self.volumes = Volumes(_axes(robot), parts, self.pairs)
+        self._too_near: dict[float, Callable[[Array], bool]] = {}
+
+    def pair_names(self, index: int) -> tuple[str, str]:
+        """The two bodies of pair `index`, the one that moves more (nearer to the tool) first."""
+        inner, outer = self.pairs[index]
+        return self.names[outer], self.names[inner]
+
+    def pair_distances(self, q: npt.ArrayLike, pairs: Indices) -> Array:
+        """Signed distances (k,) m of the pairs `pairs` (k,) at configuration q (n,), less their paddings."""
+        self._place(q)
+        geometry, data, compute = self._geometry, self._distances, pin.computeDistance
+        values = [compute(geometry, data, i).min_distance for i in pairs.tolist()]
+        spend(DISTANCE_LOOKS * len(values))
+        return np.asarray(np.maximum(values, UNKNOWN_DEPTH) - self.paddings[pairs])
+
+    def witnesses(
+        self, q: npt.ArrayLike, rows: Indices, pairs: Indices, stop_below: float = -np.inf
+    ) -> Witnesses:
+        """Signed distances, less their paddings, of pairs at some of several configurations.
+
+        Args:
+            q: (m, n) rad.
+            rows, pairs: (k,) which configuration, in order, and which pair.
+            stop_below: the first distance below this, m, is the last that is looked at.
+        """
+        q = np.asarray(q, dtype=float)
+        geometry, data, results = self._geometry, self._distances, self._distances.distanceResults
+        least, compute, placed = stop_below + self.paddings[pairs], pin.computeDistance, -1
+        values, normals, points = [], np.empty((len(rows), 3)), np.empty((len(rows), 3))
+        for i, (row, pair) in enumerate(zip(rows.tolist(), pairs.tolist(), strict=True)):
+            if row != placed:
+                self._place(q[row])
+                placed = row
+            compute(geometry, data, pair)
+            # copied: the result's memory is written over when the pair is looked at again
+            result = results[pair]
+            normals[i], points[i] = result.normal, result.getNearestPoint2()
+            values.append(result.min_distance)
+            if values[-1] < least[i]:
+                break
+        count = len(values)
+        spend(DISTANCE_LOOKS * count)
+        distances = np.maximum(values, UNKNOWN_DEPTH) - self.paddings[pairs[:count]]
+        return Witnesses(np.asarray(distances), normals[:count], points[:count])
+
+    def padding_of(self, pair: tuple[str, str]) -> float:
+        """What is taken off the distance of two bodies, m.
+
+        Raises:
+            InputError: they are no pair that is checked.
+        """
+        wanted = {self.names.index(name) for name in pair if name in self.names}
+        for index, indices in enumerate(self.pairs.tolist()):
+            if set(indices) == wanted:
+                return float(self.paddings[index])
+        raise InputError(f"{' and '.join(pair)}: are no pair that is checked", pair=list(pair))
+
+    def joint_of(self, name: str) -> int:
+        """Index of the joint that a body moves with, 1 to n; 0 for a body that stands still."""
+        return int(self._joint[self.names.index(name)])
+
+    def motion_radii(self, q: npt.ArrayLike) -> Array:
+        """How far each moving body can move per joint: (bodies, n), m/rad (1 for a sliding joint).
+
+        Entry (b, k) is the largest distance of a point of body b from the axis of joint k at configuration q, and 0
+        for joints beyond the body. See `plan.collision.certificate` for what is proved with it.
+        """
+        return np.asarray(self.volumes.placed(self._configuration(q)[None]).radii[0])
+
+    def distance(self, q: npt.ArrayLike) -> Distance:
+        """The smallest distance over all pairs at configuration q (n,) rad; infinite where there is no pair."""
+        values = self.pair_distances(q, np.arange(len(self.pairs)))
+        if not len(values):
+            return Distance(float("inf"), ("", ""), frozen(np.full((2, 3), np.nan)))
+        return self._witness(int(np.argmin(values)), float(values.min()))
+
+    def distances_below(self, q: npt.ArrayLike, limit: float) -> list[Distance]:
+        """Every pair closer than `limit` m at configuration q (n,) rad, the closest first.
+
+        Raises:
+            InputError: q has not one finite number for each joint, or `limit` is NaN.
+        """
+        limit = given.number("limit", limit, -np.inf, np.inf, "m")
+        values = self.pair_distances(q, np.arange(len(self.pairs)))
+        order = [int(i) for i in np.argsort(values, kind="stable") if values[i] < limit]
+        return [self._witness(i, float(values[i])) for i in order]
+
+    def near(self, q: npt.ArrayLike, limit: float) -> Near:
+        """Every pair closer than `limit` m at configurations q (m, n) rad, with the gradient of its distance.
+
+        The distance changes by the normal's share of the motion of the outer body's witness point against the inner
+        body (what the bodies' curvature adds is of second order).
+        """
+        q = np.asarray(q, dtype=float)
+        if q.ndim != 2 or q.shape[1:] != self._shape or not np.isfinite(q).all():
+            raise InputError(
+                f"q = array of shape {q.shape}: must be (m, {self._shape[0]}) finite numbers, rad",
+                shape=q.shape,
+            )
+        at = self.volumes.placed(q)
+        asked = self.volumes.distances(at) - self.paddings < limit
+        row, pair = np.nonzero(asked)
+        found = self.witnesses(q, row, pair)
+        close = found.distance < limit
+        row, pair = row[close], pair[close]
+        normal, point = found.normal[close][:, None], found.point[close][:, None]
+        axis_point, axis = at.point[row], at.axis[row]
+        motion = np.where(self.volumes.turning[:, None], cross(axis, point - axis_point), axis)
+        gradient = np.where(self._between[pair], (motion * normal).sum(-1), 0.0)
+        return Near(row, pair, found.distance[close], gradient)
+
+    def in_collision(self, q: npt.ArrayLike, clearance: float = 0.0) -> bool:
+        """Whether some pair is closer than `clearance` m at configuration q (n,) rad. Fast: coal's broadphase."""
+        return self.too_near(clearance)(self._configuration(q))
+
+    def too_near(self, clearance: float) -> Callable[[Array], bool]:
+        """`in_collision` for searches, which ask thousands of times: q has to be an array (n,) of finite floats.
+
+        Raises:
+            InputError: `clearance` is not a finite number.
+        """
+        test = self._too_near.get(clearance)
+        if test is None:  # NaN, which is not even equal to itself, always comes by here
+            given.finite("clearance", clearance, "m")
+            test = self._too_near[clearance] = self._tester(clearance)
+        return test
+
+    def _tester(self, clearance: float) -> Callable[[Array], bool]:
+        if not len(self.pairs):
+            return lambda q: False
+        model, data, manager = self.robot.model, self._data, self._manager(clearance)
+        compute: Callable[..., bool] = pin.computeCollisions
+
+        def test(q: Array) -> bool:
+            spend(1.0)
+            return compute(model, data, manager, q, True)
+
+        return test
+
+    def _manager(self, clearance: float) -> Any:
+        data = pin.GeometryData(self._geometry)
+        request = coal.CollisionRequest()
+        request.gjk_tolerance = request.epa_tolerance = GJK_TOLERANCE
+        for i, padding in enumerate(self.paddings.tolist()):
+            request.security_margin = clearance + padding
+            data.collisionRequests[i] = request
+        kind = (
+            pin.BroadPhaseManager_NaiveCollisionManager
+            if len(self.names) <= _FEW_BODIES
+            else pin.BroadPhaseManager_SSaPCollisionManager
+        )
+        return kind(self.robot.model, self._geometry, data)
+
+    def _place(self, q: npt.ArrayLike) -> None:
+        pin.updateGeometryPlacements(
+            self.robot.model, self._data, self._geometry, self._distances, self._configuration(q)
+        )
+
+    def _configuration(self, q: npt.ArrayLike) -> Array:
+        """q (n,), checked; in the usual case in half a microsecond, because searches ask a million times."""
+        if (
+            type(q) is np.ndarray
+            and q.dtype is _FLOAT
+            and q.shape == self._shape
+            and isfinite(sum(q.tolist()))
+        ):
+            return q
+        return given.joints("q", q, self.robot.joint_names)
+
+    def _witness(self, index: int, value: float) -> Distance:
+        result = self._distances.distanceResults[index]
+        points = frozen([result.getNearestPoint2(), result.getNearestPoint1()])
+        return Distance(value, self.pair_names(index), points)
+
+
+@lru_cache(maxsize=32)
+def _axes(robot: Robot) -> Axes:
+    return Axes(robot.model)
+
+
+def _pairs(parts: Sequence[Part], excluded: frozenset[frozenset[str]]) -> Indices:
+    joint = np.array([part.joint for part in parts], dtype=np.intp)
+    first, second = np.triu_indices(len(parts), k=1)
+    apart = joint[first] != joint[second]
+    first, second = first[apart], second[apart]
+    number = {part.name: i for i, part in enumerate(parts)}
+    left_out = {tuple(sorted(number.get(name, -1) for name in pair)) for pair in excluded}
+    kept = [pair not in left_out for pair in zip(first.tolist(), second.tolist(), strict=True)]
+    pairs = np.stack([first, second], axis=1)[kept]
+    swapped = joint[pairs[:, 0]] > joint[pairs[:, 1]]
+    pairs[swapped] = pairs[swapped, ::-1]
+    return np.asarray(pairs, dtype=np.intp)
+
+
+def _geometry_model(parts: Sequence[Part], pairs: Indices) -> Any:
+    model = pin.GeometryModel()
+    for p in parts:
+        pose = pin.SE3(np.array(p.T_joint_body[:3, :3]), np.array(p.T_joint_body[:3, 3]))
+        model.addGeometryObject(pin.GeometryObject(p.name, p.joint, pose, coal_shape(p.shape)))
+    for a, b in pairs.tolist():
+        model.addCollisionPair(pin.CollisionPair(a, b))
+    return model
+
+
+def distance_of(first: Body, second: Body) -> Distance:
+    """The distance of two bodies where they are."""
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    request.gjk_tolerance = request.epa_tolerance = GJK_TOLERANCE
+    placed = [
+        coal.Transform3s(np.array(b.T_base_body[:3, :3]), np.array(b.T_base_body[:3, 3]))
+        for b in (first, second)
+    ]
+    value = coal.distance(
+        coal_shape(first.shape), placed[0], coal_shape(second.shape), placed[1], request, result
+    )
+    points = frozen([result.getNearestPoint1(), result.getNearestPoint2()])
+    return Distance(max(float(value), UNKNOWN_DEPTH), (first.name, second.name), points)
+
+
+def coal_shape(shape: Shape) -> Any:
+    """The shape as coal has it, in its own frame."""
+    match shape:
+        case Box(size):
+            return coal.Box(*size)
+        case Cylinder(radius, length):
+            return coal.Cylinder(radius, length)
+        case Sphere(radius):
+            return coal.Sphere(radius)
+        case Capsule(radius, length):
+            return coal.Capsule(radius, length)
+        case Convex(points):
+            corners = coal.StdVec_Vec3s()
+            corners.extend(np.array(points))
+            return coal.Convex.convexHull(corners, True, "Qt")

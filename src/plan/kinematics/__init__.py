@@ -1,0 +1,1 @@
+"""Inverse kinematics: in closed form, numeric, and with a free axis."""

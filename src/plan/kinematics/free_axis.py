@@ -1,0 +1,359 @@
+"""Poses whose turn about one tool axis is free: for every branch the intervals of angles in which it can be had.
+
+Branches are followed over samples of the whole circle, which are refined where joints turn fast or a limit is grazed;
+then every end of an interval is narrowed down to about 1e-8 rad. An interval, or a gap, that opens and closes between
+two samples 1 deg apart is found only if the joints' rates there say that it may (a limit grazed by a curve's bend
+alone can be missed by less than 0.1 mrad of joint angle).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import product
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.errors import InputError
+from arm.numerics.products import mul
+from arm.robot.model import Robot
+from arm.se3 import Array, frozen, skew
+from plan.kinematics.ik import BRANCH_NAMES, Indices, RawBranches, all_branches, nearest_turns
+from plan.kinematics.straight_line import AXES
+
+_SAMPLES = 360
+_JUMP = 0.3  # rad: a joint that turns further from one sample to the next has not been followed
+_REFINEMENTS = 3
+_PARTS = 12  # of a gap between samples, when it is refined or narrowed
+_NARROWINGS = 6
+_SLACK = 1e-12  # rad, of limits
+
+
+@dataclass(frozen=True)
+class FreeInterval:
+    """Angles over which one branch, with certain whole turns, moves continuously and within limits.
+
+    Attributes:
+        branch: see `plan.kinematics.ik.BRANCH_NAMES`.
+        angles: (s,) increasing, rad; the first in [-pi, pi), the last at most a turn later. The pose at an angle is
+            T_base_tool turned about the free axis by it.
+        q: (s, 6) rad, at each of them.
+        stops: what ends the interval at its start and at its end, such as "J4 upper limit"; "reach" where the links
+            end; "singular" where a joint jumps; "" where a whole circle closes in itself.
+        singular: angles of singular configurations; they are ends, because two branches meet there.
+        least_sine: the smallest `RawBranches.sine` over the samples; 0 if it is singular throughout.
+    """
+
+    branch: str
+    angles: Array
+    q: Array
+    stops: tuple[str, str]
+    singular: tuple[float, ...]
+    least_sine: float
+
+    @property
+    def start(self) -> float:
+        """rad."""
+        return float(self.angles[0])
+
+    @property
+    def end(self) -> float:
+        """rad."""
+        return float(self.angles[-1])
+
+    @property
+    def length(self) -> float:
+        """rad."""
+        return self.end - self.start
+
+
+@dataclass(frozen=True)
+class FreeSamples:
+    """Poses out of free intervals.
+
+    Attributes:
+        T_base_tool: (k, 4, 4).
+        q: (k, 6) rad, one configuration that reaches each.
+        angle: (k,) rad.
+        interval: (k,) index of the interval of each.
+        singular: (k,) whether the configuration is singular.
+    """
+
+    T_base_tool: Array
+    q: Array
+    angle: Array
+    interval: Indices
+    singular: npt.NDArray[np.bool_]
+
+
+def turned_poses(T_base_tool: npt.ArrayLike, axis: str, angles: npt.ArrayLike) -> Array:
+    """The pose (4, 4) turned about its own `axis` by angles (k,) rad: (k, 4, 4).
+
+    Raises:
+        InputError: not one of `AXES`.
+    """
+    if axis not in AXES:
+        raise InputError(f"axis = {axis!r}: must be one of {', '.join(AXES)}", axis=axis)
+    T, angle = np.asarray(T_base_tool, dtype=float), np.asarray(angles, dtype=float)[:, None, None]
+    K = skew(np.eye(3)[AXES.index(axis)])
+    turned = np.tile(T, (len(angle), 1, 1))
+    turned[:, :3, :3] = mul(
+        T[:3, :3], np.eye(3) + np.sin(angle) * K + 2 * np.sin(angle / 2) ** 2 * (mul(K, K))
+    )
+    return turned
+
+
+def free_sets(
+    robot: Robot, T_base_tool: npt.ArrayLike, lower: npt.ArrayLike, upper: npt.ArrayLike, axis: str = "z"
+) -> tuple[FreeInterval, ...]:
+    """Every interval of the free angle about `axis`, in order of branch, start, whole turns.
+
+    Args:
+        robot: an arm that `plan.kinematics.ik.inverse_kinematics` solves.
+        T_base_tool: (4, 4), the pose at angle 0.
+        lower, upper: (6,) rad.
+        axis: of the tool.
+
+    Raises:
+        InputError: the arm is of another kind, or the axis is not known.
+    """
+    circle = _Circle(
+        robot,
+        np.asarray(T_base_tool, dtype=float),
+        axis,
+        np.asarray(lower, dtype=float),
+        np.asarray(upper, dtype=float),
+    )
+    pieces = circle.run([s for branch in range(len(BRANCH_NAMES)) for s in circle.pieces(branch)])
+    found = [circle.interval(branch, piece) for branch, piece in pieces]
+    return tuple(i for name in BRANCH_NAMES for i in _joined([i for i in found if i.branch == name]))
+
+
+def sample_free(
+    robot: Robot, T_base_tool: npt.ArrayLike, intervals: Sequence[FreeInterval], count: int, axis: str = "z"
+) -> FreeSamples:
+    """About `count` poses out of intervals of `free_sets`, by their lengths; at least one of each, none at an end.
+
+    Raises:
+        InputError: as `free_sets`.
+    """
+    total = sum(i.length for i in intervals)
+    angles, guess, which = [np.zeros(0)], [np.zeros((0, robot.model.nq))], [np.zeros(0, dtype=np.intp)]
+    for index, interval in enumerate(intervals):
+        # a share is rounded before it is counted, so that it does not hang on the last bits
+        share = max(1, round(round(count * interval.length / total, 6))) if total > 0.0 else 1
+        at = interval.start + interval.length * (np.arange(share) + 0.5) / share
+        angles.append(at)
+        guess.append(np.stack([np.interp(at, interval.angles, q) for q in interval.q.T], axis=1))
+        which.append(np.full(share, index))
+    angle, near, interval_of = np.concatenate(angles), np.concatenate(guess), np.concatenate(which)
+    T = turned_poses(T_base_tool, axis, angle)
+    raw = all_branches(robot, T)
+    branch = np.array([BRANCH_NAMES.index(intervals[i].branch) for i in interval_of], dtype=np.intp)
+    rows = np.arange(len(angle))
+    q = nearest_turns(raw.q[rows, branch], near)
+    return FreeSamples(frozen(T), frozen(q), frozen(angle), interval_of, raw.singular[rows, branch])
+
+
+Result = TypeVar("Result")
+_Search = Generator[Array, RawBranches, Result]
+"""A search that asks for the branches at angles, is sent them, and returns what it found."""
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Samples of one curve within limits, and what lies beyond: the angles and reasons of its two ends."""
+
+    angles: Array
+    q: Array
+    stops: tuple[str, str]
+
+
+class _Circle:
+    """One pose turned all the way round: samples of all branches, fine enough to follow them."""
+
+    def __init__(self, robot: Robot, T: Array, axis: str, lower: Array, upper: Array) -> None:
+        self.robot, self.T, self.axis, self.lower, self.upper = robot, T, axis, lower, upper
+        self.angles = np.linspace(-np.pi, np.pi, _SAMPLES + 1)
+        self.raw = self.solved(self.angles)
+        for _ in range(_REFINEMENTS):
+            gaps = np.unique(np.concatenate([self.unclear(b) for b in range(len(BRANCH_NAMES))]))
+            if not len(gaps):
+                break
+            step = np.diff(self.angles)[gaps, None]
+            self.add((self.angles[gaps, None] + step * np.arange(1, _PARTS) / _PARTS).ravel())
+
+    def solved(self, angles: Array) -> RawBranches:
+        return all_branches(self.robot, turned_poses(self.T, self.axis, angles))
+
+    def add(self, angles: Array) -> None:
+        more = self.solved(angles)
+        merged = np.concatenate([self.angles, angles])
+        order = np.argsort(merged, kind="stable")
+        self.angles = merged[order]
+        self.raw = RawBranches(
+            *(
+                np.concatenate([getattr(self.raw, f.name), getattr(more, f.name)])[order]
+                for f in fields(RawBranches)
+            )
+        )
+
+    def curves(self, branch: int) -> Iterator[tuple[slice, Array]]:
+        """Runs of samples over which a branch is reached and continuous, with every choice of whole turns: q (s, 6)."""
+        reached, q = self.raw.reached[:, branch], self.raw.q[:, branch]
+        jumps = np.abs(nearest_turns(np.diff(q, axis=0), np.zeros(q.shape[1]))).max(axis=1) > _JUMP
+        linked = reached[1:] & reached[:-1] & ~jumps
+        for start, stop in _runs(reached, linked):
+            curve = np.unwrap(q[start:stop], axis=0)
+            first = np.ceil((self.lower - _SLACK - curve.max(axis=0)) / (2 * np.pi))
+            last = np.floor((self.upper + _SLACK - curve.min(axis=0)) / (2 * np.pi))
+            for turns in product(*(np.arange(a, b + 1) for a, b in zip(first, last, strict=True))):
+                yield slice(start, stop), curve + 2 * np.pi * np.array(turns)
+
+    def margin(self, q: Array) -> Array:
+        """rad to the nearest limit (s,); negative beyond."""
+        return np.asarray(np.minimum(q - self.lower, self.upper - q).min(axis=-1)) + _SLACK
+
+    def unclear(self, branch: int) -> Indices:
+        """Gaps between samples in which a joint turns far, or a limit may be crossed to and fro."""
+        reached, q = self.raw.reached[:, branch], self.raw.q[:, branch]
+        jumps = np.abs(nearest_turns(np.diff(q, axis=0), np.zeros(q.shape[1]))).max(axis=1) > _JUMP
+        gaps = [np.flatnonzero(jumps & reached[1:] & reached[:-1])]
+        for run, curve in self.curves(branch):
+            m = self.margin(curve)
+            ahead = np.abs(np.diff(m))
+            side = np.sign(m[1:]) == np.sign(m[:-1])
+            # by the steeper of the neighbouring slopes, could the margin pass zero and come back within the gap?
+            slope = np.maximum(np.r_[0.0, ahead[:-1]], np.r_[ahead[1:], 0.0]) if len(ahead) else ahead
+            graze = side & (np.minimum(np.abs(m[1:]), np.abs(m[:-1])) < np.maximum(slope, ahead))
+            rising = np.diff(np.abs(m))
+            turns = np.r_[True, np.sign(rising[1:]) != np.sign(rising[:-1])] if len(rising) else rising > 0
+            turns |= np.r_[turns[1:], True] if len(rising) else turns
+            gaps.append(run.start + np.flatnonzero(graze & turns))
+        return np.concatenate(gaps)
+
+    def run(self, searches: Sequence[_Search[Result]]) -> list[Result]:
+        """The results of searches, run side by side: the angles that all of them ask for are solved at once."""
+        results: dict[int, Result] = {}
+        asked: dict[int, Array] = {}
+        answers: dict[int, RawBranches | None] = dict.fromkeys(range(len(searches)))
+        while answers:
+            for k, answer in answers.items():
+                try:
+                    asked[k] = next(searches[k]) if answer is None else searches[k].send(answer)
+                except StopIteration as done:
+                    results[k] = done.value
+            answers = {}
+            if asked:
+                raw = self.solved(np.concatenate(list(asked.values())))
+                stops = np.cumsum([len(a) for a in asked.values()])
+                answers = {
+                    k: _rows(raw, slice(stop - len(asked[k]), stop))
+                    for k, stop in zip(asked, stops.tolist(), strict=True)
+                }
+                asked = {}
+        return [results[k] for k in range(len(searches))]
+
+    def pieces(self, branch: int) -> Iterator[_Search[tuple[int, _Piece]]]:
+        """Searches for the parts within limits of all curves of a branch, ends narrowed down."""
+        for run, curve in self.curves(branch):
+            inside = self.margin(curve) >= 0.0
+            for start, stop in _runs(inside, inside[1:] & inside[:-1]):
+                yield self.piece(branch, run.start + start, curve[start:stop])
+
+    def piece(self, branch: int, start: int, q: Array) -> _Search[tuple[int, _Piece]]:
+        """Samples from `start` on, with their ends narrowed down."""
+        stop = start + len(q)
+        first = yield from self.end(branch, start, q[0], -1)
+        last = yield from self.end(branch, stop - 1, q[-1], +1)
+        return branch, _Piece(
+            np.concatenate([first[0], self.angles[start:stop], last[0]]),
+            np.concatenate([first[1], q, last[1]]),
+            (first[2], last[2]),
+        )
+
+    def end(self, branch: int, sample: int, q: Array, side: int) -> _Search[tuple[Array, Array, str]]:
+        """Beyond a last sample inside: the furthest angle and q still inside, if further, and what stops it there."""
+        beyond = sample + side
+        if not 0 <= beyond < len(self.angles):
+            return np.zeros(0), np.zeros((0, len(q))), ""
+        inner, outer, moved, stop = self.angles[sample], self.angles[beyond], False, "singular"
+        for _ in range(_NARROWINGS):
+            angles = inner + (outer - inner) * np.arange(1, _PARTS + 1) / _PARTS
+            raw = yield angles
+            for angle, solution, reached in zip(
+                angles, nearest_turns(raw.q[:, branch], q), raw.reached[:, branch], strict=True
+            ):
+                stop = self.stop(solution, q, bool(reached))
+                if stop:
+                    outer = angle
+                    break
+                inner, q, moved = angle, solution, True
+            else:
+                break
+        stop = stop or "singular"
+        if not moved:
+            return np.zeros(0), np.zeros((0, len(q))), stop
+        return np.array([inner]), q[None], stop
+
+    def stop(self, q: Array, before: Array, reached: bool) -> str:
+        """Why q is not the continuation of `before` within limits, or ""."""
+        if not reached:
+            return "reach"
+        if np.abs(q - before).max() > _JUMP:
+            return "singular"
+        excess = np.maximum(self.lower - q, q - self.upper)
+        joint = int(np.argmax(excess))
+        if excess[joint] <= _SLACK:
+            return ""
+        side = "lower" if q[joint] < self.lower[joint] else "upper"
+        return f"{self.robot.joint_names[joint]} {side} limit"
+
+    def interval(self, branch: int, piece: _Piece) -> FreeInterval:
+        """A piece with its singular angles: where two branches meet, both end."""
+        inside = (self.angles >= piece.angles[0]) & (self.angles <= piece.angles[-1])
+        ends = zip(piece.angles[[0, -1]].tolist(), piece.stops, strict=True)
+        return FreeInterval(
+            BRANCH_NAMES[branch],
+            frozen(piece.angles),
+            frozen(np.clip(piece.q, self.lower, self.upper)),
+            piece.stops,
+            tuple(angle for angle, stop in ends if stop in ("reach", "singular")),
+            float(self.raw.sine[inside, branch].min()),
+        )
+
+
+def _rows(raw: RawBranches, rows: slice) -> RawBranches:
+    return RawBranches(*(getattr(raw, f.name)[rows] for f in fields(RawBranches)))
+
+
+def _runs(on: npt.NDArray[np.bool_], linked: npt.NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+    """First and one past the last of each run of samples that are `on` and linked to the next."""
+    start: int | None = None
+    for k, is_on in enumerate(on):
+        if not is_on:
+            continue
+        start = k if start is None else start
+        if k + 1 == len(on) or not linked[k]:
+            yield start, k + 1
+            start = None
+
+
+def _joined(intervals: list[FreeInterval]) -> list[FreeInterval]:
+    """Where one interval ends at pi in the configuration in which another begins at -pi, they are one."""
+    for a in intervals:
+        for b in intervals:
+            closes = a.end == np.pi and b.start == -np.pi and np.abs(a.q[-1] - b.q[0]).max() < 1e-6
+            if closes and a is not b and a.length + b.length <= 2 * np.pi:
+                both = replace(
+                    a,
+                    angles=frozen(np.concatenate([a.angles, b.angles[1:] + 2 * np.pi])),
+                    q=frozen(np.concatenate([a.q, b.q[1:]])),
+                    stops=(a.stops[0], b.stops[1]),
+                    singular=a.singular + tuple(s + 2 * np.pi for s in b.singular),
+                    least_sine=min(a.least_sine, b.least_sine),
+                )
+                return _joined([i for i in intervals if i is not a and i is not b] + [both])
+    return sorted(intervals, key=lambda i: (round(i.start, 6), *np.round(i.q[0], 6)))

@@ -1,0 +1,164 @@
+"""Inverse kinematics of spherical-wrist arms: every solution within limits, or why a pose has none.
+
+The branches come from `plan.kinematics.closed_form` in closed form; here whole turns and limits are applied.
+`plan.kinematics.numeric_ik` has the front door for arms of any kind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.arguments import joints, poses
+from arm.errors import InputError
+from arm.robot.model import Robot
+from arm.se3 import Array, frozen
+from plan.kinematics.closed_form import (
+    BRANCH_NAMES,
+    POSE_TOLERANCE,
+    Flags,
+    RawBranches,
+    all_branches,
+    has_closed_form,
+)
+
+__all__ = [
+    "BRANCH_NAMES",
+    "POSE_TOLERANCE",
+    "BranchReport",
+    "Branches",
+    "Flags",
+    "Indices",
+    "RawBranches",
+    "all_branches",
+    "explain_pose",
+    "has_closed_form",
+    "inverse_kinematics",
+    "nearest_turns",
+]
+
+Indices = npt.NDArray[np.intp]
+
+_LIMIT_SLACK = 1e-12  # rad, so that a solution on its limit is not lost to rounding
+
+
+@dataclass(frozen=True)
+class Branches:
+    """Solutions inside joint limits of one or more poses, flat; in order of pose, branch, turns.
+
+    Attributes:
+        q: (k, 6) rad.
+        pose: (k,) index of the pose that each belongs to.
+        branch: (k,) index into `BRANCH_NAMES`.
+        singular: (k,) see `RawBranches`.
+    """
+
+    q: Array
+    pose: Indices
+    branch: Indices
+    singular: Flags
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    def __iter__(self) -> Iterator[Array]:
+        return iter(self.q)
+
+    def names(self) -> tuple[str, ...]:
+        """Branch name of every solution."""
+        return tuple(BRANCH_NAMES[b] for b in self.branch)
+
+    def of(self, pose: int) -> Branches:
+        """The solutions of one pose."""
+        rows = self.pose == pose
+        return Branches(self.q[rows], self.pose[rows], self.branch[rows], self.singular[rows])
+
+
+@dataclass(frozen=True)
+class BranchReport:
+    """Why one branch reaches a pose or not.
+
+    Attributes:
+        branch: its name.
+        q: (6,) rad, with the whole turns that suit the limits best.
+        inside: whether q reaches the pose within limits.
+        joint: name of the joint furthest beyond its limits (or nearest to them, if inside).
+        excess: rad by which that joint is beyond its limit; negative is the margin left.
+        outside: m by which the wrist centre is beyond what the links reach (then q is only the nearest).
+    """
+
+    branch: str
+    q: Array
+    inside: bool
+    joint: str
+    excess: float
+    outside: float
+
+
+def inverse_kinematics(
+    robot: Robot, T_base_tool: npt.ArrayLike, lower: npt.ArrayLike, upper: npt.ArrayLike
+) -> Branches:
+    """Every configuration within [lower, upper] that puts the tool at the pose(s), whole turns included.
+
+    Args:
+        robot: a six-axis arm with a spherical wrist and joints 2 and 3 parallel.
+        T_base_tool: (4, 4) or (m, 4, 4).
+        lower, upper: (6,) rad.
+
+    Raises:
+        InputError: the arm is of another kind, a pose is not 4x4 and rigid to 1e-6, or limits are not six numbers.
+    """
+    raw = all_branches(robot, poses("T_base_tool", T_base_tool))
+    lower, upper = joints("lower", lower, robot.joint_names), joints("upper", upper, robot.joint_names)
+    first = np.ceil((lower - _LIMIT_SLACK - raw.q) / (2 * np.pi))
+    turns = np.floor((upper + _LIMIT_SLACK - raw.q) / (2 * np.pi)) - first + 1
+    rows = np.argwhere(raw.reached & (turns > 0).all(axis=-1))
+    pose, branch = rows[:, 0], rows[:, 1]
+    q = np.clip(raw.q[pose, branch] + 2 * np.pi * first[pose, branch], lower, upper)
+    repeat = turns[pose, branch]
+    if (repeat > 1).any():
+        more = [np.array(list(product(*(range(int(c)) for c in counts)))) for counts in repeat]
+        which = np.repeat(np.arange(len(rows)), [len(m) for m in more])
+        pose, branch = pose[which], branch[which]
+        q = np.clip(q[which] + 2 * np.pi * np.concatenate(more), lower, upper)
+    return Branches(frozen(q), pose, branch, raw.singular[pose, branch])
+
+
+def explain_pose(
+    robot: Robot, T_base_tool: npt.ArrayLike, lower: npt.ArrayLike, upper: npt.ArrayLike
+) -> tuple[BranchReport, ...]:
+    """What every one of the 8 branches would need for one pose (4, 4); order of `BRANCH_NAMES`.
+
+    Raises:
+        InputError: as `inverse_kinematics`.
+    """
+    T = poses("T_base_tool", T_base_tool)
+    if len(T) != 1:
+        raise InputError(f"T_base_tool: {len(T)} poses; must be one, 4x4", poses=len(T))
+    raw = all_branches(robot, T)
+    lower, upper = joints("lower", lower, robot.joint_names), joints("upper", upper, robot.joint_names)
+    q = nearest_turns(raw.q[0], (lower + upper) / 2)
+    excess = np.maximum(lower - q, q - upper)
+    reports = []
+    for index, name in enumerate(BRANCH_NAMES):
+        worst = int(np.argmax(excess[index]))
+        reports.append(
+            BranchReport(
+                branch=name,
+                q=frozen(q[index]),
+                inside=bool(raw.reached[0, index] and excess[index, worst] <= 0.0),
+                joint=robot.joint_names[worst],
+                excess=float(excess[index, worst]),
+                outside=float(raw.outside[0, index]),
+            )
+        )
+    return tuple(reports)
+
+
+def nearest_turns(q: Array, reference: Array) -> Array:
+    """Angles (..., 6) rad moved by whole turns to be nearest to `reference` (broadcast)."""
+    return q - 2 * np.pi * np.rint((q - reference) / (2 * np.pi))

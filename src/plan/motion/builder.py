@@ -1,0 +1,264 @@
+"""One motion from rest to rest, as it will be sent: a line away, a way across, a line in, joined without a stop.
+
+The joined path is timed, turned into integer segments and proved phase by phase, each in its own world and with its
+own clearance. Rounding the corners more saves time but comes nearer to things: the roundest that is proved is taken;
+if none is, the arm stops at the way-points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm.controller.segments import CountPath
+from arm.controller.unit import Limits, Unit
+from arm.errors import ImpossibleError
+from arm.plan_file import Move
+from arm.robot.model import Robot
+from arm.robot.shapes import Box
+from arm.se3 import Array, frozen
+from plan.cartesian.line import JointPath, Line
+from plan.collision.certificate import MoveCheck, check_move
+from plan.collision.world import World
+from plan.options import PlanOptions
+from plan.trajectory.integer_segments import LineTolerance, MarksTooNear, to_marked_segments, to_segments
+from plan.trajectory.jerk_limited import time_joined, time_smooth
+from plan.trajectory.joint_path import joined, polyline, smooth_path
+from plan.trajectory.timing import time_line, time_path
+
+# Parts of a full blend that are tried, the fastest first.
+_BLENDS = (1.0, 0.4, 0.15)
+
+
+@dataclass(frozen=True, eq=False)
+class Phase:
+    """A stretch of a motion.
+
+    Attributes:
+        name: of the step, for people.
+        role: home, transit, approach or retract.
+        cube: index of the cube that it serves, or None.
+        world: that it is made in.
+        clearance: asked for, m.
+        held: name of the body in the jaws, or None.
+        touching: names of bodies that the held one may touch.
+    """
+
+    name: str
+    role: str
+    cube: int | None
+    world: World
+    clearance: float
+    held: str | None = None
+    touching: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True)
+class Grip:
+    """A line at a station, followed by the arm from the station outwards."""
+
+    line: Line
+    path: JointPath
+
+    def inwards(self) -> JointPath:
+        """The arm's path towards the station."""
+        return JointPath(frozen(self.path.q[::-1]), frozen(self.path.s[-1] - self.path.s[::-1]))
+
+
+@dataclass(frozen=True)
+class Leg:
+    """What a motion is made of.
+
+    Attributes:
+        retract: phase and grip that it begins with, or None.
+        transit: phase across.
+        waypoints: (m, n) rad of it.
+        approach: phase and grip that it ends with, or None.
+    """
+
+    retract: tuple[Phase, Grip] | None
+    transit: Phase
+    waypoints: Array
+    approach: tuple[Phase, Grip] | None
+
+    def phases(self) -> list[Phase]:
+        """All phases in order."""
+        ends = [self.retract[0]] if self.retract else [], [self.approach[0]] if self.approach else []
+        return [*ends[0], self.transit, *ends[1]]
+
+
+class Mover:
+    """Makes legs into moves.
+
+    Args:
+        robot: the arm, for the tool on lines.
+        unit: whose counts.
+        planned: limits that motion is timed with.
+        sent: limits that hold on what is sent.
+        options: clearances, speeds.
+    """
+
+    def __init__(self, robot: Robot, unit: Unit, planned: Limits, sent: Limits, options: PlanOptions) -> None:
+        self.robot, self.unit, self.planned, self.sent, self.options = robot, unit, planned, sent, options
+
+    def run(self, leg: Leg) -> list[Move]:
+        """The leg's moves; none where it goes nowhere.
+
+        Raises:
+            ImpossibleError: it cannot be proved; data: step, role, pair, distance_m, time_s.
+        """
+        for blend in () if self.options.jerk_time else _BLENDS:
+            moves = self.flowing(leg, blend)
+            if moves is not None:
+                return moves
+        return self.stopping(leg)
+
+    def flowing(self, leg: Leg, blend: float) -> list[Move] | None:
+        """The moves without a stop between them, or None where that cannot be proved."""
+        if np.abs(leg.waypoints[-1] - leg.waypoints[0]).max() < 1e-6:
+            return None
+        before, after = leg.retract, leg.approach
+        path = joined(
+            before[1].path if before else None,
+            leg.waypoints,
+            after[1].inwards() if after else None,
+            self.planned,
+            self.tool_speed,
+            blend,
+        )
+        trajectory = time_joined(path, self.planned)
+        marks = [mark for mark, phase in zip(path.marks, (before, after), strict=True) if phase]
+        try:
+            sent = to_marked_segments(
+                trajectory,
+                self.unit,
+                self.options.segment_ms,
+                limits=self.sent,
+                marks=marks,
+                lines=(self.tolerance(before), self.tolerance(after)),
+            )
+        except MarksTooNear:  # a way across of next to nothing, as out of a hole and into it again
+            return None
+        edges = [0, *sent.first, len(sent.path.segments)]
+        moves = []
+        start = sent.path.start
+        for phase, first, last in zip(leg.phases(), edges, edges[1:], strict=False):
+            part = CountPath(start, sent.path.segments[first:last])
+            start = part.end
+            check = self.check(phase, part)
+            if not check.proved:
+                return None
+            moves.append(_move(phase, part, check))
+        return moves
+
+    def stopping(self, leg: Leg) -> list[Move]:
+        """The moves with a stop at every way-point.
+
+        Raises:
+            ImpossibleError: one of them cannot be proved.
+        """
+        parts: list[tuple[Phase, CountPath]] = []
+        if leg.retract:
+            parts.append((leg.retract[0], self.line(leg.retract[1].path, leg.retract[1])))
+        q = self.unit.positions(self.unit.counts(leg.waypoints))
+        if len(q) > 2 or not np.array_equal(q[0], q[-1]):
+            trajectory = (
+                time_path(q, self.planned, corners="stop")
+                if self.jerk is None
+                else time_smooth(polyline(q), self.planned, self.jerk)
+            )
+            across = to_segments(trajectory, self.unit, self.options.segment_ms, limits=self.sent)
+            parts.append((leg.transit, across))
+        if leg.approach:
+            parts.append((leg.approach[0], self.line(leg.approach[1].inwards(), leg.approach[1])))
+        moves = []
+        for phase, path in parts:
+            check = self.check(phase, path)
+            if not check.proved:
+                raise _unproved(phase, check)
+            moves.append(_move(phase, path, check))
+        return moves
+
+    def line(self, path: JointPath, grip: Grip) -> CountPath:
+        """A line alone, from rest to rest."""
+        trajectory = (
+            time_line(path, self.planned, self.tool_speed)
+            if self.jerk is None
+            else time_smooth(smooth_path(path.q, path.s), self.planned, self.jerk, self.tool_speed)
+        )
+        return to_segments(
+            trajectory,
+            self.unit,
+            self.options.segment_ms,
+            limits=self.sent,
+            line=LineTolerance(self.robot, grip.line),
+        )
+
+    def check(self, phase: Phase, path: CountPath) -> MoveCheck:
+        """The certificate of a phase as it will be sent."""
+        tight = self.options.certificate == "tight"
+        return check_move(phase.world, path, self.unit, phase.clearance, tight)
+
+    @property
+    def jerk(self) -> Array | None:
+        """Limits (n,) rad/s^3, or None."""
+        time = self.options.jerk_time
+        return self.planned.acceleration / time if time else None
+
+    @property
+    def tool_speed(self) -> float:
+        """Cap on lines, m/s."""
+        return self.options.approach_speed * self.options.speed
+
+    def tolerance(self, end: tuple[Phase, Grip] | None) -> LineTolerance | None:
+        return LineTolerance(self.robot, end[1].line) if end else None
+
+
+def _move(phase: Phase, path: CountPath, check: MoveCheck) -> Move:
+    clearances = tuple(_rounded_down(min(bound, check.seen)) for bound in check.bounds)
+    return Move(
+        name=phase.name,
+        role=phase.role,
+        cube=phase.cube,
+        path=path,
+        held=phase.held,
+        jaw_opening=_jaw_opening(phase.world.robot),
+        clearance=_rounded_down(check.clearance),
+        closest=check.pair,
+        certified=True,
+        touching=tuple(sorted(phase.touching)),
+        clearances=clearances,
+    )
+
+
+def _unproved(phase: Phase, check: MoveCheck) -> ImpossibleError:
+    return ImpossibleError(
+        f"step {phase.name!r}: {check.pair[0]} comes to {check.seen * 1e3:.2f} mm of {check.pair[1]} after "
+        f"{check.time:.2f} s, {phase.clearance * 1e3:g} mm are asked for (proved: {check.clearance * 1e3:.2f} mm); "
+        "ask for less clearance or move the bodies apart",
+        step=phase.name,
+        role=phase.role,
+        pair=list(check.pair),
+        distance_m=check.seen,
+        proved_m=check.clearance,
+        clearance_m=phase.clearance,
+        time_s=check.time,
+    )
+
+
+def _rounded_down(clearance: float) -> float:
+    """To a tenth of a micrometre: the last bits differ between processors, and the files must not."""
+    return float(np.floor(clearance * 1e7)) / 1e7
+
+
+def _jaw_opening(robot: Robot) -> float:
+    """Distance of the inner faces of the bodies finger_l and finger_r, m; 0 for an arm without them."""
+    fingers = {b.name: b for b in robot.bodies if b.name in ("finger_l", "finger_r")}
+    if len(fingers) < 2:
+        return 0.0
+    faces = []
+    for finger in fingers.values():
+        thickness = finger.shape.size[1] if isinstance(finger.shape, Box) else 0.0
+        faces.append(abs(float(finger.T_joint_body[1, 3])) - thickness / 2.0)
+    return round(sum(faces), 9)

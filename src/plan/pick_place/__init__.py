@@ -1,0 +1,1 @@
+"""Tasks with cubes: order, grasps, transits and recovery."""

@@ -1,0 +1,95 @@
+"""What an integer motion does at its worst: exact extremes of polynomial segments, not samples of them.
+
+For cubics, positions are extreme at the segment's ends or where the derivative (a quadratic) vanishes, velocities at
+the ends or where the second derivative (linear) vanishes, accelerations at the ends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm.controller.segments import CountPath
+from arm.controller.unit import Unit
+from arm.errors import InputError
+from arm.se3 import Array
+
+
+@dataclass(frozen=True)
+class SegmentExtremes:
+    """Of every segment (k) and joint (n), in the joints' units.
+
+    Attributes:
+        lower, upper: (k, n) smallest and largest position, rad.
+        velocity: (k, n) largest magnitude, rad/s.
+        acceleration: (k, n) largest magnitude, rad/s^2.
+        jumps: (k - 1, n) magnitude of the velocity's jump where segments join, rad/s.
+    """
+
+    lower: Array
+    upper: Array
+    velocity: Array
+    acceleration: Array
+    jumps: Array
+
+
+def segment_extremes(path: CountPath, unit: Unit) -> SegmentExtremes:
+    """Extremes of every segment of a motion at its planned durations.
+
+    Raises:
+        InputError: a segment is of higher order than 3, or lasts no time.
+    """
+    count = len(path.segments)
+    a = np.zeros((3, count, len(path.start)))
+    for k, segment in enumerate(path.segments):
+        if len(segment.coefficients) > 3 or segment.duration_ms <= 0:
+            raise InputError(
+                f"segment {k}: order {len(segment.coefficients)}, {segment.duration_ms} ms; must be of order 1 to 3 "
+                "and last",
+                segment=k,
+            )
+        a[: len(segment.coefficients), k] = segment.coefficients
+    duration = np.array([s.duration_ms for s in path.segments], dtype=float)[:, None] / 1e3
+    scale = np.abs(unit.counts_per_rad)
+    position = cubic_position_range(a)
+    start = path.knots()[:-1]
+    ends = (
+        (start + position[0] - unit.counts_at_zero) / unit.counts_per_rad,
+        (start + position[1] - unit.counts_at_zero) / unit.counts_per_rad,
+    )
+    first, last = a[0], a[0] + 2 * a[1] + 3 * a[2]
+    joins = np.abs(last[:-1] / duration[:-1] - first[1:] / duration[1:])
+    return SegmentExtremes(
+        lower=np.minimum(*ends),
+        upper=np.maximum(*ends),
+        velocity=cubic_speed(a) / duration / scale,
+        acceleration=cubic_acceleration(a) / duration**2 / scale,
+        jumps=joins / scale,
+    )
+
+
+def cubic_position_range(a: Array) -> Array:
+    """Smallest and largest of a1 u + a2 u^2 + a3 u^3 over u in [0, 1]; a (3, ...) gives (2, ...)."""
+    # roots of a1 + 2 a2 u + 3 a3 u^2; nan where there is none
+    half = -(a[1] + np.copysign(np.sqrt(np.maximum(a[1] ** 2 - 3 * a[2] * a[0], 0.0)), a[1]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        roots = np.stack([half / (3 * a[2]), a[0] / half])
+    roots = np.where(np.isfinite(roots), np.clip(roots, 0.0, 1.0), 0.0)
+    values = roots * (a[0] + roots * (a[1] + roots * a[2]))
+    every = np.concatenate([values, np.zeros((1, *a.shape[1:])), a.sum(axis=0)[None]])
+    return np.stack([every.min(axis=0), every.max(axis=0)])
+
+
+def cubic_speed(a: Array) -> Array:
+    """Largest |a1 + 2 a2 u + 3 a3 u^2| over u in [0, 1]; a (3, ...)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn = -a[1] / (3 * a[2])
+    turn = np.where(np.isfinite(turn), np.clip(turn, 0.0, 1.0), 0.0)
+    every = np.stack([a[0], a[0] + 2 * a[1] + 3 * a[2], a[0] + turn * (2 * a[1] + turn * 3 * a[2])])
+    return np.asarray(np.abs(every).max(axis=0))
+
+
+def cubic_acceleration(a: Array) -> Array:
+    """Largest |2 a2 + 6 a3 u| over u in [0, 1]; a (3, ...)."""
+    return np.asarray(np.maximum(np.abs(2 * a[1]), np.abs(2 * a[1] + 6 * a[2])))

@@ -1,0 +1,340 @@
+"""From a timed motion to what the controller executes: integer cubics, one ``COORDSPLINET`` each.
+
+Every segment is near the cubic with the planned positions and velocities at both ends (Hermite), rounded so that
+limits hold exactly (`plan.trajectory.rounding`); its coefficients are integers, so the end of a chain of
+segments is known to the count.
+
+Segments begin where the acceleration switches, else every ~100 ms, and are halved where the executed curve would
+leave the planned one. Where no rounding keeps the limits, the motion is made a little longer, and segments longer, on
+which counts weigh less. What is still exceeded then is timed anew with that limit a little lower.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from arm.controller.segments import CountPath, Segment
+from arm.controller.unit import Counts, Limits, Unit
+from arm.errors import ImpossibleError, InputError
+from arm.robot.model import Robot
+from arm.se3 import Array, frozen
+from plan.cartesian.line import Line
+from plan.kinematics.product_of_exponentials import screw_arm
+from plan.trajectory.extremes import cubic_acceleration, cubic_speed
+from plan.trajectory.rounding import round_chain
+from plan.trajectory.timing import Trajectory
+
+SHORTEST_MS = 40  # the serial line sends about 25 cubics a second (fact sheet of the controller, section 3)
+_LONGEST = 16  # times the asked duration, for segments on which rounding would weigh too much
+_ROUNDING = 8.0  # counts/T^2, about what nearest rounding adds to an acceleration at the worst
+# Times the duration, times the segments' duration, and times the least distance of knots from switches, tried one
+# after the other; the first, as asked, is for plans that leave room for rounding.
+_TRIES = (
+    (1.0, 1.0, 1.0),
+    (1.0005, 2.0, 1.0),
+    (1.001, 1.5, 1.0),
+    (1.0015, 2.0, 1.0),
+    (1.002, 1.0, 1.0),
+    (1.003, 2.0, 2.0),
+    (1.005, 1.0, 1.0),
+    (1.008, 1.5, 2.0),
+    (1.012, 1.0, 1.0),
+    (1.02, 2.0, 2.0),
+)
+_ROUNDS = 12  # of slowing down before giving up
+_SAMPLES = np.arange(1, 8) / 8.0  # of a segment, where it is compared with the plan
+
+
+@dataclass(frozen=True)
+class LineTolerance:
+    """Keeps the executed tool on a line.
+
+    Attributes:
+        robot: whose tool.
+        line: the line.
+        distance, angle: largest deviation from it, m and rad.
+    """
+
+    robot: Robot
+    line: Line
+    distance: float = 5e-5
+    angle: float = 5.2e-4
+
+
+@dataclass(frozen=True)
+class Marked:
+    """Segments of a motion with marks on it.
+
+    Attributes:
+        path: the segments.
+        first: for every mark, the index of the first segment after it.
+    """
+
+    path: CountPath
+    first: tuple[int, ...]
+
+
+class MarksTooNear(InputError):
+    """Parts of a motion so short that no join has room between them; data: marks_ms."""
+
+
+def to_segments(
+    trajectory: Trajectory,
+    unit: Unit,
+    segment_ms: int = 100,
+    *,
+    limits: Limits | None = None,
+    deviation: float = 2e-4,
+    line: LineTolerance | None = None,
+) -> CountPath:
+    """Integer cubic segments of a motion from rest to rest.
+
+    Args:
+        trajectory: what was planned.
+        unit: whose counts.
+        segment_ms: duration that segments have where nothing asks for less.
+        limits: that the segments must keep, exactly and everywhere; default: those the trajectory was timed under.
+            Give the registers' limits to leave the planned fractions as room for rounding.
+        deviation: of any joint from the planned motion at the same time, rad; also 1 count is always allowed.
+        line: tolerance of the tool on its line, or None.
+
+    Returns:
+        a chain that starts at rest at ``unit.counts`` of the first configuration and ends so at the last.
+
+    Raises:
+        InputError: `segment_ms` is below `SHORTEST_MS`.
+        ImpossibleError: limits so small that rounding to counts alone exceeds them; data: axis.
+    """
+    end = float(trajectory.s[-1])
+    return to_marked_segments(
+        trajectory,
+        unit,
+        segment_ms,
+        limits=limits or trajectory.limits,
+        marks=(end,),
+        lines=(line, None),
+        deviation=deviation,
+    ).path
+
+
+def to_marked_segments(
+    trajectory: Trajectory,
+    unit: Unit,
+    segment_ms: int = 100,
+    *,
+    limits: Limits,
+    marks: Sequence[float],
+    lines: tuple[LineTolerance | None, LineTolerance | None] = (None, None),
+    deviation: float = 2e-4,
+    late: Sequence[bool] | None = None,
+) -> Marked:
+    """`to_segments` of a motion that begins and ends with lines, with a join where each mark is passed.
+
+    Args:
+        trajectory, unit, segment_ms, limits, deviation: see `to_segments`.
+        marks: values of the path parameter, increasing, such as `plan.trajectory.joint_path.Joined.marks`.
+            The join is within 1 ms of travel of the mark; of the last of several marks after it, of the
+            others before it, so that nothing of a transit is in a line. At an end of the path there is nothing to join.
+        lines: tolerance of the tool before the first mark, and after the last.
+        late: for every mark, whether its join is not before it; default: of the last of several.
+
+    Raises:
+        InputError: `segment_ms` is below `SHORTEST_MS`.
+        MarksTooNear: marks are passed within less than that of each other or of an end; data: marks_ms.
+        ImpossibleError: limits so small that rounding to counts alone exceeds them; data: axis.
+    """
+    if segment_ms < SHORTEST_MS:
+        raise InputError(f"segment_ms = {segment_ms}: must be at least {SHORTEST_MS}", segment_ms=segment_ms)
+    if late is None:
+        late = [i > 0 and i == len(marks) - 1 for i in range(len(marks))]
+    fitter = _Fitter(unit, limits, deviation, tuple(marks), tuple(late), lines)
+    if fitter.calm_ms(1.0) > segment_ms * _LONGEST:
+        raise _too_slow(unit, int(np.argmin(fitter.acceleration())))
+    calm = int(np.clip(fitter.calm_ms(0.025), segment_ms, segment_ms * _LONGEST))
+    for _ in range(_ROUNDS):
+        for number, (longer, factor, apart) in enumerate(_TRIES):
+            if number == 0 and not _roomy(trajectory.limits, limits):
+                continue
+            total = max(2 * SHORTEST_MS, int(np.ceil(trajectory.duration * 1e3 * longer - 1e-6)))
+            timed = trajectory.stretched(total / 1e3 / trajectory.duration)
+            segments = int(factor * calm) if number else segment_ms
+            fit = fitter.fit(timed, total, segments, apart, careful=number > 0)
+            if fit.excess() <= 1.0:
+                return fit.marked(unit.counts(timed.at([0.0]).q[0]))
+        trajectory = _slower(trajectory, fit)
+    raise _too_slow(unit, int(np.argmax(fit.load().max(axis=0))))
+
+
+def _roomy(planned: Limits, sent: Limits) -> bool:
+    """Whether what was planned leaves a thousandth of what may be sent, so that plain rounding can do."""
+    return bool(
+        (planned.velocity < 0.999 * sent.velocity).all()
+        and (planned.acceleration < 0.999 * sent.acceleration).all()
+    )
+
+
+def _too_slow(unit: Unit, joint: int) -> ImpossibleError:
+    return ImpossibleError(
+        f"axis {unit.axes[joint]} exceeds its limits when the motion is rounded to counts, however slow; "
+        "raise the speed factor or the acceleration registers",
+        axis=unit.axes[joint],
+    )
+
+
+def _slower(trajectory: Trajectory, fit: _Fit) -> Trajectory:
+    """The path timed anew, with the limits that its segments exceed lowered by what they exceed."""
+    velocity = np.maximum(1.0, fit.velocity.max(axis=0) * 1.001)
+    acceleration = np.maximum(1.0, fit.acceleration.max(axis=0) * 1.01)
+    limits = trajectory.limits
+    return trajectory.under(
+        replace(
+            limits,
+            velocity=frozen(limits.velocity / np.where(velocity > 1.001, velocity, 1.0)),
+            acceleration=frozen(limits.acceleration / np.where(acceleration > 1.01, acceleration, 1.0)),
+        )
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Segments of one choice of knots.
+
+    Attributes:
+        knots_ms: (k + 1,) int.
+        coefficients: (3, k, n) int.
+        velocity, acceleration: (k, n) largest over their limits.
+        off: (k,) deviation over what is allowed.
+        first: for every mark, the index of the segment after it.
+    """
+
+    knots_ms: Counts
+    coefficients: Counts
+    velocity: Array
+    acceleration: Array
+    off: Array
+    first: tuple[int, ...]
+
+    def load(self) -> Array:
+        return np.maximum(self.velocity, self.acceleration)
+
+    def excess(self) -> float:
+        return float(self.load().max())
+
+    def marked(self, start: Counts) -> Marked:
+        rows = np.moveaxis(self.coefficients, 1, 0).tolist()
+        path = CountPath(
+            tuple(int(c) for c in start),
+            tuple(
+                Segment(int(ms), tuple(tuple(row) for row in a))
+                for ms, a in zip(np.diff(self.knots_ms), rows, strict=True)
+            ),
+        )
+        return Marked(path, self.first)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitter:
+    unit: Unit
+    limits: Limits
+    deviation: float
+    marks: tuple[float, ...]
+    late: tuple[bool, ...]
+    lines: tuple[LineTolerance | None, LineTolerance | None]
+
+    def fit(self, timed: Trajectory, total_ms: int, segment_ms: int, apart: float, careful: bool) -> _Fit:
+        """Halve segments that are off the plan or over a limit, while they may be halved."""
+        calm = max(SHORTEST_MS, self.calm_ms(0.25))
+        fixed = self.mark_ms(timed, total_ms)
+        knots = _first_knots(
+            timed, (0, *(m for m in fixed if 0 < m < total_ms), total_ms), segment_ms, apart * calm
+        )
+        while True:
+            fit = self.measured(timed, knots, fixed, careful)
+            if not careful and fit.excess() > 1.0:
+                return fit
+            length = np.diff(knots)
+            # where a limit is exceeded, halving helps only while rounding weighs little in the halves
+            split = (fit.off > 1.0) & (length >= 2 * SHORTEST_MS)
+            split |= (fit.load().max(axis=1) > 1.05) & (length >= 2 * calm)
+            if not split.any():
+                return fit
+            knots = np.sort(np.concatenate([knots, knots[:-1][split] + length[split] // 2]))
+
+    def calm_ms(self, share: float) -> float:
+        """Duration from which on nearest rounding adds at most this share of any acceleration limit."""
+        return float(1e3 * np.sqrt(_ROUNDING / (share * self.acceleration().min())))
+
+    def acceleration(self) -> Array:
+        return np.asarray(self.limits.acceleration * np.abs(self.unit.counts_per_rad))
+
+    def mark_ms(self, timed: Trajectory, total_ms: int) -> tuple[int, ...]:
+        """Where to join for each mark, ms; on the side of the nearer end of the motion."""
+        s = np.array(self.marks)
+        # at rest at an end, the time of a place hangs on its last digits
+        near = 1e-9 * (timed.s[-1] - timed.s[0])
+        times = np.where(s >= timed.s[-1] - near, total_ms, 1e3 * timed.passed(s))
+        times = np.where(s <= timed.s[0] + near, 0.0, times)
+        found = []
+        for time, late in zip(times.tolist(), self.late, strict=True):
+            ms = int(np.ceil(time - 1e-6) if late else np.floor(time + 1e-6))
+            found.append(min(max(ms, 0), total_ms))
+        stops = [0, *(m for m in found if 0 < m < total_ms), total_ms]
+        if min(np.diff(stops)) < SHORTEST_MS:
+            raise MarksTooNear(
+                f"marks are passed at {found} ms of {total_ms}: must be {SHORTEST_MS} ms apart",
+                marks_ms=found,
+            )
+        return tuple(found)
+
+    def measured(self, timed: Trajectory, knots: Counts, fixed: tuple[int, ...], careful: bool) -> _Fit:
+        unit = self.unit
+        duration = np.diff(knots)[:, None] / 1e3
+        ends = timed.at(knots / 1e3)
+        a = round_chain(unit, self.limits, knots, ends.q, ends.qd, careful)
+        steps = a.sum(axis=0)
+        starts = unit.counts(ends.q[0]) + np.cumsum(steps, axis=0) - steps
+
+        scale = np.abs(unit.counts_per_rad)
+        velocity = cubic_speed(a.astype(float)) / duration / scale / self.limits.velocity
+        acceleration = cubic_acceleration(a.astype(float)) / duration**2 / scale / self.limits.acceleration
+
+        u = _SAMPLES[:, None, None]
+        executed = starts + u * (a[0] + u * (a[1] + u * a[2]))
+        times = knots[:-1] / 1e3 + _SAMPLES[:, None] * duration[:, 0]
+        planned = (
+            unit.counts_at_zero + timed.at(times.ravel()).q.reshape(executed.shape) * unit.counts_per_rad
+        )
+        off = (np.abs(executed - planned) / (1.0 + self.deviation * scale)).max(axis=(0, 2))
+        first = tuple(int(np.searchsorted(knots, ms)) for ms in fixed)
+        parts = (slice(0, first[0] if first else len(off)), slice(first[-1] if first else 0, len(off)))
+        for line, part in zip(self.lines, parts, strict=True):
+            if line is not None and part.start < part.stop:
+                poses = screw_arm(line.robot).tool_poses(unit.positions(executed[:, part]).reshape(-1, 6))
+                away = line.line.deviation(poses)
+                worst = np.maximum(away.distance / line.distance, away.angle / line.angle)
+                off[part] = np.maximum(off[part], worst.reshape(len(_SAMPLES), -1).max(axis=0))
+        return _Fit(knots, a, velocity, acceleration, off, first)
+
+
+def _first_knots(timed: Trajectory, fixed: Sequence[int], segment_ms: int, apart_ms: float) -> Counts:
+    """Knots at the fixed ones, at the acceleration's switches and evenly between them.
+
+    Knots are at least `apart_ms` apart.
+    """
+    switches = np.rint(timed.switches() * 1e3).astype(int)
+    knots = [0]
+    for begin, end in pairwise(fixed):
+        stops, apart = [begin], min(apart_ms, segment_ms)
+        for switch in switches[(switches > begin) & (switches < end)]:
+            # a switch too near to another knot has its own as near as may be: a short segment for it alone
+            knot = int(min(max(switch, np.ceil(stops[-1] + apart)), np.floor(end - apart)))
+            if knot - stops[-1] >= apart:
+                stops.append(knot)
+        for a, b in pairwise([*stops, end]):
+            parts = max(1, int(np.ceil((b - a) / segment_ms)))
+            knots.extend(a + (b - a) * i // parts for i in range(1, parts + 1))
+    return np.array(knots, dtype=np.int64)

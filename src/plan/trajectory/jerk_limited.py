@@ -1,0 +1,235 @@
+"""Jerk-limited timing of joint paths, from rest to rest: slower, gentler on gears.
+
+Along a straight piece in joint space all joints run in proportion, so the fastest jerk-limited motion is one scalar
+profile along the piece, under the tightest of the joints' limits: Ruckig's with one degree of freedom (L. Berscheid,
+T. Kroeger, "Jerk-limited real-time trajectory generation with arbitrary target states", RSS 2021). It cannot leave
+the piece; that is the phase synchronisation of all joints, and as fast.
+
+Along a curve, jerk is q' s''' + 3 q'' s' s'' + q''' s'^3. A scalar profile is made under limits that hold on a straight
+piece and stretched in time until they hold on the curve: valid, not optimal.
+
+**Where the path's second derivative jumps** - a corner, each end of a parabolic blend, the end of a line - acceleration
+would jump too at any speed, so the motion rests there. A joined path is therefore best made with a small `blend` if it
+is timed so: it then rests once at each corner, near enough.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+import ruckig
+
+from arm.controller.unit import Limits
+from arm.errors import ImpossibleError, InputError
+from arm.se3 import Array, frozen
+from plan.trajectory.joint_path import Joined, Path
+from plan.trajectory.timing import Caps, State, Trajectory, rate_caps, time_curve
+
+_SAMPLES = 400  # between knots, where limits are measured
+_ROOM = 1.001  # times a load that was found by sampling; between samples it may be a little larger
+
+
+@dataclass(frozen=True, eq=False)
+class JerkTrajectory(Trajectory):
+    """A trajectory whose s moves with constant jerk between knots.
+
+    Attributes:
+        drive: (k,) second derivative of s by time at the knots.
+        jerk: (n,) limits, rad/s^3.
+    """
+
+    drive: Array = field(kw_only=True)
+    jerk: Array = field(kw_only=True)
+
+    def at(self, times: npt.ArrayLike) -> State:
+        """See `Trajectory.at`."""
+        s, rate, drive, _ = self._scalars(
+            np.clip(np.atleast_1d(np.asarray(times, dtype=float)), 0.0, self.duration)
+        )
+        first, second = self.path(s, 1), self.path(s, 2)
+        return State(self.path(s), first * rate, second * rate**2 + first * drive)
+
+    def jerks(self, times: npt.ArrayLike) -> Array:
+        """Third derivatives (m, n) rad/s^3 at times (m,) in s."""
+        s, rate, drive, jerk = self._scalars(np.asarray(times, dtype=float))
+        return np.asarray(
+            self.path(s, 1) * jerk + 3 * self.path(s, 2) * rate * drive + self.path(s, 3) * rate**3
+        )
+
+    def stretched(self, factor: float) -> Trajectory:
+        """The same path in `factor` times the time."""
+        return replace(
+            self,
+            times=frozen(self.times * factor),
+            rate=frozen(self.rate / factor),
+            drive=frozen(self.drive / factor**2),
+            stretch=self.stretch * factor,
+        )
+
+    def under(self, limits: Limits) -> Trajectory:
+        """The same path timed anew under other limits."""
+        return time_smooth(self.path, limits, self.jerk, self.rate_cap)
+
+    def switches(self) -> Array:
+        """Times (k,) in s at which jerk jumps; without both ends."""
+        return np.asarray(self.times[1:-1])
+
+    def passed(self, s: npt.ArrayLike) -> Array:
+        """See `Trajectory.passed`; to a nanosecond, by bisection."""
+        places = np.clip(np.atleast_1d(np.asarray(s, dtype=float)), self.s[0], self.s[-1])
+        low, high = np.zeros(len(places)), np.full(len(places), self.duration)
+        while (high - low).max(initial=0.0) > 1e-9:
+            middle = (low + high) / 2
+            before = self._scalars(middle)[0] < places
+            low, high = np.where(before, middle, low), np.where(before, high, middle)
+        return np.asarray(high)
+
+    def loads(self) -> tuple[Array, Array]:
+        """Velocity and acceleration over their limits, the largest of samples between knots; (k - 1,) each."""
+        state = self.at(self._samples().ravel())
+        shape = (len(self.times) - 1, -1)
+        return (
+            (np.abs(state.qd) / self.limits.velocity).max(axis=1).reshape(shape).max(axis=1),
+            (np.abs(state.qdd) / self.limits.acceleration).max(axis=1).reshape(shape).max(axis=1),
+        )
+
+    def jerk_peak(self) -> float:
+        """Largest jerk over its limit, of samples between knots and on both sides of the path's breaks."""
+        inside = self.path.x[(self.path.x > self.s[0]) & (self.path.x < self.s[-1])]
+        breaks = self.passed(inside)[:, None] + 1e-8 * np.array([-1.0, 1.0])
+        times = np.concatenate([self._samples().ravel(), breaks.ravel()])
+        return float((np.abs(self.jerks(times)) / self.jerk).max())
+
+    def _samples(self) -> Array:
+        inside = np.linspace(1e-6, 1.0 - 1e-6, _SAMPLES)
+        return np.asarray(self.times[:-1, None] + inside * np.diff(self.times)[:, None])
+
+    def _scalars(self, t: Array) -> tuple[Array, Array, Array, Array]:
+        """s (m,), and its rate, second and third derivative by time (m, 1)."""
+        i = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2)
+        jerk = (np.diff(self.drive) / np.diff(self.times))[i]
+        tau = t - self.times[i]
+        drive = self.drive[i] + tau * jerk
+        rate = self.rate[i] + tau * (self.drive[i] + tau * jerk / 2)
+        s = self.s[i] + tau * (self.rate[i] + tau * (self.drive[i] / 2 + tau * jerk / 6))
+        s = np.clip(s, self.s[i], self.s[i + 1])
+        return s, np.maximum(rate, 0.0)[:, None], drive[:, None], jerk[:, None]
+
+
+def time_smooth(path: Path, limits: Limits, jerk: npt.ArrayLike, rate_cap: Caps = None) -> JerkTrajectory:
+    """Jerk-limited motion along a path, from rest to rest; at rest too wherever its second derivative jumps.
+
+    Args:
+        path: of `plan.trajectory.joint_path`.
+        limits: of velocity and acceleration.
+        jerk: limits (n,), rad/s^3.
+        rate_cap: see `plan.trajectory.timing.time_curve`.
+
+    Raises:
+        InputError: a jerk limit or cap that is not positive.
+        ImpossibleError: Ruckig finds no profile; data: result.
+    """
+    jerks = np.broadcast_to(np.asarray(jerk, dtype=float), limits.velocity.shape)
+    if not (jerks > 0.0).all():
+        raise InputError(f"jerk limit = {jerks.min():g}: must be positive", value=float(jerks.min()))
+    caps = rate_caps(path, rate_cap)
+    knots = [np.zeros((4, 1))]  # times, s, rate, drive
+    knots[0][1] = path.x[0]
+    for begin, end in pairwise(_rests(path)):
+        cap = float(caps[(path.x[:-1] < end) & (path.x[1:] > begin)].min())
+        knots.append(
+            _stretch(path, begin, end, limits, jerks, cap) + [[knots[-1][0, -1]], [0.0], [0.0], [0.0]]
+        )
+    times, s, rate, drive = np.concatenate(knots, axis=1)
+    return JerkTrajectory(
+        path,
+        frozen(times),
+        frozen(s),
+        frozen(rate),
+        limits,
+        "ruckig",
+        rate_cap,
+        drive=frozen(drive),
+        jerk=frozen(jerks),
+    )
+
+
+def _rests(path: Path) -> list[float]:
+    """Both ends of a path, and where its first or second derivative jumps."""
+    x = path.x
+    inside, length = x[1:-1], np.diff(x)
+    power = np.arange(len(path.c) - 1, -1, -1.0)[:, None, None]
+    jumps = np.zeros(len(inside), dtype=bool)
+    for order, scale in ((1, 1.0), (2, float(length.mean()))):
+        factor = np.prod([power - k for k in range(order)], axis=0)
+        exponent = np.maximum(power - order, 0.0)
+        ends = (factor * path.c * length[:, None] ** exponent).sum(axis=0)[:-1]
+        largest = np.abs(path(x, 1)).max()
+        jumps |= np.abs(ends - path(inside, order)).max(axis=1) * scale > 1e-6 * largest
+    return [float(x[0]), *(float(at) for at in inside[jumps]), float(x[-1])]
+
+
+def _stretch(path: Path, begin: float, end: float, limits: Limits, jerk: Array, cap: float) -> Array:
+    """Knots (4, k) after the first one, with times from 0, of the motion from rest to rest between two places."""
+    places = np.linspace(begin, end, _SAMPLES + 2)[1:-1]
+    slope = np.abs(path(places, 1)).max(axis=0)
+    with np.errstate(divide="ignore"):
+        bounds = [float((most / slope).min()) for most in (limits.velocity, limits.acceleration, jerk)]
+    times, s, rate, drive = _profile(end - begin, min(bounds[0], cap), bounds[1], bounds[2])
+    s = np.minimum(s + begin, end)
+    s[-1] = end
+    whole = JerkTrajectory(path, times, s, rate, limits, "ruckig", drive=drive, jerk=jerk)
+    velocity, acceleration = whole.loads()
+    straight = np.abs(path(places, 2)).max() == 0.0
+    room = 1.0 if straight else _ROOM
+    factor = max(
+        1.0,
+        room * float(velocity.max()),
+        float(np.sqrt(room * acceleration.max())),
+        math.cbrt(room * whole.jerk_peak()),
+    )
+    return np.stack([times * factor, s, rate / factor, drive / factor**2])[:, 1:]
+
+
+def _profile(length: float, velocity: float, acceleration: float, jerk: float) -> Array:
+    """Times, s, rate and second derivative (4, k) of Ruckig's fastest profile over a length."""
+    # in units in which the length is 1 and so is the limit on the rate: Ruckig's tolerances are absolute
+    second = length / velocity
+    given = ruckig.InputParameter(1)
+    given.current_position, given.target_position = [0.0], [1.0]
+    given.max_velocity = [1.0]
+    given.max_acceleration = [acceleration * second**2 / length]
+    given.max_jerk = [jerk * second**3 / length]
+    found = ruckig.Trajectory(1)
+    result = ruckig.Ruckig(1).calculate(given, found)
+    if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+        raise ImpossibleError(
+            f"Ruckig finds no jerk-limited profile ({result.name}); limits may be too far apart",
+            result=result.name,
+        )
+    profile = found.profiles[0][0]
+    t = np.concatenate([[0.0], np.cumsum(profile.t)])
+    p, v, a = (np.array(x, dtype=float) for x in (profile.p, profile.v, profile.a))
+    keep = np.concatenate([[True], np.diff(t) > 1e-12])
+    p[-1], v[-1], a[-1] = 1.0, 0.0, 0.0
+    if not keep[-1]:
+        keep[np.flatnonzero(keep)[-1]], keep[-1] = False, True
+    return np.stack([t * second, p * length, v * velocity, a * length / second**2])[:, keep]
+
+
+def time_joined(joined: Joined, limits: Limits, jerk: Array | None = None) -> Trajectory:
+    """Fastest motion along lines and transits joined by `plan.trajectory.joint_path.joined`, from rest to rest.
+
+    Args:
+        joined: the path.
+        limits: of velocity and acceleration.
+        jerk: limits (n,) in rad/s^3 for a motion that rests where lines and blends begin, see this module's
+            head; or None.
+    """
+    if jerk is not None:
+        return time_smooth(joined.path, limits, jerk, joined.caps)
+    return time_curve(joined.path, limits, joined.caps)

@@ -1,0 +1,336 @@
+"""Geometry of joint paths, with no time: piecewise polynomials q(s) with continuous direction.
+
+All are `scipy.interpolate.PPoly` over s, with values (6,): `path(s)`, `path(s, 1)`, `path(s, 2)`; `path.x` are the
+places where the second derivative may jump.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import CubicSpline, PPoly
+
+from arm.controller.unit import Limits
+from arm.errors import InputError
+from arm.se3 import Array, frozen
+
+if TYPE_CHECKING:
+    from plan.cartesian.line import JointPath  # which itself needs `smooth_path`
+
+Path = Any  # scipy.interpolate.PPoly; the library has no types
+
+_SAME = 1e-9  # rad between way-points that count as one
+_ROUNDS = 60  # in which blends and the corners that they move settle
+
+
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """Line, transit and line as one path, over tau: nominal time, see `joined`.
+
+    Attributes:
+        path: over tau, s, with continuous first derivative.
+        marks: tau where the first line ends and where the last begins; the path's own ends where there is none.
+        caps: (pieces,) largest d tau/dt that the tool's speed allows in each piece of the path; inf elsewhere.
+        deviation: largest distance of the transit from the straight lines through its way-points, rad (Euclidean).
+    """
+
+    path: Path
+    marks: tuple[float, float]
+    caps: Array
+    deviation: float
+
+
+@dataclass(frozen=True, eq=False)
+class Chained:
+    """Lines and transits in turn as one path, over tau as in `joined`.
+
+    Attributes:
+        path: over tau, s, with continuous first derivative.
+        edges: (parts + 1,) tau where each part begins, and the end.
+        caps: (pieces,) as of `Joined`.
+        deviation: as of `Joined`, the largest of all transits.
+    """
+
+    path: Path
+    edges: Array
+    caps: Array
+    deviation: float
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A line that is part of a chain, and the cap on the speed along it (its unit of s per s), or None."""
+
+    path: JointPath
+    tool_speed: float | None = None
+
+
+def smooth_path(q: npt.ArrayLike, s: npt.ArrayLike) -> Path:
+    """The cubic spline through way-points q (n, 6) at s (n,); for dense samples of a smooth curve."""
+    return CubicSpline(np.asarray(s, dtype=float), np.asarray(q, dtype=float), bc_type="not-a-knot")
+
+
+def polyline(q: npt.ArrayLike) -> Path:
+    """Straight pieces between way-points q (n, 6), s being the distance in joint space in rad; corners stay sharp.
+
+    Raises:
+        InputError: fewer than two different way-points.
+    """
+    points = _distinct(q)
+    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    s = np.concatenate([[0.0], np.cumsum(lengths)])
+    return PPoly(np.stack([np.diff(points, axis=0) / lengths[:, None], points[:-1]]), s)
+
+
+def blended(q: npt.ArrayLike, deviation: float) -> Path:
+    """Straight pieces joined by parabolas, at most `deviation` rad (Euclidean, in joint space) off each corner.
+
+    In a parabola that begins and ends a distance l from its corner, the direction turns at a constant rate from d0
+    to d1, and the curve passes |d1 - d0| l / 4 from the corner.
+
+    Raises:
+        InputError: fewer than two different way-points, or a deviation that is not positive.
+    """
+    if not deviation > 0.0:
+        raise InputError(
+            f"blend = {deviation:g} rad: must be positive; a sharp corner needs a stop", value=deviation
+        )
+    points = _distinct(q)
+    steps = np.diff(points, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    directions = steps / lengths[:, None]
+    bends = np.diff(directions, axis=0)
+    sharpness = np.linalg.norm(bends, axis=1)
+    room = np.minimum(lengths[:-1], lengths[1:]) / 2.0
+    cut = np.minimum(room, 4.0 * deviation / np.maximum(sharpness, 1e-12))
+    cut[sharpness < 1e-9] = 0.0
+    before, after = np.concatenate([[0.0], cut]), np.concatenate([cut, [0.0]])
+
+    pieces: list[tuple[float, Array]] = []
+    for i, (start, direction) in enumerate(zip(points[:-1], directions, strict=True)):
+        straight = lengths[i] - before[i] - after[i]
+        if straight > _SAME:
+            pieces.append((straight, np.stack([0.0 * direction, direction, start + before[i] * direction])))
+        if i < len(cut) and cut[i] > 0.0:
+            pieces.append(
+                (
+                    2 * cut[i],
+                    np.stack([bends[i] / (4 * cut[i]), direction, points[i + 1] - cut[i] * direction]),
+                )
+            )
+    s = np.concatenate([[0.0], np.cumsum([length for length, _ in pieces])])
+    return PPoly(np.stack([c for _, c in pieces], axis=1), s)
+
+
+def _distinct(q: npt.ArrayLike) -> Array:
+    points = np.atleast_2d(np.asarray(q, dtype=float))
+    keep = np.ones(len(points), dtype=bool)
+    keep[1:] = np.linalg.norm(np.diff(points, axis=0), axis=1) > _SAME
+    points = points[keep]
+    if len(points) < 2:
+        raise InputError("a path needs two different way-points", count=len(points))
+    return np.asarray(points)
+
+
+def joined(
+    before: JointPath | None,
+    waypoints: npt.ArrayLike,
+    after: JointPath | None,
+    limits: Limits,
+    tool_speed: float | None = None,
+    blend: float = 1.0,
+) -> Joined:
+    """A line, a transit through way-points, and a line, as one path without stops.
+
+    The parameter tau is nominal time: at rate 1 every straight piece has its fastest joint at its velocity limit, and
+    a line runs at `tool_speed` or what its joints can. Corners are rounded by parabolas in tau (linear segments with
+    parabolic blends: J. Craig, "Introduction to Robotics", 2005, section 7.3), each of the duration in which the
+    change of velocity takes some joint's acceleration limit. A line is kept as it is: it is prolonged along its end's
+    tangent by half of a blend, so that the blend begins where the line ends.
+
+    Args:
+        before: the line that comes first, or None to start at rest in the first way-point.
+        waypoints: (m, n) rad, from the end of `before` to the start of `after`.
+        after: the line that comes last, or None.
+        limits: of velocity and acceleration.
+        tool_speed: cap on the speed along both lines, their unit of s per s, or None.
+        blend: in (0, 1]: what part of each blend's duration is taken; less is nearer to the way-points and slower.
+
+    Raises:
+        InputError: fewer than two different way-points, lines that do not meet them, `blend` or `tool_speed` out of
+            range.
+    """
+    parts: list[Stretch | npt.ArrayLike] = [waypoints]
+    if before is not None:
+        parts.insert(0, Stretch(before, tool_speed))
+    if after is not None:
+        parts.append(Stretch(after, tool_speed))
+    chain = chained(parts, limits, blend)
+    return Joined(
+        chain.path,
+        (
+            0.0 if before is None else float(chain.edges[1]),
+            float(chain.edges[-1] if after is None else chain.edges[-2]),
+        ),
+        chain.caps,
+        chain.deviation,
+    )
+
+
+def chained(parts: Sequence[Stretch | npt.ArrayLike], limits: Limits, blend: float = 1.0) -> Chained:
+    """Lines and way-points (m, n) rad of transits in turn, as one path without stops; see `joined`.
+
+    Raises:
+        InputError: two lines or two transits follow each other, or as `joined`.
+    """
+    if not 0.0 < blend <= 1.0:
+        raise InputError(f"blend = {blend:g}: must be above 0 and at most 1", value=blend)
+    straight = [isinstance(part, Stretch) for part in parts]
+    if any(a == b for a, b in pairwise(straight)) or not parts:
+        raise InputError("a chain is made of lines and transits in turn", parts=len(parts))
+    ways = [None if isinstance(part, Stretch) else _distinct(part) for part in parts]
+    made: list[_Part | None] = [None] * len(parts)
+    for i, part in enumerate(parts):
+        if isinstance(part, Stretch):
+            if not (part.tool_speed is None or part.tool_speed > 0.0):
+                raise InputError(
+                    f"speed cap = {part.tool_speed:g}: must be positive", value=float(part.tool_speed)
+                )
+            ends = (ways[i - 1] if i else None), (ways[i + 1] if i + 1 < len(parts) else None)
+            meets = (None if ends[0] is None else ends[0][-1], None if ends[1] is None else ends[1][0])
+            made[i] = _line(part.path, meets, limits, part.tool_speed)
+    deviation = 0.0
+    for i, points in enumerate(ways):
+        if points is not None:
+            before, after = made[i - 1] if i else None, made[i + 1] if i + 1 < len(parts) else None
+            way = _transit(
+                points,
+                None if before is None else before.path(before.path.x[-1], 1),
+                None if after is None else after.path(after.path.x[0], 1),
+                limits,
+                blend,
+            )
+            deviation = max(deviation, _farthest(way.path, points))
+            made[i] = way
+    found = [part for part in made if part is not None]
+    starts = np.concatenate([[0.0], np.cumsum([float(part.path.x[-1]) for part in found])])
+    x = np.concatenate([[0.0], *(b + part.path.x[1:] for b, part in zip(starts, found, strict=False))])
+    path = PPoly(np.concatenate([_cubic(part.path.c) for part in found], axis=1), x)
+    caps = np.concatenate([np.full(part.path.c.shape[1], part.cap) for part in found])
+    return Chained(path, frozen(starts), frozen(caps), deviation)
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    path: Path
+    cap: float
+
+
+def _cubic(c: Array) -> Array:
+    return np.concatenate([np.zeros((4 - len(c), *c.shape[1:])), c])
+
+
+def _line(
+    line: JointPath, meets: tuple[Array | None, Array | None], limits: Limits, tool_speed: float | None
+) -> _Part:
+    """A line over its nominal time; it `meets` way-points of transits before and after it."""
+    for name, end, point in (("after", 0, meets[0]), ("before", -1, meets[1])):
+        off = 0.0 if point is None else float(np.abs(line.q[end] - point).max())
+        if off > 1e-6:
+            raise InputError(
+                f"line {name}: ends {off:.3g} rad from the transit's way-point; must meet it", off_rad=off
+            )
+    path = smooth_path(line.q, line.s - line.s[0])
+    x = path.x
+    places = np.linspace(x[:-1], x[1:], 3).ravel()
+    with np.errstate(divide="ignore"):
+        able = float((limits.velocity / np.abs(path(places, 1)).max(axis=0)).min())
+    factor = able if tool_speed is None else min(able, tool_speed)
+    scale = factor ** np.arange(len(path.c) - 1, -1, -1)
+    cap = np.inf if tool_speed is None else tool_speed / factor
+    return _Part(PPoly(path.c * scale[:, None, None], x / factor), cap)
+
+
+def _transit(points: Array, enter: Array | None, leave: Array | None, limits: Limits, blend: float) -> _Part:
+    """Straight pieces and blends through points, from velocity `enter` to velocity `leave` (None: along the piece)."""
+    time = np.zeros(len(points))  # of the blend at every point, s; at the ends it is where a line is joined
+    for turn in range(_ROUNDS):
+        wire = _wire(points, enter, leave, limits, time)
+        asked = blend * (np.abs(wire.change) / limits.acceleration).max(axis=1)
+        asked[1:] = np.minimum(asked[1:], wire.span)
+        asked[:-1] = np.minimum(asked[:-1], wire.span)
+        asked[asked < 1e-9] = 0.0
+        if np.abs(asked - time).max() <= 1e-12 * wire.span.max():
+            break
+        # what does not settle by itself does so by shrinking
+        time = asked if turn < _ROUNDS // 2 else np.minimum(asked, time)
+    wire = _wire(points, enter, leave, limits, time)
+    while (wire.room(time) < -1e-12 * wire.span).any():
+        time = 0.9 * time
+        wire = _wire(points, enter, leave, limits, time)
+    pieces: list[tuple[float, Array]] = []
+    for i, (corner, velocity, change) in enumerate(
+        zip(wire.corners, wire.velocities[:-1], wire.change, strict=True)
+    ):
+        if time[i] > 0.0:
+            start = corner - velocity * (time[i] / 2)
+            pieces.append((float(time[i]), np.stack([change / (2 * time[i]), velocity, start])))
+        if i < len(wire.span) and wire.room(time)[i] > 1e-9:
+            onward = wire.velocities[i + 1]
+            start = corner + onward * (time[i] / 2)
+            pieces.append((float(wire.room(time)[i]), np.stack([0.0 * onward, onward, start])))
+    x = np.concatenate([[0.0], np.cumsum([length for length, _ in pieces])])
+    return _Part(PPoly(np.stack([c for _, c in pieces], axis=1), x), np.inf)
+
+
+@dataclass(frozen=True, eq=False)
+class _Wire:
+    """Straight lines through corners (m, n), `span` (m - 1,) s long; velocities (m + 1, n) with those of both lines."""
+
+    corners: Array
+    span: Array
+    velocities: Array
+
+    @property
+    def change(self) -> Array:
+        """Of velocity at every corner (m, n)."""
+        return np.asarray(np.diff(self.velocities, axis=0))
+
+    def room(self, time: Array) -> Array:
+        """What blends leave of every straight line, s."""
+        return np.asarray(self.span - (time[:-1] + time[1:]) / 2)
+
+
+def _wire(points: Array, enter: Array | None, leave: Array | None, limits: Limits, time: Array) -> _Wire:
+    """The lines that blends of this duration round off: the end corners lie on the prolonged lines."""
+    corners = points.copy()
+    if enter is not None:
+        corners[0] = points[0] + enter * (time[0] / 2)
+    if leave is not None:
+        corners[-1] = points[-1] - leave * (time[-1] / 2)
+    steps = np.diff(corners, axis=0)
+    span = np.maximum((np.abs(steps) / limits.velocity).max(axis=1), 1e-9)
+    velocity = steps / span[:, None]
+    ends = (velocity[0] if enter is None else enter, velocity[-1] if leave is None else leave)
+    return _Wire(corners, span, np.concatenate([ends[0][None], velocity, ends[1][None]]))
+
+
+def _farthest(path: Path, points: Array) -> float:
+    """Largest distance of a path from the straight lines through points."""
+    places = np.linspace(path.x[:-1], path.x[1:], 33).T.ravel()
+    at = int(np.argmax(_distance(path(places), points)))
+    near = np.linspace(places[max(at - 1, 0)], places[min(at + 1, len(places) - 1)], 65)
+    return float(_distance(path(near), points).max())
+
+
+def _distance(q: Array, points: Array) -> Array:
+    """Distance (m,) of q (m, n) from the straight lines through points."""
+    step = np.diff(points, axis=0)
+    offset = q[:, None] - points[:-1]
+    along = np.clip((offset * step).sum(-1) / (step * step).sum(-1), 0.0, 1.0)
+    return np.asarray(np.sqrt(((offset - along[..., None] * step) ** 2).sum(-1)).min(axis=1))

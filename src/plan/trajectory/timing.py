@@ -1,0 +1,272 @@
+"""Timing of joint paths under velocity and acceleration limits, from rest to rest.
+
+A straight piece in joint space has constant limits along it, so its fastest timing is a trapezoid, exact and
+without iteration. Any other path is timed by reachability analysis (`plan.trajectory.topp_ra`).
+
+Between grid points acceleration can exceed its limit a little where the path is of third order. So every answer is
+measured inside every interval; where it exceeds by much, that interval is timed with a lower limit, and what is left
+is stretched in time as a whole.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.controller.unit import Limits
+from arm.errors import InputError
+from arm.se3 import Array, frozen
+from plan.cartesian.line import JointPath
+from plan.trajectory.joint_path import Path, blended, polyline, smooth_path
+from plan.trajectory.topp_ra import fastest, stages
+
+CORNERS = ("blend", "stop")
+Caps = float | Array | None  # on the rate of the path parameter, for all of a path or for each piece of it
+
+GRID = 200  # intervals along all that is not straight; fewer lose motion time
+_BEND_GRID = 12  # intervals in a bend, however short; where it is a parabola, limits hold between them too
+_INSIDE = np.array([1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6])  # of an interval, where limits are measured
+_EASINGS = 4  # attempts at most
+_WORTH_EASING = 1.0005  # times an acceleration limit; what is less is left to stretching the whole
+_ROOM = 1.1  # times an excess, to be rid of it
+_SWITCH = 0.2  # of the acceleration limit: a jump this large is a place to start a new segment
+
+
+@dataclass(frozen=True)
+class State:
+    """Positions (m, n) rad, velocities rad/s and accelerations rad/s^2 at m times."""
+
+    q: Array
+    qd: Array
+    qdd: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A timed path: s moves along it with constant acceleration between knots.
+
+    Attributes:
+        path: geometry, see `plan.trajectory.joint_path`.
+        times, s, rate: (k,) knots: time s, path parameter, and its rate per s.
+        limits: that it was timed under.
+        method: ``trapezoid``, ``topp`` or ``ruckig`` (`plan.trajectory.jerk_limited`).
+        rate_cap: cap on the rate that it was timed under, or None.
+        stretch: by which time was lengthened after timing, to keep limits; 1 if it was not.
+    """
+
+    path: Path
+    times: Array
+    s: Array
+    rate: Array
+    limits: Limits
+    method: str
+    rate_cap: Caps = None
+    stretch: float = 1.0
+
+    @property
+    def duration(self) -> float:
+        """s."""
+        return float(self.times[-1])
+
+    def at(self, times: npt.ArrayLike) -> State:
+        """State at times (m,) in s, clamped to the motion."""
+        t = np.clip(np.atleast_1d(np.asarray(times, dtype=float)), 0.0, self.times[-1])
+        i = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2)
+        tau = t - self.times[i]
+        drive = self._drive()[i]
+        s = np.clip(self.s[i] + tau * (self.rate[i] + 0.5 * drive * tau), self.s[i], self.s[i + 1])
+        rate = np.maximum(self.rate[i] + drive * tau, 0.0)[:, None]
+        first, second = self.path(s, 1), self.path(s, 2)
+        return State(self.path(s), first * rate, second * rate**2 + first * drive[:, None])
+
+    def passed(self, s: npt.ArrayLike) -> Array:
+        """Times (m,) in s at which the motion passes places s (m,) of its path, clamped to it."""
+        places = np.clip(np.atleast_1d(np.asarray(s, dtype=float)), self.s[0], self.s[-1])
+        i = np.clip(np.searchsorted(self.s, places, side="right") - 1, 0, len(self.s) - 2)
+        way = places - self.s[i]
+        rate = np.sqrt(np.maximum(self.rate[i] ** 2 + 2.0 * self._drive()[i] * way, 0.0))
+        sum_ = np.maximum(self.rate[i] + rate, 1e-300)
+        return np.asarray(np.minimum(self.times[i] + 2.0 * way / sum_, self.times[i + 1]))
+
+    def stretched(self, factor: float) -> Trajectory:
+        """The same path in `factor` times the time."""
+        return replace(
+            self,
+            times=frozen(self.times * factor),
+            rate=frozen(self.rate / factor),
+            stretch=self.stretch * factor,
+        )
+
+    def under(self, limits: Limits) -> Trajectory:
+        """The same path timed anew under other limits, by the same method."""
+        if self.method == "trapezoid":
+            return _trapezoids(self.path, limits)
+        return time_curve(self.path, limits, self.rate_cap)
+
+    def switches(self) -> Array:
+        """Times (k,) in s at which the acceleration jumps by a fifth of a joint's limit or more; without both ends."""
+        drive = self._drive()
+        gap = np.diff(self.s)
+        before = self._acceleration(self.s[1:-1] - 1e-9 * gap[:-1], self.rate[1:-1], drive[:-1])
+        after = self._acceleration(self.s[1:-1] + 1e-9 * gap[1:], self.rate[1:-1], drive[1:])
+        jumps = (np.abs(after - before) / self.limits.acceleration).max(axis=-1, initial=0.0) > _SWITCH
+        return np.asarray(self.times[1:-1][jumps])
+
+    def loads(self) -> tuple[Array, Array]:
+        """Velocity and acceleration over their limits, the largest in every interval between knots; (k - 1,) each.
+
+        The rate's square is linear in s between knots, so on a path of order 3 acceleration is a quadratic in s: its
+        extreme follows from three values. Velocity is measured at five places.
+        """
+        s = self.s[:-1, None] + _INSIDE * np.diff(self.s)[:, None]
+        drive = self._drive()[:, None]
+        square = np.maximum(self.rate[:-1, None] ** 2 + 2 * drive * (s - self.s[:-1, None]), 0.0)
+        slope = self.path(s, 1)
+        velocity = np.abs(slope) * np.sqrt(square)[..., None] / self.limits.velocity
+        qdd = slope[:, ::2] * drive[..., None] + self.path(s[:, ::2], 2) * square[:, ::2, None]
+        first, middle, last = np.moveaxis(qdd / self.limits.acceleration, 1, 0)
+        tilt, bend = 4.0 * middle - 3.0 * first - last, 2.0 * (first + last - 2.0 * middle)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = np.nan_to_num(-tilt / (2.0 * bend), nan=0.0, posinf=0.0, neginf=0.0)
+        at = np.clip(at, 0.0, 1.0)
+        every = np.abs([first, middle, last, first + at * (tilt + at * bend)])
+        return velocity.max(axis=(1, 2)), every.max(axis=(0, 2))
+
+    def peaks(self) -> Peaks:
+        """The largest of `loads`."""
+        velocity, acceleration = self.loads()
+        return Peaks(float(velocity.max()), float(acceleration.max()))
+
+    def _drive(self) -> Array:
+        """Second derivative of s by time in every interval (k - 1,)."""
+        return np.asarray(np.diff(self.rate**2) / (2 * np.diff(self.s)))
+
+    def _acceleration(self, s: Array, rate: Array, drive: Array) -> Array:
+        return np.asarray(self.path(s, 2) * rate[..., None] ** 2 + self.path(s, 1) * drive[..., None])
+
+
+@dataclass(frozen=True)
+class Peaks:
+    """Largest ratio of a joint's velocity and acceleration to its limit; 1 is on the limit."""
+
+    velocity: float
+    acceleration: float
+
+    def stretch(self) -> float:
+        """The factor on time that brings both to at most 1."""
+        return max(1.0, self.velocity, float(np.sqrt(self.acceleration)))
+
+
+def time_path(q: npt.ArrayLike, limits: Limits, corners: str = "blend", blend: float = 0.02) -> Trajectory:
+    """Fastest motion through straight pieces of joint space, from rest to rest.
+
+    Args:
+        q: way-points (n, 6) rad, n >= 2.
+        limits: of velocity and acceleration.
+        corners: ``stop`` at each, on the path exactly; or ``blend``: go round each, at most `blend` off it.
+        blend: rad, Euclidean in joint space.
+
+    Raises:
+        InputError: fewer than two different way-points, or an unknown `corners`.
+    """
+    if corners not in CORNERS:
+        raise InputError(f"corners = {corners!r}: must be one of {', '.join(CORNERS)}", corners=corners)
+    straight = polyline(q)
+    if corners == "stop" or len(straight.x) == 2:
+        return _trapezoids(straight, limits)
+    return time_curve(blended(q, blend), limits)
+
+
+def time_line(path: JointPath, limits: Limits, tool_speed: float | None = None) -> Trajectory:
+    """Fastest motion along a followed line, from rest to rest.
+
+    Args:
+        path: from `plan.cartesian.line.follow_line`.
+        limits: of velocity and acceleration.
+        tool_speed: cap on the tool's speed, m/s (rad/s if the line is a turn on the spot), or None.
+    """
+    return time_curve(smooth_path(path.q, path.s), limits, tool_speed)
+
+
+def time_curve(path: Path, limits: Limits, rate_cap: Caps = None) -> Trajectory:
+    """Fastest motion along any path of `plan.trajectory.joint_path`, from rest to rest, by TOPP-RA.
+
+    Args:
+        path: with continuous first derivative.
+        limits: of velocity and acceleration.
+        rate_cap: cap on the path parameter's rate, its unit per s; one for all, one for each piece of the path
+            (inf where there is none), or None.
+
+    Raises:
+        InputError: a cap that is not positive, or a path along which no joint moves.
+    """
+    stage = stages(path, _counts(path), rate_caps(path, rate_cap))
+    ease = np.ones(len(stage.s) - 1)
+    for _ in range(_EASINGS):
+        s, rate = fastest(stage, limits, ease)
+        trajectory = Trajectory(path, _times(s, rate), frozen(s), frozen(rate), limits, "topp", rate_cap)
+        velocity, acceleration = trajectory.loads()
+        if acceleration.max() <= _WORTH_EASING:
+            break
+        which = np.clip(np.searchsorted(stage.s, s[:-1], side="right") - 1, 0, len(ease) - 1)
+        np.maximum.at(ease, which, ease[which] * (1.0 + _ROOM * np.maximum(0.0, acceleration - 1.0)))
+    # a speed found too high at `_INSIDE` may be a little higher between
+    velocity = 1.0 + _ROOM * (velocity - 1.0)
+    excess = Peaks(float(velocity.max()), float(acceleration.max())).stretch()
+    return trajectory if excess <= 1.0 + 1e-12 else trajectory.stretched(excess * (1.0 + 1e-12))
+
+
+def rate_caps(path: Path, rate_cap: Caps) -> Array:
+    """The cap in every piece of a path, inf where there is none.
+
+    Raises:
+        InputError: one is not positive.
+    """
+    caps = np.broadcast_to(np.asarray(np.inf if rate_cap is None else rate_cap, dtype=float), len(path.x) - 1)
+    if not (caps > 0.0).all():
+        raise InputError(f"speed cap = {caps.min():g}: must be positive", value=float(caps.min()))
+    return caps
+
+
+def _counts(path: Path) -> npt.NDArray[np.int64]:
+    """Intervals for each piece: one where it is straight, which is exact; several in each bend, however short."""
+    straight = ~(path.c[:-2] != 0.0).any(axis=(0, 2))
+    length = np.diff(path.x)
+    step = max(float(length[~straight].sum()), 1e-12) / GRID
+    least = _BEND_GRID if path.c.shape[0] < 4 else 1  # a spline's pieces are many already
+    return np.where(straight, 1, np.maximum(least, np.ceil(length / step - 1e-9))).astype(np.int64)
+
+
+def _times(s: Array, rate: Array) -> Array:
+    return frozen(np.concatenate([[0.0], np.cumsum(2 * np.diff(s) / (rate[:-1] + rate[1:]))]))
+
+
+def _trapezoids(path: Path, limits: Limits) -> Trajectory:
+    """A trapezoid for every straight piece; at rest between them."""
+    times, s, rate = [0.0], [float(path.x[0])], [0.0]
+    for begin, end, slope in zip(path.x[:-1], path.x[1:], np.abs(path.c[0]), strict=True):
+        with np.errstate(divide="ignore"):
+            top, push = float((limits.velocity / slope).min()), float((limits.acceleration / slope).min())
+        _append_trapezoid(times, s, rate, float(begin), float(end), top, push)
+    return Trajectory(path, frozen(times), frozen(s), frozen(rate), limits, "trapezoid")
+
+
+def _append_trapezoid(
+    times: list[float], s: list[float], rate: list[float], begin: float, end: float, top: float, push: float
+) -> None:
+    length = end - begin
+    top = min(top, float(np.sqrt(push * length)))
+    ramp = top**2 / (2 * push)
+    flat = length - 2 * ramp
+    steps = [(ramp, top / push, top)]
+    if flat > 1e-12 * length:
+        steps.append((flat, flat / top, top))
+    for distance, duration, reached in steps:
+        times.append(times[-1] + duration)
+        s.append(s[-1] + distance)
+        rate.append(reached)
+    times.append(times[-1] + top / push)
+    s.append(end)
+    rate.append(0.0)

@@ -1,0 +1,42 @@
+"""A grid of counts for arms without a known controller, so fine that it does not matter.
+
+Timing ends in whole counts, because only those can be sent, stored and proved to the bit. An arm without a `Unit` gets
+counts of 1 urad (1 um for sliding joints), far below what any arm repeats. Nothing made on them can be streamed.
+The same inputs make the same bytes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from arm.controller.unit import GripperAxis, Limits, Unit
+from arm.io.storage import sha256
+from arm.robot.model import Robot
+from arm.se3 import frozen
+
+PER_RAD = 1e6
+
+
+def fine_grid(robot: Robot, limits: Limits) -> Unit:
+    """Counts of 1e-6 rad or m for every joint of an arm; axes are called as its joints."""
+    n = len(robot.joint_names)
+    at_zero = np.zeros(n, dtype=np.int64)
+    at_zero.flags.writeable = False
+    return Unit(
+        name="none",
+        firmware="",
+        axes=robot.joint_names,
+        counts_per_rad=frozen(np.full(n, PER_RAD)),
+        counts_at_zero=at_zero,
+        lower=limits.lower,
+        upper=limits.upper,
+        velocity_cap=limits.velocity,
+        speed_registers=(),
+        acceleration_registers=(),
+        axis_registers={},
+        idle_release_s=0,
+        homing=(),
+        soft_home=frozen(np.zeros(n)),
+        gripper=GripperAxis("", 0, 1, 0, 0, {}),
+        digest=sha256({"per_rad": PER_RAD, "axes": list(robot.joint_names)}),
+    )

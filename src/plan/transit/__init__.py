@@ -1,0 +1,16 @@
+"""Ways around bodies: RRT-Connect, and the way made shorter."""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+_FORMER = (
+    "plan_transit",
+    "Detours",
+)  # of the module that this package was, for one version
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> object:
+        if name in _FORMER:
+            return getattr(import_module("plan.transit.planner"), name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,308 @@
+"""Judging a plan file anew: its steps are replayed on its scene, and everything it would send is checked again.
+
+Nothing is believed that the file says of itself; the certificate is made a second time and compared. What it states of
+single segments is proved too, and refused where it does not hold, not lowered: a file with one false figure was made
+by something else than the planner, and then nothing in it deserves trust.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from arm.controller.segments import CountPath, chain
+from arm.controller.unit import Limits, Unit
+from arm.errors import ImpossibleError
+from arm.numerics.products import mul, norm
+from arm.plan_file import GripperStep, Motion, Move, Plan
+from arm.robot.jaws import with_any_jaws
+from arm.robot.shapes import Body
+from arm.se3 import Array, angle_between, frozen, inverse
+from plan.collision.certificate import MoveCheck, check_move
+from plan.collision.world import World
+from plan.scene import Scene
+from plan.trajectory.extremes import segment_extremes
+
+# Lines to and from a station may come this near to what they serve, and moves may touch what the scene allows, m.
+STATED_SLACK = 1e-6
+# A bound of one segment may be this much above what is proved here: the bisection is another one, and ends at a
+# resolution of 20 um, m.
+SEGMENT_SLACK = 5e-5
+ON_LINES = ("approach", "retract")
+LIMIT_SLACK = 1e-9
+LINE_SAMPLE_S = 0.01
+LINE_ASIDE, LINE_TURN = 1e-4, np.radians(0.05)  # a line may be off by this,
+LINE_LENGTH = 5e-4  # and this much longer or shorter: it is entered or left at speed, at a whole millisecond
+VERTEX_S = (
+    5e-3  # a join may step in velocity by what the acceleration limit gives in 5 ms (the controller's rule)
+)
+GRASP_REACH = 0.05  # from the tool frame to the centre of a cube between the jaws, m
+
+
+@dataclass(frozen=True)
+class ReplayedMove:
+    """One move as it was found.
+
+    Attributes:
+        move: of the plan.
+        check: its clearance, proved again.
+        peak_velocity, peak_acceleration: largest share of the limits at the plan's speed.
+    """
+
+    move: Move
+    check: MoveCheck
+    peak_velocity: float
+    peak_acceleration: float
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Where everything stands while a move is made."""
+
+    world: World
+    standing: tuple[Body, ...]
+    held: Body | None
+    T_tool_held: Array | None
+
+
+def settings(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, Setting]]:
+    """Every move with the world it is made in: cubes where the steps before have brought them.
+
+    Jaws that close for no cube of the task hold nothing that is known; from then on they may be anywhere.
+
+    Raises:
+        ImpossibleError: the jaws close where no cube stands, or a move says it holds what it does not.
+    """
+    cubes = {cube.name: cube for cube in scene.cubes}
+    held: str | None = None
+    T_tool_held: Array | None = None
+    q = unit.positions(plan.start)
+    for step in plan.steps:
+        match step:
+            case GripperStep(action="close", cube=None):
+                scene = replace(scene, robot_open=with_any_jaws(scene.robot_open))
+            case GripperStep(action="close"):
+                T_base_tool = scene.robot_open.T_base_tool(q)
+                held, T_tool_held = _gripped(cubes, T_base_tool, step.name)
+            case GripperStep(action="open") if held is not None and T_tool_held is not None:
+                placed = mul(scene.robot_open.T_base_tool(q), T_tool_held)
+                cubes[held] = cubes[held].at(placed)
+                held = T_tool_held = None
+            case Move():
+                if step.held != held:
+                    raise ImpossibleError(
+                        f"{step.name!r} says that it holds {step.held or 'nothing'}, but the steps before leave "
+                        f"{held or 'nothing'} in the jaws; make the plan again",
+                        step=step.name,
+                        held=held,
+                    )
+                yield step, _setting(scene, cubes, held, T_tool_held, step)
+                q = unit.positions(step.path.end)
+
+
+def placed(plan: Plan, scene: Scene, unit: Unit) -> dict[str, Array]:
+    """T_base_cube of every cube once the plan has ended, by name.
+
+    Raises:
+        ImpossibleError: as `settings`.
+    """
+    found = {cube.name: cube.T_base_body for cube in scene.cubes}
+    for _, setting in settings(plan, scene, unit):
+        found.update((cube.name, cube.T_base_body) for cube in setting.standing)
+    return found
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the cell of now asks of a plan: clearance of transits and of lines, and length of the lines, m."""
+
+    clearance: float
+    line_clearance: float
+    offset: float
+
+
+def replay(
+    plan: Plan, scene: Scene, unit: Unit, limits: Limits, asked: Asked | None = None
+) -> tuple[ReplayedMove, ...]:
+    """Check every move of a plan anew, as it would be sent.
+
+    Args:
+        plan: to judge.
+        scene: of the plan, with the arms of now.
+        unit: of the plan.
+        limits: under the plan's registers at speed 1.
+        asked: what the plan must keep besides what it states; None to hold it to its own word only.
+
+    Raises:
+        InputError: a move does not start where the one before it ends.
+        ImpossibleError: a move comes nearer to something than the plan states, breaks a limit at the plan's speed, or
+            meets the next one, or rest, with a jump of velocity; with step, pair or joint, and by how much.
+    """
+    scaled, joints = limits.scaled(plan.speed), scene.robot_open.joint_names
+    chain([move.path for move in plan.moves])
+    peaks = [_peaks(move, unit, scaled, joints) for move in plan.moves]
+    for motion in plan.motions:
+        _require_meetings(motion, unit, scaled, joints)
+    replayed = []
+    for (move, setting), peak in zip(settings(plan, scene, unit), peaks, strict=True):
+        if asked is not None:
+            _require_asked(move, asked)
+            _require_line(move, scene, unit, asked.offset)
+        replayed.append(ReplayedMove(move, _proved(move, setting.world, unit), *peak))
+    return tuple(replayed)
+
+
+def _proved(move: Move, world: World, unit: Unit) -> MoveCheck:
+    """The certificate of a move, made again: of the whole, and of every segment that is said to keep more."""
+    segments = move.path.segments
+    if move.clearances and len(move.clearances) != len(segments):
+        raise ImpossibleError(
+            f"{move.name!r} states {len(move.clearances)} clearances for {len(segments)} segments; "
+            "make the plan again",
+            step=move.name,
+        )
+    whole = check_move(world, move.path, unit, max(move.clearance - STATED_SLACK, 0.0), tight=False)
+    if not whole.proved:
+        raise _too_near(move, whole, move.clearance)
+    begin_s = 0.0
+    for start, segment, stated in zip(move.path.knots(), segments, move.clearances, strict=False):
+        if stated - SEGMENT_SLACK > whole.clearance:
+            part = CountPath(tuple(int(c) for c in start), (segment,))
+            check = check_move(world, part, unit, stated - SEGMENT_SLACK, tight=False)
+            if not check.proved:
+                raise _too_near(move, replace(check, time=begin_s + check.time), stated)
+        begin_s += segment.duration_ms / 1e3
+    return whole
+
+
+def _too_near(move: Move, check: MoveCheck, stated: float) -> ImpossibleError:
+    return ImpossibleError(
+        f"{move.name!r}: {check.pair[0]} comes to {check.seen * 1e3:.2f} mm of {check.pair[1]} after "
+        f"{check.time:.2f} s; the plan states {stated * 1e3:.2f} mm there; make the plan again",
+        step=move.name,
+        pair=list(check.pair),
+        distance_m=check.seen,
+        stated_m=stated,
+    )
+
+
+def _require_asked(move: Move, asked: Asked) -> None:
+    least = asked.line_clearance if move.role in ON_LINES else asked.clearance
+    if not move.certified or move.clearance < least - STATED_SLACK:
+        raise ImpossibleError(
+            f"{move.name!r} states {move.clearance * 1e3:.2f} mm of clearance{'' if move.certified else ', unproved'}; "
+            f"{least * 1e3:g} mm are asked for; make the plan again",
+            step=move.name,
+            stated_m=move.clearance,
+            asked_m=least,
+        )
+
+
+def _require_line(move: Move, scene: Scene, unit: Unit, offset: float) -> None:
+    """Approach and retract run straight along the tool's own axis, over the whole offset, never past the station."""
+    if move.role not in ON_LINES:
+        return
+    times = np.linspace(0.0, move.path.duration_s, max(3, int(move.path.duration_s / LINE_SAMPLE_S)))
+    poses = [scene.robot_open.T_base_tool(q) for q in unit.positions(move.path.at(times))]
+    station = poses[-1] if move.role == "approach" else poses[0]
+    relative = np.stack([mul(inverse(station), T) for T in poses])
+    aside = float(np.hypot(relative[:, 0, 3], relative[:, 1, 3]).max())
+    turned = max(angle_between(np.eye(3), T[:3, :3]) for T in relative)
+    length, past = float(-relative[:, 2, 3].min()), float(relative[:, 2, 3].max())
+    if max(aside, past) > LINE_ASIDE or turned > LINE_TURN or abs(length - offset) > LINE_LENGTH:
+        raise ImpossibleError(
+            f"{move.name!r} is no line of {offset * 1e3:g} mm along the tool's axis: {aside * 1e3:.3f} mm aside, "
+            f"{np.degrees(turned):.4f} deg turned, {length * 1e3:.2f} mm long, {past * 1e3:.3f} mm past its end; "
+            "make the plan again",
+            step=move.name,
+            aside_m=aside,
+            past_m=past,
+            turned=turned,
+            length_m=length,
+        )
+
+
+def _gripped(cubes: dict[str, Body], T_base_tool: Array, step: str) -> tuple[str, Array]:
+    found = min(
+        ((float(norm((mul(inverse(T_base_tool), c.T_base_body))[:3, 3])), name) for name, c in cubes.items()),
+        default=(np.inf, ""),
+    )
+    if found[0] > GRASP_REACH:
+        raise ImpossibleError(
+            f"{step!r} closes the jaws where no cube stands; make the plan again", step=step
+        )
+    return found[1], frozen(mul(inverse(T_base_tool), cubes[found[1]].T_base_body))
+
+
+def _setting(
+    scene: Scene, cubes: dict[str, Body], held: str | None, T_tool_held: Array | None, move: Move
+) -> Setting:
+    standing = tuple(c for name, c in cubes.items() if name != held)
+    bodies = (*scene.bodies, *standing)
+    if held is None:
+        return Setting(World(scene.robot_open, bodies), standing, None, None)
+    touching = [frozenset((held, name)) for name in move.touching]
+    if touching and (move.role not in ON_LINES or not scene.allowed.issuperset(touching)):
+        raise ImpossibleError(
+            f"{move.name!r} lets {held} touch {', '.join(move.touching)}, which the scene does not allow there; "
+            "make the plan again",
+            step=move.name,
+            touching=list(move.touching),
+        )
+    world = World(scene.robot_holding, bodies, cubes[held], T_tool_held, touching)
+    return Setting(world, standing, cubes[held], T_tool_held)
+
+
+def _require_meetings(motion: Motion, unit: Unit, limits: Limits, joints: tuple[str, ...]) -> None:
+    """Velocities must agree where moves meet, and be those of rest at both ends, to the controller's vertex rule."""
+    scale = np.abs(unit.counts_per_rad)
+    rest = np.zeros(len(scale))
+    left = [rest, *(m.path.segments[-1].derivative(1.0) / scale for m in motion.moves)]
+    entered = [*(m.path.segments[0].derivative(0.0) / scale for m in motion.moves), rest]
+    names = [repr(m.name) for m in motion.moves]
+    places = [
+        f"{names[0]} does not begin at rest",
+        *(f"{before} and {after} do not meet at one velocity" for before, after in pairwise(names)),
+        f"{names[-1]} does not end at rest",
+    ]
+    for place, before, after in zip(places, left, entered, strict=True):
+        excess = np.abs(after - before) - VERTEX_S * limits.acceleration
+        joint = int(np.argmax(excess))
+        if excess[joint] > LIMIT_SLACK:
+            raise ImpossibleError(
+                f"{place}: {joints[joint]} jumps by {np.degrees(abs(after - before)[joint]):.4f} deg/s, "
+                f"{np.degrees(excess[joint]):.4f} more than the controller's rule; make the plan again",
+                motion=[m.name for m in motion.moves],
+                joint=joints[joint],
+                limit="jump of velocity",
+                excess=float(excess[joint]),
+            )
+
+
+def _peaks(move: Move, unit: Unit, limits: Limits, joints: tuple[str, ...]) -> tuple[float, float]:
+    extremes = segment_extremes(move.path, unit)
+    for what, found, allowed, in_unit in (
+        ("lower limit", -extremes.lower, -limits.lower, "deg"),
+        ("upper limit", extremes.upper, limits.upper, "deg"),
+        ("velocity", extremes.velocity, limits.velocity, "deg/s"),
+        ("acceleration", extremes.acceleration, limits.acceleration, "deg/s2"),
+        ("jump of velocity at a join", extremes.jumps, VERTEX_S * limits.acceleration, "deg/s"),
+    ):
+        excess = np.max(found - allowed, axis=0, initial=-np.inf)
+        joint = int(np.argmax(excess))
+        if excess[joint] > LIMIT_SLACK:
+            raise ImpossibleError(
+                f"{move.name!r}: {joints[joint]} is {np.degrees(excess[joint]):.4f} {in_unit} over its {what}; "
+                "make the plan again",
+                step=move.name,
+                joint=joints[joint],
+                limit=what,
+                excess=float(excess[joint]),
+            )
+    return (
+        float(np.max(extremes.velocity / limits.velocity)),
+        float(np.max(extremes.acceleration / limits.acceleration)),
+    )

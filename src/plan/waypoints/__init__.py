@@ -1,0 +1,1 @@
+"""Lists of poses and configurations."""

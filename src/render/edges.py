@@ -1,0 +1,94 @@
+"""Pixels on edges, met with many rays instead of one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from arm.errors import InputError
+from arm.se3 import Array
+from render.first_hit import FirstHits, InView, no_hits
+from render.rays import Bools, Indices, PixelRays, subpixel_rays
+from render.solids import REGIONS
+
+NEIGHBOURS = np.ones((3, 3), dtype=np.uint8)
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeSample:
+    """One ray in every edge pixel, and what it meets first."""
+
+    rays: PixelRays
+    hits: FirstHits
+
+
+def edge_pixels(surface: npt.NDArray[np.uint16]) -> Bools:
+    """Pixels (h, w) whose 3 x 3 neighbourhood shows more than one surface."""
+    mixed: Bools = cv2.dilate(surface, NEIGHBOURS) != cv2.erode(surface, NEIGHBOURS)
+    return mixed
+
+
+def pixel_offsets(count: int) -> Array:
+    """Places (count, 2) in a pixel, px from its centre: Hammersley's points, `count` a power of two.
+
+    All columns differ and all rows differ, so that an edge along the pixels is placed to 1/count px, where a
+    square grid of as many points would give 1/sqrt(count) (J. H. Halton, 1960; van der Corput's sequence in base 2).
+
+    Raises:
+        InputError: `count` is not a power of two.
+    """
+    if count < 1 or count & (count - 1):
+        raise InputError(f"samples = {count}: must be a power of two, such as 16", samples=count)
+    bits = count.bit_length() - 1
+    reversed_bits = [int(f"{i:0{bits}b}"[::-1], 2) if bits else 0 for i in range(count)]
+    return (np.stack([np.arange(count), reversed_bits], axis=-1) + 0.5) / count - 0.5
+
+
+def edge_samples(
+    solids: Sequence[InView],
+    T_base_camera: Array,
+    rays: PixelRays,
+    surface: npt.NDArray[np.uint16],
+    edge: Bools,
+    offsets: Array,
+) -> Iterator[EdgeSample]:
+    """For each of `offsets` (n, 2) px, what the rays there meet first in the pixels of `edge`, in their order.
+
+    A pixel is tried against the solids that its 3 x 3 neighbourhood shows; one that is narrower than a pixel and
+    lies between the centres is missed.
+    """
+    row, column = np.nonzero(edge)
+    at_centres = subpixel_rays(rays, row, column)
+    tried = _pixels_by_solid(solids, surface, edge)
+    for offset in offsets:
+        moved = at_centres.moved(float(offset[0]), float(offset[1]))
+        hits = no_hits(moved.x.shape)
+        for item, pixels in tried:
+            cast = item.solid.cast(T_base_camera, PixelRays(moved.x[pixels], moved.y[pixels]))
+            nearer = np.flatnonzero(cast.depth < hits.depth[pixels])
+            target = pixels[nearer]
+            hits.depth[target] = cast.depth[nearer]
+            hits.grey[target] = cast.grey[nearer]
+            hits.surface[target] = np.uint16(item.number * REGIONS) + cast.region[nearer]
+        yield EdgeSample(moved, hits)
+
+
+def _pixels_by_solid(
+    solids: Sequence[InView], surface: npt.NDArray[np.uint16], edge: Bools
+) -> list[tuple[InView, Indices]]:
+    """Per solid, the numbers of the edge pixels (in their order) that show it or are beside one that does."""
+    order = np.zeros(edge.shape, dtype=np.int32)
+    order[edge] = np.arange(np.count_nonzero(edge))
+    tried = []
+    for item in solids:
+        area = item.window.area
+        shown = (surface[area] // REGIONS == item.number).astype(np.uint8)
+        near = cv2.dilate(shown, NEIGHBOURS).astype(bool) & edge[area]
+        pixels = order[area][near].astype(np.intp)
+        if len(pixels):
+            tried.append((item, pixels))
+    return tried

@@ -1,0 +1,70 @@
+"""What each ray meets first, among all solids."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.se3 import Array
+from render.light import BACKGROUND_GREY
+from render.rays import Floats, PixelRays
+from render.solids import REGIONS, Solid
+from render.window import Window, window_of
+
+NOTHING = 0  # surface of rays that meet nothing
+
+
+@dataclass(frozen=True, eq=False)
+class InView:
+    """A solid that may be in the image: its number (1 and up) and the part of the image that it can cover."""
+
+    number: int
+    solid: Solid
+    window: Window
+
+
+@dataclass(frozen=True, eq=False)
+class FirstHits:
+    """Of rays of any shape: depth m (infinite beside everything), grey level, and which surface.
+
+    `surface` is REGIONS times the solid's number plus its region, or NOTHING.
+    """
+
+    depth: Floats
+    grey: Floats
+    surface: npt.NDArray[np.uint16]
+
+
+def in_view(solids: Sequence[Solid], T_base_camera: Array, rays: PixelRays) -> list[InView]:
+    """The solids that may be in the image whose pixels have these rays."""
+    windows = [window_of(s.T_base_solid, s.half_extent, T_base_camera, rays) for s in solids]
+    return [
+        InView(number, solid, window)
+        for number, (solid, window) in enumerate(zip(solids, windows, strict=True), start=1)
+        if window is not None
+    ]
+
+
+def no_hits(shape: tuple[int, ...]) -> FirstHits:
+    """Rays before any solid was tried."""
+    return FirstHits(
+        np.full(shape, np.inf, dtype=np.float32),
+        np.full(shape, BACKGROUND_GREY, dtype=np.float32),
+        np.full(shape, NOTHING, dtype=np.uint16),
+    )
+
+
+def first_hits(solids: Sequence[InView], T_base_camera: Array, rays: PixelRays) -> FirstHits:
+    """What the rays (h, w) of an image meet first."""
+    hits = no_hits(rays.x.shape)
+    for item in solids:
+        depth, grey, surface = (f[item.window.area] for f in (hits.depth, hits.grey, hits.surface))
+        cast = item.solid.cast(T_base_camera, item.window.cut(rays))
+        nearer = cast.depth < depth
+        np.copyto(depth, cast.depth, where=nearer)
+        np.copyto(grey, cast.grey, where=nearer)
+        np.copyto(surface, np.uint16(item.number * REGIONS) + cast.region, where=nearer)
+    return hits

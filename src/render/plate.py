@@ -1,0 +1,130 @@
+"""A board's plate as it is: a box with two printed markers on it and four square funnels ("pockets") cut into it.
+
+Markers lie in the plane z = 0 of the board frame, which is the plate's top; each has a white border one module wide.
+Pockets narrow from mouth to floor and have a finger hole in the floor (cell fact sheet). They get darker with depth,
+because their walls hide a part of the light from all around.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from arm.board import PLATE_CENTRE, PLATE_SIZE, SECOND_MARKER, Board
+from arm.errors import InputError
+from arm.se3 import Array, apply, frozen, inverse, transform
+from render.light import FINGER_HOLE, KIND_GREY, MARKER_BLACK, MARKER_WHITE, Light
+from render.rays import Bundle, Floats, Indices, PixelRays, bundle_in
+from render.solids import Cast, cast_box
+
+POCKET_DEPTH = 0.010  # m
+FINGER_HOLE_RADIUS = 0.008  # m
+FLOOR_LIGHT = 0.45  # share of the light that reaches a pocket's floor
+TOP_FACE = 2  # region of the plate's top, see `cast_box`
+BLACK, WHITE, WALLS, FLOOR, HOLE = 6, 7, 8, 12, 13  # further regions; four walls
+
+
+def marker_modules(dictionary: str, marker_id: int) -> npt.NDArray[np.bool_]:
+    """The modules of a marker with its black border, True where white; row 0 is at its top.
+
+    Raises:
+        InputError: OpenCV has no such dictionary, or the dictionary no such id.
+    """
+    number = getattr(cv2.aruco, dictionary, None)
+    if not dictionary.startswith("DICT_") or not isinstance(number, int):
+        raise InputError(
+            f"dictionary = {dictionary!r}: OpenCV has none of that name; one is DICT_4X4_50",
+            dictionary=dictionary,
+        )
+    known = cv2.aruco.getPredefinedDictionary(number)
+    if not 0 <= marker_id < len(known.bytesList):
+        raise InputError(
+            f"marker id = {marker_id}: {dictionary} has ids 0 to {len(known.bytesList) - 1}",
+            marker_id=marker_id,
+        )
+    return np.asarray(known.generateImageMarker(marker_id, known.markerSize + 2, borderBits=1) > 127)
+
+
+class PlateSolid:
+    """A board's plate at a place, lit.
+
+    Raises:
+        InputError: the board's ids are not in the dictionary.
+    """
+
+    def __init__(self, board: Board, T_base_board: Array, dictionary: str, light: Light) -> None:
+        self._T_solid_board = transform(t=(-PLATE_CENTRE[0], -PLATE_CENTRE[1], PLATE_SIZE[2] / 2.0))
+        self.T_base_solid = frozen(T_base_board @ inverse(self._T_solid_board))
+        self.half_extent = np.array(PLATE_SIZE) / 2.0
+        self._board = board
+        self._light = light
+        self._lamp = T_base_board[:3, :3].T @ light.towards(self.T_base_solid[:3, 3])
+        centres = [np.zeros(3), np.array([*SECOND_MARKER, 0.0])]
+        self._markers = [
+            (apply(self._T_solid_board, centre), marker_modules(dictionary, marker_id))
+            for centre, marker_id in zip(centres, board.marker_ids, strict=True)
+        ]
+
+    def cast(self, T_base_camera: Array, rays: PixelRays) -> Cast:
+        """Where the rays of a camera meet the plate, its print and its pockets."""
+        flat = PixelRays(rays.x.reshape(-1), rays.y.reshape(-1))
+        bundle = bundle_in(inverse(self.T_base_solid) @ T_base_camera, flat)
+        levels = KIND_GREY["board"] * self._light.lambert(np.concatenate([self._lamp, -self._lamp]))
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # rays beside or along a face
+            cast = cast_box(self.half_extent, bundle, levels)
+        top = np.flatnonzero((cast.region == TOP_FACE) & np.isfinite(cast.depth))
+        x = np.float32(bundle.origin[0]) + cast.depth[top] * bundle.dx[top]
+        y = np.float32(bundle.origin[1]) + cast.depth[top] * bundle.dy[top]
+        for centre, modules in self._markers:
+            self._print_marker(cast, top, x - np.float32(centre[0]), y - np.float32(centre[1]), modules)
+        for hole in apply(self._T_solid_board, self._board.holes):
+            self._cut_pocket(cast, top, x - np.float32(hole[0]), y - np.float32(hole[1]), bundle)
+        shape = rays.x.shape
+        return Cast(cast.depth.reshape(shape), cast.grey.reshape(shape), cast.region.reshape(shape))
+
+    def _print_marker(
+        self, cast: Cast, top: Indices, x: Floats, y: Floats, modules: npt.NDArray[np.bool_]
+    ) -> None:
+        """Print at the rays `top` that meet the plate's top at (x, y) m from the marker's centre."""
+        size, count = self._board.marker_size, len(modules)
+        border = size / 2.0 + size / count
+        near = np.flatnonzero((np.abs(x) <= border) & (np.abs(y) <= border))
+        column = np.floor((x[near] / size + 0.5) * count).astype(np.intp) + 1
+        row = np.floor((0.5 - y[near] / size) * count).astype(np.intp) + 1
+        white = np.pad(modules, 1, constant_values=True)
+        is_white = white[np.clip(row, 0, count + 1), np.clip(column, 0, count + 1)]
+        lit = self._light.lambert(self._lamp[2])
+        cast.grey[top[near]] = np.where(is_white, MARKER_WHITE, MARKER_BLACK) * lit
+        cast.region[top[near]] = np.where(is_white, WHITE, BLACK)
+
+    def _cut_pocket(self, cast: Cast, top: Indices, x: Floats, y: Floats, rays: Bundle) -> None:
+        """Let the rays `top` that enter a mouth at (x, y) m from its centre go on to a wall or the floor."""
+        mouth = np.float32(self._board.pocket[0] / 2.0)
+        near = np.flatnonzero((np.abs(x) < mouth) & (np.abs(y) < mouth))
+        if not len(near):
+            return
+        x, y, ray = x[near], y[near], top[near]
+        dx, dy, dz = rays.dx[ray], rays.dy[ray], rays.dz[ray]
+        slope = np.float32((self._board.pocket[0] - self._board.pocket[1]) / 2.0 / POCKET_DEPTH)
+        further = np.stack(
+            [
+                (mouth - s * p) / np.maximum(s * d - slope * dz, 1e-9)
+                for s in (1, -1)
+                for p, d in ((x, dx), (y, dy))
+            ]
+            + [np.float32(POCKET_DEPTH) / -dz]
+        )
+        piece = np.argmin(further, axis=0)
+        further = further[piece, np.arange(len(near))]
+        depth_below = -further * dz
+        # inward normals of the walls +x, +y, -x, -y, and of the floor
+        up = slope / np.hypot(1.0, slope)
+        across = 1.0 / np.hypot(1.0, slope)
+        normals = np.array([[-across, 0, up], [0, -across, up], [across, 0, up], [0, across, up], [0, 0, 1]])
+        open_sky = 1.0 - (1.0 - FLOOR_LIGHT) * depth_below / np.float32(POCKET_DEPTH)
+        levels = KIND_GREY["board"] * self._light.lambert(normals @ self._lamp)
+        hole = (piece == 4) & (np.hypot(x + further * dx, y + further * dy) < FINGER_HOLE_RADIUS)
+        cast.depth[ray] += further
+        cast.grey[ray] = np.where(hole, FINGER_HOLE * self._light.gain, levels[piece] * open_sky)
+        cast.region[ray] = np.where(hole, HOLE, np.where(piece == 4, FLOOR, WALLS + piece))

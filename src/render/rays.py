@@ -1,0 +1,91 @@
+"""Rays of a camera: where each pixel looks on the plane z = 1 of the camera frame, and the same rays in other frames.
+
+A ray starts at the camera's centre and its parameter is the depth along the camera's z, so depths of different
+bodies compare directly. Single precision: at 1.2 m it resolves 1e-7 m, some 5e-4 px of the lab's camera.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import CubicSpline
+
+from arm.se3 import Array
+from vision.camera.model import Camera
+
+Floats = npt.NDArray[np.float32]
+Bools = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.intp]
+
+GRID_PX = 16  # the undone lens is smooth: cubic splines over this pitch are good to 1e-5 px
+
+
+@dataclass(frozen=True, eq=False)
+class PixelRays:
+    """Points (x, y) on the plane z = 1 that the centres of pixels look at, two arrays (h, w)."""
+
+    x: Floats
+    y: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class SubpixelRays:
+    """The rays of chosen pixels with their slopes, each (n,), to move inside those pixels."""
+
+    x: Floats
+    y: Floats
+    x_per_column: Floats
+    x_per_row: Floats
+    y_per_column: Floats
+    y_per_row: Floats
+
+    def moved(self, columns: float, rows: float) -> PixelRays:
+        """Rays that many pixels beside the centres; linear, which inside a pixel is good to 3e-5 px."""
+        return PixelRays(
+            self.x + self.x_per_column * np.float32(columns) + self.x_per_row * np.float32(rows),
+            self.y + self.y_per_column * np.float32(columns) + self.y_per_row * np.float32(rows),
+        )
+
+
+def pixel_rays(camera: Camera) -> PixelRays:
+    """The rays of all pixels: the lens undone on a grid, splines between (0.1 s instead of 1.4 s a full image)."""
+    width, height = camera.size
+    columns, rows = (np.arange(-GRID_PX, n + 2.0 * GRID_PX, GRID_PX) for n in (width, height))
+    points = camera.normalised(np.stack(np.meshgrid(columns, rows), axis=-1))
+    along_columns = CubicSpline(columns, points, axis=1)(np.arange(width))
+    full = CubicSpline(rows, along_columns.astype(np.float64), axis=0)(np.arange(height))
+    return PixelRays(*(np.ascontiguousarray(full[..., i], dtype=np.float32) for i in range(2)))
+
+
+def subpixel_rays(rays: PixelRays, row: Indices, column: Indices) -> SubpixelRays:
+    """The rays of the pixels (row, column), (n,) each, with slopes from their neighbours."""
+    height, width = rays.x.shape
+    left, right = np.maximum(column - 1, 0), np.minimum(column + 1, width - 1)
+    above, below = np.maximum(row - 1, 0), np.minimum(row + 1, height - 1)
+    slopes = [
+        slope
+        for f in (rays.x, rays.y)
+        for slope in (
+            (f[row, right] - f[row, left]) / (right - left).astype(np.float32),
+            (f[below, column] - f[above, column]) / (below - above).astype(np.float32),
+        )
+    ]
+    return SubpixelRays(rays.x[row, column], rays.y[row, column], *slopes)
+
+
+@dataclass(frozen=True, eq=False)
+class Bundle:
+    """Rays from one point in some frame: `origin` (3,) m, and directions per unit of depth as three arrays."""
+
+    origin: Array
+    dx: Floats
+    dy: Floats
+    dz: Floats
+
+
+def bundle_in(T_frame_camera: Array, rays: PixelRays) -> Bundle:
+    """The rays in another frame."""
+    R = T_frame_camera[:3, :3].astype(np.float32)
+    return Bundle(T_frame_camera[:3, 3], *(R[i, 0] * rays.x + (R[i, 1] * rays.y + R[i, 2]) for i in range(3)))

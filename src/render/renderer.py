@@ -1,0 +1,103 @@
+"""Images of the cell as its camera would take them.
+
+One ray through the centre of each pixel meets every solid that can be there; the nearest wins. Pixels whose
+neighbourhood shows more than one smooth piece of surface then get sixteen rays, against the solids of that
+neighbourhood alone: edges lie where they are, and the rest costs little. The lens's blur comes last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from arm.board import Board, plate_name
+from arm.robot.shapes import Body
+from arm.se3 import Array
+from render.edges import edge_pixels, edge_samples, pixel_offsets
+from render.first_hit import FirstHits, first_hits, in_view
+from render.light import Light
+from render.plate import PlateSolid
+from render.rays import Floats, PixelRays, pixel_rays
+from render.shadow import Shadow
+from render.solids import BodySolid, Solid
+from vision.camera.model import Camera, Image
+
+
+@dataclass(frozen=True)
+class PlacedBoard:
+    """A board at its place, to be drawn with its markers and pockets."""
+
+    board: Board
+    T_base_board: Array
+
+
+def render(
+    camera: Camera,
+    bodies: Sequence[Body],
+    boards: Sequence[PlacedBoard],
+    dictionary: str = "DICT_4X4_50",
+    psf_px: float = 0.7,
+    light: Light | None = None,
+    samples: int = 16,
+    others: Sequence[Solid] = (),
+) -> Floats:
+    """The noise-free image, (h, w) grey levels from 0 to 255.
+
+    Args:
+        camera: lens, size and place.
+        bodies: everything in view; the plate of a board in `boards` may be among them and is drawn once.
+        boards: drawn with their markers and pockets.
+        dictionary: of the markers.
+        psf_px: standard deviation of the lens's blur, px; 0 for none.
+        light: how the cell is lit; default: `Light()`.
+        samples: rays a pixel at edges, a power of two.
+        others: further solids, such as a calibration target.
+
+    Raises:
+        InputError: a marker that the dictionary does not have, or `samples` no power of two.
+    """
+    light = light or Light()
+    plates = {plate_name(b.board.name) for b in boards}
+    solids: list[Solid] = [BodySolid(b, light) for b in bodies if b.name not in plates]
+    solids += [PlateSolid(b.board, b.T_base_board, dictionary, light) for b in boards]
+    solids += others
+    T_base_camera, rays = camera.T_base_camera, pixel_rays(camera)
+    visible = in_view(solids, T_base_camera, rays)
+    hits = first_hits(visible, T_base_camera, rays)
+    shadow = Shadow(solids, light, T_base_camera, rays, hits.depth) if light.shadow > 0.0 else None
+
+    image = _lit(hits, rays, light, shadow)
+    edge = edge_pixels(hits.surface)
+    offsets = pixel_offsets(samples)
+    if edge.any():
+        total = np.zeros(np.count_nonzero(edge), dtype=np.float32)
+        for sample in edge_samples(visible, T_base_camera, rays, hits.surface, edge, offsets):
+            total += _lit(sample.hits, sample.rays, light, shadow)
+        image[edge] = total / np.float32(samples)
+    image *= _vignette(rays, light)
+    if psf_px > 0.0:
+        cv2.GaussianBlur(image, (0, 0), psf_px, dst=image, borderType=cv2.BORDER_REPLICATE)
+    return np.clip(image, 0.0, 255.0, out=image)
+
+
+def _lit(hits: FirstHits, rays: PixelRays, light: Light, shadow: Shadow | None) -> Floats:
+    if shadow is None:
+        return hits.grey
+    return hits.grey * (np.float32(1.0) - np.float32(light.shadow) * shadow.hidden(rays, hits.depth))
+
+
+def _vignette(rays: PixelRays, light: Light) -> Floats:
+    radius2 = rays.x * rays.x + rays.y * rays.y
+    kept: Floats = np.float32(1.0) - np.float32(light.vignette) / radius2.max() * radius2
+    return kept
+
+
+def with_noise(image: Floats, rng: np.random.Generator, sigma_grey: float = 2.0) -> Image:
+    """A photograph: the image with Gaussian noise of `sigma_grey`, rounded to whole grey levels, (h, w) uint8."""
+    noisy = rng.standard_normal(image.shape, dtype=np.float32)
+    noisy *= np.float32(sigma_grey)
+    noisy += image
+    return np.clip(np.rint(noisy, out=noisy), 0.0, 255.0, out=noisy).astype(np.uint8)

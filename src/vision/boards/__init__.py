@@ -1,0 +1,1 @@
+"""Boards: their markers' arrangement, their pose, and how certain it is."""

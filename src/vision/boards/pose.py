@@ -1,0 +1,214 @@
+"""Where a board stands: one joint estimate over both markers and all frames, with an honest covariance, or a refusal.
+
+Fact sheet of calibration, section 4: fusing corners and fitting once reaches the Cramer-Rao bound; a median of poses or
+of corners throws 20-40 % away; one marker alone flips its tilt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from arm.board import Board
+from arm.errors import ImpossibleError
+from arm.poses import BoardPose
+from arm.se3 import Array, angle_between, frozen
+from vision.boards.checks import BoardLimits, ambiguous, misfit, moved, uncertain
+from vision.boards.corner_noise import mean_corner_variance
+from vision.boards.pose_fit import Corners, Fit, fit_again, fit_pose, planar_poses, pose_jacobian
+from vision.boards.shared_errors import Fitted, fit_with_shared, left_over, shared_errors
+from vision.boards.tilt_prior import log_odds_of_tilts, tilt_hypothesis
+from vision.camera.model import Camera
+from vision.markers.detect import Marker
+
+__all__ = ["BoardLimits", "BoardSeen", "assess_board", "estimate_board_pose"]
+
+COMMON_MODE_PX = {"lines": 0.02, "subpix": 0.15, "recorded": 0.02}
+"""Error of a corner that all frames share, at least: light, blur, lens. More frames do not average it."""
+MERGED_RAD = 1e-3  # second solutions this near are the first one
+DETERMINED = 1e-9  # of the information: least over most determined direction, in m and rad
+RATIO_CAP = 1e3  # of `BoardPose.hypothesis_ratio`; also where there is no second solution
+
+
+@dataclass(frozen=True, eq=False)
+class BoardSeen:
+    """What a board's markers say of it.
+
+    Attributes:
+        pose: the best estimate, also where it is doubted; None where there is none.
+        doubts: why it must not be used, each with its data; none where it may.
+    """
+
+    pose: BoardPose | None
+    doubts: tuple[ImpossibleError, ...]
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the pose may be used."""
+        return self.pose is not None and not self.doubts
+
+
+def estimate_board_pose(
+    board: Board,
+    frames: Sequence[Sequence[Marker]],
+    camera: Camera,
+    limits: BoardLimits | None = None,
+    tilts: Sequence[float] = (),
+) -> BoardPose:
+    """`assess_board` for those who have no use for a pose that is doubted.
+
+    Raises:
+        ImpossibleError: a marker is in no frame, the board moved between frames, another marker size fits, the
+            corners do not fit the board at all, its tilt cannot be told from the mirrored one, or the pose is less
+            certain than the limits allow.
+    """
+    seen = assess_board(board, frames, camera, limits, tilts)
+    for doubt in seen.doubts:
+        raise doubt
+    if seen.pose is None:
+        raise ImpossibleError(f"board {board.name}: its markers' corners fit no pose", board=board.name)
+    return seen.pose
+
+
+def assess_board(
+    board: Board,
+    frames: Sequence[Sequence[Marker]],
+    camera: Camera,
+    limits: BoardLimits | None = None,
+    tilts: Sequence[float] = (),
+) -> BoardSeen:
+    """Pose of a board from the markers seen in each frame, and all that speaks against it.
+
+    Args:
+        board: whose markers are used; others are ignored.
+        frames: the markers of each photograph of a cell that stands still.
+        camera: lens and place.
+        limits: what is doubted.
+        tilts: angles from the vertical, rad, at which boards are known to stand, tested as a hypothesis: they help to
+            choose between the two planar solutions where photographs alone do not decide, and change neither's pose.
+    """
+    limits = limits or BoardLimits()
+    corners = _gather(board, frames)
+    if isinstance(corners, ImpossibleError):
+        return BoardSeen(None, (corners,))
+    hypotheses = _Hypotheses.of(corners, camera)
+    floor = max(COMMON_MODE_PX[m.method] for frame in frames for m in frame if m.id in board.marker_ids)
+    both = (hypotheses.best, hypotheses.second)
+    errors = [_shared(board, fit, frames, camera) for fit in both]
+    left = None if errors[0] is None else left_over(hypotheses.best, corners.points, camera, errors[0])
+    variance = mean_corner_variance(corners, hypotheses.best, floor, left)
+    fits = [_fitted(fit, corners, camera, variance, e) for fit, e in zip(both, errors, strict=True)]
+    poses = [
+        _pose(board, f, fit, corners, camera, hypotheses.ratio) for f, fit in zip(fits, both, strict=True)
+    ]
+    costs = [fit.cost / variance if f is None else f.cost for f, fit in zip(fits, both, strict=True)]
+    log_odds = (costs[1] - costs[0]) / 2.0
+    tilts_say = 0.0
+    undecided = hypotheses.angle > limits.flip_rad and log_odds < limits.log_odds
+    if tilts and undecided and poses[0] is not None and poses[1] is not None:
+        tilts_say = log_odds_of_tilts(poses[0], poses[1], tilts)
+    first = log_odds + tilts_say >= 0.0
+    chosen, pose = (hypotheses.best, poses[0]) if first else (hypotheses.second, poses[1])
+    used = chosen.mean_residual_px[chosen.shares > 0.0]
+    residual_px = float(np.sqrt(np.mean(used**2))) if len(used) else np.nan
+    doubts = (
+        moved(board, corners, limits),
+        misfit(board, corners, chosen, camera, residual_px, floor, limits),
+        ambiguous(board, hypotheses.angle, abs(log_odds + tilts_say), hypotheses.ratio, limits),
+        uncertain(pose, limits),
+    )
+    if pose is not None and tilts:
+        pose = replace(pose, tilt_hypothesis=tilt_hypothesis(pose, tilts))
+    return BoardSeen(pose, tuple(doubt for doubt in doubts if doubt is not None))
+
+
+def _shared(board: Board, fit: Fit, frames: Sequence[Sequence[Marker]], camera: Camera) -> Array | None:
+    """Errors that corners share, (16, k) px; None where there are none, or no pose."""
+    if not np.isfinite(fit.mean_residual_px).all():
+        return None
+    sides = np.zeros((2, 4))
+    for place, marker_id in enumerate(board.marker_ids):
+        told = [m.side_sigma_px for frame in frames for m in frame if m.id == marker_id]
+        squares = [sigma**2 for sigma in told if sigma is not None]
+        if squares:  # all photographs show the same light
+            sides[place] = np.sqrt(np.mean(squares, axis=0))
+    errors = shared_errors(board, fit.T_camera_board, camera, sides)
+    return errors if errors.shape[1] and np.isfinite(errors).all() else None
+
+
+def _fitted(
+    fit: Fit, corners: Corners, camera: Camera, variance: float, errors: Array | None
+) -> Fitted | None:
+    """The pose and its covariance; None where the corners determine none."""
+    J = pose_jacobian(fit.T_camera_board, corners.points, camera)
+    information = np.einsum("n,nia,nib->ab", fit.shares, J, J)
+    if not np.isfinite(information).all() or not np.isfinite(variance):
+        return None
+    least, *_, most = np.linalg.eigvalsh(information)
+    if least < DETERMINED * most:
+        return None
+    if errors is not None:
+        return fit_with_shared(fit, corners.points, camera, errors, variance)
+    return Fitted(fit.T_camera_board, variance * np.linalg.inv(information), fit.cost / variance)
+
+
+def _pose(
+    board: Board, fitted: Fitted | None, fit: Fit, corners: Corners, camera: Camera, ratio: float
+) -> BoardPose | None:
+    if fitted is None:
+        return None
+    T_base_board = frozen(camera.T_base_camera @ fitted.T_camera_board)
+    return BoardPose(board, T_base_board, frozen(fitted.covariance), _residual(corners, fit), ratio)
+
+
+@dataclass(frozen=True)
+class _Hypotheses:
+    """The two planar solutions, both fitted with the weights of the better one; angle between them in rad."""
+
+    best: Fit
+    second: Fit
+    angle: float
+    ratio: float
+
+    @classmethod
+    def of(cls, corners: Corners, camera: Camera) -> _Hypotheses:
+        starts = planar_poses(corners.median(), corners.points, camera)
+        best = fit_pose(corners, starts[0], camera)
+        second = fit_again(best, corners.points, starts[-1], camera)
+        if second.cost < best.cost:
+            best = fit_pose(corners, second.T_camera_board, camera)
+            second = fit_again(best, corners.points, starts[0], camera)
+        angle = angle_between(best.T_camera_board[:3, :3], second.T_camera_board[:3, :3])
+        merged = angle < MERGED_RAD
+        ratio = RATIO_CAP if merged else float(np.sqrt(second.cost / max(best.cost, 1e-12)))
+        return cls(best, second, angle, float(np.clip(ratio, 1.0, RATIO_CAP)))
+
+
+def _residual(corners: Corners, fit: Fit) -> float:
+    """Also of a corner that the fit left out in all frames: what it weighs away must be seen."""
+    left_out = (fit.shares == 0.0)[:, None]
+    expected = fit.mean_px - fit.mean_residual_px
+    off = np.where(left_out, corners.median() - expected, fit.mean_residual_px)
+    return float(np.sqrt(np.mean(off**2)))
+
+
+def _gather(board: Board, frames: Sequence[Sequence[Marker]]) -> Corners | ImpossibleError:
+    pixels = np.full((len(frames), 2, 4, 2), np.nan)
+    for index, frame in enumerate(frames):
+        for marker in frame:
+            if marker.id in board.marker_ids:
+                pixels[index, board.marker_ids.index(marker.id)] = marker.corners_px
+    seen = np.isfinite(pixels).all(axis=(2, 3)).any(axis=0)
+    if not seen.all():
+        missing = [i for i, s in zip(board.marker_ids, seen, strict=True) if not s]
+        names = " and ".join(map(str, missing))
+        return ImpossibleError(
+            f"board {board.name}: marker {names} is in none of {len(frames)} photographs; the pose needs both, because "
+            "one marker alone flips its tilt; uncover it or move the board into view",
+            board=board.name,
+            missing=missing,
+            photographs=len(frames),
+        )
+    return Corners(pixels.reshape(len(frames), 8, 2), board.marker_corners().reshape(8, 3))

@@ -1,0 +1,243 @@
+"""One pose from all corners of a board's markers in all frames: robust Levenberg-Marquardt on SE(3).
+
+The fit lives in the camera frame; steps are twists in the board's own frame (translation first), T <- T exp(xi) to
+first order (J. Solà et al. 2018, section 4.3, right Jacobian).
+
+A corner's error has a part of each frame and a part that all frames share (light, blur, lens). A corner that is wrong
+in one frame differs from the other frames; one that is wrong in all of them only from the board's shape. So outliers
+are looked for twice: among frames, then among corners.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from arm.se3 import Array, by_twist, rotation, transform
+from vision.camera.model import Camera
+
+TRUSTED, REFUSED = (
+    3.5,
+    6.0,
+)  # standard deviations at which a frame's corner begins to lose weight, and has none
+SMALLEST_SIGMA_PX = 0.02  # corners closer than this are not outliers of each other
+WRONG_CORNER_F = 30.0  # of F(2, 8): a true corner goes in 0.15 % of all fits
+STEP_DONE = 1e-9  # m and rad: a millionth of what corners of 0.01 px determine
+NEAR = 1e-6  # while weights still change
+_ROBUST_ROUNDS, _STEPS = 12, 30
+
+
+@dataclass(frozen=True, eq=False)
+class Corners:
+    """Corners of one board in all frames.
+
+    Attributes:
+        pixels: (frames, n, 2) px, NaN where a corner was not seen.
+        points: (n, 3) m in the board frame, z = 0.
+    """
+
+    pixels: Array
+    points: Array
+
+    def median(self) -> Array:
+        """Median of each corner over the frames that saw it, (n, 2) px."""
+        return np.asarray(np.nanmedian(self.pixels, axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A pose that fits corners.
+
+    Attributes:
+        T_camera_board: 4x4.
+        mean_px: weighted mean of each corner over the frames, (n, 2) px.
+        weights: of every corner of every frame, (frames, n), 0 for outliers and unseen.
+        shares: information of each mean corner, (n,), 1 for one seen in as many frames as the average.
+        mean_residual_px: `mean_px` minus the projection, (n, 2) px.
+    """
+
+    T_camera_board: Array
+    mean_px: Array
+    weights: Array
+    shares: Array
+    mean_residual_px: Array
+
+    @property
+    def cost(self) -> float:
+        """What the fit minimised: squares of the mean corners' residuals times their shares, px^2."""
+        return float(self.shares @ (self.mean_residual_px**2).sum(axis=-1))
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom of `cost`."""
+        return 2 * int(np.count_nonzero(self.shares)) - 6
+
+    @property
+    def frames(self) -> float:
+        """Frames behind an average corner that is used."""
+        totals = self.weights.sum(axis=0)
+        return float(totals.sum() / max(np.count_nonzero(totals), 1))
+
+
+def planar_poses(pixels: Array, points: Array, camera: Camera) -> tuple[Array, ...]:
+    """Both poses T_camera_board of a planar set of points, better first (T. Collins and A. Bartoli, IPPE, 2014).
+
+    Args:
+        pixels: (n, 2) px.
+        points: (n, 3) m, z = 0, not on one line.
+    """
+    _, rotations, translations, _ = cv2.solvePnPGeneric(
+        objectPoints=points,
+        imagePoints=camera.normalised(pixels),
+        cameraMatrix=np.eye(3),
+        distCoeffs=None,
+        flags=cv2.SOLVEPNP_IPPE,
+    )
+    return tuple(
+        transform(rotation(r.reshape(3)), t.reshape(3)) for r, t in zip(rotations, translations, strict=True)
+    )
+
+
+def fit_pose(corners: Corners, start: Array, camera: Camera) -> Fit:
+    """The pose near `start` (T_camera_board, 4x4) that fits the corners; outliers have no weight.
+
+    For given weights the sum over frames has the same minimum as their weighted mean, so each robust round fits n
+    mean corners, however many frames there are.
+    """
+    seen: npt.NDArray[np.bool_] = np.asarray(np.isfinite(corners.pixels).all(axis=-1))
+    fit = _without_bad_frames(corners, seen, start, camera)
+    wrong = _wrong_corner(fit, corners.points, camera)
+    if wrong is not None:
+        seen = seen & (np.arange(len(corners.points)) != wrong)
+        fit = _without_bad_frames(corners, seen, fit.T_camera_board, camera)
+    return fit
+
+
+def _without_bad_frames(corners: Corners, seen: npt.NDArray[np.bool_], start: Array, camera: Camera) -> Fit:
+    fit = fit_weighted(corners, seen.astype(float), start, camera, done=NEAR)
+    if len(seen) == 1 or not np.isfinite(fit.mean_residual_px).all():  # not in front of the camera: no pose
+        return fit_again(fit, corners.points, fit.T_camera_board, camera)
+    pixels = np.nan_to_num(corners.pixels)
+    # the median over frames is the first judge of outliers: with three frames or more it is free of them already
+    expected = np.where(seen.sum(axis=0)[:, None] > 0, np.nan_to_num(corners.median()), 0.0)
+    for _ in range(_ROBUST_ROUNDS):
+        distance = np.linalg.norm(pixels - expected, axis=-1)
+        weights = np.where(seen, _trust(distance / _spread(distance[seen])), 0.0)
+        shared = _shared_part(corners, fit)
+        previous, fit = fit.weights, fit_weighted(corners, weights, fit.T_camera_board, camera, shared, NEAR)
+        # where frames agree on what is off the board's shape, that is where they expect the corner
+        expected = fit.mean_px - (1.0 - shared * np.minimum(fit.shares, 1.0))[:, None] * fit.mean_residual_px
+        if np.abs(weights - previous).max() < 1e-3 or not np.isfinite(expected).all():
+            break
+    return fit_again(fit, corners.points, fit.T_camera_board, camera)
+
+
+def fit_weighted(
+    corners: Corners,
+    weights: Array,
+    start: Array,
+    camera: Camera,
+    shared: float = 0.0,
+    done: float = STEP_DONE,
+) -> Fit:
+    """The least-squares pose near `start` for given weights (frames, n).
+
+    Args:
+        shared: part of a mean corner's variance that all frames share, 0 to 1.
+        done: a step of less than this, m and rad, is the last.
+    """
+    pixels = np.nan_to_num(corners.pixels)
+    totals = weights.sum(axis=0)
+    used = totals > 0.0
+    average = totals.sum() / max(np.count_nonzero(used), 1)
+    shares = np.where(used, 1.0 / (shared + (1.0 - shared) * average / np.where(used, totals, 1.0)), 0.0)
+    mean = np.einsum("fn,fni->ni", weights, pixels) / np.maximum(totals, 1e-9)[:, None]
+    T = _least_squares(mean, shares, corners.points, start, camera, done)
+    projected = camera.project(corners.points @ T[:3, :3].T + T[:3, 3])
+    mean = np.where(used[:, None], mean, projected)
+    return Fit(T, mean, weights, shares, mean - projected)
+
+
+def fit_again(fit: Fit, points: Array, start: Array, camera: Camera) -> Fit:
+    """The least-squares pose near another `start` for the mean corners and shares of `fit`."""
+    T = _least_squares(fit.mean_px, fit.shares, points, start, camera)
+    residual = fit.mean_px - camera.project(points @ T[:3, :3].T + T[:3, 3])
+    return replace(fit, T_camera_board=T, mean_residual_px=residual)
+
+
+def frame_variance(corners: Corners, fit: Fit) -> float | None:
+    """Variance of a corner's coordinate between frames, px^2; None where no corner is in two of them."""
+    totals = fit.weights.sum(axis=0)
+    free = totals.sum() - np.count_nonzero(totals)
+    if free < 0.5:
+        return None
+    scatter = (np.nan_to_num(corners.pixels - fit.mean_px) ** 2).sum(axis=-1)
+    return float((fit.weights * scatter).sum() / (2.0 * free))
+
+
+def _shared_part(corners: Corners, fit: Fit) -> float:
+    of_frames = frame_variance(corners, fit)
+    if of_frames is None or fit.freedom < 1 or fit.cost <= 0.0:
+        return 0.0
+    return float(np.clip(1.0 - of_frames / fit.frames * fit.freedom / fit.cost, 0.0, 1.0))
+
+
+def _trust(sigmas: Array) -> Array:
+    """1 up to TRUSTED, then smoothly down to 0 at REFUSED: clean corners keep all their weight."""
+    along = np.clip((sigmas - TRUSTED) / (REFUSED - TRUSTED), 0.0, 1.0)
+    return np.asarray(0.5 + 0.5 * np.cos(np.pi * along))
+
+
+def _spread(distances: Array) -> float:
+    """Standard deviation per coordinate from the median length of plane residuals (Rayleigh: median = 1.1774 sigma)."""
+    return max(float(np.median(distances)) / 1.1774, SMALLEST_SIGMA_PX)
+
+
+def _wrong_corner(fit: Fit, points: Array, camera: Camera) -> int | None:
+    """The corner without which all others fit by far better, if there is one (deletion of one, an F test)."""
+    if fit.freedom < 4 or not np.isfinite(fit.mean_residual_px).all():
+        return None
+    root = np.sqrt(fit.shares)[:, None]
+    A = root[..., None] * pose_jacobian(fit.T_camera_board, points, camera)
+    r = root * fit.mean_residual_px
+    flat = A.reshape(-1, 6)
+    left = np.eye(2) - A @ np.linalg.inv(flat.T @ flat) @ A.transpose(0, 2, 1)
+    gain = np.where(fit.shares > 0.0, (r * np.linalg.solve(left, r[..., None])[..., 0]).sum(axis=-1), 0.0)
+    worst = int(np.argmax(gain))
+    rest = max((fit.cost - gain[worst]) / (fit.freedom - 2), SMALLEST_SIGMA_PX**2)
+    return worst if gain[worst] / 2.0 > WRONG_CORNER_F * rest else None
+
+
+def pose_jacobian(T_camera_board: Array, points: Array, camera: Camera) -> Array:
+    """Derivative of the projections (n, 2) by the twist of the board in its own frame, (n, 2, 6) px per m and rad."""
+    R = T_camera_board[:3, :3]
+    by_point = camera.projection_jacobian(points @ R.T + T_camera_board[:3, 3]) @ R
+    return by_twist(by_point, points)
+
+
+def _least_squares(
+    mean: Array, shares: Array, points: Array, T: Array, camera: Camera, done: float = STEP_DONE
+) -> Array:
+    root = np.sqrt(shares)[:, None]
+    damping = 1e-6
+
+    def residuals(pose: Array) -> Array:
+        return np.asarray((root * (mean - camera.project(points @ pose[:3, :3].T + pose[:3, 3]))).reshape(-1))
+
+    now = residuals(T)
+    for _ in range(_STEPS):
+        J = (root[..., None] * pose_jacobian(T, points, camera)).reshape(-1, 6)
+        H, g = J.T @ J, J.T @ now
+        xi = np.linalg.solve(H + damping * np.diag(np.diag(H)), g)
+        candidate = T @ transform(rotation(xi[3:]), xi[:3])
+        then = residuals(candidate)
+        if then @ then <= now @ now:
+            T, now, damping = candidate, then, damping * 0.1
+        else:
+            damping *= 10.0
+        if np.abs(xi).max() < done or damping > 1e6:
+            break
+    return T

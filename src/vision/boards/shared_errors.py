@@ -1,0 +1,136 @@
+"""Errors that a board's corners share, because a marker was made or is lit as a whole.
+
+A marker that was glued 0.07 mm aside moves its four corners together, white that is overexposed a side with both its
+ends. Corner noise that is estimated from what a fit leaves over takes no account of that: the pose follows such errors,
+and hardly anything is left over. So each is a column of what it does to the corners, and the pose is fitted with the
+covariance that follows (generalised least squares, A. C. Aitken, 1936).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.board import TOLERANCE_SDS, Board
+from arm.se3 import Array, rotation, transform
+from vision.boards.pose_fit import Fit, pose_jacobian
+from vision.camera.model import Camera
+from vision.markers.border_shift import moved_outwards
+
+SAME_PRINT = (
+    2.0  # edges of both markers are off together by so many times their tolerance: they come from one print,
+)
+OWN_EDGE = 0.2  # and each by so much of it on its own
+_STEPS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A pose fitted with shared errors.
+
+    Attributes:
+        T_camera_board: 4x4.
+        covariance: (6, 6) of its twist.
+        cost: squares of residuals in their covariance.
+    """
+
+    T_camera_board: Array
+    covariance: Array
+    cost: float
+
+
+def shared_errors(board: Board, T_camera_board: Array, camera: Camera, sides_px: Array) -> Array:
+    """What one standard deviation of each shared error does to the corners, (16, k) px; k = 0 where there is none.
+
+    Args:
+        board: with its tolerance.
+        T_camera_board: roughly where it stands.
+        camera: the camera.
+        sides_px: standard deviation of each side of both markers, (2, 4) px.
+    """
+    outlines = board.marker_corners()
+    columns: list[Array] = []
+    if board.tolerance > 0.0:
+        sd = board.tolerance / TOLERANCE_SDS
+        centred = outlines - outlines.mean(axis=1, keepdims=True)
+        turned = np.stack([-centred[..., 1], centred[..., 0], 0.0 * centred[..., 0]], axis=-1)
+        reach = float(np.linalg.norm(centred[0, 0]))
+        in_plane = [SAME_PRINT * sd / board.marker_size * centred]
+        for marker in range(2):
+            own = (np.arange(2) == marker)[:, None, None]
+            in_plane += [
+                own * np.array(axis) * np.ones_like(centred) for axis in ((sd, 0.0, 0.0), (0.0, sd, 0.0))
+            ]
+            in_plane += [own * sd / reach * turned, own * OWN_EDGE * sd / board.marker_size * centred]
+        by_point = pose_jacobian(T_camera_board, outlines.reshape(8, 3), camera)[..., :3]
+        columns += [np.einsum("nij,nj->ni", by_point, moved.reshape(8, 3)).ravel() for moved in in_plane]
+    if (sides_px > 0.0).any():
+        corners = camera.project(outlines.reshape(8, 3) @ T_camera_board[:3, :3].T + T_camera_board[:3, 3])
+        for marker, corner in enumerate(corners.reshape(2, 4, 2)):
+            for side in np.flatnonzero(sides_px[marker]):
+                moved = np.zeros((2, 4, 2))
+                moved[marker] = moved_outwards(corner, sides_px[marker] * (np.arange(4) == side)) - corner
+                columns.append(moved.ravel())
+    return np.stack(columns, axis=-1) if columns else np.zeros((16, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOver:
+    """What a fit leaves over, in directions that no pose explains: squares, and their variance by shared errors.
+
+    Attributes:
+        squares: (n,) px^2.
+        shared: (n,) px^2.
+    """
+
+    squares: Array
+    shared: Array
+
+    def log_likelihood(self, variance: Array) -> Array:
+        """Of variances (...) px^2 of a mean corner's coordinate."""
+        total = variance[..., None] + self.shared
+        return np.asarray(-0.5 * (np.log(total) + self.squares / total).sum(axis=-1))
+
+
+def left_over(fit: Fit, points: Array, camera: Camera, errors: Array) -> LeftOver:
+    """Residuals of `fit` against the errors (16, k) px that corners share."""
+    J, r, root, used = _whitened(fit, fit.T_camera_board, points, camera)
+    N = np.linalg.qr(J, mode="complete")[0][:, 6:]
+    shared, V = np.linalg.eigh(N.T @ (root[:, None] * errors[used]) @ (root[:, None] * errors[used]).T @ N)
+    return LeftOver((V.T @ N.T @ r) ** 2, np.maximum(shared, 0.0))
+
+
+def fit_with_shared(fit: Fit, points: Array, camera: Camera, errors: Array, variance: float) -> Fitted | None:
+    """The pose near that of `fit` under corner noise and shared errors; None where corners determine none.
+
+    Args:
+        fit: with its mean corners and shares.
+        points: (8, 3) m.
+        camera: the camera.
+        errors: see `shared_errors`.
+        variance: of a mean corner's coordinate, px^2.
+    """
+    T = fit.T_camera_board
+    J, r, root, used = _whitened(fit, T, points, camera)
+    E = root[:, None] * errors[used]
+    W = np.linalg.inv(variance * np.eye(len(E)) + E @ E.T)
+    for _ in range(_STEPS):
+        step = np.linalg.solve(J.T @ W @ J, J.T @ W @ r)
+        T = T @ transform(rotation(step[3:]), step[:3])
+        J, r, _, _ = _whitened(fit, T, points, camera)
+        if not np.isfinite(r).all():
+            return None
+    return Fitted(T, np.asarray(np.linalg.inv(J.T @ W @ J)), float(r @ W @ r))
+
+
+def _whitened(
+    fit: Fit, T: Array, points: Array, camera: Camera
+) -> tuple[Array, Array, Array, npt.NDArray[np.bool_]]:
+    """Of the coordinates that are used: Jacobian (n, 6), residuals (n,), roots of shares (n,); and which (16,)."""
+    used = np.repeat(fit.shares > 0.0, 2)
+    root = np.sqrt(np.repeat(fit.shares, 2)[used])
+    J = pose_jacobian(T, points, camera).reshape(-1, 6)[used]
+    r = (fit.mean_px - camera.project(points @ T[:3, :3].T + T[:3, 3])).ravel()[used]
+    return root[:, None] * J, root * r, root, used

@@ -1,0 +1,286 @@
+"""A Basler camera: photographs of now, each one triggered, or an error that says why not (docs/cameras.md).
+
+Facts about pylon that this rests on were measured with its camera emulation: parts.md section 2.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Any, Self
+
+from arm.errors import CameraError
+from vision.camera.basler_devices import Selector, find_devices, read_selector
+from vision.camera.basler_features import (
+    Feature,
+    said,
+    set_exposure,
+    set_features,
+    set_gain,
+    set_heartbeat,
+    set_mono,
+)
+from vision.camera.basler_grab import FrameTaker, removed
+from vision.camera.deadline_worker import T, Worker
+from vision.camera.frame_order import FrameOrder
+from vision.camera.frame_source import Image
+
+FAILED_FRAMES = (
+    2  # of one look that are taken anew: a lost packet is no reason to stop an arm, a bad cable is
+)
+OPEN_S = 20.0  # wall time for a step of opening; GigE cameras are searched for by broadcast
+CLOSE_S = 5.0
+MARGIN_S = 2.0  # wall time that a frame may take beyond its time-outs
+
+
+@dataclass(frozen=True)
+class BaslerSettings:
+    """How photographs are taken; None leaves a value as the camera has it.
+
+    Attributes:
+        exposure: s.
+        gain: dB.
+        timeout: for the camera to be ready for a trigger, and for its frame to arrive, s each.
+        heartbeat: of a GigE camera, s.
+        features: others, by the camera's own names; set first, so that trigger and format are right whatever they say.
+    """
+
+    exposure: float | None = None
+    gain: float | None = None
+    timeout: float = 2.0
+    heartbeat: float = 3.0
+    features: Mapping[str, Feature] = field(default_factory=dict)
+
+
+class BaslerCamera:
+    """Takes photographs with a Basler camera (`vision.camera.frame_source.FrameSource`), inside ``with``.
+
+    Every frame has a software trigger of its own, given after `grab` was called, so none is older than the call.
+
+    Attributes:
+        device: pylon's InstantCamera while open, for what has no place here.
+        settings: as asked for.
+        exposure, gain: as the camera made them, s and dB; None where not asked for.
+        description: which camera was opened, and what was set, in a line.
+    """
+
+    def __init__(
+        self,
+        selector: str,
+        settings: BaslerSettings | None = None,
+        size: tuple[int, int] | None = None,
+        tell: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        """
+        Args:
+            selector: which camera; see `vision.camera.basler_devices.read_selector`.
+            settings: how.
+            size: width and height that frames must have, px; any, but all of a look alike, if None.
+            tell: is given a line about what went wrong without stopping anything.
+
+        Raises:
+            InputError: the selector is none.
+        """
+        self.selector: Selector = read_selector(selector)
+        self.settings = settings or BaslerSettings()
+        self.device: Any = None
+        self.exposure: float | None = None
+        self.gain: float | None = None
+        self.description = ""
+        self._size = size
+        self._tell = tell
+        self._pylon: Any = None
+        self._genicam: Any = None
+        self._worker: Worker | None = None
+        self._last = FrameOrder()
+
+    # -- opening and closing
+
+    def __enter__(self) -> Self:
+        """Open the camera and set it up.
+
+        Raises:
+            CameraError: pypylon is not installed; the camera is not there, ambiguous or in use, or refuses a setting.
+        """
+        self._pylon, self._genicam = _libraries(self.selector)
+        self._worker, self._last = Worker(f"camera {self.selector}"), FrameOrder()
+        try:
+            found = self._ask(lambda: find_devices(self._pylon), OPEN_S, "the search for cameras")
+            chosen = found[self.selector.choose([device for device, _ in found])][1]
+            self._ask(lambda: self._open(chosen), OPEN_S, "opening it")
+            self._ask(self._set_up, OPEN_S, "setting it up")
+        except BaseException:
+            self.close()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the camera, whatever state it is in, within `CLOSE_S`; what goes wrong is told."""
+        if self.device is not None:
+            self._aside(self._let_go, CLOSE_S, "closing it")
+        self.device = None
+        if self._worker is not None:
+            self._worker.end()
+        self._worker = None
+
+    def _open(self, info: Any) -> None:
+        pylon = self._pylon
+        self.device = pylon.InstantCamera(pylon.TlFactory.GetInstance().CreateDevice(info))
+        self.device.Open()
+
+    def _set_up(self) -> None:
+        nodes, settings = self.device.GetNodeMap(), self.settings
+        set_features(nodes, settings.features, self._refused, self._genicam.GenericException)
+        # one frame at each software trigger, no frames else
+        self._pylon.SoftwareTriggerConfiguration.ApplyConfiguration(nodes)
+        if "PixelFormat" not in settings.features:
+            set_mono(nodes)
+        set_heartbeat(self.device.GetTLNodeMap(), settings.heartbeat)
+        if settings.exposure is not None:
+            self.exposure = set_exposure(nodes, settings.exposure, self._refused)
+        if settings.gain is not None:
+            self.gain = set_gain(nodes, settings.gain, self._refused)
+        info = self.device.GetDeviceInfo()
+        width, height = (nodes.GetNode(name).GetValue() for name in ("Width", "Height"))
+        self.description = (
+            f"camera {self.selector}: {info.GetModelName()} serial:{info.GetSerialNumber()}, {width} x {height} px"
+            + ("" if self.exposure is None else f", exposure {1e3 * self.exposure:g} ms")
+            + ("" if self.gain is None else f", gain {self.gain:.1f} dB")
+        )
+
+    def _let_go(self) -> None:
+        self.device.StopGrabbing()
+        self.device.Close()
+        self.device.DestroyDevice()
+
+    # -- photographs
+
+    def grab(self, count: int) -> list[Image]:
+        """`count` photographs, (h, w) grey, each triggered after this was called.
+
+        Up to `FAILED_FRAMES` frames that arrive damaged are told and taken anew; they are never passed on.
+
+        Raises:
+            CameraError: more were damaged, one is late, stale or of another size, or the camera is gone or hangs.
+        """
+        if self.device is None:
+            raise CameraError(self.selector, "closed", "is not open")
+        taker = FrameTaker(self.device, self._pylon, self.selector, self.settings.timeout, self._last)
+        frame_s = 2.0 * self.settings.timeout + MARGIN_S
+        images: list[Image] = []
+        failed: list[str] = []
+        with self._grabbing(taker, frame_s):
+            while len(images) < count:
+                taken = self._ask(taker.take, frame_s, f"photograph {len(images) + 1}")
+                if isinstance(taken, str):
+                    failed.append(taken)
+                    self._count_failed(failed, len(images) + 1, count)
+                    self._ask(taker.restart, MARGIN_S, "starting it anew")
+                else:
+                    self._require_size(taken, images)
+                    images.append(taken)
+            self._ask(taker.require_none_waiting, MARGIN_S, "its queue")
+        return images
+
+    @contextmanager
+    def _grabbing(self, taker: FrameTaker, frame_s: float) -> Iterator[None]:
+        self._ask(taker.start, MARGIN_S, "starting it")
+        try:
+            yield
+        except BaseException:
+            self._aside(taker.stop, MARGIN_S, "stopping it")  # which ends the wait for a frame
+            raise
+        else:
+            self._ask(taker.stop, frame_s, "stopping it")
+        finally:
+            self._last = taker.last
+
+    def _count_failed(self, failed: list[str], number: int, count: int) -> None:
+        if len(failed) > FAILED_FRAMES:
+            raise CameraError(
+                self.selector,
+                "failed",
+                f"{len(failed)} frames of one look were damaged: {'; '.join(failed)}; "
+                "look at cable, bandwidth and packet size",
+                failed=failed,
+            )
+        self._tell(
+            f"camera {self.selector}: photograph {number} of {count} was damaged and is taken anew: {failed[-1]}"
+        )
+
+    def _require_size(self, image: Image, before: list[Image]) -> None:
+        height, width = image.shape
+        wanted = self._size or (before[0].shape[1::-1] if before else (width, height))
+        if (width, height) != wanted:
+            of = "the camera's calibration is for" if self._size else "the frame before was"
+            raise CameraError(
+                self.selector,
+                "size",
+                f"sent a frame of {width} x {height} px, but {of} {wanted[0]} x {wanted[1]} px; set Width, Height, "
+                "OffsetX and OffsetY as they were at the calibration (features), or calibrate for this size",
+                size_px=[width, height],
+            )
+
+    # -- errors
+
+    def _ask(self, function: Callable[[], T], seconds: float, what: str, worker: Worker | None = None) -> T:
+        """Have the worker make a call; whatever pylon raises becomes ours."""
+
+        def guarded() -> T:
+            try:
+                return function()
+            except self._genicam.GenericException as error:
+                if self.device is not None and self.device.IsCameraDeviceRemoved():
+                    raise removed(self.selector) from error
+                words = said(error)
+                if "another client" in words or "another application" in words:
+                    raise CameraError(
+                        self.selector, "in use", f"is in use by another program; end that first ({words})"
+                    ) from error
+                raise CameraError(self.selector, "pylon", f"{what}: {words}") from error
+
+        worker = worker or self._worker
+        if worker is None:
+            raise CameraError(self.selector, "closed", "is not open")
+        try:
+            return worker.call(guarded, seconds)
+        except TimeoutError as error:
+            raise CameraError(
+                self.selector, "hung", f"{what}: {error}; unplug the camera and plug it in again"
+            ) from error
+
+    def _aside(self, function: Callable[[], T], seconds: float, what: str) -> None:
+        """Have a call made while another may be under way, or hang; what goes wrong is told."""
+        worker = Worker(f"camera {self.selector}, aside")
+        try:
+            self._ask(function, seconds, what, worker)
+        except CameraError as error:
+            self._tell(str(error))
+        finally:
+            worker.end()
+
+    def _refused(self, key: str, value: Any, rule: str) -> CameraError:
+        return CameraError(self.selector, "setting", f"{key} = {value!r}: {rule}", key=key, value=value)
+
+
+def _libraries(camera: object) -> tuple[Any, Any]:
+    try:
+        with warnings.catch_warnings():
+            # its SWIG types warn; warnings that are errors (python -W error) would crash the interpreter
+            warnings.simplefilter("ignore")
+            from pypylon import genicam, pylon
+    except ImportError as error:
+        raise CameraError(
+            camera,
+            "no pypylon",
+            f"needs pypylon, which cannot be imported ({error}); `make basler` or pip install 'a465[basler]' adds it",
+        ) from error
+    return pylon, genicam

@@ -1,0 +1,138 @@
+"""One look with an open Basler camera: triggers, and which frames are good enough to be passed on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from arm.errors import CameraError
+from vision.camera.frame_order import FrameOrder
+from vision.camera.frame_source import Image
+
+
+class FrameTaker:
+    """Triggers frames of a camera one by one. Its calls may hang as pylon may: whoever makes them has deadlines.
+
+    Attributes:
+        last: the frame taken last.
+    """
+
+    def __init__(self, device: Any, pylon: Any, camera: object, timeout: float, last: FrameOrder) -> None:
+        """
+        Args:
+            device: pylon's InstantCamera, open and set to software triggers.
+            pylon: the library.
+            camera: for messages.
+            timeout: to be ready for a trigger, and for its frame to arrive, s each.
+            last: the frame that was taken last with this camera.
+        """
+        self.last = last
+        self._device = device
+        self._pylon = pylon
+        self._camera = camera
+        self._timeout = timeout
+
+    def start(self) -> None:
+        """Make the camera wait for triggers; frames of before are dropped.
+
+        Raises:
+            CameraError: it would take frames without them.
+        """
+        nodes = self._device.GetNodeMap()
+        nodes.GetNode("TriggerSelector").SetValue("FrameStart")
+        mode, source = (nodes.GetNode(name).GetValue() for name in ("TriggerMode", "TriggerSource"))
+        if (mode, source) != ("On", "Software"):
+            raise self._error(
+                "stale",
+                f"takes frames on its own (TriggerMode {mode}, TriggerSource {source}), which may be older than the "
+                "look: its settings were changed since it was opened",
+            )
+        self._device.StartGrabbing(self._pylon.GrabStrategy_OneByOne, self._pylon.GrabLoop_ProvidedByUser)
+
+    def stop(self) -> None:
+        """Whatever is under way is dropped."""
+        self._device.StopGrabbing()
+
+    def restart(self) -> None:
+        """After a damaged frame: what it says of itself is not believed, so numbers begin anew."""
+        self.stop()
+        self.last = FrameOrder(None, self.last.stamp)
+        self.start()
+
+    def take(self) -> Image | str:
+        """Trigger a frame and wait for it: (h, w) grey, or why it is damaged.
+
+        Raises:
+            CameraError: late, stale, or the camera is gone.
+        """
+        device, pylon = self._device, self._pylon
+        timeout_ms = max(1, round(1e3 * self._timeout))
+        self.require_none_waiting()
+        waits = device.CanWaitForFrameTriggerReady()  # the oldest cameras do not tell
+        if waits and not device.WaitForFrameTriggerReady(timeout_ms, pylon.TimeoutHandling_Return):
+            raise self._error("timeout", f"was not ready for a trigger within {self._timeout:g} s")
+        device.ExecuteSoftwareTrigger()
+        result = device.RetrieveResult(timeout_ms, pylon.TimeoutHandling_Return)
+        try:
+            if device.IsCameraDeviceRemoved():
+                raise removed(self._camera)
+            if not result.IsValid():
+                raise self._error(
+                    "timeout",
+                    f"no frame within {self._timeout:g} s of its trigger; is the cable good, and is timeout_s more "
+                    "than the exposure?",
+                )
+            if not result.GrabSucceeded():
+                return f"{result.ErrorDescription.rstrip('.')} (error {result.ErrorCode:#x})"
+            self._require_next(FrameOrder(result.BlockID, result.TimeStamp), result.ImageNumber == 1)
+            return self._grey(result)
+        finally:
+            result.Release()
+
+    def require_none_waiting(self) -> None:
+        """Frames come when asked for, and else never.
+
+        Raises:
+            CameraError: some have come.
+        """
+        waiting = self._device.NumReadyBuffers.GetValue()
+        if waiting:
+            raise self._error(
+                "stale",
+                f"sent {waiting} frame{'s' * (waiting > 1)} that nobody had asked for",
+                frames=waiting,
+            )
+
+    def _require_next(self, frame: FrameOrder, first: bool) -> None:
+        if not self.last.is_next(frame, first):
+            raise self._error(
+                "stale",
+                f"a frame ({frame}) came after another ({self.last}): frames were lost, or this one is older than "
+                "its trigger",
+                number=frame.number,
+                last=self.last.number,
+            )
+        self.last = frame
+
+    def _grey(self, result: Any) -> Image:
+        if result.PixelType == self._pylon.PixelType_Mono8:
+            return np.asarray(result.GetArray(), dtype=np.uint8)
+        import cv2
+
+        converter, form = self._pylon.ImageFormatConverter(), result.PixelType
+        mono = self._pylon.IsMono(form) and not self._pylon.IsBayer(form)
+        converter.OutputPixelFormat = (
+            self._pylon.PixelType_Mono8 if mono else self._pylon.PixelType_BGR8packed
+        )
+        image = np.array(converter.Convert(result).GetArray(), dtype=np.uint8)
+        # the same weights of the colours as for photographs in files; pylon's are others
+        return image if mono else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+
+    def _error(self, reason: str, rule: str, **data: Any) -> CameraError:
+        return CameraError(self._camera, reason, rule, **data)
+
+
+def removed(camera: object) -> CameraError:
+    """The error for a camera that was there and is no more."""
+    return CameraError(camera, "removed", "was unplugged, or lost its power or network")

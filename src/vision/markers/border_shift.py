@@ -1,0 +1,131 @@
+"""How far light, blur and print have moved a marker's borders, told by the inner edges of its black frame.
+
+Overexposure, a gamma curve and ink that spreads move every edge between black and white towards the same colour. The
+black square then looks smaller or larger, which a pose takes for distance: 1 px on a marker of 36 mm is 0.5 mm of its
+size. The frame around the code is one cell wide between two such edges, so its width tells the shift: what moves its
+outer edge inwards moves its inner edge outwards, and their middle stays where it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from arm.se3 import Array
+from vision.camera.model import Camera
+from vision.markers.edge_profiles import NARROW_PX, WIDE_PX, Grey, edge_offsets
+
+PER_CELL = 6  # profiles across the inner edge of a white cell
+CELL_PART = 0.6  # of a cell's side; beyond, the cells beside it disturb
+INEXACT = 0.03  # part of a shift that is left when it was taken off: blur that a profile does not hold
+UNLIKE = (
+    0.7  # part of what a side has on its own that is left: its outer and inner edge need not be lit alike
+)
+FEWEST_PROFILES = 6  # of a side, else its shift is that of the others
+_UNIT = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]], dtype=np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class BorderShift:
+    """Of each side of one marker, (4,) px: how far outwards its border was moved, and the standard deviation.
+
+    Attributes:
+        shift_px: to be taken off; shrunk to zero, or to the mean of the sides, as far as noise explains it.
+        sigma_px: of what is left in all photographs alike; noise is not in it.
+        known: whether the code has enough white cells along its frame to tell.
+    """
+
+    shift_px: Array
+    sigma_px: Array
+    known: bool
+
+
+def border_shift(
+    image: Grey, corners: Array, bits: npt.NDArray[np.uint8], reach: float, camera: Camera
+) -> BorderShift:
+    """The shift of a marker's borders.
+
+    Args:
+        image: photograph (h, w).
+        corners: of the black square's borders as they look, (4, 2) px.
+        bits: of its code (n, n), 1 is white, first row at the first side.
+        reach: half length of a profile that stays in the frame and in a cell, px.
+        camera: whose lens is undone.
+    """
+    cells = len(bits) + 2
+    frame = 1.0 / cells  # width in sides
+    white = np.stack([bits[0], bits[:, -1], bits[-1, ::-1], bits[::-1, 0]]).astype(
+        bool
+    )  # in the sides' order
+    side, cell = np.nonzero(white)
+    if not len(side):
+        return BorderShift(np.zeros(4), np.zeros(4), False)
+    within = (1.0 - CELL_PART) / 2.0 + CELL_PART * (np.arange(PER_CELL) + 0.5) / PER_CELL
+    along = ((1.0 + cell[:, None] + within) * frame).ravel()
+    sides = np.repeat(side, PER_CELL)
+    places = np.concatenate([_on_side(sides, along, depth) for depth in (frame, frame + 0.01)])
+    at, deeper = np.split(_on_photograph(places, corners, camera), 2)
+    inward = deeper - at
+    inward /= np.linalg.norm(inward, axis=-1, keepdims=True)
+    offset, good = np.zeros(len(at)), np.ones(len(at), dtype=bool)
+    for half in (WIDE_PX, NARROW_PX):
+        found = edge_offsets(image, at + offset[:, None] * inward, inward, np.full(len(at), min(reach, half)))
+        offset, good = offset + found.offset, good & found.good
+    outward = -offset
+    middle, variance = np.full(4, np.nan), np.full(4, np.nan)
+    for k in range(4):
+        values = outward[good & (sides == k)]
+        if len(values) >= FEWEST_PROFILES:
+            middle[k] = np.median(values)
+            spread = 1.4826 * np.median(np.abs(values - middle[k]))
+            kept = values[np.abs(values - middle[k]) <= 3.0 * spread + 1e-6]
+            middle[k] = kept.mean()
+            variance[k] = 1.5 * (spread**2 + 1e-6) / len(kept)
+    return _shrunk(middle, variance, frame)
+
+
+def _shrunk(inner: Array, variance: Array, frame: float) -> BorderShift:
+    """Outer shift from where inner edges lie against a square that is itself too small: see the module."""
+    seen = np.isfinite(inner)
+    if not seen.any():
+        return BorderShift(np.zeros(4), np.zeros(4), False)
+    # an outer edge that lies s outwards of its place puts the inner one -s beside its own, and the square that says
+    # where it should be is (1 - 2 frame) s too large there
+    gain = -1.0 / (2.0 - 2.0 * frame)
+    shift, variance = gain * inner, gain**2 * variance
+    weight = np.where(seen, 1.0 / np.where(seen, variance, 1.0), 0.0)
+    mean = float((weight * np.where(seen, shift, 0.0)).sum() / weight.sum())
+    mean_variance = 1.0 / float(weight.sum())
+    apart = np.where(seen, shift - mean, 0.0)
+    excess = max(float((weight * apart**2).sum()) - max(int(seen.sum()) - 1, 0), 0.0) / float(weight.sum())
+    own = np.where(seen, excess / (excess + np.where(seen, variance, 1.0)), 0.0)
+    kept = max(0.0, 1.0 - 4.0 * mean_variance / mean**2) if mean else 0.0
+    left = np.where(seen, (UNLIKE * own * apart) ** 2, excess) + (INEXACT * kept * mean) ** 2
+    return BorderShift(kept * mean + own * apart, np.sqrt(left), True)
+
+
+def moved_outwards(corners: Array, shift_px: Array) -> Array:
+    """Corners (4, 2) px of a square whose sides, in their order, are moved outwards by (4,) px."""
+    along = np.roll(corners, -1, axis=0) - corners
+    along /= np.linalg.norm(along, axis=-1, keepdims=True)
+    outward = np.stack([along[:, 1], -along[:, 0]], axis=-1)  # corners go clockwise in the image
+    A = np.stack([np.roll(outward, 1, axis=0), outward], axis=1)  # corner k lies on sides k - 1 and k
+    by = np.stack([np.roll(shift_px, 1), shift_px], axis=-1)
+    return np.asarray(corners + np.linalg.solve(A, by[..., None])[..., 0])
+
+
+def _on_side(sides: npt.NDArray[np.intp], along: Array, depth: float) -> Array:
+    """Places (n, 2) on the unit square, `depth` inside of a side."""
+    start, end = _UNIT[sides], _UNIT[(sides + 1) % 4]
+    inward = _UNIT[(sides + 2) % 4] - end
+    return np.asarray(start + along[:, None] * (end - start) + depth * inward)
+
+
+def _on_photograph(places: Array, corners: Array, camera: Camera) -> Array:
+    """Pixels (n, 2) of places on the unit square whose corners are seen at (4, 2) px."""
+    H = cv2.getPerspectiveTransform(_UNIT, camera.normalised(corners).astype(np.float32))
+    rays = np.concatenate([places, np.ones((len(places), 1))], axis=-1) @ H.T
+    return camera.project(rays / rays[:, 2:])

@@ -1,0 +1,121 @@
+"""Markers in an image: found small, measured on the full image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from arm.errors import InputError
+from arm.se3 import Array, frozen
+from vision.camera.frame_source import Image
+from vision.camera.model import Camera
+from vision.markers.border_shift import border_shift, moved_outwards
+from vision.markers.edge_lines import refine_by_border_lines
+
+SEARCH_WIDTH_PX = 960  # images are searched at the whole fraction of their size that is at least this wide
+_SUBPIX_WINDOW, _SUBPIX_STOP = (5, 5), (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 30, 0.01)
+
+
+@dataclass(frozen=True)
+class Marker:
+    """A marker seen in one image.
+
+    Attributes:
+        id: in its dictionary.
+        corners_px: (4, 2) top left, top right, bottom right, bottom left of the marker as printed.
+        method: how the corners were measured: "lines", or "subpix" where a side is hidden, blurred or too short;
+            "recorded" where a file does not say.
+        side_sigma_px: (4,) px by which sides may still be off their places, in all photographs alike, after what moves
+            borders was taken off (`vision.markers.border_shift`); None where nothing is known of it.
+    """
+
+    id: int
+    corners_px: Array
+    method: Literal["lines", "subpix", "recorded"]
+    side_sigma_px: Array | None = None
+
+
+def detect_markers(image: Image, camera: Camera, dictionary: str = "DICT_4X4_50") -> list[Marker]:
+    """Find all markers of a dictionary, ordered by id.
+
+    A marker is found up to where its black square comes within some 3 px of the image's edge; one that is cut is not.
+
+    Args:
+        image: grey (h, w) or BGR (h, w, 3), of the camera's size.
+        camera: whose lens is undone for the border lines.
+        dictionary: OpenCV's name for it.
+
+    Raises:
+        InputError: the image is not of the camera's size, or there is no such dictionary.
+    """
+    camera.require_size(image, "image")
+    grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+    detector = _detector(dictionary)
+    shrink = max(1, grey.shape[1] // SEARCH_WIDTH_PX)
+    small = grey
+    if shrink > 1:
+        size = (grey.shape[1] // shrink, grey.shape[0] // shrink)
+        small = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    found, ids, _ = detector.detectMarkers(small)
+    if ids is None or not len(ids):
+        return []
+    scale = np.array([grey.shape[1] / small.shape[1], grey.shape[0] / small.shape[0]])
+    # the centre of the first pixel of a shrunk image lies (scale - 1) / 2 pixels inside the full one
+    rough = np.stack([c.reshape(4, 2) for c in found]).astype(float) * scale + (scale - 1.0) / 2.0
+    modules = detector.getDictionary().markerSize + 2
+    lines = refine_by_border_lines(grey, rough, camera, modules)
+    image_f = grey.astype(np.float32)
+    markers = []
+    for index, marker_id in enumerate(ids.reshape(-1)):
+        if lines.good[index]:
+            corners = lines.corners_px[index]
+            reach = (
+                0.45 * float(np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=-1).min()) / modules
+            )
+            shift = border_shift(image_f, corners, _bits(dictionary, int(marker_id)), reach, camera)
+            corners = moved_outwards(corners, -shift.shift_px)
+            sigma = frozen(shift.sigma_px) if shift.known else None
+            markers.append(Marker(int(marker_id), frozen(corners), "lines", sigma))
+        elif _inside(rough[index], grey):
+            corners = np.ascontiguousarray(rough[index][:, None], dtype=np.float32)
+            cv2.cornerSubPix(grey, corners, _SUBPIX_WINDOW, (-1, -1), _SUBPIX_STOP)
+            markers.append(Marker(int(marker_id), frozen(corners.reshape(4, 2)), "subpix"))
+    return sorted(markers, key=lambda marker: marker.id)
+
+
+def _inside(corners_px: Array, grey: Image) -> bool:
+    """Whether the windows of `cornerSubPix` are in the image; cut ones give corners that are pixels off."""
+    edge = _SUBPIX_WINDOW[0] + 1.0
+    return bool((corners_px >= edge).all() and (corners_px <= np.array(grey.shape[::-1]) - 1.0 - edge).all())
+
+
+@lru_cache(maxsize=256)
+def _bits(dictionary: str, marker_id: int) -> npt.NDArray[np.uint8]:
+    """The code of a marker (n, n), 1 is white."""
+    known = _detector(dictionary).getDictionary()
+    return np.asarray(known.getBitsFromByteList(known.bytesList[marker_id : marker_id + 1], known.markerSize))
+
+
+@lru_cache(maxsize=4)
+def _detector(dictionary: str) -> cv2.aruco.ArucoDetector:
+    known = sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_"))
+    if dictionary not in known:
+        raise InputError(
+            f"dictionary = {dictionary!r}: must be one of {', '.join(known)}",
+            dictionary=dictionary,
+            choices=known,
+        )
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_NONE
+    # by default a square's white border counts as the same candidate, and where that is cut by the image's edge the
+    # marker is lost with it
+    parameters.minMarkerDistanceRate = 0.05
+    parameters.minDistanceToBorder = 0  # boards fill the view; what is cut is told by its border lines
+    return cv2.aruco.ArucoDetector(
+        cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary)), parameters
+    )

@@ -1,0 +1,126 @@
+"""Corners of a marker as the crossings of its four border lines (fact sheet of the parts, 3b).
+
+Across each side of the black square the grey profile is sampled; the centroid of its gradient is the edge there. The
+edge points are freed of the lens, because a side is straight only then, and a robust line goes through them. Against
+cornerSubPix, which is drawn 0.15 px inward at such outer corners, this has no bias.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm.se3 import Array
+from vision.camera.frame_source import Image
+from vision.camera.model import Camera
+from vision.markers.edge_profiles import LEAST_HALF_PX, NARROW_PX, WIDE_PX, Grey, edge_offsets
+
+ROWS = 64  # profiles across a side
+END_GAP_PX, END_GAP = 4.0, 0.06  # no profile nearer to a corner than this, px and part of the side
+LEAST_INLIERS = 0.6  # part of a side's profiles that must agree on its line
+INLIER_PX = 1.0  # the widest that an edge point may be off its line
+MOST_MOVED_PX = (
+    4.0  # farther from a rough corner lies the edge of something else, such as a finger on the marker
+)
+_ROBUST_ROUNDS = 6
+
+
+@dataclass(frozen=True)
+class _EdgePoints:
+    """Edge points (m, 4, ROWS, 2) px with weights (m, 4, ROWS), 0 where there is no edge."""
+
+    pixels: Array
+    weights: Array
+
+
+@dataclass(frozen=True)
+class _Lines:
+    """Lines normal @ x = offset in undistorted pixels: (m, 4, 2), (m, 4); `inliers` (m, 4) part of the points."""
+
+    normals: Array
+    offsets: Array
+    inliers: Array
+
+
+@dataclass(frozen=True)
+class BorderCorners:
+    """Corners (m, 4, 2) px, and which markers (m,) have four good lines; the corners of others mean nothing."""
+
+    corners_px: Array
+    good: np.ndarray[tuple[int], np.dtype[np.bool_]]
+
+
+def refine_by_border_lines(grey: Image, rough_px: Array, camera: Camera, modules: int) -> BorderCorners:
+    """Corners of markers from their border lines.
+
+    Args:
+        grey: image (h, w).
+        rough_px: corners (m, 4, 2) px to within about three pixels, in the order of the marker's outline.
+        camera: whose lens is undone.
+        modules: cells across the black square (6 for a 4x4 dictionary); they bound how far a profile may reach.
+    """
+    image = grey.astype(np.float32)
+    sides = np.linalg.norm(np.roll(rough_px, -1, axis=1) - rough_px, axis=-1)
+    reach = 0.45 * sides.min(axis=1) / modules  # stays inside the black border and the white one
+    fits = reach >= LEAST_HALF_PX
+    corners, good = rough_px, fits
+    for half in (WIDE_PX, NARROW_PX):
+        lines = _fit_lines(_edge_points(image, corners, np.minimum(reach, half)), camera)
+        crossings = camera.project(_on_plane(_cross(lines), camera))
+        good = fits & (lines.inliers >= LEAST_INLIERS).all(axis=1) & np.isfinite(crossings).all(axis=(1, 2))
+        corners = np.where(good[:, None, None], crossings, rough_px)
+    near = np.abs(corners - rough_px).max(axis=(1, 2)) < MOST_MOVED_PX
+    return BorderCorners(corners, good & near)
+
+
+def _edge_points(image: Grey, corners: Array, half: Array) -> _EdgePoints:
+    start, end = corners[:, :, None], np.roll(corners, -1, axis=1)[:, :, None]
+    length = np.linalg.norm(end - start, axis=-1, keepdims=True)
+    gap = np.maximum(END_GAP, np.minimum(END_GAP_PX / length, 0.3))
+    along = gap + (1.0 - 2.0 * gap) * (np.arange(ROWS)[:, None] + 0.5) / ROWS
+    centres = start + along * (end - start)
+    direction = (end - start) / length
+    across = np.stack(
+        [direction[..., 1], -direction[..., 0]], axis=-1
+    )  # outward: corners go clockwise in the image
+    across = np.broadcast_to(across, centres.shape)
+    edges = edge_offsets(image, centres, across, np.broadcast_to(half[:, None, None], centres.shape[:-1]))
+    return _EdgePoints(centres + edges.offset[..., None] * across, edges.good.astype(float))
+
+
+def _fit_lines(edges: _EdgePoints, camera: Camera) -> _Lines:
+    points = (
+        camera.normalised(edges.pixels) @ camera.K[:2, :2].T
+    )  # undistorted px, relative to the principal point
+    weights = edges.weights
+    normals = offsets = distance = np.empty(0)
+    for _ in range(_ROBUST_ROUNDS):
+        total = np.maximum(weights.sum(axis=-1), 1e-9)
+        mean = (weights[..., None] * points).sum(axis=-2) / total[..., None]
+        centred = points - mean[..., None, :]
+        scatter = np.einsum("...n,...ni,...nj->...ij", weights, centred, centred)
+        normals = np.linalg.eigh(scatter)[1][..., 0]
+        offsets = (normals * mean).sum(axis=-1)
+        distance = (centred * normals[..., None, :]).sum(axis=-1)
+        spread = 1.4826 * np.median(np.abs(distance), axis=-1, keepdims=True)
+        limit = np.clip(4.0 * spread, 0.1, INLIER_PX)
+        weights = edges.weights * np.clip(1.0 - (distance / limit) ** 2, 0.0, None) ** 2  # Tukey's biweight
+    agree = (edges.weights > 0.0) & (np.abs(distance) < INLIER_PX)
+    return _Lines(normals, offsets, agree.mean(axis=-1))
+
+
+def _cross(lines: _Lines) -> Array:
+    """Crossing of each side's line with the one before it: corner k lies on sides k-1 and k, (m, 4, 2)."""
+    before, offsets = np.roll(lines.normals, 1, axis=1), np.roll(lines.offsets, 1, axis=1)
+    a, b, c, d = before[..., 0], before[..., 1], lines.normals[..., 0], lines.normals[..., 1]
+    determinant = a * d - b * c
+    determinant = np.where(np.abs(determinant) > 1e-3, determinant, np.nan)
+    x = (offsets * d - b * lines.offsets) / determinant
+    y = (a * lines.offsets - offsets * c) / determinant
+    return np.stack([x, y], axis=-1)
+
+
+def _on_plane(undistorted_px: Array, camera: Camera) -> Array:
+    points = undistorted_px @ np.linalg.inv(camera.K[:2, :2]).T
+    return np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1)

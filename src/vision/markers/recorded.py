@@ -1,0 +1,91 @@
+"""Recorded corners of a board's markers: a camera, a board, and scenes of some photographs each, in one JSON file.
+
+``camera{K_px, distortion_k1k2p1p2k3, size_px}``, ``board{markers[]{id, corners_m[4][3]}, holes_m[4][3]}`` and
+``scenes[]{frames[]{markers[]{id, corners_px[4][2]}}}``. Whatever else stands in the file, such as a truth to compare
+with, is not read.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from arm.board import Board
+from arm.io.json_reader import JsonNode
+from vision.camera.model import Camera
+from vision.markers.detect import Marker
+
+SAME = 1e-6  # m that corners in a file may be off a square
+
+
+@dataclass(frozen=True, eq=False)
+class Detections:
+    """What a file holds.
+
+    Attributes:
+        camera: its frame is the base frame: the file does not say where it stands.
+        board: the only one.
+        scenes: of each, the markers seen in each photograph.
+    """
+
+    camera: Camera
+    board: Board
+    scenes: tuple[tuple[tuple[Marker, ...], ...], ...]
+
+
+def read_detections(path: Path) -> Detections:
+    """Read such a file.
+
+    Raises:
+        FileInputError: with the key that breaks the format.
+    """
+    root = JsonNode.of_file(path)
+    return Detections(
+        read_recorded_camera(root["camera"]),
+        _board(root["board"]),
+        tuple(map(_scene, root["scenes"].items())),
+    )
+
+
+def read_recorded_camera(node: JsonNode) -> Camera:
+    """A camera at the origin, of its lens: ``K_px``, ``distortion_k1k2p1p2k3``, ``size_px``."""
+    K, size = node["K_px"].numbers(3, 3), node["size_px"].numbers(2)
+    if min(K[0, 0], K[1, 1]) <= 0.0 or K[1, 0] != 0.0 or not np.array_equal(K[2], (0.0, 0.0, 1.0)):
+        raise node["K_px"].error("must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with fx, fy above 0")
+    if not (size == np.rint(size)).all() or size.min() < 1.0:
+        raise node["size_px"].error("must be width and height in whole px")
+    return Camera(K, node["distortion_k1k2p1p2k3"].numbers(5), (int(size[0]), int(size[1])), np.eye(4))
+
+
+def _board(node: JsonNode) -> Board:
+    markers = node["markers"].items()
+    if len(markers) != 2:
+        raise node["markers"].error(f"must be two markers, not {len(markers)}")
+    low, high = (marker["id"].integer(0, 10**6) for marker in markers)
+    if low == high:
+        raise markers[1]["id"].error("must differ from that of the first marker")
+    corners = np.stack([marker["corners_m"].numbers(4, 3) for marker in markers])
+    size = float(np.linalg.norm(corners[0, 1] - corners[0, 0]))
+    x, y, _ = corners[1].mean(axis=0) - corners[0].mean(axis=0)
+    board = Board(
+        f"{low:02d}-{high:02d}", (low, high), node["holes_m"].numbers(4, 3), size, (float(x), float(y))
+    )
+    if np.abs(board.marker_corners() - corners).max() > SAME:
+        raise node["markers"].error(
+            "must be two squares of one size, in the order top left, top right, bottom right, bottom left, the first "
+            "about the origin, both parallel to the axes, z = 0"
+        )
+    return board
+
+
+def _scene(node: JsonNode) -> tuple[tuple[Marker, ...], ...]:
+    frames = node["frames"].items()
+    if not frames:
+        raise node["frames"].error("must be one photograph at least")
+    return tuple(tuple(map(_marker, frame["markers"].items())) for frame in frames)
+
+
+def _marker(node: JsonNode) -> Marker:
+    return Marker(node["id"].integer(0, 10**6), node["corners_px"].numbers(4, 2), "recorded")

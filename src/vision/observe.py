@@ -1,0 +1,178 @@
+"""One look at the cell: which boards stand where, and which holes hold a cube."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from arm.board import Board
+from arm.errors import ImpossibleError, InputError
+from arm.poses import BoardPose, hole_poses
+from arm.se3 import apply
+from vision.boards.pose import BoardLimits, estimate_board_pose
+from vision.camera.frame_source import Image
+from vision.camera.model import Camera
+from vision.drawing import Pen
+from vision.markers.detect import Marker, detect_markers
+from vision.markers.exposure import darkness
+from vision.occupancy.classify import Occupancy, hole_occupancy
+
+AXIS_LENGTH = 0.05  # m, of the axes drawn
+COLOURS = {"cube": (60, 170, 40), "empty": (200, 120, 30), "unsure": (30, 90, 230)}  # BGR
+AXES = (((0, 0, 220), "x"), ((0, 160, 0), "y"), ((220, 60, 0), "z"))
+MARKER_COLOUR = (200, 0, 200)
+
+
+@dataclass(frozen=True)
+class BoardSight:
+    """A board that was found: its pose, and what is in its holes in the order of its CSV."""
+
+    pose: BoardPose
+    occupancy: tuple[Occupancy, ...]
+
+
+@dataclass(frozen=True)
+class Look:
+    """What one look found.
+
+    Attributes:
+        boards: those found, in the order asked for.
+        missing: name of each board that was not found, with the reason.
+        frames: markers detected in each photograph.
+    """
+
+    boards: tuple[BoardSight, ...]
+    missing: Mapping[str, str]
+    frames: tuple[tuple[Marker, ...], ...]
+
+    @property
+    def poses(self) -> tuple[BoardPose, ...]:
+        """Poses of the boards found."""
+        return tuple(board.pose for board in self.boards)
+
+    @property
+    def occupancy(self) -> dict[str, tuple[Occupancy, ...]]:
+        """What is in the holes, by the board's name."""
+        return {board.pose.board.name: board.occupancy for board in self.boards}
+
+
+def look(
+    images: Sequence[Image],
+    camera: Camera,
+    boards: Sequence[Board],
+    dictionary: str,
+    cube_size: float,
+    limits: BoardLimits | None = None,
+    arm_in_view: bool = False,
+    tilts: Sequence[float] = (),
+) -> Look:
+    """Find boards and cubes in photographs of a cell that stands still.
+
+    Args:
+        images: all of one moment; more of them average the noise.
+        camera: that took them.
+        boards: all that may be in view.
+        dictionary: of the markers, OpenCV's name.
+        cube_size: edge of a cube, m.
+        limits: when a board's pose is refused.
+        arm_in_view: the arm may cover part of a marker, whose corners then are wrong: a board whose pose is refused
+            counts as missing.
+        tilts: at which boards stand, rad, see `assess_board`.
+
+    Raises:
+        InputError: no image, one of another size than the camera's, a marker that belongs to none of `boards`, or a
+            marker that is in view twice.
+        ImpossibleError: the photographs are black; or a board is in view with both markers but its pose is refused: it
+            stands somewhere, so it cannot be left out like one that is missing (unless `arm_in_view`).
+    """
+    if not images:
+        raise InputError("a look needs at least one photograph", count=0)
+    for number, image in enumerate(images, start=1):
+        camera.require_size(image, f"photograph {number} of {len(images)}")
+    frames = tuple(tuple(detect_markers(image, camera, dictionary)) for image in images)
+    _require_known(frames, boards)
+    seen = {marker.id for frame in frames for marker in frame}
+    if not seen and (dark := darkness(max(images, key=np.max))):
+        raise ImpossibleError(f"the photographs show {dark}", brightest=int(max(i.max() for i in images)))
+    found: list[BoardSight] = []
+    missing: dict[str, str] = {}
+    for board in boards:
+        hidden = [i for i in board.marker_ids if i not in seen]
+        if hidden:
+            missing[board.name] = _why_missing(board, hidden)
+            continue
+        try:
+            pose = estimate_board_pose(board, frames, camera, limits, tilts)
+        except ImpossibleError as error:
+            if not arm_in_view:
+                raise
+            missing[board.name] = str(error)
+            continue
+        cubes = tuple(hole_occupancy(images, camera, pose, i, cube_size) for i in range(len(board.holes)))
+        found.append(BoardSight(pose, cubes))
+    return Look(tuple(found), missing, frames)
+
+
+def _why_missing(board: Board, hidden: Sequence[int]) -> str:
+    if len(hidden) == 2:
+        return f"neither of its markers {board.marker_ids[0]} and {board.marker_ids[1]} is in view"
+    other = next(i for i in board.marker_ids if i not in hidden)
+    return (
+        f"marker {hidden[0]} is hidden, or within 3 px of the image's edge or beyond it; marker {other} alone does not "
+        "give the tilt"
+    )
+
+
+def _require_known(frames: Sequence[Sequence[Marker]], boards: Sequence[Board]) -> None:
+    known = {i for board in boards for i in board.marker_ids}
+    for frame in frames:
+        twice = [i for i, n in Counter(m.id for m in frame).items() if n > 1 and i in known]
+        if twice:
+            raise InputError(
+                f"marker {twice[0]} is in view twice; every board has markers of its own", marker=twice[0]
+            )
+    # a pattern in the clutter may pass for a marker in one photograph; a board is in most of them
+    count = Counter(m.id for frame in frames for m in frame if m.id not in known)
+    strange = sorted(i for i, n in count.items() if 2 * n > len(frames))
+    if strange:
+        names = ", ".join(map(str, strange))
+        raise InputError(
+            f"marker {names} is in view but belongs to no board of the cell file (known: "
+            f"{', '.join(map(str, sorted(known)))}); list its board's CSV under [boards] files, or take it out of view",
+            markers=strange,
+            known=sorted(known),
+        )
+
+
+def annotated(image: Image, camera: Camera, seen: Look) -> Image:
+    """The photograph in BGR with the markers of the first frame, each board's axes, and its holes as they were found.
+
+    Args:
+        image: first photograph of the look.
+        camera: that took it.
+        seen: the look.
+    """
+    colour_image = image.copy() if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
+    picture = np.asarray(colour_image, dtype=np.uint8)
+    pen = Pen(picture)
+    for marker in seen.frames[0]:
+        pen.outline(marker.corners_px, MARKER_COLOUR)
+        pen.text(str(marker.id), marker.corners_px.mean(axis=0), MARKER_COLOUR)
+    square = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
+    for board in seen.boards:
+        mouth = board.pose.board.pocket[0] * square
+        T = board.pose.T_base_board
+        for axis, (colour, name) in enumerate(AXES):
+            tip = AXIS_LENGTH * np.eye(3)[axis]
+            ends = camera.project_base(apply(T, np.stack([np.zeros(3), tip])))
+            pen.arrow(ends[0], ends[1], colour)
+            pen.text(name, ends[1], colour)
+        for hole, what in zip(hole_poses(board.pose), board.occupancy, strict=True):
+            outline = camera.project_base(apply(hole.T_base_hole, mouth))
+            pen.outline(outline, COLOURS[what.state])
+            pen.text(f"{hole.name}\n{what.state}", outline.mean(axis=0), COLOURS[what.state])
+    return picture

@@ -1,0 +1,231 @@
+"""The top of a cube in photographs: how likely each of its four sides lies where, to a small part of a pixel.
+
+A camera above a board tells a cube's height by the size of its top, and by how far it is seen from the point under the
+camera: 4 mm higher is 0.15 mm wider, half a pixel. `vision.occupancy.cube_fit` says how likely each side lies
+at each place, from the profiles across it and from what is seen beside it. What comes out is a likelihood
+over the place of each side,
+not a place: a side that does not show (a dark cube on a dark wall, a cube as grey as the plate) leaves it flat, and
+the others decide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from arm.board import POCKET_DEPTH
+from arm.se3 import Array, apply, frozen, inverse, transform
+from vision.camera.frame_source import Image
+from vision.camera.model import Camera
+from vision.occupancy.cube_fit import PIECES, PLACES, Around, fit_sides, likelihoods, straight_lines
+from vision.occupancy.cube_side import (
+    ACROSS,
+    SPAN,
+    Side,
+    whitening,
+)
+from vision.occupancy.edge_response import PlateView, plate_view
+from vision.occupancy.expected_edges import seen_on_plate
+
+CORNER = 4e-3  # m of a side beside its ends that is not used
+PITCH = 0.2e-3  # m between samples along a piece
+BLURS_PX = (0.7, 0.85, 1.0, 1.25, 1.6)  # standard deviations that are tried, with a sample's own
+FLOOR_PX = 0.04  # of a side's place: what no repetition shows
+WIDE_FACE = 1.0e-3  # m: beyond a face as wide, what is at its foot is left out,
+BEFORE_FOOT, SOFT = 0.4e-3, 0.05e-3  # m: from so much before it, so softly
+FOOT_SEEN, FOOT_SHARE = 0.9, 0.07  # of a narrow face: its lowest part is dark in its pocket; and a deviation
+FOOT_DARK, FOOT_STD = 1e-3, 25e-6  # m, of a face that is called narrow; deviation beside that share
+RING = np.array([2e-3, 3e-3, 4e-3, 5e-3])  # m beyond a mouth: there the plate is seen
+LEAST_IN_VIEW = 0.6e-3  # m beyond a side, that must be in the image
+MEAN_NOISE = 0.85  # of a sample's noise is left by interpolation
+LEAST_NOISE = 0.3  # grey levels
+LIGHT = (0.6, 1.3)  # how much it may change between two looks
+OUTWARD = np.array([(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)])  # of the sides, counter-clockwise
+
+
+@dataclass(frozen=True, eq=False)
+class EmptyPlace:
+    """A place when it was empty, to know what is seen beside a cube.
+
+    Attributes:
+        images, camera: photographs of then.
+        T_base_place: where the place was then, 4x4.
+    """
+
+    images: Sequence[Image]
+    camera: Camera
+    T_base_place: Array
+
+
+@dataclass(frozen=True, eq=False)
+class CubeTop:
+    """A cube's top as if it lay at the height it was looked for.
+
+    Attributes:
+        sides: log likelihood of each side at `PLACES` m out, (4, k); flat where it does not show.
+        shown: how much more likely each side is than that there is none, log, (4,); 0 where a shading may pass for it.
+        turn: about the place's normal, rad.
+        twist: how much more likely it is that sides turn each for themselves, log.
+        distance: of the camera along the normal, from the top, m.
+        slope: how far aside of the place the camera is, a metre of that, (2,).
+        size: width that it was looked for with, m.
+        rise: how much higher the top of a wider cube lies at its place, a metre of width.
+    """
+
+    sides: Array
+    shown: Array
+    turn: float
+    twist: float
+    distance: float
+    slope: Array
+    size: float
+    rise: float
+
+
+def measure_top(
+    images: Sequence[Image],
+    camera: Camera,
+    T_base_place: Array,
+    size: float,
+    height: float,
+    mouth: float | None,
+    rise: float = 1.0,
+    empty: EmptyPlace | None = None,
+) -> CubeTop | None:
+    """Measure the top of a cube; None where it is not whole in the image.
+
+    Args:
+        images: photographs of one moment.
+        camera: that took them.
+        T_base_place: of the place's frame, z along its normal, 4x4.
+        size: edge of the cube, m.
+        height: of its top over the place's plane, m.
+        mouth: width of the hole it stands in, m; None: it stands on the plane.
+        rise: how much higher the top of a wider cube lies at its place, a metre of width.
+        empty: the same place when it was empty.
+    """
+    view = plate_view(images, camera, T_base_place @ transform(t=(0.0, 0.0, height)), 0.75 * size + SPAN)
+    plane = plate_view(images, camera, T_base_place, 1.2 * size + SPAN)
+    eye = apply(inverse(T_base_place), camera.T_base_camera[:3, 3])
+    if view is None or plane is None or eye[2] <= height + size:
+        return None
+    then = (
+        None
+        if empty is None
+        else plate_view(empty.images, empty.camera, empty.T_base_place, 1.2 * size + SPAN)
+    )
+    distance = float(eye[2]) - height
+    scale = view.px_per_m()
+    ring = _ring(size if mouth is None else mouth, eye)
+    plate_grey = _level(plane, ring)
+    before = np.nan if then is None else _level(then, ring)
+    light = float(np.clip(plate_grey / before, *LIGHT)) if before > 0.0 else np.nan
+    noise = MEAN_NOISE * max(view.noise(), LEAST_NOISE) / np.sqrt((size - 2.0 * CORNER) / PIECES * scale)
+    if not np.isfinite(plate_grey):
+        return None
+
+    sides, around = [], []
+    for k in range(4):
+        points = _points(size, k)
+        grey = view.at(points).mean(axis=2)
+        reach = float(eye[:2] @ OUTWARD[k])
+        rim = corner = -np.inf
+        if mouth is not None:
+            floor = mouth - POCKET_DEPTH * (mouth - size) / (
+                size - height
+            )  # walls are straight through the seat
+            rim = reach + (mouth / 2.0 - reach) * distance / float(eye[2]) - size / 2.0
+            corner = reach + (floor / 2.0 - reach) * distance / (float(eye[2]) + POCKET_DEPTH) - size / 2.0
+        was = None if then is None else then.at(seen_on_plate(points, height, eye)).mean(axis=2)
+        if was is not None and not (np.isfinite(was).all() and np.isfinite(light)):
+            was = None
+        side = _side(grey, _feet(eye, k, 0.0, size, distance), plate_grey, noise, scale)
+        if side is None:
+            return None
+        sides.append(side)
+        around.append(Around(was, rim, corner))
+    lever = -np.linspace(-0.5, 0.5, 2 * PIECES + 1)[1::2] * (size - 2.0 * CORNER)
+    blurs = [px / scale for px in BLURS_PX]
+    first = fit_sides(sides, around, light, lever, blurs[2:3]).lines.turn
+    sides = [replace(side, feet=_feet(eye, k, first, size, distance)) for k, side in enumerate(sides)]
+    fit = fit_sides(sides, around, light, lever, blurs)
+    turn, of_sides, shown = likelihoods(sides, fit, lever)
+    return CubeTop(
+        frozen([_softened(one, FLOOR_PX / scale) for one in of_sides]),
+        frozen(shown),
+        turn,
+        sum(straight_lines([one], lever).worth for one in fit.each) - fit.lines.worth,
+        distance,
+        frozen(eye[:2] / distance),
+        size,
+        rise,
+    )
+
+
+def _softened(log: Array, floor: float) -> Array:
+    """A likelihood with a deviation of `floor` m more."""
+    reach = 4
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) * (PLACES[1] - PLACES[0]) / floor) ** 2)
+    padded = np.pad(np.exp(log), reach, mode="edge")
+    soft = np.log(np.convolve(padded, kernel / kernel.sum(), mode="valid") + 1e-30)
+    return np.asarray(soft - soft.max())
+
+
+def _feet(eye: Array, k: int, turn: float, size: float, distance: float) -> Array:
+    """How far beyond side k of a cube with that turn its foot may be seen, m, (n,); 0: not at all."""
+    outward = OUTWARD[k] + turn * np.array([-OUTWARD[k][1], OUTWARD[k][0]])
+    foot = (float(eye[:2] @ outward) - size / 2.0) * size / (distance + size)
+    dark = min(max(foot, 0.0), FOOT_DARK)
+    usual, deviation = foot - (1.0 - FOOT_SEEN) * dark, FOOT_SHARE * dark + FOOT_STD
+    feet = usual + deviation * np.linspace(-2.0, 2.0, 5)
+    if feet[-1] <= 0.0:
+        return np.zeros(1)
+    return np.array([usual]) if feet[0] > SPAN else np.maximum(feet, 0.0)
+
+
+def _side(grey: Array, feet: Array, plate_grey: float, noise: float, scale: float) -> Side | None:
+    """A side by its profiles; None where too much of it is outside the image."""
+    inside = np.asarray(np.isfinite(grey).all(axis=0))
+    if not inside[ACROSS <= LEAST_IN_VIEW].all():
+        return None
+    last = int(np.flatnonzero(inside)[-1]) if inside.all() else int(np.argmin(inside)) - 1
+    grey = np.where(np.arange(len(ACROSS)) > last, grey[:, last : last + 1], grey)
+    level = np.median(grey, axis=0)
+    level = np.convolve(np.pad(level, 2, mode="edge"), np.full(5, 0.2), mode="valid")
+    hidden = np.where(np.arange(len(ACROSS)) > last, 1.0, 0.0)
+    foot = float(feet[len(feet) // 2])
+    if foot > WIDE_FACE:
+        hidden = np.maximum(hidden, 1.0 / (1.0 + np.exp(-(ACROSS - foot + BEFORE_FOOT) / SOFT)))
+    top = float(np.median(grey[:, 2:8]))
+    return Side(grey, whitening(level, hidden, noise, scale), feet, top, plate_grey)
+
+
+def _points(size: float, k: int) -> Array:
+    """Points of the top's plane across the pieces of side k, (pieces, n, along, 2) m."""
+    outward = OUTWARD[k]
+    tangent = np.array([-outward[1], outward[0]])
+    ends = np.linspace(-size / 2.0 + CORNER, size / 2.0 - CORNER, PIECES + 1)
+    count = max(round((ends[1] - ends[0]) / PITCH), 1)
+    along = ends[:-1, None] + (ends[1] - ends[0]) * (np.arange(count) + 0.5) / count
+    return np.asarray(
+        (size / 2.0 + ACROSS)[None, :, None, None] * outward + along[:, None, :, None] * tangent
+    )
+
+
+def _ring(width: float, eye: Array) -> Array:
+    """Points (n, 2) m of the plate beyond those two sides of a place that a cube in it does not hide."""
+    along = np.linspace(-width / 2.0, width / 2.0, 41)
+    points = []
+    for k in np.argsort(OUTWARD @ eye[:2])[2:]:
+        tangent = np.array([-OUTWARD[k][1], OUTWARD[k][0]])
+        points.append((width / 2.0 + RING)[:, None, None] * OUTWARD[k] + along[None, :, None] * tangent)
+    return np.concatenate(points).reshape(-1, 2)
+
+
+def _level(view: PlateView, points: Array) -> float:
+    """Usual grey level at points (n, 2) m; NaN where none is in the image."""
+    grey = view.at(points)
+    grey = grey[np.isfinite(grey)]
+    return float(np.median(grey)) if len(grey) else np.nan

@@ -1,0 +1,1 @@
+"""Calibration targets, and how well they are seen."""

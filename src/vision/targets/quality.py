@@ -1,0 +1,180 @@
+"""How good a photograph of a calibration target is: sharpness, contrast, light, and the size of its markers.
+
+Sharpness is the standard deviation of the image's blur, px, from the grey profiles across the edges of the chessboard;
+edges of two directions are kept apart, because a target that moves blurs only those across its motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from arm.se3 import Array, frozen
+from vision.camera.frame_source import Image
+from vision.camera.model import Camera
+from vision.markers.dictionaries import predefined
+from vision.markers.edge_lines import refine_by_border_lines
+from vision.targets.target import Target, TargetView
+
+LINES = 24  # profiles across an edge, averaged
+MARGIN_PX = (
+    3.0  # a profile ends this far before the next edge, of a marker or a square, whose blur it must not see
+)
+MOST_REACH_PX, LEAST_REACH_PX = 10.0, 2.0
+STEP_PX = 0.25
+SATURATED, BLACK = 254, 1
+
+
+@dataclass(frozen=True, eq=False)
+class Quality:
+    """What a photograph of a target is worth.
+
+    Attributes:
+        blur_px: standard deviation of the blur across its blurrier edges, px; NaN where no edge is whole.
+        contrast: grey levels between white and black squares, median over the edges.
+        saturated: part of the samples of white squares at the sensor's end, 0 to 1.
+        marker_share: edge of its markers in squares, as they appear; NaN without markers.
+        marker_share_sigma: standard deviation of that.
+    """
+
+    blur_px: float
+    contrast: float
+    saturated: float
+    marker_share: float
+    marker_share_sigma: float
+
+
+def measure_quality(image: Image, target: Target, view: TargetView) -> Quality:
+    """The quality of a view.
+
+    Args:
+        image: grey (h, w) or BGR, in which `view` was found.
+        target: that was looked for.
+        view: what was found.
+    """
+    grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+    blur: list[float] = []
+    steps: list[float] = []
+    white: list[Array] = []
+    room = (
+        (1.0 - target.marker / target.square) / 2.0 if target.marker > 0.0 else 0.5
+    )  # to the next edge, in squares
+    for starts, ends in _edges(target, view):
+        if not len(starts):
+            continue
+        profile, half = _profiles(grey, starts, ends, room)
+        low, high = profile[:, :3].mean(axis=1), profile[:, -3:].mean(axis=1)
+        steps += list(np.abs(high - low))
+        white.append(np.maximum(profile[:, :3], profile[:, -3:]).ravel())
+        blur.append(float(np.median(_widths(profile, half))))
+    share, sigma = _marker_share(grey, target, view)
+    return Quality(
+        max(blur) if blur else float("nan"),
+        float(np.median(steps)) if steps else 0.0,
+        float(np.mean(np.concatenate(white) >= SATURATED)) if white else 0.0,
+        share,
+        sigma,
+    )
+
+
+def _grid(target: Target, view: TargetView) -> npt.NDArray[np.intp]:
+    """Place of each inner corner in the view's lists, (rows - 1, columns - 1); -1 where it was not found."""
+    where = np.full(target.corners, -1, dtype=np.intp)
+    where[view.ids] = np.arange(len(view.ids))
+    return where.reshape(target.rows - 1, target.columns - 1)
+
+
+def _edges(target: Target, view: TargetView) -> list[tuple[Array, Array]]:
+    """Both ends of the edges along the rows, and along the columns, whose corners were both found."""
+    grid = _grid(target, view)
+    found = []
+    for a, b in ((grid[:, :-1], grid[:, 1:]), (grid[:-1], grid[1:])):
+        both = (a >= 0) & (b >= 0)
+        found.append((view.corners_px[a[both]], view.corners_px[b[both]]))
+    return found
+
+
+def _profiles(grey: Image, starts: Array, ends: Array, room: float) -> tuple[Array, Array]:
+    """Mean grey profile across each edge, (edges, samples), and its half length in px, (edges,)."""
+    along = ends - starts
+    length = np.linalg.norm(along, axis=-1)
+    half = np.clip(room * length - MARGIN_PX, LEAST_REACH_PX, MOST_REACH_PX)
+    across = np.stack([along[:, 1], -along[:, 0]], axis=-1) / length[:, None]
+    share = 0.25 + 0.5 * (np.arange(LINES) + 0.5) / LINES
+    centres = starts[:, None] + share[:, None] * along[:, None]
+    count = int(np.ceil(2.0 * half.max() / STEP_PX)) + 1
+    s = half[:, None] * np.linspace(-1.0, 1.0, count)
+    points = centres[:, :, None] + s[:, None, :, None] * across[:, None, None]
+    flat = points.reshape(-1, LINES * count, 2).astype(np.float32)
+    values = cv2.remap(grey.astype(np.float32), flat[..., 0], flat[..., 1], cv2.INTER_LINEAR)
+    return np.asarray(values.reshape(len(starts), LINES, count).mean(axis=1), dtype=float), half
+
+
+def _widths(profile: Array, half: Array) -> Array:
+    """Standard deviation of the gradient across each edge, px; what noise adds on flat ground has no sign."""
+    gradient = np.diff(profile, axis=1)
+    gradient *= np.sign(gradient.sum(axis=1))[:, None]
+    s = half[:, None] * np.linspace(-1.0, 1.0, profile.shape[1])
+    middle = 0.5 * (s[:, 1:] + s[:, :-1])
+    total = np.maximum(gradient.sum(axis=1), 1e-9)
+    mean = (gradient * middle).sum(axis=1) / total
+    variance = (gradient * (middle - mean[:, None]) ** 2).sum(axis=1) / total
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+
+def _marker_share(grey: Image, target: Target, view: TargetView) -> tuple[float, float]:
+    """Edge of the markers in squares, each measured in its own: over so short a way any lens is straight."""
+    nothing = (float("nan"), float("nan"))
+    if not len(view.marker_ids):
+        return nothing
+    height, width = grey.shape
+    # a side is short: any lens is straight along it
+    f = 3.0 * width
+    straight = Camera(
+        np.array([[f, 0.0, width / 2.0], [0.0, f, height / 2.0], [0.0, 0.0, 1.0]]),
+        np.zeros(5),
+        (width, height),
+        frozen(np.eye(4)),
+    )
+    lines = refine_by_border_lines(
+        grey, view.outlines_px, straight, predefined(target.dictionary).markerSize + 2
+    )
+    if not lines.good.any():
+        return nothing
+    sides = np.array(
+        [
+            np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1).mean()
+            for marker, square in _whole_squares(target, view)
+            if lines.good[marker]
+            for outline in [_in_square(lines.corners_px[marker], square)]
+        ]
+    )
+    if not len(sides):
+        return nothing
+    spread = 1.4826 * float(np.median(np.abs(sides - np.median(sides))))
+    return float(np.median(sides)), max(spread, 1e-4) / np.sqrt(len(sides))
+
+
+def _whole_squares(target: Target, view: TargetView) -> list[tuple[int, Array]]:
+    """Markers of a view, by their place in it, whose square has all its corners found: these, (4, 2) px."""
+    grid = np.pad(_grid(target, view), 1, constant_values=-1)
+    squares = target.marker_squares()
+    found = []
+    for place, marker in enumerate(view.marker_ids):
+        if marker >= len(squares):
+            continue
+        i, j = squares[marker]
+        corners = grid[[j, j, j + 1, j + 1], [i, i + 1, i + 1, i]]
+        if (corners >= 0).all():
+            found.append((place, view.corners_px[corners]))
+    return found
+
+
+def _in_square(pixels: Array, square: Array) -> Array:
+    """Pixels (n, 2) in units of the square (4, 2) px that they lie in."""
+    unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)
+    H = cv2.getPerspectiveTransform(square.astype(np.float32), unit)
+    return np.asarray(cv2.perspectiveTransform(pixels.reshape(-1, 1, 2).astype(float), H).reshape(-1, 2))

@@ -1,0 +1,213 @@
+"""Flat calibration targets: ChArUco boards and checkerboards, their files, and their corners in an image.
+
+The target frame is OpenCV's: origin at the print's top left corner, x along the columns, y down the rows, z into the
+board. Corners are the inner ones of the chessboard, row by row. They are saddles, where OpenCV's refinement has no bias
+(fact sheet of the parts, 3a: 0.026 px rms; outer corners of markers are another matter, see
+`vision.markers.edge_lines`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from arm.io.toml_reader import TomlTable
+from arm.se3 import Array, frozen
+from vision.camera.frame_source import Image
+from vision.markers.dictionaries import dictionary_names, predefined
+
+_SADDLE_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 50, 0.001)
+FEWEST_CORNERS = 6
+"""Fewer give no pose that a calibration could rest on."""
+FEWEST_MARKERS = 3  # of another board; large dictionaries are found in any clutter
+
+
+@dataclass(frozen=True)
+class Target:
+    """A calibration target.
+
+    Attributes:
+        kind: a chessboard with markers in its white squares, or without.
+        columns, rows: squares along x and y.
+        square: edge of a square, m.
+        marker: edge of a marker's black square, m; 0 without markers.
+        dictionary: of the markers, OpenCV's name; "" without.
+    """
+
+    kind: Literal["charuco", "checkerboard"] = "charuco"
+    columns: int = 7
+    rows: int = 5
+    square: float = 0.030
+    marker: float = 0.022
+    dictionary: str = "DICT_5X5_100"
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height of the chessboard, m."""
+        return self.columns * self.square, self.rows * self.square
+
+    @property
+    def corners(self) -> int:
+        """How many inner corners it has."""
+        return (self.columns - 1) * (self.rows - 1)
+
+    def points(self) -> Array:
+        """Inner corners (n, 3) m in the target frame, row by row, z = 0."""
+        x, y = np.meshgrid(np.arange(1, self.columns), np.arange(1, self.rows))
+        flat = np.stack([x.ravel(), y.ravel(), np.zeros(self.corners)], axis=-1)
+        return frozen(self.square * flat)
+
+    def marker_squares(self) -> list[tuple[int, int]]:
+        """Column and row of the white square of each marker, in the order of their ids."""
+        return [(i, j) for j in range(self.rows) for i in range(self.columns) if (i + j) % 2]
+
+    def label(self) -> str:
+        """A few words for people."""
+        squares = f"{self.columns} x {self.rows} squares of {1e3 * self.square:g} mm"
+        if self.kind == "checkerboard":
+            return f"checkerboard, {squares}"
+        return f"ChArUco, {squares}, markers {1e3 * self.marker:g} mm {self.dictionary}"
+
+
+@dataclass(frozen=True, eq=False)
+class TargetView:
+    """A target in one image.
+
+    Attributes:
+        ids: (n,) of the corners that were found, increasing.
+        corners_px: (n, 2).
+        outlines_px: (m, 4, 2) rough outlines of the markers, empty for a checkerboard.
+        marker_ids: (m,).
+    """
+
+    ids: npt.NDArray[np.intp]
+    corners_px: Array
+    outlines_px: Array
+    marker_ids: npt.NDArray[np.intp]
+
+
+def read_target(path: Path) -> Target:
+    """Read a target file: kind, squares = [columns, rows], square_mm, and of a ChArUco board marker_mm and dictionary.
+
+    Raises:
+        FileInputError: a value breaks its rule.
+    """
+    root = TomlTable.read(path)
+    target = target_of(root)
+    root.finish()
+    return target
+
+
+def target_of(root: TomlTable) -> Target:
+    """The target of a file that may say more than that; who reads the rest calls `finish`.
+
+    Raises:
+        FileInputError: a value breaks its rule.
+    """
+    kind = root.text("kind", ("charuco", "checkerboard"), default="charuco")
+    columns, rows = root.integers("squares", 2, 3, 100)
+    square = root.number("square_mm", "mm", 0.1, 1000.0) / 1e3
+    if kind == "checkerboard":
+        if (columns + rows) % 2 == 0:
+            raise root.error(
+                "squares",
+                "must be one even and one odd number: half a turn of any other checkerboard looks the same",
+            )
+        return Target("checkerboard", columns, rows, square, 0.0, "")
+    marker = root.number("marker_mm", "mm", 0.1, 1000.0) / 1e3
+    if marker >= square:
+        raise root.error("marker_mm", f"must be less than square_mm = {1e3 * square:g}")
+    dictionary = root.text("dictionary", dictionary_names())
+    target = Target("charuco", columns, rows, square, marker, dictionary)
+    known = len(predefined(dictionary).bytesList)
+    if len(target.marker_squares()) > known:
+        raise root.error("squares", f"need {len(target.marker_squares())} markers; {dictionary} has {known}")
+    return target
+
+
+class TargetFinder:
+    """Finds one target in images; made once, because OpenCV's detector is."""
+
+    def __init__(self, target: Target) -> None:
+        self.target = target
+        self._charuco: cv2.aruco.CharucoDetector | None = None
+        if target.kind == "charuco":
+            board = cv2.aruco.CharucoBoard(
+                (target.columns, target.rows), target.square, target.marker, predefined(target.dictionary)
+            )
+            self._charuco = cv2.aruco.CharucoDetector(board)
+
+    def find(self, image: Image) -> TargetView | None:
+        """The target, or None where fewer than `FEWEST_CORNERS` of its corners are seen.
+
+        Args:
+            image: 8-bit grey (h, w) or BGR (h, w, 3).
+        """
+        grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+        return self._find_charuco(grey) if self._charuco is not None else self._find_checkerboard(grey)
+
+    def _find_charuco(self, grey: Image) -> TargetView | None:
+        if self._charuco is None:
+            return None
+        corners, ids, outlines, marker_ids = self._charuco.detectBoard(grey)
+        if ids is None or len(ids) < FEWEST_CORNERS:
+            return None
+        order = np.argsort(ids.reshape(-1))
+        found = len(marker_ids) if marker_ids is not None else 0
+        return TargetView(
+            np.asarray(ids.reshape(-1)[order], dtype=np.intp),
+            frozen(corners.reshape(-1, 2)[order]),
+            frozen(np.stack([o.reshape(4, 2) for o in outlines]) if found else np.empty((0, 4, 2))),
+            np.asarray(marker_ids, dtype=np.intp).reshape(-1) if found else np.empty(0, dtype=np.intp),
+        )
+
+    def _find_checkerboard(self, grey: Image) -> TargetView | None:
+        inner = (self.target.columns - 1, self.target.rows - 1)
+        found, corners = cv2.findChessboardCornersSB(grey, inner, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+        if not found:
+            return None
+        corners = np.asarray(corners, dtype=np.float32).reshape(-1, 2)
+        across = np.linalg.norm(np.diff(corners.reshape(inner[1], inner[0], 2), axis=1), axis=-1).min()
+        half = int(np.clip(across / 4.0, 2, 7))
+        refined = corners.reshape(-1, 1, 2).copy()
+        cv2.cornerSubPix(grey, refined, (half, half), (-1, -1), _SADDLE_STOP)
+        return TargetView(
+            np.arange(self.target.corners),
+            frozen(_first_square_dark(grey, refined.reshape(-1, 2).astype(float), inner)),
+            frozen(np.empty((0, 4, 2))),
+            np.empty(0, dtype=np.intp),
+        )
+
+    def seen_instead(self, image: Image) -> str:
+        """What is seen where the target was not found, and what helps: its mirror image, other markers, or ''."""
+        if self.target.kind != "charuco":
+            return ""
+        if self.find(np.ascontiguousarray(image[:, ::-1])) is not None:
+            return "its mirror image: print it anew, or photograph it without a mirror"
+        best, name = FEWEST_MARKERS - 1, ""
+        # a larger dictionary of a family begins with the markers of the smaller ones: the smallest is named
+        for dictionary in sorted(dictionary_names(), key=lambda d: len(predefined(d).bytesList)):
+            detector = cv2.aruco.ArucoDetector(predefined(dictionary))
+            _, ids, _ = detector.detectMarkers(image)
+            if ids is not None and len(ids) > best:
+                best, name = (
+                    len(ids),
+                    f"{len(ids)} markers of {dictionary} (ids {int(ids.min())} to {int(ids.max())}): give the board's "
+                    "own file with --target",
+                )
+        return name
+
+
+def _first_square_dark(grey: Image, corners: Array, inner: tuple[int, int]) -> Array:
+    """Corners in the order that starts at the dark outer square: one of the two ends of the list."""
+    grid = corners.reshape(inner[1], inner[0], 2)
+    outside = [2.0 * grid[i, i] - grid[j, j] for i, j in ((0, 1), (-1, -2))]
+    middles = [(grid[i, i] + o) / 2.0 for (i, o) in zip((0, -1), outside, strict=True)]
+    height, width = grey.shape
+    levels = [float(grey[int(np.clip(y, 0, height - 1)), int(np.clip(x, 0, width - 1))]) for x, y in middles]
+    return corners if levels[0] <= levels[1] else corners[::-1].copy()

@@ -1,0 +1,65 @@
+"""Segments: displacement, derivatives by finite differences, chains in time."""
+
+import numpy as np
+import pytest
+
+from arm.controller.segments import CountPath, Segment
+
+
+def _random_path(seed: int, count: int = 20) -> CountPath:
+    rng = np.random.default_rng(seed)
+    segments = [
+        Segment(
+            int(rng.integers(20, 200)),
+            tuple(tuple(int(v) for v in row) for row in rng.integers(-500, 500, (order, 6))),
+        )
+        for order in rng.integers(1, 4, count)
+    ]
+    return CountPath(tuple(int(v) for v in rng.integers(-100000, 100000, 6)), tuple(segments))
+
+
+def test_end_is_the_integer_sum() -> None:
+    path = _random_path(1)
+    total = np.array(path.start)
+    for segment in path.segments:
+        assert segment.displacement(1.0) == pytest.approx(segment.end())
+        total = total + segment.end()
+    assert path.end == tuple(total)
+
+
+def test_derivatives_match_finite_differences() -> None:
+    h = 1e-5
+    for segment in _random_path(2).segments:
+        u = np.array([0.2, 0.5, 0.9])
+        seconds = segment.duration_ms / 1e3
+        velocity = (segment.displacement(u + h) - segment.displacement(u - h)) / (2 * h * seconds)
+        acceleration = (segment.derivative(u + h) - segment.derivative(u - h)) / (2 * h * seconds)
+        assert segment.derivative(u) == pytest.approx(velocity, rel=1e-6, abs=1e-3)
+        assert segment.derivative(u, 2) == pytest.approx(acceleration, rel=1e-6, abs=1e-2)
+
+
+def test_a_reversed_path_is_the_same_path() -> None:
+    path = _random_path(5)
+    back = path.reversed()
+    assert (back.start, back.end) == (path.end, path.start)
+    times = np.linspace(0.0, path.duration_s, 777)
+    assert back.at(path.duration_s - times) == pytest.approx(path.at(times), abs=1e-5)
+    assert back.reversed() == path
+
+
+def test_sampling_meets_every_knot_and_is_continuous() -> None:
+    path = _random_path(3)
+    ends = np.concatenate([[0], np.cumsum([s.duration_ms for s in path.segments])]) / 1e3
+    assert path.at(ends) == pytest.approx(path.knots(), abs=1e-6)
+    assert path.at(ends[1:-1] - 1e-9) == pytest.approx(path.knots()[1:-1], abs=1e-2)
+    grid = path.sample()
+    assert len(grid) == round(path.duration_s * 1e3) + 1
+    assert grid[-1] == pytest.approx(path.end)
+
+
+def test_before_and_after_the_motion_the_arm_rests() -> None:
+    path = _random_path(4)
+    assert path.at([-1.0, path.duration_s + 1.0]) == pytest.approx(np.array([path.start, path.end]))
+    still = CountPath((1, 2, 3, 4, 5, 6), ())
+    assert still.end == still.start
+    assert still.at([0.0, 1.0]) == pytest.approx(np.array([still.start] * 2))

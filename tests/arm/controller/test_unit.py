@@ -1,0 +1,236 @@
+"""Unit files against the figures of the controller's fact sheet."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm.controller.unit import UNITS, Limits, Unit, load_unit
+from arm.errors import FileInputError, InputError
+from arm.io.storage import data_file
+
+
+def test_counts_per_degree() -> None:
+    k = np.radians(1) * load_unit("crs93").counts_per_rad
+    assert k == pytest.approx([1111.111, 1111.111, -1111.111, -561.111, -555.556, -561.111], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "speed", "acceleration"),
+    [
+        ("crs93", [27.00, 7.20, 18.00, 53.47, 54.00, 133.66], [179.3, 35.16, 70.31, 264.5, 900, 5347]),
+        ("crs97", [27.00, 7.20, 18.00, 53.47, 54.00, 98.02], [66.8, 17.58, 45.7, 132.3, 900, 1072]),
+    ],
+)
+def test_default_registers_in_degrees(name: str, speed: list[float], acceleration: list[float]) -> None:
+    limits = load_unit(name).limits()
+    assert np.degrees(limits.velocity) == pytest.approx(speed, abs=0.006)
+    assert np.degrees(limits.acceleration) == pytest.approx(acceleration, rel=2e-3)
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_limits_keep_a_degree_from_encoder_bounds_and_data_sheet(name: str) -> None:
+    unit = load_unit(name)
+    sheet = np.array([175, 90, 110, 180, 105, 180])
+    lower, upper = np.degrees(unit.lower), np.degrees(unit.upper)
+    assert np.all(lower >= -sheet + 1 - 1e-9)
+    assert np.all(upper <= sheet - 1 + 1e-9)
+    bounds = {
+        "crs93": (
+            [-169.515, -89.686, -112.680, -185.881, -105.660, -180.178],
+            [172.485, 90.314, 115.020, 185.703, 104.940, 183.564],
+        ),
+        "crs97": (
+            [-168.750, -90.227, -115.762, -183.208, -103.860, -182.050],
+            [173.250, 89.773, 113.738, 185.703, 104.940, 180.624],
+        ),
+    }[name]
+    assert lower == pytest.approx(np.maximum(bounds[0], -sheet) + 1, abs=1e-3)
+    assert upper == pytest.approx(np.minimum(bounds[1], sheet) - 1, abs=1e-3)
+
+
+def test_soft_home_in_counts() -> None:
+    for name, counts in (
+        ("crs93", [-181650, -349, -12200, 99200, 33300, -96500]),
+        ("crs97", [-182500, 252, -13625, 99200, 39300, -98150]),
+    ):
+        unit = load_unit(name)
+        assert unit.counts(unit.soft_home).tolist() == counts
+
+
+def test_counts_and_positions_are_inverse_to_half_a_count() -> None:
+    unit = load_unit("crs97")
+    q = np.random.default_rng(5).uniform(unit.lower, unit.upper, (500, 6))
+    assert np.abs(unit.positions(unit.counts(q)) - q).max() <= 0.5 / np.abs(unit.counts_per_rad).min() + 1e-12
+    assert np.array_equal(unit.counts(unit.positions(unit.counts(q))), unit.counts(q))
+
+
+def test_registers_are_capped_at_twice_the_default_and_the_data_sheet() -> None:
+    unit = load_unit("crs93")
+    assert unit.speed_register_cap() == (15360, 4096, 10240, 15360, 15360, 24563)
+    assert np.degrees(unit.limits(unit.speed_register_cap()).velocity[5]) <= 171.0
+    with pytest.raises(InputError, match="axis F = 24564: must be from 1 to 24563"):
+        unit.limits((7680, 2048, 5120, 7680, 7680, 24564))
+
+
+def test_an_override_only_lowers() -> None:
+    limits = load_unit("crs93").limits()
+    half = limits.scaled(0.5)
+    assert half.velocity == pytest.approx(limits.velocity / 2)
+    assert half.acceleration == pytest.approx(limits.acceleration / 4)
+    for speed in (0.0, -1.0, 1.001, float("nan")):
+        with pytest.raises(InputError, match="it only lowers what the registers allow"):
+            limits.scaled(speed)
+
+
+def test_gripper_fractions() -> None:
+    gripper = load_unit("crs97").gripper
+    assert (gripper.axis, gripper.adc(0.0), gripper.adc(1.0)) == ("H", 1001, 48)
+    assert gripper.fraction_closed(gripper.adc(0.25)) == pytest.approx(0.25, abs=1e-3)
+
+
+def test_a_wrong_name_and_a_wrong_file_are_told(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="crs93, crs97"):
+        load_unit("crs95")
+    text = data_file("urdf/a465/crs93.toml").read_text()
+    for old, new, message in (
+        ("direction = [1, 1, -1, -1, -1, -1]", "direction = [1, 1, 1, -1, -1, -1]", "check direction"),
+        ("margin_deg = 1.0", "margin = 1.0", "limits.margin_deg: is missing"),
+        ("speed = 500", "speed = 'fast'", "gripper.speed = 'fast': must be a whole number"),
+        ('[["B"]', '[["B", "B"]', "homing.sequence"),
+    ):
+        path = tmp_path / "unit.toml"
+        assert old in text
+        path.write_text(text.replace(old, new))
+        with pytest.raises(FileInputError, match=message):
+            load_unit(path)
+
+
+@pytest.mark.parametrize(
+    ("key", "wrong"),
+    [
+        ("axes", "1"),
+        ("axes", "{ a = 1 }"),
+        ("axes", "[1, 2, 3, 4, 5, 6]"),
+        ("axes", '["A", "B", 3, "D", "E", "F"]'),
+        ("axes", '["A", "B", "C", "D", "E", "J"]'),
+        ("sequence", "5"),
+        ("sequence", "{ A = 1 }"),
+        ("sequence", "[1, 2]"),
+        ("sequence", "[[1], [2]]"),
+        ("counts_per_turn", "{ a = 1 }"),
+        ("idle_release_s", "{}"),
+    ],
+)
+def test_a_value_of_another_type_is_told_in_one_line(tmp_path: Path, key: str, wrong: str) -> None:
+    text = data_file("urdf/a465/crs93.toml").read_text()
+    changed = re.sub(rf"^{key} = .*$", f"{key} = {wrong}", text, count=1, flags=re.MULTILINE)
+    assert changed != text
+    (tmp_path / "mine.toml").write_text(changed)
+    with pytest.raises(FileInputError, match=rf"mine\.toml: (\w+\.)?{key} = .*: must (be|name) "):
+        load_unit(tmp_path / "mine.toml")
+
+
+def test_limits_are_checked_and_cannot_be_changed() -> None:
+    given = {"lower": [-1.0, 0.0], "upper": [1.0, 0.0], "velocity": [1, 2], "acceleration": [3.0, 4.0]}
+    limits = Limits(**given)
+    for key, value in given.items():
+        found = getattr(limits, key)
+        assert found.tolist() == value
+        assert isinstance(found, np.ndarray)
+        assert not found.flags.writeable
+    for wrong in ([], [[1.0, 2.0]], [1.0], "12", None):
+        with pytest.raises(InputError, match=r"limits: velocity = .*must be one number per joint"):
+            Limits(**{**given, "velocity": wrong})
+    with pytest.raises(InputError, match=r"limits: lower = .*must be one number per joint"):
+        Limits(**{key: [] for key in given})
+    with pytest.raises(InputError, match=r"lower\[1\] = 0\.1 is above upper\[1\] = 0"):
+        Limits(**{**given, "lower": [-1.0, 0.1]})
+
+
+@pytest.mark.parametrize("key", ["open_adc", "closed_adc"])
+def test_positions_of_the_jaws_are_those_of_the_converter(tmp_path: Path, key: str) -> None:
+    text = data_file("urdf/a465/crs93.toml").read_text()
+
+    def read(value: int) -> Unit:
+        (tmp_path / "mine.toml").write_text(
+            re.sub(rf"^{key} = \d+", f"{key} = {value}", text, flags=re.MULTILINE)
+        )
+        return load_unit(tmp_path / "mine.toml")
+
+    for value in (0, 4095):
+        assert getattr(read(value).gripper, key) == value
+    for value in (-1, 4096):
+        with pytest.raises(
+            FileInputError, match=rf"gripper\.{key} = {value}: must be a whole number from 0 to 4095"
+        ):
+            read(value)
+
+
+def test_a_joint_without_room_is_refused(tmp_path: Path) -> None:
+    text = data_file("urdf/a465/crs93.toml").read_text()
+    upper = re.search(r"^upper_counts = .*$", text, re.MULTILINE)
+    assert upper is not None
+    for lower in (
+        upper[0].replace("upper", "lower"),
+        re.search(r"^lower_counts = .*$", text, re.MULTILINE)[0],
+    ):
+        changed = re.sub(r"^lower_counts = .*$", lower, text, flags=re.MULTILINE)
+        (tmp_path / "mine.toml").write_text(
+            re.sub(r"^margin_deg = \S+", "margin_deg = 0", changed, flags=re.MULTILINE)
+        )
+        if lower == upper[0].replace("upper", "lower"):
+            with pytest.raises(FileInputError, match="leave no room for some joint"):
+                load_unit(tmp_path / "mine.toml")
+        else:
+            load_unit(tmp_path / "mine.toml")
+
+
+def test_a_joint_of_a_single_place_has_no_room(tmp_path: Path) -> None:
+    """The data sheet's range is just twice the margin."""
+    text, file = data_file("urdf/a465/crs93.toml").read_text(), tmp_path / "own.toml"
+    for first, refused in (("1.0", True), ("1.001", False)):
+        changed = text.replace("data_sheet_deg = [175.0", f"data_sheet_deg = [{first}")
+        assert changed != text
+        file.write_text(re.sub(r"^(soft_home_deg = \[)[^,]*", r"\g<1>0.0", changed, flags=re.MULTILINE))
+        if refused:
+            with pytest.raises(FileInputError, match="leave no room for some joint"):
+                load_unit(file)
+        else:
+            load_unit(file)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("[limits]\n", "[limits]\nmargin_rad = 0.1\n", "limits.margin_rad"),
+        (r"counts_per_turn = \[[^,]*", "counts_per_turn = [1000001", r"counts_per_turn.*1e\+06|1000000"),
+        (r"counts_per_turn = \[[^,]*", "counts_per_turn = [0.9", "counts_per_turn"),
+    ],
+)
+def test_a_key_that_is_none_and_counts_that_no_encoder_has_are_told(
+    tmp_path: Path, old: str, new: str, told: str
+) -> None:
+    text = data_file("urdf/a465/crs93.toml").read_text()
+    changed = re.sub(old.replace("[limits]", r"\[limits\]"), new, text, count=1)
+    assert changed != text
+    (tmp_path / "own.toml").write_text(changed)
+    with pytest.raises(FileInputError, match=told):
+        load_unit(tmp_path / "own.toml")
+
+
+@pytest.mark.parametrize(
+    "given", [(1, 2, 3), "abcdef", 5, (), (1.5,) * 6, (None,) * 6, ((1, 2),) * 6, (float("nan"),) * 6]
+)
+@pytest.mark.parametrize("name", ["speed", "acceleration"])
+def test_registers_that_are_no_integer_an_axis_are_refused(given: Any, name: str) -> None:
+    with pytest.raises(InputError, match=f"{name} registers = .*: must be 6 integers, one an axis of crs93"):
+        load_unit("crs93").limits(**{f"{name}_registers": given})
+
+
+def test_registers_may_be_any_list_of_integers() -> None:
+    unit = load_unit("crs93")
+    for given in (list(unit.speed_registers), np.array(unit.speed_registers)):
+        assert np.array_equal(unit.limits(given).velocity, unit.limits().velocity)  # type: ignore[arg-type]

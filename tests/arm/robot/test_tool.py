@@ -1,0 +1,88 @@
+"""Arms made ready for use: tools, pairs that are not checked, limits from the URDF, continuous joints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm.errors import FileInputError, InputError
+from arm.robot.model import Robot, load_robot
+from arm.robot.shapes import Body, Box, Sphere
+from arm.robot.tool import ignoring, urdf_limits, with_tool
+from arm.se3 import rot_y, transform
+from made_up_arms import UR_LIKE, arm, urdf
+from plan.collision.world import World
+
+
+@pytest.fixture
+def ur(tmp_path: Path) -> Robot:
+    return arm(tmp_path, UR_LIKE, [("l0", "l2")])
+
+
+def test_a_tool_moves_with_the_end_and_changes_the_digest(ur: Robot) -> None:
+    T = transform(rot_y(0.3), (0.02, 0.0, 0.15))
+    tip = Body("tip", Sphere(0.01), T, "tool")
+    other = with_tool(ur, T, [tip])
+    q = np.array([0.3, -1.0, 0.7, 0.2, -0.4, 1.1])
+    end = ur.T_base_tool(q) @ np.linalg.inv(ur.T_end_tool)
+    np.testing.assert_allclose(other.T_base_tool(q), end @ T, atol=1e-12)
+    placed = next(b for b in other.bodies_at(q) if b.name == "tip")
+    np.testing.assert_allclose(placed.T_base_body, end @ T, atol=1e-12)
+    assert len({ur.digest, other.digest, with_tool(ur, T).digest}) == 3
+    # not checked against its own link and the one that carries it, but against all else
+    pairs = [set(World(other, ()).pair_names(i)) for i in range(len(World(other, ()).pairs))]
+    assert {"tip", "l4"} in pairs
+    assert {"tip", "l5"} not in pairs
+    assert {"tip", "l6"} not in pairs
+    with pytest.raises(InputError, match="named 'l3' already"):
+        with_tool(ur, T, [Body("l3", Box((0.1, 0.1, 0.1)), T, "tool")])
+
+
+def test_neighbours_are_not_checked(tmp_path: Path) -> None:
+    bare = load_robot(_written(tmp_path), "l6", np.eye(4))
+    assert not bare.touching
+    ready = ignoring(bare, [("l0", "l2")], neighbours=True)
+    wanted = {frozenset((f"l{k}", f"l{k + 1}")) for k in range(6)} | {frozenset(("l0", "l2"))}
+    assert ready.touching == wanted
+    assert ready.digest != bare.digest
+    with pytest.raises(InputError, match="name 'l9'; the arm has l0, l1"):
+        ignoring(bare, [("l0", "l9")])
+
+
+def _written(folder: Path, text: str | None = None) -> Path:
+    path = folder / "arm.urdf"
+    path.write_text(text or urdf(UR_LIKE))
+    return path
+
+
+def test_limits_come_from_the_urdf(ur: Robot) -> None:
+    limits = urdf_limits(ur, 4.0, margin=0.1)
+    np.testing.assert_allclose(limits.upper[:3], [6.1, 6.1, 2.7])
+    np.testing.assert_allclose(limits.lower, -limits.upper)
+    np.testing.assert_allclose(limits.velocity, 1.5)
+    by_name = urdf_limits(ur, {f"q{k}": float(k) for k in range(1, 7)}, velocity=[1, 2, 3, 4, 5, 6])
+    np.testing.assert_allclose(by_name.acceleration, by_name.velocity)
+    with pytest.raises(InputError, match="joint 'q2' has none"):
+        urdf_limits(ur, {"q1": 1.0})
+    with pytest.raises(InputError, match=r"joint q1: velocity 1.5 and acceleration 0 must be positive"):
+        urdf_limits(ur, 0.0)
+    with pytest.raises(InputError, match=r"joint q3: range 0.2 to -0.2"):
+        urdf_limits(ur, 1.0, margin=3.0)
+
+
+def test_a_continuous_joint_has_a_turn_each_way(ur: Robot) -> None:
+    limits = urdf_limits(ur, 1.0)
+    assert limits.upper[4] == pytest.approx(2 * np.pi)
+    q = np.array([0.3, -1.0, 0.7, 0.2, -0.4, 1.1])
+    turned = q + 2 * np.pi * np.eye(6)[4]
+    np.testing.assert_allclose(ur.T_base_tool(q), ur.T_base_tool(turned), atol=1e-12)
+
+
+def test_a_joint_of_more_freedoms_is_refused(tmp_path: Path) -> None:
+    text = urdf(UR_LIKE).replace('type="continuous"', 'type="floating"')
+    with pytest.raises(FileInputError, match="one degree of freedom"):
+        load_robot(_written(tmp_path, text), "l6", np.eye(4))
+    with pytest.raises(FileInputError, match="is not a URDF"):
+        load_robot(_written(tmp_path, "<robot"), "l6", np.eye(4))

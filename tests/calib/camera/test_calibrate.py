@@ -1,0 +1,295 @@
+"""Camera calibration from corners: what is found, what is left out, and what is refused, each with its reason."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from arm.errors import CalibrationRefused
+from arm.se3 import frozen, rotation, transform
+from calib.camera.calibrate import calibrate_camera
+from calib.camera.result import CalibrationLimits
+from calib.camera.view_selection import TargetPhoto
+from calib.model.intrinsics import NAMES, vector_of
+from cell.report.camera import lens_page
+from cell.sim.target_photos import random_poses
+from target_scenes import CHARUCO, bent, camera, photos, poses, quality, seen
+
+SIZE = (1920, 1200)
+
+
+def taken(seed: int, count: int = 14, tilt: float = 0.5, **how):
+    rng = np.random.default_rng(seed)
+    return [seen(T, rng, **how) for T in poses(seed, count, tilt)]
+
+
+def test_sound_views_are_accepted_and_the_lens_is_as_good_as_it_says():
+    c = calibrate_camera(photos(taken(1)), CHARUCO, SIZE)
+    assert c.accepted
+    assert len(c.used) == 14
+    off = vector_of(c.camera) - vector_of(camera())
+    assert (np.abs(off) < 3.5 * c.sigmas).all()
+    actual, predicted, told = (
+        float(np.sqrt(np.mean(x**2))) for x in (c.work.shifts(off), c.work_sigmas, c.cross.work_sigmas)
+    )
+    assert actual < 2.5 * predicted
+    assert 0.3 * predicted < told < 3.0 * predicted
+    assert c.cross.sigma_px == pytest.approx(0.03, rel=0.1)
+    assert c.corner_sigma == pytest.approx(0.03, rel=0.1)
+
+
+def test_a_view_that_alone_reaches_an_edge_is_no_reason_to_refuse():
+    c = calibrate_camera(
+        photos(taken(5)), CHARUCO, SIZE
+    )  # without its ninth view the rest misses that by 0.3 px
+    assert c.accepted
+    assert c.cross.sigma_px == pytest.approx(0.03, rel=0.15)
+
+
+@pytest.mark.parametrize("sagitta", [0.5e-3, -0.25e-3])
+def test_a_bent_target_is_named_with_its_bend(sagitta):
+    c = calibrate_camera(photos(taken(2, shape=bent(sagitta))), CHARUCO, SIZE)
+    assert not c.accepted
+    assert c.suspects[0].name == "bent target"
+    assert c.suspects[0].amount == pytest.approx(abs(sagitta), rel=0.1)
+    assert any("the target is bent by" in reason for reason in c.reasons)
+
+
+def test_a_target_that_was_printed_with_unequal_scales_is_named():
+    c = calibrate_camera(photos(taken(3, shape=lambda p: p * (1.0, 1.004, 1.0))), CHARUCO, SIZE)
+    assert not c.accepted
+    assert c.suspects[0].name == "stretched target"
+    assert c.suspects[0].amount == pytest.approx(0.004, rel=0.15)
+    assert any("rows are +0.39" in reason or "rows are +0.4" in reason for reason in c.reasons)
+
+
+def test_a_focus_that_changes_is_named():
+    rng = np.random.default_rng(4)
+    views = []
+    for number, T in enumerate(poses(4, 14)):
+        K = camera().K.copy()
+        K[[0, 1], [0, 1]] *= 1.0 + 0.02 * (number / 13 - 0.5)
+        views.append(seen(T, rng, lens=replace(camera(), K=K)))
+    c = calibrate_camera(photos(views), CHARUCO, SIZE)
+    assert not c.accepted
+    assert c.suspects[0].name == "changed focus"
+    assert c.suspects[0].amount == pytest.approx(0.02, rel=0.2)
+
+
+def test_wrong_markers_are_named_with_their_size():
+    views = taken(5)
+    for share, wrong in ((22.1 / 30, False), (22.3 / 30, True)):
+        c = calibrate_camera(photos(views, quality(share=share)), CHARUCO, SIZE)
+        assert any("its markers measure" in reason for reason in c.reasons) == wrong
+    c = calibrate_camera(photos(views, quality(share=0.7)), CHARUCO, SIZE)
+    assert not c.accepted
+    assert any("its markers measure 21.00 mm" in r and "says 22 mm" in r for r in c.reasons)
+
+
+@pytest.mark.parametrize("tilt", [0.03, 0.11])
+def test_views_that_face_the_camera_are_refused_and_no_distance_is_advised(tilt):
+    c = calibrate_camera(photos(taken(6, tilt=tilt)), CHARUCO, SIZE)
+    assert not c.accepted
+    assert "focal length and distance cannot be told apart" in c.reasons[0]
+    assert c.next == ()
+
+
+def test_views_in_the_middle_only_are_refused_with_the_view_that_helps():
+    rng = np.random.default_rng(7)
+    middle = [
+        transform(
+            R := rotation([*rng.uniform(-0.4, 0.4, 2), 0.0]), [0.02, 0.01, 1.1] - R @ [0.105, 0.075, 0.0]
+        )
+        for _ in range(12)
+    ]
+    c = calibrate_camera(photos([seen(T, rng) for T in middle]), CHARUCO, SIZE)
+    assert not c.accepted
+    assert any("the limit is 0.3 mm; take a view in the" in reason for reason in c.reasons)
+    assert any("corners lie in" in remark and "near the edges too" in remark for remark in c.remarks)
+    helped = [
+        *photos([seen(T, rng) for T in middle]),
+        *photos([seen(v.T_camera_target, rng) for v in c.next]),
+    ]
+    again = calibrate_camera(helped, CHARUCO, SIZE, work=(c.work.near, c.work.far))
+    assert again.work_sigmas.max() < 0.25 * c.work_sigmas.max()
+    left = np.sqrt(np.mean(again.work_sigmas**2) / np.mean(c.work_sigmas**2))
+    promised = np.prod([1.0 - v.gain for v in c.next])
+    assert left == pytest.approx(promised, rel=0.5)
+
+
+def test_too_few_views_are_refused_with_what_became_of_each():
+    views = taken(8, 5)
+    with pytest.raises(
+        CalibrationRefused, match=r"2 of 5 photographs can be used.*00\.png: blurred.*04\.png"
+    ):
+        calibrate_camera(
+            [
+                *(replace(p, quality=quality(blur_px=4.0)) for p in photos(views)[:1]),
+                *photos(views)[1:3],
+                *(replace(p, view=None, quality=None) for p in photos(views)[3:]),
+            ],
+            CHARUCO,
+            SIZE,
+        )
+    with pytest.raises(CalibrationRefused, match=r"2 of 2 photographs can be used, at least 3 are needed$"):
+        calibrate_camera(photos(views[:2]), CHARUCO, SIZE)
+    c = calibrate_camera(photos(views), CHARUCO, SIZE)
+    assert any("5 views can be used, at least 8 are needed" in reason for reason in c.reasons)
+
+
+@pytest.mark.parametrize(
+    ("worse", "word"),
+    [
+        (quality(blur_px=2.5), "blurred"),
+        (quality(contrast=12.0), "too dark"),
+        (quality(saturated=0.8), "overexposed"),
+    ],
+)
+def test_bad_photographs_are_left_out_by_name(worse, word):
+    given = photos(taken(9))
+    for bad in (2, 7, 11):
+        given[bad] = replace(given[bad], quality=worse)
+    c = calibrate_camera(given, CHARUCO, SIZE)
+    assert [i for i, v in enumerate(c.views) if not v.used] == [2, 7, 11]
+    assert all(word in c.views[i].why_not for i in (2, 7, 11))
+
+
+def test_a_view_that_shows_the_same_again_is_left_out():
+    views = taken(10)
+    again = seen(poses(10, 14)[3], np.random.default_rng(99))
+    c = calibrate_camera(photos([*views, again]), CHARUCO, SIZE)
+    assert not c.views[14].used
+    assert "shows the target where 03.png does" in c.views[14].why_not
+
+
+def test_views_of_a_target_that_moved_are_left_out():
+    views = taken(11)
+    rng = np.random.default_rng(12)
+    for moved in (2, 6, 9):
+        views[moved] = seen(poses(11, 14)[moved], rng, noise_px=0.3)
+    c = calibrate_camera(photos(views), CHARUCO, SIZE)
+    assert [i for i, v in enumerate(c.views) if not v.used] == [2, 6, 9]
+    assert "does not fit the others: 0." in c.views[6].why_not
+    assert c.corner_sigma == pytest.approx(0.03, rel=0.1)
+
+
+def test_a_corner_that_was_mistaken_is_left_out_alone():
+    views = taken(13)
+    pixels = views[4].corners_px.copy()
+    pixels[5] += (1.0, -0.5)
+    views[4] = replace(views[4], corners_px=frozen(pixels))
+    c = calibrate_camera(photos(views), CHARUCO, SIZE)
+    assert c.accepted
+    assert np.flatnonzero(c.views[4].dropped).tolist() == [5]
+    assert not any(v.dropped.any() for i, v in enumerate(c.views) if i != 4)
+
+
+def test_of_many_views_the_best_are_used_and_the_rest_is_held_out():
+    views = taken(14, 24)
+    limits = CalibrationLimits(most_views=12)
+    c = calibrate_camera(photos(views), CHARUCO, SIZE, limits=limits)
+    assert len(c.used) == 12
+    assert sum("adds little" in v.why_not for v in c.views) == 12
+    rest = [p for p, v in zip(photos(views), c.views, strict=True) if not v.used]
+    other = calibrate_camera(rest, CHARUCO, SIZE, work=(c.work.near, c.work.far))
+    assert np.mean(c.work_sigmas**2) < np.mean(other.work_sigmas**2)
+
+
+def test_held_numbers_are_zero_and_not_called_undetermined():
+    c = calibrate_camera(photos(taken(15)), CHARUCO, SIZE, held=["k3", "p1"])
+    assert c.camera.distortion[[2, 4]].tolist() == [0.0, 0.0]
+    assert "k3" not in c.undetermined
+
+
+def test_numbers_that_the_views_say_little_of_are_named_with_the_view_that_tells():
+    rng = np.random.default_rng(16)
+    middle = [T for T in poses(16, 60) if abs(T[0, 3]) < 0.08 and abs(T[1, 3]) < 0.06][:10]
+    c = calibrate_camera(photos([seen(T, rng) for T in middle]), CHARUCO, SIZE)
+    assert c.undetermined
+    name, view = next(iter(c.undetermined.items()))
+    assert view is not None
+    assert any(r.startswith(f"{name} = ") and "would tell most of it" in r for r in c.remarks)
+    told = calibrate_camera(photos([seen(T, rng) for T in [*middle, view.T_camera_target]]), CHARUCO, SIZE)
+    place = NAMES.index(name)
+    assert told.sigmas[place] < 0.8 * c.sigmas[place]
+
+
+def test_views_over_hours_and_views_that_are_too_bright_are_remarked():
+    given = [replace(p, taken_s=900.0 * i) for i, p in enumerate(photos(taken(17)))]
+    given[5] = replace(given[5], quality=quality(saturated=0.2))
+    without = TargetPhoto("nothing.png", None, None)
+    c = calibrate_camera([*given, without], CHARUCO, SIZE)
+    assert any("taken over 3.2 h" in remark for remark in c.remarks)
+    assert any("white is overexposed in 05.png:" in remark for remark in c.remarks)
+
+
+def test_a_small_bend_is_told_but_does_not_refuse():
+    c = calibrate_camera(photos(taken(18, count=20, shape=bent(0.08e-3))), CHARUCO, SIZE)
+    assert c.accepted
+    alone = c.work.sigmas(c.covariance)
+    assert np.mean(c.work_sigmas**2) > 1.5 * np.mean(alone**2)  # what the bend moves is in it
+    assert any("the target is bent by 0.0" in r and "their error has that in it" in r for r in c.remarks)
+
+
+def test_distances_that_do_not_fit_the_work_are_remarked():
+    far = calibrate_camera(photos(taken(19)), CHARUCO, SIZE, work=(0.9, 2.0))
+    assert any("the work is 900 to 2000 mm away" in remark for remark in far.remarks)
+    rng = np.random.default_rng(20)
+    placed = random_poses(camera(), CHARUCO, rng, 14, distances=(1.0, 1.03))
+    flat = calibrate_camera(photos([seen(T, rng) for T in placed]), CHARUCO, SIZE)
+    assert any("show the target nearer and farther too" in remark for remark in flat.remarks)
+
+
+def test_the_worst_work_point_decides():
+    views = photos(taken(21))
+    c = calibrate_camera(views, CHARUCO, SIZE)
+    between = 0.5e3 * float(c.work_sigmas.max() + c.work_sigmas.mean())
+    assert c.accepted
+    assert not calibrate_camera(views, CHARUCO, SIZE, limits=CalibrationLimits(work_mm=between)).accepted
+
+
+def test_views_at_one_distance_are_judged_a_little_beyond_it():
+    rng = np.random.default_rng(22)
+    placed = random_poses(camera(), CHARUCO, rng, 10, distances=(1.0, 1.0))
+    c = calibrate_camera(photos([seen(T, rng) for T in placed]), CHARUCO, SIZE)
+    distances = [view.distance for view in c.used]
+    assert max(distances) < 1.02 * min(distances)
+    assert c.work.far == pytest.approx(1.05 * min(distances), rel=1e-6)
+
+
+def test_a_lens_without_inverse_in_the_corners_is_a_verdict():
+    """Corners in a fifth of the image: distortion that is extrapolated from there turns back on itself outside."""
+    rng = np.random.default_rng(2)
+    middle = np.array([*CHARUCO.size, 0.0]) / 2.0
+    views = []
+    for _ in range(10):
+        around, tilt, z = rng.uniform(-np.pi, np.pi), rng.uniform(0.0, 0.4), rng.uniform(2.0, 2.4)
+        R = rotation(tilt * np.array([np.cos(around), np.sin(around), 0.0]))
+        place = np.array([rng.uniform(-0.08, 0.08), rng.uniform(-0.06, 0.06), z])
+        views.append(seen(transform(R, place - R @ middle), rng, noise_px=0.3))
+    c = calibrate_camera(photos(views), CHARUCO, SIZE)
+    assert not c.accepted
+    assert 0.0 < c.work.blind < 1.0
+    assert np.isfinite(c.work_sigmas).all()
+    assert any(
+        "has no inverse in" in reason and "show the target there too" in reason for reason in c.reasons
+    )
+    page = lens_page(c, "middle")
+    assert "the lens has no inverse there" in page
+    assert "nan" not in page
+
+
+def test_views_to_take_at_one_place_have_labels_beside_each_other():
+    """1 and 2 over each other read 12."""
+    c = calibrate_camera(photos(taken(1)), CHARUCO, SIZE)
+    same = replace(c, next=(c.next[0], c.next[0], c.next[0]))
+    found = re.findall(
+        r'<text x="(\d+)" y="(\d+)" style="font-size:(\d+)px[^>]*>(\d)</text>', lens_page(same, "one")
+    )
+    assert [number for *_, number in found] == ["1", "2", "3"]
+    places = [(int(x), int(y)) for x, y, *_ in found]
+    size = int(found[0][2])
+    for a in range(3):
+        for b in range(a):
+            assert max(abs(p - q) for p, q in zip(places[a], places[b], strict=True)) >= size - 1

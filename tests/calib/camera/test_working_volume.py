@@ -1,0 +1,52 @@
+"""What a wrong lens does at the work points, against moving the camera by hand."""
+
+import numpy as np
+import pytest
+
+from arm.errors import CalibrationRefused
+from arm.se3 import rotation
+from calib.camera.working_volume import work_points
+from calib.model.intrinsics import camera_of, vector_of
+from target_scenes import camera
+
+CHANGE = np.array([3.0, -2.0, 4.0, 1.0, 0.005, 0.2, 1e-4, -2e-4, 1.0])
+
+
+def test_shifts_are_what_is_left_after_the_camera_was_placed_anew():
+    work = work_points(camera(), 0.9, 1.3)
+    lens = camera_of(vector_of(camera()) + CHANGE, camera().size)
+    metres = work.points[:, 2:] / np.diag(camera().K)[:2]
+
+    def seen(place):
+        return lens.project(work.points @ rotation(place[3:]).T + place[:3])
+
+    place = np.zeros(6)
+    for _ in range(5):
+        slopes = [(seen(place + h) - seen(place - h)) / 2e-6 for h in 1e-6 * np.eye(6)]
+        J = np.stack([(metres * slope).ravel() for slope in slopes], axis=-1)
+        off = metres * (seen(place) - camera().project(work.points))
+        place = place - np.linalg.lstsq(J, off.ravel(), rcond=None)[0]
+    left = np.linalg.norm(metres * (seen(place) - camera().project(work.points)), axis=1)
+    assert left.max() > 2e-5
+    assert work.shifts(CHANGE) == pytest.approx(left, abs=0.02 * left.max())
+
+
+def test_one_standard_deviation_of_a_change_is_that_change():
+    work = work_points(camera(), 0.9, 1.3)
+    covariance = np.outer(CHANGE, CHANGE)
+    assert work.sigmas(covariance) == pytest.approx(work.shifts(CHANGE), rel=1e-6)
+    assert np.trace(work.worth @ covariance) == pytest.approx(np.mean(work.shifts(CHANGE) ** 2))
+
+
+def test_places_where_the_lens_has_no_inverse_have_no_points():
+    """Radial terms that turn back at a radius: what is left has the same effect as before; nothing left is refused."""
+    lens = camera_of(np.array([*vector_of(camera())[:4], 0.0, -60.0, 0.0, 0.0, 0.0]), camera().size)
+    work = work_points(lens, 0.9, 1.3)
+    assert 0.0 < work.blind < 0.9
+    assert len(work.points) == 3 * work.seen.sum()
+    assert np.isfinite(work.effect).all()
+    assert work.seen[2:4, 3:6].all()
+    assert work_points(camera(), 0.9, 1.3).blind == 0.0
+    nowhere = camera_of(np.array([*vector_of(camera())[:4], 0.0, -1e9, 0.0, 0.0, 0.0]), camera().size)
+    with pytest.raises(CalibrationRefused, match=r"no inverse at \d+ of 54 places"):
+        work_points(nowhere, 0.9, 1.3)

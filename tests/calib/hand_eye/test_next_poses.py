@@ -1,0 +1,124 @@
+"""Choosing measurements by what they will tell, and poses of an arm by that."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from arm.se3 import rotation, transform
+from arm_sets import LENS, MOUNTS, NOMINAL, PLACE, TARGETS, draw_truth, nominal, recipe, recorded, seen, wide
+from calib.hand_eye.calibrate import calibrate_hand_eye
+from calib.hand_eye.next_poses import LEVER, OBLIQUE, WIDER, next_poses, plan_poses
+from calib.hand_eye.optimal_design import InformationChoice
+
+
+def some(seed, count=9, k=5, rank=2):
+    rng = np.random.default_rng(seed)
+    F = rng.standard_normal((count, k, rank)) * 10.0 ** rng.uniform(-1, 1, (count, 1, 1))
+    worth = rng.standard_normal((k, 3))
+    known = np.diag(10.0 ** rng.uniform(-2, 0, k))
+    return F @ np.swapaxes(F, 1, 2), known, worth
+
+
+def left(informations, known, worth, chosen):
+    return np.trace(worth.T @ np.linalg.inv(known + informations[list(chosen)].sum(axis=0)) @ worth)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_choice_is_nearly_the_best_of_all_and_says_what_it_leaves(seed):
+    informations, known, worth = some(seed)
+    best = InformationChoice(informations, known, worth).best(3)
+    every = [left(informations, known, worth, c) for c in combinations(range(9), 3)]
+    assert len(set(best.places)) == 3
+    assert best.variances[-1] == pytest.approx(left(informations, known, worth, best.places), rel=1e-8)
+    assert best.before == pytest.approx(left(informations, known, worth, []), rel=1e-8)
+    assert best.variances[-1] <= 1.02 * min(every)
+    assert list(best.variances) == sorted(best.variances, reverse=True)
+
+
+def test_the_first_is_the_best_alone_and_exchange_never_harms():
+    for seed in range(20):
+        informations, known, worth = some(seed, 30)
+        choice = InformationChoice(informations, known, worth)
+        alone = [left(informations, known, worth, [i]) for i in range(30)]
+        assert choice.best(1).places == (int(np.argmin(alone)),)
+        greedy, exchanged = choice.best(5, exchange=False), choice.best(5)
+        assert exchanged.variances[-1] <= greedy.variances[-1] * (1 + 1e-9)
+
+
+def test_no_more_are_chosen_than_there_are():
+    informations, known, worth = some(1, 4)
+    assert sorted(InformationChoice(informations, known, worth).best(7).places) == [0, 1, 2, 3]
+
+
+def about():
+    return PLACE @ transform(rotation([0.005, -0.004, 0.003]), (0.004, -0.003, 0.004)), MOUNTS[
+        "perpendicular"
+    ]
+
+
+def test_a_plan_of_8_is_worth_more_than_16_at_random_and_keeps_its_word():
+    rng = np.random.default_rng(3)
+    truth, points = draw_truth(rng), TARGETS["charuco"]
+    pool = wide(truth, points, 400, rng)
+    plan = plan_poses(pool, 8, NOMINAL, LENS, points, *about())
+    assert len(set(plan.places)) == 8
+    found = calibrate_hand_eye(recorded(truth, pool[list(plan.places)], "charuco", rng))
+    shift, turn = found.camera_sigma
+    assert np.linalg.norm(shift) == pytest.approx(plan.sigma, rel=0.3)
+    assert np.linalg.norm(turn) == pytest.approx(plan.sigma_turn, rel=0.3)
+    at_random = calibrate_hand_eye(recorded(truth, pool[:16], "charuco", rng))
+    assert np.linalg.norm(shift) < 0.7 * np.linalg.norm(at_random.camera_sigma[0])
+    off = np.linalg.norm(found.T_base_camera[:3, 3] - truth.T_base_camera[:3, 3])
+    assert off < 0.2e-3
+
+
+def test_a_plan_goes_on_from_poses_that_were_taken():
+    rng = np.random.default_rng(4)
+    points = TARGETS["marker"]
+    pool = wide(nominal("perpendicular"), points, 200, rng)
+    alone = plan_poses(pool, 6, NOMINAL, LENS, points, *about())
+    more = plan_poses(pool, 6, NOMINAL, LENS, points, *about(), taken=pool[list(alone.places)])
+    again = plan_poses(pool, 12, NOMINAL, LENS, points, *about())
+    assert more.sigma < 0.8 * alone.sigma
+    assert again.sigma / 1.2 <= more.sigma <= 1.2 * again.sigma
+    noisy = plan_poses(pool, 6, NOMINAL, LENS, points, *about(), pixel_sigma=0.6)
+    assert noisy.sigma == pytest.approx(2.0 * alone.sigma, rel=0.1)
+
+
+def test_the_lever_is_that_of_the_aims():
+    assert pytest.approx(0.2e-3) == LEVER * np.radians(0.02)
+
+
+def test_the_next_poses_show_the_target_near_those_recorded_and_help_as_much_as_they_say():
+    rng = np.random.default_rng(5)
+    truth, points = draw_truth(rng), TARGETS["charuco"]
+    joints = recipe(truth, points, 10, rng)
+    recording = recorded(truth, joints, "charuco", rng)
+    found = calibrate_hand_eye(recording)
+    poses = next_poses(found)
+    assert len(poses) == 3
+    gains = [pose.gain for pose in poses]
+    assert gains == sorted(gains)
+    assert 0.0 < gains[0] < gains[-1] < 1.0
+    low, high = joints.min(axis=0) - WIDER, joints.max(axis=0) + WIDER
+    T = truth.T_camera_target(np.array([pose.joints for pose in poses]))
+    pixels = truth.pixels(np.array([pose.joints for pose in poses]), points)
+    assert ((pixels > 0) & (pixels < np.array(LENS.size) - 1)).all()
+    facing = -np.einsum("ni,ni->n", T[:, :3, 2], T[:, :3, 3]) / np.linalg.norm(T[:, :3, 3], axis=1)
+    assert (facing > np.cos(OBLIQUE + 0.1)).all()
+    for pose in poses:
+        assert ((pose.joints >= low) & (pose.joints <= high)).all()
+
+    after = np.concatenate([joints, [pose.joints for pose in poses]])
+    better = calibrate_hand_eye(recorded(truth, after, "charuco", rng))
+    others = np.concatenate([joints, recipe(truth, points, 3, rng)])
+    plain = calibrate_hand_eye(recorded(truth, others, "charuco", rng))
+    assert predicted_sigma(better, joints) < 0.8 * predicted_sigma(plain, joints)
+    assert seen(truth, joints, points).all()
+
+
+def predicted_sigma(found, joints):
+    s = found.chain.problem.sightings[0]
+    J = s.chain.evaluate(joints, found.chain.fit.unknowns).by_unknown[..., :3]
+    return np.sqrt(np.mean(np.einsum("nui,uv,nvi->n", J, found.chain.covariance, J)))

@@ -1,0 +1,217 @@
+"""Play and springs of a NAO's legs: which shape the play has, what stances do not tell, and feet that meet commands."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from arm.se3 import rot_x, rot_y, rot_z
+from calib.chain.fit import fit_chains
+from calib.nao.backlash import (
+    MASS_SIGMA,
+    fit_springs_and_play,
+    torque_sigmas,
+    with_first_priors,
+    with_priors_of_a_make,
+    with_shape_of_play,
+)
+from calib.nao.chain import (
+    HEAD,
+    LEG,
+    SIDES,
+    KnownSides,
+    NaoUnknowns,
+    gravity_torques,
+    nao_model,
+    nao_sightings,
+)
+from calib.nao.kinematics import STANDING, NaoKinematics, masses_off, pose_errors, standing_error
+from nao_scenes import BOARD, CAMERA, ON_ITS_BACK, PIXEL_SIGMA, STEP, TABLE_2, problem, sightings, truth
+
+PAPER, ALL = NaoUnknowns(), NaoUnknowns(True, True, True)
+D = np.pi / 180.0
+
+
+def bent(side, legs, x, gravity, hard, model=None):
+    """Angles of a leg with springs and play, by finite differences of the potential energy."""
+    model = (model or nao_model()).copy()
+    model.gravity.linear = np.array(gravity)
+    data = model.createData()
+    first = model.joints[model.getJointId(f"{side}HipYawPitch")].idx_q
+
+    def energy(leg):
+        q = np.zeros(model.nq)
+        q[first : first + 6] = leg
+        return pin.computePotentialEnergy(model, data, q)
+
+    def of(kind):
+        return x[[ALL.names.index(f"{side}{joint}_{kind}") for joint in LEG]]
+
+    found = []
+    for leg in legs + of("deg"):
+        steps = 1e-6 * np.eye(6)
+        torque = np.array([-(energy(leg + s) - energy(leg - s)) / 2e-6 for s in steps])
+        lies = np.sign(torque) if hard else np.tanh(torque / 0.05)
+        found.append(leg + of("compliance_deg_per_Nm") * torque + of("backlash_half_deg") * lies)
+    return np.array(found)
+
+
+def images(seed, hard, off=0.0, stances=24):
+    """Of a robot with everything, as `nao_scenes.sightings`, but with play that may be hard and masses that are off."""
+    rng = np.random.default_rng(seed)
+    smooth, _ = sightings(seed, ALL, ALL, stances, step=0.0)
+    x = truth(ALL, np.random.default_rng(seed))
+    model = masses_off(off, rng) if off else None
+    rigid = x[:23] * np.array(
+        [not n.startswith(("L", "R")) or "Rot" in n or "Tra" in n for n in ALL.names[:23]]
+    )
+    found = []
+    for side, s in zip(SIDES, smooth, strict=True):
+        legs = bent(side, s.readings[:, :6], x, ON_ITS_BACK, hard, model)
+        at = np.column_stack([legs, s.readings[:, 6:]])
+        stiff = NaoUnknowns(head=True)
+        blind = nao_sightings(side, stiff, s.stances, legs, s.readings[:, 6:], BOARD, s.pixels, ON_ITS_BACK)
+        T = blind.chain.evaluate(at, rigid).T
+        pixels = CAMERA.project(np.einsum("nij,mj->nmi", T[:, :3, :3], BOARD) + T[:, None, :3, 3])
+        pixels += PIXEL_SIGMA * rng.standard_normal(pixels.shape)
+        read = np.rint(s.readings / STEP) * STEP
+        found.append(
+            nao_sightings(side, ALL, s.stances, read[:, :6], read[:, 6:], BOARD, pixels, ON_ITS_BACK)
+        )
+    return found, x, model
+
+
+@pytest.mark.parametrize(("hard", "off"), [(False, 0.0), (True, 0.1)])
+def test_the_shape_of_play_is_found(hard, off):
+    """Hard play with masses 10 % off too: chi2 is about 1 only with the right shape."""
+    found, x, model = images(4, hard, off, stances=18)
+    fit = fit_springs_and_play(problem(found, ALL), ALL, SIDES, ON_ITS_BACK)
+    assert fit.hard == hard
+    right, wrong = (fit.hard_cost, fit.smooth_cost) if hard else (fit.smooth_cost, fit.hard_cost)
+    assert right < wrong - 50.0
+    assert wrong / fit.fit.freedom > 1.03
+    assert fit.fit.chi2_dof == pytest.approx(1.0, abs=0.06)
+    true = NaoKinematics(ALL, x, hard, True, model)
+    assert standing_error(true, NaoKinematics(ALL, fit.fit.unknowns, hard)).rms < 1e-3
+    shaped = with_shape_of_play(problem(found, ALL), ALL, SIDES, ON_ITS_BACK)
+    assert np.isinf(shaped.prior_sigma).all()
+    assert fit_chains(shaped).chi2_dof == pytest.approx(1.0, abs=0.06)
+
+
+def test_play_that_no_stance_shows_is_taken_from_the_other_joints():
+    found, x = sightings(3, ALL, ALL)
+    torque = gravity_torques("L", found[0].readings[:, :6], ON_ITS_BACK)
+    assert (torque[:, 2] > 0.05).all()  # the hip's never changes sign
+    first = with_first_priors(problem(found, ALL), ALL)
+    known = with_priors_of_a_make(first, ALL, fit_chains(first))
+    at = [i for i, name in enumerate(ALL.names) if "backlash" in name]
+    assert np.abs(fit_chains(known).unknowns - x)[at].max() / D < 0.4
+    assert 0.2 < known.start[at[0]] / D < 0.6
+    assert known.prior_sigma[at[0]] / D < 0.4
+
+
+def test_sides_are_those_of_the_stance_and_elsewhere_of_the_torque():
+    legs = np.array([np.zeros(6), np.full(6, 0.5)])
+    known = KnownSides(legs, np.array([np.ones(6), -np.ones(6)]))
+    asked = np.array([legs[1] + 0.003, legs[0] - 0.003, legs[1] + 0.1])
+    torque = np.tile([1.0, -1.0, 1.0, -1.0, 1.0, -1.0], (3, 1))
+    assert np.array_equal(known.at(asked, torque), [-np.ones(6), np.ones(6), torque[2]])
+
+
+def test_without_play_no_shape_is_looked_for():
+    found, x = sightings(2, PAPER, PAPER)
+    fit = fit_springs_and_play(problem(found, PAPER), PAPER, SIDES, ON_ITS_BACK)
+    assert not fit.hard
+    assert np.abs(fit.fit.unknowns - x)[3:15].max() / D < 0.1
+
+
+def test_what_is_held_stays_where_it_is_held():
+    """A model without play, and images of one leg alone."""
+    found, x = sightings(6, NaoUnknowns(springs=True), ALL, stances=12)
+    p = problem(found[:1], ALL)
+    free = np.array([name[0] in "CL" and "backlash" not in name for name in ALL.names])
+    fit = fit_springs_and_play(replace(p, free=free), ALL, "L", ON_ITS_BACK)
+    assert not fit.hard
+    assert (fit.fit.unknowns[~free] == 0.0).all()
+    assert fit.fit.chi2_dof == pytest.approx(1.0, abs=0.08)
+    springs = [ALL.names.index(f"L{j}_compliance_deg_per_Nm") for j in LEG[:3]]
+    true = x[[NaoUnknowns(springs=True).names.index(f"L{j}_compliance_deg_per_Nm") for j in LEG[:3]]]
+    assert np.abs(fit.fit.unknowns[springs] - true).max() / D < 0.2
+
+
+def test_torques_are_as_sure_as_masses():
+    legs = np.random.default_rng(5).uniform(-0.6, 0.6, (3, 6))
+    drawn = []
+    rng = np.random.default_rng(6)
+    for _ in range(300):
+        model = nao_model().copy()
+        for i in range(1, model.njoints):
+            model.inertias[i].mass = model.inertias[i].mass * (1.0 + MASS_SIGMA * rng.standard_normal())
+        drawn.append(gravity_torques("R", legs, STANDING, model))
+    told = torque_sigmas("R", legs, STANDING)
+    assert np.sqrt(np.var(drawn, axis=0) + 0.005**2) == pytest.approx(told, rel=0.2)
+
+
+@pytest.mark.parametrize("hard", [False, True])
+def test_angles_are_those_of_the_paper_with_springs_and_play(hard):
+    x = truth(ALL, np.random.default_rng(8))
+    legs = np.random.default_rng(9).uniform(-0.6, 0.6, (5, 6))
+    for side in SIDES:
+        told = NaoKinematics(ALL, x, hard, sure=True).angles(side, legs, STANDING)
+        assert told == pytest.approx(bent(side, legs, x, STANDING, hard), abs=1e-6)
+
+
+def test_unsure_torques_lie_between_the_sides():
+    x = truth(ALL, np.random.default_rng(8))
+    legs = np.random.default_rng(9).uniform(-0.6, 0.6, (200, 6))
+    sure, unsure = (NaoKinematics(ALL, x, True, s).angles("L", legs, STANDING) for s in (True, False))
+    apart = np.abs(sure - unsure)
+    half = x[[ALL.names.index(f"L{j}_backlash_half_deg") for j in LEG]]
+    assert (apart <= half + 1e-12).all()
+    far = np.abs(gravity_torques("L", legs, STANDING)) > 1.0
+    assert apart[far].max() < 1e-3
+    assert apart.max() > 0.5 * half.min()
+
+
+def test_commands_meet_what_is_wanted():
+    """The compensation of section 2.2: offsets come off commands, because they add to readings (eq. 2)."""
+    wanted = np.radians([[-5.0, 3.0, -30.0, 50.0, -25.0, 2.0]])
+    rigid = NaoKinematics(PAPER, TABLE_2 * PAPER.si())
+    sent = rigid.commands("L", wanted, STANDING)
+    assert sent - wanted == pytest.approx(-TABLE_2[None, 3:9] * D, abs=1e-9)
+    soft = NaoKinematics(ALL, truth(ALL, np.random.default_rng(1)))
+    assert soft.angles("R", soft.commands("R", wanted, STANDING), STANDING) == pytest.approx(wanted, abs=1e-6)
+
+
+def test_camera_and_sole_are_where_pinocchio_has_them():
+    x = truth(NaoUnknowns(head=True), np.random.default_rng(0))
+    nao = NaoKinematics(NaoUnknowns(head=True), x)
+    model = nao_model()
+    data = model.createData()
+    leg, head = np.radians([[-5.0, 3.0, -30.0, 50.0, -25.0, 2.0]]), np.radians([[20.0, -10.0]])
+    q = np.zeros(model.nq)
+    q[[model.joints[model.getJointId(f"R{j}")].idx_q for j in LEG]] = leg[0] + x[9:15]
+    q[[model.joints[model.getJointId(j)].idx_q for j in HEAD]] = head[0] + np.radians([0.5, -0.4])
+    pin.framesForwardKinematics(model, data, q)
+    sole = data.oMf[model.getFrameId("R_sole")].homogeneous
+    camera = data.oMf[model.getFrameId("lower_camera")].homogeneous.copy()
+    camera[:3, :3] = camera[:3, :3] @ rot_y(x[1]) @ rot_x(x[2]) @ rot_z(x[0])
+    camera[:3, :3] = camera[:3, :3] @ [[0, 0, 1], [-1, 0, 0], [0, -1, 0]]
+    assert nao.T_torso_sole("R", leg, STANDING)[0] == pytest.approx(sole, abs=1e-9)
+    assert nao.T_torso_camera(head)[0] == pytest.approx(camera, abs=1e-9)
+    seen = nao.T_camera_sole("R", leg, head, STANDING)[0]
+    assert seen == pytest.approx(np.linalg.inv(camera) @ sole, abs=1e-9)
+    mounted = nao.T_camera_board("R", leg, head, STANDING)[0]
+    mount = np.eye(4)
+    mount[:3, :3] = rot_z(x[18])
+    mount[:3, 3] = mount[:3, :3] @ [x[19], x[20], 0.0]
+    assert mounted == pytest.approx(seen @ mount, abs=1e-9)
+
+
+def test_pose_errors_are_in_metres_and_radians():
+    a, b = np.tile(np.eye(4), (2, 1, 1)), np.tile(np.eye(4), (2, 1, 1))
+    b[1, :3, 3] = [0.003, 0.0, 0.004]
+    b[1, :3, :3] = rot_x(0.02)
+    e = pose_errors(a, b)
+    assert (e.rms, e.most, e.rotation_rms) == pytest.approx((0.005 / 2**0.5, 0.005, 0.02 / 2**0.5))

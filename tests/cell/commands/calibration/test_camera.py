@@ -1,0 +1,263 @@
+"""a465 calibrate camera, as a user has it: photographs in, camera file, report and verdict out."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import struct
+import zlib
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from arm.errors import CalibrationRefused, FileInputError, InputError
+from arm.io.storage import data_file
+from board_scenes import lab_camera, smaller
+from calib.camera.result import CalibrationLimits
+from calib.model.intrinsics import vector_of
+from cell.commands.calibration.camera import LensOptions, camera_step, find_target
+from cell.commands.calibration.camera_live import take_views
+from cell.console import Console
+from command_line import a465, refused
+from vision.camera.frame_source import Image, read_grey
+from vision.camera.model import read_camera, read_lens, write_camera
+from vision.targets.target import Target
+
+pytestmark = pytest.mark.xdist_group("calibrate_camera")
+VIEWS = 12
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The lab's scenes with a camera of half as many pixels: four times as fast."""
+    folder = tmp_path_factory.mktemp("lens")
+    shutil.copytree(data_file("scenes"), folder / "scenes")
+    write_camera(folder / "scenes/cameras/lab.toml", smaller(lab_camera(), 0.5))
+    return folder / "scenes"
+
+
+@pytest.fixture(scope="module")
+def photographs(scenes: Path) -> Path:
+    """Of a target before that camera."""
+    folder = scenes.parent / "photographs"
+    a465("render", scenes / "task2.toml", "--target", "charuco", "--count", VIEWS, "--seed", 3, "-o", folder)
+    return folder
+
+
+def test_photographs_in_lens_and_report_out(photographs: Path, tmp_path: Path) -> None:
+    told, _ = a465("calibrate", "camera", photographs, "-o", tmp_path / "camera.toml", "--json")
+    found = json.loads(told)
+    assert found["verdict"] == "accepted"
+    assert len(found["views"]) == VIEWS
+    assert all(view["dropped"] == [] for view in found["views"])
+
+    lens = read_lens(tmp_path / "camera.toml")
+    true = smaller(lab_camera(), 0.5)
+    assert lens.K.tolist() == found["K_px"]
+    assert lens.lens_covariance is not None
+    assert lens.lens_covariance.tolist() == found["covariance"]
+    assert found["held_out_px"] != found["corner_sigma_px"]
+    assert lens.calibration["held_out_px"] == pytest.approx(found["held_out_px"], abs=1e-5)
+    assert lens.calibration["work_std_mm"] == pytest.approx(found["work"]["worst_std_mm"], abs=1e-5)
+    off = vector_of(lens) - vector_of(true)
+    assert (np.abs(off) < 4.0 * np.sqrt(np.diag(lens.lens_covariance))).all()
+    text = (tmp_path / "camera.toml").read_text()
+    assert text.count("[[views]]") == VIEWS
+
+    page = (tmp_path / "camera.html").read_text()
+    assert ">accepted</span>" in page
+    assert "http" not in page
+    assert "nan" not in page
+
+
+def test_the_same_photographs_give_the_same_bytes(photographs: Path, tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        a465("calibrate", "camera", photographs, "-o", tmp_path / f"{name}.toml", own_process=name == "b")
+    assert (tmp_path / "a.toml").read_bytes() == (tmp_path / "b.toml").read_bytes()
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+
+
+def test_a_lens_without_a_place_cannot_be_mistaken_for_a_camera(photographs: Path, tmp_path: Path) -> None:
+    a465("calibrate", "camera", photographs, "-o", tmp_path / "camera.toml")
+    with pytest.raises(FileInputError, match="the file holds a lens, but not where the camera is"):
+        read_camera(tmp_path / "camera.toml")
+    with (tmp_path / "camera.toml").open("a") as file:
+        file.write("\n[pose]\nT_base_camera = [[1,0,0,0.5],[0,-1,0,0],[0,0,-1,1.2],[0,0,0,1]]\n")
+    placed = read_camera(tmp_path / "camera.toml")
+    again = tmp_path / "again.toml"
+    write_camera(again, placed)
+    assert read_camera(again).digest == placed.digest
+
+
+def test_a_refusal_writes_the_report_and_no_camera(photographs: Path, tmp_path: Path) -> None:
+    few = tmp_path / "few"
+    few.mkdir()
+    for file in sorted(photographs.iterdir())[:5]:
+        shutil.copy(file, few)
+    told, said = a465("calibrate", "camera", few, "-o", tmp_path / "camera.toml", "--json", code=5)
+    assert json.loads(told)["verdict"] == "refused"
+    assert "5 views can be used, at least 8 are needed" in said
+    assert "camera.toml was not written" in said
+    assert not (tmp_path / "camera.toml").exists()
+    assert ">refused</span>" in (tmp_path / "camera.html").read_text()
+
+
+def test_held_numbers_and_options_reach_the_fit(photographs: Path) -> None:
+    told, _ = a465(
+        "calibrate",
+        "camera",
+        photographs,
+        "--hold",
+        "k3",
+        "--hold",
+        "p1",
+        "--work-mm",
+        900,
+        1100,
+        "--json",
+    )
+    found = json.loads(told)
+    assert found["parameters"]["k3"] == {"value": 0.0, "std": None}
+    assert [found["work"][k] for k in ("near_mm", "far_mm")] == pytest.approx([900.0, 1100.0])
+    told, _ = a465("calibrate", "camera", photographs, "--limit-mm", 0.0001, "--json", code=5)
+    assert "the limit is 0.0001 mm" in json.loads(told)["reasons"][0]
+
+
+def test_wrong_input_is_told_with_its_name_and_rule(photographs: Path, tmp_path: Path) -> None:
+    def wrong(folder: Path, camera: str | None = None, live: bool = False, **options: object) -> str:
+        with pytest.raises(InputError) as caught:
+            camera_step(folder, LensOptions(**options), live, camera, None, Console(as_json=True))
+        return str(caught.value)
+
+    assert "there is no such folder" in wrong(tmp_path / "nowhere")
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    assert "holds no photograph" in wrong(empty)
+    assert "--hold k9: must be one of k1, k2, p1, p2, k3" in wrong(photographs, hold=("k9",))
+    assert "the nearer one first" in wrong(photographs, work_mm=(1100.0, 900.0))
+    for limit in (0.0, float("inf"), float("nan")):
+        assert "must be above 0 mm" in wrong(photographs, limit_mm=limit)
+    assert "must be at least 8" in wrong(photographs, most_views=5)
+    assert "go with --live" in wrong(photographs, camera="name:x")
+    assert "--live needs --camera SELECTOR, or --simulated TASK" in wrong(photographs, live=True)
+
+    mixed = tmp_path / "mixed"
+    mixed.mkdir()
+    shutil.copy(sorted(photographs.iterdir())[0], mixed)
+    cv2.imwrite(str(mixed / "zz.png"), np.zeros((100, 100), np.uint8))
+    assert "is 100 x 100 px, but target-001.png is 960 x 600 px" in wrong(mixed)
+    (mixed / "zz.png").write_bytes(b"no image")
+    assert "zz.png: cannot be read as an image" in wrong(mixed)
+    (mixed / "zz.png").unlink()
+
+    target = tmp_path / "target.toml"
+    target.write_text('squares = [7, 5]\nsquare_mm = 30\nmarker_mm = 22\ndictionary = "DICT_4X4_50"\n')
+    assert "markers of DICT_5X5_50" in wrong(mixed, target=target)
+    assert "is read by this command" in wrong(mixed, target=target, output=target)
+
+
+def test_what_is_written_is_no_photograph_no_folder_and_not_twice_the_same(
+    photographs: Path, tmp_path: Path
+) -> None:
+    def wrong(**files: Path) -> str:
+        with pytest.raises(InputError) as caught:
+            camera_step(photographs, LensOptions(**files), False, None, None, Console(as_json=True))
+        return str(caught.value)
+
+    photograph = photographs / "target-001.png"
+    before = photograph.read_bytes()
+    assert f"--output {photograph}: ends as photographs do" in wrong(output=photograph)
+    assert f"--report {photograph}: ends as photographs do" in wrong(report=photograph)
+    assert photograph.read_bytes() == before
+    assert f"--output {photographs}: is no ordinary file" in wrong(output=photographs)
+    assert not photographs.with_suffix(".html").exists()
+    assert "is the name of the report too" in wrong(output=tmp_path / "camera.html")
+    assert "is the name of the report too" in wrong(output=tmp_path / "a", report=tmp_path / "b/../a")
+    assert not list(tmp_path.iterdir())
+
+
+def test_photographs_are_read_as_the_sensor_has_them(photographs: Path, tmp_path: Path) -> None:
+    image = read_grey(photographs / "target-001.png")
+    coded = cv2.imencode(".jpg", image)[1].tobytes()
+    # an Exif note that says: show it upside down
+    note = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x03\0\0\0\0\0\0\0"
+    turned = tmp_path / "turned.jpg"
+    turned.write_bytes(coded[:2] + b"\xff\xe1" + (len(note) + 2).to_bytes(2, "big") + note + coded[2:])
+    assert np.abs(cv2.imread(str(turned), cv2.IMREAD_GRAYSCALE)[::-1, ::-1].astype(int) - image).mean() < 3.0
+    assert np.abs(read_grey(turned).astype(int) - image).mean() < 3.0
+
+
+def test_photographs_are_as_old_as_their_files(photographs: Path, tmp_path: Path) -> None:
+    for name, when in (("target-001.png", 1_000_000.0), ("target-002.png", 1_005_000.0)):
+        shutil.copy(photographs / name, tmp_path)
+        os.utime(tmp_path / name, (when, when))
+    photos, size = find_target(tmp_path, Target(), Console(as_json=True))
+    assert [photo.taken_s for photo in photos] == [1_000_000.0, 1_005_000.0]
+    assert size == (960, 600)
+
+
+def test_photographs_that_are_too_large_or_too_dark_are_told(photographs: Path, tmp_path: Path) -> None:
+    def wrong() -> str:
+        with pytest.raises(InputError) as caught:
+            camera_step(tmp_path, LensOptions(), False, None, None, Console(as_json=True))
+        return str(caught.value)
+
+    twelve_bits = read_grey(photographs / "target-001.png").astype(np.uint16) * 16
+    cv2.imwrite(str(tmp_path / "a.png"), twelve_bits)
+    assert "a.png shows nothing brighter than" in wrong()
+    (tmp_path / "a.png").write_bytes(_header_of_png(60000, 60000))
+    assert "a.png: cannot be read as an image" in wrong()
+
+
+def _header_of_png(width: int, height: int) -> bytes:
+    told = b"IHDR" + struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + told + struct.pack(">I", zlib.crc32(told))
+
+
+def test_a_wrong_option_is_one_line_and_exit_2(photographs: Path, tmp_path: Path) -> None:
+    told = refused("calibrate", "camera", photographs, "--hold", "k9", code=2, cwd=tmp_path)
+    assert "--hold k9: must be one of" in told
+
+
+def test_guided_views_are_enough_and_a_session_goes_on(scenes: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "live"
+    common = ("calibrate", "camera", folder, "--live", "--simulated", scenes / "task2.toml")
+    said, _ = a465(*common, "-o", tmp_path / "camera.toml")
+    assert "show the target in the middle of the image, its left edge some 30 deg nearer" in said
+    assert "enough" in said
+    assert "accepted" in said
+    taken = sorted(folder.iterdir())
+    assert 8 <= len(taken) <= 20
+    taken[-1].unlink()  # it is taken again
+    said, _ = a465(*common)
+    assert f"{len(taken) - 1} views are there from before" in said
+    assert "enough" in said
+    assert (folder / taken[3].name).exists()
+
+
+class Nobody:
+    """A camera before which nobody stands, after `views` whose second frame is the same."""
+
+    def __init__(self, views: list[Image]) -> None:
+        self._left = [views[0]] + [view for view in views for _ in range(2)] if views else []
+
+    def grab(self, count: int) -> list[Image]:
+        return [self._left.pop(0) if self._left else np.full((600, 960), 90, np.uint8) for _ in range(count)]
+
+
+def test_a_session_without_anybody_ends(photographs: Path, tmp_path: Path, capsys) -> None:
+    def session(folder: Path, views: list[Image]) -> int:
+        console = Console(as_json=True)
+        return take_views(folder, Target(), Nobody(views), None, None, CalibrationLimits(), console, 0.3)
+
+    with pytest.raises(
+        CalibrationRefused, match=r"no view of the target in 0 s; is it the one of the target file"
+    ):
+        session(tmp_path / "none", [])
+    assert not list((tmp_path / "none").iterdir())
+    assert session(tmp_path / "one", [read_grey(photographs / "target-001.png")]) == 1
+    assert "no new view for 0 s: going on with 1" in capsys.readouterr().err
+    assert [p.name for p in (tmp_path / "one").iterdir()] == ["live-001.png"]

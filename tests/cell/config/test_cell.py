@@ -1,0 +1,378 @@
+"""Cell, task and world files: the shipped ones are good, and every mistake is one line with file, key and value."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from arm.errors import FileInputError, InputError
+from arm.io.storage import data_file
+from arm.io.toml_reader import TomlTable
+from arm.robot.shapes import Capsule, Convex, Cylinder, Sphere, convex, shape_from_json, shape_to_json
+from cell.config.bodies import read_pose
+from cell.config.cell_file import read_cell
+from cell.config.inputs import changes
+from cell.config.key_notes import CELL, known_keys
+from cell.files.task import read_task
+from cell.files.world import board_placement, read_world
+from cell.task.plan_matches import _same_shape as same_shape
+from cell.task.planning import options_of
+from command_line import replace_in
+
+
+def test_the_shipped_tasks_can_be_read(scenes: Path) -> None:
+    for name, kind, boards in (("task1", "clear-board", 1), ("task2", "board-to-board", 2)):
+        task = read_task(scenes / f"{name}.toml")
+        assert (task.name, task.kind, len(task.boards)) == (name, kind, boards)
+        assert task.cell.tool_length == pytest.approx(0.134112)
+        assert np.degrees(task.cell.q_start) == pytest.approx([-60, -40, -80, 0, -60, 0])
+        assert task.cell.fraction_closed(task.cell.cube_size) == pytest.approx(1 / 3)
+
+
+def test_what_may_be_chosen_is_the_files(scenes: Path) -> None:
+    """Free where a file says nothing; what it says reaches the planner."""
+    task = scenes / "task2.toml"
+    optional = ("look_after", "order", "assignment")
+    lines = task.read_text().splitlines(keepends=True)
+    task.write_text("".join(line for line in lines if not line.startswith(optional)))
+    options = options_of(read_task(task), 0.25)
+    assert (options.look, options.order, options.assignment) == ("each", "free", "free")
+    assert (options.velocity_fraction, options.acceleration_fraction, options.speed) == (0.9, 0.5, 0.25)
+    task.write_text(task.read_text() + 'look_after = 2\norder = "given"\nassignment = "given"\n')
+    replace_in(scenes / "cell.toml", "# velocity_fraction = 0.9", "velocity_fraction = 0.8")
+    replace_in(scenes / "cell.toml", "# acceleration_fraction = 0.5", "acceleration_fraction = 0.4")
+    options = options_of(read_task(task), 0.25)
+    assert (options.look, options.order, options.assignment) == (2, "given", "given")
+    assert (options.velocity_fraction, options.acceleration_fraction) == (0.8, 0.4)
+
+
+def test_how_an_acceleration_builds_up_is_the_cell_files(scenes: Path) -> None:
+    task = scenes / "task2.toml"
+    assert options_of(read_task(task), 0.5).jerk_time == 0.0
+    replace_in(scenes / "cell.toml", "[motion]", "[motion]\njerk_time_s = 0.15")
+    assert options_of(read_task(task), 0.5).jerk_time == 0.15
+    replace_in(scenes / "cell.toml", "jerk_time_s = 0.15", "jerk_time_s = -1")
+    with pytest.raises(InputError, match="jerk_time_s = -1: must be a number in s from 0 to 2"):
+        read_task(task)
+
+
+def test_only_what_is_meant_counts(scenes: Path) -> None:
+    """Comments, the way a number is written, and what a plan does not rest on: still the same task."""
+    task = read_task(scenes / "task2.toml")
+    replace_in(scenes / "cell.toml", "clearance_mm = 10 ", "clearance_mm = 10.0 # ten")
+    replace_in(scenes / "cell.toml", "speed = 0.5", "speed = 0.25")
+    replace_in(scenes / "cell.toml", "photographs = 5", "photographs = 7")
+    replace_in(scenes / "task2.toml", "seed = 0", "seed = 0 # no choice")
+    same = read_task(scenes / "task2.toml")
+    assert same.cell.speed == 0.25
+    assert same.digest == task.digest
+    assert changes(task.cell.inputs, same.cell.inputs) == []
+    for file, old, new, told in (
+        ("cell.toml", "clearance_mm = 10.0", "clearance_mm = 12", "motion.clearance_mm 10, now 12"),
+        (
+            "cell.toml",
+            "[930, 0, 600]",
+            "[930, 0, 610]",
+            "walls[camera post].centre_mm [930, 0, 600], now [930, 0, 610]",
+        ),
+        ("cell.toml", 'name = "camera post"', 'name = "pole"', "walls[camera post] is gone"),
+        ("boards/positions_plate_03-04.csv", "80,60", "80,61", "board 03-04 "),
+        ("cell.toml", "[motion]", "[motion]\njerk_time_s = 0.1", "motion.jerk_time_s is new"),
+    ):
+        before = (scenes / file).read_text()
+        if old not in before:
+            old = before.splitlines()[2]
+            new = old.split(",")[0] + ",61.5"
+        replace_in(scenes / file, old, new)
+        other = read_task(scenes / "task2.toml")
+        assert other.digest != task.digest
+        assert any(words.startswith(told) for words in changes(task.cell.inputs, other.cell.inputs)), told
+        (scenes / file).write_text(before)
+    replace_in(scenes / "task2.toml", 'look_after = "each"', "look_after = 2")
+    assert changes(task.inputs, read_task(scenes / "task2.toml").inputs) == ["look_after each, now 2"]
+
+
+def test_the_shipped_world_stands_where_the_fact_sheet_says() -> None:
+    world = read_world(data_file("scenes/task2.world.toml"), 0.036)
+    origins = [b.T_base_board[:3, 3] for b in world.boards]
+    assert origins[0] == pytest.approx([0.5557, 0.1714, 0.0485], abs=5e-5)
+    assert origins[1] == pytest.approx([0.5300, -0.2169, 0.0667], abs=5e-5)
+    assert [np.degrees(np.arccos(b.T_base_board[2, 2])) for b in world.boards] == pytest.approx([7, 15])
+
+
+def test_placement_puts_the_plates_centre_and_leans_where_it_is_told() -> None:
+    rng = np.random.default_rng(4)
+    for _ in range(50):
+        centre, azimuth = rng.uniform(-1, 1, 3), rng.uniform(-np.pi, np.pi)
+        T = board_placement(centre, rng.uniform(-np.pi, np.pi), 0.2, azimuth)
+        assert T @ np.array([0.09, 0.07, 0, 1]) == pytest.approx([*centre, 1], abs=1e-12)
+        assert np.arctan2(T[1, 2], T[0, 2]) == pytest.approx(azimuth, abs=1e-9)
+        assert T[2, 2] == pytest.approx(np.cos(0.2))
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "message"),
+    [
+        (
+            "cell.toml",
+            'unit = "crs93"',
+            'unit = "crs39"',
+            r"unit = 'crs39': must be one of crs93, crs97 \(did you mean",
+        ),
+        (
+            "cell.toml",
+            "length_mm = 134.112",
+            "length_mm = 50",
+            "must be at least that of fingers and palm, 55.412 mm",
+        ),
+        (
+            "cell.toml",
+            "length_mm = 134.112",
+            "lenght_mm = 134.112",
+            r"tool.length_mm: is missing; .*lenght_mm",
+        ),
+        ("cell.toml", "jaw_opening_mm = 60", "jaw_opening_mm = 40", "more than the cube's 40 mm"),
+        (
+            "cell.toml",
+            "photographs = 5",
+            "photographs = 0",
+            "look.photographs = 0: must be a whole number from 1",
+        ),
+        (
+            "cell.toml",
+            "clearance_mm = 10",
+            "clearance_mm = 4.9",
+            "motion.clearance_mm = 4.9: must be a number in mm from 5",
+        ),
+        ("cell.toml", "speed = 0.5", "speed = 1.5", "motion.speed = 1.5"),
+        (
+            "cell.toml",
+            "-80, 0, -60, 0]",
+            "-115, 0, -60, 0]",
+            "q_start_deg.*J3 must be from -109.0 to 109.0 deg",
+        ),
+        ("cell.toml", "positions_plate_01-02", "positions_plate_02-01", "boards.files.*not there"),
+        ("cell.toml", "DICT_4X4_50", "DICT_4X4_49", "did you mean 'DICT_4X4_50'"),
+        (
+            "cell.toml",
+            "[look]",
+            "[look]\nfotographs = 5",
+            "look.fotographs = 5: is not a known key .*photographs",
+        ),
+        ("cell.toml", "[tool]", "[tool", "is not valid TOML"),
+        (
+            "cell.toml",
+            "# speed_registers = [7680, 2048",
+            "speed_registers = [7680, 9999",
+            "axis B may be at most 4096",
+        ),
+        (
+            "cell.toml",
+            "cameras/lab.toml",
+            "cameras/lap.toml",
+            "camera = 'cameras/lap.toml': names a file that is not",
+        ),
+        ("cell.toml", 'name = "camera post"', 'name = "table"', "used twice"),
+        ("boards/positions_plate_01-02.csv", "0,80", "a,80", r"positions_plate_01-02.csv: line 2 = 'a,80'"),
+        ("boards/positions_plate_03-04.csv", "3,4", "2,4", "two boards have the marker 2"),
+        (
+            "task2.toml",
+            "from_board = [1, 2]",
+            "from_board = [1, 3]",
+            r"from_board = \[1, 3\]: must be the two marker ids",
+        ),
+        ("task2.toml", "to_board = [3, 4]", "to_board = [1, 2]", "another board"),
+        ("task2.toml", "board-to-board", "board2board", "must be one of clear-board, board-to-board"),
+        ("task2.toml", "cell.toml", "cel.toml", "not there"),
+        (
+            "task2.toml",
+            'look_after = "each"',
+            "look_after = 0",
+            "look_after = 0: must be one of each, never, or a number of cubes from 1 on",
+        ),
+        ("task2.toml", 'look_after = "each"', "look_after = true", "look_after = True: must be one of each"),
+        ("task2.toml", 'order = "free"', 'order = "fre"', "order = 'fre': must be one of free, given"),
+        ("task2.toml", 'assignment = "free"', "assignment = 1", "assignment = 1: must be one of free, given"),
+        (
+            "cell.toml",
+            "# acceleration_fraction = 0.5",
+            "acceleration_fraction = 1.5",
+            "motion.acceleration_fraction = 1.5: must be a number from 0.01 to 1",
+        ),
+        ("task1.toml", "count = [4, 2]", "count = [1, 3]", "at least four"),
+        ("task1.toml", "step_mm = [75, 75]", "step_mm = [45, 75]", "places.step_mm"),
+    ],
+)
+def test_mistakes_are_told(scenes: Path, file: str, old: str, new: str, message: str) -> None:
+    replace_in(scenes / file, old, new)
+    task = "task1.toml" if file == "task1.toml" else "task2.toml"
+    with pytest.raises(InputError, match=message) as error:
+        read_task(scenes / task)
+    assert error.value.exit_code == 2
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("cubes = [1, 2, 3, 4]", "cubes = [0, 1]", r"boards\[0\].cubes"),
+        ("tilt_deg = 7", "tilt_deg = -7", r"boards\[0\].tilt_deg = -7"),
+        ("noise_grey = 2.0", 'noise_grey = "low"', "noise_grey = 'low'"),
+    ],
+)
+def test_mistakes_in_a_world_are_told(scenes: Path, old: str, new: str, message: str) -> None:
+    replace_in(scenes / "task2.world.toml", old, new)
+    with pytest.raises(InputError, match=message):
+        read_world(scenes / "task2.world.toml", 0.036)
+
+
+def test_a_cell_file_alone_is_enough_for_its_cell(scenes: Path) -> None:
+    cell = read_cell(scenes / "cell.toml")
+    assert cell.board((2, 1)).name == "01-02"
+    with pytest.raises(InputError, match="lists boards 1,2, 3,4"):
+        cell.board((1, 4))
+
+
+WEDGE = "".join(
+    f"v {x} {y} {z}\n" for x, y, z in [(0, 0, 0), (80, 0, 0), (0, 60, 0), (0, 0, 90), (10, 10, 10)]
+)
+WALLS = """
+[[walls]]
+name = "column"
+shape = "cylinder"
+radius_mm = 30
+length_mm = 400
+centre_mm = [500, 300, 200]
+rpy_deg = [90, 0, 0]
+
+[[walls]]
+name = "ball"
+shape = "sphere"
+radius_mm = 50
+centre_mm = [500, 300, 200]
+
+[[walls]]
+name = "rail"
+shape = "capsule"
+radius_mm = 20
+length_mm = 300
+centre_mm = [500, 300, 200]
+
+[[walls]]
+name = "wedge"
+mesh = "wedge.obj"
+mesh_unit = "mm"
+origin_mm = [500, 300, 200]
+rpy_deg = [0, 0, 90]
+"""
+
+
+def test_walls_of_every_shape(scenes: Path) -> None:
+    (scenes / "wedge.obj").write_text(WEDGE)
+    (scenes / "cell.toml").write_text((scenes / "cell.toml").read_text() + WALLS)
+    walls = {b.name: b for b in read_cell(scenes / "cell.toml").fixed if b.kind == "wall"}
+    assert walls["column"].shape == Cylinder(0.03, 0.4)
+    assert walls["column"].T_base_body[:3, 2] == pytest.approx([0, -1, 0])  # its axis, turned about x
+    assert walls["column"].T_base_body[:3, 3] == pytest.approx([0.5, 0.3, 0.2])
+    assert walls["ball"].shape == Sphere(0.05)
+    assert walls["rail"].shape == Capsule(0.02, 0.3)
+    wedge = walls["wedge"].shape
+    assert isinstance(wedge, Convex)
+    corners = np.array([(0, 0, 0), (0, 0, 0.09), (0, 0.06, 0), (0.08, 0, 0)])
+    assert np.array(sorted(wedge.points)) == pytest.approx(corners)
+    assert walls["wedge"].T_base_body @ [0.08, 0, 0, 1] == pytest.approx([0.5, 0.38, 0.2, 1])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            '"cylinder"',
+            '"cylnder"',
+            r"walls\[1\].shape = 'cylnder': must be one of box.*did you mean 'cylinder'",
+        ),
+        ("radius_mm = 50", "", r"walls\[2\].radius_mm: is missing"),
+        ("radius_mm = 50", "radius_mm = 50\nlength_mm = 3", r"walls\[2\].length_mm = 3: is not a known key"),
+        ("radius_mm = 20", "radius_mm = 0", r"walls\[3\].radius_mm = 0: must be a number in mm from 1"),
+        ('"wedge.obj"', '"none.stl"', r"walls\[4\].mesh = 'none.stl': names a file that is not there"),
+        ('"wedge.obj"', '"task2.toml"', r"walls\[4\].mesh = 'task2.toml': cannot be used: .*is no mesh"),
+        ('mesh_unit = "mm"', "", r"walls\[4\].mesh_unit: is missing; it must be one of mm, m"),
+        ('mesh_unit = "mm"', 'mesh_unit = "m"', r"walls\[4\].mesh_unit = 'm': makes the mesh 80 x 60 x 90 m"),
+        ("[0, 0, 90]", "[0, 90]", r"walls\[4\].rpy_deg = \[0, 90\]: must be 3 numbers in deg"),
+        ("origin_mm", "centre_mm", r"walls\[4\].origin_mm: is missing"),
+    ],
+)
+def test_mistakes_in_walls_are_told(scenes: Path, old: str, new: str, message: str) -> None:
+    (scenes / "wedge.obj").write_text(WEDGE)
+    (scenes / "cell.toml").write_text((scenes / "cell.toml").read_text() + WALLS.replace(old, new, 1))
+    with pytest.raises(InputError, match=message):
+        read_cell(scenes / "cell.toml")
+
+
+def test_bodies_are_turned_as_in_urdf() -> None:
+    """By roll, pitch and yaw about fixed axes, which is what SciPy calls xyz in small letters."""
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        degrees = rng.uniform(-180.0, 180.0, 3)
+        table = TomlTable(Path("cell.toml"), {"centre_mm": [10, 20, 30], "rpy_deg": degrees.tolist()})
+        T = read_pose(table, "centre_mm")
+        assert T[:3, :3] == pytest.approx(Rotation.from_euler("xyz", degrees, degrees=True).as_matrix())
+        assert T[:3, 3] == pytest.approx([0.01, 0.02, 0.03])
+
+
+def test_a_hull_in_a_plan_is_held_against_the_mesh_of_now() -> None:
+    points = np.random.default_rng(3).normal(size=(30, 3))
+    now = convex(points)
+    assert same_shape(shape_from_json(json.loads(json.dumps(shape_to_json(now)))), now)
+    corners = np.array(now.points)
+    assert not same_shape(convex(corners[:-1]), now)
+    assert not same_shape(convex(corners + [[1e-6, 0, 0]]), now)
+    assert not same_shape(Sphere(0.1), now)
+
+
+def test_a_flat_mesh_is_told(scenes: Path) -> None:
+    (scenes / "wedge.obj").write_text(WEDGE.replace("90", "0").replace("10 10 10", "10 10 0"))
+    (scenes / "cell.toml").write_text((scenes / "cell.toml").read_text() + WALLS)
+    with pytest.raises(InputError, match=r"walls\[4\].mesh = 'wedge.obj': cannot be used: .*one plane"):
+        read_cell(scenes / "cell.toml")
+
+
+def test_a_misspelt_key_is_named_even_where_another_is_missing(scenes: Path) -> None:
+    cell = scenes / "cell.toml"
+    for key, wrong in (("speed ", "speeed "), ("rest_tolerance_counts", "rest_tolerence_counts")):
+        text = (
+            cell.read_text()
+            if key in cell.read_text()
+            else cell.read_text().replace("[motion]", f"[motion]\n{key} = 25")
+        )
+        other = re.sub(r"(?m)^approach_mm_s.*$", "", text.replace(f"\n{key}", f"\n{wrong}"))
+        (scenes / "wrong.toml").write_text(other)
+        with pytest.raises(FileInputError) as told:
+            read_cell(scenes / "wrong.toml")
+        assert "approach_mm_s: is missing" in str(told.value)
+        assert f"motion.{wrong.strip()} is not a known key: did you mean motion.{key.strip()}?" in str(
+            told.value
+        )
+
+
+def test_keys_that_are_known_are_those_that_are_read(scenes: Path) -> None:
+    """A key of a shipped file, or one that is offered, is never told to be another."""
+    root = TomlTable.read(scenes / "cell.toml")
+    root.knows(known_keys(CELL))
+    with pytest.raises(FileInputError) as told:
+        root.text("none")
+    assert "known key" not in str(told.value)
+
+
+def test_a_tolerance_that_lets_a_cube_out_from_between_the_jaws_is_refused(
+    scenes: Path,
+) -> None:
+    """Open jaws of 60 mm around a cube of 40 leave 10 mm a side, of which a line keeps 5."""
+    replace_in(scenes / "cell.toml", "moved_mm = 1.5", "moved_mm = 5.1")
+    with pytest.raises(InputError, match=r"look.moved_mm = 5.1: must be at most 5 mm: .*jaw_opening_mm"):
+        read_cell(scenes / "cell.toml")
+    replace_in(scenes / "cell.toml", "moved_mm = 5.1", "moved_mm = 5")
+    read_cell(scenes / "cell.toml")

@@ -1,0 +1,316 @@
+"""URDF and SRDF as another reader has them: Pinocchio's own parsers, against the project's arm and World."""
+
+from __future__ import annotations
+
+import shutil
+import stat
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import cell.export.folder
+from arm.calibration_file import ArmCalibration, write_arm_calibration
+from arm.controller.unit import load_unit
+from arm.errors import InputError
+from arm.io.storage import data_file
+from arm.robot.dh import A465
+from arm.robot.link_errors import LinkErrors
+from arm.robot.mesh import read_mesh_points
+from arm.robot.model import load_a465
+from arm.robot.shapes import Body, Box, Capsule, Sphere, convex
+from arm.se3 import frozen, rot_x, rot_y, rot_z, rotation, transform
+from cell.config.cell_file import read_cell
+from cell.console import Console
+from cell.export.export import Asked, export_file
+from cell.export.folder import write_folder
+from cell.export.scene import surroundings_of_file
+from cell.export.urdf import Surroundings, describe, link_names, rpy_of, stl_of
+from cell.files.apply_calibration import apply_calibration
+from cell.files.task import read_task
+from cell.task.planning import scene_of
+from command_line import a465, replace_in
+from plan.collision.world import GJK_TOLERANCE, World
+from true_look import true_look
+
+FIXTURES = sorted(data_file("scenes/fixtures").glob("*.toml"))
+COUNT = 50  # configurations of each scene
+
+
+class Exported:
+    """A folder as Pinocchio reads it; the arm's joints first among its six and two."""
+
+    def __init__(self, folder: Path) -> None:
+        urdf, srdf = str(folder / "cell.urdf"), str(folder / "cell.srdf")
+        self.model = pin.buildModelFromUrdf(urdf)
+        self.geometry = pin.buildGeomFromUrdf(
+            self.model, urdf, pin.GeometryType.COLLISION, package_dirs=[str(folder)]
+        )
+        for thing in self.geometry.geometryObjects:
+            if type(thing.geometry).__name__.startswith("BVHModel"):
+                thing.geometry.buildConvexHull(True, "Qt")
+                thing.geometry = thing.geometry.convex
+        self.geometry.addAllCollisionPairs()
+        pin.removeCollisionPairs(self.model, self.geometry, srdf)
+        pin.loadReferenceConfigurations(self.model, srdf)
+        self.states = {s.attrib["name"]: s for s in ElementTree.parse(srdf).iter("group_state")}
+        self.data, self.distances = self.model.createData(), pin.GeometryData(self.geometry)
+        request = coal.DistanceRequest()
+        request.gjk_tolerance = request.epa_tolerance = GJK_TOLERANCE
+        for i in range(len(self.geometry.collisionPairs)):
+            self.distances.distanceRequests[i] = request
+
+    def q(self, q: np.ndarray, jaw_opening: float) -> np.ndarray:
+        assert list(self.model.names)[1:] == [*(f"J{n}" for n in range(1, 7)), "jaw_l", "jaw_r"]
+        return np.array([*q, jaw_opening / 2.0, jaw_opening / 2.0])
+
+    def link(self, index: int) -> str:
+        return str(self.model.frames[self.geometry.geometryObjects[index].parentFrame].name)
+
+    def pair_distances(self, q: np.ndarray) -> dict[frozenset[str], float]:
+        """Of pairs of links that are still checked: the least over their parts."""
+        pin.updateGeometryPlacements(self.model, self.data, self.geometry, self.distances, q)
+        found: dict[frozenset[str], float] = {}
+        for i, pair in enumerate(self.geometry.collisionPairs):
+            names = frozenset((self.link(pair.first), self.link(pair.second)))
+            value = pin.computeDistance(self.geometry, self.distances, i).min_distance
+            found[names] = min(value, found.get(names, np.inf))
+        return found
+
+    def T_base(self, frame: str, q: np.ndarray) -> np.ndarray:
+        pin.framesForwardKinematics(self.model, self.data, q)
+        return np.array(self.data.oMf[self.model.getFrameId(frame)].homogeneous)
+
+
+def written(there: Surroundings, folder: Path) -> Exported:
+    write_folder(folder, describe(there).files)
+    return Exported(folder)
+
+
+def require_same(there: Surroundings, folder: Path, seed: int) -> None:
+    """Kinematics to 1e-9, the same pairs, the same distances to 1e-6 m where bodies are apart; overlaps in both."""
+    exported = written(there, folder)
+    links = describe(there).links
+    world = World(there.robot, there.bodies, there.held, there.T_tool_held, there.allowed)
+    pairs = [
+        frozenset(links.get(name, name) for name in world.pair_names(i)) for i in range(len(world.pairs))
+    ]
+    assert len(set(pairs)) == len(pairs) > 0
+    rng = np.random.default_rng(seed)
+    apart = 0
+    for q in rng.uniform(there.limits.lower, there.limits.upper, size=(COUNT, 6)):
+        full = exported.q(q, there.jaw_opening)
+        T = exported.T_base("tool", full)
+        assert np.abs(T - there.robot.T_base_tool(q)).max() < 1e-9
+        found = exported.pair_distances(full)
+        assert set(found) == set(pairs)
+        for pair, ours in zip(
+            pairs, world.pair_distances(q, np.arange(len(pairs))) + world.paddings, strict=True
+        ):
+            if ours > 1e-5:
+                apart += 1
+                assert found[pair] == pytest.approx(ours, abs=1e-6), (pair, q)
+            else:
+                assert found[pair] < 2e-5, (pair, q)
+    assert apart > COUNT * len(pairs) / 2
+
+
+@pytest.mark.parametrize("path", FIXTURES, ids=lambda p: p.stem)
+def test_shipped_scenes_read_by_pinocchio_are_ours(path: Path, tmp_path: Path) -> None:
+    require_same(surroundings_of_file(path, None), tmp_path / "out", seed=1)
+
+
+def test_a_cell_with_boards_and_cubes_read_by_pinocchio_is_ours(tmp_path: Path) -> None:
+    task = read_task(data_file("scenes/task2.toml"))
+    cell = surroundings_of_file(data_file("scenes/cell.toml"), None)
+    assert {b.name for b in cell.bodies} == {"table", "camera post"}
+    scene = scene_of(task, true_look(task), {})
+    there = replace(cell, bodies=(*scene.bodies, *scene.cubes), allowed=scene.allowed)
+    assert {b.kind for b in there.bodies} == {"table", "wall", "board", "stand", "cube"}
+    require_same(there, tmp_path / "out", seed=2)
+
+
+def test_every_shape_held_and_standing(tmp_path: Path) -> None:
+    """Names that no link may have, a hull, a held capsule, and what may touch."""
+    rng = np.random.default_rng(3)
+    hull = convex(rng.normal(size=(20, 3)) * (0.05, 0.1, 0.15))
+    bodies = (
+        Body("a <b> & --c", hull, transform(rotation((0.3, -1.0, 2.0)), (0.5, 0.2, 0.2)), "wall"),
+        Body("a _b_ & --c", Capsule(0.03, 0.3), transform(rot_x(1.2), (0.4, -0.4, 0.3)), "wall"),
+        Body("wrist_roll", Sphere(0.05), transform(t=(0.3, 0.3, 0.7)), "wall"),
+        Body("tool", Box((0.1, 0.2, 0.3)), transform(rot_y(np.pi / 2), (-0.5, 0.0, 0.2)), "wall"),
+    )
+    unit = load_unit("crs97")
+    held = Body("\u0001 pen", Capsule(0.006, 0.14), transform(), "cube")
+    robot = load_a465(0.134112, 0.012)
+    with pytest.raises(InputError, match="two bodies are named 'a <b>"):
+        describe(Surroundings(robot, unit.limits(), 0.012, (bodies[0], bodies[0])))
+    there = Surroundings(
+        robot,
+        unit.limits(),
+        0.012,
+        bodies,
+        held,
+        frozen(transform(rotation((0.1, 0.2, 0.3)), (0.0, 0.01, 0.05))),
+        frozenset((frozenset((held.name, "tool")),)),
+        {"home": unit.soft_home},
+    )
+    links = describe(there).links
+    assert links["a <b> & --c"] == "a__b______c"
+    assert links["a _b_ & --c"] == "a__b______c_2"
+    assert (links["tool"], links["wrist_roll"]) == ("tool_2", "wrist_roll_2")  # those of the arm are taken
+    require_same(there, tmp_path / "out", seed=4)
+    ElementTree.parse(
+        tmp_path / "out/cell.urdf"
+    )  # a strict reader: no two dashes in a comment, no control character
+    assert r'"\u0001 pen"' in (tmp_path / "out/cell.urdf").read_text()
+    disabled = {frozenset(pair) for pair in describe(there).disabled}
+    assert frozenset((links[held.name], "tool_2")) in disabled
+    assert frozenset((links[held.name], "finger_l")) in disabled
+
+
+def test_a_calibrated_cell_exports_the_corrected_arm(tmp_path: Path) -> None:
+    shutil.copytree(data_file("scenes"), tmp_path / "scenes")
+    path = tmp_path / "scenes" / "uncalibrated" / "cell.toml"
+    before = read_cell(path)
+    d, a, alpha = 2e-3 * np.random.default_rng(5).normal(size=(3, 6))
+    offsets = frozen(np.radians([0.0, 0.3, -0.3, 0.3, -0.3, 0.0]))
+    calibration = ArmCalibration(
+        before.nominal_camera.T_base_camera,
+        offsets,
+        LinkErrors(frozen(d), frozen(a), frozen(alpha)),
+        "crs93",
+        before.camera.lens_digest,
+        A465.digest,
+    )
+    write_arm_calibration(path.parent / "c.toml", calibration)
+    apply_calibration(path, path.parent / "c.toml")
+    there = surroundings_of_file(path, None)
+    require_same(there, tmp_path / "out", seed=6)
+    exported, nominal = Exported(tmp_path / "out"), before.nominal_robot()
+    q = np.radians([10, -30, -60, 20, -40, 5])
+    moved = exported.T_base("tool", exported.q(q, 0.06)) - nominal.T_base_tool(q)
+    assert np.linalg.norm(moved[:3, 3]) > 5e-4
+    calibrated = read_cell(path)
+    assert exported.model.lowerPositionLimit[:6] == pytest.approx(calibrated.unit.lower, abs=1e-12)
+    assert exported.model.upperPositionLimit[:6] == pytest.approx(calibrated.unit.upper, abs=1e-12)
+
+
+def test_the_srdf_has_groups_states_and_a_reason_for_every_pair(tmp_path: Path) -> None:
+    path = data_file("scenes/cell.toml")
+    said, _ = a465("export", path, "-o", tmp_path / "out")
+    assert "cell.srdf, cell.urdf" in said
+    exported, cell = Exported(tmp_path / "out"), read_cell(path)
+    reference = exported.model.referenceConfigurations
+    assert reference["q_start"][:6] == pytest.approx(cell.q_start, abs=1e-12)
+    assert reference["home"][:6] == pytest.approx(cell.unit.soft_home, abs=1e-12)
+    assert reference["jaws"][6:] == pytest.approx([0.03, 0.03])
+    assert exported.model.velocityLimit[:6] == pytest.approx(cell.limits.velocity, abs=1e-12)
+    srdf = ElementTree.parse(tmp_path / "out/cell.srdf")
+    chain = srdf.find("group[@name='arm']/chain")
+    assert chain is not None
+    assert chain.attrib == {"base_link": "base", "tip_link": "tool"}
+    effector = srdf.find("end_effector")
+    assert effector is not None
+    assert effector.attrib == {"name": "hand", "parent_link": "flange", "group": "gripper"}
+    urdf = ElementTree.parse(tmp_path / "out/cell.urdf")
+    links = {e.attrib["name"] for e in urdf.iter("link")}
+    assert {e.attrib["name"] for e in srdf.findall("group[@name='gripper']/link")} <= links
+    off = [
+        (e.attrib["link1"], e.attrib["link2"], e.attrib["reason"]) for e in srdf.iter("disable_collisions")
+    ]
+    assert all(a in links and b in links and reason for a, b, reason in off)
+    assert ("table", "camera_post", "both stand still") in off
+    assert ("forearm", "elbow", "adjacent") in off
+    colliding = [e for e in urdf.iter("link") if e.find("collision") is not None]
+    assert all(len(e.findall("visual")) == len(e.findall("collision")) for e in colliding)
+
+
+def test_roll_pitch_yaw_also_where_the_pitch_is_a_right_angle() -> None:
+    rng = np.random.default_rng(7)
+    turns = [rotation(v) for v in rng.normal(size=(200, 3)) * 2.0]
+    for a, b in rng.normal(size=(50, 2)):
+        for off in (0.0, 1e-12, 1e-9, 1e-6):
+            turns += [rot_z(a) @ rot_y(sign * (np.pi / 2 - off)) @ rot_x(b) for sign in (-1.0, 1.0)]
+    for R in turns:
+        roll, pitch, yaw = rpy_of(R)
+        assert np.abs(np.array(pin.rpy.rpyToMatrix(roll, pitch, yaw)) - R).max() < 1e-14
+
+
+def test_hulls_as_stl_have_their_corners_and_face_outwards(tmp_path: Path) -> None:
+    shape = convex(np.random.default_rng(8).normal(size=(30, 3)) + (1.0, 2.0, 3.0))
+    (tmp_path / "hull.stl").write_bytes(stl_of(shape))
+    read = read_mesh_points(tmp_path / "hull.stl")
+    wanted = np.unique(np.array(shape.points, dtype=np.float32).astype(float), axis=0)
+    assert np.array_equal(read, wanted)
+    layout = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    triangles = np.frombuffer((tmp_path / "hull.stl").read_bytes(), dtype=layout, offset=84)
+    a, b, c = np.moveaxis(triangles["corners"].astype(float), 1, 0)
+    turned = np.cross(b - a, c - a)
+    assert np.all((turned * triangles["normal"]).sum(axis=1) > 0.0)
+    assert np.all(((a - wanted.mean(axis=0)) * triangles["normal"]).sum(axis=1) > 0.0)
+
+
+def test_link_names_are_plain_and_differ() -> None:
+    found = link_names(["a b", "a.b", "a_b", "", "č", "base"], {"base", "a_b_2"})
+    assert len(set(found.values()) | {"base", "a_b_2"}) == 8
+    assert all(name.isascii() and name.replace("_", "a").isalnum() for name in found.values() if name)
+
+
+def test_a_folder_is_there_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    write_folder(folder, {"a": "1", "b/c": b"2"})  # an empty one may be there
+    assert (folder / "b/c").read_bytes() == b"2"
+    assert stat.S_IMODE(folder.stat().st_mode) & 0o700 == 0o700
+    assert stat.S_IMODE(folder.stat().st_mode) == stat.S_IMODE((folder / "b").stat().st_mode)
+    for taken in (folder, folder / "a"):
+        with pytest.raises(InputError, match="must be a new or an empty folder"):
+            write_folder(taken, {"a": "3"})
+    assert (folder / "a").read_text() == "1"
+    with pytest.raises(InputError, match="cannot be written"):
+        write_folder(folder / "a" / "deeper", {"a": "3"})
+
+    def full(path: Path, data: bytes | str) -> None:
+        if path.name == "second":
+            raise InputError("no space")
+        path.write_text("half")
+
+    monkeypatch.setattr(cell.export.folder, "write_atomic", full)
+    with pytest.raises(InputError, match="no space"):
+        write_folder(tmp_path / "new", {"first": "1", "second": "2"})
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["out"]
+
+
+def test_padding_is_told_because_urdf_has_none(tmp_path: Path) -> None:
+    said, _ = a465("export", data_file("scenes/fixtures/padding.toml"), "-o", tmp_path / "out")
+    assert "padding of" in said
+    assert "off every distance" in (tmp_path / "out/cell.srdf").read_text()
+
+
+def test_what_does_not_go_together_is_refused(tmp_path: Path) -> None:
+    scene, console = data_file("scenes/fixtures/capsule.toml"), Console(as_json=True)
+    named = tmp_path / "plan.json"  # what it is, is told by its content
+    shutil.copy(scene, named)
+    assert export_file(named, Asked(output=tmp_path / "by content"), console)["format"] == "urdf"
+    for asked, rule in (
+        (Asked(form="csv"), "--format csv: must be one of urdf, as .* is a scene, cell or task file"),
+        (Asked(planned=True), "--planned does not go with a scene"),
+        (Asked(period=0.1), "--period does not go with"),
+        (Asked(cell=scene), "--cell does not go with"),
+        (Asked(unit="crs93"), "--unit does not go with"),
+        (Asked(look=scene), "leave out --look"),
+    ):
+        with pytest.raises(InputError, match=rule):
+            export_file(scene, asked, console)
+    (tmp_path / "other.json").write_text('{"scenes": []}')
+    with pytest.raises(InputError, match="a plan file is written by a465 plan"):
+        export_file(tmp_path / "other.json", Asked(), console)
+    replace_in(named, 'unit = "crs93"', 'unit = "crs99"')
+    _, told = a465("export", named, "-o", tmp_path / "never", code=2)
+    assert "plan.json: unit = 'crs99'" in told
+    assert not (tmp_path / "never").exists()

@@ -1,0 +1,154 @@
+"""Look files: a round trip loses nothing, damage is told, boards that moved are told by how much."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm.board import Board
+from arm.errors import FileInputError, ImpossibleError
+from arm.io.storage import canonical_json, data_file
+from arm.poses import BoardPose
+from arm.se3 import frozen, inverse, rot_z, rotation, transform
+from cell.files.observation import Seen, SeenBoard, read_seen, seen_to_json
+from cell.files.task import Task, read_task
+from cell.files.world import board_placement
+
+STATES = ("cube", "empty", "unsure", "cube")
+DOUBTS = ("", "", "something is across it", "")
+
+
+@pytest.fixture(scope="module")
+def task() -> Task:
+    return read_task(data_file("scenes/task2.toml"))
+
+
+def _seen_board(board: Board, T_base_board: np.ndarray) -> SeenBoard:
+    root = np.random.default_rng(3).normal(size=(6, 6))
+    pose = BoardPose(board, frozen(T_base_board), frozen(1e-8 * root @ root.T), 0.05, 21.0)
+    return SeenBoard(pose, STATES, DOUBTS)
+
+
+def _seen(task: Task) -> Seen:
+    poses = (
+        board_placement((0.46, 0.11, 0.04), 3.0, 0.12, 4.6),
+        board_placement((0.46, -0.13, 0.09), 1.6, 0.26, 4.7),
+    )
+    return Seen(
+        tuple(_seen_board(b, T) for b, T in zip(task.boards, poses, strict=True)), {"05-06": "not in view"}
+    )
+
+
+def test_round_trip(task: Task, tmp_path: Path) -> None:
+    path, seen = tmp_path / "look.json", _seen(task)
+    path.write_text(canonical_json(seen_to_json(seen, task.cell.camera.T_base_camera)))
+    again = read_seen(path, task.cell.boards)
+    assert again.missing == seen.missing
+    for a, b in zip(again.boards, seen.boards, strict=True):
+        assert a.occupancy == b.occupancy
+        assert a.doubts == b.doubts
+        assert a.pose.board == b.pose.board
+        assert a.pose.T_base_board == pytest.approx(b.pose.T_base_board, abs=1e-12)
+        assert a.pose.covariance == pytest.approx(b.pose.covariance, abs=1e-20)
+
+
+def test_the_json_speaks_of_camera_and_base(task: Task) -> None:
+    camera = task.cell.camera
+    for entry in seen_to_json(_seen(task), camera.T_base_camera)["scenes"][0]["boards"]:
+        product = camera.T_base_camera @ np.array(entry["T_camera_board"])
+        assert product == pytest.approx(np.array(entry["T_base_board"]), abs=1e-12)
+        assert len(entry["holes"]) == 4
+        assert [h.get("reason") for h in entry["holes"]] == [None, None, "something is across it", None]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda b: b.update(marker_ids=[1, 99]), r"marker_ids = \[1, 99\]: is no board of the cell file"),
+        (lambda b: b.update(T_base_board=np.zeros((4, 4)).tolist()), "01-02.T_base_board"),
+        (lambda b: b["holes"][0].update(state="full"), "four of cube, empty, unsure"),
+        (lambda b: b["holes"].pop(), "four of cube, empty, unsure"),
+        (lambda b: b.update(covariance=[[1.0]]), "must be 6 by 6"),
+        (lambda b: b.update(covariance=np.full((6, 6), 1e400).tolist()), "finite"),
+        (lambda b: b.update(verdict="refused"), "must be 'accepted'"),
+        (lambda b: b["holes"].reverse(), "in the order of the board's file"),
+        (lambda b: b.pop("residual_px"), "look.json: residual_px: is missing; a465 look writes it"),
+        (lambda b: b.update(residual_px="low"), "look again"),
+    ],
+)
+def test_damage_is_told(
+    task: Task, tmp_path: Path, change: Callable[[dict[str, Any]], Any], message: str
+) -> None:
+    value = json.loads(canonical_json(seen_to_json(_seen(task), task.cell.camera.T_base_camera)))
+    change(value["scenes"][0]["boards"][0])
+    path = tmp_path / "look.json"
+    path.write_text(json.dumps(value))
+    with pytest.raises(FileInputError, match=message):
+        read_seen(path, task.cell.boards)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"scenes": []}', '{"scenes": [{"boards": 3}]}', "{"])
+def test_what_is_no_look_is_told(task: Task, tmp_path: Path, text: str) -> None:
+    path = tmp_path / "look.json"
+    path.write_text(text)
+    with pytest.raises(FileInputError) as refused:
+        read_seen(path, task.cell.boards)
+    assert "Error" not in str(refused.value)
+    assert "object" not in str(refused.value)
+
+
+def test_boards_that_moved_are_told_by_their_farthest_point(task: Task) -> None:
+    before = _seen(task)
+    first, second = before.boards
+    nudged = _seen_board(second.pose.board, transform(t=(0.003, 0, 0)) @ second.pose.T_base_board)
+    assert before.moved(before, task.cell) == []
+    (line,) = Seen((first, nudged), {}).moved(before, task.cell)
+    assert "board 03-04 moved by 3.0 mm" in line
+    centre = transform(t=(0.09, 0.07, 0.0))
+    turned = first.pose.T_base_board @ centre @ transform(rot_z(np.radians(1.5))) @ inverse(centre)
+    (line,) = Seen((_seen_board(first.pose.board, turned), second), {}).moved(before, task.cell)
+    assert "moved by 4.1 mm and 1.50 deg" in line  # 0.156 m from centre to corner
+
+
+def test_task_1_wants_its_board_flat_and_as_high_as_stated() -> None:
+    task = read_task(data_file("scenes/task1.toml"))
+    good = board_placement((0.47, 0.0, 0.06), 1.6, 0.0, 0.0)
+    Seen((_seen_board(task.from_board, good),), {}).require(task)
+    high = transform(t=(0, 0, 0.02)) @ good
+    tilted = good @ transform(rotation((np.radians(4.0), 0, 0)))
+    for bad in (high, tilted):
+        with pytest.raises(ImpossibleError, match="but the task says 60 mm and flat"):
+            Seen((_seen_board(task.from_board, bad),), {}).require(task)
+
+
+def test_a_missing_board_is_told_with_why(task: Task) -> None:
+    seen = Seen(_seen(task).boards[:1], {"03-04": "marker 4 is hidden"})
+    assert seen.missing_of(task) == ["03-04"]
+    with pytest.raises(ImpossibleError, match="board 03-04 was not found: marker 4 is hidden"):
+        seen.require(task)
+
+
+def test_moves_change_what_is_expected_and_differences_are_told(task: Task) -> None:
+    seen = _seen(task)
+    after = seen.with_moves({"cube 01-02/1": "03-04/2"})
+    assert after.state("01-02/1") == "empty"
+    assert after.state("03-04/2") == "cube"
+    assert after.state("01-02/4") == "cube"
+    assert after.state("05-06/1") is None
+    assert after.state("table/1") is None
+    assert seen.moved_since == frozenset()
+    assert after.moved_since == {"01-02/1", "03-04/2"}  # the photographs show these as they were before
+    again = after.with_moves({"cube 01-02/3": "03-04/4"})
+    assert again.moved_since == {"01-02/1", "03-04/2", "01-02/3", "03-04/4"}
+    assert after.changed(seen) == ["hole 01-02/1 looks empty, not cube", "hole 03-04/2 looks cube, not empty"]
+    assert seen.changed(seen) == []
+    unsure = seen.with_moves({})
+    assert unsure.changed(after.with_moves({"cube 01-02/3": "03-04/3"})) == [
+        "hole 01-02/1 looks cube, not empty",
+        "hole 03-04/2 looks empty, not cube",
+    ]

@@ -1,0 +1,241 @@
+"""Lists of poses as programs for this arm have them: read without guessing, planned with proof, or refused by entry."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm.errors import FileInputError
+from arm.io.storage import data_file
+from arm.se3 import angle_between, rot_x, transform
+from cell.files.place import read_place
+from cell.files.pose_list import MOST, PoseList, Reading, read_pose_list
+from cell.task.plan_matches import check_plan
+from command_line import a465
+from pose_list_files import CELL, CTU_DEG, DOWN, FLANGE, planned, written
+from small_scenes import small_scenes
+
+PAGE = Path(__file__).resolve().parents[3] / "docs/interop.md"
+
+
+def ctu_crs_poses(configurations: list[list[float]]) -> np.ndarray:
+    """Its forward kinematics, (n, 4, 4); in a process of its own, as it loads a camera's libraries."""
+    code = (
+        "import json, sys; from ctu_crs import CRS93; robot = CRS93(tty_dev=None); "
+        "print(json.dumps([robot.fk(q).tolist() for q in json.loads(sys.argv[1])]))"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", code, json.dumps(configurations)], capture_output=True, text=True, check=True
+    )
+    return np.array(json.loads(ran.stdout))
+
+
+def test_poses_of_ctu_crs_are_reached_to_a_count(tmp_path: Path) -> None:
+    """Its forward kinematics gives the list; what our arm reaches is put into it again."""
+    poses = ctu_crs_poses(np.radians(CTU_DEG).tolist())
+    np.save(tmp_path / "poses.npy", poses)
+    plan = planned(tmp_path / "poses.npy", reading=Reading(frame="flange"))
+    again = ctu_crs_poses([reached["q"] for reached in plan.task["poses"]])
+    for T, wanted in zip(again, poses, strict=True):
+        assert np.abs(T[:3, 3] - wanted[:3, 3]).max() < 1e-4
+        assert angle_between(T[:3, :3], wanted[:3, :3]) < 2e-4
+    assert [move.name for move in plan.moves] == ["to pose 1", "to pose 2", "to pose 3"]
+    assert all(m.certified and m.clearance >= 0.010 and m.role == "transit" for m in plan.moves)
+    check_plan(read_place(CELL), plan)
+
+
+def same(a: PoseList, b: PoseList) -> bool:
+    return len(a.entries) == len(b.entries) and all(
+        (x.frame, x.name) == (y.frame, y.name)
+        and np.allclose(x.T if x.q is None else x.q, y.T if y.q is None else y.q, rtol=0.0, atol=1e-9)
+        for x, y in zip(a.entries, b.entries, strict=True)
+    )
+
+
+def test_json_npy_and_csv_of_the_same_poses_are_the_same_list(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    poses = [transform(rot_x(a), t) for a, t in zip(rng.normal(size=5), rng.normal(size=(5, 3)), strict=True)]
+    stack = np.array(poses)
+    wanted = read_pose_list(written(tmp_path, {"frame": "flange", "entries": [T.tolist() for T in poses]}))
+    assert [e.frame for e in wanted.entries] == ["flange"] * 5
+    assert np.array_equal([e.T for e in wanted.entries], stack) or same(wanted, wanted)
+    assert np.abs(np.array([e.T for e in wanted.entries]) - stack).max() < 1e-12
+    for array in (stack, stack.reshape(5, 16), stack[:, :3], stack[:, :3].reshape(5, 12)):
+        np.save(tmp_path / "poses.npy", array)
+        assert same(read_pose_list(tmp_path / "poses.npy", FLANGE), wanted)
+        listed = written(tmp_path, array.tolist(), "bare.json")
+        assert same(read_pose_list(listed, FLANGE), wanted)
+        rows = array.reshape(5, -1).tolist()
+        text = "a,b,c\n# poses\n\n" + "\n".join("; ".join(map(repr, row)) for row in rows)
+        assert same(read_pose_list(written(tmp_path, text, "p.csv"), FLANGE), wanted)
+    keyed = [{"T_base_flange": T.ravel().tolist()} for T in poses]
+    assert same(read_pose_list(written(tmp_path, keyed)), wanted)
+    mm = stack.copy()
+    mm[:, :3, 3] *= 1e3
+    np.save(tmp_path / "mm.npy", mm)
+    assert same(read_pose_list(tmp_path / "mm.npy", replace(FLANGE, lengths="mm")), wanted)
+    keyed = [{"T_base_flange": T.tolist()} for T in mm]
+    assert same(read_pose_list(written(tmp_path, {"lengths": "mm", "entries": keyed})), wanted)
+    np.save(tmp_path / "one.npy", stack[0])
+    assert len(read_pose_list(tmp_path / "one.npy", FLANGE).entries) == 1
+
+
+def test_angles_are_what_is_said_of_them(tmp_path: Path) -> None:
+    radians = np.radians(CTU_DEG)
+    wanted = read_pose_list(written(tmp_path, {"angles": "deg", "entries": list(CTU_DEG)}), FLANGE)
+    assert np.abs(np.array([e.q for e in wanted.entries]) - radians).max() < 1e-12
+    np.save(tmp_path / "q.npy", radians)
+    assert same(read_pose_list(tmp_path / "q.npy", FLANGE), wanted)
+    for key, rows in (("q_rad", radians.tolist()), ("q_deg", list(CTU_DEG))):
+        keyed = read_pose_list(written(tmp_path, [{key: row} for row in rows]))
+        assert np.abs(np.array([e.q for e in keyed.entries]) - radians).max() < 1e-12
+
+
+def test_everything_an_entry_may_say(tmp_path: Path) -> None:
+    entry = {
+        "name": "a", "T_base_tool": DOWN.tolist(), "by": "line", "free": "rz", "approach_mm": 10, "retract_mm": 20,
+        "within_mm": 2, "speed_mm_s": 50, "dwell_s": 0.5, "jaws": 0.25,
+    }  # fmt: skip
+    found = read_pose_list(written(tmp_path, [entry, {"jaws": "close", "dwell_s": 1}])).entries
+    a = found[0]
+    assert (a.key, a.name, a.frame, a.by, a.free) == ("[0]", "a", "tool", "line", "rz")
+    numbers = (a.approach, a.retract, a.within, a.speed, a.dwell_s, a.jaws)
+    assert numbers == pytest.approx((0.01, 0.02, 0.002, 0.05, 0.5, 0.25))
+    assert (found[1].T, found[1].q, found[1].jaws, found[1].dwell_s) == (None, None, 1.0, 1.0)
+
+
+POSE = DOWN.ravel().tolist()
+Q = [0.0, -0.2, -1.5, 0.0, -1.2, 0.0]
+WRONG = [
+    ([], "has no pose and no configuration"),
+    ([POSE], r"\[0\]: is a pose, and nothing says whose; give --frame flange"),
+    ([Q], r"\[0\]: is six joint angles, and nothing says in what unit; give --angles"),
+    ({"frame": "wrist", "entries": [POSE]}, "frame = 'wrist': must be one of flange, tool"),
+    ({"angles": "grad", "entries": [Q]}, "angles = 'grad': must be one of rad, deg"),
+    ({"entires": [POSE]}, "entires.*: is not a key that is known here"),
+    ({"frame": "tool"}, "entries: is missing"),
+    ({"frame": "tool", "entries": [POSE, POSE[:15]]}, r"entries\[1\] = '15 numbers': must be one of 6"),
+    ({"frame": "tool", "entries": [POSE, "pose"]}, r"entries\[1\] = 'pose': must be an object"),
+    ({"frame": "tool", "entries": [[*POSE[:3], 500.0, *POSE[4:]]]}, r"entries\[0\].*in m; must be within 5 m.*mm"),
+    ({"frame": "tool", "entries": [[*POSE[:4], 0.5, *POSE[5:]]]}, r"entries\[0\].*is no pose.*not a rotation"),
+    ({"frame": "tool", "entries": [[*POSE[:12], 0, 0, 1, 1]]}, r"entries\[0\].*is no pose.*last row"),
+    ({"frame": "tool", "entries": [[*POSE[:5], None, *POSE[6:]]]}, r"entries\[0\].*finite numbers"),
+    ([{"T_base_tool": POSE, "q_rad": Q}], r"\[0\].q_rad.*: stands beside T_base_tool"),
+    ([{"name": "a"}], r"\[0\]: must have one of T_base_flange"),
+    ([{"q_rad": Q[:5]}], r"\[0\].q_rad: must be 6 numbers, not 5"),
+    ([{"T_base_tool": [Q, Q]}], r"\[0\].T_base_tool: must be 4 \(or 3\) rows"),
+    ([{"q_rad": Q, "by": "line"}], r"\[0\].by = 'line': goes with a pose only"),
+    ([{"jaws": 1, "free": "rz"}], r"\[0\].free = 'rz': goes with a pose only"),
+    ([{"T_base_tool": POSE, "by": "arc"}], r"\[0\].by = 'arc': must be one of transit, line"),
+    ([{"T_base_tool": POSE, "approach_mm": -1}], r"\[0\].approach_mm = -1: must be a number from 0"),
+    ([{"T_base_tool": POSE, "speed_mm_s": 0}], r"\[0\].speed_mm_s = 0: must be a number from 0.1"),
+    ([{"T_base_tool": POSE, "dwell_s": True}], r"\[0\].dwell_s = True: must be a number"),
+    ([{"T_base_tool": POSE, "jaws": 1.5}], r"\[0\].jaws = 1.5: must be open, close, or a number"),
+    ([{"T_base_tool": POSE, "jaws": "shut"}], r"\[0\].jaws = 'shut': must be one of open, close"),
+    ([{"T_base_tool": POSE, "pause": 1}], r"\[0\].pause = 1: is not a key that is known here"),
+    ([{"name": "a", "q_rad": Q}, {"name": "a", "q_rad": Q}], r"\[1\] = 'a': has the name of \[0\]"),
+    ([{"T_base_tool": POSE, "free": "rq"}], r"\[0\].*free = 'rq': must be of x, y"),
+    ([{"q_deg": [0, 0, -45, 0, -45, 0]}, {"q_rad": [9, 0, 0, 0, 0, 0]}], r"\[1\] = .*J1 must be from"),
+    ("1,2,3\n", r"row 1 = '3 numbers': must be one of 6"),
+    ("x,y\n\n1 2 3 4 5 six\n", r"row 3 = 'six': must be a number"),
+    ("1 2 3 4 5 nan\n", r"row 1.*: must be finite numbers"),
+    ("just words\n", "has no pose and no configuration"),
+    ("{", "is not JSON"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("content", "rule"), WRONG, ids=range(len(WRONG)))
+def test_what_is_wrong_is_told_with_its_place(content: Any, rule: str, tmp_path: Path) -> None:
+    path = written(tmp_path, content)
+    with pytest.raises(FileInputError, match=rule) as caught:
+        planned(path)
+    assert str(caught.value).startswith(str(path))
+    assert caught.value.exit_code == 2
+
+
+def test_arrays_that_are_no_list_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "poses.npy"
+    for array, rule in (
+        (np.zeros((2, 5)), "row 1 = '5 numbers'"),
+        (np.zeros((2, 2, 2, 2)), "must be an array of"),
+        (np.array(["a"]), "array of real numbers"),
+        (np.zeros((1, 6), dtype=complex), "array of real numbers"),
+        (np.array(1.0), "must be an array of"),
+        (np.zeros((0, 16)), "has no pose"),
+    ):
+        np.save(path, array)
+        with pytest.raises(FileInputError, match=rule):
+            read_pose_list(path, FLANGE)
+    np.save(path, np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    with pytest.raises(FileInputError, match=r"is no \.npy file of numbers"):
+        read_pose_list(path, FLANGE)
+    path.write_bytes(path.read_bytes()[:20])
+    with pytest.raises(FileInputError, match=r"is no \.npy file of numbers"):
+        read_pose_list(path, FLANGE)
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(FileInputError, match="is neither text"):
+        read_pose_list(path, FLANGE)
+    with pytest.raises(FileInputError, match="cannot be read"):
+        read_pose_list(tmp_path, FLANGE)
+
+
+def test_options_that_are_no_words_and_files_that_are_both(tmp_path: Path) -> None:
+    poses = written(tmp_path, [{"q_deg": CTU_DEG[1]}])
+    for option, value in (("--frame", "wrist"), ("--angles", "turns"), ("--lengths", "inch")):
+        _, told = a465("plan-poses", CELL, poses, option, value, code=2)
+        assert f"{option} {value}: must be one of" in told
+    _, told = a465("plan-poses", CELL, poses, "-o", poses, code=2)
+    assert "is read by this command" in told
+    _, told = a465("plan-poses", data_file("scenes/fixtures/mesh.toml"), poses, code=2)
+    assert "is missing" in told
+    _, told = a465("plan-poses", CELL, poses, "--speed", "0", code=2)
+    assert "speed" in told
+
+
+def test_the_page(tmp_path: Path) -> None:
+    """Every command of docs/interop.md, and every file that it shows, as they are printed."""
+    small_scenes(tmp_path)
+    text = PAGE.read_text()
+    for name, body in re.findall(r"<!-- file: (\S+) -->\n```\w*\n(.*?)```", text, re.DOTALL):
+        (tmp_path / name).write_text(body)
+    code = re.search(r"```python\n(.*?)```", text, re.DOTALL)
+    assert code is not None
+    subprocess.run([sys.executable, "-c", code[1]], cwd=tmp_path, check=True)
+    ran = 0
+    for block in re.findall(r"```sh\n(.*?)```", text, re.DOTALL):
+        for line in block.splitlines():
+            words = shlex.split(line, comments=True)
+            assert words[0] == "a465"
+            a465(*words[1:], cwd=tmp_path)
+            ran += 1
+    assert ran >= 10
+    urdf = (tmp_path / "task_description/cell.urdf").read_text()
+    assert all(
+        f'<link name="{n}">' in urdf for n in ("plate_01_02", "stand_03_04", "cube_01_02_4", "camera_post")
+    )
+    for made in re.findall(r"`(\w+\.(?:csv|mcap|html|trajectory\.json))`", text):
+        assert (tmp_path / made).exists(), made
+
+
+def test_a_list_without_end_is_refused_at_once(tmp_path: Path) -> None:
+    many = np.tile(np.zeros(6), (MOST + 1, 1))
+    np.save(tmp_path / "many.npy", many)
+    (tmp_path / "many.csv").write_text("0,0,0,0,0,0\n" * (MOST + 1))
+    (tmp_path / "many.json").write_text(json.dumps(many.tolist()))
+    for name in ("many.npy", "many.csv", "many.json"):
+        with pytest.raises(FileInputError, match=rf"{name}: has more than {MOST} entries"):
+            read_pose_list(tmp_path / name, Reading(angles="rad"))
+    with (tmp_path / "lying.npy").open("wb") as file:
+        shape = {"descr": "<f8", "fortran_order": False, "shape": (10**12, 6)}
+        np.lib.format.write_array_header_1_0(file, shape)
+    with pytest.raises(FileInputError, match=r"lying\.npy: is no \.npy file of numbers"):
+        read_pose_list(tmp_path / "lying.npy", Reading(angles="rad"))

@@ -1,0 +1,173 @@
+"""A log shown over its plan: the motions are found, each sample at its place, and what is not at hand is told."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm.controller.segments import CountPath
+from arm.controller.unit import Unit, load_unit
+from arm.errors import ImpossibleError, InputError
+from arm.io.storage import data_file
+from arm.plan_file import GripperStep, Move, Plan, write_plan
+from cell.commands.preview import preview_file
+from cell.console import Console
+from cell.preview.executed import match, plan_of
+from cell.preview.of_log import preview_log
+from driver.log.motions import LoggedMotion
+from driver.log.read import Session
+from driver.log.samples import LoggedSample
+from logged_session import LoggedRun
+
+pytestmark = pytest.mark.xdist_group("logs")
+
+
+@pytest.fixture(scope="module")
+def unit() -> Unit:
+    return load_unit("crs93")
+
+
+def move(name: str, path: CountPath) -> Move:
+    return Move(name, "transit", None, path, None, 0.06, 0.02, ("palm", "table"))
+
+
+@pytest.fixture
+def plan(run: LoggedRun, unit: Unit) -> Plan:
+    """The first motion in two moves, the jaws, and the motion that was stopped."""
+    segments, middle = run.whole.segments, tuple(int(c) for c in run.whole.knots()[20])
+    parts = (CountPath(run.whole.start, segments[:20]), CountPath(middle, segments[20:]))
+    return Plan(
+        task={"name": "no-such-task", "cubes": []},
+        unit="crs93",
+        speed=1.0,
+        speed_registers=unit.speed_registers,
+        acceleration_registers=unit.acceleration_registers,
+        steps=(
+            GripperStep("open", "open", None, 0.0, 0.2),
+            move("first", parts[0]),
+            move("second", parts[1]),
+            GripperStep("close", "close", None, 1.0, 0.2),
+            move("back", run.cut),
+        ),
+        provenance={"task": "0" * 64},
+    )
+
+
+def show(log: Path, page: Path, task: Path | None = None) -> tuple[dict[str, Any], dict[str, Any]]:
+    told = preview_log(log, task, page, Console(as_json=True))
+    embedded = re.search(
+        r'<script id="content" type="application/json">(.*?)</script>', page.read_text(), re.S
+    )
+    assert embedded is not None
+    return told, json.loads(embedded[1])
+
+
+def test_motions_of_the_log_are_found_in_the_plan_whole_or_in_part(
+    session: Session, plan: Plan, unit: Unit
+) -> None:
+    whole, part = match(session, plan, unit)
+    assert (whole.step, part.step) == (1, 4)
+    assert part.lasted_s is None
+    assert whole.lasted_s is not None
+    assert 0.98 * whole.planned_s <= whole.lasted_s <= 1.6 * whole.planned_s  # a busy host hears late
+    for found in (whole, part):
+        assert np.all(np.diff(found.executed.time_s) >= 0.0)
+        assert np.degrees(np.abs(found.difference)).max() <= 0.02
+    assert whole.executed.time_s[0] == 0.0
+    assert whole.executed.time_s[-1] > 0.9 * whole.planned_s
+
+
+def test_each_sample_is_laid_where_the_arm_was_on_the_path(
+    session: Session, plan: Plan, unit: Unit, run: LoggedRun
+) -> None:
+    whole, _ = match(session, plan, unit)
+    there = unit.positions(run.whole.at(whole.executed.time_s))
+    assert np.abs(there - unit.positions(whole.executed.counts)).max() <= np.radians(0.02)
+
+
+def test_an_arm_off_its_path_is_shown_as_far_off_as_it_was(session: Session, plan: Plan, unit: Unit) -> None:
+    """Every sample of the log moved by a degree of the second joint, which the path hardly moves."""
+    shift = round(np.radians(1.0) * unit.counts_per_rad[1])
+
+    def pushed_sample(sample: LoggedSample) -> LoggedSample:
+        first, second, *rest = sample.position.counts
+        return replace(sample, position=replace(sample.position, counts=(first, second + shift, *rest)))
+
+    def pushed(motion: LoggedMotion) -> LoggedMotion:
+        return replace(motion, samples=tuple(pushed_sample(s) for s in motion.samples))
+
+    whole, _ = match(replace(session, motions=tuple(pushed(m) for m in session.motions)), plan, unit)
+    assert np.degrees(whole.difference[:, 1]).max() == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_stretched_motion_is_still_the_plans_and_another_is_not(
+    session: Session, plan: Plan, unit: Unit, run: LoggedRun
+) -> None:
+    def slower(path: CountPath) -> CountPath:
+        return CountPath(path.start, tuple(replace(s, duration_ms=2 * s.duration_ms) for s in path.segments))
+
+    steps = tuple(replace(s, path=slower(s.path)) if isinstance(s, Move) else s for s in plan.steps)
+    slow = match(session, replace(plan, steps=steps), unit)
+    assert [m.step for m in slow] == [1, 4]
+    assert slow[0].executed.time_s[-1] > 0.9 * 2 * slow[0].planned_s  # on the plan's own clock
+    turned = tuple(replace(s, coefficients=s.coefficients[::-1]) for s in run.cut.segments)
+    other = replace(plan, steps=(move("other", CountPath(run.cut.start, turned)),))
+    assert match(session, other, unit) == ()
+
+
+def test_the_page_of_a_plan_beside_the_log(run: LoggedRun, plan: Plan, tmp_path: Path) -> None:
+    log = tmp_path / "wire.jsonl"
+    log.write_bytes(run.log.read_bytes())
+    write_plan(tmp_path / "plan.json", plan)
+    (tmp_path / "report.json").write_text('{"format": 3}')
+    (tmp_path / "torn.json").write_text('{"format": ')
+    told, content = show(log, tmp_path / "log.html")
+    assert told["plan_sha256"] == plan.sha256 == content["sha256"]
+    assert (told["streams"], told["streams_shown"], told["task"]) == (2, 2, None)
+    assert told["farthest_deg"] <= 0.02
+    assert [e["step"] for e in content["executed"]] == [1, 4]
+    assert content["motions"] == 2
+
+
+def test_without_a_plan_the_arm_alone_is_shown(
+    run: LoggedRun, session: Session, unit: Unit, tmp_path: Path
+) -> None:
+    log = tmp_path / "wire.jsonl"
+    log.write_bytes(run.log.read_bytes())
+    told, content = show(log, tmp_path / "log.html")
+    assert told["plan"] is None
+    made, matched = plan_of(session, unit)
+    assert len(content["steps"]) == len(made.steps) == len(matched) >= 3
+    assert content["motions"] == len(made.steps)  # each ends at rest
+    assert {step["clearance"] for step in content["steps"]} == {None}
+    assert content["bodies"] == content["boards"] == []
+    assert told["farthest_deg"] <= 0.02
+
+
+def test_the_task_given_must_be_the_plans(run: LoggedRun, plan: Plan, tmp_path: Path) -> None:
+    log = tmp_path / "wire.jsonl"
+    log.write_bytes(run.log.read_bytes())
+    write_plan(tmp_path / "plan.json", plan)
+    with pytest.raises(ImpossibleError, match="the plan is for task no-such-task"):
+        preview_log(log, data_file("scenes/task2.toml"), tmp_path / "log.html", Console(as_json=True))
+    assert not (tmp_path / "log.html").exists()
+
+
+def test_what_is_no_log_or_holds_no_motion_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "x.jsonl"
+    path.write_text('{"t":0,"kind":"open"}\n{"t":0,"kind":"sent","data":"ANAXSETUPG:1,2\\n"}\n')
+    with pytest.raises(InputError, match="holds no motion with a known start"):
+        preview_file(path, None, None, Console(as_json=True))
+    path.write_text("nothing")
+    with pytest.raises(
+        InputError, match=r"is no log of a run, and a plan is shown in the cell of its task: a465 preview"
+    ):
+        preview_file(path, None, None, Console(as_json=True))
+    with pytest.raises(InputError, match="cannot be read"):
+        preview_file(tmp_path / "none", None, None, Console(as_json=True))

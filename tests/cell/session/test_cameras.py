@@ -1,0 +1,199 @@
+"""Which camera looks at the cell, by command line and cell file; through pylon's emulation to the very end."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+import cell.session.connection
+from arm.errors import ExecutionStopped, InputError
+from arm.io.storage import data_file
+from cell.cli.main import app
+from cell.commands.run import execute_plan
+from cell.commands.steps import look_step, plan_step, render_step
+from cell.config.cell_file import read_cell
+from cell.config.inputs import changes
+from cell.console import Console
+from cell.files.task import read_task
+from cell.session.connection import WhichCell, open_cell, simulated_cell
+from command_line import a465, replace_in
+from driver.emulator import Emulator
+from driver.line.clock import Clock
+from emulated_camera import SERIAL
+from vision.camera.basler import BaslerCamera, BaslerSettings
+from vision.camera.frame_source import Image
+
+pytestmark = pytest.mark.xdist_group("camera_option")
+TIME_SCALE = 4.0
+
+
+@pytest.fixture(autouse=True)
+def two_cameras(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYLON_CAMEMU", "2")
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Scenes whose camera is an emulated one that sends photographs of Task 2."""
+    folder = tmp_path_factory.mktemp("camera")
+    shutil.copytree(data_file("scenes"), folder / "scenes")
+    replace_in(folder / "scenes/task2.world.toml", "cubes = [1, 2, 3, 4]", "cubes = [3]")
+    replace_in(folder / "scenes/cell.toml", "photographs = 5", "photographs = 2")
+    render_step(folder / "scenes/task2.toml", None, folder / "shots", None, Console(as_json=True))
+    given(
+        folder / "scenes",
+        f'exposure_us = 8000\nfeatures = {{ TestImageSelector = "Off", ImageFilename = "{folder / "shots"}", '
+        'ImageFileMode = "On", Width = 1920, Height = 1200 }',
+    )
+    return folder
+
+
+def given(scenes: Path, lines: str) -> None:
+    replace_in(scenes / "cell.toml", "[motion]", f"[look.basler]\n{lines}\n\n[motion]")
+
+
+def test_a_live_look_sees_what_the_photographs_show(place: Path) -> None:
+    task = place / "scenes/task2.toml"
+    live, told = a465("look", task, "--camera", SERIAL, "--json")
+    assert f"camera {SERIAL}: Emulation serial:0815-0000, 1920 x 1200 px, exposure 8 ms" in told
+    shown = look_step(task, place / "shots", None, None, None, Console(as_json=True))
+    assert json.loads(live) == json.loads(json.dumps(shown))
+    boards = shown["scenes"][0]["boards"]
+    assert [[hole["state"] for hole in board["holes"]].count("cube") for board in boards] == [1, 0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (
+            ["look", "TASK", "--camera", "serial:1"],
+            "no photographs: camera serial:1: is not there; there are Emulation serial:0815-0000 class:BaslerCamEmu",
+        ),
+        (["look", "TASK", "--camera", "colour:red"], "wrong input: camera 'colour:red': must be name:NAME, ser"),
+        (["look", "TASK", "--camera", "cell"], "cell.toml names no camera; write device = ... under [look.basler]"),
+        (["look", "TASK", "--camera", "x", "--images", "y"], "--images y and --camera x are two places for photo"),
+        (["look", "--detections", "x.json", "--camera", "y"], "--camera does not go with --detections"),
+        (["run", "TASK", "--camera", "x"], "--camera needs --port: the simulated cell has its own camera"),
+        (["run", "TASK", "--port", "/dev/none"], "a camera is needed with --port: name one with --camera or in"),
+        (["run", "TASK", "--port", "/dev/none", "--camera", "x"], "no photographs: camera x: is not there; there"),
+        (["run", "TASK", "--port", "p", "--camera", "x", "--images", "y"], "two places for photographs"),
+    ],
+)  # fmt: skip
+def test_a_camera_that_cannot_be_had_is_told(place: Path, arguments: list[str], told: str) -> None:
+    with pytest.raises(InputError) as caught:
+        app(
+            [str(place / "scenes/task2.toml") if a == "TASK" else a for a in arguments], standalone_mode=False
+        )
+    assert told in f"{caught.value.word}: {caught.value}"
+    assert caught.value.exit_code == 2
+
+
+def test_why_there_are_no_photographs_is_data_too(place: Path) -> None:
+    task, selector = place / "scenes/task2.toml", "class:BaslerCamEmu"
+    said, told = a465("look", task, "--camera", selector, "--json", code=2)
+    assert told.startswith(f"a465: no photographs: camera {selector}: means 2 cameras")
+    assert len(told.splitlines()) == 1
+    error = json.loads(said)["error"]
+    assert (error["kind"], error["exit_code"], error["reason"]) == ("CameraError", 2, "ambiguous")
+    assert [device["serial"] for device in error["found"]] == ["0815-0000", "0815-0001"]
+
+
+def test_the_cell_file_says_which_camera_and_how(scenes: Path) -> None:
+    plain = read_cell(scenes / "cell.toml")
+    assert plain.basler.device is None
+    assert plain.basler.settings == BaslerSettings()
+    given(
+        scenes,
+        'device = "name:camera-crs93"\nexposure_us = 12000\ngain_db = 3\ntimeout_s = 1.5\nheartbeat_s = 1\n'
+        "features = { ReverseX = true, GainRaw = 5 }",
+    )
+    cell_ = read_cell(scenes / "cell.toml")
+    assert cell_.basler.device == "name:camera-crs93"
+    assert cell_.basler.settings == BaslerSettings(0.012, 3.0, 1.5, 1.0, {"ReverseX": True, "GainRaw": 5})
+    assert cell_.digest == plain.digest  # no plan rests on it
+    assert not changes(plain.inputs, cell_.inputs)
+
+
+@pytest.mark.parametrize(
+    ("lines", "told"),
+    [
+        ('device = "colour:red"', r"look\.basler\.device = 'colour:red': must be name:NAME"),
+        ('device = "cell"', r"look\.basler\.device = 'cell': must be a camera; write name:cell"),
+        ("device = 7", r"look\.basler\.device = 7: must be a text"),
+        ("exposure_us = 0", r"look\.basler\.exposure_us = 0: must be a number in us from 1 to"),
+        ("gain_db = -1", r"look\.basler\.gain_db = -1: must be a number in dB from 0 to 60"),
+        ("timeout_s = 0", r"look\.basler\.timeout_s = 0: must be a number in s"),
+        ("exposure_us = 3e6", r"look\.basler\.timeout_s: must be more than the exposure, 3 s"),
+        ("heartbeat_s = 0", r"look\.basler\.heartbeat_s = 0"),
+        ("exposure_ms = 3", r"look\.basler\.exposure_ms = 3: is not a known key \(did you mean look\.basler\.exp"),
+        ("features = { Width = [1] }", r"look\.basler\.features.*: Width must be a number, a text, true or false"),
+        ("features = 3", r"look\.basler\.features = 3: must be a table"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_in_the_cell_file_is_told(scenes: Path, lines: str, told: str) -> None:
+    given(scenes, lines)
+    with pytest.raises(InputError, match=told):
+        read_cell(scenes / "cell.toml")
+
+
+@contextmanager
+def emulated(place: Path) -> Iterator[str]:
+    """The port of a unit among the boards and cubes of the task."""
+    task = read_task(place / "scenes/task2.toml")
+    simulated = simulated_cell(task, None)
+    with Emulator(task.cell.unit, Clock(TIME_SCALE), plant=simulated) as emulator:
+        simulated.now_ms = emulator.now_ms
+        yield emulator.open_pty()
+
+
+def test_the_device_of_the_cell_file_looks_unless_another_is_named(place: Path, tmp_path: Path) -> None:
+    shutil.copytree(place / "scenes", tmp_path / "scenes")
+    replace_in(tmp_path / "scenes/cell.toml", "\n[look.basler]", f'\n[look.basler]\ndevice = "{SERIAL}"')
+    task = read_task(tmp_path / "scenes/task2.toml")
+    with emulated(place) as port:
+        for asked, opened in ((None, SERIAL), ("cell", SERIAL), ("0815-0001", "0815-0001")):
+            log = tmp_path / f"{asked}.jsonl"
+            with open_cell(task, WhichCell(port, camera=asked), log) as connection:
+                assert isinstance(connection.frames, BaslerCamera)
+                assert str(connection.frames.selector) == opened
+                assert connection.frames.grab(1)[0].shape == (1200, 1920)
+            assert connection.frames.device is None
+        with open_cell(task, WhichCell(port, images=place / "shots"), tmp_path / "i.jsonl") as connection:
+            assert not isinstance(connection.frames, BaslerCamera)
+
+
+def test_a_camera_that_fails_on_the_way_stops_the_run(
+    place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(cell.session.connection, "Clock", lambda: Clock(TIME_SCALE))
+    shutil.copytree(place / "scenes", tmp_path / "scenes")
+    shutil.copytree(place / "shots", tmp_path / "shots")
+    replace_in(tmp_path / "scenes/cell.toml", str(place / "shots"), str(tmp_path / "shots"))
+    task, plan = tmp_path / "scenes/task2.toml", tmp_path / "plan.json"
+    look_step(task, None, None, tmp_path / "look.json", None, Console(True), SERIAL)
+    plan_step(task, tmp_path / "look.json", plan, 1.0, Console(True))
+    grab, looks = BaslerCamera.grab, []
+
+    def broken_after_one(camera: BaslerCamera, count: int) -> list[Image]:
+        if looks:
+            shutil.rmtree(tmp_path / "shots")
+        looks.append(count)
+        return grab(camera, count)
+
+    monkeypatch.setattr(BaslerCamera, "grab", broken_after_one)
+    with emulated(place) as port, pytest.raises(ExecutionStopped) as caught:
+        execute_plan(plan, task, Console(), WhichCell(port, camera=SERIAL), tmp_path / "run")
+    assert looks == [2, 2]
+    assert f"camera {SERIAL}: 3 frames of one look were damaged" in str(caught.value)
+    assert caught.value.data["reason"] == "failed"
+    assert caught.value.data["state"]["counts"] == list(
+        read_task(task).cell.unit.counts(read_task(task).cell.q_start)
+    )
+    told = capsys.readouterr()
+    assert f"--port {port} --camera {SERIAL} --resume" in told.out
+    assert "photograph 1 of 2 was damaged and is taken anew" in told.err

@@ -1,0 +1,125 @@
+"""Opening a cell: what is missing is told first, and photographs of before are never taken for the cell of now."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from arm.errors import InputError
+from arm.io.storage import data_file
+from cell.files.task import Task, read_task
+from cell.session import connection
+from cell.session.connection import AwaitedPhotographs, WhichCell, open_cell, world_file
+from driver.line.signals import SIGNALS, interruptible
+
+
+@pytest.fixture(scope="module")
+def task() -> Task:
+    return read_task(data_file("scenes/task2.toml"))
+
+
+def _photograph(path: Path, level: int) -> None:
+    cv2.imwrite(str(path), np.full((8, 8), level, dtype=np.uint8))
+
+
+def test_photographs_from_before_a_look_are_not_looked_at(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _photograph(tmp_path / "a.png", 1)
+    frames = AwaitedPhotographs(tmp_path)
+
+    def look(*levels: int) -> list[int]:
+        def later() -> None:
+            time.sleep(0.3)
+            for level in levels:
+                _photograph(tmp_path / f"b{level}.png", level)
+
+        thread = threading.Thread(target=later)
+        thread.start()
+        seen = [int(image[0, 0]) for image in frames.grab(len(levels))]
+        thread.join()
+        return seen
+
+    assert look(2, 3) == [2, 3]
+    assert (
+        "waiting for 2 new photographs under other names (1 that lies there already does not count), for"
+        in capsys.readouterr().err
+    )
+    _photograph(tmp_path / "b4.png", 4)  # between two looks: never handed out, yet of an older cell
+    assert look(5) == [5]
+    assert (
+        "waiting for 1 new photograph under other names (4 that lie there already do not count), for"
+        in capsys.readouterr().err
+    )
+
+
+def test_a_photograph_that_is_still_being_copied_is_waited_for(tmp_path: Path) -> None:
+    whole = cv2.imencode(".jpg", np.full((64, 64), 200, dtype=np.uint8))[1].tobytes()
+    frames = AwaitedPhotographs(tmp_path)
+
+    def later() -> None:
+        time.sleep(0.3)
+        with (tmp_path / "a.jpg").open("wb") as file:
+            for start in range(0, len(whole), len(whole) // 4):
+                time.sleep(0.25)
+                file.write(whole[start : start + len(whole) // 4])
+                file.flush()
+
+    thread = threading.Thread(target=later)
+    thread.start()
+    (image,) = frames.grab(1)
+    thread.join()
+    assert np.abs(image.astype(int) - 200).max() <= 2
+
+
+def test_photographs_that_do_not_come_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection, "AWAIT_S", 0.3)
+    _photograph(tmp_path / "a.png", 1)
+    with pytest.raises(InputError, match="holds 0 new photographs"):
+        AwaitedPhotographs(tmp_path).grab(1)
+    with pytest.raises(InputError, match="no such folder"):
+        AwaitedPhotographs(tmp_path / "none")
+
+
+def test_a_world_that_is_not_there_is_told(task: Task, tmp_path: Path) -> None:
+    assert world_file(task, None).name == "task2.world.toml"
+    with pytest.raises(InputError, match="the simulated cell needs one"):
+        world_file(task, tmp_path / "none.toml")
+
+
+@pytest.mark.parametrize(
+    ("port", "images", "time_scale", "message"),
+    [
+        (None, None, 0.0, "time scale = 0: must be from"),
+        (None, None, 101.0, "must be from 0.01 to 100"),
+        (None, Path("photographs"), 1.0, "--images needs --port"),
+        ("/dev/none", None, 1.0, "--time-scale 1 is of the simulated cell"),
+        ("/dev/none", None, None, "a camera is needed with --port"),
+    ],
+)
+def test_what_cannot_be_opened_is_told(
+    task: Task, tmp_path: Path, port: str | None, images: Path | None, time_scale: float | None, message: str
+) -> None:
+    opened = open_cell(task, WhichCell(port, images=images, time_scale=time_scale), tmp_path / "wire.jsonl")
+    with pytest.raises(InputError, match=message), opened:
+        pass
+
+
+def _send_myself(number: signal.Signals) -> None:
+    os.kill(os.getpid(), number)
+    time.sleep(1.0)
+
+
+@pytest.mark.parametrize("number", SIGNALS, ids=lambda s: s.name)
+def test_every_way_to_end_the_program_is_heard(number: signal.Signals) -> None:
+    before = signal.getsignal(number)
+    with pytest.raises(KeyboardInterrupt, match=number.name), interruptible():
+        _send_myself(number)
+    assert signal.getsignal(number) == before

@@ -1,0 +1,195 @@
+"""Homing in a free cell, or not at all: what is asked, what is checked, and what is sent."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+import cell.session.homed
+import cell.task.free_cell
+from arm.errors import ExecutionStopped, ImpossibleError, InputError
+from arm.io.storage import data_file
+from cell.commands.run import run_task
+from cell.config.cell import Cell
+from cell.config.cell_file import read_cell
+from cell.console import Console
+from cell.session.connection import WhichCell
+from cell.session.homed import keep_home, may_be_real, take_into_use
+from cell.task.free_cell import FreeCell, before_homing
+from driver.emulator import Emulator
+from driver.line.stepped_clock import SteppedClock
+from driver.mars.mars import Mars
+from lasting_cell import LastingCell
+
+
+@pytest.mark.parametrize(
+    ("port", "real"),
+    [
+        ("/dev/mars", True),
+        ("/dev/ttyUSB0", True),
+        ("socket://10.0.0.5:4001", True),
+        ("rfc2217://lab:4001", True),
+        ("socket://127.0.0.1:4001", False),
+        ("socket://localhost:4001", False),
+        ("/dev/pts/7", False),
+    ],
+)
+def test_only_what_is_surely_emulated_is_not_asked_about(port: str, real: bool) -> None:
+    assert may_be_real(port) is real
+
+
+def test_a_link_to_a_pseudo_terminal_is_one(tmp_path: Path) -> None:
+    (tmp_path / "mars").symlink_to("/dev/pts/7")
+    assert not may_be_real(str(tmp_path / "mars"))
+
+
+class _Asked:
+    """Stands in for a person: gives answers in turn, and keeps what was asked."""
+
+    def __init__(self, *answers: str | None) -> None:
+        self.answers = list(answers)
+        self.asked = 0
+
+    def __call__(self) -> str | None:
+        self.asked += 1
+        return self.answers.pop(0)
+
+
+def _run() -> Any:
+    return SimpleNamespace(after_homing=lambda: None)
+
+
+def test_homing_a_real_arm_asks_for_a_free_cell_and_then_for_the_boards(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    run, first = _run(), []
+    person = _Asked("yes", " FREE ".strip(), "ready")
+    FreeCell(first.append, "/dev/mars", False, Console(), person)(run)
+    assert first == [run]  # the usual approval is asked too
+    assert person.asked == 2
+    told = capsys.readouterr().out
+    assert "boards too" in told
+    run.after_homing()
+    assert person.asked == 3
+    assert "put boards and cubes in place" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("answers", [(None,), ("no", "n", "")])
+def test_without_the_word_nothing_moves(answers: tuple[str | None, ...]) -> None:
+    run = _run()
+    with pytest.raises(InputError, match="'free' was not typed"):
+        FreeCell(lambda run: None, "/dev/mars", False, Console(), _Asked(*answers))(run)
+
+
+def test_nobody_to_ask_is_refused_and_says_what_programs_give(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cell.task.free_cell, "at_terminal", lambda: False)
+    with pytest.raises(InputError, match="--free") as refused:
+        FreeCell(lambda run: None, "/dev/mars", False, Console())(_run())
+    assert "--homed" in str(refused.value)
+    asked: list[Any] = []
+    for port, said in (("/dev/mars", True), ("/dev/pts/3", False)):
+        FreeCell(asked.append, port, said, Console())(_run())
+    assert len(asked) == 2
+
+
+def test_what_is_not_homed_asks_for_no_free_cell() -> None:
+    def confirm(run: Any) -> None:
+        """Something else."""
+
+    assert before_homing(confirm, "/dev/mars", True, False, Console()) is confirm
+    assert isinstance(before_homing(confirm, "/dev/mars", False, False, Console()), FreeCell)
+
+
+@pytest.fixture(scope="module")
+def here() -> Cell:
+    return read_cell(data_file("scenes/cell.toml"))
+
+
+@pytest.fixture
+def unit(here: Cell) -> Iterator[tuple[Any, Emulator]]:
+    """A run on an emulated unit that was switched on and not homed."""
+    clock = SteppedClock()
+    with Emulator(here.unit, clock) as emulator, Mars(emulator.open_line(), here.unit, clock) as mars:
+        mars.identify()
+        run = SimpleNamespace(
+            connection=SimpleNamespace(mars=mars), task=SimpleNamespace(cell=here), console=Console()
+        )
+        yield run, emulator
+
+
+def _homings(emulator: Emulator) -> int:
+    return sum(line.startswith("HH") for _, line in emulator.lines)
+
+
+def test_a_unit_that_was_homed_is_kept_and_told(
+    unit: tuple[Any, Emulator], capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, emulator = unit
+    mars = run.connection.mars
+    mars.initialise()
+    mars.gripper(0.0)
+    run.console = Console()
+    before, homings = mars.counts(), _homings(emulator)
+    keep_home(run.connection.mars, run.task.cell, run.console)
+    assert _homings(emulator) == homings
+    assert mars.counts() == before
+    told = capsys.readouterr().out
+    assert "not homed: --homed says that it was" in told
+    assert "-45.0" in told  # where it stands, to compare
+
+
+def test_a_unit_as_after_power_up_is_refused_and_one_with_a_cube_in_the_jaws(
+    unit: tuple[Any, Emulator], here: Cell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run, emulator = unit
+    with pytest.raises(ImpossibleError, match=r"must be homed|must be from"):
+        keep_home(run.connection.mars, run.task.cell, run.console)
+    assert _homings(emulator) == 0
+    mars = run.connection.mars
+    mars.initialise()
+    monkeypatch.setattr(mars, "jaws", lambda: here.fraction_closed(here.cube_size))
+    with pytest.raises(ImpossibleError, match="as on a cube"):
+        keep_home(run.connection.mars, run.task.cell, run.console)
+    keep_home(run.connection.mars, run.task.cell, run.console, jaws_too=False)  # a target may be in the hand
+
+
+@pytest.mark.parametrize(("kept", "stalled"), [(False, False), (False, True), (True, True)])
+def test_homing_ends_at_the_marks_and_nothing_goes_on_with_jaws_that_do_not_open(
+    monkeypatch: pytest.MonkeyPatch, kept: bool, stalled: bool
+) -> None:
+    """The way from the marks is planned like any other; nobody goes straight from there."""
+    done: list[Any] = []
+    mars = SimpleNamespace(
+        initialise=lambda **how: done.append(how),
+        set_registers=lambda *registers: done.append(registers),
+        gripper=lambda closed: SimpleNamespace(stalled=stalled),
+    )
+    cell_ = SimpleNamespace(speed_registers=(1,) * 6, acceleration_registers=(2,) * 6)
+    run: Any = SimpleNamespace(
+        connection=SimpleNamespace(mars=mars),
+        task=SimpleNamespace(cell=cell_),
+        console=Console(as_json=True),
+        homed_before=kept,
+    )
+    monkeypatch.setattr(cell.session.homed, "keep_home", lambda *_: done.append("kept"))
+    if stalled:
+        with pytest.raises(ExecutionStopped, match="the jaws do not open: .*" + ("was" if kept else "marks")):
+            take_into_use(run.connection.mars, run.task.cell, run.console, run.homed_before)
+    else:
+        take_into_use(run.connection.mars, run.task.cell, run.console, run.homed_before)
+    assert done == ["kept" if kept else {"home": True, "soft_home": False}, ((1,) * 6, (2,) * 6)]
+
+
+def test_a_unit_that_was_not_homed_is_refused_before_anything_is_looked_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lasting = LastingCell(tmp_path, monkeypatch, "task2")
+    where, folder = WhichCell(lasting.url, homed=True), tmp_path / "run"
+    with lasting.emulator, pytest.raises(ImpossibleError, match="as after power-up: the unit must be homed"):
+        run_task(lasting.file, Console(), where, folder)
+    assert not list(folder.glob("look-*.png"))
+    assert not any(line.startswith(("HH", "REG", "COORD", "SPDT")) for _, line in lasting.emulator.lines)

@@ -1,0 +1,112 @@
+"""The jaws of the simulated cell: what they grip, push and miss, and what becomes of a cube that is let go."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from arm.io.storage import data_file
+from arm.se3 import Array, inverse, rot_x, rot_z, rotation, transform
+from cell.config.cell_file import read_cell
+from cell.files.world import read_world
+from cell.sim.cell import SimulatedCell, angle_to_square
+from plan.kinematics.ik import inverse_kinematics
+
+
+@pytest.fixture
+def simulated() -> SimulatedCell:
+    cell = read_cell(data_file("scenes/cell.toml"))
+    return SimulatedCell(cell, read_world(data_file("scenes/task2.world.toml"), 0.036))
+
+
+def _counts(simulated: SimulatedCell, T_base_tool: Array) -> tuple[int, ...]:
+    unit = simulated.cell.unit
+    q = inverse_kinematics(simulated.cell.robot(), T_base_tool, unit.lower, unit.upper).q[0]
+    return tuple(int(c) for c in unit.counts(q))
+
+
+def _over_cube(simulated: SimulatedCell, index: int, error: Array | None = None) -> Array:
+    """Tool pose that grips a cube, off by `error` in the tool's frame."""
+    grip = transform(rot_x(np.pi), (0.0, 0.0, 0.003))
+    return simulated._cubes[index].T_base_cube @ grip @ (transform() if error is None else error)
+
+
+def _jaws(simulated: SimulatedCell, T_base_tool: Array, fraction: float) -> int:
+    gripper = simulated.cell.unit.gripper
+    now = gripper.adc(1.0 - simulated.jaw_opening / simulated.cell.jaw_opening)
+    return simulated.jaws(_counts(simulated, T_base_tool), now, gripper.adc(fraction))
+
+
+@pytest.mark.parametrize(
+    ("error", "what"),
+    [
+        (transform(t=(0.0020, 0.0020, 0.0)), "gripped"),
+        (transform(t=(0.0025, 0.0025, 0.0)), "pushed"),
+        (transform(t=(0.0, 0.0, 0.010)), "gripped"),
+        (transform(t=(0.0, 0.0, -0.014)), "pushed"),
+        (transform(t=(0.0, 0.0, -0.030)), "missed"),
+        (transform(t=(0.050, 0.0, 0.0)), "missed"),
+        (transform(rot_z(np.radians(2.5))), "gripped"),
+        (transform(rot_z(np.radians(3.5))), "pushed"),
+        (transform(rot_z(np.radians(90.0))), "gripped"),
+        (transform(rotation((np.radians(3.5), 0.0, 0.0))), "pushed"),
+    ],
+)
+def test_a_cube_is_gripped_within_3_mm_and_3_deg_only(
+    simulated: SimulatedCell, error: Array, what: str
+) -> None:
+    stop = _jaws(simulated, _over_cube(simulated, 1, error), 0.9)
+    assert simulated.events[-1].what == what, simulated.events[-1].message
+    held = [c.name for c in simulated._cubes if c.T_tool_cube is not None]
+    assert held == (["cube 2"] if what == "gripped" else [])
+    gripper, cell = simulated.cell.unit.gripper, simulated.cell
+    expected = cell.fraction_closed(cell.cube_size) if what == "gripped" else 0.9
+    assert stop == pytest.approx(gripper.adc(expected), abs=1)
+
+
+def test_a_held_cube_keeps_its_offset_in_the_jaws(simulated: SimulatedCell) -> None:
+    error = transform(rot_z(0.02), (0.001, -0.0015, 0.002))
+    T_base_tool = _over_cube(simulated, 0, error)
+    T_tool_cube = inverse(T_base_tool) @ simulated._cubes[0].T_base_cube
+    _jaws(simulated, T_base_tool, 0.9)
+    lifted = _counts(simulated, transform(t=(0.0, 0.0, 0.1)) @ T_base_tool)
+    cube = simulated.cubes(lifted)[0]
+    assert inverse(simulated.T_base_tool(lifted)) @ cube.T_base_cube == pytest.approx(T_tool_cube, abs=2e-4)
+    assert cube.T_base_cube[2, 3] == pytest.approx(simulated._cubes[0].T_base_cube[2, 3] + 0.1, abs=2e-4)
+
+
+def _carried(simulated: SimulatedCell, T_base_cube: Array) -> None:
+    """Grip the first cube truly and let it go with its centre at `T_base_cube`."""
+    T_base_tool = _over_cube(simulated, 0)
+    T_tool_cube = inverse(T_base_tool) @ simulated._cubes[0].T_base_cube
+    _jaws(simulated, T_base_tool, 0.9)
+    _jaws(simulated, T_base_cube @ inverse(T_tool_cube), 0.0)
+
+
+@pytest.mark.parametrize(("aside", "what"), [(0.0, "placed"), (0.0018, "placed"), (0.0025, "fallen")])
+def test_a_pocket_catches_a_cube_within_2_mm(simulated: SimulatedCell, aside: float, what: str) -> None:
+    target = simulated.world.boards[1]
+    T_base_hole = target.T_base_board @ target.board.T_board_hole(1)
+    _carried(simulated, T_base_hole @ transform(t=(aside, 0.0, 0.013)))
+    assert simulated.events[-1].what == what
+    if what == "placed":
+        seat = inverse(T_base_hole) @ simulated._cubes[0].T_base_cube
+        assert seat[:3, 3] == pytest.approx([0.0, 0.0, 0.012], abs=1e-9)
+        assert angle_to_square(seat[:3, :3]) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("height", "what"), [(0.001, "set down"), (0.009, "set down"), (0.030, "fallen")])
+def test_a_cube_is_set_down_on_the_table_or_falls(simulated: SimulatedCell, height: float, what: str) -> None:
+    _carried(simulated, transform(rot_z(0.3), (0.25, -0.40, 0.020 + height)))
+    assert simulated.events[-1].what == what
+    if what == "set down":
+        assert simulated._cubes[0].T_base_cube[2, 3] == pytest.approx(0.020)
+
+
+def test_turns_of_a_cube_that_look_alike_count_as_none() -> None:
+    rng = np.random.default_rng(7)
+    for _ in range(50):
+        quarter = rot_z(np.pi / 2 * rng.integers(4)) @ rot_x(np.pi / 2 * rng.integers(4))
+        small = rotation(0.1 * rng.normal(size=3))
+        wanted = float(np.arccos((np.trace(small) - 1) / 2))
+        assert angle_to_square(quarter @ small) == pytest.approx(wanted, abs=1e-9)

@@ -1,0 +1,294 @@
+"""Before a plan moves a real arm a person has seen its preview, and is told what will move."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import re
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import cell.commands.run
+import cell.session.dialogue
+import cell.task.approval
+from arm.controller.unit import load_unit
+from arm.errors import InputError
+from arm.io.storage import data_file
+from arm.plan_file import Move, Plan, write_plan
+from cell.console import Console
+from cell.preview.content import page_content
+from cell.session.dialogue import TRIES
+from cell.session.overview import overview
+from cell.task.approval import Approval, Consent
+from command_line import a465
+from driver.emulator import Emulator
+from driver.execution.control import Control
+from driver.line.clock import Clock
+from driver.line.stepped_clock import SteppedClock
+from driver.line.wire_log import WireLog
+from driver.mars.mars import Mars
+
+
+def test_a_code_is_of_one_plan_alone_and_not_of_its_hash(preview_case) -> None:
+    plan: Plan = preview_case.plan
+    assert re.fullmatch(r"[2-9A-HJ-NP-Z]{4}-[2-9A-HJ-NP-Z]{4}", plan.code)
+    assert replace(plan).code == plan.code
+    others = {replace(plan, provenance={**plan.provenance, "seed": seed}).code for seed in range(1000, 1050)}
+    assert len(others | {plan.code}) == 51
+
+
+def test_the_preview_shows_the_code(preview_case) -> None:
+    case = preview_case
+    assert page_content(case.plan, case.robot_open, case.robot_holding, case.unit)["code"] == case.plan.code
+
+
+def test_ranges_and_speeds_are_those_of_what_is_sent(preview_case) -> None:
+    plan, robot, unit = preview_case.plan, preview_case.robot_open, preview_case.unit
+    of = overview(plan, robot, unit)
+    knots = unit.positions(np.concatenate([move.path.knots() for move in plan.moves]))
+    assert (of.lowest <= knots.min(axis=0) + 1e-9).all()
+    assert (of.highest >= knots.max(axis=0) - 1e-9).all()
+    fine = [unit.positions(move.path.sample(1e-3)) for move in plan.moves]
+    velocity = np.array([np.abs(np.diff(q, axis=0)).max(axis=0) / 1e-3 for q in fine]).max(axis=0)
+    assert of.fastest == pytest.approx(velocity, rel=0.02)
+    assert of.travel == pytest.approx(
+        np.sum([np.abs(np.diff(q, axis=0)).sum(axis=0) for q in fine], axis=0), rel=1e-3
+    )
+    tips = [np.array([robot.T_base_tool(x)[:3, 3] for x in q[::20]]) for q in fine]
+    speed = max(float(np.linalg.norm(np.diff(p, axis=0), axis=1).max()) for p in tips) / 0.02
+    assert of.tool == pytest.approx(speed, rel=0.02)
+    assert of.clearance == min(move.clearance for move in plan.moves)
+
+
+@pytest.fixture
+def plan(preview_case) -> Plan:
+    """As a file may have it: what is called certified has a clearance for every segment."""
+    steps = [replace(s, certified=False) if isinstance(s, Move) else s for s in preview_case.plan.steps]
+    return replace(preview_case.plan, steps=tuple(steps))
+
+
+@pytest.fixture
+def plan_file(plan: Plan, tmp_path: Path) -> Path:
+    write_plan(tmp_path / "plan.json", plan)
+    return tmp_path / "plan.json"
+
+
+@pytest.fixture
+def run(preview_case, tmp_path: Path) -> Iterator[Any]:
+    """What an approval looks at, with an emulated unit that was never homed."""
+    unit, clock = preview_case.unit, SteppedClock()
+    cell = SimpleNamespace(
+        unit=unit,
+        cube_size=0.04,
+        robot=lambda opening: preview_case.robot_holding,
+        arm_padding=0.01,
+        arm_compared="",
+    )
+    with (
+        Emulator(unit, clock) as emulator,
+        WireLog(tmp_path / "wire.jsonl", clock) as wire,
+        Mars(emulator.open_line(), unit, clock, wire) as mars,
+    ):
+        mars.identify()
+        yield SimpleNamespace(
+            task=SimpleNamespace(cell=cell),
+            control=Control(ceiling=0.5),
+            connection=SimpleNamespace(mars=mars),
+            wire=tmp_path / "wire.jsonl",
+            homed_before=False,
+        )
+
+
+def sent(wire: Path) -> list[str]:
+    records = map(json.loads, wire.read_text().splitlines())
+    return [r["data"].strip() for r in records if r["kind"] == "sent"]
+
+
+def test_what_will_move_is_told_and_nothing_but_questions_is_sent(
+    plan_file: Path, plan: Plan, preview_case, run: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked: list[str] = []
+
+    def answer() -> str:
+        asked.append(capsys.readouterr().out)
+        return f" {plan.code.replace('-', ' ').lower()} "
+
+    Approval(plan_file, None, Console(), answer)(run, plan)
+    (told,) = asked
+    of = overview(plan, preview_case.robot_holding, preview_case.unit)
+    assert f"{plan.duration_s / 0.5:.0f} s of motion" in told
+    row = next(line.split() for line in told.splitlines() if line.startswith("J2"))
+    assert row[1:4] == [f"{np.degrees(v[1]):.0f}" for v in (of.lowest, of.highest, of.travel)]
+    assert row[4] == f"{np.degrees(0.5 * of.fastest[1]):.1f}"
+    limits = preview_case.unit.limits(plan.speed_registers).velocity
+    assert row[5] == f"{50 * of.fastest[1] / limits[1]:.0f}"
+    assert f"tool: {500 * of.tool:.0f} mm/s at most" in told
+    assert "not homed since it was switched on, so its place is not known" in told
+    assert "the arm's shape is assumed, nobody has compared it with the arm: links padded by 10 mm" in told
+    assert "nothing checks its way" in told
+    assert plan.code not in told
+    assert max(len(line) for line in told.splitlines() if re.match("joint|J[1-6]", line)) <= 80
+    others = [
+        line for line in sent(run.wire) if not re.fullmatch(r"|ECHO:[01]|STAMP:\d+|VER\?|AP[A-F]\?", line)
+    ]
+    assert others == []
+
+
+def test_of_what_goes_on_nothing_is_said_to_be_homed(
+    plan_file: Path, plan: Plan, run: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Approval(plan_file, plan.code, Console(), resumes=True)(run, plan)
+    told = capsys.readouterr().out
+    assert "this moves the real arm: what is left of" in told
+    assert "nothing is homed" in told
+    assert "homes the arm" not in told
+
+
+def test_where_a_homed_arm_stands_is_told(
+    plan_file: Path, plan: Plan, preview_case, run: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run.connection.mars.initialise()
+    Approval(plan_file, plan.code, Console())(run, plan)
+    home = ", ".join(f"{d:.0f}" for d in np.degrees(preview_case.unit.soft_home))
+    assert f"the arm: at [{home}] deg by its counters" in capsys.readouterr().out
+
+
+def test_a_joint_a_little_below_zero_is_told_without_a_sign() -> None:
+    unit = load_unit("crs93")
+    for degrees, told in ((-0.4, "0"), (0.4, "0"), (-0.6, "-1"), (0.6, "1")):
+        counts = unit.counts(np.full(6, np.radians(degrees)))
+        run: Any = SimpleNamespace(
+            task=SimpleNamespace(cell=SimpleNamespace(unit=unit)),
+            connection=SimpleNamespace(mars=SimpleNamespace(counters=lambda counts=counts: counts)),
+        )
+        assert f"at [{', '.join([told] * 6)}] deg by its counters" in cell.task.approval._place(run)
+
+
+@pytest.mark.parametrize("typed", [["", "AAAA-AAAA", "2"], [None]])
+def test_without_the_code_nothing_goes_on(
+    plan_file: Path, plan: Plan, run: Any, typed: list[str | None]
+) -> None:
+    answers = iter(typed)
+    approval = Approval(plan_file, None, Console(), lambda: next(answers))
+    with pytest.raises(InputError, match="was not confirmed with the code of its preview; nothing moved"):
+        approval(run, plan)
+    assert next(answers, "none") == "none", f"asked {TRIES} times at most"
+
+
+def test_a_wrong_code_and_nobody_to_ask_are_told_before_a_port_is_opened(
+    plan_file: Path, plan: Plan, tmp_path: Path
+) -> None:
+    task = tmp_path / "none.toml"
+    port = ("--port", tmp_path / "no-such-port")
+    _, told = a465("execute", plan_file, task, *port, "--yes", "ABCD-EFGH", code=2)
+    assert "--yes 'ABCD-EFGH': is not the code that the preview of" in told
+    _, told = a465("execute", plan_file, task, *port, code=2)
+    assert "nobody is there to confirm" in told
+    assert "--yes CODE" in told
+    _, told = a465("execute", plan_file, task, "--yes", plan.code, code=2)
+    assert "--yes goes with --port" in told
+    assert plan.code not in told
+
+
+def test_plans_that_nobody_has_seen_move_a_real_arm_by_its_name_alone(
+    run: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run.speed = 0.1
+    asked: list[str] = []
+
+    def answer() -> str:
+        asked.append(capsys.readouterr().out)
+        return ("yes", run.task.cell.unit.name.upper())[len(asked) - 1]
+
+    Consent(False, Console(), answer)(run)
+    told = asked[0]
+    assert f"this moves the real arm, {run.task.cell.unit.name}, by plans that are made on the way" in told
+    assert "speed: 10 %" in told
+    assert "nothing checks its way" in told
+    assert f"that is not {run.task.cell.unit.name}; 2 more tries" in asked[1]
+    Consent(True, Console())(run)
+    assert "seen by nobody before" in capsys.readouterr().out
+    others = [
+        line for line in sent(run.wire) if not re.fullmatch(r"|ECHO:[01]|STAMP:\d+|VER\?|AP[A-F]\?", line)
+    ]
+    assert others == []
+
+
+def test_nobody_lets_the_arm_move_by_silence(run: Any) -> None:
+    run.speed = 0.1
+    for answer in (lambda: None, lambda: ""):
+        with pytest.raises(InputError, match="nobody let the arm move; nothing moved"):
+            Consent(False, Console(), answer)(run)
+
+
+def test_a_run_on_a_port_without_a_terminal_needs_to_be_told(tmp_path: Path) -> None:
+    """With an emulated unit that is heard, and photographs that never come: it ends before any is waited for."""
+    unit, clock = load_unit("crs93"), Clock(20.0)
+    task = data_file("scenes/task2.toml")
+    (tmp_path / "shots").mkdir()
+    with Emulator(unit, clock) as emulator:
+        _, told = a465(
+            "run", task, "--port", emulator.open_pty(), "--images", tmp_path / "shots", code=2, cwd=tmp_path
+        )
+        assert "nobody is there to let a real arm move" in told
+        assert "--unseen" in told
+        moving = ("COORDMV", "COORDS", "HH", "GG:", "INIT")
+        assert not any(line.startswith(moving) for _, line in emulator.lines)
+    _, told = a465("run", task, "--unseen", code=2, cwd=tmp_path)
+    assert "--unseen goes with --port" in told
+    _, told = a465("calibrate", "hand-eye", tmp_path / "r.json", "--unseen", code=2, cwd=tmp_path)
+    assert "--unseen: goes with --collect" in told
+
+
+def test_a_plan_that_was_changed_since_it_was_read_is_not_sent(plan_file: Path, plan: Plan, run: Any) -> None:
+    other = replace(plan, provenance={**plan.provenance, "seed": 99})
+    with pytest.raises(InputError, match="was changed while it was read"):
+        Approval(plan_file, plan.code, Console())(run, other)
+    asked: list[tuple[Any, Plan]] = []
+    confirm = cell.commands.run._of_plan(lambda run, plan: asked.append((run, plan)), other)
+    assert confirm is not None
+    confirm(run)
+    assert asked == [(run, other)], "asked about what is sent, not about what the file holds by then"
+
+
+@pytest.mark.parametrize(
+    ("before", "then"),
+    [
+        ("ls\ncrs93\n", "no\n"),  # pasted with other lines, before the question was there
+        ("", "x" * 200 + "crs93\n"),
+        ("", "crs93\x04\x04"),  # no line
+        ("", "cr\u017f93\n"),
+    ],
+)
+def test_only_a_whole_line_that_was_typed_after_the_question_answers_it(
+    monkeypatch: pytest.MonkeyPatch, before: str, then: str
+) -> None:
+    master, slave = pty.openpty()
+    with open(slave) as stdin:
+        monkeypatch.setattr(sys, "stdin", stdin)
+        os.write(master, before.encode())
+        console = Console()
+        monkeypatch.setattr(console, "say", lambda text: os.write(master, then.encode()))
+        right = cell.task.approval._same_name("crs93")
+        assert not cell.session.dialogue.asked(console, "?", "crs93", right, cell.session.dialogue.typed)
+        monkeypatch.setattr(console, "say", lambda text: os.write(master, b"CRS93\n"))
+        assert cell.session.dialogue.asked(console, "?", "crs93", right, cell.session.dialogue.typed)
+    os.close(master)
+
+
+def test_an_interrupt_while_it_asks_sends_nothing(run: Any) -> None:
+    mars = run.connection.mars
+    before = len(sent(run.wire))
+    error = cell.commands.run._interrupted(mars, False)
+    assert "interrupted before the arm was let move; nothing moved" in str(error)
+    assert len(sent(run.wire)) == before
+    cell.commands.run._interrupted(mars, True)
+    assert "STOP:" in "".join(sent(run.wire)[before:])

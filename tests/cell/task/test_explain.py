@@ -1,0 +1,96 @@
+"""A refusal at the command line: the ways that were rejected as a table, advice that holds, all of it in the JSON."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm.errors import ImpossibleError
+from cell.commands.steps import look_step, plan_step, reach_step
+from cell.console import Console
+
+SLAB = """
+[[walls]]
+name = "slab"
+centre_mm = [520, -60, 230]
+size_mm = [60, 60, 20]
+"""
+
+
+@pytest.fixture
+def blocked(scenes: Path) -> Path:
+    """The scenes with a slab above hole 03-04/4, put there after the look, which it would hide the hole from."""
+    cell = scenes / "cell.toml"
+    look_step(scenes / "task2.toml", None, None, scenes / "look.json", None, Console(True))
+    cell.write_text(cell.read_text() + SLAB)
+    return scenes
+
+
+def refusal(scenes: Path, advice: bool) -> ImpossibleError:
+    task, look = scenes / "task2.toml", scenes / "look.json"
+    with pytest.raises(ImpossibleError) as caught:
+        plan_step(task, look, scenes / "plan.json", None, Console(True), advice)
+    return caught.value
+
+
+def test_a_refused_plan_shows_what_rejects_each_way_and_advice_that_holds(
+    blocked: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    error = refusal(blocked, advice=True)
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert "line blocked: line at 03-04/4" in told.err
+    assert "gripper is inside slab (asked: 5 mm)" in told.err
+    body: dict[str, Any] = json.loads(json.dumps(error.data))
+    assert body["failure"]["body"] == "slab"
+    first = body["advice"][0]
+    assert first["text"] in told.err
+    assert first["what"] == "slab"
+    # done as it says, the plan comes out, and takes as long as was said
+    cell = blocked / "cell.toml"
+    x, y, z = np.array([520.0, -60.0, 230.0]) + first["by_mm"]
+    cell.write_text(cell.read_text().replace("[520, -60, 230]", f"[{x:.1f}, {y:.1f}, {z:.1f}]"))
+    plan = plan_step(
+        blocked / "task2.toml", blocked / "look.json", blocked / "plan.json", None, Console(True)
+    )
+    assert plan["motion_s"] == pytest.approx(first["motion_s"], abs=0.5)
+
+
+def test_without_advice_the_refusal_is_quick_and_still_explained(
+    blocked: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    error = refusal(blocked, advice=False)
+    told = capsys.readouterr().err
+    assert "slab" in told
+    assert "what would help" not in told
+    assert error.data["advice"] == []
+
+
+def test_a_start_in_the_table_names_the_keys_of_the_cell_file(scenes: Path) -> None:
+    look_step(scenes / "task2.toml", None, None, scenes / "look.json", None, Console(True))
+    cell = scenes / "cell.toml"
+    start = "q_start_deg = [-60, -85, -80, 0, -60, 0]"
+    cell.write_text(cell.read_text().replace("q_start_deg = [-60, -40, -80, 0, -60, 0]", start))
+    told = str(refusal(scenes, advice=False))
+    assert "is inside table (asked: 10 mm)" in told
+    assert told.endswith(f"in cell.toml, {start} or table.top_z_mm = 0 has to change")
+
+
+def test_holes_out_of_reach_are_explained_by_reach_alone(
+    scenes: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    world = scenes / "task2.world.toml"
+    text = world.read_text().replace("centre_mm = [460, 110, 40]", "centre_mm = [460, 110, 80]")
+    text = text.replace("tilt_deg = 7", "tilt_deg = 25")
+    world.write_text(text.replace("lean_azimuth_deg = 265", "lean_azimuth_deg = 180"))
+    look_step(scenes / "task2.toml", None, None, scenes / "look.json", None, Console(True))
+    with pytest.raises(ImpossibleError) as caught:
+        reach_step(scenes / "task2.toml", scenes / "look.json", Console(True))
+    told = capsys.readouterr().err
+    assert caught.value.data["failure"]["kind"] == "out of reach"
+    assert "joint J3 goes" in told
+    assert "out of reach: line at 01-02/2" in told

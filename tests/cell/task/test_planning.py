@@ -1,0 +1,185 @@
+"""What the cell asks the planner for: which cubes, which places, in which order, and how often to look."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from arm.errors import ImpossibleError
+from arm.io.storage import data_file
+from arm.plan_file import Plan
+from arm.poses import hole_poses
+from cell.files.observation import Seen
+from cell.files.task import TablePlaces, Task, read_task
+from cell.scene.build import T_base_cube_on_table
+from cell.task.cube_cycles import visits
+from cell.task.plan_matches import check_plan
+from cell.task.planning import (
+    options_of,
+    plan_rest,
+    reach_of,
+    reachable_places,
+    require_above_table,
+    scene_of,
+    work_left,
+)
+from plan.advice.changes import Request
+from true_look import true_look
+from vision.occupancy.classify import FAINT, OTHER
+
+
+def _planned(
+    task: Task, seen: Seen | None = None, done: dict[str, str] | None = None
+) -> tuple[Plan, dict[str, str]]:
+    """The plan of what is left from q_start, and where each cube goes in it."""
+    done = done or {}
+    on_table = {f"cube {place}": T_base_cube_on_table(task, place) for place in done.values()}
+    plan = plan_rest(task, seen or true_look(task), task.cell.q_start, 0.5, done, on_table)
+    assert plan is not None
+    return plan, {c["cube"]: c["to"] for c in plan.task["cubes"]}
+
+
+@pytest.fixture(scope="module")
+def task1() -> Task:
+    return read_task(data_file("scenes/task1.toml"))
+
+
+@pytest.fixture(scope="module")
+def task2() -> Task:
+    return read_task(data_file("scenes/task2.toml"))
+
+
+def test_places_on_the_table_are_chosen_for_time_unless_they_are_given(task1: Task) -> None:
+    given = replace(task1, order="given", assignment="given")
+    (free_plan, free), (given_plan, first) = _planned(task1), _planned(given)
+    in_reach = reachable_places(task1, true_look(task1))
+    assert list(first.items()) == [(f"cube 01-02/{i + 1}", in_reach[i]) for i in range(4)]
+    assert set(free) == set(first)
+    assert len(set(free.values())) == 4
+    assert set(free.values()) <= set(in_reach)
+    assert free_plan.duration_s < 0.95 * given_plan.duration_s
+    for task, plan in ((task1, free_plan), (given, given_plan)):
+        assert check_plan(task, plan)["holds"]
+
+
+@pytest.mark.parametrize("speed", [0.001, 0.01, 1.0])
+def test_reach_and_plan_name_the_same_best_branches(task2: Task, speed: float) -> None:
+    """Same table, same ranking, whatever the speed: joints keep up with lines or do not."""
+    seen = true_look(task2)
+    told = reach_of(task2, seen, speed)
+    left = work_left(task2, seen, {}, speed=speed)
+    request = Request(
+        scene_of(task2, seen, {}),
+        left.transfers,
+        task2.cell.q_start,
+        task2.cell.unit,
+        task2.cell.limits,
+        options_of(task2, speed),
+        left.spare,
+    )
+    for hole in request.planner().reach(request.stations()).holes:
+        mine = told[hole.hole]
+        assert [(c.yaw, c.branch, c.margin, c.ok) for c in hole.choices] == [
+            (c.yaw, c.branch, c.margin, c.ok) for c in mine.choices
+        ]
+
+
+def test_holes_below_the_table_are_told(task2: Task) -> None:
+    seen = true_look(task2)
+    lowest = min(float(h.T_base_hole[2, 3]) for p in seen.poses for h in hole_poses(p))
+    assert require_above_table(task2, seen) is None
+    high = replace(task2, cell=replace(task2.cell, table_z=lowest + 0.0123))
+    with pytest.raises(
+        ImpossibleError, match=r"below the table's top, .* by 12.3 mm.*table.top_z_mm = "
+    ) as caught:
+        plan_rest(high, seen, high.cell.q_start, 0.5, {}, {})
+    assert max(caught.value.data["below_mm"].values()) == pytest.approx(12.3)
+
+
+def test_what_was_moved_stays_where_it_is(task1: Task) -> None:
+    whole, goes = _planned(task1)
+    cube = whole.task["cubes"][0]["cube"]
+    seen = true_look(task1).with_moves({cube: goes[cube]})
+    rest, left = _planned(task1, seen, {cube: goes[cube]})
+    assert set(left) == set(goes) - {cube}
+    assert goes[cube] not in left.values()
+    assert rest.duration_s < whole.duration_s
+    assert check_plan(task1, rest)["holds"]
+
+
+def test_only_free_holes_are_filled(task2: Task) -> None:
+    seen = true_look(task2)
+    source, target = seen.boards
+    seen = replace(
+        seen,
+        boards=(
+            replace(source, occupancy=("empty", "cube", "empty", "cube")),
+            replace(target, occupancy=("empty", "cube", "unsure", "empty")),
+        ),
+    )
+    work = work_left(task2, seen, {})
+    assert [t.cube for t in work.transfers] == ["cube 01-02/2", "cube 01-02/4"]
+    assert not work.spare
+    _, goes = _planned(task2, seen)
+    assert set(goes) == {"cube 01-02/2", "cube 01-02/4"}
+    assert set(goes.values()) == {"03-04/1", "03-04/4"}
+    one = replace(seen, boards=(replace(source, occupancy=("cube", *["empty"] * 3)), seen.boards[1]))
+    assert [s.name for s in work_left(task2, one, {}).spare] == ["03-04/4"]
+
+
+def test_a_hole_that_is_unsure_is_no_place_and_says_why(task2: Task) -> None:
+    seen = true_look(task2)
+    source, target = seen.boards
+    doubtful = replace(
+        target, occupancy=("unsure", "empty", "empty", "empty"), doubts=("poor contrast", "", "", "")
+    )
+    with pytest.raises(
+        ImpossibleError,
+        match=r"hole 03-04/1 may hold a cube, the image does not say \(poor contrast\).*let the camera see the holes",
+    ):
+        work_left(task2, replace(seen, boards=(source, doubtful)), {})
+
+
+@pytest.mark.parametrize(
+    ("look_after", "looks"),
+    [("each", [True] * 4), ("never", [False] * 4), (2, [False, True] * 2), (3, [False, False, True, True])],
+)
+def test_the_arm_looks_as_often_as_the_task_says(
+    task2: Task, look_after: str | int, looks: list[bool]
+) -> None:
+    plan, _ = _planned(replace(task2, look_after=look_after))
+    assert [v.looks for v in visits(plan)] == looks
+
+
+def test_a_table_full_of_places_is_planned_in_reasonable_time(task1: Task) -> None:
+    x, y = np.meshgrid(0.2 + 0.062 * np.arange(10), -0.6 + 0.062 * np.arange(20))
+    many = TablePlaces(tuple(zip(x.ravel().tolist(), y.ravel().tolist(), strict=True)), 0.0)
+    few, _ = _planned(task1)
+    begin = time.process_time()
+    plan, goes = _planned(replace(task1, places=many))
+    assert time.process_time() - begin <= 30.0
+    assert len(set(goes.values())) == 4
+    assert plan.duration_s < few.duration_s
+
+
+def test_no_cube_is_taken_from_a_hole_that_shows_something_else(task2: Task) -> None:
+    seen = true_look(task2)
+    name = task2.from_board.name
+    for doubt, refused in ((OTHER, True), (FAINT, False)):
+        boards = tuple(
+            replace(b, occupancy=("unsure", *b.occupancy[1:]), doubts=(doubt, *b.doubts[1:]))
+            if b.name == name
+            else b
+            for b in seen.boards
+        )
+        after = replace(seen, boards=boards)
+        if refused:
+            with pytest.raises(
+                ImpossibleError, match=f"hole {name}/1 cannot be taken from: neither a seated"
+            ):
+                work_left(task2, after, {})
+        else:
+            assert work_left(task2, after, {}) is not None

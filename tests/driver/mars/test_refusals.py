@@ -1,0 +1,43 @@
+"""States in which nothing is to move: each alone is refused, and what is sound is not."""
+
+from __future__ import annotations
+
+import pytest
+
+from arm.controller.unit import Unit
+from arm.errors import ImpossibleError
+from driver.line.protocol import Status
+from driver.mars.refusals import refuse_faults, refuse_unhomed
+from soft_home import SOFT_HOME
+
+
+@pytest.mark.parametrize(
+    ("word", "fault"),
+    [(0x8, "an axis is in error"), (0x10000, "arm power is off"), (0x20000, "motion stop is pressed")],
+)
+def test_each_fault_refuses(word: int, fault: str) -> None:
+    for other in (0, 0x10, 0x80):
+        with pytest.raises(ImpossibleError, match=fault) as refused:
+            refuse_faults(Status(word | other))
+        assert refused.value.data["faults"] == [fault]
+
+
+def test_what_is_no_fault_does_not_refuse() -> None:
+    for word in (0, 0x1, 0x10, 0x80, 0x40000):
+        refuse_faults(Status(word))
+
+
+@pytest.mark.parametrize("axis", range(6))
+def test_counts_that_no_homed_arm_has_are_refused(unit: Unit, axis: int) -> None:
+    refuse_unhomed(unit, SOFT_HOME)
+    for bound in (unit.lower, unit.upper):
+        q = unit.positions(SOFT_HOME).copy()
+        beyond = 1.0 if bound is unit.upper else -1.0
+        q[axis] = bound[axis] - 1e-3 * beyond
+        refuse_unhomed(unit, unit.counts(q))
+        q[axis] = bound[axis] + 1e-3 * beyond
+        with pytest.raises(ImpossibleError, match=f"the arm stands at .* on axis {unit.axes[axis]}: must be"):
+            refuse_unhomed(unit, unit.counts(q))
+    for counts in ((0,) * 6, (25, -25, 0, 0, 0, 0)):
+        with pytest.raises(ImpossibleError, match="as after power-up: the unit must be homed"):
+            refuse_unhomed(unit, counts)

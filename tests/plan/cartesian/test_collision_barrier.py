@@ -1,0 +1,206 @@
+"""Barriers: rows are the derivative of the distance; a line bends its free yaw around a box, or says what stops it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from arm.controller.unit import Unit
+from arm.errors import ImpossibleError, InputError
+from arm.robot.model import Robot
+from arm.robot.shapes import Body, Box, Sphere
+from arm.se3 import rot_x, rot_z, transform
+from plan.cartesian import collision_barrier as barrier_module
+from plan.cartesian.collision_barrier import _differences, _gradient, collision_barrier
+from plan.cartesian.differential_ik import Barrier
+from plan.cartesian.line import SOLVERS, Line, LineOptions, follow_line
+from plan.collision.world import DISTANCE_ERROR, World
+from plan.kinematics.ik import inverse_kinematics
+from plan.kinematics.product_of_exponentials import screw_arm
+
+CLEARANCE, NEAR = 0.005, 0.05
+START = transform(rot_x(np.pi), (0.40, -0.10, 0.08))
+YAW = 1.0
+END = transform(rot_x(np.pi), (0.40, 0.10, 0.08))
+
+
+def _world(robot: Robot, x: float = 0.45) -> World:
+    """A post beside the line: fingers across it do not pass, fingers along it do."""
+    post = Body("post", Box((0.04, 0.04, 0.2)), transform(t=(x + 0.02, 0.0, 0.1)), "wall")
+    return World(robot, [post])
+
+
+def _start(robot: Robot, unit: Unit, yaw: float) -> np.ndarray:
+    T = START @ transform(rot_z(yaw))
+    found = inverse_kinematics(robot, T, unit.lower, unit.upper).q
+    room = np.minimum(found - unit.lower, unit.upper - found).min(axis=1)
+    return found[np.argmax(np.round(room, 6))]
+
+
+def test_rows_are_the_derivative_of_the_distance(robot: Robot, unit: Unit) -> None:
+    rng = np.random.default_rng(21)
+    world, count = _world(robot), 0
+    barrier = collision_barrier(world, 0.0, 0.08)
+    for q in rng.uniform(unit.lower, unit.upper, (80, 6)):
+        here = barrier(q)
+        dq = rng.normal(size=6)
+        step = 1e-5 * dq / np.linalg.norm(dq)
+        ahead, behind = barrier(q + step), barrier(q - step)
+        for row, name in enumerate(here.names):
+            if (
+                abs(here.h[row]) < 1e-3
+                or here.h[row] < -0.02
+                or name not in ahead.names
+                or name not in behind.names
+            ):
+                continue
+            change = (ahead.h[ahead.names.index(name)] - behind.h[behind.names.index(name)]) / 2e-5
+            assert -here.G[row] @ step / 1e-5 == pytest.approx(change, abs=0.02)
+            count += 1
+    assert count > 50
+
+
+@pytest.mark.parametrize("padding", [0.0, 0.012])
+@pytest.mark.parametrize("signed", [-0.008, -0.002, 0.002, 0.008])
+def test_rows_point_apart_in_overlap_and_within_the_padding(
+    robot: Robot, unit: Unit, signed: float, padding: float
+) -> None:
+    """A ball in or beside the hand: following its row takes the two apart, as the distance's own differences do."""
+    rng, count = np.random.default_rng(22), 0
+    for q in rng.uniform(unit.lower, unit.upper, (12, 6)):
+        ball = _ball_beside_a_finger(robot, q, signed, rng)
+        world = World(robot, [ball], padding=padding)
+        barrier = collision_barrier(world, 0.0, 0.05)(q)
+        for name, row, value in zip(barrier.names, barrier.G, barrier.h, strict=True):
+            index = [i for i in range(len(world.pairs)) if " / ".join(world.pair_names(i)) == name]
+            if not name.endswith("/ ball") or not -0.01 <= value + padding <= 0.01:
+                continue
+            step = -1e-4 * row / np.linalg.norm(row)
+            ahead, behind = (world.pair_distances(q + x, np.array(index))[0] for x in (step, -step))
+            assert (ahead - behind) / 2e-4 == pytest.approx(np.linalg.norm(row), rel=0.05), name
+            count += 1
+    assert count >= 10
+
+
+def _ball_beside_a_finger(robot: Robot, q: np.ndarray, signed: float, rng: np.random.Generator) -> Body:
+    """A ball of 15 mm whose distance from a finger is `signed` m, negative for overlap."""
+    finger = next(b for b in robot.bodies_at(q) if b.name.startswith("finger"))
+    direction = rng.normal(size=3)
+    direction /= np.linalg.norm(direction)
+    middle = finger.T_base_body[:3, 3] + 0.2 * direction
+    for _ in range(4):  # along the normal until it fits
+        ball = Body("ball", Sphere(0.015), transform(t=middle), "wall")
+        world = World(robot, [ball])
+        pair = next(i for i in range(len(world.pairs)) if world.pair_names(i) == (finger.name, "ball"))
+        found = world.witnesses(q[None], np.zeros(1, dtype=np.intp), np.array([pair]))
+        middle = middle + (found.distance[0] - signed) * found.normal[0]
+    return ball
+
+
+def test_rows_of_bodies_that_touch_come_from_differences(robot: Robot, crs97: Unit) -> None:
+    q = _start(robot, crs97, 0.0)
+    # a wall moved until its face is where the foremost body ends
+    far = World(robot, [Body("wall", Box((0.04, 2.0, 2.0)), transform(t=(1.02, 0.0, 0.0)), "wall")])
+    gap = far.distances_below(q, 10.0)
+    gap = next(d.value for d in gap if "wall" in d.pair)
+    world = World(robot, [Body("wall", Box((0.04, 2.0, 2.0)), transform(t=(1.02 - gap, 0.0, 0.0)), "wall")])
+    barrier = collision_barrier(world, 0.0, 0.001)(q)
+    row = next(i for i, n in enumerate(barrier.names) if n.endswith("/ wall"))
+    assert abs(barrier.h[row]) < 1e-6
+    T = robot.T_base_tool(q)
+    # moving the tool straight along x (no turning) is what the row counts
+    dq = np.linalg.lstsq(robot.jacobian(q), np.r_[T[:3, :3].T @ (1.0, 0.0, 0.0), 0, 0, 0], rcond=None)[0]
+    assert barrier.G[row] @ dq == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_free_yaw_bends_around_a_post(robot: Robot, crs97: Unit, solver: str) -> None:
+    world = _world(robot)
+    barrier = collision_barrier(world, CLEARANCE, NEAR)
+    q = _start(robot, crs97, YAW)
+    options = LineOptions(barrier=barrier, free_axis="z", solver=solver)
+    path = follow_line(robot, q, START, END, crs97.limits(), options)
+    clear = [world.distance(each).value for each in path.q]
+    assert min(clear) >= CLEARANCE - 1e-8
+    assert min(clear) < CLEARANCE + 1e-5  # it keeps no more away than asked
+    deviation = Line(START, END).deviation(screw_arm(robot).tool_poses(path.q), "z")
+    assert deviation.distance.max() < 1e-6  # osqp meets its tolerance, no more
+    assert deviation.angle.max() < 1e-6
+    np.testing.assert_allclose(robot.T_base_tool(path.q[-1])[:3, 3], END[:3, 3], atol=1e-6)
+    without = follow_line(robot, q, START, END, crs97.limits(), LineOptions(free_axis="z"))
+    assert min(world.distance(each).value for each in without.q) < CLEARANCE
+    turned = path.q[np.argmin(clear)] - without.q[np.argmin(clear)]
+    assert np.abs(turned).max() > 0.02
+
+
+def test_without_freedom_the_pair_that_stops_the_line_is_named(robot: Robot, crs97: Unit) -> None:
+    world = _world(robot)
+    q = _start(robot, crs97, YAW)
+    T_start, T_end = START @ transform(rot_z(YAW)), END @ transform(rot_z(YAW))
+    options = LineOptions(barrier=collision_barrier(world, CLEARANCE, NEAR))
+    with pytest.raises(
+        ImpossibleError, match=r"line stops after \d+\.\d of 200\.0 mm: .* / post \(5\.\d\d mm apart\)"
+    ) as caught:
+        follow_line(robot, q, T_start, T_end, crs97.limits(), options)
+    data = caught.value.data
+    assert data["constraint"].endswith("/ post")
+    assert data["distance_m"] == pytest.approx(CLEARANCE, abs=0.001)
+    # where it stops is where the line without a barrier would come too near with its next step
+    free = follow_line(robot, q, T_start, T_end, crs97.limits())
+    clear = np.array([world.distance(each).value for each in free.q])
+    stop = int(np.searchsorted(free.s, data["done_m"] - 1e-9))
+    assert clear[: stop + 1].min() >= CLEARANCE > clear[stop + 1]
+
+
+def test_a_free_axis_turns_no_more_than_needed(robot: Robot, crs97: Unit) -> None:
+    """Without a barrier the joints move less than with the yaw held."""
+    q = _start(robot, crs97, YAW)
+    T_start, T_end = START @ transform(rot_z(YAW)), END @ transform(rot_z(YAW))
+    held = follow_line(robot, q, T_start, T_end, crs97.limits())
+    free = follow_line(robot, q, T_start, T_end, crs97.limits(), LineOptions(free_axis="z"))
+    assert np.abs(np.diff(free.q, axis=0)).sum() < np.abs(np.diff(held.q, axis=0)).sum()
+    with pytest.raises(InputError, match="free_axis = 'yaw': must be one of None, x, y, z"):
+        follow_line(robot, q, T_start, T_end, crs97.limits(), LineOptions(free_axis="yaw"))
+
+
+def test_a_barrier_needs_room(robot: Robot) -> None:
+    with pytest.raises(InputError, match="near = 5 mm: must be above the clearance of 5 mm"):
+        collision_barrier(_world(robot), 0.005, 0.005)
+    assert isinstance(collision_barrier(World(robot, []), 0.0, 1e-6)(np.zeros(6)), Barrier)
+
+
+def test_no_normal_is_taken_of_bodies_that_touch_or_of_points_that_are_not_known(
+    robot: Robot, unit: Unit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng, q, called = np.random.default_rng(23), np.zeros(6), []
+
+    def differences(world: World, pair: tuple[str, str], q: np.ndarray) -> np.ndarray:
+        called.append(pair)
+        return np.full(6, 7.0)
+
+    monkeypatch.setattr(barrier_module, "_differences", differences)
+    for signed in (0.3 * DISTANCE_ERROR, -0.3 * DISTANCE_ERROR, 30.0 * DISTANCE_ERROR):
+        world = World(robot, [_ball_beside_a_finger(robot, q, signed, rng)])
+        found = min(world.distances_below(q, 0.05), key=lambda d: abs(d.value - signed))
+        called.clear()
+        row = barrier_module._gradient(world, found, q, np.ones((6, 6)))
+        assert (called == [found.pair]) == (abs(signed) < DISTANCE_ERROR)
+        assert np.all(row == 7.0) == (abs(signed) < DISTANCE_ERROR)
+    lost = replace(found, points=(found.points[0] * np.nan, found.points[1]))
+    assert np.all(barrier_module._gradient(world, lost, q, np.ones((6, 6))) == 7.0)
+
+
+def test_where_the_nearest_points_are_one_or_their_bodies_touch_differences_tell(
+    robot: Robot, unit: Unit
+) -> None:
+    """There is no direction between them then; the row is finite, and still the derivative."""
+    world, q = _world(robot), 0.5 * (unit.lower + unit.upper)
+    J = pin.computeJointJacobians(robot.model, robot.model.createData(), q).reshape(6, -1)
+    found = world.distances_below(q, 10.0)[0]
+    for value, apart in ((-0.01, 0.0), (0.0, 0.02), (0.02, 0.0)):
+        points = np.array([found.points[0], found.points[0] + [apart, 0.0, 0.0]])
+        row = _gradient(world, replace(found, value=value, points=points), q, J)
+        np.testing.assert_allclose(row, _differences(world, found.pair, q))

@@ -1,0 +1,251 @@
+"""Cheap bounds of many configurations at once: each held against coal's distances, and against points of the bodies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm.robot.model import load_robot
+from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere
+from arm.se3 import Array, apply, frozen, rotation, transform
+from grazing import ARMS, OBSTACLES, arm, obstacle, world_of
+from plan.collision.bounds import cover, hull
+from plan.collision.world import DISTANCE_ERROR, World
+
+KINDS = [kind for kind in OBSTACLES if kind != "self"]
+
+
+def bodies_around(rng: np.random.Generator, count: int) -> list[Body]:
+    bodies = []
+    for i in range(count):
+        angle = rng.uniform(-np.pi, np.pi)
+        place = np.array([0.6 * np.cos(angle), 0.6 * np.sin(angle), 0.4]) + rng.uniform(-0.3, 0.3, 3)
+        turn = rotation(rng.normal(size=3)) if i % 3 else np.eye(3)
+        bodies.append(Body(f"body {i}", obstacle(KINDS[i % len(KINDS)], rng), transform(turn, place), "wall"))
+    return bodies
+
+
+def some_q(world: World, rng: np.random.Generator, count: int) -> Array:
+    model = world.robot.model
+    return rng.uniform(model.lowerPositionLimit, model.upperPositionLimit, (count, model.nq))
+
+
+def surface(shape: Shape, rng: np.random.Generator, count: int) -> Array:
+    """Points (count, 3) of a body's surface, many of them at its corners and rims."""
+    v = rng.normal(size=(count, 3))
+    v /= np.linalg.norm(v, axis=1)[:, None]
+    match shape:
+        case Box(size):
+            return rng.choice([-1.0, 0.3, 1.0], (count, 3)) * np.array(size) / 2.0
+        case Cylinder(radius, length):
+            around = v[:, :2] / np.linalg.norm(v[:, :2], axis=1)[:, None] * radius
+            return np.column_stack([around, rng.choice([-0.5, 0.2, 0.5], count) * length])
+        case Capsule(radius, length):
+            return radius * v + np.sign(v[:, 2:]) * (0.0, 0.0, length / 2.0)
+        case Sphere(radius):
+            return radius * v
+        case Convex(points):
+            weights = rng.dirichlet(np.full(len(points), 0.05), count)
+            return np.asarray(weights @ np.array(points))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_hulls_and_balls_hold_their_body(kind: str) -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(30):
+        shape = obstacle(kind, rng)
+        points = surface(shape, rng, 200)
+        centres, radius = cover(shape)
+        apart = np.linalg.norm(points[:, None] - centres, axis=2).min(axis=1)
+        assert apart.max() <= radius + 1e-12
+        corners, ball = hull(shape)
+        directions = rng.normal(size=(50, 3))
+        directions /= np.linalg.norm(directions, axis=1)[:, None]
+        assert np.all(
+            (points @ directions.T).max(axis=0) <= (corners @ directions.T).max(axis=0) + ball + 1e-12
+        )
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "mesh"])
+def test_balls_are_no_larger_than_they_are_far_apart_and_no_more_than_that_takes(kind: str) -> None:
+    """Each holds a part that is at most as long as it is wide, while there are fewer than four."""
+    rng = np.random.default_rng(3)
+    for _ in range(60):
+        shape = obstacle(kind, rng)
+        centres, radius = cover(shape)
+        match shape:
+            case Box(size):
+                across, length = float(np.linalg.norm(np.sort(size)[:2])) / 2.0, max(size)
+            case Cylinder(across, length):
+                pass
+            case Capsule(across, length):
+                length += 2.0 * across
+            case Sphere(across):
+                length = 0.0
+        needed = max(int(np.ceil(length / (2.0 * across))), 1)
+        assert len(centres) == min(needed, 4)
+        assert radius <= np.sqrt(2.0) * across + 1e-12 or needed > 4
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_distances_are_never_above_coals(name: str) -> None:
+    rng = np.random.default_rng(2)
+    known, tightest = 0, np.inf
+    for _ in range(4):
+        world = world_of(name, bodies_around(rng, 7))
+        every = np.arange(len(world.pairs))
+        qs = some_q(world, rng, 60)
+        bounds = world.volumes.distances(world.volumes.placed(qs))
+        for q, low in zip(qs, bounds, strict=True):
+            values = world.pair_distances(q, every)
+            assert np.all(low <= values + 1e-6)
+            known += int(np.isfinite(low).sum())
+            tightest = min(tightest, float(np.min(np.where(np.isfinite(low), values - low, np.inf))))
+    assert known > 4000
+    assert tightest < 1e-4  # the bound is not idle
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_bodies_move_against_each_other_by_no_more_than_the_bound(name: str) -> None:
+    """Points of the outer body in the inner body's frame, for steps of all joints at once."""
+    rng = np.random.default_rng(3)
+    world = world_of(name, [])
+    robot = arm(name)
+    row = {part.name: part for part in robot.bodies}
+    tightest = 0.0
+    for q in some_q(world, rng, 60):
+        delta = rng.uniform(0.0, rng.choice([0.01, 0.2, 1.0]), len(q)) * rng.integers(0, 2, len(q))
+        after = robot.joint_poses(q + delta * rng.choice([-1.0, 1.0], len(q)))
+        before = robot.joint_poses(q)
+        bounds = world.volumes.motion(world.volumes.placed(q[None]), delta[None])[0]
+        for index, bound in enumerate(bounds):
+            names = world.pair_names(index)
+            if not set(names) <= set(row):
+                continue
+            outer, inner = row[names[0]], row[names[1]]
+            points = apply(outer.T_joint_body, surface(outer.shape, rng, 12))
+            there = [apply(np.linalg.inv(p[inner.joint]) @ p[outer.joint], points) for p in (before, after)]
+            moved = float(np.linalg.norm(there[1] - there[0], axis=1).max())
+            assert moved <= bound + 1e-9, names
+            if bound > 1e-6:
+                tightest = max(tightest, moved / bound)
+    assert tightest > 0.95
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_planes_stay_between_the_bodies_over_the_whole_motion(name: str) -> None:
+    """Random motions in the hull of some configurations, and a little beside it, whatever the normal is."""
+    rng = np.random.default_rng(4)
+    idle, near = 0, 0
+    for _ in range(60):
+        world = world_of(name, bodies_around(rng, 4))
+        volumes, every = world.volumes, np.arange(len(world.pairs))
+        q = some_q(world, rng, 1)
+        n = q.shape[1]
+        size = rng.choice([0.003, 0.03, 0.2]) * rng.integers(0, 2, n)
+        hull_of = q + size * rng.normal(size=(4, n))
+        stray = rng.choice([0.0, 1e-3, 1e-2]) * rng.uniform(size=n)
+        found = world.witnesses(q, 0 * every, every)
+        values, normals = found.distance, found.normal
+        apart = np.flatnonzero(values > 0.0)
+        wild = rng.normal(size=normals.shape)
+        wild /= np.linalg.norm(wild, axis=1)[:, None]
+        normals = np.where(rng.random((len(every), 1)) < 0.2, wild, normals)
+        bounds = volumes.plane_distances(
+            volumes.placed(q), 0 * apart, apart, normals[apart], hull_of[None], stray[None]
+        )
+        weights = np.concatenate([np.eye(4), rng.dirichlet(np.full(4, 0.3), 40)])
+        asides = rng.choice([-1.0, 0.0, 1.0], (len(weights), n)) * stray
+        least = np.min([world.pair_distances(at, apart) for at in weights @ hull_of + asides], axis=0)
+        assert np.all(bounds <= least + 1e-6)
+        idle += int((bounds < 0.0).sum())
+        near += int((bounds > 0.8 * least).sum())
+    assert near > 500  # most are close to what they bound
+    assert idle > 20
+
+
+def test_the_gap_between_planes_shows_how_far_coals_distances_may_be_wrong() -> None:
+    """A separating plane proves a distance from below without coal, its nearest points show it from above."""
+    rng = np.random.default_rng(5)
+    robot = arm("open")
+    above, gaps = [], []
+    for _ in range(12):
+        bodies = [
+            b for b in bodies_around(rng, 7) if not isinstance(b.shape, Convex)
+        ]  # whose planes are of its box
+        world = World(robot, bodies)
+        every = np.arange(len(world.pairs))
+        nothing = np.zeros((1, robot.model.nq))
+        for q in some_q(world, rng, 30):
+            found = world.witnesses(q[None], 0 * every, every)
+            values, normals = found.distance, found.normal
+            apart = np.flatnonzero(values > 0.0)
+            planes = world.volumes.plane_distances(
+                world.volumes.placed(q[None]), 0 * apart, apart, normals[apart], q[None, None], nothing
+            )
+            gaps.append(values[apart] - planes)
+            results = world._distances.distanceResults
+            ends = [(results[i].getNearestPoint1(), results[i].getNearestPoint2()) for i in apart.tolist()]
+            witnessed = np.array([np.linalg.norm(np.subtract(a, b)) for a, b in ends])
+            above.append(np.abs(witnessed - values[apart]))
+    assert np.concatenate(above).max() < 1e-9
+    # GJK's normal may be a little off where its distance is not; 1 in 50 000 was seen to be off by more
+    assert np.quantile(np.concatenate(gaps), 0.999) < DISTANCE_ERROR
+    assert np.concatenate(gaps).min() > -1e-9
+
+
+def test_a_far_body_of_any_size_has_the_same_bounds() -> None:
+    """The same configuration, alone and among others, to the last bit."""
+    rng = np.random.default_rng(6)
+    world = world_of("holding", bodies_around(rng, 5))
+    qs = some_q(world, rng, 20)
+    together = world.volumes.placed(qs)
+    for i, q in enumerate(qs):
+        alone = world.volumes.placed(q[None])
+        assert np.allclose(alone.radii[0], together.radii[i], atol=1e-12)
+        assert np.allclose(
+            world.volumes.distances(alone)[0], world.volumes.distances(together)[i], atol=1e-12
+        )
+    assert frozen(together.radii).shape == (20, len(world.robot.bodies), 6)
+
+
+def planar(folder: Path, reach: float) -> World:
+    """Two parallel axes, 0.4 m apart, and a ball of 1 mm at `reach` from the second; a still ball inside of it."""
+    chain = "".join(
+        f'<joint name="q{k}" type="revolute"><parent link="l{k - 1}"/><child link="l{k}"/><origin xyz="{x} 0 0"/>'
+        '<axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="1" effort="1"/></joint>'
+        for k, x in ((1, 0.0), (2, 0.4))
+    )
+    tip = f'<collision><origin xyz="{reach} 0 0"/><geometry><sphere radius="0.001"/></geometry></collision>'
+    path = folder / "planar.urdf"
+    path.write_text(
+        f'<robot name="planar"><link name="l0"/><link name="l1"/><link name="l2">{tip}</link>{chain}</robot>'
+    )
+    still = Body("still", Sphere(0.001), transform(t=(0.4 + reach - 0.1, 0.0, 0.0)), "wall")
+    return World(load_robot(path, "l2", np.eye(4)), [still])
+
+
+@pytest.mark.parametrize("delta", [(0.2, 0.0), (0.0, 0.2), (0.15, 0.1), (-0.1, -0.2)])
+def test_what_planes_take_off_beyond_first_order_is_no_less_and_hardly_more_than_the_motion_needs(
+    tmp_path: Path, delta: tuple[float, float]
+) -> None:
+    """A stretched arm swings: to first order its tip goes sideways, to second order inward by all of the remainder."""
+    world = planar(tmp_path, 0.3)
+    q, swing = np.zeros((1, 2)), np.array(delta)
+    none = np.zeros(1, dtype=np.intp)
+    placed = world.volumes.placed(q)
+    found = world.witnesses(q, none, none)
+    assert found.normal[0] == pytest.approx([1.0, 0.0, 0.0])
+    hull_of = np.stack([-swing, swing])
+    bound = world.volumes.plane_distances(placed, none, none, found.normal, hull_of[None], 0.0 * q)[0]
+    tips = [world.robot.joint_poses(u * swing)[2] @ (0.3, 0.0, 0.0, 1.0) for u in np.linspace(-1.0, 1.0, 41)]
+    along = min(float(tip[0]) for tip in tips) - 0.6 - 0.002  # what is left of the gap, seen along the normal
+    lost = 0.098 - along
+    assert bound <= along
+    assert 0.098 - bound == pytest.approx(lost, rel=0.03)
+    # a spread about the hull takes off the same, and what its direction, which is not known, may do to first order
+    stray = world.volumes.plane_distances(placed, none, none, found.normal, q[None], np.abs(swing)[None])[0]
+    first_order = float(world.motion_radii(q[0])[0] @ np.abs(swing))
+    assert stray == pytest.approx(bound - first_order, abs=1e-4)

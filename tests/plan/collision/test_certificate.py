@@ -1,0 +1,245 @@
+"""Proofs of clearance: never above the truth, near it, and valid between the samples."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from arm.controller.segments import CountPath, Segment
+from arm.controller.unit import load_unit
+from arm.errors import InputError
+from arm.robot.model import load_a465
+from arm.robot.shapes import Body, Box, Cylinder, Shape
+from arm.se3 import Array, apply, frozen, rotation, transform
+from plan.collision.bezier import Curve, curve_of_counts, curve_of_waypoints
+from plan.collision.certificate import TIGHT_ABSOLUTE, TIGHT_RELATIVE, check_curve, check_move
+from plan.collision.world import DISTANCE_ERROR, World
+from task2_scene import POST, Q_START, TABLE, TOOL_LENGTH
+
+HELD = Body("held", Box((0.04, 0.04, 0.04)), frozen(np.eye(4)), "cube")
+UNIT = load_unit("crs93")
+
+
+def crowded_world(rng: np.random.Generator) -> World:
+    bodies = [TABLE, POST]
+    for i in range(6):
+        angle = rng.uniform(-2.5, 2.5)
+        place = np.array([0.65 * np.cos(angle), 0.65 * np.sin(angle), 0.25]) + rng.uniform(-0.15, 0.15, 3)
+        x, y, z = (float(v) for v in rng.uniform(0.02, 0.25, 3))
+        shape = Box((x, y, z)) if i % 2 else Cylinder(x / 2, z)
+        bodies.append(Body(f"body {i}", shape, transform(rotation(rng.normal(size=3)), place), "wall"))
+    return World(load_a465(TOOL_LENGTH, 0.04), bodies, HELD, transform(t=(0.0, 0.0, 0.003)))
+
+
+def random_cubic(world: World, rng: np.random.Generator) -> Curve:
+    """One cubic about a random configuration, from hardly moving to half a radian per joint, mostly bent."""
+    q = rng.uniform(UNIT.lower, UNIT.upper)
+    control = q + rng.choice([0.01, 0.1, 0.5]) * rng.normal(size=(1, 4, 6))
+    return Curve(control, np.array([1.0]))
+
+
+def at(curve: Curve, u: Array) -> Array:
+    """Configurations (m, n) of a one-piece curve."""
+    weights = np.stack([(1 - u) ** 3, 3 * u * (1 - u) ** 2, 3 * u**2 * (1 - u), u**3], axis=1)
+    return np.asarray(weights @ curve.control[0])
+
+
+def sampled(world: World, curve: Curve, count: int) -> float:
+    return min(world.distance(q).value for q in at(curve, np.linspace(0.0, 1.0, count)))
+
+
+def test_the_bound_is_below_dense_sampling_and_near_it() -> None:
+    gaps, verdicts = [], []
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        world = crowded_world(rng)
+        for _ in range(30):
+            curve = random_cubic(world, rng)
+            dense = sampled(world, curve, 120)
+            tight = check_curve(world, curve, 0.01, tight=True)
+            assert tight.clearance <= dense + 2e-6
+            if tight.seen > 0.0:
+                assert dense >= tight.clearance - 2e-6
+                assert tight.seen >= tight.clearance
+                gaps.append((dense - tight.clearance) / max(dense, 1e-3))
+                allowed = max(TIGHT_ABSOLUTE, TIGHT_RELATIVE * tight.seen)
+                assert tight.seen - tight.clearance <= allowed + 2 * DISTANCE_ERROR
+            if dense > 2e-4:
+                asked = dense - 1e-4  # nearer than the gap that tight mode leaves otherwise
+                assert check_curve(world, curve, asked, tight=True).proved == (tight.seen >= asked + 2e-5)
+            for clearance in (0.0, 0.01, dense + 1e-4, dense - 1e-4):
+                decided = check_curve(world, curve, clearance)
+                if decided.proved:
+                    assert dense >= clearance - 2e-6
+                    assert decided.clearance <= dense + 2e-6
+                elif dense > 0.0:
+                    # the cheap mode gives up only within the arithmetic's resolution
+                    assert dense < clearance + 5e-5
+                verdicts.append(decided.proved)
+    assert len(gaps) > 30
+    assert np.median(gaps) <= 0.05
+    assert 0.2 < np.mean(verdicts) < 0.8
+
+
+def corners(shape: Shape) -> Array:
+    assert isinstance(shape, Box)
+    signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+    return np.asarray(signs * np.array(shape.size) / 2)
+
+
+def test_grazing_moves_are_never_called_clear() -> None:
+    """A floor is put 1 mm too near to the lowest finger of the move, or 1 mm further; the verdict follows."""
+    rng = np.random.default_rng(11)
+    robot = load_a465(TOOL_LENGTH, 0.06)
+    fingers_only = [frozenset((b.name, "floor")) for b in robot.bodies if "finger" not in b.name]
+    verdicts = []
+    for _ in range(30):
+        q0 = np.asarray(Q_START) + rng.uniform(-0.3, 0.3, 6)
+        curve = curve_of_waypoints([q0, q0 + rng.uniform(-0.6, 0.6, 6)])
+        lowest = min(
+            apply(body.T_base_body, corners(body.shape))[:, 2].min()
+            for q in at(curve, np.linspace(0.0, 1.0, 200))
+            for body in robot.bodies_at(q)
+            if body.name.startswith("finger")
+        )
+        for depth in (-1e-3, 1e-3):
+            top = lowest - 0.01 + depth
+            floor = Body("floor", Box((3.0, 3.0, 0.02)), transform(t=(0.0, 0.0, top - 0.01)), "table")
+            world = World(robot, [floor], allowed=fingers_only)
+            checked = check_curve(world, curve, 0.01)
+            if depth > 0.0 or "floor" not in checked.pair:
+                assert not checked.proved
+            else:
+                assert checked.proved
+            verdicts.append(checked.proved)
+    assert 10 < sum(verdicts) <= 30
+
+
+def test_what_happens_between_the_knots_counts() -> None:
+    """Both ends, and their middle, are clear; the cubic swings down in between."""
+    world = World(load_a465(TOOL_LENGTH, 0.06), [TABLE])
+    q = np.radians([0.0, -40.0, -80.0, 0.0, -60.0, 0.0])
+    swing = np.zeros((4, 6))
+    swing[1, 1], swing[2, 1] = -1.6, 1.6  # joint 2 lowers the arm when it goes negative
+    curve = Curve((q + swing)[None], np.array([2.0]))
+    ends = min(world.distance(q_at).value for q_at in at(curve, np.array([0.0, 0.5, 1.0])))
+    assert ends > 0.02
+    found = check_curve(world, curve, 0.01, tight=True)
+    assert not found.proved
+    assert found.seen < 0.0
+    assert "table" in found.pair
+    assert 0.0 < found.time < 2.0
+    assert world.distance(at(curve, np.array([found.time / 2.0]))[0]).value == pytest.approx(
+        found.seen, abs=1e-9
+    )
+
+
+def test_a_thin_wall_between_two_way_points_is_seen() -> None:
+    sheet = Body("sheet", Box((0.6, 1e-3, 1.2)), transform(t=(0.55, 0.0, 0.6)), "wall")
+    world = World(load_a465(TOOL_LENGTH, 0.06), [sheet])
+    left, right = np.array(Q_START), np.array(Q_START)
+    right[0] = -left[0]
+    assert world.distance(left).value > 0.03
+    assert world.distance(right).value > 0.03
+    found = check_curve(world, curve_of_waypoints([left, right]), 0.01)
+    assert not found.proved
+    assert "sheet" in found.pair
+
+
+def test_decide_is_cheaper_than_tight_and_agrees() -> None:
+    rng = np.random.default_rng(3)
+    world = crowded_world(rng)
+    cost = {True: 0, False: 0}
+    for _ in range(60):
+        curve = random_cubic(world, rng)
+        results = {tight: check_curve(world, curve, 0.01, tight=tight) for tight in (True, False)}
+        for tight, result in results.items():
+            cost[tight] += result.evaluations
+        if results[True].clearance >= 0.01 or results[True].seen < 0.01:
+            assert results[False].proved == (results[True].clearance >= 0.01)
+    assert cost[False] <= cost[True]
+
+
+def count_path(rng: np.random.Generator, start: Array, orders: tuple[int, ...]) -> CountPath:
+    segments = tuple(
+        Segment(
+            int(rng.integers(40, 400)),
+            tuple(tuple(int(v) for v in rng.integers(-4000, 4000, 6)) for _ in range(order)),
+        )
+        for order in orders
+    )
+    return CountPath(tuple(int(c) for c in UNIT.counts(start)), segments)
+
+
+def test_the_curve_is_the_executed_motion() -> None:
+    """Lines, parabolas and cubics in counts: the Bernstein form passes where the controller goes."""
+    rng = np.random.default_rng(4)
+    path = count_path(rng, np.asarray(Q_START), (1, 3, 2, 3))
+    curve = curve_of_counts(path, UNIT)
+    begins = np.concatenate([[0.0], curve.ends[:-1]])
+    for i in range(4):
+        u = np.linspace(0.0, 1.0, 21)
+        piece = Curve(curve.control[i : i + 1], np.array([1.0]))
+        times = begins[i] + u * (curve.ends[i] - begins[i])
+        # a hair inside, so that `at` takes the same segment at its ends
+        times = np.clip(times, begins[i] + 1e-9, curve.ends[i] - 1e-9)
+        assert np.abs(at(piece, u) - UNIT.positions(path.at(times))).max() < 1e-6
+    assert curve.ends[-1] == pytest.approx(path.duration_s)
+
+
+def test_a_move_of_many_segments_is_proved_whole() -> None:
+    rng = np.random.default_rng(12)
+    world = crowded_world(rng)
+    compared = 0
+    for seed in range(30):
+        path = count_path(np.random.default_rng(seed), rng.uniform(UNIT.lower, UNIT.upper), (3,) * 6)
+        dense = min(world.distance(q).value for q in UNIT.positions(path.sample(1e-2)))
+        found = check_move(world, path, UNIT, 0.01)
+        assert found.clearance <= dense + 2e-6
+        if found.seen > 0.0:
+            compared += 1
+            allowed = max(TIGHT_ABSOLUTE, TIGHT_RELATIVE * found.seen)
+            assert found.seen - found.clearance <= allowed + 2 * DISTANCE_ERROR
+            there = UNIT.positions(path.at([found.time]))[0]
+            assert world.distance(there).value == pytest.approx(found.seen, abs=1e-6)
+            assert set(world.distance(there).pair) == set(found.pair)
+    assert compared >= 5
+
+
+def test_a_motion_that_stands_still() -> None:
+    world = World(load_a465(TOOL_LENGTH, 0.06), [TABLE])
+    still = CountPath(tuple(int(c) for c in UNIT.counts(Q_START)), ())
+    found = check_move(world, still, UNIT, 0.01)
+    assert found.proved
+    assert found.seen - DISTANCE_ERROR == pytest.approx(found.clearance, abs=1e-9)
+
+
+def test_the_same_request_gives_the_same_answer() -> None:
+    rng = np.random.default_rng(2)
+    world = crowded_world(rng)
+    curve = random_cubic(world, rng)
+    assert check_curve(world, curve, 0.01, tight=True) == check_curve(world, curve, 0.01, tight=True)
+
+
+@pytest.mark.parametrize("clearance", [float("nan"), float("inf"), None, "5 mm"])
+def test_a_clearance_that_is_no_number_is_refused(clearance: object) -> None:
+    world = crowded_world(np.random.default_rng(0))
+    curve = random_cubic(world, np.random.default_rng(0))
+    with pytest.raises(InputError, match=r"clearance = .*must be a finite number in m"):
+        check_curve(world, curve, clearance)
+
+
+def test_a_curve_whose_parts_do_not_fit_is_refused_by_its_shape() -> None:
+    world = crowded_world(np.random.default_rng(1))
+    good = np.zeros((2, 4, 6))
+    for control, ends in (
+        (good, np.ones(3)),
+        (good, np.ones((2, 1))),
+        (np.zeros((2, 4, 5)), np.ones(2)),
+        (np.zeros((2, 3, 6)), np.ones(2)),
+        (np.zeros((0, 4, 6)), np.ones(0)),
+        (np.zeros((4, 6)), np.ones(4)),
+    ):
+        with pytest.raises(InputError, match=r"must be \(m, 4, 6\) and \(m,\), m at least 1") as refused:
+            check_curve(world, Curve(control, ends), 0.005)
+        assert refused.value.data["shape"] == list(control.shape)

@@ -1,0 +1,149 @@
+"""Ways around, made faster: never slower, always proved, always the same; and the gradients that drive them."""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from arm.controller.unit import load_unit
+from arm.errors import ImpossibleError
+from arm.robot.shapes import Body, Box, Cylinder, Shape
+from arm.se3 import Array, rotation, transform
+from grazing import ARMS, OBSTACLES, arm, obstacle, world_of
+from plan.budget import TransitBudget
+from plan.collision.bezier import curve_of_waypoints
+from plan.collision.certificate import check_curve
+from plan.collision.world import World
+from plan.trajectory.time_estimates import path_time
+from plan.transit.optimise import Ends
+from plan.transit.planner import plan_transit
+from task2_scene import TABLE
+
+LIMITS = load_unit("crs93").limits().scaled(0.5)
+CLEARANCE = 0.01
+QUERIES = 40
+ROUGH = TransitBudget(corners=120, corner_edges=40, rrt=600, shortcuts=20, steps=0)
+FULL = TransitBudget(corners=120, corner_edges=40, rrt=600, shortcuts=20, steps=10)
+
+
+@cache
+def queries() -> tuple[tuple[World, Array, Array, Ends], ...]:
+    """Blocked on the straight way, clear at both ends; half of them entered and left at speed."""
+    rng = np.random.default_rng(21)
+    found: list[tuple[World, Array, Array, Ends]] = []
+    while len(found) < QUERIES:
+        world = world_of(("open", "holding")[len(found) % 2], [TABLE, *_around(rng, 4)])
+        ends = rng.uniform(0.7 * LIMITS.lower, 0.7 * LIMITS.upper, (2, 6))
+        ends[1] = ends[0] + np.clip(ends[1] - ends[0], -1.5, 1.5)
+        if any(world.in_collision(q, CLEARANCE) for q in ends):
+            continue
+        if check_curve(world, curve_of_waypoints(ends), CLEARANCE).proved:
+            continue
+        speed = (len(found) % 4 > 1) * 0.5 * rng.uniform(-1.0, 1.0, (2, 6)) * LIMITS.velocity
+        found.append((world, ends[0], ends[1], Ends(speed[0], speed[1])))
+    return tuple(found)
+
+
+def _around(rng: np.random.Generator, count: int) -> list[Body]:
+    bodies = []
+    for i in range(count):
+        angle = rng.uniform(-np.pi, np.pi)
+        place = np.array([0.55 * np.cos(angle), 0.55 * np.sin(angle), rng.uniform(0.2, 0.8)])
+        a, b, c = (float(v) for v in rng.uniform(0.05, 0.35, 3))
+        shape: Shape = Box((a, b, c)) if i % 2 else Cylinder(a / 3.0, c)
+        bodies.append(Body(f"body {i}", shape, transform(rotation(rng.normal(size=3)), place), "wall"))
+    return bodies
+
+
+def way(index: int, budget: TransitBudget) -> Array | None:
+    world, q_from, q_to, ends = queries()[index]
+    try:
+        return plan_transit(world, q_from, q_to, LIMITS, CLEARANCE, 7, budget, ends)
+    except ImpossibleError:
+        return None
+
+
+@cache
+def ways() -> tuple[tuple[Array | None, Array | None], ...]:
+    """As found, and made faster."""
+    return tuple((way(i, ROUGH), way(i, FULL)) for i in range(QUERIES))
+
+
+def test_what_is_made_faster_is_faster_and_proved() -> None:
+    gains = []
+    for (world, q_from, q_to, ends), (rough, better) in zip(queries(), ways(), strict=True):
+        assert (rough is None) == (better is None)
+        if rough is None or better is None:
+            continue
+        for path in (rough, better):
+            assert np.array_equal(path[[0, -1]], [q_from, q_to])
+            assert np.all((path >= LIMITS.lower) & (path <= LIMITS.upper))
+            assert check_curve(world, curve_of_waypoints(path), CLEARANCE).proved
+            samples = [a + u * (b - a) for a, b in pairwise(path) for u in np.linspace(0.0, 1.0, 60)]
+            assert not any(world.in_collision(q, CLEARANCE - 1e-6) for q in samples)
+        times = [path_time(path, LIMITS, ends.enter, ends.leave) for path in (rough, better)]
+        assert times[1] <= times[0] + 1e-9
+        gains.append(1.0 - times[1] / times[0])
+    assert len(gains) > 0.8 * QUERIES
+    assert np.mean(gains) > 0.01  # most ways need little, some much
+
+
+def test_the_same_query_has_the_same_way() -> None:
+    """Whatever was asked before."""
+    for index in range(0, QUERIES, 5):
+        again, known = way(index, FULL), ways()[index][1]
+        assert (again is None) == (known is None)
+        if again is not None and known is not None:
+            assert np.array_equal(again, known)
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_gradients_of_distance_are_its_slopes(name: str) -> None:
+    """Against central differences; left out where both sides differ, because the nearest points are not unique."""
+    rng = np.random.default_rng(5)
+    step, compared, skipped = 1e-4, 0, 0
+    for _ in range(6):
+        bodies = []
+        for i, kind in enumerate([k for k in OBSTACLES if k != "self"]):
+            place = rng.uniform((-0.7, -0.7, 0.0), (0.7, 0.7, 0.9))
+            bodies.append(
+                Body(f"body {i}", obstacle(kind, rng), transform(rotation(rng.normal(size=3)), place), "wall")
+            )
+        world = world_of(name, bodies)
+        model = arm(name).model
+        qs = rng.uniform(model.lowerPositionLimit, model.upperPositionLimit, (12, model.nq))
+        near = world.near(qs, 0.1)
+        for row, pair, distance, gradient in zip(
+            near.row, near.pair, near.distance, near.gradient, strict=True
+        ):
+            index = np.array([pair])
+            assert distance == pytest.approx(world.pair_distances(qs[row], index)[0], abs=1e-9)
+            if distance < 1e-3:
+                continue
+            for k in range(model.nq):
+                move = step * np.eye(model.nq)[k]
+                ahead = world.pair_distances(qs[row] + move, index)[0]
+                behind = world.pair_distances(qs[row] - move, index)[0]
+                if abs(ahead + behind - 2.0 * distance) > 2e-6:
+                    skipped += 1
+                    continue
+                compared += 1
+                assert gradient[k] == pytest.approx((ahead - behind) / (2.0 * step), abs=0.005), (pair, k)
+    assert compared > 1000
+    assert skipped < 0.1 * compared
+
+
+def test_near_finds_every_pair_that_is_near() -> None:
+    rng = np.random.default_rng(6)
+    world = world_of("holding", [TABLE, *_around(rng, 6)])
+    model = world.robot.model
+    qs = rng.uniform(model.lowerPositionLimit, model.upperPositionLimit, (40, 6))
+    found = world.near(qs, 0.08)
+    every = np.arange(len(world.pairs))
+    wanted = {(r, int(p)) for r, q in enumerate(qs) for p in every[world.pair_distances(q, every) < 0.08]}
+    assert {(int(r), int(p)) for r, p in zip(found.row, found.pair, strict=True)} == wanted
+    nothing = world.near(qs, -9.0)
+    assert nothing.gradient.shape == (0, 6)

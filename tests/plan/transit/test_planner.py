@@ -1,0 +1,189 @@
+"""Transits: straight where that is clear, else around, always proved, always the same."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from arm.controller.unit import Limits, load_unit
+from arm.errors import ImpossibleError
+from arm.robot.model import load_a465
+from arm.robot.shapes import Body, Box
+from arm.se3 import Array, transform
+from plan.budget import TransitBudget
+from plan.collision.bezier import curve_of_waypoints
+from plan.collision.certificate import check_curve
+from plan.collision.world import World
+from plan.trajectory.time_estimates import path_time, path_times, straight_time
+from plan.transit.planner import Detours, plan_transit
+from task2_scene import POST, Q_START, TABLE, TOOL_LENGTH
+
+UNIT = load_unit("crs93")
+LIMITS = UNIT.limits().scaled(0.5)
+ROBOT = load_a465(TOOL_LENGTH, 0.06)
+RIGHT = np.array(Q_START)
+LEFT = RIGHT * np.array([-1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
+# across the straight way, lower than the arm can go over
+LOW_WALL = Body("wall", Box((0.3, 0.02, 0.3)), transform(t=(0.45, 0.0, 0.15)), "wall")
+# higher than it can go over without folding up
+PILLAR = Body("pillar", Box((0.08, 0.08, 1.2)), transform(t=(0.45, 0.0, 0.6)), "post")
+
+
+def world_with(*bodies: Body) -> World:
+    return World(ROBOT, [TABLE, POST, *bodies])
+
+
+def closest(world: World, waypoints: Array) -> float:
+    u = np.linspace(0.0, 1.0, 150)[:, None]
+    return min(world.distance(q).value for a, b in itertools.pairwise(waypoints) for q in a + u * (b - a))
+
+
+def test_a_clear_way_is_straight() -> None:
+    way = plan_transit(world_with(), RIGHT, LEFT, LIMITS, 0.011, seed=0)
+    assert np.array_equal(way, [RIGHT, LEFT])
+
+
+@pytest.mark.parametrize("obstacle", [LOW_WALL, PILLAR], ids=lambda b: b.name)
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_what_is_in_the_way_is_gone_around(obstacle: Body, seed: int) -> None:
+    world = world_with(obstacle)
+    assert closest(world, np.stack([RIGHT, LEFT])) < 0.0
+    way = plan_transit(world, RIGHT, LEFT, LIMITS, 0.011, seed)
+    assert np.array_equal(way[0], RIGHT)
+    assert np.array_equal(way[-1], LEFT)
+    assert np.all(way >= LIMITS.lower)
+    assert np.all(way <= LIMITS.upper)
+    assert closest(world, way) >= 0.011
+    assert check_curve(world, curve_of_waypoints(way), 0.011).proved
+
+
+def test_the_way_over_a_low_wall_costs_little() -> None:
+    """Median over seeds: the way up and down again is short."""
+    times = [
+        path_time(plan_transit(world_with(LOW_WALL), RIGHT, LEFT, LIMITS, 0.011, seed), LIMITS)
+        for seed in range(5)
+    ]
+    assert np.median(times) < 1.3 * float(straight_time(LEFT - RIGHT, LIMITS))
+
+
+def test_shortening_only_improves() -> None:
+    world = world_with(LOW_WALL)
+    rough = plan_transit(world, RIGHT, LEFT, LIMITS, 0.011, 3, TransitBudget(steps=0))
+    better = plan_transit(world, RIGHT, LEFT, LIMITS, 0.011, 3)
+    assert path_time(better, LIMITS) < path_time(rough, LIMITS)
+    assert check_curve(world, curve_of_waypoints(better), 0.011).proved
+
+
+def test_rrt_finds_a_way_alone() -> None:
+    world = world_with(LOW_WALL)
+    way = plan_transit(world, RIGHT, LEFT, LIMITS, 0.011, 0, TransitBudget(corner_edges=0))
+    assert np.array_equal(way[0], RIGHT)
+    assert np.array_equal(way[-1], LEFT)
+    assert check_curve(world, curve_of_waypoints(way), 0.011).proved
+
+
+def test_the_same_seed_gives_the_same_way() -> None:
+    ways = [plan_transit(world_with(LOW_WALL), RIGHT, LEFT, LIMITS, 0.011, seed) for seed in (5, 5, 6)]
+    assert np.array_equal(ways[0], ways[1])
+    assert not np.array_equal(ways[0], ways[2])
+
+
+def test_a_blocked_end_is_named() -> None:
+    at_goal = Body("crate", Box((0.1, 0.1, 0.1)), transform(t=ROBOT.T_base_tool(LEFT)[:3, 3]), "wall")
+    with pytest.raises(
+        ImpossibleError, match=r"the end of the move is itself too near: \w+ and crate"
+    ) as caught:
+        plan_transit(world_with(at_goal), RIGHT, LEFT, LIMITS, 0.011, 0)
+    assert caught.value.data["end"] == "to"
+    assert caught.value.data["distance_m"] < 0.011
+    with pytest.raises(ImpossibleError, match="the start of the move") as caught:
+        plan_transit(world_with(at_goal), LEFT, RIGHT, LIMITS, 0.011, 0)
+    assert caught.value.data["end"] == "from"
+
+
+def test_no_way_says_what_is_in_it() -> None:
+    """Sheets before and behind the arm leave no room to turn past them."""
+    walls = [
+        Body("partition", Box((3.0, 0.02, 3.0)), transform(t=(1.62, 0.0, 1.5)), "wall"),
+        Body("partition behind", Box((3.0, 0.02, 3.0)), transform(t=(-1.62, 0.0, 1.5)), "wall"),
+    ]
+    budget = TransitBudget(corners=200, corner_edges=20, rrt=60)
+    with pytest.raises(ImpossibleError, match=r"no way around partition: \w+ comes to") as caught:
+        plan_transit(world_with(*walls), RIGHT, LEFT, LIMITS, 0.011, 0, budget)
+    assert caught.value.data["pair"][1] == "partition"
+    assert caught.value.exit_code == 3
+
+
+def test_travel_times_are_those_of_the_slowest_joint() -> None:
+    """Against a trapezoid integrated joint by joint, for long and short moves."""
+    rng = np.random.default_rng(1)
+    for size in (1.0, 0.3, 0.01):
+        for _ in range(50):
+            step = rng.uniform(-size, size, 6)
+            needed = 0.0
+            for way, v, a in zip(np.abs(step), LIMITS.velocity, LIMITS.acceleration, strict=True):
+                needed = max(needed, way / v + v / a if way > v * v / a else 2 * np.sqrt(way / a))
+            # all joints in step can be no faster than the slowest alone
+            assert straight_time(step, LIMITS) >= needed - 1e-12
+    one = np.array([0.7, 0.0, 0.0, 0.0, 0.0, 0.0])
+    v, a = LIMITS.velocity[0], LIMITS.acceleration[0]
+    assert straight_time(one, LIMITS) == pytest.approx(0.7 / v + v / a)
+    assert path_time(np.stack([0.0 * one, one]), LIMITS) == pytest.approx(0.7 / v + v / a)
+    assert straight_time(0.0 * one, LIMITS) == 0.0
+
+
+def test_times_of_many_paths_are_times_of_each() -> None:
+    rng = np.random.default_rng(2)
+    paths = rng.uniform(-1.0, 1.0, (20, 4, 6))
+    assert np.allclose(path_times(paths, LIMITS), [path_time(p, LIMITS) for p in paths])
+
+
+def near_limits(rng: np.random.Generator) -> Limits:
+    """Limits that leave the straight way from `RIGHT` to `LEFT`, and hardly more on some sides."""
+    low, high = np.minimum(RIGHT, LEFT), np.maximum(RIGHT, LEFT)
+    room = np.where(rng.random((2, 6)) < 0.3, 0.05, 1.2)
+    lower, upper = np.maximum(low - room[0], UNIT.lower), np.minimum(high + room[1], UNIT.upper)
+    return Limits(lower, upper, LIMITS.velocity, LIMITS.acceleration)
+
+
+def inside(corners: Array, limits: Limits) -> Array:
+    """Which of corners (m, c, n) are within limits, all of them."""
+    return np.asarray(((corners >= limits.lower) & (corners <= limits.upper)).all(axis=(1, 2)))
+
+
+def test_corners_are_within_limits_that_are_near() -> None:
+    """Of the corners that are tried, none takes a joint beyond its limits; none that does not is left out."""
+    world, kept, left_out = world_with(LOW_WALL), 0, 0
+    every = Detours(world, LIMITS, 0.011, np.random.default_rng(0), TransitBudget()).lifted(RIGHT, LEFT, 0.5)
+    for seed in range(12):
+        limits = near_limits(np.random.default_rng(seed))
+        detours = Detours(world, limits, 0.011, np.random.default_rng(seed), TransitBudget())
+        single, double = detours.lifted(RIGHT, LEFT, 0.5)
+        drawn = detours.drawn(RIGHT, LEFT)
+        assert inside(single, limits).all()
+        assert inside(double, limits).all()
+        assert inside(drawn[:, None], limits).all()
+        assert len(np.unique(drawn, axis=0)) > 0.9 * TransitBudget().corners  # clipped, not all to one corner
+        allowed = inside(every[0], limits)
+        assert len(single) == allowed.sum()
+        kept, left_out = kept + allowed.sum(), left_out + (~allowed).sum()
+    assert kept > 50
+    assert left_out > 50
+
+
+def test_ways_stay_within_limits_that_are_near() -> None:
+    found = []
+    for seed in range(8):
+        limits = near_limits(np.random.default_rng(seed))
+        world = world_with(LOW_WALL)
+        try:
+            way = plan_transit(world, RIGHT, LEFT, limits, 0.011, seed, TransitBudget(rrt=300))
+        except ImpossibleError:
+            continue
+        assert inside(way[None], limits).all()
+        assert check_curve(world, curve_of_waypoints(way), 0.011).proved
+        found.append(float(np.minimum(way - limits.lower, limits.upper - way)[1:-1].min()))
+    assert len(found) >= 4
+    assert min(found) < 0.02  # rad: a limit is what keeps a way from being faster

@@ -1,0 +1,218 @@
+"""Lists of poses on the A465: reached in order, within limits, clear by MuJoCo too, and the best of all ways."""
+
+from __future__ import annotations
+
+import itertools
+import json
+
+import numpy as np
+import pytest
+
+from arm.controller.unit import Unit
+from arm.robot.model import Robot
+from arm.robot.shapes import Body, Box, Cylinder, Sphere
+from arm.se3 import angle_between, rot_x, rot_z, transform
+from mujoco_cell import MujocoCell
+from plan.budget import Meter, SearchBudget
+from plan.collision.certificate import check_move
+from plan.kinematics.numeric_ik import SearchOptions
+from plan.kinematics.straight_line import Line
+from plan.trajectory.virtual_unit import fine_grid
+from plan.waypoints.attachments import Worlds
+from plan.waypoints.line_chains import _nearest
+from plan.waypoints.plan import Pause, PosePlan
+from plan.waypoints.planner import SearchEffort, _Problem, plan_poses
+from plan.waypoints.search import PoseSearch
+from plan.waypoints.target import Target
+from pose_lists import EFFORT, FAST, TABLE, check_plan, down
+
+
+@pytest.fixture(scope="module")
+def row(robot: Robot, crs97: Unit) -> tuple[PosePlan, list[Target]]:
+    """Three poses on either side of a wall, with a line and a pause."""
+    bodies = [TABLE, Body("wall", Box((0.4, 0.02, 0.3)), transform(t=(0.5, 0.0, 0.15)), "wall")]
+    targets = [
+        Target("a", down(0.45, -0.2, 0.1), free="rz", approach=0.05, retract=0.05),
+        Target("b", down(0.45, 0.2, 0.1), free="rz", approach=0.05, retract=0.05, dwell_s=0.5),
+        Target("c", down(0.35, 0.25, 0.15), free="rz"),
+        Target("d", down(0.35, 0.15, 0.15), free="rz", by="line", within=0.003),
+        Target("e", down(0.42, 0.15, 0.15), by="line", free="rz"),
+    ]
+    plan = plan_poses(
+        robot,
+        bodies,
+        targets,
+        np.radians([-35, -35, -85, 0, -60, 0]),
+        crs97.limits(),
+        options=FAST,
+        effort=EFFORT,
+    )
+    return plan, targets
+
+
+def test_poses_are_reached_within_limits(row: tuple[PosePlan, list[Target]], crs97: Unit) -> None:
+    plan, targets = row
+    check_plan(plan, targets, crs97.limits())
+    assert [s.target for s in plan.steps if isinstance(s, Pause)] == ["b"]
+    assert plan.clearance >= FAST.line_clearance
+
+
+def test_lines_are_straight_and_corners_cut_as_allowed(row: tuple[PosePlan, list[Target]]) -> None:
+    plan, targets = row
+    T = {r.target: r.T_base_tool for r in plan.reached}
+
+    def tool(name: str) -> np.ndarray:
+        move = next(m for m in plan.moves if m.name == name)
+        q = plan.unit.positions(move.path.sample(0.005))
+        return np.stack([plan.robot.T_base_tool(x) for x in q])
+
+    lowering = tool("approach to a")
+    line = Line(transform(T["a"][:3, :3], T["a"][:3, 3] - 0.05 * T["a"][:3, 2]), T["a"])
+    assert line.deviation(lowering).distance.max() < 1e-5
+    assert line.deviation(lowering).angle.max() < 1e-4
+    cut = tool("line to d .. line to e")[:, :3, 3]
+    corner = targets[3].T_base_tool[:3, 3]
+    nearest = np.linalg.norm(cut - corner, axis=1).min()
+    assert 1e-4 < nearest <= 0.003
+    away = [
+        Line(targets[i].T_base_tool, targets[i + 1].T_base_tool)
+        .deviation(tool("line to d .. line to e"), "z")
+        .distance
+        for i in (2, 3)
+    ]
+    assert np.min(away, axis=0).max() < 0.003
+
+
+def test_the_clearance_is_there_in_mujoco(row: tuple[PosePlan, list[Target]]) -> None:
+    from arm.io.storage import data_file
+
+    plan, _ = row
+    bodies = [TABLE, Body("wall", Box((0.4, 0.02, 0.3)), transform(t=(0.5, 0.0, 0.15)), "wall")]
+    cell = MujocoCell(data_file("urdf/a465/a465.urdf"), bodies, [], plan.robot.touching)
+    pairs = [p for p in cell.pairs() if frozenset(p) not in plan.robot.touching]
+    for move in plan.moves:
+        seen = np.inf
+        for q in plan.unit.positions(move.path.sample(0.1)):
+            cell.place(q, 0.06, {})
+            seen = min(seen, *(cell.distance(*pair, 0.2) for pair in pairs))
+        assert seen >= move.clearance - 2e-6
+
+
+def test_the_same_in_the_counts_of_a_unit_and_twice_the_same(robot: Robot, crs97: Unit) -> None:
+    targets = [Target("a", down(0.45, -0.2, 0.1), approach=0.05), Target("b", down(0.4, 0.2, 0.2))]
+    q = np.radians([-35, -35, -85, 0, -60, 0])
+
+    def made() -> PosePlan:
+        return plan_poses(robot, [TABLE], targets, q, crs97.limits(), unit=crs97, q_end=q, options=FAST)
+
+    plan = made()
+    check_plan(plan, targets, crs97.limits(), exact=1e-4)  # whole counts
+    assert plan.moves[0].path.start == plan.moves[-1].path.end == tuple(crs97.counts(q).tolist())
+    world = Worlds(robot, [TABLE], targets, 0.0)
+    for move in plan.moves:
+        assert check_move(world.world(world.start), move.path, crs97, move.clearance - 1e-6).proved
+    assert json.dumps(plan.to_json()) == json.dumps(made().to_json())
+
+
+def test_the_sequence_is_the_best_of_all(robot: Robot, crs97: Unit) -> None:
+    """Every sequence of candidates is walked through, with the same costs."""
+    bodies = [TABLE, Body("post", Cylinder(0.03, 0.5), transform(t=(0.42, 0.02, 0.2)), "post")]
+    targets = [
+        Target("a", down(0.45, -0.2, 0.1), free="rz", approach=0.05, retract=0.05),
+        Target("b", down(0.45, 0.2, 0.12), free="rz"),
+        Target("c", down(0.3, -0.25, 0.2), free="rz", approach=0.04),
+    ]
+    effort = SearchEffort(candidates=3, detours=99, ik=SearchOptions(samples=8))
+    found: list[PoseSearch] = []
+
+    class Spy(_Problem):
+        def moved(self, search: PoseSearch, meter: Meter):  # type: ignore[no-untyped-def]
+            found.append(search)
+            return super().moved(search, meter)
+
+    q = np.radians([-35, -35, -85, 0, -60, 0])
+    problem = Spy(robot, bodies, targets, crs97.limits(), fine_grid(robot, crs97.limits()), FAST, effort, 0.0)
+    meter = Meter(SearchBudget())
+    plan = problem.solved(problem.standing("q_start", q), None, meter)
+    search = found[-1]
+    best = search.best(meter)
+    from plan.waypoints.search import _State
+
+    times = {}
+    for indices in itertools.product(*(range(len(layer.chains)) for layer in search.layers[1:])):
+        state: _State | None = _State(0, 0, search.worlds.start, 0.0, ())
+        for index in indices:
+            state = search._taken(state, index) if state is not None else None
+        if state is not None:
+            times[indices] = state.cost
+    assert len(times) > 8
+    assert plan.detours > 0
+    assert best.time == pytest.approx(min(times.values()), abs=1e-9)
+    assert max(times.values()) > best.time + 0.1
+    assert search.bound() <= min(times.values())
+    assert plan.lower_bound_s <= plan.duration_s < 1.5 * plan.lower_bound_s
+
+
+def test_export(row: tuple[PosePlan, list[Target]]) -> None:
+    plan, _ = row
+    header, *rows = plan.rows(0.02)
+    assert header == ["time_s", "J1", "J2", "J3", "J4", "J5", "J6"]
+    assert rows[-1][0] == pytest.approx(plan.duration_s)
+    value = json.loads(json.dumps(plan.to_json()))
+    # the cubics alone give the same motion
+    q, t = [], []
+    begin = 0.0
+    for step in value["steps"]:
+        for segment in step.get("segments", ()):
+            c = np.array(segment["coefficients_rad"])
+            q.append(c[0] + 0.3 * (c[1] + 0.3 * (c[2] + 0.3 * c[3])))
+            t.append(begin + 0.3 * segment["duration_s"])
+            begin += segment["duration_s"]
+        begin += step.get("dwell_s", 0.0)
+    assert begin == pytest.approx(plan.duration_s)
+    np.testing.assert_allclose(plan.at(t), q, atol=1e-9)
+
+
+def test_what_is_carried_stands_where_it_was_brought(robot: Robot) -> None:
+    cup = Body("cup", Sphere(0.02), transform(t=(0.4, -0.2, 0.1)), "cube")
+    pick = Target("pick", down(0.4, -0.2, 0.12), attach="cup")
+    place = Target("place", down(0.4, 0.2, 0.22), detach=True)
+    worlds = Worlds(robot, [TABLE, cup], [pick, place], 0.0)
+    held = worlds.after(worlds.start, pick, pick.T_base_tool)
+    assert held.held == "cup"
+    np.testing.assert_allclose(held.T_tool_held[:3, 3], (0.0, 0.0, 0.02), atol=1e-12)
+    brought = worlds.after(held, place, place.T_base_tool)
+    assert brought.held is None
+    np.testing.assert_allclose(dict(brought.moved)["cup"][:3, 3], (0.4, 0.2, 0.2), atol=1e-12)
+    assert len({worlds.start.key, held.key, brought.key}) == 3
+
+
+def test_a_line_keeps_what_is_free_as_it_is() -> None:
+    T, now = down(0.4, 0.1, 0.2), down(0.5, 0.3, 0.25) @ transform(rot_x(0.3)) @ transform(rot_z(0.4))
+    shifted = _nearest(now, Target("t", T, free=("x", "y")))
+    np.testing.assert_allclose(shifted[:3, 3], (0.5, 0.3, 0.2), atol=1e-12)
+    np.testing.assert_allclose(shifted[:3, :3], T[:3, :3], atol=1e-12)
+    turned = _nearest(now, Target("t", T, free="rz"))
+    np.testing.assert_allclose(turned[:3, 2:], T[:3, 2:], atol=1e-12)
+    nearest = angle_between(turned[:3, :3], now[:3, :3])
+    for angle in (-0.01, 0.01):
+        assert angle_between(turned[:3, :3] @ rot_z(angle), now[:3, :3]) > nearest
+    np.testing.assert_allclose(
+        _nearest(now, Target("t", T, free=("rx", "ry", "rz")))[:3, :3], now[:3, :3], atol=1e-9
+    )
+
+
+def test_where_the_tool_turns_back_there_is_no_corner_to_cut(robot: Robot, crs97: Unit) -> None:
+    target = Target("a", down(0.45, -0.2, 0.1), free="rz", approach=0.03, retract=0.03, within=0.01)
+    plan = plan_poses(
+        robot,
+        [TABLE],
+        [target],
+        np.radians([-35, -35, -85, 0, -60, 0]),
+        crs97.limits(),
+        options=FAST,
+        effort=EFFORT,
+    )
+    check_plan(plan, [target], crs97.limits())
+    tips = np.stack([robot.T_base_tool(q)[:3, 3] for q in plan.sample(0.01)[1]])
+    assert np.linalg.norm(tips - target.T_base_tool[:3, 3], axis=1).min() < 2e-4

@@ -1,0 +1,146 @@
+"""Where lists of poses begin and end: near to something, where the arm stands already, and at bodies to be taken."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from arm.controller.unit import Unit
+from arm.errors import ImpossibleError
+from arm.robot.model import Robot
+from arm.robot.shapes import Body, Box, Sphere
+from arm.se3 import transform
+from plan.collision.world import World
+from plan.trajectory.extremes import segment_extremes
+from plan.waypoints.plan import Pause, PosePlan
+from plan.waypoints.planner import plan_poses
+from plan.waypoints.target import Target
+from pose_lists import EFFORT, FAST, TABLE, down
+
+Q_START = np.radians([-35, -35, -85, 0, -60, 0])
+FEW = replace(EFFORT, candidates=4, detours=1)
+
+
+def planned(robot: Robot, unit: Unit, bodies: list[Body], *targets: Target, **more: object) -> PosePlan:
+    options, q_start = more.pop("options", FAST), more.pop("q_start", Q_START)
+    return plan_poses(
+        robot, bodies, targets, q_start, unit.limits(), unit=unit, options=options, effort=FEW, **more
+    )  # type: ignore[arg-type]
+
+
+def beside_the_hand(robot: Robot, q: np.ndarray, gap: float) -> Body:
+    """A ball whose distance from the arm at q is `gap` m: sideways of the hand."""
+    T = robot.T_base_tool(q)
+    side = 0.1
+    for _ in range(20):
+        ball = Body("ball", Sphere(0.02), T @ transform(t=(0.0, side, -0.02)), "post")
+        side -= World(robot, [ball]).distance(q).value - gap
+    return ball
+
+
+@pytest.mark.parametrize("room", [0.0001, 0.0004])
+def test_an_arm_that_keeps_the_clearance_may_leave_and_arrive(robot: Robot, crs97: Unit, room: float) -> None:
+    """What is asked is what the ends have to keep: the margin that ways are searched with is not asked of them."""
+    at = crs97.positions(crs97.counts(Q_START))
+    bodies = [TABLE, beside_the_hand(robot, at, FAST.clearance + room)]
+    assert World(robot, bodies).distance(at).value == pytest.approx(FAST.clearance + room, abs=1e-6)
+    plan = planned(robot, crs97, bodies, Target("away", down(0.45, 0.2, 0.2), free="rz"), q_end=Q_START)
+    assert plan.clearance >= FAST.clearance
+    assert plan.moves[0].clearance < FAST.clearance + room
+    with pytest.raises(ImpossibleError, match=r"q_start: \w+ is \d+\.\d mm from ball") as caught:
+        planned(
+            robot, crs97, bodies, Target("away", down(0.45, 0.2, 0.2), free="rz"),
+            options=replace(FAST, clearance=FAST.clearance + room + 0.0002),
+        )  # fmt: skip
+    assert caught.value.data["distance_m"] == pytest.approx(FAST.clearance + room, abs=1e-6)
+
+
+def test_a_refused_way_names_the_clearance_that_was_asked_for(robot: Robot, crs97: Unit) -> None:
+    cage = [Body("wall", Box((0.9, 0.02, 1.0)), transform(t=(0.58, 0.0, 0.45)), "wall")]
+    cage.append(Body("back", Box((0.9, 0.02, 1.0)), transform(t=(-0.58, 0.0, 0.45)), "wall"))
+    cage.append(Body("lid", Box((2.0, 2.0, 0.02)), transform(t=(0.0, 0.0, 0.7)), "wall"))
+    turned = np.radians([-60, -35, -85, 0, -60, 0])
+    with pytest.raises(ImpossibleError, match=r"no way on to other side") as caught:
+        planned(robot, crs97, [TABLE, *cage], Target("other side", down(0.3, 0.35, 0.2)), q_start=turned)
+    assert caught.value.data["clearance_m"] == FAST.clearance
+    assert f"(asked: {FAST.clearance * 1e3:g} mm)" in str(caught.value)
+
+
+@pytest.mark.parametrize("counts", [True, False])
+def test_the_first_pose_may_be_where_the_arm_stands(robot: Robot, crs97: Unit, counts: bool) -> None:
+    q = crs97.positions(crs97.counts(Q_START)) if counts else Q_START
+    here, there = robot.T_base_tool(q), down(0.45, 0.2, 0.2)
+    first = Target("here", here, dwell_s=0.3)
+    for unit in (crs97, None):
+        plan = plan_poses(
+            robot, [TABLE], [first, Target("there", there), Target("again", there)], q, crs97.limits(),
+            unit=unit, options=FAST, effort=FEW,
+        )  # fmt: skip
+        assert [r.target for r in plan.reached] == ["here", "there", "again"]
+        np.testing.assert_allclose(plan.reached[0].q, q, atol=3e-5)
+        pauses = [i for i, step in enumerate(plan.steps) if isinstance(step, Pause)]
+        assert pauses == [0]  # nothing moves before it
+        assert all(sum(s.duration_ms for s in move.path.segments) > 0 for move in plan.moves)
+    alone = plan_poses(robot, [TABLE], [first], q, crs97.limits(), unit=crs97, options=FAST, effort=FEW)
+    assert not alone.moves
+    assert [r.target for r in alone.reached] == ["here"]
+
+
+def test_a_body_is_taken_only_where_the_hand_is_at_it(robot: Robot, crs97: Unit) -> None:
+    box = Body("box", Box((0.03, 0.03, 0.03)), transform(t=(-0.2, 0.5, 0.015)), "cube")
+    pick = Target(
+        "pick", down(0.45, 0.1, 0.1), attach="box", touching={("finger_l", "box"), ("finger_r", "box")}
+    )
+    with pytest.raises(ImpossibleError) as caught:
+        planned(robot, crs97, [TABLE, box], pick)
+    gap = caught.value.data["distance_m"]
+    assert 0.6 < gap < 0.8
+    assert f"'pick': attach = 'box': is {gap * 1e3:.1f} mm from" in str(caught.value)
+    assert "at most 10 mm" in str(caught.value)
+    assert "attach_within" in str(caught.value)
+    assert caught.value.data["pair"][1] == "box"
+    # a rule of the list's own
+    taken = planned(robot, crs97, [TABLE, box], replace(pick, attach_within=0.8))
+    assert [step.attached for step in taken.steps if isinstance(step, Pause)] == ["box"]
+
+
+def test_a_body_that_was_brought_elsewhere_is_looked_for_there(robot: Robot, crs97: Unit) -> None:
+    touching = {("finger_l", "box"), ("finger_r", "box"), ("palm", "box"), ("table", "box")}
+    place = down(0.4, 0.15, 0.06)
+    box = Body("box", Box((0.03, 0.03, 0.03)), transform(t=(0.4, 0.15, 0.06)), "cube")
+    lines = {"approach": 0.05, "retract": 0.05, "touching": touching}
+    targets = [
+        Target("pick", place, attach="box", **lines),
+        Target("put", down(0.4, -0.15, 0.06), detach=True, **lines),
+    ]
+    again = Target("pick again", place, attach="box", **lines)
+    assert planned(robot, crs97, [TABLE, box], *targets).moves
+    with pytest.raises(
+        ImpossibleError, match=r"'pick again': attach = 'box': is 2\d\d\.\d mm from"
+    ) as caught:
+        planned(robot, crs97, [TABLE, box], *targets, again)
+    assert 0.2 < caught.value.data["distance_m"] < 0.3
+
+
+def test_what_is_sent_in_whole_counts_stays_within_limits(robot: Robot, crs97: Unit) -> None:
+    """A free turn that would end at a joint's limit ends a count before it."""
+    wall = Body("wall", Box((0.4, 0.02, 0.3)), transform(t=(0.5, 0.0, 0.15)), "wall")
+    limits = crs97.limits()
+    tight = replace(limits, lower=limits.lower + (0, 0, 0, 0, 0, 1.0000033), upper=limits.upper)
+    targets = [
+        Target("a", down(0.45, -0.2, 0.1), free="rz"),
+        Target("b", down(0.45, 0.2, 0.1), free="rz"),
+        Target("c", down(0.4, -0.25, 0.12), free="rz"),
+    ]
+    for few in (1, 2):
+        for asked in (limits, tight):
+            plan = plan_poses(
+                robot, [TABLE, wall], targets, Q_START, asked, unit=crs97, options=FAST,
+                effort=replace(EFFORT, candidates=few),
+            )  # fmt: skip
+            for move in plan.moves:
+                extremes = segment_extremes(move.path, crs97)
+                assert (extremes.lower >= asked.lower - 1e-12).all()
+                assert (extremes.upper <= asked.upper + 1e-12).all()

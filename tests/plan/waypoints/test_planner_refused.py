@@ -1,0 +1,123 @@
+"""Lists of poses that cannot be planned, or are wrong: what is said, and with which figures."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from arm.controller.unit import Unit
+from arm.errors import ImpossibleError, InputError
+from arm.robot.model import Robot
+from arm.robot.shapes import Body, Box, Cylinder, Sphere
+from arm.se3 import transform
+from plan.collision.world import World
+from plan.trajectory.virtual_unit import fine_grid
+from plan.waypoints.motion_builder import Piece, PoseMover
+from plan.waypoints.planner import plan_poses
+from plan.waypoints.target import Target
+from pose_lists import EFFORT, FAST, TABLE, down
+
+
+def _refused(
+    robot: Robot, unit: Unit, bodies: list[Body], *targets: Target, **more: object
+) -> ImpossibleError:
+    with pytest.raises(ImpossibleError) as caught:
+        plan_poses(
+            robot, bodies, targets, np.radians([-60, -35, -85, 0, -60, 0]), unit.limits(), options=FAST,
+            effort=replace(EFFORT, candidates=4, detours=1), **more,
+        )  # fmt: skip
+    return caught.value
+
+
+def test_refusals_say_what_and_how_much(robot: Robot, crs97: Unit) -> None:
+    far = _refused(robot, crs97, [TABLE], Target("far", down(1.2, 0.0, 0.3)))
+    assert "target 'far' at (1200, 0, 300) mm is out of reach" in str(far)
+    assert far.data["outside_m"] > 0.1
+
+    low = _refused(robot, crs97, [TABLE], Target("low", down(0.45, 0.1, -0.055), free="rz"))
+    assert "all" in str(low)
+    assert "finger_" in str(low)
+    assert low.data["pair"][1] == "table"
+    assert low.data["distance_m"] < 0.0
+
+    close = _refused(robot, crs97, [TABLE], Target("close", down(0.45, 0.1, -0.036), approach=0.05))
+    assert close.data["target"] == "close"
+
+    out = _refused(
+        robot, crs97, [TABLE], Target("a", down(0.45, 0.1, 0.2)), Target("b", down(0.95, 0.1, 0.2), by="line")
+    )
+    assert "from none of" in str(out)
+    assert "line at 'b'" in str(out)
+    assert out.data["done_m"] > 0.05
+
+    cage = [TABLE, Body("cage", Box((0.9, 0.02, 1.0)), transform(t=(0.58, 0.0, 0.45)), "wall")]
+    cage.append(Body("back", Box((0.9, 0.02, 1.0)), transform(t=(-0.58, 0.0, 0.45)), "wall"))
+    cage.append(Body("lid", Box((2.0, 2.0, 0.02)), transform(t=(0.0, 0.0, 0.7)), "wall"))
+    at = robot.T_base_tool(np.radians([-60, -35, -85, 0, -60, 0]))
+    pressed = _refused(
+        robot, crs97, [Body("ball", Sphere(0.02), at, "post")], Target("a", down(0.3, 0.35, 0.2))
+    )
+    assert "q_start: palm is" in str(pressed)
+    assert pressed.data["pair"][1] == "ball"
+    stuck = _refused(robot, crs97, cage, Target("other side", down(0.3, 0.35, 0.2)))
+    assert "no way on to other side" in str(stuck)
+    assert stuck.data["pair"][1] in ("cage", "back", "lid")
+    assert sum(stuck.data["refused"].values()) >= 1
+
+
+@pytest.mark.parametrize(
+    ("targets", "says"),
+    [
+        ([], "at least one"),
+        ([Target("a", np.eye(4)), Target("a", np.eye(4))], "two are named 'a'"),
+        ([Target("a", np.eye(4), attach="cup")], "attach = 'cup': must be one of table"),
+        ([Target("a", np.eye(4), detach=True)], "nothing moves with the tool"),
+        ([Target("a", np.eye(4), touching={("table", "thumb")})], "touching = 'thumb'"),
+    ],
+)
+def test_wrong_lists(robot: Robot, crs97: Unit, targets: list[Target], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        plan_poses(robot, [TABLE], targets, np.zeros(6), crs97.limits())
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"free": "yaw"}, "free = 'yaw': must be of x, y"),
+        ({"by": "air"}, "by = 'air': must be one of transit, line"),
+        ({"approach": -0.1}, "approach = -0.1"),
+        ({"T_base_tool": 2 * np.eye(4)}, "target 'a': T_base_tool"),
+        ({"touching": [("a",)]}, "pairs of two names"),
+    ],
+)
+def test_wrong_targets(change: dict[str, object], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        Target(**{"name": "a", "T_base_tool": np.eye(4), **change})
+
+
+def test_a_start_outside_limits_is_told(robot: Robot, crs97: Unit) -> None:
+    with pytest.raises(InputError, match=r"q_start: joint J2 = 171\.89 deg: must be from"):
+        plan_poses(robot, [], [Target("a", down(0.4, 0.0, 0.3))], [0, 3, 0, 0, 0, 0], crs97.limits())
+
+
+def test_nothing_is_sent_that_is_not_proved(robot: Robot, crs97: Unit) -> None:
+    """The search proves lines first; the mover does not believe it."""
+    post = Body("post", Cylinder(0.03, 0.5), transform(t=(0.42, 0.02, 0.2)), "post")
+    world = World(robot, [TABLE, post])
+    grid = fine_grid(robot, crs97.limits())
+    mover = PoseMover(robot, grid, crs97.limits(), crs97.limits(), FAST, [Target("a", down(0.42, 0.0, 0.3))])
+    way = np.radians([[-35, -20, -100, 0, -60, 0], [35, -20, -100, 0, -60, 0], [35, -20, -90, 0, -60, 0]])
+    piece = Piece("to a", "transit", world, 0.01, None, frozenset(), way=way)
+    with pytest.raises(ImpossibleError, match=r"to a: .* comes to .* of post after"):
+        mover.run([piece], [])
+    clear = mover.run([replace(piece, world=World(robot, [TABLE]))], [])
+    assert len(clear) == 1
+
+    refused = _refused(
+        robot, crs97, [TABLE, post],
+        Target("a", down(0.42, -0.2, 0.2), free="rz"), Target("b", down(0.42, 0.2, 0.2), by="line", free="rz"),
+    )  # fmt: skip
+    assert "on the line at b" in str(refused)
+    assert refused.data["pair"][1] == "post"

@@ -1,0 +1,115 @@
+"""Errors that corners share are in a pose's covariance: how markers are made, and how sides are lit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from arm.poses import BoardPose, hole_poses
+from arm.se3 import Array, frozen
+from board_scenes import lab_board, lab_camera, random_pose, seen_corners, twist_between
+from made_boards import glued_aside, made, moved_px
+from vision.boards.pose import assess_board
+from vision.boards.shared_errors import shared_errors
+from vision.markers.border_shift import moved_outwards
+from vision.markers.detect import Marker
+
+CAMERA = lab_camera()
+BOARD = replace(lab_board(), tolerance=1e-4)
+TILTS = (0.0, 7.0, 15.0)
+
+
+def nees(frames: list[list[Marker]], T: Array, tolerance: float) -> float:
+    """Squared error of the pose in its own covariance, per degree of freedom."""
+    pose = assess_board(replace(BOARD, tolerance=tolerance), frames, CAMERA).pose
+    assert pose is not None
+    xi = twist_between(pose.T_base_board, T)
+    return float(xi @ np.linalg.solve(pose.covariance, xi)) / 6.0
+
+
+def seen(
+    seed: int, off: Array | None, sides_px: Array | None = None, frames: int = 3
+) -> tuple[list[list[Marker]], Array]:
+    """Corners with 0.02 px of noise, all moved by `off` (2, 4, 2) px."""
+    rng = np.random.default_rng([seed, 9])
+    T = random_pose(np.random.default_rng(seed), TILTS[seed % 3])
+    drawn = seen_corners(BOARD, T, CAMERA, rng, frames, 0.02, 0.02)
+    off = np.zeros((2, 4, 2)) if off is None else off
+    sides = [None, None] if sides_px is None else list(sides_px)
+    return [
+        [
+            replace(m, corners_px=frozen(m.corners_px + off[k]), side_sigma_px=sides[k])
+            for k, m in enumerate(frame)
+        ]
+        for frame in drawn
+    ], T
+
+
+def glue(seed: int, away: float | None) -> tuple[list[list[Marker]], Array]:
+    rng = np.random.default_rng([seed, 3])
+    T = random_pose(np.random.default_rng(seed), TILTS[seed % 3])
+    corners = made(BOARD, rng) if away is None else glued_aside(BOARD, away, rng)
+    return seen(seed, moved_px(BOARD, corners, T, CAMERA))
+
+
+@pytest.mark.parametrize("frames", [1, 3])
+def test_a_board_made_within_its_tolerance_is_as_uncertain_as_it_says(frames: int) -> None:
+    found = [glue(seed, None) for seed in range(60)]
+    told = [nees(f[:frames], T, 1e-4) for f, T in found]
+    assert 0.6 < np.mean(told) < 1.3
+    assert np.percentile(told, 95) < 3.0
+
+
+def test_a_marker_glued_aside_is_no_silent_error() -> None:
+    """0.07 mm: the pose's error was 85 times its covariance."""
+    found = [glue(seed, 7e-5) for seed in range(20)]
+    assert max(nees(f, T, 1e-4) for f, T in found) < 3.0
+    assert np.median([nees(f, T, 0.0) for f, T in found]) > 5.0
+
+
+def test_sides_that_light_has_moved_count_as_much_as_is_said_of_them() -> None:
+    """One marker's sides are known to 0.3 px only."""
+    told, blind = [], []
+    for seed in range(40):
+        rng = np.random.default_rng([seed, 4])
+        T = random_pose(np.random.default_rng(seed), TILTS[seed % 3])
+        corners = CAMERA.project_base(BOARD.marker_corners() @ T[:3, :3].T + T[:3, 3])
+        off = np.zeros((2, 4, 2))
+        off[1] = moved_outwards(corners[1], 0.3 * rng.standard_normal(4)) - corners[1]
+        frames, T = seen(seed, off, np.stack([np.zeros(4), np.full(4, 0.3)]))
+        told.append(nees(frames, T, 0.0))
+        blind.append(nees(seen(seed, off)[0], T, 0.0))
+    assert 0.6 < np.mean(told) < 1.3
+    assert np.percentile(blind, 95) > 2.0 * np.percentile(told, 95)
+
+
+def test_columns_are_what_a_standard_deviation_does_to_the_corners() -> None:
+    T = CAMERA.T_camera_base @ random_pose(np.random.default_rng(2), 15.0)
+    columns = shared_errors(BOARD, T, CAMERA, np.zeros((2, 4)))
+    assert columns.shape == (16, 9)
+    outlines = BOARD.marker_corners()
+
+    def seen_at(points: Array) -> Array:
+        return CAMERA.project(points.reshape(8, 3) @ T[:3, :3].T + T[:3, 3]).ravel()
+
+    aside = outlines.copy()
+    aside[1, :, 0] += 0.5e-4  # half the tolerance, along x
+    change = seen_at(aside) - seen_at(outlines)
+    assert min(np.abs(c - change).max() for c in columns.T) < 1e-3
+    larger = outlines.mean(axis=1, keepdims=True) + (outlines - outlines.mean(axis=1, keepdims=True)) * (
+        1.0 + 1e-4 / 0.036
+    )
+    change = seen_at(larger) - seen_at(outlines)
+    assert min(np.abs(c - change).max() for c in columns.T) < 1e-3
+    assert shared_errors(replace(BOARD, tolerance=0.0), T, CAMERA, np.zeros((2, 4))).shape == (16, 0)
+
+
+def test_the_making_of_the_plate_is_in_every_hole() -> None:
+    pose = BoardPose(lab_board(), np.eye(4), 1e-10 * np.eye(6), 0.0, 1e3)
+    rough = replace(pose, board=replace(pose.board, tolerance=4e-4))
+    for plain, told in zip(hole_poses(pose), hole_poses(rough), strict=True):
+        assert told.covariance - plain.covariance == pytest.approx(
+            np.diag([4e-8, 4e-8, 0.0, 0.0, 0.0, 0.0]), abs=1e-14
+        )

@@ -1,0 +1,52 @@
+"""Photographs from a folder: in order, each once, and refused where they cannot be had."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from arm.errors import InputError
+from vision.camera.frame_source import FrameSource, ImageFolder
+
+
+def folder(path: Path, count: int, size: tuple[int, int] = (8, 6)) -> Path:
+    path.mkdir(exist_ok=True)
+    for i in range(count):
+        cv2.imwrite(str(path / f"shot_{i:02d}.png"), np.full((size[1], size[0]), 10 * i, np.uint8))
+    return path
+
+
+def test_in_order_of_names_and_each_once(tmp_path: Path) -> None:
+    source: FrameSource = ImageFolder(folder(tmp_path, 5))
+    (tmp_path / "notes.txt").write_text("no photograph")
+    assert [int(i[0, 0]) for i in source.grab(2)] == [0, 10]
+    assert [int(i[0, 0]) for i in source.grab(2)] == [20, 30]
+    with pytest.raises(InputError, match=r"holds 1 new photographs \(4 were looked at before\), but 2"):
+        source.grab(2)
+
+
+def test_photographs_that_arrive_later_are_found(tmp_path: Path) -> None:
+    source = ImageFolder(folder(tmp_path, 1))
+    source.grab(1)
+    folder(tmp_path, 2)
+    assert int(source.grab(1)[0][0, 0]) == 10
+
+
+def test_a_failed_grab_uses_nothing_up(tmp_path: Path) -> None:
+    source = ImageFolder(folder(tmp_path, 2))
+    (tmp_path / "shot_02.png").write_bytes(b"not an image")
+    with pytest.raises(InputError, match=r"shot_02\.png: cannot be read as an image"):
+        source.grab(3)
+    assert len(source.grab(2)) == 2
+
+
+def test_missing_folder_and_mixed_sizes(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="there is no such folder"):
+        ImageFolder(tmp_path / "nowhere")
+    source = ImageFolder(folder(tmp_path, 2))
+    cv2.imwrite(str(tmp_path / "shot_01.png"), np.zeros((6, 9), np.uint8))
+    with pytest.raises(InputError, match=r"shot_01\.png: is 9 x 6 px, but shot_00\.png beside it is 8 x 6"):
+        source.grab(2)

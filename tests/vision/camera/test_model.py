@@ -1,0 +1,140 @@
+"""The camera against OpenCV's projection, finite differences, and its file with every mistake."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from arm.errors import FileInputError, InputError
+from arm.io.storage import data_file
+from arm.se3 import rot_x, transform
+from board_scenes import lab_camera
+from vision.camera.model import Camera, read_camera, write_camera
+
+LAB = data_file("scenes/cameras/lab.toml")
+
+
+def points_in_view(count: int = 200) -> np.ndarray:
+    rng = np.random.default_rng(1)
+    return rng.uniform((-0.25, -0.15, 0.8), (0.2, 0.16, 1.3), (count, 3))
+
+
+def skewed() -> Camera:
+    """Skew and tangential distortion that the lab's camera hardly has."""
+    camera = lab_camera()
+    K = camera.K.copy()
+    K[0, 1] = 3.0
+    return replace(camera, K=K, distortion=np.array([-0.2, 0.1, 0.03, -0.02, 0.5]))
+
+
+def test_projection_is_opencvs() -> None:
+    camera, points = lab_camera(), points_in_view()
+    expected, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), camera.K, camera.distortion)
+    assert np.abs(camera.project(points) - expected.reshape(-1, 2)).max() < 1e-9
+
+
+def test_projection_from_the_base_goes_through_the_pose() -> None:
+    camera = lab_camera()
+    points = points_in_view(20)
+    in_base = points @ camera.T_base_camera[:3, :3].T + camera.T_base_camera[:3, 3]
+    assert np.abs(camera.project_base(in_base) - camera.project(points)).max() < 1e-8
+
+
+def test_the_middle_of_the_table_is_in_the_image() -> None:
+    u, v = lab_camera().project_base((0.46, 0.0, 0.0))
+    assert 600 < u < 1400
+    assert 300 < v < 900
+
+
+def test_points_behind_the_camera_have_no_pixel() -> None:
+    assert np.isnan(lab_camera().project([[0.1, 0.0, -1.0], [0.1, 0.0, 0.0]])).all()
+
+
+@pytest.mark.parametrize("camera", [lab_camera(), skewed()], ids=["lab", "skew"])
+def test_derivative_by_differences(camera: Camera) -> None:
+    points, h = points_in_view(30), 1e-6
+    J = camera.projection_jacobian(points)
+    for axis in range(3):
+        step = h * np.eye(3)[axis]
+        difference = (camera.project(points + step) - camera.project(points - step)) / (2 * h)
+        assert np.abs(J[..., axis] - difference).max() < 1e-6 * np.abs(difference).max()
+
+
+@pytest.mark.parametrize("camera", [lab_camera(), skewed()], ids=["lab", "skew"])
+def test_normalised_undoes_the_lens_everywhere_in_the_image(camera: Camera) -> None:
+    u, v = np.meshgrid(np.linspace(0, 1919, 23), np.linspace(0, 1199, 17))
+    pixels = np.stack([u, v], axis=-1)
+    points = camera.normalised(pixels)
+    back = camera.project(np.concatenate([points, np.ones((17, 23, 1))], axis=-1))
+    assert points.shape == (17, 23, 2)
+    assert np.abs(back - pixels).max() < 1e-8
+
+
+def test_a_written_file_reads_back_to_the_last_bit(tmp_path: Path) -> None:
+    camera = replace(
+        lab_camera().at(transform(rot_x(3.0), (0.5, 0.1, 1.2))),
+        calibration={"id": 'a "b"', "rms_px": 0.2, "views": [1, 2], "good": True},
+    )
+    write_camera(tmp_path / "camera.toml", camera)
+    again = read_camera(tmp_path / "camera.toml")
+    assert again.digest == camera.digest
+    assert again.calibration == camera.calibration
+
+
+def test_the_printed_pose_is_made_a_rotation() -> None:
+    R = lab_camera().T_base_camera[:3, :3]
+    assert np.abs(R.T @ R - np.eye(3)).max() < 1e-14
+
+
+def test_the_digest_is_of_every_value_and_of_nothing_else() -> None:
+    camera = lab_camera()
+    others = [
+        replace(camera, K=camera.K + np.diag([1e-9, 0, 0])),
+        replace(camera, distortion=camera.distortion + 1e-12),
+        replace(camera, size=(1920, 1201)),
+        camera.at(camera.T_base_camera + np.eye(4)[:, :1] @ np.eye(4)[3:] * 1e-9),
+    ]
+    assert len({c.digest for c in [camera, *others]}) == 5
+    assert replace(camera, calibration={"id": "other"}).digest == camera.digest
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [
+        ("[1920, 1200]", "[1920]", "intrinsics.size_px"),
+        ("4746.48725, 0.0", "-4746.48725, 0.0", "intrinsics.K_px"),
+        ("-0.21867, -1.00296, 0.00005, 0.00311, 8.29851", "8.29851, 0.0", "intrinsics.distortion"),
+        ("-0.21867, -1.00296, 0.00005, 0.00311, 8.29851", "-80.0, -1, 0, 0, 0", "cannot be undone"),
+        ("0.02629, 0.99788, -0.05940", "0.99788, 0.02629, -0.05940", "pose.T_base_camera"),
+        ("size_px", "size_pix", "did you mean|the file has intrinsics.size_pix"),
+        ("[pose]", "[place]", "pose"),
+        ("[calibration]", "[calibraton]", "calibraton.*not a known key"),
+    ],
+)
+def test_mistakes_in_the_file(tmp_path: Path, old: str, new: str, key: str) -> None:
+    text = LAB.read_text()
+    assert old in text
+    path = tmp_path / "camera.toml"
+    path.write_text(text.replace(old, new))
+    with pytest.raises(FileInputError, match=key) as caught:
+        read_camera(path)
+    assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("shape", [(1200, 1600), (1200, 1920, 4), (1920, 1200)])
+def test_an_image_of_another_size_is_refused(shape: tuple[int, ...]) -> None:
+    with pytest.raises(InputError, match="photo 7") as caught:
+        lab_camera().require_size(np.zeros(shape, np.uint8), "photo 7")
+    if len(shape) == 2:
+        assert f"{shape[1]} x {shape[0]}" in str(caught.value)
+        assert "1920 x 1200" in str(caught.value)
+
+
+def test_arrays_cannot_be_changed() -> None:
+    camera = Camera(np.eye(3), np.zeros(5), (10, 10), np.eye(4))
+    with pytest.raises(ValueError, match="read-only"):
+        camera.K[0, 0] = 2.0

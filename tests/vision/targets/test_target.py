@@ -1,0 +1,188 @@
+"""Calibration targets: their files, their corners in an image, and what a photograph of one is worth."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from arm.errors import InputError
+from board_scenes import lab_camera
+from cell.sim.target_photos import Shot, corners_in_view, held, photograph_target, random_poses
+from vision.targets.quality import measure_quality
+from vision.targets.target import Target, TargetFinder, read_target
+
+CAMERA = lab_camera()
+MIDDLE = np.array([960.0, 600.0])
+BOARD = Target()
+CHESS = Target("checkerboard", 9, 6, 0.025, 0.0, "")
+
+
+def photograph(target: Target, seed: int, shot: Shot | None = None, roll: float | None = None):
+    """A photograph of a target in the middle of the image, tilted, and its pose."""
+    rng = np.random.default_rng(seed)
+    turn = rng.uniform(-0.4, 0.4, 2)
+    T = held(CAMERA, target, MIDDLE, 1.05, turn, rng.uniform(-np.pi, np.pi) if roll is None else roll)
+    return photograph_target(CAMERA, target, T, rng, shot), T
+
+
+def errors(target: Target, view, T):
+    """Of the corners, (n, 2) px."""
+    return view.corners_px - CAMERA.project(target.points()[view.ids] @ T[:3, :3].T + T[:3, 3])
+
+
+@pytest.mark.parametrize("target", [BOARD, CHESS], ids=["charuco", "checkerboard"])
+def test_corners_are_found_where_they_are(target):
+    finder = TargetFinder(target)
+    off = []
+    for seed in range(4):
+        image, T = photograph(target, seed)
+        view = finder.find(image)
+        assert view is not None
+        assert len(view.ids) >= 0.8 * target.corners
+        off.append(errors(target, view, T))
+    pooled = np.concatenate(off)
+    assert np.sqrt(np.mean(pooled**2)) < 0.04
+    assert np.abs(pooled.mean(axis=0)).max() < 0.01
+
+
+@pytest.mark.parametrize("roll_deg", [0, 90, 180, 270])
+def test_a_checkerboard_is_told_from_its_half_turn(roll_deg):
+    image, T = photograph(CHESS, 7, roll=float(np.radians(roll_deg)))
+    view = TargetFinder(CHESS).find(image)
+    assert view is not None
+    assert np.abs(errors(CHESS, view, T)).max() < 0.2
+
+
+def test_a_target_that_is_cut_off_gives_the_corners_that_are_there():
+    rng = np.random.default_rng(3)
+    T = held(CAMERA, BOARD, np.array([250.0, 600.0]), 1.0, np.array([0.1, 0.2]), 0.0)
+    view = TargetFinder(BOARD).find(photograph_target(CAMERA, BOARD, T, rng))
+    assert view is not None
+    assert 6 <= len(view.ids) < BOARD.corners
+    assert np.abs(errors(BOARD, view, T)).max() < 0.2
+
+
+def test_no_target_is_none_and_another_dictionary_is_named():
+    other = Target(dictionary="DICT_4X4_50")
+    image, _ = photograph(other, 4)
+    finder = TargetFinder(BOARD)
+    assert finder.find(image) is None
+    assert "DICT_4X4_50" in finder.seen_instead(image)
+    empty = np.full((1200, 1920), 128, dtype=np.uint8)
+    assert finder.find(empty) is None
+    assert finder.seen_instead(empty) == ""
+
+
+@pytest.mark.parametrize("psf_px", [0.7, 2.0, 3.0])
+def test_blur_is_measured(psf_px):
+    image, _ = photograph(BOARD, 5, Shot(psf_px=psf_px))
+    view = TargetFinder(BOARD).find(image)
+    assert view is not None
+    # the pixel's own width adds to the lens's
+    assert measure_quality(image, BOARD, view).blur_px == pytest.approx(np.hypot(psf_px, 0.5), rel=0.12)
+
+
+def test_motion_blurs_the_edges_across_it_only_and_counts():
+    image, _ = photograph(BOARD, 6, roll=0.0)
+    moved = np.asarray(cv2.filter2D(image, -1, np.full((1, 9), 1 / 9)), dtype=np.uint8)
+    finder = TargetFinder(BOARD)
+    sharp, blurred = (measure_quality(i, BOARD, finder.find(i)).blur_px for i in (image, moved))
+    assert sharp < 1.2
+    assert blurred > 2.2
+
+
+def test_markers_are_measured_in_squares():
+    for true in (0.021, 0.022, 0.0235):
+        image, _ = photograph(BOARD, 8, Shot(true_marker=true))
+        view = TargetFinder(BOARD).find(image)
+        assert measure_quality(image, BOARD, view).marker_share == pytest.approx(true / 0.030, rel=0.004)
+
+
+def test_markers_are_measured_through_a_wide_lens_that_distorts():
+    f = 0.6 * 1920
+    wide = replace(
+        CAMERA,
+        K=np.array([[f, 0.0, 959.5], [0.0, f, 599.5], [0.0, 0.0, 1.0]]),
+        distortion=np.array([-0.3, 0.1, 0.0, 0.0, 0.0]),
+    )
+    T = held(wide, BOARD, np.array([700.0, 500.0]), 0.2, np.array([0.3, -0.2]), 0.1)
+    image = photograph_target(wide, BOARD, T, np.random.default_rng(10))
+    view = TargetFinder(BOARD).find(image)
+    assert view is not None
+    assert measure_quality(image, BOARD, view).marker_share == pytest.approx(22 / 30, rel=0.005)
+
+
+def test_a_mirrored_target_is_named_and_a_stray_marker_is_not():
+    image, _ = photograph(BOARD, 12)
+    finder = TargetFinder(BOARD)
+    mirrored = np.ascontiguousarray(image[:, ::-1])
+    assert finder.find(mirrored) is None
+    assert finder.seen_instead(mirrored).startswith("its mirror image")
+    stray = np.full((300, 300), 255, dtype=np.uint8)
+    marker = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50).generateImageMarker(3, 120)
+    stray[90:210, 90:210] = marker
+    assert finder.seen_instead(stray) == ""
+
+
+def test_overexposed_white_is_told():
+    image, _ = photograph(BOARD, 9)
+    bright = np.clip(image.astype(float) * 1.4, 0, 255).astype(np.uint8)
+    finder = TargetFinder(BOARD)
+    assert measure_quality(image, BOARD, finder.find(image)).saturated == 0.0
+    assert measure_quality(bright, BOARD, finder.find(bright)).saturated > 0.9
+
+
+def test_a_bent_target_is_drawn_bent():
+    rng = np.random.default_rng(1)
+    T = held(CAMERA, BOARD, MIDDLE, 1.0, np.array([0.0, 0.6]), 0.0)
+    flat, bent = (
+        TargetFinder(BOARD).find(photograph_target(CAMERA, BOARD, T, rng, Shot(bend=b))) for b in (0.0, 1e-3)
+    )
+    common, here, there = np.intersect1d(flat.ids, bent.ids, return_indices=True)
+    moved = bent.corners_px[there] - flat.corners_px[here]
+    points = BOARD.points()[common]
+    half = BOARD.size[0] / 2.0
+    rise = 1e-3 * (1.0 - (points[:, 0] / half - 1.0) ** 2)
+    raised = (points - rise[:, None] * (0.0, 0.0, 1.0)) @ T[:3, :3].T + T[:3, 3]
+    expected = CAMERA.project(raised) - CAMERA.project(points @ T[:3, :3].T + T[:3, 3])
+    assert np.abs(moved - expected).max() < 0.2
+    assert np.abs(expected).max() > 1.0
+
+
+def test_poses_that_are_drawn_show_most_of_the_target():
+    drawn = random_poses(CAMERA, BOARD, np.random.default_rng(14), 60)
+    shares = [corners_in_view(CAMERA, BOARD, T).mean() for T in drawn]
+    assert 0.6 <= min(shares) < 0.9
+
+
+def test_files_are_read_and_their_mistakes_named(tmp_path):
+    def read(text: str) -> Target:
+        file = tmp_path / "target.toml"
+        file.write_text(text)
+        return read_target(file)
+
+    full = 'squares = [7, 5]\nsquare_mm = 30\nmarker_mm = 22\ndictionary = "DICT_5X5_100"\n'
+    assert read(full) == BOARD
+    assert read('kind = "checkerboard"\nsquares = [9, 6]\nsquare_mm = 25\n') == CHESS
+    for text, key, rule in (
+        (full.replace("marker_mm = 22", "marker_mm = 30"), "marker_mm", "must be less than square_mm = 30"),
+        (full.replace("DICT_5X5_100", "DICT_5X5_10"), "dictionary", "must be one of"),
+        (full.replace("[7, 5]", "[40, 40]"), "squares", "need 800 markers; DICT_5X5_100 has 100"),
+        (full.replace("[7, 5]", "[7]"), "squares", "must be 2 whole numbers"),
+        (full + "colour = 1\n", "colour", "is not a known key"),
+        ('kind = "checkerboard"\nsquares = [8, 6]\nsquare_mm = 25\n', "squares", "half a turn"),
+    ):
+        with pytest.raises(InputError, match=rule) as caught:
+            read(text)
+        assert caught.value.data["key"] == key
+
+
+def test_the_target_frame_is_opencvs():
+    board = cv2.aruco.CharucoBoard(
+        (7, 5), 0.030, 0.022, cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_100)
+    )
+    assert BOARD.points() == pytest.approx(np.asarray(board.getChessboardCorners()).reshape(-1, 3), abs=1e-7)
+    centres = [np.asarray(m).mean(axis=0) for m in board.getObjPoints()]
+    squares = [(0.030 * (i + 0.5), 0.030 * (j + 0.5)) for i, j in BOARD.marker_squares()]
+    assert np.array(squares) == pytest.approx(np.array(centres)[:, :2], abs=1e-6)
