@@ -23,6 +23,7 @@ from vision.occupancy.cube_fit import PLACES
 from vision.occupancy.cube_top import CubeTop, EmptyPlace, measure_top
 
 LIFT = 4e-3  # m: a cube that stands as high as this is surely told from a seated one
+LEANING = 2.8e-3  # m: so high is the top's middle of one that leans on its pocket's rim; its raised side does not show
 MOST_LIFT = 2.0e-3  # m, that a seated one's measured height may differ
 SURE = 3.0  # standard deviations; a lower top than a seated one's is no cube that stands high
 MOST_ASIDE = 0.8e-3  # m, of a top's middle
@@ -105,7 +106,7 @@ def seating(top: CubeTop | None, cube: CubeWidth) -> Seating:
         )
     told = f"its top is {1e3 * lift:+.1f} mm from a seated one's height, std {1e3 * std:.1f} mm"
     known = std <= MOST_STD[seen] and -max(MOST_LIFT, SURE * std) <= lift <= MOST_LIFT
-    if known and lift + SURE * std <= LIFT:
+    if known and lift + SURE * std <= (LIFT if seen == len(top.shown) else LEANING):
         return Seating("seated", "", lift, std)
     return Seating("off" if abs(lift) - SURE * std > 0.0 else "unsure", told, lift, std)
 
