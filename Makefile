@@ -1,5 +1,6 @@
 # make run     sets up and runs the main job in the simulated cell
-# make test    sets up and passes the tests
+# make test    sets up and passes the linters and the fast tests
+# make test-all    the same, and the slow tests
 # make docs    builds docs/_build/html
 # make mcap    adds what `a465 export --format mcap` needs
 # make basler  adds what a Basler camera needs (pypylon, 85 MB)
@@ -24,13 +25,16 @@ require_version = @"$(1)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 
 	{ echo "a465 needs Python 3.11 or later, and $(1) is $$("$(1)" --version 2>&1); give another: make PYTHON=python3.11$(2)"; \
 	exit 2; }
 
-.PHONY: run test docs mcap basler lint clean
+.PHONY: run test test-all docs mcap basler lint clean
 
 run: $(AT)/installed
 	$(BIN)/a465 run $(TASK)
 
 test: $(AT)/installed-test lint
-	$(BIN)/pytest -n 2 --dist loadgroup
+	$(BIN)/pytest -n 2 --dist loadgroup -m "not slow"
+
+test-all: test
+	$(BIN)/pytest -n 2 --dist loadgroup -m slow
 
 docs: $(AT)/installed-docs
 	$(BIN)/sphinx-build -W --keep-going --quiet docs docs/_build/html

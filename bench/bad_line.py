@@ -1,4 +1,4 @@
-"""One damaged line in a motion: is it noticed, and does the arm stand before what was damaged begins?
+"""One damaged line in a motion: is it detected, and does the arm stop before the damaged part begins?
 
 python bench/bad_line.py --there 400 --back 100 --answers 50 --sound 200
 python bench/bad_line.py --there 400 --back 0 --answers 100 --sound 50 --echo none
@@ -6,12 +6,12 @@ python bench/bad_line.py --there 0 --back 0 --answers 0 --sound 0 --noise 1e-5 1
 python bench/bad_line.py --there 120 --back 0 --answers 0 --sound 0 --asleep 2
 python bench/bad_line.py --there 400 --back 0 --answers 0 --sound 200 --echo byte --end CRLF --order mixed
 
-Driver and emulated unit in stepped time, both units, 0, 16 and 100 ms one way (sound streams at 200 ms too). A third of
-the damage is in segments 1 to 8; in every tenth case a STOP is lost too. The judge is the unit's own record, every ms:
-how far the arm ever was from the path that was certified (0.02 deg are allowed, which are rounding). Motions are of
-all joints, 5 to 8 s, 100 ms a segment, at 0.9 of the speed and 0.5 of the acceleration of the registers. `--noise`
-turns single bits round at random, in both directions, and counts stops over the time of motion. `--asleep` stops the
-host for so long once the damaged line has left. Where bytes come back one by one, nothing is damaged on the way back.
+Driver and emulated units run in stepped time with a one-way latency of 0, 16 and 100 ms (undamaged streams also 200
+ms). A third of the damage is in segments 1 to 8; in every tenth case a STOP is also lost. The verdict uses the unit's
+own record, every ms: the largest distance of the arm from the certified path (0.02 deg are allowed for rounding).
+Motions move all joints for 5 to 8 s, 100 ms a segment, at 0.9 of the speed and 0.5 of the acceleration of the
+registers. `--noise` flips random bits in both directions and counts stops per time of motion. `--asleep` pauses the
+host after the damaged line is sent. With `--echo byte`, nothing is damaged on the way back.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import cache
 from itertools import product
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -39,16 +40,16 @@ from arm.controller.unit import Limits, Unit, load_unit
 from arm.errors import ExecutionStopped
 from arm.robot.model import Robot, load_a465
 from arm.se3 import Array
-from count_paths import departures
+from arms.count_paths import departures
 from driver.emulator import Emulator, EmulatorOptions
 from driver.emulator.line.memory import MemoryLine
 from driver.execution.progress import StreamOptions
 from driver.execution.stream import stream
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
-from line_damage import ANSWER, KINDS, SEGMENT, BitErrors, Damage
 from plan.trajectory.integer_segments import to_segments
 from plan.trajectory.timing import time_path
+from wire.line_damage import ANSWER, KINDS, SEGMENT, BitErrors, Damage, Kind
 
 UNITS = ("crs93", "crs97")
 LATENCIES_S = (0.0, 0.016, 0.1)
@@ -72,15 +73,15 @@ class Case:
     way: str
     unit: str
     latency_s: float
-    kind: str
+    kind: Kind | Literal[""]
     nth: int
     stops: int
     seed: int
-    echo: str = "line"
+    echo: Literal["line", "byte", "none"] = "line"
     rate: float = 0.0
     preload: bool = False
-    end: str = "LF"
-    order: str = "before"
+    end: Literal["LF", "CRLF", "CR"] = "LF"
+    order: Literal["before", "after", "mixed"] = "before"
     asleep_s: float = 0.0
 
 
@@ -139,10 +140,10 @@ def taps(case: Case, segments: int) -> list[Damage | BitErrors]:
     """Of a case: to the unit and to the host, or one of them."""
     if case.way == "noise":
         return [BitErrors(case.rate, 2 * case.seed + k) for k in (0, 1)]
-    if case.way == "sound":
+    if not case.kind:  # a sound line
         return []
     what = ANSWER if case.way == "answers" else SEGMENT
-    return [Damage(case.kind, min(case.nth, segments), case.seed, case.stops, what)]  # type: ignore[arg-type]
+    return [Damage(case.kind, min(case.nth, segments), case.seed, case.stops, what)]
 
 
 def asleep(line: MemoryLine, tapped: list[Damage | BitErrors], case: Case) -> MemoryLine:
@@ -156,7 +157,7 @@ def asleep(line: MemoryLine, tapped: list[Damage | BitErrors], case: Case) -> Me
                 slept[0] = True
                 line.clock.sleep(case.asleep_s)
 
-        line.write = written  # type: ignore[method-assign]
+        line.write = written  # type: ignore[method-assign]  # of this line alone
     return line
 
 
@@ -173,9 +174,9 @@ def run(case: Case) -> Outcome:
     took = 0.0
     options = EmulatorOptions(
         power_up_deg=near,
-        echo=case.echo,  # type: ignore[arg-type]
-        echo_end=case.end,  # type: ignore[arg-type]
-        echo_order=case.order,  # type: ignore[arg-type]
+        echo=case.echo,
+        echo_end=case.end,
+        echo_order=case.order,
     )
     with (
         Emulator(unit, clock, options=options) as emulator,
@@ -306,14 +307,16 @@ def main() -> None:
     parser.add_argument("--back", type=int, default=100)
     parser.add_argument("--answers", type=int, default=50)
     parser.add_argument("--sound", type=int, default=200, help="at each latency")
-    parser.add_argument("--noise", type=float, nargs="*", default=[], help="bytes with a bit turned, share")
-    parser.add_argument("--streams", type=int, default=100, help="at each share")
+    parser.add_argument(
+        "--noise", type=float, nargs="*", default=[], help="fractions of bytes with a flipped bit"
+    )
+    parser.add_argument("--streams", type=int, default=100, help="per fraction of --noise")
     parser.add_argument("--preload", action="store_true", help="with --noise")
     parser.add_argument("--echo", choices=ECHO, default="line")
     parser.add_argument("--end", choices=("LF", "CRLF", "CR"), default="LF")
     parser.add_argument("--order", choices=("before", "after", "mixed"), default="before")
     parser.add_argument(
-        "--asleep", type=float, default=0.0, help="s, of the host, once the damaged line has left"
+        "--asleep", type=float, default=0.0, help="pause of the host after the damaged line, s"
     )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2)

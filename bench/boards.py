@@ -1,11 +1,11 @@
-"""Board poses from marker corners: errors against the Cramer-Rao bound, honesty, flips, and what is caught.
+"""Board poses from marker corners: errors against the Cramer-Rao bound, covariances, flips, and detected faults.
 
 python bench/boards.py --scenes 4000
 
-Corners are drawn, not rendered: a board of the lab with 36 or 40 mm markers before the lab's camera, about 1.1 m away,
-tilted 0, 7 or 15 degrees (+- 0.3) towards anywhere, five photographs with 0.3 px of noise a coordinate unless a row
-says otherwise. Errors are root mean squares of the four holes (mm) and of the board's turn (deg) over all scenes; each
-is divided by its bound over the same scenes (noise that all photographs share is in the bound).
+Corners are simulated, not rendered: a board of the lab with 36 or 40 mm markers, about 1.1 m from the lab's camera,
+tilted 0, 7 or 15 degrees (+- 0.3) in a random direction, five images with 0.3 px of noise per coordinate unless a row
+says otherwise. Errors are root mean squares of the four holes (mm) and of the board's rotation (deg) over all scenes;
+each is divided by its bound over the same scenes (the bound includes noise common to all images).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a second of effort is: refused searches, their looks against the time of one processor.
+"""Calibrate a second of effort: collision checks of refused searches against CPU time.
 
 python bench/budget.py
 """
@@ -9,6 +9,7 @@ import os
 import platform
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -26,12 +27,12 @@ from plan.options import PlanOptions  # noqa: E402
 from plan.pick_place.planner import plan_task  # noqa: E402
 from plan.waypoints.planner import plan_poses  # noqa: E402
 from plan.waypoints.target import Target  # noqa: E402
-from task2_scene import Q_START, task2  # noqa: E402
+from tasks.task2 import Q_START, task2  # noqa: E402
 
 SEEDS = 4
 
 
-def refused(seed: int) -> tuple[str, object]:
+def refused(seed: int) -> tuple[str, Callable[[], object]]:
     """A search that finds nothing: walls around the arm, or a wall between two boards."""
     rng = np.random.default_rng(seed)
     unit = load_unit("crs93")
@@ -71,7 +72,7 @@ def main() -> None:
         began = time.process_time()
         with allowed(None) as meter:
             try:
-                search()  # type: ignore[operator]
+                search()
                 end = "planned"
             except ImpossibleError as error:
                 end = str(error)[:60]

@@ -1,10 +1,10 @@
-"""Camera calibration on rendered photographs: coverage of its errors, and planted faults.
+"""Camera calibration on rendered images: coverage of its errors, and planted faults.
 
 python bench/camera_calibration.py --runs 50 --views 20
 
-A ChArUco board 7 x 5, 30/22 mm, held before the lab's camera (1920 x 1200, f 4740 px) at 0.85 to 1.25 m, turned up to
+A ChArUco board 7 x 5, 30/22 mm, is held 0.85 to 1.25 m from the lab's camera (1920 x 1200, f 4740 px), rotated by up to
 0.5 rad about each axis of the image; rendered with 16 rays a pixel at edges, blur 0.7 px, noise 2 grey levels; corners
-are detected, not drawn. Every run has its seed. A parameter is covered if it lies within two of its predicted
+are detected, not simulated. Every run has its own seed. A parameter is covered if it lies within two of its predicted
 standard deviations of the truth.
 """
 
@@ -14,7 +14,6 @@ import argparse
 import json
 import os
 import platform
-import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -175,4 +174,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -1,4 +1,4 @@
-"""The certificate against adversaries: motions that graze, each held against dense sampling.
+"""The collision certificate against adversarial motions that graze obstacles, checked by dense sampling.
 
 python bench/certificate.py --cases 10000
 """
@@ -20,8 +20,8 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests" / "support"))
 
-from grazing import ARMS, MOTIONS, NEAR, OBSTACLES, Case, dense, draw, place  # noqa: E402
-from plan.collision.certificate import RESOLUTION, check_curve  # noqa: E402
+from arms.grazing import ARMS, MOTIONS, NEAR, OBSTACLES, Case, dense, draw, place  # noqa: E402
+from plan.collision.certificate import RESOLUTION, certify_curve  # noqa: E402
 from plan.collision.world import DISTANCE_ERROR  # noqa: E402
 
 DENSER = 20  # samples per configuration that the proof looked at
@@ -87,9 +87,9 @@ def judge(case: Case, seed: int) -> Result:
     world, curve, asked = case.world, case.curve, case.clearance
     world.in_collision(place(curve, np.zeros(1))[0], asked)
     cpu, found = [], []
-    for tight in (True, False):
+    for mode in (True, False):
         began = time.process_time()
-        found.append(check_curve(world, curve, asked, tight=tight))
+        found.append(certify_curve(world, curve, asked, tight=mode))
         cpu.append(time.process_time() - began)
     began = time.process_time()
     steps = _sampled(case)

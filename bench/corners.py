@@ -1,11 +1,11 @@
-"""Marker corners on rendered photographs against the exact projection: border lines, OpenCV's SUBPIX, no refinement.
+"""Marker corners in rendered images against the exact projection: border lines, OpenCV's SUBPIX, no refinement.
 
 python bench/corners.py --images 40
 
-The lab's camera, one board with 40 mm markers about 1.1 m away, tilted 0 to 15 degrees towards anywhere, drawn by
-`render` (16 rays a pixel at edges, lens blur 0.7 px), noise 2 grey, unless a row says otherwise. Each marker is a
-window of its own. Errors are root mean squares per coordinate over all corners, px; "out" is the mean error outward
-from the marker's centre, "bias" the larger of the mean errors in x and y. All ways see the same images.
+The lab's camera, one board with 40 mm markers about 1.1 m away, tilted 0 to 15 degrees in a random direction, drawn by
+`render` (16 rays a pixel at edges, lens blur 0.7 px), noise 2 grey, unless a row says otherwise. Each marker has its
+own window. Errors are root mean squares per coordinate over all corners, px; "out" is the mean error outward from the
+marker's centre, "bias" the larger of the mean errors in x and y. All methods see the same images.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 
 from arm.board import PLATE_CENTRE, PLATE_SIZE
 from arm.se3 import Array, apply
-from board_scenes import TABLE, lab_board, lab_camera, leaning, photograph, random_pose, window
 from cell.scene.bodies import plate_body
+from pictures.boards import TABLE, lab_board, lab_camera, leaning, photograph, random_pose, window
 from render.renderer import PlacedBoard, render, with_noise
 from vision.camera.model import Camera, Image
 from vision.markers.detect import detect_markers

@@ -1,4 +1,4 @@
-"""Seeded random worlds of both tasks: boards anywhere in view and in reach, at any height up to 0.15 m."""
+"""Seeded random worlds of both tasks: boards anywhere in view and in reach, up to 0.15 m high."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_MOUTH
 from arm.controller.unit import Limits
 from arm.errors import ImpossibleError
-from arm.poses import BoardPose, hole_poses
+from arm.poses import BoardPose
 from arm.robot.model import Robot
 from arm.se3 import Array, apply, transform
 from cell.config.cell import Cell
@@ -22,9 +22,9 @@ from cell.files.world import board_placement
 from cell.scene.build import build_scene, hole_station
 from cell.task.planning import reach_of
 from plan.cartesian.line import follow_line
-from plan.cartesian.reachability import LineChoice
+from plan.cartesian.reachability import GraspCandidate
 from plan.collision.bezier import curve_of_waypoints
-from plan.collision.certificate import check_curve
+from plan.collision.certificate import certify_curve
 from plan.collision.world import World
 from plan.scene import Station
 
@@ -102,7 +102,7 @@ def _served(task: Task, seen: Seen) -> bool:
     cell = task.cell
     robot, limits = cell.robot(), cell.limits
     for board in seen.boards:
-        for hole in hole_poses(board.pose):
+        for hole in board.pose.holes:
             station = hole_station(cell, board.name, hole.name, hole.T_base_hole)
             cubes = {
                 b.name: [i for i in range(4) if (b.name, i) != (board.name, hole.index)] for b in seen.boards
@@ -111,14 +111,14 @@ def _served(task: Task, seen: Seen) -> bool:
             scene = build_scene(cell, seen.poses, standing)
             world = World(robot, (*scene.bodies, *scene.cubes))
             if not any(
-                _clear(robot, limits, world, station, c, cell.offset) for c in table[hole.name].serving()
+                _clear(robot, limits, world, station, c, cell.offset) for c in table[hole.name].feasible()
             ):
                 return False
     return True
 
 
 def _clear(
-    robot: Robot, limits: Limits, world: World, station: Station, choice: LineChoice, offset: float
+    robot: Robot, limits: Limits, world: World, station: Station, choice: GraspCandidate, offset: float
 ) -> bool:
     T_hole_tool = station.T_base_tool[choice.yaw]
     above = T_hole_tool @ transform(t=(0.0, 0.0, -offset))
@@ -126,7 +126,7 @@ def _clear(
         path = follow_line(robot, choice.q_hole, T_hole_tool, above, limits)
     except ImpossibleError:
         return False
-    return check_curve(world, curve_of_waypoints(path.q), LINE_CLEARANCE).proved
+    return certify_curve(world, curve_of_waypoints(path.q), LINE_CLEARANCE).proved
 
 
 def _draw_visible(
@@ -183,7 +183,7 @@ def _apart(placed: list[_Placed]) -> bool:
         centre = flat.mean(axis=0)
         outlines.append((centre + (flat - centre) * (1.0 + GAP / 0.1)).astype(np.float32))
     area, _ = cv2.intersectConvexConvex(*outlines)
-    return area <= 0.0
+    return float(area) <= 0.0
 
 
 def _truth(task: Task, placed: list[_Placed]) -> Seen:

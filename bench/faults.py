@@ -1,9 +1,9 @@
-"""Every fault at every moment, seeds varied: outcomes against those that were written down first.
+"""Every fault at every moment with varied seeds: outcomes against the expected ones.
 
 python bench/faults.py --cases 1000
 
-A case in which the arm left its certified path counts as expected only where its mechanics or the unit itself fail.
-The matrix and the runner are tests/support/fault_matrix.py; its outcomes are explained in docs/faults.md.
+A case in which the arm leaves its certified path is expected only if its mechanics or the unit itself fail.
+The matrix and the runner are tests/support/wire/fault_matrix.py; its outcomes are explained in docs/faults.md.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
-from fault_matrix import EXPECTED, MOMENTS, NAMES, Outcome, run_case
+from wire.fault_matrix import EXPECTED, MOMENTS, NAMES, Outcome, run_case
 
 
 def main() -> None:
@@ -91,9 +91,9 @@ def report(done: list[Outcome]) -> None:
     for name in EXPECTED:
         cells = []
         for moment in MOMENTS:
-            own = [o for o in done if (o.name, o.moment) == (name, moment)]
-            worst = max((o.off_deg for o in own), default=0.0)
-            cells.append(f"{worst:.3f}{'' if all(o.certified for o in own) else ' **'}")
+            outcomes = [o for o in done if (o.name, o.moment) == (name, moment)]
+            worst = max((o.off_deg for o in outcomes), default=0.0)
+            cells.append(f"{worst:.3f}{'' if all(o.certified for o in outcomes) else ' **'}")
         print(f"{name:26s}" + "".join(f"{cell:>22s}" for cell in cells))
     stops = [o.after_s for o in done if o.seen in ("stops", "refuses", "unknown")]
     played = [o.played_s for o in done if o.seen == "unknown"]

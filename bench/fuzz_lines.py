@@ -2,8 +2,8 @@
 
 python bench/fuzz_lines.py --lines 1000000
 
-Half of the lines are valid ones with bytes lost, changed, doubled or cut; the others are random bytes. Nothing may
-raise anything but what is documented, and memory may not grow with the number of lines.
+Half of the lines are valid ones with bytes lost, changed, doubled or cut; the others are random bytes. Only documented
+errors may be raised, and memory must not grow with the number of lines.
 """
 
 from __future__ import annotations

@@ -2,12 +2,12 @@
 
 python bench/hand_eye.py --seeds 20 --jobs 2 [--only WORD]
 
-Recordings are drawn (tests/support/arm_sets.py), not rendered: the lab's camera 1.2 m above the table, corners with
-0.3 px of noise a coordinate, zeros of J2 to J5 off by up to 0.3 deg each way, place and mount by some mm and degrees
-from seed to seed; a marker of 60 mm or a ChArUco board of 24 corners, 12 mm apart, both held 0.1 m from the flange.
-Rows give medians over seeds. "Camera" is the error of T_base_camera, "bound" the Cramer-Rao bound of the same postures
-(root mean squares of both are compared), "held out" the rms error of 60 targets predicted in postures that were not
-recorded, NEES the squared error over the covariance, per unknown (1 is honest).
+Recordings are simulated (tests/support/recorded/arm_sets.py), not rendered: the lab's camera 1.2 m above the table,
+corners with 0.3 px of noise per coordinate, joint offsets (zeros) of J2 to J5 within 0.3 deg, place and mount varied by
+some mm and degrees per seed; a marker of 60 mm or a ChArUco board of 24 corners, 12 mm apart, both held 0.1 m from the
+flange. Rows give medians over seeds. "Camera" is the error of T_base_camera, "bound" the Cramer-Rao bound of the same
+postures (root mean squares of both are compared), "held out" the rms error of 60 targets predicted in postures that
+were not recorded, NEES the normalised squared error per unknown (1: consistent covariance).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ import numpy as np
 from hand_eye_bench.cases import Case, Outcome, run
 from hand_eye_bench.judge import Off
 
-from recorded_faults import FAULTS
+from recorded.faults import FAULTS
 
 ENOUGH = Off(0.2, 0.02)  # of T_base_camera
 
@@ -155,10 +155,10 @@ def verdicts(campaign: Campaign) -> None:
     for target in ("charuco", "marker"):
         for links in (False, True):
             outcomes = campaign(Case(40, target, links=links))
-            left = _median([o.held_out.mm for o in outcomes])
+            median = _median([o.held_out.mm for o in outcomes])
             name = f"{target}, complete{', links off' if links else ''}"
             print(
-                f"{name:54} {sum(not o.accepted for o in outcomes):8d} {'':14} {'':8} {left:12.3f}",
+                f"{name:54} {sum(not o.accepted for o in outcomes):8d} {'':14} {'':8} {median:12.3f}",
                 flush=True,
             )
         for fault, (_, cause) in FAULTS.items():

@@ -1,4 +1,4 @@
-"""Do the tests see what they are for: mutants of the safety modules, and how many of them turn a test red.
+"""Do the tests do their work? Mutants of the safety modules, and how many of them make a test fail.
 
 python bench/mutants.py --jobs 2                  # all that were not tried yet
 python bench/mutants.py --room plan --only subdivision # names that hold the word
@@ -26,12 +26,12 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from mutants_bench.by_hand import BY_HAND
-from mutants_bench.choice import choose, reached
+from mutants_bench.choice import Reached, choose, reached
 from mutants_bench.mutant import FOUND, Mutant, read_list, write_list
 from mutants_bench.operators import drawn
 from mutants_bench.tests_of import located, tests_of
@@ -115,13 +115,26 @@ def drawn_lists(only: str | None = None) -> dict[str, list[Mutant]]:
     return {file.name: read_list(file) for file in files if only in (None, file.name)}
 
 
-def _known() -> dict[str, list[dict[str, Any]]]:
+class Row(TypedDict):
+    """The result of one mutant, a line of `RESULTS`."""
+
+    digest: str
+    tests_digest: str
+    name: str
+    file: str
+    result: str
+    tests: int
+    seen_by: str
+    seconds: float
+
+
+def _known() -> dict[str, list[Row]]:
     """Results by the digest of what is changed, the newest last."""
-    known: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    known: dict[str, list[Row]] = defaultdict(list)
     if RESULTS.is_file():
         for line in RESULTS.read_text().splitlines():
             if line.endswith("}"):
-                row = json.loads(line)
+                row: Row = json.loads(line)
                 known[row["digest"]].append(row)
     return known
 
@@ -130,7 +143,7 @@ def _tests_digest(tests: Sequence[str]) -> str:
     return sha256([(ROOT / "tests" / name).read_text() for name in tests])[:20]
 
 
-def _holding(mutant: Mutant, known: dict[str, list[dict[str, Any]]]) -> dict[str, Any] | None:
+def _holding(mutant: Mutant, known: dict[str, list[Row]]) -> Row | None:
     """The result that still holds: red while the test that saw it is there, green while its tests are the same."""
     for row in reversed(known.get(mutant.digest, [])):
         file, _, test = row["seen_by"].removeprefix("tests/").partition("::")
@@ -152,9 +165,9 @@ class Worker:
 
     def __init__(self, budget_s: float) -> None:
         self.trial, self.budget_s = Trial(), budget_s
-        self.reach: dict[tuple[str, str], dict[str, Any]] = {}
+        self.reach: dict[tuple[str, str], Reached] = {}
 
-    def row(self, mutant: Mutant) -> dict[str, Any]:
+    def row(self, mutant: Mutant) -> Row:
         """Try one with one file of tests after another, until one is red; its result."""
         outcome, tried, seconds = Outcome(GREEN, "no test of its list reaches it", 0.0), 0, 0.0
         for test in mutant.tests:
@@ -190,7 +203,7 @@ def _begin(budget_s: float) -> None:
     atexit.register(_worker.trial.close)
 
 
-def _row(mutant: Mutant) -> dict[str, Any]:
+def _row(mutant: Mutant) -> Row:
     if _worker is None:
         raise RuntimeError("the worker was not begun")
     return _worker.row(mutant)
@@ -213,7 +226,7 @@ def run(mutants: Sequence[Mutant], jobs: int, budget_s: float) -> None:
             )
 
 
-def _first_tries(mutants: Sequence[Mutant], known: dict[str, list[dict[str, Any]]]) -> str:
+def _first_tries(mutants: Sequence[Mutant], known: dict[str, list[Row]]) -> str:
     """What the tests saw that were there when a mutant was first tried."""
     rows = [known[m.digest][0]["result"] for m in mutants if known.get(m.digest) and not m.equivalent]
     tried = [result for result in rows if not result.startswith(SKIPPED)]
@@ -221,7 +234,7 @@ def _first_tries(mutants: Sequence[Mutant], known: dict[str, list[dict[str, Any]
     return f"{red} of {len(tried)} red" + (f" ({100.0 * red / len(tried):.1f} %)" if tried else "")
 
 
-def _score(mutants: Sequence[Mutant], known: dict[str, list[dict[str, Any]]]) -> Iterator[str]:
+def _score(mutants: Sequence[Mutant], known: dict[str, list[Row]]) -> Iterator[str]:
     """The table of rooms, and what survived."""
     counts: dict[str, dict[str, int]] = defaultdict(lambda: defaultdict(int))
     survivors = []
@@ -271,23 +284,23 @@ def main() -> None:
     """Try mutants that were not tried, and print the scores."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--room", help="driver, plan ..")
-    parser.add_argument("--only", help="mutants whose name or file holds this")
+    parser.add_argument("--only", help="mutants whose name or file contains this")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument(
-        "--budget-s", type=float, default=20.0, help="of tests for a mutant; the fastest come first"
+        "--budget-s", type=float, default=20.0, help="time of the tests per mutant; the fastest run first"
     )
-    parser.add_argument("--green", action="store_true", help="only those that were green: again")
+    parser.add_argument("--green", action="store_true", help="repeat only those that were green")
     parser.add_argument("--hand", action="store_true", help="only those by hand")
     parser.add_argument("--list", help="only those of one list: drawn-2.json ..")
-    parser.add_argument("--check", action="store_true", help="try nothing; say which mutants are gone")
     parser.add_argument(
-        "--score", action="store_true", help="try nothing; print the scores of what was tried"
+        "--check", action="store_true", help="run nothing; list the mutants whose line is gone"
     )
+    parser.add_argument("--score", action="store_true", help="run nothing; print the scores so far")
     parser.add_argument(
-        "--draw", type=int, help="draw the list anew, about so many; marks of equivalents stay"
+        "--draw", type=int, help="draw a new list of about so many; marks of equivalents stay"
     )
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--into", default="drawn.json", help="the list that is drawn")
+    parser.add_argument("--into", default="drawn.json", help="file of the list that --draw writes")
     parser.add_argument("--report", type=Path, help="write the scores there")
     options = parser.parse_args()
     if options.draw:
@@ -312,12 +325,12 @@ def main() -> None:
         if (options.room in (None, m.room)) and (options.only or "") in f"{m.name} {m.file}":
             mutants.append(Mutant(**{**vars(m.found(ROOT / "src")), "tests": own}))
     if options.check:
-        gone = [(m, m.place(ROOT / "src")[1]) for m in mutants]
-        for m, found in gone:
-            if found != FOUND:
-                print(f"{m.name}: {found} in {m.file}: {m.old.strip()[:100]!r}")
-        print(f"{sum(found == FOUND for _, found in gone)} of {len(mutants)} stand where they stood")
-        sys.exit(any(found != FOUND for _, found in gone))
+        places = [(m, m.place(ROOT / "src")[1]) for m in mutants]
+        for m, place in places:
+            if place != FOUND:
+                print(f"{m.name}: {place} in {m.file}: {m.old.strip()[:100]!r}")
+        print(f"{sum(place == FOUND for _, place in places)} of {len(mutants)} stand where they stood")
+        sys.exit(any(place != FOUND for _, place in places))
     print(_conditions(), flush=True)
     if not options.score:
         known = _known()

@@ -1,4 +1,4 @@
-"""The NAO's calibration in figures: medians over seeds, one row for each claim.
+"""Benchmark of the NAO's calibration: medians over seeds, one row per claim.
 
 python bench/nao.py --seeds 20 --honest 100
 
@@ -36,7 +36,7 @@ from nao_paper_bench.run import (
 
 from arm.se3 import Array
 from calib.chain.fit import ChainFit, fit_chains
-from calib.nao.backlash import fit_springs_and_play
+from calib.nao.backlash import fit_compliance_and_backlash
 from calib.nao.calibrate import HEAD as HEAD_PART
 from calib.nao.calibrate import NAO_LIMITS, PLAY, SPRINGS, calibrate_nao
 from calib.nao.chain import LEG_JOINTS, SIDES, NaoUnknowns
@@ -103,7 +103,8 @@ def exact(runs: Runs) -> None:
 
 def coarse(runs: Runs) -> None:
     """0.1 deg encoders, weighed and not."""
-    ours, paper = [], []
+    ours: list[tuple[float, float, float, float]] = []
+    paper: list[tuple[float, float, float, float]] = []
     for seed in range(runs.honest):
         truth = table_2_robot(PAPER, np.random.default_rng(seed))
         m = run_measurement(truth, runs.stances(seed), np.random.default_rng(seed))
@@ -111,7 +112,7 @@ def coarse(runs: Runs) -> None:
             fit, took = fitted(m, PAPER, sigma)
             off = fit.unknowns - truth.x
             rows.append(
-                (joint_rms_deg(fit, truth), off @ fit.information @ off / len(off), fit.chi2_dof, took)
+                (joint_rms_deg(fit, truth), float(off @ fit.information @ off) / len(off), fit.chi2_dof, took)
             )
     for name, rows in (("encoders weighed", ours), ("the paper's pixel cost", paper)):
         first = np.median(rows[: max(runs.seeds, 20)], axis=0)
@@ -168,7 +169,7 @@ def few(runs: Runs) -> None:
         began, busy = time.perf_counter(), time.process_time()
         plan = plan_stances(runs.pool, 4, SENSING, PAPER, criterion=criterion)
         took, busy = time.perf_counter() - began, time.process_time() - busy
-        errors, robot = _four(runs, lambda _, plan=plan: plan)
+        errors, robot = _four(runs, _always(plan))
         print(
             f"4 planned stances a leg, {criterion}-optimal: planned in {took:.1f} s ({busy:.1f} s busy); joints "
             f"{np.median(errors):.4f} deg (rms {np.sqrt(np.mean(np.square(errors))):.4f}, "
@@ -178,6 +179,10 @@ def few(runs: Runs) -> None:
         runs, lambda seed: random_stances(runs.pool, 4, SENSING, PAPER, np.random.default_rng([seed, 4]))
     )
     print(f"4 random stances a leg: joints {np.median(drawn):.4f} deg")
+
+
+def _always(plan: Plan) -> Callable[[int], Plan]:
+    return lambda _: plan
 
 
 def _four(runs: Runs, plan_of: Callable[[int], Plan]) -> tuple[list[float], float]:
@@ -226,7 +231,7 @@ def soft(runs: Runs) -> None:
 def _standing(m: NaoMeasurement, truth: NaoKinematics, hard: bool) -> tuple[float, ...]:
     problem = m.problem(ALL, PAPER_PIXEL_SIGMA, READING_SIGMA)
     began = time.perf_counter()
-    found = fit_springs_and_play(problem, ALL, [i.side for i in m.images], ON_ITS_BACK)
+    found = fit_compliance_and_backlash(problem, ALL, [i.side for i in m.images], ON_ITS_BACK)
     took = time.perf_counter() - began
     ours = standing_error(truth, NaoKinematics(ALL, found.fit.unknowns, found.hard))
     plain = fit_chains(replace(m.problem(PAPER, np.ones(2), 0.0)))
@@ -319,4 +324,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

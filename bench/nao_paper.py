@@ -1,4 +1,4 @@
-"""The NAO's paper reproduced in simulation by one command: tables on the screen, figures and JSON in a folder.
+"""Reproduce the NAO's paper in simulation: tables on the screen, figures and JSON in a folder.
 
 python bench/nao_paper.py --out nao            (two minutes; --drawn: half a minute, no images)
 """
@@ -9,7 +9,6 @@ import argparse
 import json
 import os
 import platform
-import sys
 import time
 from pathlib import Path
 
@@ -24,7 +23,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument(
-        "--drawn", action="store_true", help="vertices with the paper's noise, not found in images"
+        "--drawn",
+        action="store_true",
+        help="simulate vertices with the paper's noise instead of detecting them in images",
     )
     arguments = parser.parse_args()
     print(f"python {platform.python_version()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
@@ -35,4 +36,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -1,17 +1,17 @@
-"""What stands in holes, told from rendered photographs: right, unsure or wrong, by condition.
+"""Classification of holes in rendered images: right, unsure or wrong, by condition.
 
 python bench/occupancy.py --holes 1000 --mujoco 200
 
 Each scene is a board of the lab anywhere in the lab camera's view (1920 x 1200 px, about 1.1 m away; "at the image's
-edge" a black corner of a marker is 3 px to a white border's width from it), tilted 0, 7 or 15 degrees towards
-anywhere, a cube in about half of its holes: 40 mm to 0.3 mm, grey level 25 to 235 (the plate has 150, the markers 22
-and 235), turned by up to 1 degree and 0.2 mm off. Two photographs, noise of 3 grey levels, exposure
-0.8 to 1.1, a lamp 50 to 80 degrees high, its shadow 30 % deep with a soft edge, unless a row says otherwise (figures in
-tests/support/hole_scenes.py). The board's pose is measured in the same photographs; where that is refused (overexposed
+edge" a black corner of a marker is 3 px to a white border's width from it), tilted 0, 7 or 15 degrees in a random
+direction, a cube in about half of its holes: 40 mm to 0.3 mm, grey level 25 to 235 (the plate has 150, the markers 22
+and 235), rotated by up to 1 degree and shifted by 0.2 mm. Two images, noise of 3 grey levels, exposure 0.8 to 1.1, a
+lamp 50 to 80 degrees high, its shadow 30 % deep with a soft edge, unless a row says otherwise (figures in
+tests/support/pictures/holes.py). The board's pose is measured in the same images; where that is refused (overexposed
 markers), it is drawn with 0.1 mm across, 0.3 mm along the normal and 2 mrad of error. "across" has one hole a scene
-with a cube beside its seat (standing 6 to 36 mm off, any turn, or leaning in) or a bar over it: it must be unsure.
+with a cube beside its seat (standing 6 to 36 mm off, any rotation, or leaning in) or a bar over it: it must be unsure.
 MuJoCo draws the same kinds of scenes with its own geometry, pockets as bright as the plate, and hard shadows of all of
-the lamp's light. Seeds are not those with which weights and limits were chosen.
+the lamp's light. Weights and limits were chosen with other seeds.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
-from board_scenes import CUBE, lab_camera
-from hole_scenes import ACROSS, CONDITIONS, drawn_pose, measured_pose, photographs, random_scene
-from hole_scenes_mujoco import mujoco_photographs, why_no_opengl
+from pictures.boards import CUBE, lab_camera
+from pictures.holes import ACROSS, CONDITIONS, drawn_pose, measured_pose, photographs, random_scene
+from pictures.holes_mujoco import mujoco_photographs, why_no_opengl
 from vision.occupancy.classify import hole_occupancy
 
 FIRST_SEED = 300_000

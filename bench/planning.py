@@ -2,7 +2,7 @@
 
 python bench/planning.py --easy 50 --hard 50 --peers roboplan ompl seed
 
-Needs the extra `bench` (roboplan, ompl, mujoco). Every planner is asked the same queries: fetch a cube from a hole of
+Needs the extra `bench` (roboplan, ompl, mujoco). Every planner gets the same queries: fetch a cube from a hole of
 one board, bring it to a hole of the other, with 100 mm along the board's normal at each, from home to home.
 """
 
@@ -13,7 +13,6 @@ import json
 import os
 import platform
 import subprocess
-import sys
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -72,7 +71,7 @@ def _options() -> argparse.Namespace:
     )
     parser.add_argument("--no-ours", action="store_true")
     parser.add_argument("--rows", type=lambda s: s.split(","), default=list(ROWS), help=",".join(ROWS))
-    parser.add_argument("--infeasible", type=int, default=10, help="scenes of each kind that cannot be done")
+    parser.add_argument("--infeasible", type=int, default=10, help="scenes of each infeasible kind")
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=1, help="processes; CPU times are fairest with 1")
     parser.add_argument("--plot", type=Path, help="SVG of the scaling row")
@@ -80,7 +79,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument(
         "--keep",
         type=Path,
-        help="file to which each scene is added; run again with it to go on where it ended",
+        help="file to which each scene is added; a later run with it continues there",
     )
     options = parser.parse_args()
     unknown = set(options.rows) - set(ROWS)
@@ -145,4 +144,4 @@ def report(records: dict[str, list[Record]], more: dict[str, Any]) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

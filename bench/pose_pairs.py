@@ -3,9 +3,9 @@
 python bench/pose_pairs.py --seed 20261121 --workers 2
 
 Needs the extra `bench`. The tier of kinhec_bench/tier.yaml (160 sequences, synthetic, no images) is generated here in a
-few minutes and kept in --folder; another --seed draws it anew. All solvers get the keyframes of kinhec's protocol. X is
-what the gripper holds, Y what stands; errors are kinhec's: mm and deg. "known" is least squares that know the size of
-every error, which pairs are wrong and the arm's own geometry: no solver, but what draws of this size allow.
+few minutes and kept in --folder; another --seed generates it again. All solvers get the keyframes of kinhec's protocol.
+X is what the gripper holds, Y is fixed; errors are kinhec's: mm and deg. "known" is a least-squares fit given the size
+of every error, the wrong pairs and the arm's true geometry: what such data allow, not a solver.
 """
 
 from __future__ import annotations
@@ -85,7 +85,8 @@ def solved(sample: Sample) -> list[Result]:
         begun = time.perf_counter()
         found = opencv(name, sample.A, sample.B)
         ms = 1e3 * (time.perf_counter() - begun)
-        results.append(_result(sample, name, *(found or (None, None)), ms))
+        X, Y = found or (None, None)
+        results.append(_result(sample, name, X, Y, ms))
     if sample.group not in DEGENERATE:
         results.append(_result(sample, "known", *known_noise(sample), float("nan")))
     results.append(_ours(sample))

@@ -1,4 +1,4 @@
-"""Whole runs in random worlds of each task: how many place all four cubes, how well, and why the others do not.
+"""Whole runs in random worlds of each task: how many place all four cubes, how accurately, and why others fail.
 
 python bench/random_worlds.py --worlds 20
 """

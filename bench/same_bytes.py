@@ -1,10 +1,10 @@
-"""Are plans the same bytes under every kernel of BLAS, every number of threads and numpy without its fast paths?
+"""Do plans have the same bytes with every BLAS kernel, every number of threads and without numpy's fast paths?
 
 python bench/same_bytes.py --easy 50 --hard 50
 
-Scenes are drawn once, four queries each; every variant then plans the same 400 queries in a process of its own, and
+Scenes are drawn once, four queries each; every variant then plans the same 400 queries in its own process, and
 the SHA-256 of each whole plan is compared with that of the first variant. OpenBLAS takes its kernels from
-OPENBLAS_CORETYPE; a kernel that the processor cannot run (SkylakeX without AVX-512) ends its process and is told.
+OPENBLAS_CORETYPE; a kernel that the processor cannot run (SkylakeX without AVX-512) ends its process and is reported.
 """
 
 from __future__ import annotations

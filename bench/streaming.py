@@ -4,9 +4,9 @@ python bench/streaming.py --streams 1000 --plans 10000
 
 Streams: motions of all joints are planned (TOPP-RA at the given fractions of the registers, integer cubics), streamed
 by the driver over a line in memory with that latency, in stepped time, and compared with what the emulated unit did at
-every ms. Starved means that the arm stood while segments were still to come.
-Plans: what would be sent is encoded, read back as the unit reads it, and compared with what was planned to the count;
-positions, velocities and accelerations by their extremes inside segments, joins by the unit's rule for vertices.
+every ms. Starved means that the arm stopped before the last segment.
+Plans: segments are encoded, decoded as the unit does, and compared with the plan to the count: positions, velocities
+and accelerations at their extremes inside segments, joins by the unit's rule for vertices.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 from arm.controller.segments import CountPath
 from arm.controller.unit import Limits, Unit, load_unit
 from arm.se3 import Array
-from count_paths import off_path_deg
+from arms.count_paths import off_path_deg
 from driver.emulator import Emulator, EmulatorOptions
 from driver.emulator.commands import Interpreter
 from driver.emulator.unit.machine import Machine
@@ -243,11 +243,11 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--plans", type=int, default=10_000)
     parser.add_argument("--unit", default="crs93")
     parser.add_argument(
-        "--velocity", type=float, default=0.9, help="fraction of the speed registers planned with"
+        "--velocity", type=float, default=0.9, help="planning speed as a fraction of the registers"
     )
     parser.add_argument("--acceleration", type=float, default=0.5)
     parser.add_argument("--segment-ms", type=int, default=100)
-    parser.add_argument("--latency-s", type=float, default=0.0, help="of the line, one way")
+    parser.add_argument("--latency-s", type=float, default=0.0, help="one-way latency of the line")
     parser.add_argument("--jobs", type=int, default=2, help="processes of the plans")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path)

@@ -1,7 +1,7 @@
 """Settings of Sphinx for this folder: `make docs` builds docs/_build/html, with no network.
 
-The pages are Markdown and can be read without Sphinx. The API pages are made anew at every build, one a room, from
-the modules that are there.
+The pages are Markdown and can be read without Sphinx. The API pages are made anew at every build, one for each folder
+of the source, from the modules that are there.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 HERE = Path(__file__).resolve().parent
 SOURCE = HERE.parent / "src"
-ROOMS = ("arm", "plan", "vision", "driver", "render", "calib", "cell")  # as they rest on each other
+ROOMS = ("a465", "arm", "plan", "vision", "driver", "render", "calib", "cell")  # as they rest on each other
 
 project = "a465"
 author = "the a465 authors"
@@ -70,21 +70,38 @@ def public_modules(room: str) -> list[str]:
     return sorted(names)
 
 
-def api_page(room: str) -> str:
-    """The page of a room: every public module with what it says of itself."""
-    lines = []
-    for name in public_modules(room):
-        heading = "#" if name == room else "##"
-        lines += [f"{heading} {name}", "", "```{eval-rst}", f".. automodule:: {name}", *OPTIONS, "```", ""]
-    return "\n".join(lines)
+def api_pages(room: str) -> dict[str, str]:
+    """A page for each folder of a room, with its modules; the room's own page leads to the others."""
+    modules = public_modules(room)
+    folders = [name for name in modules if (SOURCE / Path(*name.split("."))).is_dir()]
+    pages = {}
+    for folder in folders:
+        own = [
+            name
+            for name in modules
+            if name == folder or (name not in folders and name.rpartition(".")[0] == folder)
+        ]
+        lines = []
+        for name in own:
+            lines += [f"{'#' if name == folder else '##'} {name}", ""]
+            lines += ["```{eval-rst}", f".. automodule:: {name}", *OPTIONS, "```", ""]
+        below = [name for name in folders if name.rpartition(".")[0] == folder]
+        if below:
+            lines[8:8] = ["```{toctree}", ":maxdepth: 1", "", *below, "```", ""]
+        pages[folder] = "\n".join(lines)
+    return pages
 
 
 def write_api_pages(app: Sphinx) -> None:
-    """Into docs/api, where they are not what they were."""
+    """Write the pages that changed into docs/api, and remove those of folders that are gone."""
     folder = Path(app.srcdir) / "api"
     folder.mkdir(exist_ok=True)
-    for room in ROOMS:
-        page, text = folder / f"{room}.md", api_page(room)
+    pages = {f"{name}.md": text for room in ROOMS for name, text in api_pages(room).items()}
+    for page in folder.glob("*.md"):
+        if page.name not in pages:
+            page.unlink()
+    for name, text in pages.items():
+        page = folder / name
         if not page.is_file() or page.read_text() != text:
             page.write_text(text)
 

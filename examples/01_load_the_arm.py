@@ -1,9 +1,8 @@
-"""Load the arm, move its joints, and see where the tool is and what limits hold."""
+"""Load the arm, and print the tool pose at a configuration and the joint limits."""
 
 import numpy as np
 
-from arm.controller.unit import load_unit
-from arm.robot.model import load_a465
+from a465 import load_a465, load_unit
 
 unit = load_unit("crs93")
 robot = load_a465(tool_length=0.134112, jaw_opening=0.060)

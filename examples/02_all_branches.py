@@ -1,11 +1,8 @@
-"""Every configuration that puts the tool at a pose, and why the other branches do not reach it."""
+"""Find every configuration for a tool pose, and why the other branches do not reach it."""
 
 import numpy as np
 
-from arm.controller.unit import load_unit
-from arm.robot.model import load_a465
-from arm.se3 import rot_x, transform
-from plan.kinematics.ik import explain_pose, inverse_kinematics
+from a465 import explain_pose, inverse_kinematics, load_a465, load_unit, rot_x, transform
 
 unit, robot = load_unit("crs93"), load_a465(0.134112, 0.060)
 T_base_tool = transform(rot_x(np.pi), (0.45, 0.10, 0.08))  # above the table, pointing down

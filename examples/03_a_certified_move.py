@@ -1,14 +1,8 @@
-"""Go around a wall, and prove how far the motion stays away from it, as it will be sent."""
+"""Plan a motion around a wall, with its clearance certified as it will be sent."""
 
 import numpy as np
 
-from arm.controller.unit import load_unit
-from arm.robot.model import load_a465
-from arm.robot.shapes import Body, Box
-from arm.se3 import transform
-from plan.options import PlanOptions
-from plan.pick_place.go_to import plan_way
-from plan.scene import Scene
+from a465 import Body, Box, PlanOptions, Scene, load_a465, load_unit, plan_joint_motion, transform
 
 unit = load_unit("crs93")
 bodies = (
@@ -17,7 +11,7 @@ bodies = (
 )
 scene = Scene(load_a465(0.134112, 0.060), load_a465(0.134112, 0.040), bodies, ())
 
-plan = plan_way(
+plan = plan_joint_motion(
     scene,
     q_from=np.radians([-35, -35, -85, 0, -60, 0]),
     q_to=np.radians([35, -35, -85, 0, -60, 0]),

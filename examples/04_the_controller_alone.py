@@ -2,10 +2,9 @@
 
 import sys
 
-from arm.controller.unit import load_unit
+from a465 import Mars, load_unit
 from driver.emulator import Emulator
 from driver.line.stepped_clock import SteppedClock
-from driver.mars.mars import Mars
 
 unit, clock = load_unit("crs93"), SteppedClock()  # on a real port: Mars("/dev/mars", unit)
 with Emulator(unit, clock) as emulator, Mars(emulator.open_line(), unit, clock) as mars:

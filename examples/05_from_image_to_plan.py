@@ -1,4 +1,4 @@
-"""Photograph the simulated cell, find boards and cubes, check reach, plan the whole task."""
+"""Take images of the simulated cell, find boards and cubes, check reach, plan the whole task."""
 
 from pathlib import Path
 

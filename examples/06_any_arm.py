@@ -1,26 +1,26 @@
-"""A seven-axis arm that is nobody's, with a tool of its own, goes around a rock: no controller, no shipped file."""
+"""Plan around a rock for an invented seven-axis arm with its own tool: no controller, no shipped files."""
 
 from pathlib import Path
 
 import numpy as np
 
-from plan.api import (
+from a465 import (
     Body,
     Box,
     Cylinder,
     PlanOptions,
     Target,
     convex,
-    ignoring,
     load_robot,
     plan_poses,
     rot_x,
     transform,
     urdf_limits,
+    with_disabled_collisions,
     with_tool,
 )
 
-# alternating turns about z and y, as many seven-axis arms have them; lengths in m
+# axes alternate between z and y, as in many seven-axis arms; lengths in m
 LENGTHS, AXES = (0.32, 0.0, 0.38, 0.0, 0.36, 0.0, 0.10), "zyzyzyz"
 links = "".join(
     f"""<link name="link{k}"><collision><origin xyz="0 0 {length / 2}"/>
@@ -35,9 +35,9 @@ joints = "".join(
 )
 Path("arm.urdf").write_text(f'<robot name="seven">{links}{joints}</robot>')
 
-# without an SRDF: links that meet, or meet but for a joint of no length, are not checked against each other
+# there is no SRDF: disable collisions between adjacent links, also across a link of zero length
 robot = load_robot(Path("arm.urdf"), "link7", np.eye(4))
-robot = ignoring(robot, [(f"link{k}", f"link{k + 2}") for k in (0, 2, 4)], neighbours=True)
+robot = with_disabled_collisions(robot, [(f"link{k}", f"link{k + 2}") for k in (0, 2, 4)], neighbours=True)
 nozzle = Body("nozzle", Cylinder(0.012, 0.12), transform(t=(0.0, 0.0, 0.13)), "tool")
 robot = with_tool(robot, transform(t=(0.0, 0.0, 0.20)), [nozzle])
 

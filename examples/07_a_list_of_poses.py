@@ -1,11 +1,11 @@
-"""Round the rim of a pipe with the A465, the tool free to turn about its own axis."""
+"""Follow the rim of a pipe with the A465, the tool free to rotate about its own axis."""
 
 import csv
 from pathlib import Path
 
 import numpy as np
 
-from plan.api import (
+from a465 import (
     Body,
     Box,
     Cylinder,
@@ -24,7 +24,7 @@ bodies = (
     Body("table", Box((1.2, 1.4, 0.04)), transform(t=(0.3, 0.0, -0.02)), "table"),
     Body("pipe", Cylinder(radius, centre[2]), transform(t=(centre[0], centre[1], centre[2] / 2)), "post"),
 )
-# the finger tips run 8 mm above the rim, the tool pointing down; how it is turned about its own axis does not matter
+# the finger tips follow the rim 8 mm above it, the tool pointing down, its rotation about its own axis free
 angles = np.radians(np.arange(0, 361, 40))
 rim = [centre + (radius * np.cos(a), radius * np.sin(a), 0.008) for a in angles]
 targets = [
@@ -35,7 +35,7 @@ targets = [
         by="line" if k else "transit",
         approach=0.0 if k else 0.04,
         retract=0.04 if k == len(rim) - 1 else 0.0,
-        within=0.002,  # corners may be cut by 2 mm, so the arm need not stop at them
+        blend_radius=0.002,  # corners may be cut by 2 mm, so the arm need not stop at them
         speed=0.05,
     )
     for k, place in enumerate(rim)

@@ -1,13 +1,13 @@
-"""How near is everything: distances at one configuration, and a proof over a whole motion."""
+"""Print the distances at one configuration, and certify a whole motion."""
 
 import numpy as np
 
-from plan.api import (
+from a465 import (
     Body,
     Box,
     Capsule,
     World,
-    check_curve,
+    certify,
     convex,
     curve_of_waypoints,
     load_a465,
@@ -29,7 +29,7 @@ q = np.radians([[-35, -20, -100, 0, -60, 0], [35, -20, -100, 0, -60, 0]])
 for distance in world.distances_below(q[1], 0.20):
     print(f"{distance.pair[0]:8s} is {1e3 * distance.value:6.1f} mm from {distance.pair[1]}")
 
-check = check_curve(world, curve_of_waypoints(q), clearance=0.010, tight=True)
+check = certify(world, curve_of_waypoints(q), clearance=0.010, tight=True)
 print(
     f"on the way: proved {1e3 * check.clearance:.1f} mm, seen {1e3 * check.seen:.1f} mm, {' and '.join(check.pair)}"
 )

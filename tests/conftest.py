@@ -9,7 +9,7 @@ import pytest
 
 from arm.io.storage import data_file
 from driver.log.read import Session, read_log
-from logged_session import LoggedRun, logged_run
+from wire.logged_session import LoggedRun, logged_run
 
 
 @pytest.fixture

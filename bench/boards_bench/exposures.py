@@ -9,11 +9,11 @@ import numpy as np
 
 from arm.board import Board
 from arm.se3 import frozen
-from board_scenes import lab_board, lab_camera, random_pose
 from boards_bench.outcomes import Outcome, assessed
 from boards_bench.scenes import TILTS_DEG, Conditions, Scene, bound
-from made_boards import glued_aside, made, moved_px
-from marker_pictures import Exposure, Pane, panes, photographed
+from pictures.boards import lab_board, lab_camera, random_pose
+from pictures.made_boards import glued_aside, made, moved_px
+from pictures.markers import Exposure, Pane, panes, photographed
 from vision.boards.pose import assess_board
 
 EXPOSURES = 10

@@ -9,10 +9,10 @@ import numpy as np
 
 from arm.board import Board
 from arm.se3 import Array
-from board_scenes import lab_camera, twist_between
 from boards_bench.scenes import Conditions, Frames, Scene, bound, drawn, hole_levers
 from boards_bench.spoils import SPOILS
 from boards_bench.ways import WAYS
+from pictures.boards import lab_camera, twist_between
 from vision.boards.checks import Spread
 from vision.boards.pose import assess_board
 

@@ -9,7 +9,7 @@ import numpy as np
 from arm.board import Board
 from arm.poses import adjoint
 from arm.se3 import Array, inverse
-from board_scenes import lab_board, lab_camera, random_pose, seen_corners, spoiled
+from pictures.boards import lab_board, lab_camera, random_pose, seen_corners, spoiled
 from vision.boards.pose_fit import pose_jacobian
 from vision.camera.model import Camera
 from vision.markers.detect import Marker

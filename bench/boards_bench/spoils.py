@@ -9,8 +9,8 @@ import numpy as np
 
 from arm.board import Board
 from arm.se3 import Array, frozen
-from board_scenes import lab_camera
 from boards_bench.scenes import Frames, Scene
+from pictures.boards import lab_camera
 
 
 def _as_it_is(scene: Scene, rng: np.random.Generator) -> tuple[Board, Frames]:

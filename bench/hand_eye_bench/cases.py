@@ -9,17 +9,6 @@ import numpy as np
 
 from arm.errors import CalibrationRefused
 from arm.se3 import Array, rotation, transform
-from arm_sets import (
-    LENS,
-    NOMINAL,
-    SAMPLERS,
-    TARGETS,
-    Truth,
-    draw_truth,
-    recorded,
-    spoilt,
-    wide,
-)
 from calib.hand_eye.calibrate import calibrate_hand_eye
 from calib.hand_eye.next_poses import plan_poses
 from hand_eye_bench.judge import (
@@ -31,7 +20,18 @@ from hand_eye_bench.judge import (
     prediction_off,
     rigid_prediction_off,
 )
-from recorded_faults import FAULTS
+from recorded.arm_sets import (
+    LENS,
+    NOMINAL,
+    SAMPLERS,
+    TARGETS,
+    Truth,
+    draw_truth,
+    recorded,
+    spoilt,
+    wide,
+)
+from recorded.faults import FAULTS
 
 POOL, FRESH = 1000, 60
 
@@ -48,7 +48,7 @@ class Case:
         links: whether links have errors.
         wrong: part of the images that are wrong.
         way: how they are wrong.
-        fault: what is wrong with the recording as a whole, see `recorded_faults`.
+        fault: what is wrong with the recording as a whole, see `recorded.faults`.
         peers: whether SHAH and LI are run too.
     """
 
@@ -156,4 +156,4 @@ def postures(case: Case, truth: Truth, rng: np.random.Generator) -> Array:
         for T in (truth.T_base_camera, truth.T_gripper_target)
     ]
     plan = plan_poses(pool, case.poses, NOMINAL, LENS, points, about[0], about[1])
-    return pool[rng.permutation(list(plan.places))]
+    return np.asarray(pool[rng.permutation(list(plan.places))])

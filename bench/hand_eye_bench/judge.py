@@ -10,11 +10,11 @@ from scipy.spatial.transform import Rotation
 
 from arm.robot.dh import DhTable
 from arm.se3 import Array, angle_between, inverse, rotation, transform
-from arm_sets import LENS, NOISE_PX, TARGETS, Truth
-from calib.chain.per_image_poses import fit_free_poses
+from calib.chain.per_image_poses import fit_per_image_poses
 from calib.hand_eye.calibrate import HandEye
 from calib.hand_eye.chain import OFFSETS, arm_chain
 from calib.recordings.arm import ArmRecording
+from recorded.arm_sets import LENS, NOISE_PX, TARGETS, Truth
 
 FIRST, LAST = 0, 5  # joints whose zeros are held: the gauges
 
@@ -58,7 +58,7 @@ def closed_forms(recording: ArmRecording) -> dict[str, tuple[Array, Array]]:
     """T_gripper_target and T_base_camera of SHAH and LI, all images believed."""
     none = np.zeros(12 + 4 * recording.dh.joints)
     A = arm_chain(recording.dh, np.eye(4), np.eye(4)).evaluate(recording.joints, none).T
-    B = fit_free_poses(recording.camera, recording.points, recording.pixels).T_camera_target
+    B = fit_per_image_poses(recording.camera, recording.points, recording.pixels).T_camera_target
     found = {}
     for name, method in (
         ("SHAH", cv2.CALIB_ROBOT_WORLD_HAND_EYE_SHAH),

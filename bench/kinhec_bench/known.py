@@ -31,7 +31,7 @@ def known_noise(sample: Sample) -> tuple[Array, Array]:
         at = closed.linearised(P, Q)
         W = np.linalg.inv(_covariance(sample, at))
         J = at.by_unknowns.reshape(-1, UNKNOWNS)
-        step = np.linalg.solve(J.T @ W @ J, J.T @ W @ at.residuals.reshape(-1))
+        step = np.asarray(np.linalg.solve(J.T @ W @ J, J.T @ W @ at.residuals.reshape(-1)), dtype=float)
         P, Q = moved(P, step[:6]), moved(Q, step[6:])
     return (P, Q) if s.eye_in_hand else (Q, P)
 

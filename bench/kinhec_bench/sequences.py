@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import yaml
 from kinhec.benchmark import KEYFRAME_MIN_ROT_DEG, KEYFRAME_MIN_TRANS_M, MAX_KEYFRAMES
 from kinhec.io import Sequence, iter_sequences
@@ -35,7 +36,7 @@ class Sample:
     group: str
     A: Array
     B: Array
-    frames: Array
+    frames: npt.NDArray[np.intp]
 
     @property
     def pairs(self) -> PosePairs:
@@ -44,7 +45,7 @@ class Sample:
         return PosePairs(self.A, inverses(self.B) if held else self.B, held)
 
     @property
-    def wrong(self) -> Array:
+    def wrong(self) -> npt.NDArray[np.bool_]:
         """(n,) keyframes that are planted outliers."""
         return np.asarray(self.sequence.camera.outlier[self.frames], dtype=bool)
 

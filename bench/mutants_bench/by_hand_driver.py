@@ -29,8 +29,8 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
     (
         "rest-not-obeyed",
         "driver/mars/stopping.py",
-        "        obeyed = self.link.echo.stops > 0 or not self.link.echoes\n",
-        "        obeyed = True\n",
+        "        executed = self.link.echo.stops > 0 or not self.link.echoes\n",
+        "        executed = True\n",
         "at rest though STOP was not echoed",
         (
             "driver/mars/test_stopping.py",

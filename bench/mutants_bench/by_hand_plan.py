@@ -135,7 +135,7 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
     (
         "pieces-no-spread",
         "plan/collision/subdivision.py",
-        "        spread = np.abs(points - begin - along[:, None] * way).max(axis=0)\n",
+        "        spread = np.abs(points - begin - along[:, None] * chord).max(axis=0)\n",
         "        spread = np.zeros_like(middle)\n",
         "a run is taken to be straight",
         _PIECES,
@@ -143,8 +143,8 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
     (
         "volumes-second-order",
         "plan/collision/bounds.py",
-        "first_order - (radius * stray).sum(axis=1) - second_order - ROUNDING)",
-        "first_order - (radius * stray).sum(axis=1) - ROUNDING)",
+        "first_order - (radius * deviation).sum(axis=1) - second_order - ROUNDING)",
+        "first_order - (radius * deviation).sum(axis=1) - ROUNDING)",
         "the second-order term is left out",
         (
             "plan/collision/test_bounds.py",
@@ -167,7 +167,7 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
     (
         "volumes-stray",
         "plan/collision/bounds.py",
-        "first_order - (radius * stray).sum(axis=1) - second_order - ROUNDING)",
+        "first_order - (radius * deviation).sum(axis=1) - second_order - ROUNDING)",
         "first_order - second_order - ROUNDING)",
         "what strays from the chord is left out",
         (

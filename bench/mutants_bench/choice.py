@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import json
 from dataclasses import dataclass
+from typing import TypedDict
 
 from arm.io.storage import sha256, write_atomic
 from mutants_bench.mutant import Mutant
@@ -22,22 +23,34 @@ class Choice:
     seconds: float
 
 
-def reached(trial: Trial, test: str, file: str) -> dict[str, dict]:
+class Reached(TypedDict):
+    """What `mutants_bench.reach` wrote of one file of tests: s by test, tests by ``file:line``, digests by source."""
+
+    seconds: dict[str, float]
+    tests: dict[str, list[str]]
+    texts: dict[str, str]
+
+
+def reached(trial: Trial, test: str, file: str) -> Reached:
     """Seconds by test and tests by line, of one file of tests; from the cache, or by running it once."""
     known = CACHE / f"{sha256((ROOT / 'tests' / test).read_text())[:20]}.json"
     if known.is_file():
-        found = json.loads(known.read_text())
-        if found["texts"].get(file) == _text(file):
-            return found
+        cached: Reached = json.loads(known.read_text())
+        if cached["texts"].get(file) == _text(file):
+            return cached
     output = trial.root / "reach.json"
     output.unlink(missing_ok=True)
     room = file.partition("/")[0]
     files = [p.relative_to(ROOT / "src").as_posix() for p in (ROOT / "src" / room).rglob("*.py")]
     outcome = trial.run([f"tests/{test}"], LONGEST_S, (files, output))
-    found = json.loads(output.read_text()) if output.is_file() else {"seconds": {}, "tests": {}}
+    written = json.loads(output.read_text()) if output.is_file() else {"seconds": {}, "tests": {}}
+    found: Reached = {
+        "seconds": written["seconds"],
+        "tests": written["tests"],
+        "texts": {name: _text(name) for name in files},
+    }
     good = len(found["seconds"])
     print(f"  {test}: {outcome.result} in {outcome.seconds:.0f} s, {good} good", flush=True)
-    found["texts"] = {name: _text(name) for name in files}
     write_atomic(known, json.dumps(found))
     return found
 
@@ -46,7 +59,7 @@ def _text(file: str) -> str:
     return sha256((ROOT / "src" / file).read_text())[:20]
 
 
-def choose(mutant: Mutant, reach: dict[str, dict], budget_s: float) -> Choice:
+def choose(mutant: Mutant, reach: Reached, budget_s: float) -> Choice:
     """Tests that reach the statement that is changed, up to a budget; outside of functions, those of its file."""
     path, _ = mutant.place(ROOT / "src")
     if path is None:
@@ -56,7 +69,8 @@ def choose(mutant: Mutant, reach: dict[str, dict], budget_s: float) -> Choice:
     tests = {test for line in range(first, last + 1) for test in by_line.get(f"{mutant.file}:{line}", ())}
     if first == 0:
         tests = {t for line, names in by_line.items() if line.startswith(f"{mutant.file}:") for t in names}
-    chosen, total = [], 0.0
+    chosen: list[str] = []
+    total = 0.0
     for test in sorted(tests, key=lambda t: (seconds[t], t)):
         if chosen and total + seconds[test] > budget_s:
             break

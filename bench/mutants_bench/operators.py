@@ -61,12 +61,14 @@ class _Finder(ast.NodeVisitor):
             self.starts.append(self.starts[-1] + len(line))
         self.edits: list[Edit] = []
 
-    def _span(self, node: ast.AST) -> tuple[int, int]:
-        begin = self.starts[node.lineno - 1] + node.col_offset  # type: ignore[attr-defined]
-        end = self.starts[node.end_lineno - 1] + node.end_col_offset  # type: ignore[attr-defined]
+    def _span(self, node: ast.expr | ast.stmt) -> tuple[int, int]:
+        if node.end_lineno is None or node.end_col_offset is None:
+            raise ValueError("a node that was not parsed from a text has no end")
+        begin = self.starts[node.lineno - 1] + node.col_offset
+        end = self.starts[node.end_lineno - 1] + node.end_col_offset
         return begin, end
 
-    def _between(self, left: ast.AST, right: ast.AST, old: str, new: str, what: str) -> None:
+    def _between(self, left: ast.expr, right: ast.expr, old: str, new: str, what: str) -> None:
         begin, end = self._span(left)[1], self._span(right)[0]
         text = self.source[begin:end].decode()
         pattern = rf"\b{old}\b" if old[0].isalpha() else re.escape(old)
@@ -75,7 +77,7 @@ class _Finder(ast.NodeVisitor):
             at = begin + found[0].start()
             self.edits.append(Edit(at, at + len(old), new, f"{what}: {old} -> {new}"))
 
-    def _whole(self, node: ast.AST, new: str, what: str) -> None:
+    def _whole(self, node: ast.expr | ast.stmt, new: str, what: str) -> None:
         begin, end = self._span(node)
         self.edits.append(Edit(begin, end, new, what))
 

@@ -45,7 +45,7 @@ class Reach:
             return (yield)
         finally:
             sys.settrace(None)
-            threading.settrace(None)  # type: ignore[arg-type]
+            threading.settrace(None)
             for file, line in self._now:
                 self.tests[f"{self.names[file]}:{line}"].append(item.nodeid)
 

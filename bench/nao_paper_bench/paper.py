@@ -17,7 +17,7 @@ import numpy as np
 from arm.errors import InputError
 from arm.se3 import Array
 from calib.chain.fit import Problem, fit_chains
-from calib.nao.backlash import fit_springs_and_play
+from calib.nao.backlash import fit_compliance_and_backlash
 from calib.nao.chain import SIDES, NaoUnknowns
 from calib.nao.kinematics import (
     ON_ITS_BACK,
@@ -194,7 +194,7 @@ def _by_us(m: NaoMeasurement, sigma: Array) -> PaperRun:
     """Encoders weighed, head offsets, springs and play looked for."""
     problem = m.problem(ALL, sigma, READING_SIGMA)
     began = time.perf_counter()
-    found = fit_springs_and_play(problem, ALL, [i.side for i in m.images], ON_ITS_BACK)
+    found = fit_compliance_and_backlash(problem, ALL, [i.side for i in m.images], ON_ITS_BACK)
     took = time.perf_counter() - began
     taken = NaoKinematics(ALL, found.fit.unknowns, found.hard)
     return _run(m, found.problem, taken, found.iterations, took)

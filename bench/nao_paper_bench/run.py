@@ -16,7 +16,7 @@ from calib.nao.chain import SIDES, NaoUnknowns, nao_sightings
 from calib.nao.collision import BOARD_MIDDLE_X, BOARD_SIZE
 from calib.nao.kinematics import ON_ITS_BACK, NaoKinematics
 from calib.nao.stance_design import Plan
-from calib.nao.stance_pool import Stance, free_way, resting_posture
+from calib.nao.stance_pool import Stance, collision_free_motion, resting_posture
 from cell.sim.target_photos import Shot, photograph_target
 from nao_paper_bench.robot import Servos, SimulatedNao
 from render.light import Light
@@ -179,9 +179,9 @@ def way_to(at: Array, posture: Array) -> list[Array]:
         ImpossibleError: neither way is free.
     """
     rest = resting_posture()
-    if free_way(at, posture):
+    if collision_free_motion(at, posture):
         return [posture]
-    if free_way(at, rest) and free_way(rest, posture):
+    if collision_free_motion(at, rest) and collision_free_motion(rest, posture):
         return [rest, posture]
     raise ImpossibleError(
         "a stance of the plan has no free way to it, neither from the one before nor from rest; plan anew",

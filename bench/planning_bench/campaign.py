@@ -19,26 +19,27 @@ from planning_bench.bounds import bounds
 from planning_bench.grips import grip_lines, line_poses
 from planning_bench.judge import Stage, control, judge
 from planning_bench.ours import Ours
-from planning_bench.query import PlannerFailed, Query
+from planning_bench.query import PlannerFailed, PlannerUnderTest, Query
 from planning_bench.scenes import BenchScene, draw, lines_that_are_free
 from planning_bench.seed import Seed
 
 Record = dict[str, Any]
+Planner = PlannerUnderTest[Any]  # each has a form of plan of its own
 
 
-def _roboplan(step: float, name: str, restarts: int = 1) -> Any:
+def _roboplan(step: float, name: str, restarts: int = 1) -> Planner:
     from planning_bench.roboplan_peer import Roboplan
 
     return Roboplan(name, step, restarts)
 
 
-def _ompl(fraction: float, name: str) -> Any:
+def _ompl(fraction: float, name: str) -> Planner:
     from planning_bench.ompl_peer import Ompl
 
     return Ompl(name, fraction)
 
 
-PLANNERS: dict[str, Callable[[], Any]] = {
+PLANNERS: dict[str, Callable[[], Planner]] = {
     "ours": Ours,
     "roboplan-native": lambda: _roboplan(0.05, "roboplan-native"),
     "roboplan-fine": lambda: _roboplan(0.01, "roboplan-fine"),
@@ -56,7 +57,7 @@ GROUPS = {
 
 
 @cache
-def planner(name: str) -> Any:
+def planner(name: str) -> Planner:
     """A planner, loaded and run once on a scene of no account, so that imports are not counted."""
     made = PLANNERS[name]()
     warm = draw("easy", 10_000).query(0)
@@ -141,7 +142,7 @@ def run_scene(kind: str, seed: int, names: tuple[str, ...], whole: bool) -> list
     return records
 
 
-def run_query(made: Any, query: Query) -> Record:
+def run_query(made: Planner, query: Query) -> Record:
     """One planner, one query; a planner that fails is a record with its reason."""
     began = time.process_time()
     try:
@@ -187,11 +188,11 @@ def controls(scene: BenchScene) -> list[Record]:
     if found is not None:
         records.append({**base, "caught": found.ok, "depth": found.depth})
     if scene.obstacles:
-        lines = lines_that_are_free(query)
-        pick = min(lines.picks, key=lambda g: float(np.linalg.norm(g.q_offset - query.q_start)))
-        place = min(lines.places, key=lambda g: float(np.linalg.norm(g.q_offset - pick.q_offset)))
+        free = lines_that_are_free(query)
+        pick = min(free.picks, key=lambda g: float(np.linalg.norm(g.q_offset - query.q_start)))
+        place = min(free.places, key=lambda g: float(np.linalg.norm(g.q_offset - pick.q_offset)))
         cube = query.scene.cube(query.transfers[0].cube)
-        apart = robot.touching
+        apart = robot.disabled_collisions
         stage = Stage([*query.scene.bodies, *query.scene.cubes], apart)
         flange = stage.place(pick.q_station)
         held = (cube, np.linalg.inv(flange) @ cube.T_base_body)

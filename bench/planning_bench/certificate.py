@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import itertools
 import time
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
-from arm.se3 import frozen, inverse
+from arm.se3 import Array, frozen, inverse
 from plan.collision.bezier import curve_of_waypoints
-from plan.collision.certificate import check_curve
+from plan.collision.certificate import certify_curve
 from plan.collision.world import World
 from planning_bench.choices import pairs
-from planning_bench.query import CLEARANCE
+from planning_bench.query import CLEARANCE, Query
 from planning_bench.scenes import draw, lines_that_are_free
 from planning_bench.tables import pct
 
@@ -41,11 +43,11 @@ def certificate_row(scenes: int, first_seed: int) -> str:
                 steps = np.concatenate([_steps(a, b) for a, b in itertools.pairwise(way)])
                 curve = curve_of_waypoints(way)
                 world.in_collision(way[0])  # the broadphase is built once for both
-                check = check_curve(world, curve, CLEARANCE)
+                check = certify_curve(world, curve, CLEARANCE)
                 unproved += not check.proved
-                proof.append(_cpu(lambda w=world, c=curve: check_curve(w, c, CLEARANCE)))
-                sampling.append(_cpu(lambda w=world, s=steps: [w.in_collision(q) for q in s]))
-                measuring.append(_cpu(lambda w=world, s=steps: [w.distance(q) for q in s]))
+                proof.append(_cpu(partial(certify_curve, world, curve, CLEARANCE)))
+                sampling.append(_cpu(partial(_looks, world.in_collision, steps)))
+                measuring.append(_cpu(partial(_looks, world.distance, steps)))
                 evaluations.append(check.evaluations)
                 looks.append(len(steps))
     ratios = [a / b for a, b in zip(proof, sampling, strict=True)]
@@ -59,7 +61,7 @@ def certificate_row(scenes: int, first_seed: int) -> str:
     )
 
 
-def _free_way(query, rng):  # type: ignore[no-untyped-def]
+def _free_way(query: Query, rng: np.random.Generator) -> tuple[World, Array | None]:
     """The holding world and way-points that keep the clearance at fine samples, or None."""
     scene, transfer = query.scene, query.transfers[0]
     cube = scene.cube(transfer.cube)
@@ -81,12 +83,16 @@ def _free_way(query, rng):  # type: ignore[no-untyped-def]
     return world, None
 
 
-def _steps(a, b):  # type: ignore[no-untyped-def]
+def _steps(a: Array, b: Array) -> Array:
     count = max(1, int(np.ceil(np.abs(b - a).max() / STEP)))
     return a + (b - a) * np.linspace(0.0, 1.0, count + 1)[:, None]
 
 
-def _cpu(run) -> float:  # type: ignore[no-untyped-def]
+def _looks(at: Callable[[Array], object], steps: Array) -> list[object]:
+    return [at(q) for q in steps]
+
+
+def _cpu(run: Callable[[], object]) -> float:
     times = []
     for _ in range(REPEATS):
         began = time.process_time()

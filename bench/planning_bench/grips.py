@@ -36,11 +36,11 @@ class GripLine:
 
     @property
     def q_station(self) -> Array:
-        return self.q[0]
+        return np.asarray(self.q[0])
 
     @property
     def q_offset(self) -> Array:
-        return self.q[-1]
+        return np.asarray(self.q[-1])
 
 
 def line_poses(T_base_tool: Array, count: int = SAMPLES, offset: float = OFFSET) -> Array:

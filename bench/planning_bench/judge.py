@@ -18,6 +18,7 @@ import numpy as np
 from arm.io.storage import data_file
 from arm.robot.shapes import Body, Box, Cylinder, Sphere
 from arm.se3 import Array, angle_between, frozen, inverse, transform
+from plan.scene import Station, Transfer
 from planning_bench.query import OFFSET, Answer, Query, Stretch
 
 STEP = 1e-3  # s
@@ -170,7 +171,7 @@ def judge(query: Query, answer: Answer) -> Verdict:
     if len(answer.stretches) != 2 * len(query.transfers) + 1:
         raise ValueError(f"{len(answer.stretches)} stretches for {len(query.transfers)} transfers")
     query = _as_done(query, answer)
-    apart = query.scene.robot_open.touching
+    apart = query.scene.robot_open.disabled_collisions
     cubes = {c.name: c for c in query.scene.cubes}
     held: tuple[Body, Array] | None = None
     hits: dict[tuple[str, int], float] = {}
@@ -253,7 +254,7 @@ def _replay(
     q: Array,
     index: int,
     held: tuple[Body, Array] | None,
-    transfer: Any,
+    transfer: Transfer,
     pockets: tuple[Array, Array],
     hits: dict[tuple[str, int], float],
 ) -> Array:
@@ -281,7 +282,13 @@ def _in_pocket(T_base_cube: Array, T_base_hole: Array) -> bool:
 
 
 def _measure(
-    stage: Stage, q: Array, tool: Array, samples: list[Array], begin: Any, end: Any, query: Query
+    stage: Stage,
+    q: Array,
+    tool: Array,
+    samples: list[Array],
+    begin: Station | None,
+    end: Station | None,
+    query: Query,
 ) -> _Measured:
     first, last, line, grasp, turned = 0, len(q), 0.0, 0.0, 0.0
     if begin is not None:
@@ -305,7 +312,7 @@ def _measure(
     return _Measured(clearance, grasp, turned, line, velocity, acceleration, path)
 
 
-def _line(tool: Array, station: Any) -> tuple[int, float, float, float]:
+def _line(tool: Array, station: Station) -> tuple[int, float, float, float]:
     """How many samples the line at the beginning has, its deviation, and how far and turned the first sample is off."""
     misses = [
         (float(np.linalg.norm(T[:3, 3] - tool[0, :3, 3])) + angle_between(T[:3, :3], tool[0, :3, :3]), T)
@@ -349,7 +356,7 @@ class Control:
 
 def control(query: Query, q_down: Array) -> Control:
     """Drive the open fingers down at the place (its hole is free), `q_down` (m, 6) ending 5 mm inside the plate."""
-    stage = Stage([*query.scene.bodies, *query.scene.cubes], query.scene.robot_open.touching)
+    stage = Stage([*query.scene.bodies, *query.scene.cubes], query.scene.robot_open.disabled_collisions)
     plate = next(iter(query.transfers[0].place.touches))
     deepest = 0.0
     for q in q_down:

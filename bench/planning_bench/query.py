@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from arm.controller.unit import Limits, Unit
-from arm.robot.shapes import Body
+from arm.robot.shapes import Body, Box
 from arm.se3 import Array, frozen
 from plan.scene import Scene, Transfer
 
@@ -115,22 +115,37 @@ class PlannerFailed(Exception):
     """A planner gave no plan; the message says what failed."""
 
 
-class PlannerUnderTest(Protocol):
+P = TypeVar("P")  # what a planner plans, in its own form
+
+
+class PlannerUnderTest(Protocol[P]):
     """A planner with everything loaded."""
 
-    name: str
-
-    def plan(self, query: Query) -> Answer:
+    def plan(self, query: Query) -> P:
         """Plan; all that this does is counted as planning time.
 
         Raises:
             PlannerFailed, A465Error: no plan.
         """
 
+    def answer(self, query: Query, planned: P) -> Answer:
+        """The plan as the judge takes it; not counted as planning."""
+
 
 def cube_at(scene: Scene, name: str, T: Array) -> Body:
     """A cube of the scene at another pose."""
     return scene.cube(name).at(T)
+
+
+def box_size(body: Body) -> tuple[float, float, float]:
+    """Edge lengths of a body, m.
+
+    Raises:
+        TypeError: it is no box.
+    """
+    if not isinstance(body.shape, Box):
+        raise TypeError(f"{body.name} is a {type(body.shape).__name__}: bodies of these scenes are boxes")
+    return body.shape.size
 
 
 def replaced(cubes: Sequence[Body], cube: Body) -> tuple[Body, ...]:

@@ -24,7 +24,7 @@ from plan.scene import Station
 from plan.trajectory.time_estimates import path_time
 from planning_bench.grips import GripLine, line_poses
 from planning_bench.judge import HOLDING, OPEN, TOOL_LENGTH
-from planning_bench.query import Answer, PlannerFailed, Query, Timed
+from planning_bench.query import Answer, PlannerFailed, Query, Timed, box_size
 from planning_bench.sampling import peaks, plan_chain
 
 DT = 0.01  # of its output, s; its default
@@ -43,13 +43,13 @@ class Roboplan:
 
     def __init__(self, name: str, step: float, restarts: int = 1) -> None:
         self.name, self.step, self.restarts = name, step, restarts
-        self._scenes: dict[bool, Any] | None = None
+        self._scenes: dict[bool, Any] = {}
+        self._inside: dict[bool, set[str]] = {False: set(), True: set()}
 
     def plan(self, query: Query) -> Answer:
         """All motion of a query."""
-        if self._scenes is None:
+        if not self._scenes:
             self._scenes = {False: arm_scene(query.limits, OPEN), True: arm_scene(query.limits, HOLDING)}
-            self._inside: dict[bool, set[str]] = {False: set(), True: set()}
         return plan_chain(self, query)
 
     def answer(self, query: Query, planned: Answer) -> Answer:
@@ -58,10 +58,9 @@ class Roboplan:
 
     def load(self, query: Query) -> None:
         """Still bodies and cubes into both scenes; what the query before left is taken out."""
-        assert_scenes = self._scenes
-        if assert_scenes is None:
+        if not self._scenes:
             raise PlannerFailed("not loaded")
-        for holding, scene in assert_scenes.items():
+        for holding, scene in self._scenes.items():
             for name in self._inside[holding]:
                 scene.removeGeometry(name)
             self._inside[holding] = set()
@@ -75,15 +74,15 @@ class Roboplan:
         self._limits = query.limits
 
     def _add(self, holding: bool, body: Body, parent: str, T: Array) -> None:
-        scene = self._scenes[holding]  # type: ignore[index]
-        scene.addBoxGeometry(body.name, parent, core.Box(*body.shape.size), np.asfortranarray(T), _GREY)
+        scene = self._scenes[holding]
+        scene.addBoxGeometry(body.name, parent, core.Box(*box_size(body)), np.asfortranarray(T), _GREY)
         self._inside[holding].add(body.name)
         if parent == "universe":
             scene.setCollisions([("base", body.name)], False)
 
     def hold(self, cube: str, T_tool_cube: Array, touches: frozenset[str]) -> None:
         """The cube hangs on joint 6 of the holding scene: roboplan leaves out where a fixed frame is on it."""
-        scene = self._scenes[True]  # type: ignore[index]
+        scene = self._scenes[True]
         body = self._bodies[cube]
         self._touches = touches
         T = transform(t=(0.0, 0.0, HUB_LENGTH + TOOL_LENGTH)) @ T_tool_cube
@@ -101,19 +100,19 @@ class Roboplan:
 
     def set_down(self, cube: str, T_base_cube: Array) -> None:
         """The cube stands where it was let go."""
-        self._scenes[False].updateGeometryPlacement(cube, "universe", np.asfortranarray(T_base_cube))  # type: ignore[index]
+        self._scenes[False].updateGeometryPlacement(cube, "universe", np.asfortranarray(T_base_cube))
         self._bodies[cube] = self._bodies[cube].at(T_base_cube)
         if self._held == cube:
-            self._scenes[True].removeGeometry(cube)  # type: ignore[index]
+            self._scenes[True].removeGeometry(cube)
             self._inside[True].discard(cube)
             self._add(True, self._bodies[cube], "universe", T_base_cube)
             others = self._inside[True] - {cube}
-            self._scenes[True].setCollisions([(cube, other) for other in sorted(others)], False)  # type: ignore[index]
+            self._scenes[True].setCollisions([(cube, other) for other in sorted(others)], False)
             self._held = None
 
     def transit(self, q_from: Array, q_to: Array, holding: bool, seed: int) -> Timed | None:
         """Straight if free, else RRT-Connect and shortcuts; timed by TOPP-RA with blended corners."""
-        scene = self._scenes[holding]  # type: ignore[index]
+        scene = self._scenes[holding]
         if not core.hasCollisionsAlongPath(scene, q_from, q_to, self.step, True, True):
             return self._timed(scene, [q_from, q_to])
         names = list(scene.getJointGroupInfo(GROUP).joint_names)
@@ -162,7 +161,7 @@ class Roboplan:
 
     def line(self, grip: GripLine, station: Station) -> Timed | None:
         """From the offset point to the station by the Cartesian planner."""
-        scene = self._scenes[False]  # type: ignore[index]
+        scene = self._scenes[False]
         poses = line_poses(station.T_base_tool[grip.yaw], 2)[::-1]
         path = core.CartesianPath(["base"], ["tool"], [[np.asfortranarray(T) for T in poses]])
         options = cartesian.CartesianPlannerOptions(
@@ -180,7 +179,7 @@ class Roboplan:
 
     def line_free(self, line: Timed, holding: bool) -> bool:
         """Samples of the line no further apart than the step; the held cube may touch what it stands in."""
-        scene = self._scenes[holding]  # type: ignore[index]
+        scene = self._scenes[holding]
         may = [(self._held, name) for name in self._touches] if holding else []
         if may:
             scene.setCollisions(may, False)

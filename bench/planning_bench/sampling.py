@@ -47,7 +47,9 @@ def plan_chain(kit: Kit, query: Query) -> Answer:
         PlannerFailed: a transfer for which no pair of grips came out.
     """
     kit.load(query)
-    q, open_parts, stretches = query.q_start, [], []
+    q = query.q_start
+    open_parts: list[Timed] = []
+    stretches: list[Stretch] = []
     for index, transfer in enumerate(query.transfers):
         last = index + 1 == len(query.transfers)
         found = _transfer(kit, query, index, q, last)
@@ -60,8 +62,8 @@ def plan_chain(kit: Kit, query: Query) -> Answer:
         q = lower.q[0]
     stretches.append(Stretch(tuple(open_parts)))
     parts = [p for s in stretches for p in s.parts]
-    found = [peaks(p, query.limits) for p in parts if isinstance(p, Timed)]
-    return Answer(tuple(stretches), peaks=(max(p[0] for p in found), max(p[1] for p in found)))
+    shares = [peaks(p, query.limits) for p in parts if isinstance(p, Timed)]
+    return Answer(tuple(stretches), peaks=(max(v for v, _ in shares), max(a for _, a in shares)))
 
 
 def peaks(motion: Timed, limits: Limits) -> tuple[float, float]:

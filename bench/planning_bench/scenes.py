@@ -26,7 +26,7 @@ from plan.collision.world import World
 from plan.scene import Scene, Station, Transfer
 from planning_bench.grips import GripLine, by_distance, grip_lines, line_poses
 from planning_bench.placed import Placed, gap_between
-from planning_bench.query import CLEARANCE, Q_START, Query
+from planning_bench.query import CLEARANCE, Q_START, Query, box_size
 
 CELL = Path(__file__).resolve().parents[2] / "scenes" / "cell.toml"
 TILTS_DEG = (0.0, 7.0, 15.0)
@@ -281,7 +281,7 @@ def _overlaps(scene: BenchScene) -> bool:
 
 def _coal_box(body: Body) -> tuple[coal.Box, coal.Transform3s]:
     T = body.T_base_body
-    return coal.Box(*body.shape.size), coal.Transform3s(np.array(T[:3, :3]), np.array(T[:3, 3]))
+    return coal.Box(*box_size(body)), coal.Transform3s(np.array(T[:3, :3]), np.array(T[:3, 3]))
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,105 @@
-"""Certified motion planning, vision, calibration and execution for a CRS A465 arm on a MARS-8 controller."""
+"""Certified motion planning, vision, calibration and execution for a CRS A465 arm on a MARS-8 controller.
+
+``import a465`` is all that a program needs. Names are loaded at their first use, so that the import itself takes a
+millisecond:
+
+| name | |
+|---|---|
+| `load_robot`, `load_a465` | read an arm from its URDF; the arm of the lab (`arm.robot.model`) |
+| `load_unit` | a controller's encoder counts and limits (`arm.controller.unit`) |
+| `World`, `Body`, `Scene` | collision bodies and their distances (`plan.collision.world`) |
+| `solve_ik` | all configurations for a pose (`plan.kinematics.numeric_ik`) |
+| `plan_task` | bring cubes from hole to hole (`plan.pick_place.planner`) |
+| `plan_poses`, `Target` | follow a list of poses with any arm (`plan.waypoints.planner`) |
+| `plan_joint_motion` | go from one configuration to another (`plan.pick_place.go_to`) |
+| `certify` | prove the clearance of a whole motion (`plan.collision.certificate`) |
+| `write_preview` | write a plan as an HTML page that moves (`cell.preview.page`) |
+| `calibrate_camera` | fit the intrinsics of a camera (`calib.camera.calibrate`) |
+| `calibrate_hand_eye` | fit extrinsics and the arm's own kinematics (`calib.hand_eye.calibrate`) |
+| `Mars` | the driver of the controller (`driver.mars.mars`) |
+
+Everything else of `plan.api` (shapes, poses, options, errors) is found here, too. SI units and radians; `T_a_b` maps
+b to a, 4x4.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from a465.shadowing import require_own_rooms
+
+if TYPE_CHECKING:
+    from calib.camera.calibrate import calibrate_camera
+    from calib.hand_eye.calibrate import calibrate_hand_eye
+    from cell.preview.page import write_preview
+    from driver.mars.mars import Mars
+    from plan.api import *  # noqa: F403  (type checkers see what `__getattr__` finds)
+    from plan.api import (
+        Body,
+        Scene,
+        Target,
+        World,
+        load_a465,
+        load_robot,
+        load_unit,
+        plan_joint_motion,
+        plan_poses,
+        plan_task,
+        solve_ik,
+    )
+    from plan.collision.certificate import certify_curve as certify
+
+__all__ = [
+    "Body",
+    "Mars",
+    "Scene",
+    "Target",
+    "World",
+    "calibrate_camera",
+    "calibrate_hand_eye",
+    "certify",
+    "load_a465",
+    "load_robot",
+    "load_unit",
+    "plan_joint_motion",
+    "plan_poses",
+    "plan_task",
+    "solve_ik",
+    "write_preview",
+]
+
+_PLACES = {
+    "Mars": "driver.mars.mars",
+    "calibrate_camera": "calib.camera.calibrate",
+    "calibrate_hand_eye": "calib.hand_eye.calibrate",
+    "load_unit": "arm.controller.unit",  # without the planner's libraries
+    "write_preview": "cell.preview.page",
+}
+_API = "plan.api"
+
+
+def __getattr__(name: str) -> object:
+    """Load the object of that name.
+
+    Raises:
+        AttributeError: there is no such name.
+        ImportError: a foreign module shadows one of this project; the message names it.
+    """
+    if name.startswith("_"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    require_own_rooms()
+    if name == "certify":
+        found: object = import_module(_API).certify_curve
+    elif name in _PLACES:
+        found = getattr(import_module(_PLACES[name]), name)
+    elif name in (api := import_module(_API)).__all__:
+        found = getattr(api, name)
+    else:
+        raise AttributeError(
+            f"module {__name__!r} has no attribute {name!r}; dir({__name__}) lists what there is"
+        )
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*__all__, *import_module(_API).__all__})

@@ -1,4 +1,4 @@
-"""``a465`` and ``python -m a465``: the command line, if Python finds the rooms that belong to it."""
+"""``a465`` and ``python -m a465``: the command line, after a check that Python finds the right packages."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def main() -> None:
         require_own_rooms()
     except ImportError as error:
         if "--json" in sys.argv:
-            told = {"kind": "ImportError", "message": str(error), "exit_code": BAD_INPUT}
-            print(json.dumps({"error": told}, indent=2))
+            report = {"kind": "ImportError", "message": str(error), "exit_code": BAD_INPUT}
+            print(json.dumps({"error": report}, indent=2))
         print(f"a465: wrong input: {ascii(str(error))[1:-1]}", file=sys.stderr)
         sys.exit(BAD_INPUT)
     from cell.cli.start import main as run

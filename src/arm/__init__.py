@@ -1,3 +1,3 @@
-"""What every room may know: robots, frames, value types, errors and data files. No devices, no clocks."""
+"""Shared by all packages: robots, frames, value types, errors and data files. No devices, no clocks."""
 
-import arm.former  # noqa: F401  (former names are found)
+import arm.former  # noqa: F401  (keeps former module names importable)

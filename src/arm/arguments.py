@@ -1,4 +1,4 @@
-"""Checks of what a caller gives: numbers, joint positions, poses. A refusal says name, value, rule and what helps."""
+"""Checks of arguments: numbers, joint positions, poses. Errors state name, value, rule and what helps."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from arm.errors import InputError
 from arm.numerics.products import mul
 from arm.se3 import Array, frozen
 
-RIGID = 1e-6  # what the axes of a pose may be off from unit length and right angles
+RIGID = 1e-6  # tolerance of a pose's axes on unit length and right angles
 
 _HELP_POSE = "make poses with arm.se3.transform(R, t)"
 
 
 def shown(value: object) -> str:
-    """A value as messages show it: short."""
+    """Return a value in short form for messages."""
     if isinstance(value, np.ndarray) and value.ndim:
         return f"array of shape {value.shape}"
     if isinstance(value, Real) and not isinstance(value, Integral):
@@ -30,10 +30,10 @@ def shown(value: object) -> str:
 
 
 def number(name: str, value: Any, low: float, high: float, unit: str = "", help: str = "") -> float:
-    """`value` as a float from `low` to `high`.
+    """Return `value` as a float from `low` to `high`.
 
     Raises:
-        InputError: it is no number (texts, truth values and arrays are none), NaN, or outside.
+        InputError: not a number (texts, booleans and arrays are not), NaN, or out of range.
     """
     real = isinstance(value, Real) and not isinstance(value, bool)
     if real and low <= value <= high:
@@ -51,10 +51,10 @@ def number(name: str, value: Any, low: float, high: float, unit: str = "", help:
 
 
 def finite(name: str, value: Any, unit: str = "") -> float:
-    """`value` as a finite float.
+    """Return `value` as a finite float.
 
     Raises:
-        InputError: it is no number, NaN or infinite.
+        InputError: not a number, NaN or infinite.
     """
     if isinstance(value, Real) and not isinstance(value, bool) and abs(float(value)) < inf:
         return float(value)
@@ -63,10 +63,10 @@ def finite(name: str, value: Any, unit: str = "") -> float:
 
 
 def integer(name: str, value: Any, low: int) -> int:
-    """`value` as a whole number of at least `low`.
+    """Return `value` as an integer of at least `low`.
 
     Raises:
-        InputError: it is none (1.5, texts and truth values are none), or below.
+        InputError: not an integer (1.5, texts and booleans are not), or below `low`.
     """
     if isinstance(value, bool) or not isinstance(value, Integral) or int(value) < low:
         raise InputError(
@@ -79,7 +79,7 @@ def integer(name: str, value: Any, low: int) -> int:
 
 
 def numbers(value: Any) -> Array | None:
-    """`value` as an array of floats, or None where it is none: a text, rows of different lengths, None."""
+    """Return `value` as an array of floats, or None for a text, rows of different lengths, or None."""
     try:
         array = np.asarray(value)
         return np.asarray(array, dtype=float) if array.dtype.kind in "fiu" else None
@@ -88,7 +88,7 @@ def numbers(value: Any) -> Array | None:
 
 
 def joints(name: str, q: Any, names: Sequence[str]) -> Array:
-    """One finite number per joint, (n,); (1, n) will do.
+    """Return q as (n,), one finite number per joint; q may be (1, n).
 
     Raises:
         InputError: another shape, a text or None, or a number that is not finite.
@@ -96,7 +96,7 @@ def joints(name: str, q: Any, names: Sequence[str]) -> Array:
     n, array = len(names), numbers(q)
     if array is not None and array.shape == (1, n):
         array = array[0]
-    rule = f"must be {n} finite numbers in rad (m for a sliding joint), one for each of {', '.join(names)}"
+    rule = f"must be {n} finite numbers in rad (m for a prismatic joint), one for each of {', '.join(names)}"
     if array is None or array.shape != (n,):
         of = f"{shown(q)}" if array is None else f"array of shape {array.shape}"
         raise InputError(f"{name} = {of}: {rule}", name=name, joints=n)
@@ -107,10 +107,10 @@ def joints(name: str, q: Any, names: Sequence[str]) -> Array:
 
 
 def rigid(name: str, T: Any) -> Array:
-    """A pose as a read-only 4x4 array; about 3 us.
+    """Return a pose as a read-only 4x4 array; takes about 3 us.
 
     Raises:
-        InputError: not 4x4, not finite, scaled, skewed or mirrored by more than `RIGID`.
+        InputError: not 4x4, not finite, or scaled, skewed or mirrored by more than `RIGID`.
     """
     pose = T if type(T) is np.ndarray and T.dtype == np.float64 else numbers(T)
     if pose is None or pose.shape != (4, 4):
@@ -122,7 +122,7 @@ def rigid(name: str, T: Any) -> Array:
     volume = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
     off = abs(lengths[0] - 1.0) + abs(lengths[1] - 1.0) + abs(lengths[2] - 1.0) + askew
     last = abs(o) + abs(p) + abs(q) + abs(r - 1.0)
-    # written so that NaN is refused
+    # NaN fails this comparison
     if off <= 2.0 * RIGID and volume > 0.0 and last <= RIGID and abs(x) + abs(y) + abs(z) < inf:
         return frozen(pose) if pose.flags.writeable else pose
     raise InputError(f"{name}: {_not_rigid(pose, volume)}; {_HELP_POSE}", name=name, matrix=pose.tolist())
@@ -130,7 +130,7 @@ def rigid(name: str, T: Any) -> Array:
 
 def _not_rigid(pose: Array, volume: float) -> str:
     if not np.isfinite(pose).all():
-        return "the pose holds a number that is not finite"
+        return "the pose has a number that is not finite"
     if np.abs(pose[3] - (0.0, 0.0, 0.0, 1.0)).sum() > RIGID:
         return f"the last row of the pose is {pose[3].tolist()}, must be 0 0 0 1"
     lengths = np.linalg.norm(pose[:3, :3], axis=0)
@@ -142,10 +142,10 @@ def _not_rigid(pose: Array, volume: float) -> str:
 
 
 def poses(name: str, T: npt.ArrayLike) -> Array:
-    """Poses (m, 4, 4) of (4, 4) or (m, 4, 4).
+    """Return poses (m, 4, 4) from (4, 4) or (m, 4, 4).
 
     Raises:
-        InputError: another shape, or one of them is not rigid (see `rigid`).
+        InputError: another shape, or a pose is not rigid (see `rigid`).
     """
     array = numbers(T)
     if array is None or array.ndim not in (2, 3) or array.shape[-2:] != (4, 4):
@@ -155,20 +155,20 @@ def poses(name: str, T: npt.ArrayLike) -> Array:
     R = every[:, :3, :3]
     with np.errstate(invalid="ignore", over="ignore"):
         off = np.abs(mul(np.swapaxes(R, 1, 2), R) - np.eye(3)).sum(axis=(1, 2))
-        # of a right-handed rotation the last axis is the product of the others
+        # the last axis of a right-handed rotation is the cross product of the others
         off = np.maximum(off, np.abs(np.cross(R[:, :, 0], R[:, :, 1]) - R[:, :, 2]).max(axis=1))
         off = np.maximum(off, np.abs(every[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(axis=1))
         fine = (off <= RIGID) & np.isfinite(every[:, :3, 3]).all(axis=1)
-    for i in np.flatnonzero(~fine).tolist():  # those at the edge of the tolerance are judged by the one rule
+    for i in np.flatnonzero(~fine).tolist():  # `rigid` decides on those at the edge of the tolerance
         rigid(name if array.ndim == 2 else f"{name}[{i}]", every[i])
     return every
 
 
 def pairs(name: str, value: Any) -> frozenset[frozenset[str]]:
-    """Pairs of names, each of two different ones.
+    """Return pairs of names, each of two different ones.
 
     Raises:
-        InputError: a single name where a pair must be, or a pair of more or fewer than two.
+        InputError: a name instead of a pair, or a pair without two different names.
     """
     rule = 'must be pairs of two names, such as [("finger_l", "table")]'
     if isinstance(value, str) or not hasattr(value, "__iter__"):

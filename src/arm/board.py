@@ -1,7 +1,7 @@
-"""The boards: a plate with four pockets ("holes") and two markers, described by the users' CSV files.
+"""Boards: a plate with four pockets ("holes") and two markers, described by the users' CSV files.
 
 Board frame: origin at the centre of the lower-ID marker, x and y along the plate's edges, z out of the plate,
-top surface at z = 0 (fact sheet of the cell). The second marker is at (180, 140) mm, turned like the first.
+top surface at z = 0 (fact sheet of the cell). The second marker is at (180, 140) mm with the same rotation.
 """
 
 from __future__ import annotations
@@ -16,33 +16,33 @@ from arm.io.storage import read_text
 from arm.se3 import Array, frozen, transform
 
 PLATE_SIZE = (0.240, 0.200, 0.015)  # m
-PLATE_CENTRE = (0.090, 0.070)  # of the top surface in the board frame, m
+PLATE_CENTRE = (0.090, 0.070)  # centre of the top surface in the board frame, m
 SECOND_MARKER = (0.180, 0.140)  # m
 POCKET_MOUTH = 0.044  # m
 POCKET_FLOOR = 0.039  # m
 POCKET_DEPTH = 0.010  # m
 QUIET_ZONE = 1.0 / 6.0  # width of a marker's white border in marker sizes
-TOLERANCE_SDS = 2.0  # a tolerance is so many standard deviations
-CUBE_SEAT_DEPTH = 0.008  # how deep a 40 mm cube wedges below the top surface, m
+TOLERANCE_SDS = 2.0  # standard deviations in a tolerance
+CUBE_SEAT_DEPTH = 0.008  # depth of a seated 40 mm cube below the top surface, m
 
 
 def seat_depth(cube_size: float, pocket: tuple[float, float] = (POCKET_MOUTH, POCKET_FLOOR)) -> float:
-    """How deep a cube of this edge, m, wedges in a pocket (mouth, floor), m: its walls are a square funnel."""
+    """Return the depth at which a cube of this edge wedges in a funnel-shaped pocket (mouth, floor), all in m."""
     mouth, floor = pocket
     return POCKET_DEPTH * (mouth - cube_size) / (mouth - floor)
 
 
 @dataclass(frozen=True)
 class Board:
-    """What a board's CSV says.
+    """A board as described by its CSV file.
 
     Attributes:
-        name: of the board, such as ``01-02``.
+        name: such as ``01-02``.
         marker_ids: lower and higher ID.
         holes: hole centres on the top surface, (4, 3) m in the board frame.
         marker_size: edge of the black square, m.
-        second_marker: centre of the second marker, m from the first.
-        tolerance: within which markers and holes are where this says, m: `TOLERANCE_SDS` standard deviations.
+        second_marker: centre of the second marker, relative to the first, m.
+        tolerance: tolerance of the positions of markers and holes, m: `TOLERANCE_SDS` standard deviations.
         pocket: width of a pocket's mouth and of its floor, m.
     """
 
@@ -55,28 +55,28 @@ class Board:
     pocket: tuple[float, float] = (POCKET_MOUTH, POCKET_FLOOR)
 
     def marker_corners(self) -> Array:
-        """Corners of both markers, (2, 4, 3) m in the board frame: top left, top right, bottom right, bottom left."""
+        """Return the marker corners, (2, 4, 3) m in the board frame: top left, top right, bottom right, bottom left."""
         h = self.marker_size / 2.0
         square = np.array([[-h, h, 0.0], [h, h, 0.0], [h, -h, 0.0], [-h, -h, 0.0]])
         return frozen(np.stack([square, square + (*self.second_marker, 0.0)]))
 
     def T_board_hole(self, index: int) -> Array:
-        """Pose of hole `index` (0 to 3): at its centre on the top surface, turned like the board."""
+        """Return the pose of hole `index` (0 to 3): at its centre on the top surface, axes parallel to the board's."""
         return transform(t=self.holes[index])
 
 
 def read_board_csv(path: Path, marker_size: float, tolerance: float = 0.0) -> Board:
-    """Read a board file as users have it: first line the two marker IDs, then four lines ``x,y`` in mm.
+    """Read a board file: a line with the two marker IDs, then four lines ``x,y`` in mm.
 
-    No text header; CRLF or LF; the last line may lack its end.
+    No text header; CRLF or LF; the last line end is optional.
 
     Args:
         path: the file, usually ``positions_plate_01-02.csv``.
         marker_size: edge of the black square, m.
-        tolerance: of markers and holes, m, see `Board`.
+        tolerance: see `Board`, m.
 
     Raises:
-        FileInputError: with the line that breaks the format.
+        FileInputError: a line breaks the format; the message quotes it.
     """
     lines = [line.strip() for line in read_text(path).splitlines()]
     while lines and not lines[-1]:
@@ -106,7 +106,7 @@ def read_board_csv(path: Path, marker_size: float, tolerance: float = 0.0) -> Bo
 
 
 def _layout_fault(holes_mm: Array, marker_size: float) -> tuple[int, str] | None:
-    """The first hole (4, 2) that no plate can have, and why: its mouth is not on the plate, or on a marker or hole."""
+    """Return the first hole (4, 2) whose mouth is off the plate or on a marker or hole, and the rule; or None."""
     mouth = 1e3 * POCKET_MOUTH
     centre, room = 1e3 * np.array(PLATE_CENTRE), 500.0 * np.array(PLATE_SIZE[:2]) - mouth / 2.0
     apart = mouth / 2.0 + 1e3 * marker_size * (0.5 + QUIET_ZONE)
@@ -114,14 +114,14 @@ def _layout_fault(holes_mm: Array, marker_size: float) -> tuple[int, str] | None
         if not (np.abs(hole - centre) <= room).all():
             (x0, y0), (x1, y1) = centre - room, centre + room
             return index, (
-                f"is off the plate, or its mouth of {mouth:g} mm is: x from {x0:g} to {x1:g} mm, y from {y0:g} to "
-                f"{y1:g} mm"
+                f"is off the plate with its mouth of {mouth:g} mm: x must be from {x0:g} to {x1:g} mm, y from "
+                f"{y0:g} to {y1:g} mm"
             )
         for marker in (np.zeros(2), 1e3 * np.array(SECOND_MARKER)):
             if np.abs(hole - marker).max() < apart:
                 return index, (
-                    f"lies on the marker at {marker[0]:g}, {marker[1]:g} mm or its white border: a hole's centre is at "
-                    f"least {apart:g} mm from a marker's (of {1e3 * marker_size:g} mm) in x or in y"
+                    f"lies on the marker at {marker[0]:g}, {marker[1]:g} mm or its white border: a hole's centre must "
+                    f"be at least {apart:g} mm from that of a marker (of {1e3 * marker_size:g} mm) in x or in y"
                 )
         for other in range(index):
             between = float(np.abs(hole - holes_mm[other]).max())
@@ -133,7 +133,7 @@ def _layout_fault(holes_mm: Array, marker_size: float) -> tuple[int, str] | None
 
 
 def _likely(holes_mm: Array, marker_size: float) -> str:
-    """What the numbers (4, 2) of a board file probably are instead."""
+    """Return a guess what is wrong with the numbers (4, 2) of a board file."""
     readings = (
         (1e3 * holes_mm, "these are metres: multiply them by 1000"),
         (10.0 * holes_mm, "these are centimetres: multiply them by 10"),
@@ -157,5 +157,5 @@ def _pair(path: Path, number: int, line: str, what: str) -> tuple[float, float]:
 
 
 def plate_name(board_name: str) -> str:
-    """Name of a board's plate as a body."""
+    """Return the name of a board's plate as a body."""
     return f"plate {board_name}"

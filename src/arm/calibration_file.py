@@ -1,7 +1,7 @@
-"""What a calibration found of an arm and its camera, as a file that a cell file names.
+"""Calibration files of an arm and its camera, which a cell file names.
 
-It is made by ``a465 calibrate hand-eye`` and applied when the cell is read: the camera to its place, the zeros to the
-unit's encoders. The unit's and the camera's own files stay as they are.
+``a465 calibrate hand-eye`` writes them. Reading the cell applies them: extrinsics to the camera, joint offsets (zeros)
+to the unit's encoders. The files of the unit and of the camera stay unchanged.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from arm.io.toml_writer import toml_lines, toml_rows
 from arm.robot.link_errors import LinkErrors
 from arm.se3 import Array, frozen
 
-LARGEST_LINK = (0.02, np.radians(2.0))  # m and rad
-LARGEST_ZERO = np.radians(5.0)  # rad; an arm further off than that was homed wrongly
+LARGEST_LINK = (0.02, np.radians(2.0))  # m and rad, largest link errors
+LARGEST_ZERO = np.radians(5.0)  # rad, largest joint offset; a larger one means wrong homing
 
 
 @dataclass(frozen=True, eq=False)
 class ArmCalibration:
-    """A calibration's result.
+    """Result of a calibration.
 
     Attributes:
-        T_base_camera: where the camera stands, 4x4.
-        joint_offsets: true joint position less the one that the encoders say, (6,) rad.
+        T_base_camera: pose of the camera, 4x4.
+        joint_offsets: true joint positions minus those of the encoders, (6,) rad.
         links: errors of the arm's links.
-        unit: name of the unit that it was found on; "" if not known.
-        lens: digest of the lens that it rests on; "" if not known.
-        dh: digest of the arm's nominal numbers that it adds to; "" if not known.
-        made: how good it is, and when and of what it was made, for people; texts, numbers, flags, or lists of these.
+        unit: name of the calibrated unit; "" if not known.
+        lens: digest of the camera's intrinsics that the result depends on; "" if not known.
+        dh: digest of the arm's nominal Denavit-Hartenberg parameters; "" if not known.
+        made: quality, date and sources for information: texts, numbers, flags, or lists of these.
     """
 
     T_base_camera: Array
@@ -48,7 +48,7 @@ class ArmCalibration:
 
     @property
     def id(self) -> str:
-        """Of all that it says: the same numbers have the same id, and nothing can be changed by hand."""
+        """Hash of all content: the same numbers have the same id, and a change by hand is detected."""
         found: dict[str, Any] = {
             "camera": self.T_base_camera.tolist(),
             "offsets": self.joint_offsets.tolist(),
@@ -59,7 +59,7 @@ class ArmCalibration:
 
 
 def read_arm_calibration(path: Path) -> ArmCalibration:
-    """Read such a file.
+    """Read a calibration file.
 
     Raises:
         FileInputError: a value breaks its rule, or the id is not that of the values (they were edited by hand).
@@ -90,17 +90,17 @@ def read_arm_calibration(path: Path) -> ArmCalibration:
 
 
 def _made(table: TomlTable) -> dict[str, Any]:
-    """What is told of the calibration; only what a calibration can have written, for the id is of it too."""
+    """Return the information on the calibration; only types that can be written back, because the id covers it."""
     values = table.value_dict()
     for key, value in values.items():
-        if not _tellable(value):
+        if not _writable(value):
             raise table.error(key, "must be a text, a finite number, true or false, or a list of these")
     return values
 
 
-def _tellable(value: object) -> bool:
+def _writable(value: object) -> bool:
     if isinstance(value, list):
-        return all(map(_tellable, value))
+        return all(map(_writable, value))
     return isinstance(value, str | int) or (isinstance(value, float) and math.isfinite(value))
 
 
@@ -108,7 +108,7 @@ def write_arm_calibration(path: Path, calibration: ArmCalibration) -> None:
     """Write a file that `read_arm_calibration` reads back to the last bit.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: the file cannot be written.
     """
     names = {"unit": calibration.unit, "lens": calibration.lens, "dh": calibration.dh}
     lines = [

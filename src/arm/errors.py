@@ -1,15 +1,15 @@
-"""One tree of errors. Each carries its data and knows the exit code that a command ends with."""
+"""Errors of this project. Each has data for programs and the exit code of commands that end with it."""
 
 from __future__ import annotations
 
 from typing import Any
 
-MOST_MESSAGE = 500  # characters of a message; what a file or a name puts into it may have any length
+MOST_MESSAGE = 500  # characters of a message; names and values from files may have any length
 MOST_VALUE = 200  # characters of a value inside a message
 
 
 def shortened(text: str, most: int = MOST_MESSAGE) -> str:
-    """A text of at most `most` characters: its begin and its end, and between them how many were left out."""
+    """Shorten a text to at most `most` characters: its beginning, the number of characters left out, and its end."""
     if len(text) <= most:
         return text
     room = most - len(f" .. {len(text)} characters left out .. ")
@@ -21,16 +21,15 @@ def shortened(text: str, most: int = MOST_MESSAGE) -> str:
 class A465Error(Exception):
     """Base of every error of this project.
 
-    The message is one line for a person, of at most `MOST_MESSAGE` characters; `data` holds the same facts for a
-    program.
+    The message is one line of at most `MOST_MESSAGE` characters; `data` has the same facts for programs.
 
     Args:
         message: what happened, with name, value, rule and what would help.
-        **data: the facts of the message under their own names (SI units, JSON types).
+        **data: the facts of the message by name (SI units, JSON types).
     """
 
     exit_code = 1
-    word = "refused"  # which a command's message begins with
+    word = "refused"  # first word of a command's message
 
     def __init__(self, message: str, **data: Any) -> None:
         super().__init__(shortened(message))
@@ -38,7 +37,7 @@ class A465Error(Exception):
 
 
 class InputError(A465Error):
-    """Something that a person gave is wrong: a file, a key, a value, a flag, a port."""
+    """An input of the user is wrong: a file, a key, a value, a flag, a port."""
 
     exit_code = 2
     word = "wrong input"
@@ -61,11 +60,11 @@ class FileInputError(InputError):
 
 
 class CameraError(InputError):
-    """A camera gives no photographs that may be used.
+    """A camera delivers no usable images.
 
     Args:
-        camera: which, as its user named it.
-        reason: why, in a word or two (docs/cameras.md lists them).
+        camera: the user's name of the camera.
+        reason: one of the reasons in docs/cameras.md.
         rule: the message.
     """
 
@@ -82,13 +81,13 @@ class ImpossibleError(A465Error):
 
 
 class ExecutionStopped(A465Error):
-    """Motion stopped before its end; `data` says in which state the cell was left."""
+    """Motion stopped before its end; `data` has the state of the cell."""
 
     exit_code = 4
     word = "stopped"
 
 
 class CalibrationRefused(A465Error):
-    """A calibration is not good enough to be used; `data` says by how much."""
+    """A calibration is not good enough to be used; `data` has the deviations."""
 
     exit_code = 5

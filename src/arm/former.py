@@ -1,17 +1,22 @@
-"""Former places of public modules, for one version: what pages and examples named before rooms had rooms of their own.
+"""Former names of public modules, classes and functions, kept for one version.
 
-An import of a former name gives the module that stands elsewhere now, with a DeprecationWarning that says where.
+The import of a former module name returns the renamed module, with a DeprecationWarning that states the new name. If a
+module became a package of the same name, or a public name changed, `FormerNames` provides the former names.
 """
 
 from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import wraps
 from importlib import import_module
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 PLACES = {
     "arm.angles": "arm.numerics.angles",
@@ -72,8 +77,67 @@ PLACES = {
 }
 
 
+class FormerNames:
+    """A module's `__getattr__` (PEP 562) for former names.
+
+    Args:
+        module: name of the module.
+        place: module that now has the names.
+        names: names that are unchanged there.
+        renamed: former name -> present name.
+    """
+
+    def __init__(self, module: str, place: str, *names: str, **renamed: str) -> None:
+        self.module = module
+        self.place = place
+        self.names = {name: name for name in names} | renamed
+
+    def __call__(self, name: str) -> object:
+        if name not in self.names:
+            raise AttributeError(f"module {self.module!r} has no attribute {name!r}")
+        now = self.names[name]
+        warnings.warn(f"{self.module}.{name} is {self.place}.{now} now", DeprecationWarning, stacklevel=2)
+        return getattr(import_module(self.place), now)
+
+
+def renamed_arguments(**renamed: str) -> Callable[[type[T]], type[T]]:
+    """Decorate a class to accept arguments, and have attributes, by former names too, with a DeprecationWarning.
+
+    Args:
+        renamed: former name -> present name.
+    """
+
+    def renaming(cls: type[T]) -> type[T]:
+        make = cls.__init__
+
+        @wraps(make)
+        def init(self: T, *args: Any, **kwargs: Any) -> None:
+            for name in sorted(renamed.keys() & kwargs.keys()):
+                _warn_renamed(cls, name, renamed[name])
+                kwargs[renamed[name]] = kwargs.pop(name)
+            make(self, *args, **kwargs)
+
+        def former(name: str) -> property:
+            def get(self: T) -> object:
+                _warn_renamed(cls, name, renamed[name])
+                return getattr(self, renamed[name])
+
+            return property(get)
+
+        setattr(cls, "__init__", init)  # noqa: B010  (mypy allows no other way)
+        for name in renamed:
+            setattr(cls, name, former(name))
+        return cls
+
+    return renaming
+
+
+def _warn_renamed(cls: type, name: str, now: str) -> None:
+    warnings.warn(f"{cls.__name__}: {name} is {now} now", DeprecationWarning, stacklevel=3)
+
+
 class _Former(MetaPathFinder, Loader):
-    """Finds modules by their former names, after all other finders have not."""
+    """Finds modules by their former names, after all other finders failed."""
 
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
@@ -81,11 +145,13 @@ class _Former(MetaPathFinder, Loader):
         return ModuleSpec(name, self) if name in PLACES else None
 
     def exec_module(self, module: ModuleType) -> None:
-        """Give the module that was asked for every name of the one that stands elsewhere now."""
+        """Copy every name of the renamed module."""
         place = PLACES[module.__name__]
         warnings.warn(f"{module.__name__} is {place} now", DeprecationWarning, stacklevel=2)
         now = import_module(place)
         module.__dict__.update({k: v for k, v in vars(now).items() if not k.startswith("__")})
+        if isinstance(vars(now).get("__getattr__"), FormerNames):  # its own renamed names
+            module.__dict__["__getattr__"] = vars(now)["__getattr__"]
 
 
 if not any(isinstance(finder, _Former) for finder in sys.meta_path):

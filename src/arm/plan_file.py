@@ -1,9 +1,8 @@
-"""The plan: what flows from the planner to preview and execution, and its file.
+"""Plans, from the planner to preview and execution, and their files.
 
 A plan is a chain of steps. Motion is stored as it will be sent: integer segments (`arm.controller.segments`).
-Moves that follow each
-other with no other step between make one motion: from rest to rest, meeting at speed. The file is canonical JSON, so
-the same plan is the same bytes, and its SHA-256 names it everywhere.
+Consecutive moves make one motion, from rest to rest, without stops between them. The file is canonical JSON, so the
+same plan has the same bytes, and its SHA-256 identifies it.
 """
 
 from __future__ import annotations
@@ -21,28 +20,28 @@ from arm.io.storage import canonical_json, read_json, require_finite, sha256, wr
 from arm.robot.shapes import body_from_json
 
 FORMAT = "a465-plan/3"
-_LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # none that looks like another
-ROUNDING = 1e-6  # by which a move's clearance may be below the least of its segments, m
+_LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # no two that look alike
+ROUNDING = 1e-6  # m, by which a move's clearance may be below the smallest of its segments
 
 
 @dataclass(frozen=True)
 class Move:
-    """A part of a motion with one purpose: what is held and what may be touched do not change in it.
+    """A part of a motion in which the held body and the allowed collisions do not change.
 
     Attributes:
-        name: for people, such as "cube 1: approach 01-02/2".
+        name: such as "cube 1: approach 01-02/2".
         role: home, transit, approach or retract.
         cube: index of the task's cube that the move serves, or None.
-        path: what is sent.
+        path: the segments that are sent.
         held: name of the body in the jaws, or None.
-        jaw_opening: of the fingers during the move, m.
-        clearance: smallest distance between any two bodies that may not touch, over the whole motion, m;
-            a lower bound where `certified`.
+        jaw_opening: distance of the fingers during the move, m.
+        clearance: smallest distance between any two checked bodies over the whole move, m; a proved lower bound if
+            `certified`.
         closest: names of the two bodies at that distance.
-        certified: whether `clearance` is proved between the samples too.
-        touching: names of bodies that the held cube may touch during the move: what it is lifted off or set upon.
-        clearances: for every segment of the path a lower bound of the clearance over it, proved, m; their least is
-            `clearance`, but for rounding. May be empty where the move is not certified.
+        certified: whether `clearance` is proved between samples too.
+        allowed_collisions: names of bodies that the held cube may touch: what it is lifted off, or placed on.
+        clearances: proved lower bound on the clearance of every segment, m; the smallest is `clearance` up to rounding.
+            May be empty if the move is not certified.
     """
 
     name: str
@@ -54,13 +53,13 @@ class Move:
     clearance: float
     closest: tuple[str, str]
     certified: bool = False
-    touching: tuple[str, ...] = ()
+    allowed_collisions: tuple[str, ...] = ()
     clearances: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
 class GripperStep:
-    """Open or close the jaws at rest. `fraction_closed` is the target, `settle_s` the least wait after it."""
+    """Open or close the jaws at rest. `fraction_closed` is the target, `settle_s` the shortest wait after it."""
 
     name: str
     action: str
@@ -71,7 +70,7 @@ class GripperStep:
 
 @dataclass(frozen=True)
 class LookStep:
-    """Look again from rest; execution compares what it sees with what the plan rests on."""
+    """Look again from rest; execution compares the result with the observation that the plan is based on."""
 
     name: str
 
@@ -81,10 +80,10 @@ Step = Move | GripperStep | LookStep
 
 @dataclass(frozen=True)
 class Motion:
-    """Consecutive moves: streamed as one, at rest at both ends and at speed where they meet.
+    """Consecutive moves that are streamed as one: at rest at both ends only.
 
     Attributes:
-        first: index of the first of them among the steps.
+        first: index of the first move among the steps.
         moves: in order.
     """
 
@@ -93,7 +92,7 @@ class Motion:
 
     @property
     def path(self) -> CountPath:
-        """What is sent.
+        """The segments of all moves.
 
         Raises:
             InputError: the moves do not meet to the count.
@@ -102,13 +101,13 @@ class Motion:
 
     @property
     def starts(self) -> tuple[int, ...]:
-        """Per move the number of its first segment, counted over the motion."""
+        """Index of the first segment of each move in the motion's path."""
         lengths = [len(move.path.segments) for move in self.moves]
         return tuple(sum(lengths[:i]) for i in range(len(lengths)))
 
 
 def motions(steps: Sequence[Step]) -> tuple[Motion, ...]:
-    """The runs of moves among steps, in order; any other step ends a run."""
+    """Return the runs of moves among steps, in order; any other step ends a run."""
     found: list[Motion] = []
     for index, step in enumerate(steps):
         if not isinstance(step, Move):
@@ -123,19 +122,19 @@ def motions(steps: Sequence[Step]) -> tuple[Motion, ...]:
 
 @dataclass(frozen=True)
 class Plan:
-    """A whole task, ready to be shown and sent.
+    """Plan of a whole task, for preview and execution.
 
     Attributes:
-        task: name and kind of the task, and per cube what moves from where to where (JSON types).
+        task: name and kind of the task, and the transfers of the cubes (JSON types).
         unit: name of the unit.
-        speed: the factor that the motion was timed with, 0 < speed <= 1.
-        speed_registers, acceleration_registers: that the controller must have while the plan runs.
+        speed: speed factor of the time parametrisation, 0 < speed <= 1.
+        speed_registers, acceleration_registers: registers that the controller must have during execution.
         steps: in order.
-        provenance: what the plan is bound to: hashes of robot, scene, limits and calibration, options, seed, and what
-            the files said. All of it is compared before the plan is executed.
+        provenance: inputs of the plan: hashes of robot, scene, limits and calibration, options, seed, contents of
+            files. All of it is compared before execution.
         scene: bodies and allowed contacts that the motion was checked against (JSON types), for preview and
             for independent checks.
-        notes: versions and the like, for people: nothing reads them, the plan's code covers them.
+        notes: versions and the like, for information only; the plan's code covers them.
     """
 
     task: dict[str, Any]
@@ -150,17 +149,17 @@ class Plan:
 
     @property
     def moves(self) -> Iterator[Move]:
-        """The moves, in order."""
+        """All moves, in order."""
         return (step for step in self.steps if isinstance(step, Move))
 
     @property
     def motions(self) -> tuple[Motion, ...]:
-        """The moves in runs that are streamed as one."""
+        """All motions, in order."""
         return motions(self.steps)
 
     @property
     def start(self) -> tuple[int, ...]:
-        """Counts where the first move begins."""
+        """Counts at the start of the first move."""
         return next(self.moves).path.start
 
     @property
@@ -169,18 +168,20 @@ class Plan:
         return sum(move.path.duration_s for move in self.moves)
 
     def to_json(self) -> str:
-        """The file's text."""
+        """Return the text of the file."""
         return canonical_json(_plan_to_json(self)) + "\n"
 
     @property
     def sha256(self) -> str:
-        """Hash of the file's text."""
+        """Hash of the text of the file."""
         return sha256(self.to_json())
 
     @property
     def code(self) -> str:
-        """Eight characters, as in ``7KQM-2XVD``, that a preview shows and nothing else does: who knows them has seen
-        what this plan will do, so a real arm is moved for them alone."""
+        """Eight characters, such as ``7KQM-2XVD``, that only a preview of the plan shows.
+
+        Execution on a real arm requires them, as evidence that the user has seen the preview.
+        """
         number = int(sha256(f"seen {self.sha256}"), 16)
         letters = "".join(_LETTERS[(number >> 5 * place) % 32] for place in range(8))
         return f"{letters[:4]}-{letters[4:]}"
@@ -201,10 +202,8 @@ def read_plan(path: Path) -> Plan:
     if not isinstance(value, dict) or value.get("format") != FORMAT:
         found = value.get("format") if isinstance(value, dict) else None
         if isinstance(value, dict) and "scenes" in value:
-            raise FileInputError(path, "scenes", None, "is of a look; a plan file is written by a465 plan")
-        raise FileInputError(
-            path, "format", found, f"must be {FORMAT!r}; make the plan again with this version"
-        )
+            raise FileInputError(path, "scenes", None, "is from a look; a465 plan writes plan files")
+        raise FileInputError(path, "format", found, f"must be {FORMAT!r}; plan again with this version")
     require_finite(path, value)
     return _PlanReader(path).plan(value)
 
@@ -241,7 +240,7 @@ def _step_to_json(step: Step) -> dict[str, Any]:
                 "clearance": step.clearance,
                 "closest": list(step.closest),
                 "certified": step.certified,
-                "touching": list(step.touching),
+                "touching": list(step.allowed_collisions),
                 "clearances": list(step.clearances),
             }
         case GripperStep():
@@ -258,12 +257,12 @@ def _step_to_json(step: Step) -> dict[str, Any]:
 
 
 class _PlanReader(JsonFields):
-    """Checks and builds; every message names the key."""
+    """Checks and builds a plan; every message names the key."""
 
-    help = "make the plan again"
+    help = "plan again"
 
     def scene(self, value: dict[str, Any]) -> dict[str, Any]:
-        """The scene as JSON types, its bodies seen to be bodies."""
+        """Return the scene as JSON types after a check of its bodies."""
         scene: dict[str, Any] = self.get(value, "scene", "", dict, "a table")
         for key in {"bodies", "cubes", "allowed"} & set(scene):
             if not isinstance(scene[key], list):
@@ -276,11 +275,11 @@ class _PlanReader(JsonFields):
                 try:
                     body_from_json(body)
                 except InputError as error:
-                    raise self.fail(f"scene.{key}[{index}]", None, f"is no body: {error}") from error
+                    raise self.fail(f"scene.{key}[{index}]", None, f"is not a body: {error}") from error
         return scene
 
     def task(self, value: dict[str, Any]) -> dict[str, Any]:
-        """What is moved where, as JSON types."""
+        """Return the task as JSON types after a check of its cubes."""
         task: dict[str, Any] = self.get(value, "task", "", dict, "a table")
         cubes = self.get(task, "cubes", "task.", list, "a list") if "cubes" in task else ()
         for index, cube in enumerate(cubes):
@@ -305,7 +304,7 @@ class _PlanReader(JsonFields):
         )
         moves = list(plan.moves)
         if not moves:
-            raise self.fail("steps", None, "hold no move")
+            raise self.fail("steps", None, "have no move")
         for before, after in pairwise(moves):
             if before.path.end != after.path.start:
                 raise self.fail(
@@ -367,14 +366,14 @@ class _PlanReader(JsonFields):
             clearance=clearance,
             closest=(closest[0], closest[1]),
             certified=certified,
-            touching=tuple(touching),
+            allowed_collisions=tuple(touching),
             clearances=self.clearances(value, where, clearance, len(segments), may_lack=not certified),
         )
 
     def clearances(
         self, value: object, where: str, clearance: float, count: int, may_lack: bool
     ) -> tuple[float, ...]:
-        """One for each segment, the least of them the move's; a move that is not certified may lack them."""
+        """Return one clearance per segment, the smallest that of the move; an uncertified move may lack them."""
         key = where + "clearances"
         found = self.get(value, "clearances", where, list, "numbers, one for each segment")
         if not all(isinstance(v, int | float) and not isinstance(v, bool) and abs(v) <= 1e9 for v in found):
@@ -385,6 +384,6 @@ class _PlanReader(JsonFields):
             raise self.fail(
                 key,
                 min(found),
-                f"must at the least be the move's clearance, {clearance:g} m, but for rounding",
+                f"the smallest must be the move's clearance, {clearance:g} m, up to rounding",
             )
         return tuple(float(v) for v in found)

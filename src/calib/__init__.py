@@ -1,3 +1,3 @@
-"""Observations in, calibrations out: intrinsics, eye-to-hand, kinematics of any URDF robot."""
+"""Calibration from observations: camera intrinsics, hand-eye and robot-world, kinematics of any URDF robot."""
 
 import arm.former  # noqa: F401  (former names are found)

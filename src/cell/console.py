@@ -1,4 +1,4 @@
-"""Talking to the person at the terminal: lines, tables of 80 columns, progress; JSON alone on standard output."""
+"""Terminal output: lines, tables of 80 columns and progress bars, or one JSON object on standard output."""
 
 from __future__ import annotations
 
@@ -16,37 +16,33 @@ from typing import Any, TextIO
 from arm.errors import ExecutionStopped
 
 WIDTH = 80
-TICK_S = 0.5  # between signs of life; what takes less shows none
+TICK_S = 0.5  # period of the busy line; shorter work shows none
 _LABEL, _BAR, _LEAST_BAR = 22, 30, 6
 
 
 class OutputLost(ExecutionStopped):
-    """Nobody hears us any more: standard output cannot be written. Told once."""
+    """Standard output can no longer be written. Raised once."""
 
     def __init__(self, error: OSError) -> None:
         super().__init__(f"standard output: {error.strerror or error}", reason="output")
 
 
 class Console:
-    """Where messages go; the first that cannot be written raises `OutputLost`, and later ones go nowhere.
+    """Write text. The first failed write raises `OutputLost` (a closed pipe only in `heard`); later ones are lost.
 
-    A reader that has gone has read enough: that is no error, the command does what it was asked to and ends as it
-    would have ended. Not so inside `heard`.
-
-    With `as_json`, standard output gets exactly one JSON object at the end and everything else goes to standard
-    error, so that a program can read the one while a person follows the other.
+    With `as_json`, standard output gets exactly one JSON object at the end; all other output goes to standard error.
 
     Attributes:
-        listener: called with every line of `step`, before it is written; None if nobody listens.
+        listener: called with every line of `step` before it is written, or None.
     """
 
     def __init__(self, as_json: bool = False) -> None:
         self.as_json = as_json
-        self._stream: TextIO | None = sys.stderr if as_json else sys.stdout  # None: closed before we began
+        self._stream: TextIO | None = sys.stderr if as_json else sys.stdout  # None: closed at the start
         self._live = self._stream is not None and self._stream.isatty()
         self._open_line = False
-        self._busy = ""  # with what, while a sign of life is shown
-        self._bar_at = -math.inf  # when a bar was last drawn: no other sign of life is needed then
+        self._busy = ""  # text of the busy line
+        self._bar_at = -math.inf  # when a progress bar was last drawn; it replaces the busy line
         self._lock = threading.Lock()
         self._lost: OSError | None = None
         self._needed = False
@@ -55,10 +51,10 @@ class Console:
 
     @contextlib.contextmanager
     def heard(self) -> Iterator[None]:
-        """Inside, while an arm may move, there has to be a reader.
+        """Require a reader inside the block, where the arm may move.
 
         Raises:
-            OutputLost: it has gone.
+            OutputLost: the reader is gone.
         """
         if self._lost is not None:
             raise OutputLost(self._lost)
@@ -69,18 +65,18 @@ class Console:
             self._needed = False
 
     def say(self, text: str = "") -> None:
-        """One line; characters that would do something to the terminal are shown, not sent."""
+        """Write one line. Control characters are escaped."""
         self._write(f"{_harmless(text)}\n")
 
     def step(self, text: str) -> None:
-        """One line with the wall time since the start; a listener hears it too."""
+        """Write one line with the wall time since the start, and pass it to the listener."""
         line = f"[{time.monotonic() - self._started:5.1f} s] {text}"
         if self.listener is not None:
             self.listener(line)
         self.say(line)
 
     def progress(self, text: str, fraction: float, hint: str = "") -> None:
-        """A bar that redraws itself on a terminal, with a hint behind it; silent elsewhere."""
+        """Redraw a progress bar, followed by a hint. Terminals only."""
         if not self._live:
             return
         line = progress_line(text, fraction, hint, shutil.get_terminal_size((WIDTH, 24)).columns)
@@ -89,7 +85,7 @@ class Console:
 
     @contextlib.contextmanager
     def doing(self, text: str) -> Iterator[None]:
-        """Inside, a terminal shows what is done and for how long, where nothing else is shown; silent elsewhere."""
+        """Show a busy line with the elapsed time inside the block while nothing else is shown. Terminals only."""
         before, self._busy = self._busy, text
         if before or not self._live:
             try:
@@ -124,17 +120,17 @@ class Console:
                 try:
                     stream.write(f"\r{line}\x1b[K")
                     stream.flush()
-                except OSError:  # whoever writes next is told
+                except OSError:  # the next write reports it
                     return
                 self._open_line = True
 
     def table(self, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-        """A table; numbers to the right, text to the left."""
+        """Write a table with numbers right-aligned and text left-aligned."""
         for line in table_lines(header, rows):
             self.say(line)
 
     def result(self, value: dict[str, Any]) -> None:
-        """The JSON object, if one is asked for."""
+        """Write the JSON object if `as_json` is set."""
         self._end_progress()
         if self.as_json and sys.stdout is not None:
             self._stream = sys.stdout
@@ -161,7 +157,7 @@ class Console:
 
 
 def say_on_stderr(text: str) -> None:
-    """One line on standard error, whether or not somebody reads it: the exit code tells as well."""
+    """Write one line to standard error. Ignore a failed write: the exit code reports the outcome too."""
     if sys.stderr is None:
         return
     try:
@@ -172,20 +168,20 @@ def say_on_stderr(text: str) -> None:
 
 
 def _harmless(text: str) -> str:
-    """Names may come from anybody's file."""
+    """Escape control characters: names come from files of any origin."""
     return "".join(c if c.isprintable() or c in "\n\t" else ascii(c)[1:-1] for c in text)
 
 
 def _silence(stream: TextIO) -> None:
-    """Nothing more goes to a stream that is gone, also not what it holds when the interpreter ends."""
-    with contextlib.suppress(OSError, ValueError):  # no file behind it
+    """Discard further output to a lost stream, including what it flushes when the interpreter exits."""
+    with contextlib.suppress(OSError, ValueError):  # not backed by a file
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, stream.fileno())
         os.close(null)
 
 
 def progress_line(text: str, fraction: float, hint: str, columns: int) -> str:
-    """One line of at most `columns` - 1 characters: what runs, a bar where there is room, per cent, a hint."""
+    """Return a line of at most `columns` - 1 characters: text, a bar if there is room, percentage, hint."""
     part = min(max(fraction, 0.0), 1.0)
     tail = f"{100 * part:4.0f} %" + (f"  {hint}" if hint else "")
     room = columns - 1 - len(tail) - 1
@@ -198,7 +194,7 @@ def progress_line(text: str, fraction: float, hint: str, columns: int) -> str:
 
 
 def table_lines(header: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
-    """The lines of a table."""
+    """Return the lines of a table."""
     texts = [[_text(value) for value in row] for row in rows]
     numeric = (
         [all(isinstance(row[i], int | float) or row[i] is None for row in rows) for i in range(len(header))]

@@ -1,3 +1,3 @@
-"""Plan in, bytes out: the MARS-8 protocol, streaming, monitoring, and an emulated controller."""
+"""Driver of the MARS-8 controller: protocol, streaming of plans, monitoring, and an emulated controller."""
 
-import arm.former  # noqa: F401  (former names are found)
+import arm.former  # noqa: F401  (former names still work)

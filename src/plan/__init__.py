@@ -1,3 +1,3 @@
-"""Poses in, checked plan out. Never sees a camera or a port."""
+"""Motion planning: from poses to certified plans, without cameras and controllers."""
 
-import arm.former  # noqa: F401  (former names are found)
+import arm.former  # noqa: F401  (keeps former module names importable)

@@ -1,26 +1,29 @@
-"""What programs that plan need, under one roof: arms, bodies, scenes, poses, plans, proofs.
+"""The public names of the planner in one module: arms, bodies, scenes, poses, plans, certificates.
 
-Importing it loads Pinocchio and coal (about half a second). Everything here is documented where it is defined.
+The import loads Pinocchio and coal, which takes about 0.5 s. The defining modules hold the documentation.
 """
+
+from typing import TYPE_CHECKING
 
 from arm.controller.unit import Limits, Unit, load_unit
 from arm.errors import A465Error, ImpossibleError, InputError
+from arm.former import FormerNames
 from arm.plan_file import Plan
 from arm.robot.mesh import read_mesh_points
 from arm.robot.model import Robot, load_a465, load_robot
 from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Sphere, convex
-from arm.robot.tool import ignoring, urdf_limits, with_tool
+from arm.robot.tool import urdf_limits, with_disabled_collisions, with_tool
 from arm.se3 import inverse, rot_x, rot_y, rot_z, rotation, transform
 from plan.budget import PlanningInterrupted, SearchBudget, TransitBudget
 from plan.cartesian.line import Line, LineOptions, follow_line
 from plan.cartesian.reachability import reach
 from plan.collision.bezier import curve_of_waypoints
-from plan.collision.certificate import check_curve, check_move
+from plan.collision.certificate import certify_curve, certify_move
 from plan.collision.world import World
 from plan.kinematics.ik import explain_pose, inverse_kinematics
 from plan.kinematics.numeric_ik import SearchOptions, solve_ik
 from plan.options import PlanOptions
-from plan.pick_place.go_to import plan_way
+from plan.pick_place.go_to import plan_joint_motion
 from plan.pick_place.planner import plan_task
 from plan.scene import Scene, Station, Transfer
 from plan.transit.planner import plan_transit
@@ -57,22 +60,21 @@ __all__ = [
     "TransitBudget",
     "Unit",
     "World",
-    "check_curve",
-    "check_move",
+    "certify_curve",
+    "certify_move",
     "convex",
     "curve_of_waypoints",
     "explain_pose",
     "follow_line",
-    "ignoring",
     "inverse",
     "inverse_kinematics",
     "load_a465",
     "load_robot",
     "load_unit",
+    "plan_joint_motion",
     "plan_poses",
     "plan_task",
     "plan_transit",
-    "plan_way",
     "reach",
     "read_mesh_points",
     "rot_x",
@@ -82,5 +84,17 @@ __all__ = [
     "solve_ik",
     "transform",
     "urdf_limits",
+    "with_disabled_collisions",
     "with_tool",
 ]
+
+
+if not TYPE_CHECKING:
+    __getattr__ = FormerNames(
+        __name__,
+        __name__,
+        check_move="certify_move",
+        check_curve="certify_curve",
+        ignoring="with_disabled_collisions",
+        plan_way="plan_joint_motion",
+    )

@@ -1,8 +1,8 @@
-"""Budgets of searches, counted in tries and never in seconds; light to import.
+"""Budgets of searches, counted in operations instead of seconds. Other modules can import it cheaply.
 
-What a whole search may cost is counted in looks, one for a configuration that is held against the bodies: the same
-request takes the same looks on every machine and under any load. People give it in seconds of effort, `LOOKS_A_SECOND`
-looks each. What counts looks calls `spend`; the search that is under way has the meter (`allowed`).
+The unit of effort is one collision check of a configuration (here "look"), so a request costs the same on every machine
+and under any load. Users give budgets in seconds of effort, `LOOKS_A_SECOND` collision checks each. Code that does work
+calls `spend`, which counts on the meter of the current search (`allowed`).
 """
 
 from __future__ import annotations
@@ -20,33 +20,33 @@ from arm.errors import A465Error
 if TYPE_CHECKING:
     from arm.plan_file import Plan
 
-# About what one processor of 2020 does; measured over refused searches (bench/budget.py).
+# About what one processor core of 2020 does, measured on searches that failed (bench/budget.py).
 LOOKS_A_SECOND = 20_000.0
-# What else costs, in looks.
-PROOF_LOOKS = 4.0  # a piece of a motion that is proved, its distances not counted
-DISTANCE_LOOKS = 0.2  # a distance
-STEP_LOOKS = 60.0  # one step of quadratic programming that makes a way faster
+# Costs of other work, in collision checks.
+PROOF_LOOKS = 4.0  # one piece of a clearance certificate, without its distances
+DISTANCE_LOOKS = 0.2  # one distance
+STEP_LOOKS = 60.0  # one quadratic program of path optimisation
 START_LOOKS = 30.0  # one start of numerical inverse kinematics
-LINE_LOOKS = 150.0  # a line that is followed
+LINE_LOOKS = 150.0  # one Cartesian line
 _LONGEST = 1e6  # s
-_LOOKS_A_GLANCE = 200.0  # looks between two glances at the clock
+_LOOKS_A_GLANCE = 200.0  # collision checks between two readings of the clock
 
 
 @dataclass(frozen=True)
 class TransitBudget:
-    """Tries of each stage. Costs are about 0.01 ms for a corner that is refused by itself, 0.5 ms for an edge.
+    """Attempts of each stage of the transit search. A corner in collision costs about 0.01 ms, an edge 0.5 ms.
 
     Attributes:
-        corners: single corners drawn at random, besides those from lifting the tool.
-        corner_edges: corners, the fastest first, that are clear themselves and whose edges are looked at.
+        corners: detours over a single random corner, in addition to those that lift the tool.
+        corner_edges: collision-free corners whose two edges are checked, the fastest first.
         rrt: samples of RRT-Connect.
-        shortcuts: tries to cut corners of what RRT-Connect found.
-        starts: ways with few corners that are made faster; the fastest is taken.
-        more_starts: further ones, where that is still much slower than the straight way.
-        steps: of sequential quadratic programming, for the fastest; the others have a third.
+        shortcuts: shortcut attempts on the path from RRT-Connect.
+        starts: paths with few corners that are optimised; the fastest result is used.
+        more_starts: further ones if the fastest is still much slower than the direct motion.
+        steps: steps of sequential quadratic programming for the fastest path; the others get a third.
 
     Raises:
-        InputError: one of them is not a whole number from 0 on.
+        InputError: an attribute is not a whole number from 0 on.
     """
 
     corners: int = 300
@@ -66,15 +66,17 @@ class TransitBudget:
 
 @dataclass(frozen=True)
 class SearchBudget:
-    """What a search may cost; what is found within it is as proved as without.
+    """Limits on the cost of a search. Plans found within a budget are certified like any other.
 
     Attributes:
-        effort_s: seconds of effort, counted in looks: where it is spent, the best complete sequence by then is taken.
-            The same budget gives the same plan everywhere. None: no end but those of the single searches.
-        give_up_s: wall time after which the search is refused, whatever it has: it changes no plan. None: no end.
+        effort_s: seconds of effort, counted in collision checks. When it is spent, the best complete sequence found by
+            then is returned. The same budget gives the same plan on every machine. None: only the single searches are
+            limited.
+        give_up_s: wall time, s, after which the search raises an error whatever it has found, so it never changes a
+            plan. None: no limit.
 
     Raises:
-        InputError: one of them is not a positive number.
+        InputError: an attribute is not a positive number.
     """
 
     effort_s: float | None = None
@@ -89,12 +91,14 @@ class SearchBudget:
 
 
 class BudgetSpent(A465Error):
-    """A search has to end. No `ImpossibleError`, which searches take for one way less; their doors make it one.
+    """The budget of a search is spent.
+
+    This is not an `ImpossibleError`, on which searches skip a candidate; public functions convert it to one.
 
     Args:
         by: ``effort`` or ``clock``.
-        effort_s: spent by then.
-        allowed_s: what was allowed, s of effort or of wall time.
+        effort_s: effort spent, s.
+        allowed_s: the budget, s of effort or of wall time.
     """
 
     exit_code = 3
@@ -105,11 +109,11 @@ class BudgetSpent(A465Error):
 
 
 class PlanningInterrupted(KeyboardInterrupt):
-    """Ctrl-C while something was planned.
+    """Ctrl-C during planning.
 
     Args:
-        message: how far the search was.
-        plan: the best that was complete by then, timed and certified; None where nothing was.
+        message: progress of the search.
+        plan: the best complete plan by then, timed and certified; None if there was none.
     """
 
     def __init__(self, message: str, plan: Plan | None = None) -> None:
@@ -117,8 +121,8 @@ class PlanningInterrupted(KeyboardInterrupt):
         self.plan = plan
 
 
-def told_by(stop: BudgetSpent | KeyboardInterrupt) -> str:
-    """Why a search ended, for people."""
+def budget_words(stop: BudgetSpent | KeyboardInterrupt) -> str:
+    """Return the reason why a search ended, in words."""
     if isinstance(stop, KeyboardInterrupt):
         return "the search was interrupted"
     if stop.by == "clock":
@@ -127,7 +131,7 @@ def told_by(stop: BudgetSpent | KeyboardInterrupt) -> str:
 
 
 class Meter:
-    """Looks that a search has taken, and may take."""
+    """Collision checks spent by a search, against its budget."""
 
     def __init__(self, budget: SearchBudget) -> None:
         self.budget = budget
@@ -137,14 +141,14 @@ class Meter:
 
     @property
     def effort_s(self) -> float:
-        """Seconds of effort that were spent, to 0.01 s."""
+        """Effort spent, to 0.01 s."""
         return round(self.looks / LOOKS_A_SECOND, 2)
 
     def spend(self, looks: float) -> None:
-        """Count looks.
+        """Count `looks` collision checks.
 
         Raises:
-            BudgetSpent: they are more than allowed, or the time is over.
+            BudgetSpent: the effort or the wall time is spent.
         """
         self.looks += looks
         if self.looks > self.most:
@@ -156,7 +160,7 @@ class Meter:
 
     @contextmanager
     def lifted(self) -> Iterator[None]:
-        """Inside, effort has no limit: what was found is timed and proved whatever that costs."""
+        """Lift the limit on effort inside, so that a plan that was found can be timed and certified at any cost."""
         most, self.most = self.most, float("inf")
         try:
             yield
@@ -165,7 +169,7 @@ class Meter:
 
     @contextmanager
     def part(self, share: float) -> Iterator[None]:
-        """Inside, only a share of what is left may be spent."""
+        """Allow only the fraction `share` of the remaining effort inside."""
         most = self.most
         if most < float("inf"):
             self.most = self.looks + share * (most - self.looks)
@@ -179,7 +183,7 @@ _meter: ContextVar[Meter | None] = ContextVar("meter", default=None)
 
 
 def spend(looks: float) -> None:
-    """Count looks of the search that is under way, if its caller set a budget; see `Meter.spend`."""
+    """Count collision checks on the meter of the current search, if it has one; see `Meter.spend`."""
     meter = _meter.get()
     if meter is not None:
         meter.spend(looks)
@@ -187,7 +191,7 @@ def spend(looks: float) -> None:
 
 @contextmanager
 def allowed(budget: SearchBudget | None) -> Iterator[Meter]:
-    """Inside, what `spend` counts is held against the budget. Without one, an outer one goes on counting."""
+    """Count `spend` against the budget inside. Without a budget, an outer meter goes on counting."""
     outer = _meter.get()
     if budget is None and outer is not None:
         yield outer

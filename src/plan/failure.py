@@ -1,4 +1,4 @@
-"""Why a task cannot be planned, as data: what fails where, and what stands against every way there is."""
+"""Why a task cannot be planned, as data: the step that fails, and the reason against every candidate."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from arm.errors import ImpossibleError
-from plan.cartesian.reachability import LineChoice
+from plan.cartesian.reachability import GraspCandidate
 
 OUT_OF_REACH = "out of reach"
 LINE_BLOCKED = "line blocked"
@@ -20,16 +20,17 @@ AFTER_TIMING = "clearance after timing"
 
 @dataclass(frozen=True)
 class Rejected:
-    """One way that was rejected, and what stands against it.
+    """One rejected candidate and the reason.
 
     Attributes:
         where: ``line at 03-04/1``, ``from 01-02/1 to 03-04/1``, ``start``, or the name of a step.
         reason: in words.
-        yaw, branch: of the way, where it is one of a place.
-        joint: that goes `excess_deg` beyond its limit, or that would have to turn too fast (`excess_deg` is None).
-        outside_mm: by how much the line leaves what the links reach.
-        pair: the two bodies that come nearest, `distance_mm` apart (negative: they overlap).
-        asked_mm: of clearance.
+        yaw, branch: of a candidate at a station, else None.
+        joint: the joint that exceeds its limit by `excess_deg`, or would have to move too fast (`excess_deg` None).
+        outside_mm: distance of the line beyond the reach of the links.
+        pair: the two bodies with the smallest distance.
+        distance_mm: their distance; negative if they overlap.
+        asked_mm: the required clearance.
     """
 
     where: str
@@ -44,26 +45,25 @@ class Rejected:
     asked_mm: float | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """What is known, as JSON types."""
+        """Return the attributes that are not None, as JSON types."""
         known = {key: value for key, value in vars(self).items() if value is not None}
         return {**known, "pair": list(self.pair)} if self.pair else known
 
 
 def nearness(pair: Sequence[str], distance: float, asked: float) -> str:
-    """How near two bodies come, in words; lengths in m.
+    """Return the distance of two bodies against the required clearance `asked`, in words; lengths in m.
 
-    How deep they overlap is not said: the shortest way out may be through the far side. Digits are enough to show that
-    the distance is below what is asked.
+    The depth of an overlap is left out, because it may be measured through the far side of a body.
     """
     first, second = pair
-    wanted = f"(asked: {asked * 1e3:g} mm)"
+    wanted = f"(required: {asked * 1e3:g} mm)"
     if distance <= 0.0:
         return f"{first} is inside {second} {wanted}"
-    return f"{first} comes to {short_of(distance, asked)} mm of {second} {wanted}"
+    return f"{first} comes within {short_of(distance, asked)} mm of {second} {wanted}"
 
 
 def short_of(distance: float, asked: float) -> str:
-    """A distance in mm with as many digits as show that it is less than `asked`, where it is; both in m."""
+    """Return `distance` (m) in mm, with enough digits to show that it is less than `asked` (m) if it is."""
     value, limit = distance * 1e3, asked * 1e3
     for digits in range(1, 6):
         shown = f"{value:.{digits}f}"
@@ -78,11 +78,11 @@ class Failure:
 
     Attributes:
         kind: one of the constants of this module.
-        step: that cannot be made.
-        stations: names of the places concerned.
-        headline: one line for people.
-        ways: that were rejected, per place the nearest miss first.
-        body: of the scene that is in the way (a cube that moves is named by its own name), or None.
+        step: the step that fails.
+        stations: names of the stations concerned.
+        headline: summary in one line.
+        ways: rejected candidates, for each station the nearest miss first.
+        body: the body of the scene that obstructs (a moving cube by its own name), or None.
     """
 
     kind: str
@@ -93,7 +93,7 @@ class Failure:
     body: str | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """JSON types."""
+        """Return the failure as JSON types."""
         return {
             "kind": self.kind,
             "step": self.step,
@@ -105,7 +105,7 @@ class Failure:
 
 
 def failure_from_json(value: Mapping[str, Any]) -> Failure:
-    """The inverse of `Failure.to_json`."""
+    """Invert `Failure.to_json`."""
     ways = tuple(Rejected(**{**w, "pair": tuple(w["pair"]) if "pair" in w else None}) for w in value["ways"])
     return Failure(
         value["kind"], value["step"], tuple(value["stations"]), value["headline"], ways, value["body"]
@@ -113,13 +113,13 @@ def failure_from_json(value: Mapping[str, Any]) -> Failure:
 
 
 def failure_in(error: ImpossibleError) -> Failure | None:
-    """The failure that an error of `plan.pick_place.planner.plan_task` carries."""
+    """Return the failure in an error of `plan.pick_place.planner.plan_task`, or None."""
     value = error.data.get("failure")
     return failure_from_json(value) if value else None
 
 
-def of_choice(choice: LineChoice) -> Rejected:
-    """A way that does not reach."""
+def of_choice(choice: GraspCandidate) -> Rejected:
+    """Return the rejection of a grasp that does not reach."""
     near = Rejected(f"line at {choice.hole}", choice.reason(), choice.yaw, choice.branch)
     if choice.outside > 0.0:
         return replace(near, outside_mm=choice.outside * 1e3)

@@ -1,4 +1,4 @@
-"""How a task is planned: speeds, clearances, seed. Every value is checked; a plan's provenance lists them all."""
+"""Options of planning: speeds, clearances, seed. All values are checked, and a plan's provenance lists them."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from plan.budget import TransitBudget
 LOOKS = ("each", "never")
 CHOICES = ("free", "given")
 CERTIFICATES = ("tight", "decide")
-LEAST_CLEARANCE = 0.005  # m, that may be asked for in transits unless `least_clearance` says less
+LEAST_CLEARANCE = 0.005  # m, smallest `clearance` of transits unless `least_clearance` allows less
 
 
-def told_clearance(options: Mapping[str, Any]) -> str:
-    """That a plan with these options (`PlanOptions.to_json`) asks for less clearance than is usual; "" if not."""
+def clearance_words(options: Mapping[str, Any]) -> str:
+    """Return a warning if these options (`PlanOptions.to_json`) have less clearance than the usual minimum, else ""."""
     clearance = options.get("clearance")
     if clearance is None or clearance >= LEAST_CLEARANCE:
         return ""
     return (
-        f"asked for {clearance * 1e3:g} mm of clearance only, by name (least_clearance); the usual least is "
+        f"planned with only {clearance * 1e3:g} mm of clearance, as least_clearance allows; the usual minimum is "
         f"{LEAST_CLEARANCE * 1e3:g} mm"
     )
 
 
-_SLOWEST, _SLOWEST_AT = 0.002, 0.5  # m/s, at that speed and above
+_SLOWEST, _SLOWEST_AT = 0.002, 0.5  # m/s, at this speed factor and above
 
 
 @dataclass(frozen=True)
@@ -36,28 +36,28 @@ class PlanOptions:
 
     Attributes:
         speed: factor on velocities (and its square on accelerations), 0 < speed <= 1.
-        velocity_fraction, acceleration_fraction: of the limits at that speed that motion is planned for; the rest is
-            room for rounding to counts and for what the controller adds at joins of segments.
-        clearance: asked for in transits, between all bodies that the arm or the held cube could touch, m.
-        least_clearance: that may be asked for in transits, m. Certificates hold for the bodies and the calibration as
-            they are given, so less than the usual 5 mm is asked for by name only, and told wherever the plan is shown.
-        line_clearance: asked for on approach and retract, where the jaws pass the cube and the plate, m; the
-            contacts that the station needs are left out.
+        velocity_fraction, acceleration_fraction: fractions of the limits at that speed to plan with; the rest is for
+            rounding to counts and for what the controller adds where segments join.
+        clearance: required in transits, between all bodies that the arm or the held cube could touch, m.
+        least_clearance: smallest `clearance` that is accepted, m. Certificates hold for the bodies and the calibration
+            as given. So less than the usual 5 mm has to be allowed here, and is reported wherever the plan is shown.
+        line_clearance: required on approach and retract, where the jaws pass the cube and the plate, m; contacts that
+            the station allows are excepted.
         offset: length of approach and retract, m.
-        approach_speed: of the tool on approach and retract at speed 1, m/s.
+        approach_speed: tool speed on approach and retract at speed 1, m/s.
         fraction_closed: target of the jaws when gripping, 0 open to 1 shut.
-        jerk_time: s in which an acceleration builds up to its limit; 0 for none: acceleration may step. With a limit on
-            jerk the arm also rests at every corner and at the offset points (`plan.trajectory.jerk_limited`).
-        settle_s: least wait after the jaws moved, s.
-        segment_ms: duration of a motion segment where nothing asks for less.
+        jerk_time: time in which an acceleration rises to its limit, s; 0 for no jerk limit. With a jerk limit the arm
+            also stops at every corner and at the offset points (`plan.trajectory.jerk_limited`).
+        settle_s: shortest wait after a motion of the jaws, s.
+        segment_ms: duration of a segment unless a shorter one is needed, ms.
         look: ``each``: home and look after every cube; ``never``: from cube to cube, home at the end; or a number n:
             home and look after every n cubes, and at the end.
-        order, assignment: ``free``: which cube is next, and to which of the places it goes, is chosen for time;
-            ``given``: as the transfers are given.
-        certificate: ``tight`` proves clearances close to the true ones, ``decide`` only that what is asked for is kept,
+        order, assignment: ``free``: the planner chooses the next cube, and its destination, for time; ``given``: as in
+            the list of transfers.
+        certificate: ``tight`` proves clearances close to the true ones; ``decide`` only proves the required clearance,
             which is cheaper.
-        seed: of every random choice.
-        transit: tries of the transit search.
+        seed: seed of every random choice.
+        transit: budget of the transit search.
     """
 
     speed: float = 0.5
@@ -81,10 +81,10 @@ class PlanOptions:
 
     @property
     def slowest(self) -> float:
-        """Tool speed at which joints must still keep up on lines, m/s (`plan.cartesian.differential_ik.LineOptions`).
+        """Tool speed that joints must allow on lines, m/s (`plan.cartesian.differential_ik.LineOptions`).
 
-        That rule finds lines too near a singular configuration. Below half of the registers' speed everything is
-        slower in proportion, and so is this: else a low speed alone would be taken for such a line.
+        Lines too near a singular configuration do not. Below half of the registers' speed it falls in proportion to
+        `speed`; otherwise a low speed alone would look like a singularity.
         """
         return _SLOWEST * min(self.speed / _SLOWEST_AT, 1.0)
 
@@ -96,8 +96,8 @@ class PlanOptions:
         self._within("clearance", 0.0, 1.0, "m")
         if self.least_clearance == LEAST_CLEARANCE and 0.0 <= self.clearance < LEAST_CLEARANCE:
             raise InputError(
-                f"clearance = {self.clearance:g} m: must be from {LEAST_CLEARANCE:g} to 1 m; who means less says so by "
-                "least_clearance",
+                f"clearance = {self.clearance:g} m: must be from {LEAST_CLEARANCE:g} to 1 m; set least_clearance to "
+                "allow less",
                 name="clearance",
                 value=self.clearance,
             )
@@ -134,15 +134,15 @@ class PlanOptions:
     def _within(self, name: str, low: float, high: float, unit: str = "") -> None:
         value = getattr(self, name)
         checked = number(name, value, low, high, unit)
-        if not isinstance(value, int | float):  # a number of numpy's, which JSON does not know
+        if not isinstance(value, int | float):  # a numpy number, which JSON cannot encode
             object.__setattr__(self, name, checked)
 
     def looks_after(self, cubes: int) -> bool:
-        """Whether the arm goes home to look once this many cubes were moved, more being left."""
+        """Return whether the arm goes home to look after `cubes` cubes, if more are left."""
         if self.look == "never":
             return False
         return self.look == "each" or cubes % int(self.look) == 0
 
     def to_json(self) -> dict[str, Any]:
-        """All options as JSON types."""
+        """Return all options as JSON types."""
         return asdict(self)

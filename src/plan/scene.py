@@ -1,4 +1,4 @@
-"""The cell as the planner sees it: the arm with open and with closed jaws, bodies, cubes, and what may touch."""
+"""The cell as the planner sees it: the arm with open and with closed jaws, bodies, cubes, allowed collisions."""
 
 from __future__ import annotations
 
@@ -26,11 +26,10 @@ class Scene:
     Attributes:
         robot_open: the arm with open jaws.
         robot_holding: the same arm with the jaws at the cube's width.
-        bodies: that stand still: table, walls, posts, stands, plates.
-        cubes: where they stand now.
-        allowed: pairs of names that touch where they stand (a cube and the plate in whose pocket it sits, a cube and
-            the table). The planner never leaves them out of a transit; on a line to or from a place it leaves out
-            what that place says (`Station.touches`).
+        bodies: fixed bodies: table, walls, posts, stands, plates.
+        cubes: the cubes at their present poses.
+        allowed: pairs of names that touch at rest (a cube and the plate with its pocket, a cube and the table).
+            Transits check them nevertheless; a line to or from a station excepts `Station.touches` only.
     """
 
     robot_open: Robot
@@ -48,17 +47,17 @@ class Scene:
         unknown = sorted(set().union(*self.allowed) - set(names)) if self.allowed else []
         if unknown:
             raise InputError(
-                f"scene: allowed contacts name {unknown[0]!r}, which is no body; "
+                f"scene: allowed contacts name {unknown[0]!r}, which is not a body; "
                 f"there are {', '.join(sorted(names))}",
                 names=unknown,
             )
 
     def allowing(self, allowed: frozenset[Pair]) -> Scene:
-        """The same scene with these allowed contacts."""
+        """Return the scene with these allowed contacts."""
         return replace(self, allowed=allowed)
 
     def cube(self, name: str) -> Body:
-        """The cube of that name.
+        """Return the cube of that name.
 
         Raises:
             InputError: there is none.
@@ -70,10 +69,10 @@ class Scene:
         raise InputError(f"cube = {name!r}: must be a cube of the scene: {known}", name=name)
 
     def to_json(self) -> dict[str, Any]:
-        """Bodies, cubes, allowed contacts and the arms' digests as JSON types; lengths in m.
+        """Return bodies, cubes, allowed contacts and the arms' digests as JSON types; lengths in m.
 
-        Poses are rounded to 1e-12, so that the last bit of a matrix product, which differs between processors, does
-        not make another file.
+        Poses are rounded to 1e-12: the last bit of a matrix product differs between processors and must not change the
+        file.
         """
         return {
             "bodies": [_rounded(b) for b in self.bodies],
@@ -94,10 +93,10 @@ def _rounded(body: Body) -> dict[str, Any]:
 
 
 def scene_from_json(value: dict[str, Any], robot_open: Robot, robot_holding: Robot) -> Scene:
-    """The inverse of `Scene.to_json`, for the same arms.
+    """Invert `Scene.to_json` for the same arms.
 
     Raises:
-        InputError: the arms are not those of the scene.
+        InputError: the value is malformed, or the arms are not those of the scene.
     """
     if not isinstance(value, dict) or not {
         "bodies",
@@ -106,11 +105,11 @@ def scene_from_json(value: dict[str, Any], robot_open: Robot, robot_holding: Rob
         "robot_open",
         "robot_holding",
     } <= set(value):
-        raise InputError("scene: must hold bodies, cubes, allowed, robot_open and robot_holding; plan again")
+        raise InputError("scene: must have bodies, cubes, allowed, robot_open and robot_holding; plan again")
     for key, robot in (("robot_open", robot_open), ("robot_holding", robot_holding)):
         if value[key] != robot.digest:
             raise InputError(
-                f"scene: {key} has digest {str(value[key])[:12]}, the arm of now has {robot.digest[:12]}; plan again",
+                f"scene: {key} has digest {str(value[key])[:12]}, this arm has {robot.digest[:12]}; plan again",
                 key=key,
                 scene=value[key],
                 robot=robot.digest,
@@ -140,9 +139,9 @@ class Station:
     """A place where the tool picks or places a cube.
 
     Attributes:
-        name: for people, such as ``01-02/3``.
-        T_base_tool: poses of the tool there, one per way of gripping (four yaws of a cube), each (4, 4).
-        touches: bodies that the held cube may touch on the line to and from there: the plate, or the table.
+        name: such as ``01-02/3``.
+        T_base_tool: poses of the tool, one per grasp (four yaws of a cube), each (4, 4).
+        touches: bodies that the held cube may touch on approach and retract: the plate, or the table.
 
     Raises:
         InputError: no poses, or one that is not rigid to 1e-6.
@@ -156,7 +155,7 @@ class Station:
         name = f"station {self.name!r}"
         if not isinstance(self.T_base_tool, tuple | list) or not self.T_base_tool:
             raise InputError(
-                f"{name}: T_base_tool = {shown(self.T_base_tool)}: must be a tuple of 4x4 poses, one per grip",
+                f"{name}: T_base_tool = {shown(self.T_base_tool)}: must be a tuple of 4x4 poses, one per grasp",
                 station=self.name,
             )
         poses = tuple(rigid(f"{name}: T_base_tool[{i}]", T) for i, T in enumerate(self.T_base_tool))
@@ -171,11 +170,11 @@ class Station:
 
 @dataclass(frozen=True)
 class Transfer:
-    """One cube from one place to another.
+    """One cube to move.
 
     Attributes:
         cube: its name.
-        pick, place: where it is and where it goes.
+        pick, place: its present station and its destination.
     """
 
     cube: str

@@ -1,8 +1,7 @@
-"""Judging a plan file anew: its steps are replayed on its scene, and everything it would send is checked again.
+"""Independent verification of a plan file: replay its steps on its scene and check again everything it would send.
 
-Nothing is believed that the file says of itself; the certificate is made a second time and compared. What it states of
-single segments is proved too, and refused where it does not hold, not lowered: a file with one false figure was made
-by something else than the planner, and then nothing in it deserves trust.
+The clearances that the file states, of moves and of single segments, are proved again. A value that does not hold is
+refused, not lowered: such a file is not the planner's, and nothing else in it can be trusted.
 """
 
 from __future__ import annotations
@@ -21,46 +20,42 @@ from arm.plan_file import GripperStep, Motion, Move, Plan
 from arm.robot.jaws import with_any_jaws
 from arm.robot.shapes import Body
 from arm.se3 import Array, angle_between, frozen, inverse
-from plan.collision.certificate import MoveCheck, check_move
+from plan.collision.certificate import ClearanceCertificate, certify_move
 from plan.collision.world import World
 from plan.scene import Scene
 from plan.trajectory.extremes import segment_extremes
 
-# Lines to and from a station may come this near to what they serve, and moves may touch what the scene allows, m.
-STATED_SLACK = 1e-6
-# A bound of one segment may be this much above what is proved here: the bisection is another one, and ends at a
-# resolution of 20 um, m.
+STATED_SLACK = 1e-6  # m, by which a stated clearance may exceed the proved one
+# The same for one segment, m: the bisection here differs from the planner's and ends at a resolution of 20 um.
 SEGMENT_SLACK = 5e-5
 ON_LINES = ("approach", "retract")
 LIMIT_SLACK = 1e-9
 LINE_SAMPLE_S = 0.01
-LINE_ASIDE, LINE_TURN = 1e-4, np.radians(0.05)  # a line may be off by this,
-LINE_LENGTH = 5e-4  # and this much longer or shorter: it is entered or left at speed, at a whole millisecond
-VERTEX_S = (
-    5e-3  # a join may step in velocity by what the acceleration limit gives in 5 ms (the controller's rule)
-)
+LINE_ASIDE, LINE_TURN = 1e-4, np.radians(0.05)  # largest deviation from a line, m and rad
+LINE_LENGTH = 5e-4  # m, on the length of a line: it is entered or left at speed, at a whole millisecond
+VERTEX_S = 5e-3  # a join may step in velocity by acceleration limit * 5 ms (the controller's rule)
 GRASP_REACH = 0.05  # from the tool frame to the centre of a cube between the jaws, m
 
 
 @dataclass(frozen=True)
 class ReplayedMove:
-    """One move as it was found.
+    """One verified move.
 
     Attributes:
-        move: of the plan.
-        check: its clearance, proved again.
-        peak_velocity, peak_acceleration: largest share of the limits at the plan's speed.
+        move: the move of the plan.
+        check: the new certificate.
+        peak_velocity, peak_acceleration: largest fractions of the limits at the plan's speed.
     """
 
     move: Move
-    check: MoveCheck
+    check: ClearanceCertificate
     peak_velocity: float
     peak_acceleration: float
 
 
 @dataclass(frozen=True)
-class Setting:
-    """Where everything stands while a move is made."""
+class MoveScene:
+    """The scene during one move."""
 
     world: World
     standing: tuple[Body, ...]
@@ -68,13 +63,13 @@ class Setting:
     T_tool_held: Array | None
 
 
-def settings(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, Setting]]:
-    """Every move with the world it is made in: cubes where the steps before have brought them.
+def move_scenes(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, MoveScene]]:
+    """Yield every move with its world, in which the cubes are where the previous steps have put them.
 
-    Jaws that close for no cube of the task hold nothing that is known; from then on they may be anywhere.
+    If the jaws close on no cube of the task, their opening is unknown from then on (`with_any_jaws`).
 
     Raises:
-        ImpossibleError: the jaws close where no cube stands, or a move says it holds what it does not.
+        ImpossibleError: the jaws close where no cube is, or a move states another held cube than the steps give.
     """
     cubes = {cube.name: cube for cube in scene.cubes}
     held: str | None = None
@@ -94,8 +89,8 @@ def settings(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, Setti
             case Move():
                 if step.held != held:
                     raise ImpossibleError(
-                        f"{step.name!r} says that it holds {step.held or 'nothing'}, but the steps before leave "
-                        f"{held or 'nothing'} in the jaws; make the plan again",
+                        f"{step.name!r} says that it holds {step.held or 'nothing'}, but the steps before it leave "
+                        f"{held or 'nothing'} in the jaws; plan again",
                         step=step.name,
                         held=held,
                     )
@@ -103,21 +98,21 @@ def settings(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, Setti
                 q = unit.positions(step.path.end)
 
 
-def placed(plan: Plan, scene: Scene, unit: Unit) -> dict[str, Array]:
-    """T_base_cube of every cube once the plan has ended, by name.
+def placed_cubes(plan: Plan, scene: Scene, unit: Unit) -> dict[str, Array]:
+    """Return T_base_cube of every cube at the end of the plan, by name.
 
     Raises:
-        ImpossibleError: as `settings`.
+        ImpossibleError: as `move_scenes`.
     """
     found = {cube.name: cube.T_base_body for cube in scene.cubes}
-    for _, setting in settings(plan, scene, unit):
+    for _, setting in move_scenes(plan, scene, unit):
         found.update((cube.name, cube.T_base_body) for cube in setting.standing)
     return found
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What the cell of now asks of a plan: clearance of transits and of lines, and length of the lines, m."""
+class RequiredClearance:
+    """The cell's requirements on a plan: clearance of transits and of lines, and length of the lines, m."""
 
     clearance: float
     line_clearance: float
@@ -125,21 +120,21 @@ class Asked:
 
 
 def replay(
-    plan: Plan, scene: Scene, unit: Unit, limits: Limits, asked: Asked | None = None
+    plan: Plan, scene: Scene, unit: Unit, limits: Limits, asked: RequiredClearance | None = None
 ) -> tuple[ReplayedMove, ...]:
-    """Check every move of a plan anew, as it would be sent.
+    """Verify every move of a plan as it would be sent.
 
     Args:
-        plan: to judge.
-        scene: of the plan, with the arms of now.
-        unit: of the plan.
-        limits: under the plan's registers at speed 1.
-        asked: what the plan must keep besides what it states; None to hold it to its own word only.
+        plan: the plan to verify.
+        scene: scene of the plan, with the cell's arms.
+        unit: unit of the plan.
+        limits: limits under the plan's registers at speed 1.
+        asked: requirements besides the plan's own statements, or None.
 
     Raises:
         InputError: a move does not start where the one before it ends.
-        ImpossibleError: a move comes nearer to something than the plan states, breaks a limit at the plan's speed, or
-            meets the next one, or rest, with a jump of velocity; with step, pair or joint, and by how much.
+        ImpossibleError: a move has less clearance than the plan states, exceeds a limit at the plan's speed, or has a
+            jump of velocity at a join or at rest; data: step, pair or joint, and the excess.
     """
     scaled, joints = limits.scaled(plan.speed), scene.robot_open.joint_names
     chain([move.path for move in plan.moves])
@@ -147,41 +142,40 @@ def replay(
     for motion in plan.motions:
         _require_meetings(motion, unit, scaled, joints)
     replayed = []
-    for (move, setting), peak in zip(settings(plan, scene, unit), peaks, strict=True):
+    for (move, setting), peak in zip(move_scenes(plan, scene, unit), peaks, strict=True):
         if asked is not None:
-            _require_asked(move, asked)
+            _require_clearances(move, asked)
             _require_line(move, scene, unit, asked.offset)
         replayed.append(ReplayedMove(move, _proved(move, setting.world, unit), *peak))
     return tuple(replayed)
 
 
-def _proved(move: Move, world: World, unit: Unit) -> MoveCheck:
-    """The certificate of a move, made again: of the whole, and of every segment that is said to keep more."""
+def _proved(move: Move, world: World, unit: Unit) -> ClearanceCertificate:
+    """Certify a move again: the whole, and every segment that states more clearance than the whole has."""
     segments = move.path.segments
     if move.clearances and len(move.clearances) != len(segments):
         raise ImpossibleError(
-            f"{move.name!r} states {len(move.clearances)} clearances for {len(segments)} segments; "
-            "make the plan again",
+            f"{move.name!r} states {len(move.clearances)} clearances for {len(segments)} segments; plan again",
             step=move.name,
         )
-    whole = check_move(world, move.path, unit, max(move.clearance - STATED_SLACK, 0.0), tight=False)
+    whole = certify_move(world, move.path, unit, max(move.clearance - STATED_SLACK, 0.0), tight=False)
     if not whole.proved:
         raise _too_near(move, whole, move.clearance)
     begin_s = 0.0
     for start, segment, stated in zip(move.path.knots(), segments, move.clearances, strict=False):
         if stated - SEGMENT_SLACK > whole.clearance:
             part = CountPath(tuple(int(c) for c in start), (segment,))
-            check = check_move(world, part, unit, stated - SEGMENT_SLACK, tight=False)
+            check = certify_move(world, part, unit, stated - SEGMENT_SLACK, tight=False)
             if not check.proved:
                 raise _too_near(move, replace(check, time=begin_s + check.time), stated)
         begin_s += segment.duration_ms / 1e3
     return whole
 
 
-def _too_near(move: Move, check: MoveCheck, stated: float) -> ImpossibleError:
+def _too_near(move: Move, check: ClearanceCertificate, stated: float) -> ImpossibleError:
     return ImpossibleError(
-        f"{move.name!r}: {check.pair[0]} comes to {check.seen * 1e3:.2f} mm of {check.pair[1]} after "
-        f"{check.time:.2f} s; the plan states {stated * 1e3:.2f} mm there; make the plan again",
+        f"{move.name!r}: {check.pair[0]} comes within {check.seen * 1e3:.2f} mm of {check.pair[1]} after "
+        f"{check.time:.2f} s; the plan states {stated * 1e3:.2f} mm there; plan again",
         step=move.name,
         pair=list(check.pair),
         distance_m=check.seen,
@@ -189,12 +183,12 @@ def _too_near(move: Move, check: MoveCheck, stated: float) -> ImpossibleError:
     )
 
 
-def _require_asked(move: Move, asked: Asked) -> None:
+def _require_clearances(move: Move, asked: RequiredClearance) -> None:
     least = asked.line_clearance if move.role in ON_LINES else asked.clearance
     if not move.certified or move.clearance < least - STATED_SLACK:
         raise ImpossibleError(
             f"{move.name!r} states {move.clearance * 1e3:.2f} mm of clearance{'' if move.certified else ', unproved'}; "
-            f"{least * 1e3:g} mm are asked for; make the plan again",
+            f"{least * 1e3:g} mm are required; plan again",
             step=move.name,
             stated_m=move.clearance,
             asked_m=least,
@@ -202,7 +196,7 @@ def _require_asked(move: Move, asked: Asked) -> None:
 
 
 def _require_line(move: Move, scene: Scene, unit: Unit, offset: float) -> None:
-    """Approach and retract run straight along the tool's own axis, over the whole offset, never past the station."""
+    """Require that approach and retract are straight along the tool axis, over the offset, and not past the station."""
     if move.role not in ON_LINES:
         return
     times = np.linspace(0.0, move.path.duration_s, max(3, int(move.path.duration_s / LINE_SAMPLE_S)))
@@ -214,9 +208,9 @@ def _require_line(move: Move, scene: Scene, unit: Unit, offset: float) -> None:
     length, past = float(-relative[:, 2, 3].min()), float(relative[:, 2, 3].max())
     if max(aside, past) > LINE_ASIDE or turned > LINE_TURN or abs(length - offset) > LINE_LENGTH:
         raise ImpossibleError(
-            f"{move.name!r} is no line of {offset * 1e3:g} mm along the tool's axis: {aside * 1e3:.3f} mm aside, "
-            f"{np.degrees(turned):.4f} deg turned, {length * 1e3:.2f} mm long, {past * 1e3:.3f} mm past its end; "
-            "make the plan again",
+            f"{move.name!r} is not a line of {offset * 1e3:g} mm along the tool's axis: {aside * 1e3:.3f} mm aside, "
+            f"{np.degrees(turned):.4f} deg of rotation, {length * 1e3:.2f} mm long, {past * 1e3:.3f} mm past its end; "
+            "plan again",
             step=move.name,
             aside_m=aside,
             past_m=past,
@@ -231,33 +225,31 @@ def _gripped(cubes: dict[str, Body], T_base_tool: Array, step: str) -> tuple[str
         default=(np.inf, ""),
     )
     if found[0] > GRASP_REACH:
-        raise ImpossibleError(
-            f"{step!r} closes the jaws where no cube stands; make the plan again", step=step
-        )
+        raise ImpossibleError(f"{step!r} closes the jaws where no cube stands; plan again", step=step)
     return found[1], frozen(mul(inverse(T_base_tool), cubes[found[1]].T_base_body))
 
 
 def _setting(
     scene: Scene, cubes: dict[str, Body], held: str | None, T_tool_held: Array | None, move: Move
-) -> Setting:
+) -> MoveScene:
     standing = tuple(c for name, c in cubes.items() if name != held)
     bodies = (*scene.bodies, *standing)
     if held is None:
-        return Setting(World(scene.robot_open, bodies), standing, None, None)
-    touching = [frozenset((held, name)) for name in move.touching]
+        return MoveScene(World(scene.robot_open, bodies), standing, None, None)
+    touching = [frozenset((held, name)) for name in move.allowed_collisions]
     if touching and (move.role not in ON_LINES or not scene.allowed.issuperset(touching)):
         raise ImpossibleError(
-            f"{move.name!r} lets {held} touch {', '.join(move.touching)}, which the scene does not allow there; "
-            "make the plan again",
+            f"{move.name!r} lets {held} touch {', '.join(move.allowed_collisions)}, which the scene does not allow "
+            "there; plan again",
             step=move.name,
-            touching=list(move.touching),
+            touching=list(move.allowed_collisions),
         )
     world = World(scene.robot_holding, bodies, cubes[held], T_tool_held, touching)
-    return Setting(world, standing, cubes[held], T_tool_held)
+    return MoveScene(world, standing, cubes[held], T_tool_held)
 
 
 def _require_meetings(motion: Motion, unit: Unit, limits: Limits, joints: tuple[str, ...]) -> None:
-    """Velocities must agree where moves meet, and be those of rest at both ends, to the controller's vertex rule."""
+    """Require equal velocities where moves meet, and rest at both ends, to within the controller's vertex rule."""
     scale = np.abs(unit.counts_per_rad)
     rest = np.zeros(len(scale))
     left = [rest, *(m.path.segments[-1].derivative(1.0) / scale for m in motion.moves)]
@@ -274,7 +266,7 @@ def _require_meetings(motion: Motion, unit: Unit, limits: Limits, joints: tuple[
         if excess[joint] > LIMIT_SLACK:
             raise ImpossibleError(
                 f"{place}: {joints[joint]} jumps by {np.degrees(abs(after - before)[joint]):.4f} deg/s, "
-                f"{np.degrees(excess[joint]):.4f} more than the controller's rule; make the plan again",
+                f"{np.degrees(excess[joint]):.4f} more than the controller accepts; plan again",
                 motion=[m.name for m in motion.moves],
                 joint=joints[joint],
                 limit="jump of velocity",
@@ -296,7 +288,7 @@ def _peaks(move: Move, unit: Unit, limits: Limits, joints: tuple[str, ...]) -> t
         if excess[joint] > LIMIT_SLACK:
             raise ImpossibleError(
                 f"{move.name!r}: {joints[joint]} is {np.degrees(excess[joint]):.4f} {in_unit} over its {what}; "
-                "make the plan again",
+                "plan again",
                 step=move.name,
                 joint=joints[joint],
                 limit=what,

@@ -1,1 +1,1 @@
-"""A synthetic camera: bodies and boards to grey images, with the lens that the calibration describes."""
+"""A synthetic camera: renders bodies and boards to grey images, with the distortion of a calibrated camera."""

@@ -1,4 +1,4 @@
-"""Pixels on edges, met with many rays instead of one."""
+"""Antialiasing: pixels on edges get many rays instead of one."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NEIGHBOURS = np.ones((3, 3), dtype=np.uint8)
 
 @dataclass(frozen=True, eq=False)
 class EdgeSample:
-    """One ray in every edge pixel, and what it meets first."""
+    """One ray in every edge pixel, and its first hit."""
 
     rays: PixelRays
     hits: FirstHits
@@ -33,10 +33,10 @@ def edge_pixels(surface: npt.NDArray[np.uint16]) -> Bools:
 
 
 def pixel_offsets(count: int) -> Array:
-    """Places (count, 2) in a pixel, px from its centre: Hammersley's points, `count` a power of two.
+    """Positions (count, 2) in a pixel, px from its centre: Hammersley's points, `count` a power of two.
 
-    All columns differ and all rows differ, so that an edge along the pixels is placed to 1/count px, where a
-    square grid of as many points would give 1/sqrt(count) (J. H. Halton, 1960; van der Corput's sequence in base 2).
+    All columns and all rows differ, so an edge along the pixels is located to 1/count px. A square grid of as many
+    points would give 1/sqrt(count) (J. H. Halton, 1960; van der Corput's sequence in base 2).
 
     Raises:
         InputError: `count` is not a power of two.
@@ -56,10 +56,10 @@ def edge_samples(
     edge: Bools,
     offsets: Array,
 ) -> Iterator[EdgeSample]:
-    """For each of `offsets` (n, 2) px, what the rays there meet first in the pixels of `edge`, in their order.
+    """For each of `offsets` (n, 2) px, yield the first hits of the rays there in the pixels of `edge`, in their order.
 
-    A pixel is tried against the solids that its 3 x 3 neighbourhood shows; one that is narrower than a pixel and
-    lies between the centres is missed.
+    A pixel is tested against the solids in its 3 x 3 neighbourhood; a solid that is narrower than a pixel and lies
+    between the pixel centres is missed.
     """
     row, column = np.nonzero(edge)
     at_centres = subpixel_rays(rays, row, column)
@@ -80,7 +80,7 @@ def edge_samples(
 def _pixels_by_solid(
     solids: Sequence[InView], surface: npt.NDArray[np.uint16], edge: Bools
 ) -> list[tuple[InView, Indices]]:
-    """Per solid, the numbers of the edge pixels (in their order) that show it or are beside one that does."""
+    """For each solid, the indices of the edge pixels (in their order) that show it or are next to one that does."""
     order = np.zeros(edge.shape, dtype=np.int32)
     order[edge] = np.arange(np.count_nonzero(edge))
     tried = []

@@ -1,4 +1,4 @@
-"""What each ray meets first, among all solids."""
+"""First hit of each ray among all solids."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from render.rays import Floats, PixelRays
 from render.solids import REGIONS, Solid
 from render.window import Window, window_of
 
-NOTHING = 0  # surface of rays that meet nothing
+NOTHING = 0  # surface of rays that hit nothing
 
 
 @dataclass(frozen=True, eq=False)
 class InView:
-    """A solid that may be in the image: its number (1 and up) and the part of the image that it can cover."""
+    """A solid that may be in the image: its number (from 1) and the part of the image that it can cover."""
 
     number: int
     solid: Solid
@@ -28,7 +28,7 @@ class InView:
 
 @dataclass(frozen=True, eq=False)
 class FirstHits:
-    """Of rays of any shape: depth m (infinite beside everything), grey level, and which surface.
+    """Hits of rays of any shape: depth m (infinite for misses), grey level, and surface.
 
     `surface` is REGIONS times the solid's number plus its region, or NOTHING.
     """
@@ -39,7 +39,7 @@ class FirstHits:
 
 
 def in_view(solids: Sequence[Solid], T_base_camera: Array, rays: PixelRays) -> list[InView]:
-    """The solids that may be in the image whose pixels have these rays."""
+    """The solids that may be in an image with these rays."""
     windows = [window_of(s.T_base_solid, s.half_extent, T_base_camera, rays) for s in solids]
     return [
         InView(number, solid, window)
@@ -49,7 +49,7 @@ def in_view(solids: Sequence[Solid], T_base_camera: Array, rays: PixelRays) -> l
 
 
 def no_hits(shape: tuple[int, ...]) -> FirstHits:
-    """Rays before any solid was tried."""
+    """The result before any solid is tested."""
     return FirstHits(
         np.full(shape, np.inf, dtype=np.float32),
         np.full(shape, BACKGROUND_GREY, dtype=np.float32),
@@ -58,7 +58,7 @@ def no_hits(shape: tuple[int, ...]) -> FirstHits:
 
 
 def first_hits(solids: Sequence[InView], T_base_camera: Array, rays: PixelRays) -> FirstHits:
-    """What the rays (h, w) of an image meet first."""
+    """First hits of the rays (h, w) of an image."""
     hits = no_hits(rays.x.shape)
     for item in solids:
         depth, grey, surface = (f[item.window.area] for f in (hits.depth, hits.grey, hits.surface))

@@ -1,4 +1,4 @@
-"""Rays against convex hulls."""
+"""Cast rays at convex hulls."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from arm.robot.shapes import Convex, hull_faces
 from arm.se3 import frozen
 from render.rays import Bundle, Floats, Indices
 
-_SAME_PLANE = 1e-7  # triangles of one flat face differ by less, m and rad
+_SAME_PLANE = 1e-7  # m and rad; triangles of one flat face differ by less
 
 
 class Hull:
@@ -27,10 +27,10 @@ class Hull:
         self.offsets = frozen(planes[np.sort(first), 3])
 
     def enter(self, rays: Bundle, seam: float) -> tuple[Floats, Indices]:
-        """Depth (infinite where they pass) at which rays from outside enter, and the number of the face there.
+        """Return the depth at which rays from outside enter (infinite for misses), and the number of the face.
 
-        A ray is inside from the last face that it passes inwards to the first that it passes outwards; `seam` m is how
-        far it may miss between two faces.
+        A ray is inside between the last face that it crosses inwards and the first that it crosses outwards; it may
+        miss by `seam` m between two faces.
         """
         entry = np.full(rays.dx.shape, -np.inf, dtype=np.float32)
         leave = np.full(rays.dx.shape, np.inf, dtype=np.float32)
@@ -38,7 +38,7 @@ class Hull:
         for number, (normal, offset) in enumerate(zip(self.normals, self.offsets, strict=True)):
             nx, ny, nz = normal.astype(np.float32)
             along = nx * rays.dx + ny * rays.dy + nz * rays.dz
-            height = np.float32(offset - normal @ rays.origin)  # of the face over the ray's start
+            height = np.float32(offset - normal @ rays.origin)  # of the face above the ray's origin
             with np.errstate(divide="ignore", invalid="ignore"):  # rays along the face
                 t = height / along
             inwards = along < 0.0

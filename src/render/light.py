@@ -1,7 +1,7 @@
-"""Light and the grey levels of things.
+"""Light and grey levels of surfaces.
 
-One lamp and light from all around (ambient). A surface of grey level g (what it shows when it faces the lamp) shows
-g (ambient + (1 - ambient) max(0, n . l)) with its normal n and the direction l of the lamp (Lambert's cosine law).
+There is one lamp, and ambient light. A surface of grey level g (when facing the lamp) with normal n appears as
+g (ambient + (1 - ambient) max(0, n . l)), where l is the direction to the lamp (Lambert's cosine law).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy.typing as npt
 from arm.robot.shapes import Body
 from arm.se3 import Array
 
-# Grey levels facing the lamp. Kinds that are not listed are OTHER.
+# Grey levels facing the lamp. Kinds that are not listed have OTHER_GREY.
 KIND_GREY = {
     "table": 112.0,
     "wall": 88.0,
@@ -33,15 +33,15 @@ FINGER_HOLE = 18.0
 
 @dataclass(frozen=True)
 class Light:
-    """How the cell is lit.
+    """Light in the cell.
 
     Attributes:
-        lamp: place of the lamp in the base frame, m; above everything that the camera sees.
-        ambient: share of the light that comes from all around, 0 to 1.
+        lamp: position of the lamp in the base frame, m; above everything in the camera's view.
+        ambient: share of ambient light, 0 to 1.
         gain: exposure, a factor on all grey levels (the image saturates at 255).
-        shadow: share of the light that the lamp's shadow takes away, 0 (none) to 1 - ambient.
+        shadow: share of the light removed by the lamp's shadow, 0 (none) to 1 - ambient.
         vignette: share of the light lost in the image's corners.
-        penumbra: standard deviation of a shadow's edge, m; it stands for the size of the lamp.
+        penumbra: standard deviation of a shadow's edge, m; represents the size of the lamp.
     """
 
     lamp: tuple[float, float, float] = (1.1, -0.7, 2.6)
@@ -52,17 +52,17 @@ class Light:
     penumbra: float = 7e-3
 
     def towards(self, point: npt.ArrayLike) -> Array:
-        """Unit vector to the lamp from a point (3,) m; taken at a body's centre it serves for the whole body."""
+        """Unit vector to the lamp from a point (3,) m; a body's centre serves for the whole body."""
         direction = np.asarray(self.lamp) - np.asarray(point, dtype=float)
         unit: Array = direction / np.linalg.norm(direction)
         return unit
 
     def lambert(self, cosine: npt.ArrayLike) -> Array:
-        """Factor on the grey level of surfaces whose normals have that cosine to the lamp, any shape."""
+        """Factor on the grey level of surfaces with this cosine between normal and lamp, any shape."""
         lit: Array = self.gain * (self.ambient + (1.0 - self.ambient) * np.maximum(cosine, 0.0))
         return lit
 
 
 def body_grey(body: Body) -> float:
-    """Grey level of a body that faces the lamp: by its name for the arm's dark parts, else by its kind."""
+    """Grey level of a body facing the lamp: by name for the arm's dark parts, else by kind."""
     return NAME_GREY.get(body.name, KIND_GREY.get(body.kind, OTHER_GREY))

@@ -1,8 +1,8 @@
-"""A board's plate as it is: a box with two printed markers on it and four square funnels ("pockets") cut into it.
+"""A board's plate: a box with two printed markers on it and four square funnels ("pockets") cut into it.
 
-Markers lie in the plane z = 0 of the board frame, which is the plate's top; each has a white border one module wide.
-Pockets narrow from mouth to floor and have a finger hole in the floor (cell fact sheet). They get darker with depth,
-because their walls hide a part of the light from all around.
+Markers lie in the plane z = 0 of the board frame, the plate's top; each has a white border one module wide. Pockets
+narrow from mouth to floor and have a finger hole in the floor (cell fact sheet). They get darker with depth, because
+their walls block part of the ambient light.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ BLACK, WHITE, WALLS, FLOOR, HOLE = 6, 7, 8, 12, 13  # further regions; four wall
 
 
 def marker_modules(dictionary: str, marker_id: int) -> npt.NDArray[np.bool_]:
-    """The modules of a marker with its black border, True where white; row 0 is at its top.
+    """The modules of a marker with its black border, True for white; row 0 is at its top.
 
     Raises:
         InputError: OpenCV has no such dictionary, or the dictionary no such id.
@@ -34,7 +34,7 @@ def marker_modules(dictionary: str, marker_id: int) -> npt.NDArray[np.bool_]:
     number = getattr(cv2.aruco, dictionary, None)
     if not dictionary.startswith("DICT_") or not isinstance(number, int):
         raise InputError(
-            f"dictionary = {dictionary!r}: OpenCV has none of that name; one is DICT_4X4_50",
+            f"dictionary = {dictionary!r}: OpenCV has no such dictionary; one is DICT_4X4_50",
             dictionary=dictionary,
         )
     known = cv2.aruco.getPredefinedDictionary(number)
@@ -47,7 +47,7 @@ def marker_modules(dictionary: str, marker_id: int) -> npt.NDArray[np.bool_]:
 
 
 class PlateSolid:
-    """A board's plate at a place, lit.
+    """A board's plate at a pose, lit.
 
     Raises:
         InputError: the board's ids are not in the dictionary.
@@ -67,11 +67,11 @@ class PlateSolid:
         ]
 
     def cast(self, T_base_camera: Array, rays: PixelRays) -> Cast:
-        """Where the rays of a camera meet the plate, its print and its pockets."""
+        """Cast the rays of a camera at the plate, its print and its pockets."""
         flat = PixelRays(rays.x.reshape(-1), rays.y.reshape(-1))
         bundle = bundle_in(inverse(self.T_base_solid) @ T_base_camera, flat)
         levels = KIND_GREY["board"] * self._light.lambert(np.concatenate([self._lamp, -self._lamp]))
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # rays beside or along a face
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # misses, and rays along a face
             cast = cast_box(self.half_extent, bundle, levels)
         top = np.flatnonzero((cast.region == TOP_FACE) & np.isfinite(cast.depth))
         x = np.float32(bundle.origin[0]) + cast.depth[top] * bundle.dx[top]
@@ -86,7 +86,7 @@ class PlateSolid:
     def _print_marker(
         self, cast: Cast, top: Indices, x: Floats, y: Floats, modules: npt.NDArray[np.bool_]
     ) -> None:
-        """Print at the rays `top` that meet the plate's top at (x, y) m from the marker's centre."""
+        """Print a marker on the rays `top` that hit the plate's top at (x, y) m from the marker's centre."""
         size, count = self._board.marker_size, len(modules)
         border = size / 2.0 + size / count
         near = np.flatnonzero((np.abs(x) <= border) & (np.abs(y) <= border))
@@ -99,7 +99,7 @@ class PlateSolid:
         cast.region[top[near]] = np.where(is_white, WHITE, BLACK)
 
     def _cut_pocket(self, cast: Cast, top: Indices, x: Floats, y: Floats, rays: Bundle) -> None:
-        """Let the rays `top` that enter a mouth at (x, y) m from its centre go on to a wall or the floor."""
+        """Continue the rays `top` that enter a mouth at (x, y) m from its centre to a wall or the floor."""
         mouth = np.float32(self._board.pocket[0] / 2.0)
         near = np.flatnonzero((np.abs(x) < mouth) & (np.abs(y) < mouth))
         if not len(near):

@@ -1,7 +1,7 @@
-"""Rays of a camera: where each pixel looks on the plane z = 1 of the camera frame, and the same rays in other frames.
+"""Rays of a camera: the point of each pixel on the plane z = 1 of the camera frame, and the same rays in other frames.
 
-A ray starts at the camera's centre and its parameter is the depth along the camera's z, so depths of different
-bodies compare directly. Single precision: at 1.2 m it resolves 1e-7 m, some 5e-4 px of the lab's camera.
+The parameter of a ray is the depth along the camera's z, so depths of different bodies compare directly. Single
+precision resolves 1e-7 m at 1.2 m, some 5e-4 px of the lab's camera.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ Floats = npt.NDArray[np.float32]
 Bools = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.intp]
 
-GRID_PX = 16  # the undone lens is smooth: cubic splines over this pitch are good to 1e-5 px
+GRID_PX = 16  # undistortion is smooth: cubic splines with this pitch are accurate to 1e-5 px
 
 
 @dataclass(frozen=True, eq=False)
 class PixelRays:
-    """Points (x, y) on the plane z = 1 that the centres of pixels look at, two arrays (h, w)."""
+    """Points (x, y) on the plane z = 1 seen by the pixel centres, two arrays (h, w)."""
 
     x: Floats
     y: Floats
@@ -32,7 +32,7 @@ class PixelRays:
 
 @dataclass(frozen=True, eq=False)
 class SubpixelRays:
-    """The rays of chosen pixels with their slopes, each (n,), to move inside those pixels."""
+    """Rays of selected pixels with their derivatives, (n,) each, to move them inside those pixels."""
 
     x: Floats
     y: Floats
@@ -42,7 +42,7 @@ class SubpixelRays:
     y_per_row: Floats
 
     def moved(self, columns: float, rows: float) -> PixelRays:
-        """Rays that many pixels beside the centres; linear, which inside a pixel is good to 3e-5 px."""
+        """Rays offset from the pixel centres; linear, accurate to 3e-5 px inside a pixel."""
         return PixelRays(
             self.x + self.x_per_column * np.float32(columns) + self.x_per_row * np.float32(rows),
             self.y + self.y_per_column * np.float32(columns) + self.y_per_row * np.float32(rows),
@@ -50,7 +50,7 @@ class SubpixelRays:
 
 
 def pixel_rays(camera: Camera) -> PixelRays:
-    """The rays of all pixels: the lens undone on a grid, splines between (0.1 s instead of 1.4 s a full image)."""
+    """Rays of all pixels: undistorted on a grid, splines in between (0.1 s instead of 1.4 s for a full image)."""
     width, height = camera.size
     columns, rows = (np.arange(-GRID_PX, n + 2.0 * GRID_PX, GRID_PX) for n in (width, height))
     points = camera.normalised(np.stack(np.meshgrid(columns, rows), axis=-1))
@@ -60,7 +60,7 @@ def pixel_rays(camera: Camera) -> PixelRays:
 
 
 def subpixel_rays(rays: PixelRays, row: Indices, column: Indices) -> SubpixelRays:
-    """The rays of the pixels (row, column), (n,) each, with slopes from their neighbours."""
+    """Rays of the pixels (row, column), (n,) each, with derivatives from their neighbours."""
     height, width = rays.x.shape
     left, right = np.maximum(column - 1, 0), np.minimum(column + 1, width - 1)
     above, below = np.maximum(row - 1, 0), np.minimum(row + 1, height - 1)
@@ -86,6 +86,6 @@ class Bundle:
 
 
 def bundle_in(T_frame_camera: Array, rays: PixelRays) -> Bundle:
-    """The rays in another frame."""
+    """Transform the rays to another frame."""
     R = T_frame_camera[:3, :3].astype(np.float32)
     return Bundle(T_frame_camera[:3, 3], *(R[i, 0] * rays.x + (R[i, 1] * rays.y + R[i, 2]) for i in range(3)))

@@ -1,8 +1,8 @@
-"""Images of the cell as its camera would take them.
+"""Render images of the cell as its camera would take them.
 
-One ray through the centre of each pixel meets every solid that can be there; the nearest wins. Pixels whose
-neighbourhood shows more than one smooth piece of surface then get sixteen rays, against the solids of that
-neighbourhood alone: edges lie where they are, and the rest costs little. The lens's blur comes last.
+One ray through the centre of each pixel is tested against every solid that may be there; the nearest hit counts. Pixels
+whose neighbourhood shows more than one smooth surface then get sixteen rays, tested only against the solids in that
+neighbourhood, so edges are accurate at little cost. The blur of the lens is applied last.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from vision.camera.model import Camera, Image
 
 @dataclass(frozen=True)
 class PlacedBoard:
-    """A board at its place, to be drawn with its markers and pockets."""
+    """A board at a pose, to be rendered with its markers and pockets."""
 
     board: Board
     T_base_board: Array
@@ -44,20 +44,20 @@ def render(
     samples: int = 16,
     others: Sequence[Solid] = (),
 ) -> Floats:
-    """The noise-free image, (h, w) grey levels from 0 to 255.
+    """Render a noise-free image, (h, w) grey levels from 0 to 255.
 
     Args:
-        camera: lens, size and place.
-        bodies: everything in view; the plate of a board in `boards` may be among them and is drawn once.
-        boards: drawn with their markers and pockets.
+        camera: intrinsics, size and extrinsics.
+        bodies: everything in view; may include the plates of `boards`, which are rendered once.
+        boards: rendered with their markers and pockets.
         dictionary: of the markers.
         psf_px: standard deviation of the lens's blur, px; 0 for none.
-        light: how the cell is lit; default: `Light()`.
-        samples: rays a pixel at edges, a power of two.
+        light: of the cell; default: `Light()`.
+        samples: rays per pixel at edges, a power of two.
         others: further solids, such as a calibration target.
 
     Raises:
-        InputError: a marker that the dictionary does not have, or `samples` no power of two.
+        InputError: a marker is not in the dictionary, or `samples` is not a power of two.
     """
     light = light or Light()
     plates = {plate_name(b.board.name) for b in boards}
@@ -96,7 +96,7 @@ def _vignette(rays: PixelRays, light: Light) -> Floats:
 
 
 def with_noise(image: Floats, rng: np.random.Generator, sigma_grey: float = 2.0) -> Image:
-    """A photograph: the image with Gaussian noise of `sigma_grey`, rounded to whole grey levels, (h, w) uint8."""
+    """Add Gaussian noise of `sigma_grey` and round to whole grey levels, (h, w) uint8."""
     noisy = rng.standard_normal(image.shape, dtype=np.float32)
     noisy *= np.float32(sigma_grey)
     noisy += image

@@ -1,8 +1,8 @@
-"""The soft shadow of the lamp: how much of its light is kept from the points that a camera sees.
+"""Soft shadow of the lamp: the share of its light that is hidden from the points in view.
 
-A depth map is taken from the lamp with the solids' own rays, and blurred as its first two moments: Chebyshev's
-inequality then bounds the share of the lamp that a point sees (W. Donnelly and A. Lauritzen, "Variance shadow maps",
-2006). The blur, `Light.penumbra`, stands for the size of the lamp.
+A depth map from the lamp is blurred as its first two moments. Chebyshev's inequality then bounds the share of the lamp
+that is visible from a point (W. Donnelly and A. Lauritzen, "Variance shadow maps", 2006). The blur, `Light.penumbra`,
+represents the size of the lamp.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from render.light import Light
 from render.rays import Floats, PixelRays
 from render.solids import Solid
 
-CELL = 2.5e-3  # m, pitch of the lamp's map where the camera looks
-DEPTH_NOISE = 1.5e-3  # m, below which a difference of depth is no shadow
-MOST_CELLS = 1200  # a side
+CELL = 2.5e-3  # m, pitch of the lamp's map in the camera's view
+DEPTH_NOISE = 1.5e-3  # m, smaller differences of depth cast no shadow
+MOST_CELLS = 1200  # per side
 
 
 class Shadow:
-    """Shadow of the lamp on what one camera sees.
+    """Shadow of the lamp in the view of one camera.
 
     Args:
         solids: that cast and receive shadows.
         light: with the lamp.
         T_base_camera: pose of the camera, 4x4.
         rays: of its pixels.
-        depth: of what they meet, same shape.
+        depth: of their first hits, same shape.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Shadow:
         )
         lamp_rays = PixelRays(x.astype(np.float32), y.astype(np.float32))
         found = first_hits(in_view(solids, T_base_lamp, lamp_rays), T_base_lamp, lamp_rays).depth
-        self._reference = float(np.median(lamp_points[:, 2]))  # moments about it keep single precision
+        self._reference = float(np.median(lamp_points[:, 2]))  # moments about it fit single precision
         offset = np.where(np.isfinite(found), found - np.float32(self._reference), np.float32(1.0))
         sigma = light.penumbra / CELL
         self._mean, self._square = (
@@ -77,7 +77,7 @@ class Shadow:
 
 
 def _sampled(field: Floats, columns: Floats, rows: Floats) -> Floats:
-    """Values of a map between its cells. OpenCV takes at most 32767 places a side, so long lists go by as rows."""
+    """Interpolate a map. OpenCV allows at most 32767 positions a side, so long lists are passed as several rows."""
     shape = columns.shape
     if columns.ndim == 1:
         padded = -len(columns) % 1024
@@ -87,7 +87,7 @@ def _sampled(field: Floats, columns: Floats, rows: Floats) -> Floats:
 
 
 def _some_points(T_base_camera: Array, rays: PixelRays, depth: Floats) -> Array:
-    """Points (n, 3) of the base frame that a coarse grid of pixels sees; the camera's own place if it sees none."""
+    """Points (n, 3) in the base frame seen by a coarse grid of pixels; a point below the camera if there are none."""
     grid = np.s_[::20, ::20]
     x, y, z = rays.x[grid], rays.y[grid], depth[grid]
     met = np.isfinite(z)
@@ -98,7 +98,7 @@ def _some_points(T_base_camera: Array, rays: PixelRays, depth: Floats) -> Array:
 
 
 def _looking_at(eye: Array, target: Array) -> Array:
-    """Pose of a camera at `eye` that looks at `target`, both (3,) m."""
+    """Pose of a camera at `eye` looking at `target`, both (3,) m."""
     z = (target - eye) / np.linalg.norm(target - eye)
     x = np.cross(z, (0.0, 1.0, 0.0) if abs(z[1]) < 0.9 else (1.0, 0.0, 0.0))
     x /= np.linalg.norm(x)

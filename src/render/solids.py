@@ -1,6 +1,6 @@
-"""Rays against solids: depth, grey level and which smooth piece of the surface ("region") each ray meets first.
+"""Cast rays at solids: depth, grey level and smooth piece of the surface ("region") of each first hit.
 
-A solid hit from inside is not seen: cameras stand outside of things.
+Solids are invisible from inside: cameras are outside of things.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from render.hulls import Hull
 from render.light import Light, body_grey
 from render.rays import Bundle, Floats, PixelRays, bundle_in
 
-REGIONS = 32  # a solid has fewer, but for hulls: faces whose numbers differ by a multiple share one
-SEAM = 1e-7  # m; faces overlap by this much, so that rounding leaves no gap between them
+REGIONS = 32  # a solid has fewer; a hull's faces share one if their numbers differ by a multiple
+SEAM = 1e-7  # m; overlap of faces, so that rounding leaves no gap between them
 
 
 class Cast(NamedTuple):
-    """What rays of any shape meet: depth (infinite where they pass), grey level, region below `REGIONS`."""
+    """Hits of rays of any shape: depth (infinite for misses), grey level, region below `REGIONS`."""
 
     depth: Floats
     grey: Floats
@@ -29,7 +29,7 @@ class Cast(NamedTuple):
 
 
 class Solid(Protocol):
-    """Something that rays can meet."""
+    """Something that rays can hit."""
 
     @property
     def T_base_solid(self) -> Array:
@@ -37,14 +37,14 @@ class Solid(Protocol):
 
     @property
     def half_extent(self) -> Array:
-        """Half edges (3,) m of the box around it, in its frame and centred there."""
+        """Half edges (3,) m of its bounding box, in its frame and centred there."""
 
     def cast(self, T_base_camera: Array, rays: PixelRays) -> Cast:
-        """Where the rays of a camera meet it."""
+        """Cast the rays of a camera at it."""
 
 
 class BodySolid:
-    """A body of simple shape and one grey level, lit; `grey` (facing the lamp) is its kind's unless it is given."""
+    """A body of simple shape and one grey level, lit; `grey` (facing the lamp) defaults to that of its kind."""
 
     def __init__(self, body: Body, light: Light, grey: float | None = None) -> None:
         self.T_base_solid = body.T_base_body
@@ -56,9 +56,9 @@ class BodySolid:
         self._hull = Hull(body.shape) if isinstance(body.shape, Convex) else None
 
     def cast(self, T_base_camera: Array, rays: PixelRays) -> Cast:
-        """Where the rays of a camera meet the body."""
+        """Cast the rays of a camera at the body."""
         bundle = bundle_in(inverse(self.T_base_solid) @ T_base_camera, rays)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # rays beside or along a face
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # misses, and rays along a face
             match self._shape:
                 case Box():
                     levels = self._grey * self._light.lambert(np.concatenate([self._lamp, -self._lamp]))
@@ -98,7 +98,7 @@ class BodySolid:
         (ox, oy, oz), dx, dy, dz = _single(rays.origin), rays.dx, rays.dy, rays.dz
         a = dx * dx + dy * dy + dz * dz
         b = ox * dx + oy * dy + oz * dz
-        # |o x d|^2 instead of |o|^2 |d|^2 - (o . d)^2, which would cancel
+        # |o x d|^2 instead of |o|^2 |d|^2 - (o . d)^2, which suffers from cancellation
         cross2 = (oy * dz - oz * dy) ** 2 + (oz * dx - ox * dz) ** 2 + (ox * dy - oy * dx) ** 2
         t = (-b - np.sqrt(np.float32(radius**2) * a - cross2)) / a
         met = t > 0.0
@@ -108,9 +108,9 @@ class BodySolid:
         return Cast(depth, self._shaded(np.where(met, cosine, 0.0)), np.zeros(t.shape, dtype=np.uint8))
 
     def _capsule(self, radius: float, half: float, rays: Bundle) -> Cast:
-        """The first of the side and the two balls; one smooth piece."""
+        """The nearest of the side and the two balls; one smooth piece."""
         side = self._cylinder(radius, half, rays)
-        depth = np.where(side.region == 0, side.depth, np.float32(np.inf))  # what looks like an end is inside
+        depth = np.where(side.region == 0, side.depth, np.float32(np.inf))  # the cylinder's ends are inside
         grey = side.grey
         for sign in (-1.0, 1.0):
             moved = Bundle(rays.origin - (0.0, 0.0, sign * half), rays.dx, rays.dy, rays.dz)
@@ -122,14 +122,14 @@ class BodySolid:
 
     def _convex(self, rays: Bundle) -> Cast:
         if self._hull is None:
-            raise TypeError("a hull is made for a convex shape only")
+            raise TypeError("only a convex shape has a hull")
         depth, face = self._hull.enter(rays, SEAM)
         levels = self._shaded(_single(self._hull.normals @ self._lamp))
         return Cast(depth, levels[face], (face % REGIONS).astype(np.uint8))
 
 
 def cast_box(half: Array, rays: Bundle, levels: Array) -> Cast:
-    """Rays against the box with half edges `half` (3,) m; grey `levels` (6,) of its faces +x +y +z -x -y -z.
+    """Cast rays at the box with half edges `half` (3,) m; grey `levels` (6,) of its faces +x +y +z -x -y -z.
 
     The region of a hit is the number of its face.
     """
@@ -140,7 +140,7 @@ def cast_box(half: Array, rays: Bundle, levels: Array) -> Cast:
     o = _single(rays.origin)
     for axis in range(3):
         if abs(rays.origin[axis]) <= half[axis]:
-            continue  # neither of the two faces looks at the camera
+            continue  # neither of the two faces is towards the camera
         sign = np.sign(o[axis])
         t = (sign * np.float32(half[axis]) - o[axis]) / directions[axis]
         met = t > 0.0

@@ -1,4 +1,4 @@
-"""A calibration target as it is: a thin plate with a chessboard and markers printed on it, flat or bent."""
+"""A calibration target: a thin plate, flat or bent, with a printed chessboard and markers."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from vision.targets.target import Target
 
 PAPER, INK = 235.0, 22.0
 MARGIN = 0.012  # m of white paper around the chessboard
-_BENT_STEPS = 6  # of the iteration that meets a bent plate; each gains a factor of about 20
+_BENT_STEPS = 6  # of the iteration to hit a bent plate; each reduces the error by a factor of about 20
 
 
 class TargetSolid:
-    """A target at a place, lit; the lamp shines on its front.
+    """A target at a pose, lit; the lamp shines on its front.
 
     Args:
-        target: what is printed.
+        target: nominal print.
         T_base_target: its frame, see `vision.targets.target`.
         light: of the cell.
-        bend: how far its middle stands out towards the viewer against the chessboard's left and right edges, m.
-        true_marker: edge of the markers as printed, if that is not what `target` says, m.
+        bend: bulge of its middle towards the viewer relative to the chessboard's left and right edges, m.
+        true_marker: edge of the markers as printed, m; default: that of `target`.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class TargetSolid:
         self._modules = self._printed_modules()
 
     def _printed_modules(self) -> npt.NDArray[np.bool_]:
-        """Of every marker with its black border, (markers, m, m), True where white."""
+        """All markers with their black borders, (markers, m, m), True for white."""
         if self._target.kind == "checkerboard":
             return np.empty((0, 1, 1), dtype=bool)
         known = predefined(self._target.dictionary)
@@ -58,7 +58,7 @@ class TargetSolid:
         return np.stack([known.generateImageMarker(i, across, borderBits=1) > 127 for i in range(count)])
 
     def cast(self, T_base_camera: Array, rays: PixelRays) -> Cast:
-        """Where the rays of a camera meet the plate. Regions: 0 ink, 1 paper, 2 the paper's margin."""
+        """Cast the rays of a camera at the plate. Regions: 0 ink, 1 paper, 2 the paper's margin."""
         flat = PixelRays(rays.x.reshape(-1), rays.y.reshape(-1))
         bundle = bundle_in(inverse(self.T_base_solid) @ T_base_camera, flat)
         o = bundle.origin.astype(np.float32)
@@ -73,7 +73,7 @@ class TargetSolid:
                 ) / bundle.dz
             x, y = o[0] + depth * bundle.dx, o[1] + depth * bundle.dy
             met = (depth > 0.0) & (np.abs(x) <= self._half[0]) & (np.abs(y) <= self._half[1])
-        met &= o[2] < 0.0  # the back is not printed and not drawn
+        met &= o[2] < 0.0  # the back is not rendered
         region = np.full(x.shape, 2, dtype=np.uint8)
         hit = np.flatnonzero(met)
         region[hit] = self._print(x[hit], y[hit])
@@ -83,7 +83,7 @@ class TargetSolid:
         return Cast(depth.reshape(shape), grey.reshape(shape), region.reshape(shape))
 
     def _print(self, x: Floats, y: Floats) -> npt.NDArray[np.uint8]:
-        """What is printed at (x, y) m from the chessboard's middle."""
+        """Region of the print at (x, y) m from the chessboard's centre."""
         target = self._target
         column_at = x / np.float32(target.square) + np.float32(target.columns / 2.0)
         row_at = y / np.float32(target.square) + np.float32(target.rows / 2.0)

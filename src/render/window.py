@@ -1,4 +1,4 @@
-"""Which part of an image a solid can cover, so that its rays alone are tried."""
+"""The part of an image that a solid can cover, so that only its rays are tested."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from arm.se3 import Array, apply, inverse
 from render.rays import PixelRays
 
-NEAREST = 0.02  # m in front of the camera; what is nearer is not seen
-STEP_PX = 16  # pitch at which the image's rays are looked at
+NEAREST = 0.02  # m in front of the camera; nearer parts are invisible
+STEP_PX = 16  # pitch at which the image's rays are sampled
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Window:
 
     @property
     def area(self) -> tuple[slice, slice]:
-        """As an index into an image."""
+        """The window as an index into an image."""
         return slice(self.top, self.bottom), slice(self.left, self.right)
 
     def cut(self, rays: PixelRays) -> PixelRays:
@@ -35,14 +35,14 @@ class Window:
 def window_of(
     T_base_solid: Array, half_extent: Array, T_base_camera: Array, rays: PixelRays
 ) -> Window | None:
-    """The window that holds every pixel (with its neighbours) whose ray can meet a box, or None if there is none.
+    """Return the window with every pixel (and its neighbours) whose ray can hit a box, or None if there is none.
 
-    Works on the plane z = 1, where edges are straight whatever the lens does.
+    It works on the plane z = 1, where edges are straight whatever the distortion.
 
     Args:
         T_base_solid: pose of the box's centre, 4x4.
         half_extent: its half edges, (3,) m.
-        T_base_camera: the camera, 4x4.
+        T_base_camera: pose of the camera, 4x4.
         rays: of the camera's pixels.
     """
     points = _visible_corners(inverse(T_base_camera) @ T_base_solid, half_extent)
@@ -52,7 +52,7 @@ def window_of(
     height, width = rays.x.shape
     rows, columns = (np.unique(np.append(np.arange(0, n, STEP_PX), n - 1)) for n in (height, width))
     x, y = (f[np.ix_(rows, columns)] for f in (rays.x, rays.y))
-    # a grid cell may be met if its corners are not all on one side of the rectangle
+    # a grid cell may be hit unless its corners are all on one side of the rectangle
     inside = np.ones((len(rows) - 1, len(columns) - 1), dtype=bool)
     for values, least, most in ((x, low[0], high[0]), (y, low[1], high[1])):
         cells = np.stack([values[:-1, :-1], values[1:, :-1], values[:-1, 1:], values[1:, 1:]])
@@ -69,13 +69,13 @@ def window_of(
 
 
 def _slack(cells: Array) -> Array:
-    """A quarter of a cell: a few pixels for the curved sides of cells and the neighbours of edge pixels."""
+    """A quarter of a cell: allows for the curved sides of cells and the neighbours of edge pixels."""
     slack: Array = 0.25 * (cells.max(axis=0) - cells.min(axis=0))
     return slack
 
 
 def _visible_corners(T_camera_solid: Array, half: Array) -> Array:
-    """Corners (n, 3) of the part of a box that is in front of the camera, in the camera frame."""
+    """Corners (n, 3) of the part of a box in front of the camera, in the camera frame."""
     signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
     corners = apply(T_camera_solid, signs * half)
     points = list(corners[corners[:, 2] >= NEAREST])

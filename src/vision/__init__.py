@@ -1,3 +1,3 @@
-"""Images in, poses out: cameras, markers, boards."""
+"""Vision: cameras, markers, boards and cubes in images."""
 
 import arm.former  # noqa: F401  (former names are found)

@@ -1,4 +1,4 @@
-"""Drawing on photographs at sub-pixel places."""
+"""Draw on images at sub-pixel positions."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from arm.se3 import Array
 from vision.camera.frame_source import Image
 
 Colour = tuple[int, int, int]  # blue, green, red
-TEXT_HEIGHT = 1.0 / 64.0  # of capitals, in the picture's width: 10 px where a report shows it 640 px wide
-_CAPITALS = 21.5  # px, of OpenCV's font at scale 1
+TEXT_HEIGHT = 1.0 / 64.0  # of capitals, relative to the image width: 10 px in a report with images of 640 px
+_CAPITALS = 21.5  # height of OpenCV's font at scale 1, px
 SHIFT = 4  # fractional bits of OpenCV's drawing coordinates
 
 
 class Pen:
-    """Draws on a picture; points that are not finite (behind the camera) or far outside are left out."""
+    """Draws on an image; skips points that are not finite (behind the camera) or far outside."""
 
     def __init__(self, picture: Image) -> None:
         """
@@ -32,20 +32,20 @@ class Pen:
         return np.asarray(np.rint(points * 2**SHIFT), dtype=np.int32)
 
     def outline(self, corners: Array, colour: Colour) -> None:
-        """A closed line through corners (n, 2) px."""
+        """Draw a closed line through corners (n, 2) px."""
         points = self._fixed(corners)
         if points is not None:
             cv2.polylines(self._picture, [points], True, colour, self._width, cv2.LINE_AA, SHIFT)
 
     def arrow(self, start: Array, end: Array, colour: Colour) -> None:
-        """An arrow from start to end, (2,) px each."""
+        """Draw an arrow from start to end, (2,) px each."""
         points = self._fixed(np.stack([start, end]))
         if points is not None:
             a, b = (tuple(map(int, p)) for p in points)
             cv2.arrowedLine(self._picture, a, b, colour, self._width, cv2.LINE_AA, SHIFT, 0.15)
 
     def text(self, words: str, centre: Array, colour: Colour) -> None:
-        """Lines of words centred at (2,) px, readable on any ground, also where the picture is shown small."""
+        """Draw lines of text centred at (2,) px, readable on any background and in small pictures."""
         if self._fixed(centre) is None:
             return
         lines = words.split("\n")

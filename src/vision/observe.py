@@ -1,4 +1,4 @@
-"""One look at the cell: which boards stand where, and which holes hold a cube."""
+"""Find boards and the cubes in their holes in the images of one look at the cell."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from arm.board import Board
 from arm.errors import ImpossibleError, InputError
-from arm.poses import BoardPose, hole_poses
+from arm.poses import BoardPose
 from arm.se3 import apply
 from vision.boards.pose import BoardLimits, estimate_board_pose
 from vision.camera.frame_source import Image
@@ -29,7 +29,7 @@ MARKER_COLOUR = (200, 0, 200)
 
 @dataclass(frozen=True)
 class BoardSight:
-    """A board that was found: its pose, and what is in its holes in the order of its CSV."""
+    """A board that was found: its pose, and the occupancy of its holes in the order of its CSV."""
 
     pose: BoardPose
     occupancy: tuple[Occupancy, ...]
@@ -37,12 +37,12 @@ class BoardSight:
 
 @dataclass(frozen=True)
 class Look:
-    """What one look found.
+    """Result of one look.
 
     Attributes:
-        boards: those found, in the order asked for.
-        missing: name of each board that was not found, with the reason.
-        frames: markers detected in each photograph.
+        boards: those found, in the order requested.
+        missing: name of each board not found, with the reason.
+        frames: markers detected in each image.
     """
 
     boards: tuple[BoardSight, ...]
@@ -56,7 +56,7 @@ class Look:
 
     @property
     def occupancy(self) -> dict[str, tuple[Occupancy, ...]]:
-        """What is in the holes, by the board's name."""
+        """Occupancy of the holes, by board name."""
         return {board.pose.board.name: board.occupancy for board in self.boards}
 
 
@@ -70,24 +70,24 @@ def look(
     arm_in_view: bool = False,
     tilts: Sequence[float] = (),
 ) -> Look:
-    """Find boards and cubes in photographs of a cell that stands still.
+    """Find boards and cubes in images of a cell at rest.
 
     Args:
-        images: all of one moment; more of them average the noise.
+        images: all of the same scene; more of them average the noise.
         camera: that took them.
         boards: all that may be in view.
         dictionary: of the markers, OpenCV's name.
         cube_size: edge of a cube, m.
-        limits: when a board's pose is refused.
-        arm_in_view: the arm may cover part of a marker, whose corners then are wrong: a board whose pose is refused
-            counts as missing.
-        tilts: at which boards stand, rad, see `assess_board`.
+        limits: for accepting a board's pose.
+        arm_in_view: whether the arm may hide part of a marker and so falsify its corners; a board whose pose is refused
+            then counts as missing.
+        tilts: of the board stands, rad, see `assess_board`.
 
     Raises:
-        InputError: no image, one of another size than the camera's, a marker that belongs to none of `boards`, or a
-            marker that is in view twice.
-        ImpossibleError: the photographs are black; or a board is in view with both markers but its pose is refused: it
-            stands somewhere, so it cannot be left out like one that is missing (unless `arm_in_view`).
+        InputError: no image, an image of another size than the camera's, a marker that belongs to none of `boards`, or
+            a marker in view twice.
+        ImpossibleError: the images are black, or (unless `arm_in_view`) both markers of a board are in view but its
+            pose is refused: it is somewhere, so it cannot be ignored like a missing one.
     """
     if not images:
         raise InputError("a look needs at least one photograph", count=0)
@@ -122,8 +122,8 @@ def _why_missing(board: Board, hidden: Sequence[int]) -> str:
         return f"neither of its markers {board.marker_ids[0]} and {board.marker_ids[1]} is in view"
     other = next(i for i in board.marker_ids if i not in hidden)
     return (
-        f"marker {hidden[0]} is hidden, or within 3 px of the image's edge or beyond it; marker {other} alone does not "
-        "give the tilt"
+        f"marker {hidden[0]} is hidden, or less than 3 px inside the image; marker {other} alone does not determine "
+        "the tilt"
     )
 
 
@@ -133,26 +133,26 @@ def _require_known(frames: Sequence[Sequence[Marker]], boards: Sequence[Board]) 
         twice = [i for i, n in Counter(m.id for m in frame).items() if n > 1 and i in known]
         if twice:
             raise InputError(
-                f"marker {twice[0]} is in view twice; every board has markers of its own", marker=twice[0]
+                f"marker {twice[0]} is in view twice; every board needs its own markers", marker=twice[0]
             )
-    # a pattern in the clutter may pass for a marker in one photograph; a board is in most of them
+    # clutter may look like a marker in one image; a board is detected in most of them
     count = Counter(m.id for frame in frames for m in frame if m.id not in known)
     strange = sorted(i for i, n in count.items() if 2 * n > len(frames))
     if strange:
         names = ", ".join(map(str, strange))
         raise InputError(
             f"marker {names} is in view but belongs to no board of the cell file (known: "
-            f"{', '.join(map(str, sorted(known)))}); list its board's CSV under [boards] files, or take it out of view",
+            f"{', '.join(map(str, sorted(known)))}); list its board's CSV under [boards] files, or remove it from view",
             markers=strange,
             known=sorted(known),
         )
 
 
 def annotated(image: Image, camera: Camera, seen: Look) -> Image:
-    """The photograph in BGR with the markers of the first frame, each board's axes, and its holes as they were found.
+    """Draw the markers of the first frame, each board's axes and its holes' occupancy onto a copy in BGR.
 
     Args:
-        image: first photograph of the look.
+        image: the first image of the look.
         camera: that took it.
         seen: the look.
     """
@@ -171,7 +171,7 @@ def annotated(image: Image, camera: Camera, seen: Look) -> Image:
             ends = camera.project_base(apply(T, np.stack([np.zeros(3), tip])))
             pen.arrow(ends[0], ends[1], colour)
             pen.text(name, ends[1], colour)
-        for hole, what in zip(hole_poses(board.pose), board.occupancy, strict=True):
+        for hole, what in zip(board.pose.holes, board.occupancy, strict=True):
             outline = camera.project_base(apply(hole.T_base_hole, mouth))
             pen.outline(outline, COLOURS[what.state])
             pen.text(f"{hole.name}\n{what.state}", outline.mean(axis=0), COLOURS[what.state])

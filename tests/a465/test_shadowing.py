@@ -49,7 +49,7 @@ def test_in_the_current_folder(tmp_path: Path, name: str, words: tuple[str, ...]
     assert ran.stdout == ""
     assert ran.stderr.count("\n") == 1
     assert ran.stderr.startswith(
-        f"a465: wrong input: {own} is found in place of a465's own {own.stem}: rename it, or "
+        f"a465: wrong input: {own} is found instead of a465's own {own.stem}: rename it, or "
     )
 
 

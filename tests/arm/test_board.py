@@ -99,7 +99,7 @@ def test_other_units_and_swapped_axes_are_named(
     [
         (
             "0,80\n80,60\n100,140\n140,-9",
-            r"line 5 = '140,-9': is off the plate, or its mouth .* y from -8 to 148 mm",
+            r"line 5 = '140,-9': is off the plate with its mouth .* y from -8 to 148 mm",
         ),
         ("0,45\n80,60\n100,140\n140,0", r"line 2 = '0,45': lies on the marker at 0, 0 mm .* at least 46 mm"),
         ("0,80\n80,60\n100,140\n135,100", r"line 5 = '135,100': lies on the marker at 180, 140 mm"),

@@ -16,7 +16,7 @@ from arm.errors import FileInputError
 from arm.io.toml_writer import toml_lines
 from arm.robot.link_errors import LinkErrors
 from arm.se3 import frozen, rotation, transform
-from command_line import replace_in
+from typed.command_line import replace_in
 
 LINKS = 1e-4 * np.random.default_rng(0).normal(size=(3, 6))
 OFFSETS = frozen(np.radians([0.0, 0.31, -0.27, 0.003, -0.4, 0.0]))

@@ -5,10 +5,22 @@ from __future__ import annotations
 import importlib
 import subprocess
 import sys
+from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 
-from arm.former import PLACES
+from arm.errors import InputError
+from arm.former import PLACES, FormerNames
+from plan.waypoints.target import Target
+
+SOURCE = Path(importlib.import_module("arm").__file__ or "").parents[1]
+MODULES = sorted(
+    ".".join(path.relative_to(SOURCE).with_suffix("").parts).removesuffix(".__init__")
+    for path in SOURCE.rglob("*.py")
+    if "__getattr__ = FormerNames(" in path.read_text()
+)
 
 
 @pytest.mark.parametrize("name", sorted(PLACES))
@@ -33,3 +45,35 @@ def test_a_program_of_the_version_before_imports_as_it_did() -> None:
         [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
     )
     assert ran.stdout.strip() == "plan.collision.certificate"
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_a_module_gives_the_names_that_it_had(module: str) -> None:
+    now = importlib.import_module(module)
+    former = vars(now)["__getattr__"]
+    assert isinstance(former, FormerNames)
+    assert former.module == module
+    assert former.names
+    for name, new in former.names.items():
+        with pytest.warns(DeprecationWarning, match=f"{module}.{name} is {former.place}.{new} now"):
+            assert getattr(now, name) is getattr(importlib.import_module(former.place), new)
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_a_module_gives_no_other_name(module: str) -> None:
+    with pytest.raises(AttributeError, match=f"{module}' has no attribute 'never_was'"):
+        getattr(importlib.import_module(module), "never_was")  # noqa: B009  (mypy knows that it is not there)
+
+
+def test_former_arguments_and_attributes_of_a_target() -> None:
+    pairs = {("table", "cup")}
+    with (
+        pytest.warns(DeprecationWarning, match="Target: within is blend_radius now"),
+        pytest.warns(DeprecationWarning, match="Target: touching is allowed_collisions now"),
+    ):
+        target = Target("a", np.eye(4), by="line", within=0.01, touching=pairs)  # type: ignore[call-arg]
+    assert target.blend_radius == 0.01
+    with pytest.warns(DeprecationWarning, match="Target: touching is allowed_collisions now"):
+        assert target.touching == target.allowed_collisions  # type: ignore[attr-defined]
+    with pytest.raises(InputError, match="blend_radius = -1"):
+        replace(target, blend_radius=-1.0)

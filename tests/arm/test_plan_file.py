@@ -104,7 +104,7 @@ def _damaged(change: Any) -> str:
         (lambda v: v["steps"][2]["start_counts"].__setitem__(0, 7), "'there' ends at"),
         (lambda v: v["steps"][1].update(action="squeeze"), "one of open, close"),
         (lambda v: v["steps"][3].update(step="dance"), "must be move, gripper or look"),
-        (lambda v: v.update(steps=[]), "hold no move"),
+        (lambda v: v.update(steps=[]), "have no move"),
         (lambda v: v["steps"][0].update(role="jump"), "one of home, transit, approach, retract"),
         (lambda v: v["steps"][0].update(segments=[]), r"steps\[0\]\.segments = \[\]: must be at least one"),
         (lambda v: v["steps"][0].pop("clearances"), r"steps\[0\]\.clearances: is missing"),
@@ -117,10 +117,10 @@ def _damaged(change: Any) -> str:
         (lambda v: v["steps"][0]["clearances"].__setitem__(0, "x"), "numbers in m, one for each segment"),
         (
             lambda v: v["steps"][0]["clearances"].__setitem__(1, 0.0123),
-            r"clearances = 0\.0123: must at the least be the move's clearance, 0\.0123457 m",
+            r"clearances = 0\.0123: the smallest must be the move's clearance, 0\.0123457 m",
         ),
-        (lambda v: v["steps"][0]["clearances"].__setitem__(1, 0.0124), "must at the least be the move's"),
-        (lambda v: v["steps"][0].update(clearance=0.0124), "must at the least be the move's"),
+        (lambda v: v["steps"][0]["clearances"].__setitem__(1, 0.0124), "the smallest must be the move's"),
+        (lambda v: v["steps"][0].update(clearance=0.0124), "the smallest must be the move's"),
     ],
 )
 def test_damage_is_told_by_its_key(tmp_path: Path, change: Any, message: str) -> None:
@@ -128,7 +128,7 @@ def test_damage_is_told_by_its_key(tmp_path: Path, change: Any, message: str) ->
     path.write_text(_damaged(change))
     with pytest.raises(FileInputError, match=message) as error:
         read_plan(path)
-    assert "make the plan again" in str(error.value)
+    assert "plan again" in str(error.value)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "null", "\x00"])
@@ -167,7 +167,7 @@ def test_the_least_of_the_segments_is_the_moves_but_for_rounding(tmp_path: Path)
 def test_what_a_move_may_touch_is_a_list_of_names(tmp_path: Path) -> None:
     path = tmp_path / "plan.json"
     path.write_text(_damaged(lambda v: v["steps"][2].update(touching=["plate 01-02", "table"])))
-    assert [move.touching for move in read_plan(path).moves][1] == ("plate 01-02", "table")
+    assert [move.allowed_collisions for move in read_plan(path).moves][1] == ("plate 01-02", "table")
     for wrong in ([1], ["table", None]):
         path.write_text(_damaged(lambda v, wrong=wrong: v["steps"][2].update(touching=wrong)))  # type: ignore[misc]
         with pytest.raises(FileInputError, match=r"touching.*must be body names"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,34 +15,16 @@ from arm.plan_file import GripperStep, LookStep, Move, Plan, Step
 from arm.robot.model import Robot, load_a465
 from arm.robot.shapes import Body, Box, body_to_json
 from arm.se3 import Array, frozen, inverse, rot_x, rot_z, rotation, rotation_vector, transform
-from arm_sets import TARGETS, Truth, draw_truth, recorded, wide
-from browsers import chromium
-from calib.chain.score_tests import ChainSuspect
+from calib.chain.score_tests import ChainErrorHypothesis
 from calib.hand_eye.calibrate import HandEye, calibrate_hand_eye
 from cell.scene.bodies import T_hole_cube, cube_body, plate_body, stand_body
+from pages.browsers import chromium
+from pages.preview import PlacedTestBoard, PreviewCase
+from recorded.arm_sets import TARGETS, Truth, draw_truth, recorded, wide
 
 TOOL_LENGTH = 0.134112
 Q_START = np.radians([-60.0, -40.0, -80.0, 0.0, -60.0, 0.0])
 SPEED = 0.5
-
-
-@dataclass(frozen=True)
-class PlacedTestBoard:
-    """A board and where it stands."""
-
-    board: Board
-    T_base_board: Array
-
-
-@dataclass(frozen=True, eq=False)
-class PreviewCase:
-    """All that `write_preview` takes."""
-
-    plan: Plan
-    robot_open: Robot
-    robot_holding: Robot
-    unit: Unit
-    boards: tuple[PlacedTestBoard, ...]
 
 
 def _placed(
@@ -272,7 +254,7 @@ def found() -> HandEye:
         c,
         problem=replace(c.problem, reading_sigma=np.radians([0.01, 0.02, 0.03, 0.0, 0.0, 0.0])),
         fit=replace(c.fit, weights=(weights,)),
-        suspects=(ChainSuspect("target size", 0.01, 0.002, "", 50.0, 20.0),),
+        suspects=(ChainErrorHypothesis("target size", 0.01, 0.002, "", 50.0, 20.0),),
         remarks=("look at this",),
     )
     return replace(found, chain=told)

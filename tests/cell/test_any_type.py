@@ -18,14 +18,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from any_type import JSON, TOML, keys_of, with_value, without
 from arm.calibration_file import read_arm_calibration
 from arm.controller.unit import load_unit
 from arm.errors import MOST_MESSAGE, A465Error
 from arm.io.storage import data_file, read_text
 from arm.plan_file import read_plan
-from arm_sets import TARGETS, draw_truth, recorded, wide
-from board_scenes import lab_board, lab_camera, random_pose, seen_corners
 from calib.nao.chain import NaoUnknowns
 from calib.nao.recording import read_nao_recording
 from calib.recordings.arm import read_arm_recording, write_arm_recording
@@ -38,14 +35,17 @@ from cell.files.scene import read_scene_file
 from cell.files.task import read_task
 from cell.files.world import read_world
 from cell.task.plan_matches import require_match, require_scene, require_start_at, scene_of_now
-from command_line import a465
 from driver.emulator.faults.file import read_faults
-from nao_recordings import as_json, nao_recording
-from recorded_sets import recorded_set
+from pictures.boards import lab_board, lab_camera, random_pose, seen_corners
+from recorded.arm_sets import TARGETS, draw_truth, recorded, wide
+from recorded.nao import as_json, nao_recording
+from recorded.sets import recorded_set
+from typed.any_type import JSON, TOML, keys_of, with_value, without
+from typed.command_line import a465
+from typed.whole_files import whole_camera, whole_cell, whole_world
 from vision.camera.model import read_camera
 from vision.markers.recorded import read_detections
 from vision.targets.target import read_target
-from whole_files import whole_camera, whole_cell, whole_world
 
 pytestmark = pytest.mark.xdist_group("any_type")
 EVERY = os.environ.get("A465_EVERY_TYPE") == "1"  # about 20 minutes
@@ -98,6 +98,7 @@ def _refusals(whole: Any, name: str, others: tuple[Any, ...], read: Callable[[An
     return refusals
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TOMLS)
 def test_toml(whole: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     path, parse = whole / name, tomllib.loads
@@ -137,6 +138,7 @@ POSES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["look", "plan", "poses", "detections", "arm", "nao"])
 def test_json(whole: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     plain = whole.parent / "plain"  # which the plan was made for
@@ -188,6 +190,7 @@ def test_json(whole: Path, tmp_path: Path, name: str, monkeypatch: pytest.Monkey
             continue
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", [None, True, 7, -1.5, "", "01-02", [], {}, ["01-02/1"], {"to": "01-02/1"}])
 @pytest.mark.parametrize("key", ["cube", "from", "to"])
 def test_what_a_whole_plan_says_of_a_cube(whole: Path, tmp_path: Path, key: str, value: Any) -> None:

@@ -97,6 +97,7 @@ def test_a_command_whose_output_is_not_wanted_any_more_does_what_it_was_to_do(tm
     assert json.loads((tmp_path / "look.json").read_text())["scenes"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "code"),
     [
@@ -141,7 +142,7 @@ def test_an_interrupt_where_nothing_is_open_is_told_in_one_line(
     with pytest.raises(SystemExit) as left:
         main()
     assert left.value.code == 130
-    assert capsys.readouterr().err == "a465: interrupted; nothing that was being written is half there\n"
+    assert capsys.readouterr().err == "a465: interrupted; no file was left half-written\n"
 
 
 class Terminal(io.StringIO):

@@ -19,7 +19,9 @@ import cell.collect.collector
 import cell.session.connection
 import driver.mars.mars
 from calib.nao.chain import NaoUnknowns
-from doc_commands import (
+from driver.line.clock import Clock
+from recorded.nao import as_json, nao_recording
+from typed.doc_commands import (
     ROOT,
     TIME_SCALE,
     Block,
@@ -35,10 +37,9 @@ from doc_commands import (
     told_by_the_way,
     unknown_to,
 )
-from doc_output import unlike
-from driver.line.clock import Clock
-from nao_recordings import as_json, nao_recording
+from typed.doc_output import unlike
 
+pytestmark = pytest.mark.slow
 TOGETHER = (  # pages that one reader follows one after the other: each goes on where those before it ended
     ("docs/quick-start.md", "docs/logs.md", "docs/execution.md"),
     ("docs/calibration-guide.md", "docs/calibration.md"),

@@ -14,13 +14,13 @@ import pytest
 from arm.calibration_file import ArmCalibration, read_arm_calibration, write_arm_calibration
 from arm.io.storage import data_file
 from arm.robot.link_errors import LinkErrors
-from asked_keys import LEFT_OUT, REQUIRED, Asked, asked_keys
 from cell.config.cell_file import read_cell
 from cell.files.hand_target import read_hand_target
 from cell.files.task import read_task
 from cell.files.world import read_world
-from command_line import replace_in
-from doc_commands import ROOT, pages
+from typed.asked_keys import LEFT_OUT, REQUIRED, Asked, asked_keys
+from typed.command_line import replace_in
+from typed.doc_commands import ROOT, pages
 from vision.camera.model import read_camera, write_camera
 
 PAGE = (ROOT / "docs/formats.md").read_text()
@@ -147,7 +147,7 @@ def test_every_page_is_in_the_contents_once() -> None:
     trees = re.findall(r"```\{toctree\}\n(.*?)```", index, re.S)
     listed = [line for tree in trees for line in tree.splitlines() if line and not line.startswith(":")]
     written = [page.relative_to(ROOT / "docs").with_suffix("").as_posix() for page in pages()[1:]]
-    rooms = [f"api/{room}" for room in ("arm", "plan", "vision", "driver", "render", "calib", "cell")]
+    rooms = [f"api/{room}" for room in ("a465", "arm", "plan", "vision", "driver", "render", "calib", "cell")]
     assert sorted([*listed, "index"]) == sorted([*written, *rooms])
 
 

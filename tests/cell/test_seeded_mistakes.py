@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from arm.io.storage import data_file
-from command_line import a465, ended
+from typed.command_line import a465, ended
 
 pytestmark = pytest.mark.xdist_group("seeded_mistakes")
 
@@ -110,6 +110,7 @@ def _other(old: object, rng: np.random.Generator) -> Any:
 SPOILERS = {".toml": spoilt_toml, ".csv": spoilt_csv, ".json": spoilt_json}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "seed"), [(file, seed) for file, count in COUNTS.items() for seed in range(count)]
 )

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from command_line import ended, replace_in
+from typed.command_line import ended, replace_in
 
 ZERO = "/dev/zero: is a character device; only regular files are read"
 COMMANDS = {

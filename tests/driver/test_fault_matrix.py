@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from fault_matrix import EXPECTED, MOMENTS, NAMES, run_case
+from wire.fault_matrix import EXPECTED, MOMENTS, NAMES, run_case
 
 # Where a fault is felt most; the others take the moments in turn.
 FELT = {"grasp missed": "gripping", "answer lost": "homing"}

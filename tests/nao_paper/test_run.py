@@ -165,6 +165,7 @@ def test_readings_of_a_run_are_whole_steps_and_shared_by_a_stance(plan):
             assert len(np.unique(images.leg[images.stances == stance], axis=0)) == 1
 
 
+@pytest.mark.slow
 def test_the_paper_is_reproduced(tmp_path):
     """Few stances here; `bench/nao_paper.py` has the paper's 24."""
     lines = []

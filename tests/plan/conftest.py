@@ -9,7 +9,7 @@ from arm.plan_file import Plan
 from arm.robot.model import Robot, load_a465
 from plan.options import PlanOptions
 from plan.pick_place.planner import plan_task
-from task2_scene import Q_START, Task2, task2
+from tasks.task2 import Q_START, Task2, task2
 
 
 @pytest.fixture(scope="session")

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import a465
 import plan.api
 from arm.errors import InputError
 from arm.robot.model import Robot, load_robot
-from arm.robot.tool import ignoring
-from made_up_arms import SEVEN, UR_LIKE, urdf
+from arm.robot.tool import with_disabled_collisions
+from arms.made_up import SEVEN, UR_LIKE, urdf
 from plan.collision.world import World
 from plan.waypoints.target import Target
 
@@ -43,7 +44,7 @@ def test_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_page_and_the_module_name_what_there_is() -> None:
     for name in re.findall(r"`(\w+)\(", PAGE.read_text()):
-        assert hasattr(plan.api, name), name
+        assert hasattr(a465, name), name
     assert sorted(plan.api.__all__) == sorted(set(plan.api.__all__))
     for name in plan.api.__all__:
         assert getattr(plan.api, name).__doc__, name
@@ -55,10 +56,10 @@ def test_links_of_no_length_are_told_as_on_the_page(tmp_path: Path) -> None:
     path.write_text(urdf(SEVEN))
     robot = load_robot(path, "l7", np.eye(4))
     q = np.radians([0.0, 40.0, 0.0, 60.0, 0.0, 50.0, 0.0])
-    assert World(ignoring(robot, neighbours=True), []).in_collision(q, 0.0)
+    assert World(with_disabled_collisions(robot, neighbours=True), []).in_collision(q, 0.0)
     code = re.search(r"```py\n(.*?)```", PAGE.read_text(), re.DOTALL)
     assert code is not None
-    names: dict[str, object] = {"robot": robot, "ignoring": ignoring}
+    names: dict[str, object] = {"robot": robot, "with_disabled_collisions": with_disabled_collisions}
     exec(code[1], names)
     told = names["robot"]
     assert isinstance(told, Robot)

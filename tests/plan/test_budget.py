@@ -25,7 +25,7 @@ from plan.waypoints.plan import PosePlan
 from plan.waypoints.planner import plan_poses
 from plan.waypoints.search import PoseSearch
 from plan.waypoints.target import Target
-from pose_lists import EFFORT, FAST, TABLE, check_plan, down
+from tasks.pose_lists import EFFORT, FAST, TABLE, check_plan, down
 
 WALL = Body("wall", Box((0.4, 0.02, 0.3)), transform(t=(0.5, 0.0, 0.15)), "wall")
 TARGETS = [

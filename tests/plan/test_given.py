@@ -12,23 +12,23 @@ from arm.errors import InputError
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box
 from arm.se3 import transform
-from made_up_arms import RAIL, arm
+from arms.made_up import RAIL, arm
 from plan.budget import TransitBudget
 from plan.cartesian.reachability import reach
 from plan.collision.bezier import Curve, curve_of_waypoints
-from plan.collision.certificate import BUDGET, check_curve
+from plan.collision.certificate import BUDGET, certify_curve
 from plan.collision.world import World
-from plan.kinematics.configuration import standing
+from plan.kinematics.configuration import check_configuration
 from plan.kinematics.ik import explain_pose, inverse_kinematics
 from plan.kinematics.numeric_ik import solve_ik
 from plan.options import PlanOptions
-from plan.pick_place.go_to import plan_way
+from plan.pick_place.go_to import plan_joint_motion
 from plan.pick_place.planner import plan_task
 from plan.scene import Scene, Station
 from plan.transit.planner import plan_transit
 from plan.waypoints.planner import plan_poses
 from plan.waypoints.target import Target
-from task2_scene import Q_START, TABLE, Task2, task2
+from tasks.task2 import Q_START, TABLE, Task2, task2
 
 UNIT = load_unit("crs93")
 LIMITS = UNIT.limits()
@@ -72,11 +72,11 @@ def test_every_door_refuses_a_place_where_the_arm_cannot_stand(
         ],
         "q_end": [lambda: plan_poses(robot, [], [target], HOME, LIMITS, q_end=q)],
         "q_from": [
-            lambda: plan_way(case.scene, q, HOME, UNIT),
+            lambda: plan_joint_motion(case.scene, q, HOME, UNIT),
             lambda: plan_transit(world, q, HOME, LIMITS, 0.01, 0),
         ],
         "q_to": [
-            lambda: plan_way(case.scene, HOME, q, UNIT),
+            lambda: plan_joint_motion(case.scene, HOME, q, UNIT),
             lambda: plan_transit(world, HOME, q, LIMITS, 0.01, 0),
         ],
     }
@@ -98,17 +98,17 @@ def test_the_limit_itself_is_allowed_and_what_is_just_beyond_is_not(robot: Robot
         q = rng.uniform(LIMITS.lower, LIMITS.upper)
         k, upper = int(rng.integers(6)), bool(rng.integers(2))
         q[k] = LIMITS.upper[k] if upper else LIMITS.lower[k]
-        assert np.array_equal(standing("q", q, robot, LIMITS), q)
+        assert np.array_equal(check_configuration("q", q, robot, LIMITS), q)
         q[k] += 1e-9 if upper else -1e-9
         with pytest.raises(InputError, match=f"joint {robot.joint_names[k]}"):
-            standing("q", q, robot, LIMITS)
+            check_configuration("q", q, robot, LIMITS)
 
 
 def test_a_sliding_joint_is_told_of_in_millimetres(tmp_path) -> None:  # type: ignore[no-untyped-def]
     rail = arm(tmp_path, RAIL)
     limits = Limits(np.full(5, -0.6), np.full(5, 0.6), np.ones(5), np.ones(5))
     with pytest.raises(InputError, match=r"joint q1 = 700\.00 mm: must be from -600\.00 to 600\.00 mm"):
-        standing("q", [0.7, 0.0, 0.0, 0.0, 0.0], rail, limits)
+        check_configuration("q", [0.7, 0.0, 0.0, 0.0, 0.0], rail, limits)
 
 
 def test_limits_of_another_arm_are_refused(world: World, case: Task2, robot: Robot) -> None:
@@ -116,7 +116,7 @@ def test_limits_of_another_arm_are_refused(world: World, case: Task2, robot: Rob
     for call in (
         lambda: plan_transit(world, HOME, HOME, five, 0.01, 0),
         lambda: plan_task(case.scene, case.transfers, HOME, UNIT, five),
-        lambda: plan_way(case.scene, HOME, HOME, UNIT, five),
+        lambda: plan_joint_motion(case.scene, HOME, HOME, UNIT, five),
         lambda: plan_poses(robot, [], [Target("a", robot.T_base_tool(HOME))], HOME, five),
         lambda: reach(robot, five, {"a": [robot.T_base_tool(HOME)]}, 0.1),
     ):
@@ -173,8 +173,10 @@ def test_a_world_is_made_of_bodies_at_poses(robot: Robot) -> None:
 
 def test_contacts_that_are_no_pairs_are_refused(robot: Robot) -> None:
     T = robot.T_base_tool(HOME)
-    with pytest.raises(InputError, match="target 'a': touching: 'finger_l': must be pairs of two names"):
-        Target("a", T, touching=["finger_l", "table"])
+    with pytest.raises(
+        InputError, match="target 'a': allowed_collisions: 'finger_l': must be pairs of two names"
+    ):
+        Target("a", T, allowed_collisions=["finger_l", "table"])
     with pytest.raises(InputError, match="scene: allowed: 'finger_l': must be pairs of two names"):
         Scene(robot, robot, (TABLE,), (), ["finger_l", "table"])  # type: ignore[arg-type]
     with pytest.raises(InputError, match="station 'a': touches = 'table'"):
@@ -277,32 +279,32 @@ def test_a_curve_has_two_way_points_or_more_of_finite_numbers(world: World) -> N
         with pytest.raises(InputError, match=r"waypoints\[1\].*finite"):
             curve_of_waypoints([HOME, np.full(6, bad)])
         with pytest.raises(InputError, match="curve: a control point is not finite"):
-            check_curve(world, Curve(np.full((1, 4, 6), bad), np.ones(1)), 0.01)
+            certify_curve(world, Curve(np.full((1, 4, 6), bad), np.ones(1)), 0.01)
         with pytest.raises(InputError, match="clearance = "):
-            check_curve(world, curve_of_waypoints([HOME, HOME]), bad)
+            certify_curve(world, curve_of_waypoints([HOME, HOME]), bad)
     for n in (5, 7):
         with pytest.raises(
             InputError, match=r"must be \(m, 4, 6\) and \(m,\), m at least 1, for an arm of 6 joints"
         ):
-            check_curve(world, curve_of_waypoints(np.zeros((2, n))), 0.01)
+            certify_curve(world, curve_of_waypoints(np.zeros((2, n))), 0.01)
     for curve in (
         Curve(np.zeros((0, 4, 6)), np.zeros(0)),
         Curve(np.zeros((4, 6)), np.zeros(1)),
         Curve(np.zeros((2, 4, 6)), np.zeros(1)),
     ):
         with pytest.raises(InputError, match="curve: control points of shape"):
-            check_curve(world, curve, 0.01)
+            certify_curve(world, curve, 0.01)
 
 
 def test_a_budget_that_is_spent_proves_nothing(monkeypatch, world: World) -> None:  # type: ignore[no-untyped-def]
     spin = curve_of_waypoints(
         [HOME, HOME + np.array([0.0, 0.0, 0.0, 0.0, 0.0, 2000.0])]
     )  # the jaws, round and round
-    checked = check_curve(world, spin, 0.005)
+    checked = certify_curve(world, spin, 0.005)
     assert checked.proved
     assert checked.evaluations < BUDGET
     monkeypatch.setattr("plan.collision.certificate.BUDGET", 20)
-    spent = check_curve(world, spin, 0.005)
+    spent = certify_curve(world, spin, 0.005)
     assert not spent.proved
     assert spent.clearance < 0.005 <= spent.seen  # not proved, which is not the same as too near
     assert spent.evaluations < checked.evaluations

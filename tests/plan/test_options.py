@@ -10,10 +10,10 @@ from arm.errors import ImpossibleError, InputError
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box
 from arm.se3 import rot_z, transform
-from plan.options import LEAST_CLEARANCE, PlanOptions, told_clearance
+from plan.options import LEAST_CLEARANCE, PlanOptions, clearance_words
 from plan.waypoints.planner import plan_poses
 from plan.waypoints.target import Target
-from pose_lists import EFFORT, TABLE, down
+from tasks.pose_lists import EFFORT, TABLE, down
 
 
 def test_less_than_the_usual_clearance_is_asked_for_by_name() -> None:
@@ -32,12 +32,12 @@ def test_less_than_the_usual_clearance_is_asked_for_by_name() -> None:
 
 
 def test_less_is_told_and_what_is_usual_is_not() -> None:
-    assert told_clearance(PlanOptions(clearance=0.0015, least_clearance=0.001).to_json()) == (
-        "asked for 1.5 mm of clearance only, by name (least_clearance); the usual least is 5 mm"
+    assert clearance_words(PlanOptions(clearance=0.0015, least_clearance=0.001).to_json()) == (
+        "planned with only 1.5 mm of clearance, as least_clearance allows; the usual minimum is 5 mm"
     )
-    assert told_clearance(PlanOptions(clearance=LEAST_CLEARANCE).to_json()) == ""
-    assert told_clearance(PlanOptions(least_clearance=0.001).to_json()) == ""
-    assert told_clearance({}) == ""
+    assert clearance_words(PlanOptions(clearance=LEAST_CLEARANCE).to_json()) == ""
+    assert clearance_words(PlanOptions(least_clearance=0.001).to_json()) == ""
+    assert clearance_words({}) == ""
 
 
 def test_where_5_mm_do_not_fit_2_do(robot: Robot, crs97: Unit) -> None:
@@ -67,6 +67,6 @@ def test_where_5_mm_do_not_fit_2_do(robot: Robot, crs97: Unit) -> None:
             options=PlanOptions(speed=1.0, **options), effort=EFFORT,
         )  # fmt: skip
 
-    with pytest.raises(ImpossibleError, match=r"is 3\.\d mm from plate \d \(asked: 5 mm\)"):
+    with pytest.raises(ImpossibleError, match=r"is 3\.\d mm from plate \d \(required: 5 mm\)"):
         plan(clearance=0.005)
     assert 0.002 <= plan(clearance=0.002, least_clearance=0.002).clearance <= 0.0036

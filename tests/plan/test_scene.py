@@ -10,7 +10,7 @@ from arm.errors import InputError
 from arm.robot.model import load_a465
 from arm.se3 import transform
 from plan.scene import scene_from_json
-from task2_scene import TABLE, Task2, task2
+from tasks.task2 import TABLE, Task2, task2
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def test_two_bodies_of_one_name_are_refused(case: Task2) -> None:
 
 
 def test_allowed_contacts_name_known_bodies(case: Task2) -> None:
-    with pytest.raises(InputError, match="'tabel', which is no body"):
+    with pytest.raises(InputError, match="'tabel', which is not a body"):
         replace(case.scene, allowed=frozenset([frozenset(("cube 1", "tabel"))]))
 
 

@@ -14,12 +14,12 @@ from arm.errors import ImpossibleError, InputError
 from arm.plan_file import GripperStep, LookStep, Move, Plan, Step
 from arm.robot.shapes import Body, Box
 from arm.se3 import frozen, transform
-from plan.collision.certificate import check_move
+from plan.collision.certificate import certify_move
 from plan.pick_place.planner import plan_task
 from plan.scene import Scene, scene_from_json
 from plan.trajectory.extremes import segment_extremes
-from plan.verify import Asked, _require_line, replay, settings
-from task2_scene import Q_START, Task2, task2
+from plan.verify import RequiredClearance, _require_line, move_scenes, replay
+from tasks.task2 import Q_START, Task2, task2
 
 UNIT = load_unit("crs93")
 LIMITS = UNIT.limits()
@@ -107,8 +107,8 @@ def test_what_was_not_changed_holds(plan: Plan, scene: Scene) -> None:
         ("transit", _faster, "over its velocity"),
         ("transit", lambda m: replace(m, held="cube B"), "says that it holds"),
         ("retract", lambda m: replace(m, held=None), "says that it holds nothing"),
-        ("retract", lambda m: replace(m, touching=()), "the plan states"),
-        ("retract", lambda m: replace(m, touching=("table",)), "does not allow there"),
+        ("retract", lambda m: replace(m, allowed_collisions=()), "the plan states"),
+        ("retract", lambda m: replace(m, allowed_collisions=("table",)), "does not allow there"),
     ],
 )
 def test_a_changed_move_is_found(
@@ -118,7 +118,7 @@ def test_a_changed_move_is_found(
         replay(_changed(plan, role, change), scene, UNIT, LIMITS)
 
 
-ASKED = Asked(clearance=0.010, line_clearance=0.005, offset=0.100)
+ASKED = RequiredClearance(clearance=0.010, line_clearance=0.005, offset=0.100)
 
 
 def test_what_the_cell_asks_for_is_kept_or_told(plan: Plan, scene: Scene) -> None:
@@ -126,10 +126,10 @@ def test_what_the_cell_asks_for_is_kept_or_told(plan: Plan, scene: Scene) -> Non
     for offset in (0.0996, 0.1004):  # a line may be left at speed, at the next whole millisecond
         replay(plan, scene, UNIT, LIMITS, replace(ASKED, offset=offset))
     for asked, message in (
-        (replace(ASKED, clearance=0.050), "50 mm are asked for"),
-        (replace(ASKED, line_clearance=0.050), "50 mm are asked for"),
-        (replace(ASKED, offset=0.0994), "is no line of 99.4 mm"),
-        (replace(ASKED, offset=0.1006), "is no line of 100.6 mm"),
+        (replace(ASKED, clearance=0.050), "50 mm are required"),
+        (replace(ASKED, line_clearance=0.050), "50 mm are required"),
+        (replace(ASKED, offset=0.0994), "is not a line of 99.4 mm"),
+        (replace(ASKED, offset=0.1006), "is not a line of 100.6 mm"),
     ):
         with pytest.raises(ImpossibleError, match=message):
             replay(plan, scene, UNIT, LIMITS, asked)
@@ -137,15 +137,17 @@ def test_what_the_cell_asks_for_is_kept_or_told(plan: Plan, scene: Scene) -> Non
     with pytest.raises(ImpossibleError, match="unproved"):
         replay(unproved, scene, UNIT, LIMITS, ASKED)
     bent = _changed(plan, "home", lambda m: replace(m, role="retract"))
-    with pytest.raises(ImpossibleError, match="is no line"):
+    with pytest.raises(ImpossibleError, match="is not a line"):
         replay(bent, scene, UNIT, LIMITS, ASKED)
 
 
 def test_contacts_on_a_transit_are_not_allowed(plan: Plan, scene: Scene) -> None:
-    lifted = next(m for m in plan.moves if m.touching)
+    lifted = next(m for m in plan.moves if m.allowed_collisions)
     with pytest.raises(ImpossibleError, match="does not allow there"):
         replay(
-            _changed(plan, "transit", lambda m: replace(m, touching=lifted.touching), last=True),
+            _changed(
+                plan, "transit", lambda m: replace(m, allowed_collisions=lifted.allowed_collisions), last=True
+            ),
             scene,
             UNIT,
             LIMITS,
@@ -213,11 +215,11 @@ def test_a_motion_is_at_rest_at_both_ends(plan: Plan, scene: Scene) -> None:
 
 def _with_clearances(plan: Plan, scene: Scene) -> Plan:
     """The first transit with a proved bound for every segment."""
-    move, setting = next((m, s) for m, s in settings(plan, scene, UNIT) if m.role == "transit")
+    move, setting = next((m, s) for m, s in move_scenes(plan, scene, UNIT) if m.role == "transit")
     bounds = []
     for start, segment in zip(move.path.knots(), move.path.segments, strict=False):
         part = CountPath(tuple(int(c) for c in start), (segment,))
-        bounds.append(check_move(setting.world, part, UNIT, 0.0).clearance)
+        bounds.append(certify_move(setting.world, part, UNIT, 0.0).clearance)
     stated = replace(move, clearances=tuple(bounds), clearance=min(bounds))
     return _changed(plan, "transit", lambda _: stated)
 
@@ -250,7 +252,7 @@ def test_a_line_that_goes_past_its_station_is_none(plan: Plan, scene: Scene) -> 
     heights = [scene.robot_open.T_base_tool(q)[2, 3] for q in UNIT.positions(knots[[0, -3]])]
     normal = scene.robot_open.T_base_tool(UNIT.positions(knots[-1]))[2, 2]
     length = (heights[0] - heights[1]) / -normal
-    with pytest.raises(ImpossibleError, match="is no line") as found:
+    with pytest.raises(ImpossibleError, match="is not a line") as found:
         _require_line(dip, scene, UNIT, length)
     assert found.value.data["past_m"] > 3e-4
     assert found.value.data["length_m"] == pytest.approx(length, abs=1e-4)
@@ -308,14 +310,14 @@ def test_jaws_that_close_on_nothing_are_found(plan: Plan, scene: Scene, case: Ta
         cubes = tuple(
             c.at(transform(t=(0.0, 0.0, aside)) @ c.T_base_body) if c.name == name else c for c in scene.cubes
         )
-        moved = settings(plan, replace(scene, cubes=cubes), UNIT)
+        moved = move_scenes(plan, replace(scene, cubes=cubes), UNIT)
         if closes:
             assert any(setting.held is not None for _, setting in moved)
             continue
         with pytest.raises(ImpossibleError, match="closes the jaws where no cube stands"):
             list(moved)
     with pytest.raises(ImpossibleError, match="closes the jaws where no cube stands"):
-        list(settings(plan, replace(scene, cubes=(), allowed=frozenset()), UNIT))
+        list(move_scenes(plan, replace(scene, cubes=(), allowed=frozenset()), UNIT))
 
 
 def test_a_line_that_turns_about_its_own_axis_is_none(plan: Plan, scene: Scene) -> None:
@@ -333,7 +335,7 @@ def test_a_line_that_turns_about_its_own_axis_is_none(plan: Plan, scene: Scene) 
         )
         return replace(down, path=CountPath(down.path.start, segments))
 
-    with pytest.raises(ImpossibleError, match="is no line") as found:
+    with pytest.raises(ImpossibleError, match="is not a line") as found:
         _require_line(turned(0.5), scene, UNIT, 0.1)
     assert found.value.data["turned"] == pytest.approx(np.radians(0.5), rel=0.1)
     assert found.value.data["aside_m"] < 1e-4
@@ -341,7 +343,7 @@ def test_a_line_that_turns_about_its_own_axis_is_none(plan: Plan, scene: Scene) 
 
 def test_a_cube_that_was_set_down_stands_there_from_then_on(plan: Plan, scene: Scene, case: Task2) -> None:
     transfer = case.transfers[0]
-    *_, (_, last) = settings(plan, scene, UNIT)
+    *_, (_, last) = move_scenes(plan, scene, UNIT)
     (cube,) = (c for c in last.standing if c.name == transfer.cube)
     place = next(
         s for s in (t.place for t in case.transfers) if s.name == plan.task["cubes"][0]["to"]
@@ -364,7 +366,7 @@ def test_a_line_that_leads_aside_and_back_is_none(plan: Plan, scene: Scene) -> N
         segments[k] = Segment(segments[k].duration_ms, ((first[0] + sign * more, *first[1:]), *rest))
     aside = replace(down, path=CountPath(down.path.start, tuple(segments)))
     assert aside.path.end == down.path.end
-    with pytest.raises(ImpossibleError, match="is no line") as found:
+    with pytest.raises(ImpossibleError, match="is not a line") as found:
         _require_line(aside, scene, UNIT, 0.1)
     assert found.value.data["aside_m"] > 1e-4
     assert found.value.data["turned"] < np.radians(0.05)
@@ -384,5 +386,5 @@ def test_a_move_that_is_not_certified_is_refused_where_clearance_is_asked_for(
 def test_lines_are_as_long_as_the_cell_asks(plan: Plan, scene: Scene) -> None:
     replay(plan, scene, UNIT, LIMITS, ASKED)
     for offset in (0.099, 0.101):
-        with pytest.raises(ImpossibleError, match=r"is no line of (99|101) mm along the tool's axis"):
+        with pytest.raises(ImpossibleError, match=r"is not a line of (99|101) mm along the tool's axis"):
             replay(plan, scene, UNIT, LIMITS, replace(ASKED, offset=offset))

@@ -10,7 +10,7 @@ import pytest
 
 from arm.errors import ImpossibleError, InputError
 from arm.se3 import apply
-from board_scenes import (
+from pictures.boards import (
     CUBE,
     Photographed,
     lab_board,
@@ -96,7 +96,7 @@ def test_a_board_with_one_hidden_marker_is_missing_with_its_reason() -> None:
         image[max(0, v - 40) : v + 40, u - 40 : u + 40] = 90
     seen = look(images, CAMERA, [A, B], DICTIONARY, CUBE)
     assert seen.missing == {
-        "01-02": "marker 1 is hidden, or within 3 px of the image's edge or beyond it; marker 2 alone does not give "
+        "01-02": "marker 1 is hidden, or less than 3 px inside the image; marker 2 alone does not determine "
         "the tilt"
     }
     assert [p.board.name for p in seen.poses] == ["03-04"]
@@ -164,7 +164,7 @@ def test_a_marker_that_the_edge_of_the_image_cuts_is_not_measured(cut: int) -> N
     first = left + cut
     camera = window(CAMERA, (first, 0), (CAMERA.size[0] - first, CAMERA.size[1]))
     seen = look([shot.images[0][:, first:].copy()], camera, [A], DICTIONARY, CUBE)
-    assert "marker 1 is hidden, or within 3 px of the image's edge or beyond it" in seen.missing[A.name]
+    assert "marker 1 is hidden, or less than 3 px inside the image" in seen.missing[A.name]
 
 
 def test_a_pattern_that_passes_for_a_marker_in_one_photograph_of_five_is_clutter() -> None:

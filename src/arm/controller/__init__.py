@@ -1,1 +1,1 @@
-"""The controller as a plan must know it: a unit's counts and limits, and paths of integer segments."""
+"""The controller from the planner's side: counts and limits of a unit, and paths of integer segments."""

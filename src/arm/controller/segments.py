@@ -1,8 +1,8 @@
 """Motion as the controller executes it: polynomial segments in encoder counts and milliseconds.
 
-A segment is one ``COORDSPLINET``: counts(u) = start + a1 u + a2 u^2 + a3 u^3 with u from 0 to 1 over its
-duration (fact sheet of the controller, section 2, row 3). All numbers are integers, so what is checked, stored
-and sent is the same to the bit.
+A segment is one ``COORDSPLINET``: counts(u) = start + a1 u + a2 u^2 + a3 u^3 with u from 0 to 1 over its duration
+(fact sheet of the controller, section 2, row 3). All numbers are integers, so the checked, stored and sent motions are
+the same to the bit.
 """
 
 from __future__ import annotations
@@ -23,36 +23,38 @@ class Segment:
     """One polynomial segment of all axes.
 
     Attributes:
-        duration_ms: shortest duration; the controller may only take longer, never leave the path.
-        coefficients: a1, a2, .. as rows, one tuple of six counts each; 1 row is a straight line, 3 a cubic.
+        duration_ms: shortest duration; the controller may take longer, but it stays on the path.
+        coefficients: a1, a2, .. as rows of six counts; 1 row is a straight line, 3 rows a cubic.
     """
 
     duration_ms: int
     coefficients: tuple[tuple[int, ...], ...]
 
     def end(self) -> Counts:
-        """Displacement over the whole segment, (6,) counts."""
+        """Return the displacement over the whole segment, (6,) counts."""
         return np.asarray(np.array(self.coefficients, dtype=np.int64).sum(axis=0), dtype=np.int64)
 
     def reversed(self) -> Segment:
-        """The same stretch of path the other way: c(1 - u) less c(1), integers again.
+        """Return the reversed segment, c(1 - u) - c(1), with integer coefficients.
 
         Raises:
-            A465Error: of order above 3.
+            A465Error: the order is above 3.
         """
         if len(self.coefficients) > 3:
-            raise A465Error(f"segment of order {len(self.coefficients)}: only up to 3 can be reversed")
+            raise A465Error(
+                f"segment of order {len(self.coefficients)}: the order must be at most 3 to reverse it"
+            )
         a = np.zeros((3, len(self.coefficients[0])), dtype=np.int64)
         a[: len(self.coefficients)] = self.coefficients
         back = np.stack([-(a[0] + 2 * a[1] + 3 * a[2]), a[1] + 3 * a[2], -a[2]])[: len(self.coefficients)]
         return Segment(self.duration_ms, tuple(tuple(int(c) for c in row) for row in back))
 
     def displacement(self, u: float | Array) -> Array:
-        """Counts from the segment's start at parameter u (scalar or (m,)); shape (6,) or (m, 6)."""
+        """Return counts from the segment's start at parameter u (scalar or (m,)); shape (6,) or (m, 6)."""
         return _polynomial(self.coefficients, np.asarray(u, dtype=float), 0)
 
     def derivative(self, u: float | Array, order: int = 1) -> Array:
-        """Derivative of that order by time at the segment's own duration, counts/s^order."""
+        """Return the time derivative of this order at the planned duration, counts/s^order."""
         return (
             _polynomial(self.coefficients, np.asarray(u, dtype=float), order)
             / (self.duration_ms / 1e3) ** order
@@ -70,7 +72,7 @@ def _polynomial(coefficients: tuple[tuple[int, ...], ...], u: Array, order: int)
 
 @dataclass(frozen=True)
 class CountPath:
-    """A chain of segments from a start that is known to the count.
+    """A chain of segments from a start in counts.
 
     Attributes:
         start: (6,) counts.
@@ -86,7 +88,7 @@ class CountPath:
         return sum(s.duration_ms for s in self.segments) / 1e3
 
     def knots(self) -> Counts:
-        """Counts at the start of every segment and at the end, (n + 1, 6)."""
+        """Return the counts at the start of every segment and at the end, (n + 1, 6)."""
         steps = [np.array(self.start, dtype=np.int64), *(s.end() for s in self.segments)]
         return np.cumsum(np.stack(steps), axis=0)
 
@@ -96,16 +98,16 @@ class CountPath:
         return tuple(int(c) for c in self.knots()[-1])
 
     def reversed(self) -> CountPath:
-        """The same path from its end to its start, to the count."""
+        """Return the path from its end to its start, exact to the count."""
         return CountPath(self.end, tuple(s.reversed() for s in reversed(self.segments)))
 
     def sample(self, step_s: float = 1e-3) -> Array:
-        """Counts on a regular time grid from 0 to the end, both included; (m, 6), not rounded."""
+        """Return counts (m, 6), not rounded, on a regular time grid that includes both ends."""
         times = np.arange(0.0, self.duration_s + step_s / 2, step_s)
         return self.at(np.minimum(times, self.duration_s))
 
     def at(self, times: Sequence[float] | Array) -> Array:
-        """Counts at times (m,) in s from the start, clamped to the motion; (m, 6), not rounded."""
+        """Return counts (m, 6), not rounded, at times (m,) in s from the start, clamped to the motion."""
         knots = self.knots()
         ends = np.cumsum([s.duration_ms for s in self.segments]) / 1e3
         out = np.empty((len(times), knots.shape[1]))
@@ -128,10 +130,10 @@ class CountPath:
 
 
 def chain(paths: Sequence[CountPath]) -> CountPath:
-    """Paths one behind the other as one.
+    """Concatenate paths.
 
     Raises:
-        InputError: there is none, or one does not start where the one before ends, to the count.
+        InputError: there are no paths, or a path does not start at the counts where the one before ends.
     """
     if not paths:
         raise InputError("a chain needs at least one path", count=0)

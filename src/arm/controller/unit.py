@@ -1,7 +1,7 @@
 """One arm on one controller: encoder counts, limits and registers, read from ``urdf/a465/<unit>.toml``.
 
-Counts are quadrature counts (times 4). A speed register is counts/256 per ms, an acceleration register
-counts/256 per ms^2 (the controller's fact sheet; the latter assumed until measured).
+Counts are quadrature counts (times 4). The unit of a speed register is 1/256 count per ms, that of an acceleration
+register 1/256 count per ms^2 (the controller's fact sheet; the latter is assumed until measured).
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from arm.se3 import Array, frozen
 Counts = npt.NDArray[np.int64]
 UNITS = ("crs93", "crs97")
 MOST_REST_TOLERANCE = 500  # counts, 0.45 to 0.9 deg
-REST_TOLERANCE = 25  # counts of static error seen on real units after a move (0.023 to 0.045 deg)
+REST_TOLERANCE = 25  # counts, static error of real units after a move (0.023 to 0.045 deg)
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits that motion is planned under.
+    """Limits of planned motion.
 
     Attributes:
         lower, upper: joint positions (n,), rad.
-        velocity: (n,), rad/s, both directions.
-        acceleration: (n,), rad/s^2, both directions.
+        velocity: (n,), rad/s, in both directions.
+        acceleration: (n,), rad/s^2, in both directions.
 
     Raises:
-        InputError: lengths that differ, a number that is not finite, a lower limit above the upper one, a velocity or
+        InputError: different lengths, a number that is not finite, a lower limit above the upper one, or a velocity or
             acceleration that is not positive.
     """
 
@@ -52,7 +52,7 @@ class Limits:
             if value is None or value.shape != (n,) or not n:
                 of = shown(getattr(self, key)) if value is None else f"array of shape {value.shape}"
                 raise InputError(
-                    f"limits: {key} = {of}: must be one number per joint, ({n},) as lower has them", name=key
+                    f"limits: {key} = {of}: must be one number per joint, ({n},) like lower", name=key
                 )
             least = 0.0 if key in ("velocity", "acceleration") else -np.inf
             wrong = np.flatnonzero(~(np.isfinite(value) & (value > least)))
@@ -77,10 +77,10 @@ class Limits:
             )
 
     def scaled(self, speed: float) -> Limits:
-        """The same path stretched in time by 1/speed: velocities times speed, accelerations times speed^2.
+        """Return the limits of motion slowed down by `speed`: velocities times speed, accelerations times speed^2.
 
         Raises:
-            InputError: speed is not in (0, 1]; it only lowers.
+            InputError: speed is not in (0, 1].
         """
         if not (isinstance(speed, Real) and 0.0 < float(speed) <= 1.0):
             raise InputError(
@@ -94,7 +94,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class GripperAxis:
-    """The gripper's analog servo axis; positions are ADC counts. `registers` maps REG* names to values."""
+    """The gripper's analogue servo axis; positions are ADC counts. `registers` maps REG* names to values."""
 
     axis: str
     open_adc: int
@@ -104,35 +104,35 @@ class GripperAxis:
     registers: dict[str, int]
 
     def adc(self, fraction_closed: float) -> int:
-        """ADC position for 0 (open) to 1 (closed)."""
+        """Return the ADC position for 0 (open) to 1 (closed)."""
         return round(self.open_adc + fraction_closed * (self.closed_adc - self.open_adc))
 
     def fraction_closed(self, adc: float) -> float:
-        """0 (open) to 1 (closed) for an ADC position."""
+        """Return 0 (open) to 1 (closed) for an ADC position."""
         return (adc - self.open_adc) / (self.closed_adc - self.open_adc)
 
 
 @dataclass(frozen=True)
 class Unit:
-    """Everything that differs from one arm and controller to the next.
+    """Parameters of one arm and its controller.
 
     Attributes:
         name: ``crs93`` or ``crs97``, or the stem of a user's own file.
-        firmware: what the answer to VER begins with.
+        firmware: beginning of the answer to VER.
         axes: controller axis letter of each joint.
         counts_per_rad: signed, (6,).
         counts_at_zero: encoder counts at q = 0, (6,) int.
-        lower, upper: joint positions allowed in planning: the tighter of encoder bounds and data sheet,
-            less the margin; (6,) rad.
-        velocity_cap: data-sheet speed, (6,) rad/s.
+        lower, upper: position limits for planning: the tighter of encoder bounds and data sheet, minus the margin;
+            (6,) rad.
+        velocity_cap: velocity limits of the data sheet, (6,) rad/s.
         speed_registers, acceleration_registers: the unit's defaults, (6,) int.
         axis_registers: REG* name to (6,) int, set once at start.
-        idle_release_s: IDLEREL.
+        idle_release_s: IDLEREL, s.
         homing: groups of axes homed together, in order.
         soft_home: configuration after homing, (6,) rad.
         gripper: the gripper's axis.
         digest: SHA-256 of the file.
-        rest_tolerance: counts by which any axis may be at rest from where it was sent.
+        rest_tolerance: largest position error of an axis at rest, counts.
     """
 
     name: str
@@ -154,19 +154,35 @@ class Unit:
     rest_tolerance: int = REST_TOLERANCE
 
     def counts(self, q: npt.ArrayLike) -> Counts:
-        """Encoder counts nearest to joint positions (..., 6) in rad."""
-        exact = self.counts_at_zero + np.asarray(q, dtype=float) * self.counts_per_rad
+        """Return the encoder counts nearest to joint positions (..., 6) in rad.
+
+        Raises:
+            InputError: another shape, or not numbers.
+        """
+        exact = self.counts_at_zero + self._of_each("q", q) * self.counts_per_rad
         return np.rint(exact).astype(np.int64)
 
     def positions(self, counts: npt.ArrayLike) -> Array:
-        """Joint positions in rad of encoder counts (..., 6)."""
-        offset = np.asarray(counts, dtype=float) - self.counts_at_zero
+        """Return the joint positions in rad of encoder counts (..., 6).
+
+        Raises:
+            InputError: another shape, or not numbers.
+        """
+        offset = self._of_each("counts", counts) - self.counts_at_zero
         return np.asarray(offset / self.counts_per_rad, dtype=float)
 
-    def calibrated(self, joint_offsets: npt.ArrayLike) -> Unit:
-        """The same unit with joints that truly stand `joint_offsets` (6,) rad from where its encoders say.
+    def _of_each(self, name: str, value: npt.ArrayLike) -> Array:
+        """Return `value` as an array whose last axis has one number per joint."""
+        array, n = numbers(value), len(self.counts_at_zero)
+        if array is None or array.shape[-1:] != (n,):
+            of = shown(value) if array is None else f"array of shape {array.shape}"
+            raise InputError(f"{name} = {of}: must have {n} numbers, one for each joint", name=name, joints=n)
+        return array
 
-        Encoders are whole counts, so zeros move by whole ones. Where joints may go is no wider than before.
+    def calibrated(self, joint_offsets: npt.ArrayLike) -> Unit:
+        """Return the unit corrected by joint offsets (true positions minus those of the encoders), (6,) rad.
+
+        Zeros move by whole counts. Position limits never get wider.
         """
         offsets = np.asarray(joint_offsets, dtype=float)
         if not offsets.any():
@@ -182,20 +198,20 @@ class Unit:
         )
 
     def velocity(self, registers: npt.ArrayLike) -> Array:
-        """Joint speeds in rad/s of speed registers (6,)."""
+        """Return the joint velocities in rad/s of speed registers (6,)."""
         return np.asarray(registers, dtype=float) / 256.0 * 1e3 / np.abs(self.counts_per_rad)
 
     def acceleration(self, registers: npt.ArrayLike) -> Array:
-        """Joint accelerations in rad/s^2 of acceleration registers (6,)."""
+        """Return the joint accelerations in rad/s^2 of acceleration registers (6,)."""
         return np.asarray(registers, dtype=float) / 256.0 * 1e6 / np.abs(self.counts_per_rad)
 
     def speed_register_cap(self) -> tuple[int, ...]:
-        """The largest speed registers allowed: twice the default, never past the data sheet."""
+        """Return the largest speed registers allowed: twice the default, but never beyond the data sheet."""
         sheet = np.floor(self.velocity_cap * np.abs(self.counts_per_rad) * 256.0 / 1e3).astype(int)
         return tuple(min(2 * r, int(s)) for r, s in zip(self.speed_registers, sheet, strict=True))
 
     def acceleration_register_cap(self) -> tuple[int, ...]:
-        """The largest acceleration registers allowed: twice the default."""
+        """Return the largest acceleration registers allowed: twice the default."""
         return tuple(2 * r for r in self.acceleration_registers)
 
     def limits(
@@ -203,10 +219,10 @@ class Unit:
         speed_registers: tuple[int, ...] | None = None,
         acceleration_registers: tuple[int, ...] | None = None,
     ) -> Limits:
-        """Limits under given registers (defaults: the unit's own).
+        """Return the limits under these registers (defaults: the unit's own).
 
         Raises:
-            InputError: not one integer an axis, or a register is below 1 or above its cap.
+            InputError: not one integer per axis, or a register is below 1 or above its cap.
         """
         speed = self._registers("speed", speed_registers, self.speed_registers)
         acceleration = self._registers("acceleration", acceleration_registers, self.acceleration_registers)
@@ -218,7 +234,7 @@ class Unit:
                 if not 1 <= value <= cap:
                     raise InputError(
                         f"{name} register of axis {axis} = {value}: must be from 1 to {cap} on {self.name} "
-                        "(twice the default, never past the data sheet)",
+                        "(twice the default, never beyond the data sheet)",
                         axis=axis,
                         value=value,
                         cap=cap,
@@ -233,7 +249,7 @@ class Unit:
         values = numbers(given)
         if values is None or values.shape != (len(self.axes),) or (values != np.rint(values)).any():
             raise InputError(
-                f"{name} registers = {shown(given)}: must be {len(self.axes)} integers, one an axis of {self.name}",
+                f"{name} registers = {shown(given)}: must be {len(self.axes)} integers, one per axis of {self.name}",
                 value=shown(given),
             )
         return tuple(int(v) for v in values)
@@ -255,7 +271,7 @@ def load_unit(name: str | Path) -> Unit:
 
 
 def _letters(value: object) -> tuple[str, ...]:
-    """Axis letters, of a list of them or a text; none if it is anything else."""
+    """Return the axis letters in a list or a text; empty for anything else."""
     letters = tuple(value) if isinstance(value, list | str) else ()
     return letters if all(isinstance(a, str) and len(a) == 1 and "A" <= a <= "H" for a in letters) else ()
 
@@ -291,7 +307,7 @@ def _read_unit(path: Path) -> Unit:
     lower = frozen(np.maximum(encoder_lower, -sheet) + margin)
     upper = frozen(np.minimum(encoder_upper, sheet) - margin)
     if not np.all(lower < upper):
-        raise limits.error("lower_counts", "and upper_counts leave no room for some joint; check direction")
+        raise limits.error("lower_counts", "and upper_counts leave a joint without range; check direction")
 
     registers = root.table("registers")
     speed = registers.integers("speed", 6, 1, 32767)

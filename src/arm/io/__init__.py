@@ -1,1 +1,1 @@
-"""Files: what is read and how a wrong value is told, and how they are written so that none is half there."""
+"""Files: checked reading with errors that name the key, and atomic writing."""

@@ -1,4 +1,4 @@
-"""Values out of a JSON file, each checked; what is wrong is told by its key."""
+"""Checked access to the values of a JSON file; errors name the key."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from arm.errors import FileInputError
 
 
 class JsonFields:
-    """Base of readers of one file. `where` is the key of the table, with a dot at its end.
+    """Base of readers of one file. In all methods `where` is the key of the table, with a dot at its end.
 
     Attributes:
-        path: of the file.
-        help: what would help, for the messages.
+        path: the file.
+        help: what would help, for messages.
     """
 
     help = ""
@@ -22,11 +22,11 @@ class JsonFields:
         self.path = path
 
     def fail(self, key: str, value: object, rule: str) -> FileInputError:
-        """The error to raise: `rule` says what must be."""
+        """Return the error to raise if the value of `key` breaks `rule`."""
         return FileInputError(self.path, key, value, rule, self.help)
 
     def get(self, table: object, key: str, where: str, types: type | tuple[type, ...], what: str) -> Any:
-        """The value of a key, of one of the types; true and false are no numbers."""
+        """Return the value of a key after a check of its type; true and false are not numbers."""
         if not isinstance(table, dict):
             raise self.fail(where.rstrip("."), table, "must be a table")
         if key not in table:
@@ -38,7 +38,7 @@ class JsonFields:
         return value
 
     def integers(self, value: object, where: str, count: int | None = 6) -> tuple[int, ...]:
-        """`count` whole numbers that the controller can take."""
+        """Return `count` integers of 32 bits."""
         if (
             not isinstance(value, list)
             or (count is not None and len(value) != count)
@@ -50,14 +50,14 @@ class JsonFields:
         return tuple(value)
 
     def number(self, table: object, key: str, where: str, low: float = -1e9, high: float = 1e9) -> float:
-        """A number of a range."""
+        """Return a number from `low` to `high`."""
         value = float(self.get(table, key, where, (int, float), f"a number from {low:g} to {high:g}"))
         if not low <= value <= high:
             raise self.fail(where + key, value, f"must be a number from {low:g} to {high:g}")
         return value
 
     def choice(self, table: object, key: str, where: str, choices: tuple[str, ...]) -> str:
-        """One of some texts."""
+        """Return one of the texts `choices`."""
         value = self.get(table, key, where, str, "one of " + ", ".join(choices))
         if value not in choices:
             raise self.fail(where + key, value, "must be one of " + ", ".join(choices))

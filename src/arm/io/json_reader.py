@@ -1,4 +1,4 @@
-"""A value of a JSON file that knows where it stands, for files that are read from the outside in."""
+"""JSON values with their file and key, for files that are read from the outside in."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from arm.errors import FileInputError
 from arm.io.storage import read_json
 from arm.se3 import Array, frozen
 
-LARGEST = 1e9  # of any number in a file: none of ours is of a length, angle, pixel or count beyond
+LARGEST = 1e9  # of any number in a file; lengths, angles, pixels and counts are smaller
 _SHOWN = 60  # characters of a value in a message
 _UNREADABLE = {
     "Cc": "a control character",
@@ -27,12 +27,12 @@ _UNREADABLE = {
 
 @dataclass(frozen=True)
 class JsonNode:
-    """A value, its file and its key.
+    """A value with its file and key.
 
     Attributes:
-        path: of the file.
+        path: the file.
         key: such as ``poses[3].joints_rad``; "" for the whole file.
-        value: as the parser gave it.
+        value: the parsed value.
     """
 
     path: Path
@@ -41,15 +41,15 @@ class JsonNode:
 
     @classmethod
     def of_file(cls, path: Path) -> JsonNode:
-        """The whole of a file.
+        """Read a whole file.
 
         Raises:
-            InputError: it cannot be read, or is no JSON.
+            InputError: it cannot be read, or is not JSON.
         """
         return cls(path, "", read_json(path))
 
     def error(self, rule: str) -> FileInputError:
-        """The error to raise: `rule` says what must be."""
+        """Return the error to raise if the value breaks `rule`."""
         shown = None if isinstance(self.value, dict | list) or len(repr(self.value)) > _SHOWN else self.value
         return FileInputError(self.path, self.key, shown, rule)
 
@@ -57,8 +57,8 @@ class JsonNode:
         return isinstance(self.value, dict) and name in self.value
 
     def __getitem__(self, name: str) -> JsonNode:
-        said = name if name.isprintable() else ascii(name)[1:-1]  # a name that the file gave may be anything
-        key = f"{self.key}.{said}" if self.key else said
+        shown = name if name.isprintable() else ascii(name)[1:-1]  # a name from the file may be anything
+        key = f"{self.key}.{shown}" if self.key else shown
         if not isinstance(self.value, dict):
             raise self.error("must be an object")
         if name not in self.value:
@@ -66,17 +66,17 @@ class JsonNode:
         return JsonNode(self.path, key, self.value[name])
 
     def items(self) -> list[JsonNode]:
-        """The values of a list."""
+        """Return the values of a list."""
         if not isinstance(self.value, list):
             raise self.error("must be a list")
         return [JsonNode(self.path, f"{self.key}[{i}]", v) for i, v in enumerate(self.value)]
 
     def numbers(self, *shape: int | None, gaps: bool = False) -> Array:
-        """Finite numbers of a shape, none beyond `LARGEST`; a length that is None is free, but not 0.
+        """Return an array of finite numbers up to `LARGEST`.
 
         Args:
-            shape: of the array.
-            gaps: whether null may stand for a number that is not there; it becomes NaN.
+            shape: lengths of the axes; None for any length but 0.
+            gaps: whether null may replace a number; it becomes NaN.
         """
         array = self._array()
         fits = array.ndim == len(shape) and all(
@@ -91,14 +91,14 @@ class JsonNode:
         return frozen(array)
 
     def _at(self, place: Iterable[int]) -> JsonNode:
-        """A value in nested lists."""
+        """Return a value in nested lists."""
         node = self
         for i in place:
             node = node.items()[i]
         return node
 
     def _array(self) -> Array:
-        """The numbers, NaN for null; empty where there is anything else, such as texts."""
+        """Return the numbers, NaN for null; an empty array if there is anything else, such as texts."""
         try:
             raw = np.array(self.value, dtype=object)
             flat = [_float(v) for v in raw.ravel()]
@@ -107,13 +107,13 @@ class JsonNode:
         return np.array(flat).reshape(raw.shape)
 
     def integer(self, low: int, high: int) -> int:
-        """A whole number of a range."""
+        """Return an integer from `low` to `high`."""
         if isinstance(self.value, bool) or not isinstance(self.value, int) or not low <= self.value <= high:
             raise self.error(f"must be a whole number from {low} to {high}")
         return self.value
 
     def text(self, *choices: str) -> str:
-        """A text of one line, one of some if they are given."""
+        """Return a text of one line, one of `choices` if any are given."""
         if not isinstance(self.value, str) or (choices and self.value not in choices):
             raise self.error(f"must be {'one of ' + ', '.join(choices) if choices else 'a text'}")
         for at, character in enumerate(self.value):
@@ -123,10 +123,10 @@ class JsonNode:
 
 
 def _float(value: object) -> float:
-    """A number, NaN for null.
+    """Return a number, NaN for null.
 
     Raises:
-        TypeError: it is neither.
+        TypeError: the value is neither.
     """
     if value is None:
         return math.nan

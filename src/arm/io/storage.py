@@ -1,7 +1,7 @@
-"""Files: where the project's own are found, what may be read, and how files are written so that none is half there.
+"""Location of the project's data files, limited reading, atomic writing, canonical JSON and hashes.
 
-Only regular files are read, and each kind of file has a size limit: a pipe, a terminal or ``/dev/zero`` would block the
-program or fill the memory. The limits stand here, in `MOST_BYTES`.
+Only regular files are read, and each kind of file has a size limit (`MOST_BYTES`), because a pipe, a terminal or
+``/dev/zero`` would block the program or fill the memory.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from arm.errors import FileInputError, InputError
 from arm.io.temporary import TemporaryFile, mode_of_new
 
 _SOURCE = Path(__file__).resolve().parents[2]
-# The checkout comes first: the wheel's copy also exists in an editable install and would hide edits.
+# The checkout comes first: an editable install also has the wheel's copy, which would hide edits.
 DATA_ROOTS = (_SOURCE.parent, _SOURCE / "cell" / "_data")
 
 
 def data_file(relative: str) -> Path:
-    """The project's own file `relative`, such as ``urdf/a465/a465.urdf``.
+    """Return the path of the project's data file `relative`, such as ``urdf/a465/a465.urdf``.
 
     Raises:
-        InputError: no data root holds it.
+        InputError: no data root has it.
     """
     for root in DATA_ROOTS:
         if (root / relative).exists():
@@ -40,7 +40,7 @@ def data_file(relative: str) -> Path:
 
 MB = 1_000_000
 MOST_BYTES = {
-    "TOML": 2 * MB,  # a cell file has 10 kB, a calibration 100 kB
+    "TOML": 2 * MB,  # a cell file has 10 kB, a calibration file 100 kB
     "text": 20 * MB,  # CSV, URDF, SRDF, vendored scripts
     "JSON": 200 * MB,  # a plan of a whole task has 1 MB
     "pose list": 100 * MB,
@@ -48,25 +48,25 @@ MOST_BYTES = {
     "photograph": 200 * MB,
     "log": 4000 * MB,  # read line by line; 1 MB a minute of motion
 }
-"""What a file of each kind may have at most; a larger one is refused before it is read."""
+"""Largest size of a file of each kind; larger ones are refused before they are read."""
 
 
-LARGEST = 1e100  # of a number in a file
+LARGEST = 1e100  # largest number in a file
 
 
 def open_file(path: Path, kind: str) -> BinaryIO:
-    """A regular file of at most `MOST_BYTES` of its kind, open for reading.
+    """Open a regular file of at most `MOST_BYTES` of its kind for reading.
 
     Raises:
-        FileInputError: it is not there, not readable, no regular file, or too large.
+        FileInputError: the file is missing, not readable, not a regular file, or too large.
     """
     try:
-        # without O_NONBLOCK, opening a pipe waits until somebody writes to it
+        # without O_NONBLOCK, opening a pipe waits for a writer
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError as error:
         raise FileInputError(path, "", None, f"cannot be read: {error.strerror}") from error
     except ValueError as error:  # a zero byte or half a surrogate in the name
-        raise FileInputError(Path(ascii(str(path))), "", None, f"is no file name: {error}") from error
+        raise FileInputError(Path(ascii(str(path))), "", None, f"is not a file name: {error}") from error
     try:
         found = os.fstat(handle)
         if stat.S_ISDIR(found.st_mode):
@@ -84,14 +84,14 @@ def open_file(path: Path, kind: str) -> BinaryIO:
 
 
 def read_bytes(path: Path, kind: str) -> bytes:
-    """The content of a regular file of at most `MOST_BYTES` of its kind.
+    """Return the content of a regular file of at most `MOST_BYTES` of its kind.
 
     Raises:
-        FileInputError: it is not there, not readable, no regular file, or too large.
+        FileInputError: the file is missing, not readable, not a regular file, or too large.
     """
     with open_file(path, kind) as stream:
         try:
-            data = stream.read(MOST_BYTES[kind] + 1)  # files of /proc say that they are empty
+            data = stream.read(MOST_BYTES[kind] + 1)  # files in /proc have a stated size of 0
         except OSError as error:
             raise FileInputError(path, "", None, f"cannot be read: {error.strerror}") from error
     if len(data) > MOST_BYTES[kind]:
@@ -112,14 +112,14 @@ def _what(mode: int) -> str:
         stat.S_IFBLK: "a block device",
         stat.S_IFSOCK: "a socket",
     }
-    return kinds.get(stat.S_IFMT(mode), "no regular file")
+    return kinds.get(stat.S_IFMT(mode), "not a regular file")
 
 
 def read_text(path: Path, kind: str = "text") -> str:
-    """The text of a file in UTF-8; its line ends are those of Python.
+    r"""Return the text of a UTF-8 file with ``\n`` as line ends.
 
     Raises:
-        FileInputError: it is not there, not readable, no regular file, too large, or not text.
+        FileInputError: the file is missing, not readable, not a regular file, too large, or not text.
     """
     try:
         text = read_bytes(path, kind).decode()
@@ -131,10 +131,10 @@ def read_text(path: Path, kind: str = "text") -> str:
 
 
 def read_json(path: Path) -> Any:
-    """The value in a JSON file.
+    """Return the value in a JSON file.
 
     Raises:
-        FileInputError: it cannot be read, or is no JSON.
+        FileInputError: the file cannot be read, or is not JSON.
     """
     try:
         return json.loads(read_text(path, "JSON"))
@@ -142,16 +142,16 @@ def read_json(path: Path) -> Any:
         raise FileInputError(path, "", None, f"is not JSON: {error}") from error
     except ValueError as error:
         most = sys.get_int_max_str_digits()
-        raise FileInputError(path, "", None, f"holds a number of more than {most} digits") from error
+        raise FileInputError(path, "", None, f"has a number of more than {most} digits") from error
     except RecursionError as error:
         raise FileInputError(path, "", None, "is nested too deeply") from error
 
 
 def require_finite(path: Path, value: Any) -> None:
-    """See that a file's numbers are finite and can be squared, and its integers of at most 64 bits.
+    """Require that a file's numbers are finite and can be squared, and that its integers have at most 64 bits.
 
     Raises:
-        FileInputError: with the key.
+        FileInputError: a number breaks the rule; the message names its key.
     """
     left = [("", value)]
     while left:
@@ -169,17 +169,17 @@ def require_finite(path: Path, value: Any) -> None:
 
 
 def keep_apart(output: Path | None, *inputs: Path | None) -> None:
-    """Refuse to write over what is read.
+    """Refuse to overwrite an input file.
 
     Raises:
-        InputError: `output` is one of `inputs`, by whatever name.
+        InputError: `output` is the same file as one of `inputs`, even by another name.
     """
     if output is None or not output.exists():
         return
     for path in inputs:
         if path is not None and path.exists() and output.samefile(path):
             raise InputError(
-                f"{output}: is read by this command, so it is not written over; give another file",
+                f"{output}: is read by this command, so it is not overwritten; give another file",
                 file=str(output),
             )
 
@@ -187,15 +187,15 @@ def keep_apart(output: Path | None, *inputs: Path | None) -> None:
 def write_atomic(path: Path, data: bytes | str) -> None:
     """Write a file whole or not at all (a temporary file in the same folder, synced, then renamed).
 
-    Of a link, the file that it leads to is written; an older file's mode stays.
+    If `path` is a link, the file it refers to is written. An existing file keeps its mode.
 
     Raises:
-        InputError: the folder is missing, read-only or full; an older file at `path` is then untouched.
+        InputError: the folder is missing, read-only or full; an existing file is then unchanged.
     """
     content = data.encode() if isinstance(data, str) else data
     path = path.resolve() if path.is_symlink() else path
     if path.exists() and not path.is_file():
-        raise InputError(f"{path}: is no ordinary file, so it is not replaced", file=str(path))
+        raise InputError(f"{path}: is not a regular file, so it is not replaced", file=str(path))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryFile(path) as temporary:
@@ -206,19 +206,19 @@ def write_atomic(path: Path, data: bytes | str) -> None:
 
 
 def _mode_of(path: Path) -> int:
-    """That of the file, or of a new one."""
+    """Return the mode of the file, or that of a new one."""
     if path.exists():
         return stat.S_IMODE(path.stat().st_mode)
     return mode_of_new()
 
 
 def canonical_json(value: Any) -> str:
-    """One text for one value: keys sorted, no spaces, shortest exact floats, no NaN. The base of all hashes."""
+    """Return the unique text of a value, for hashes: sorted keys, no spaces, shortest exact floats, no NaN."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
 def sha256(value: bytes | str | dict[str, Any] | list[Any]) -> str:
-    """Hex SHA-256 of bytes, of text in UTF-8, or of a value's canonical JSON."""
+    """Return the hex SHA-256 of bytes, of text in UTF-8, or of a value's canonical JSON."""
     if isinstance(value, dict | list):
         value = canonical_json(value)
     return hashlib.sha256(value.encode() if isinstance(value, str) else value).hexdigest()

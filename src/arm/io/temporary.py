@@ -1,8 +1,8 @@
-"""Hidden temporary files and folders beside what is written, and the removal of those that a killed program left.
+"""Hidden temporary files and folders beside their targets, and removal of those that a killed program left.
 
-Each is locked (flock) by the program that writes it. The kernel gives a lock up when its program ends, however that
-ends, also by ``kill -9`` or a power cut; so what is named as ours and is not locked belongs to nobody. That holds
-across containers and reboots, where a process number would name somebody else.
+The program that writes one holds its lock (flock). The kernel releases the lock when the program ends in any way,
+including ``kill -9`` and power cuts, so one of ours without a lock is abandoned. This works across containers and
+reboots, unlike process numbers.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ _TRIES = 20
 
 
 def _name(path: Path) -> Path:
-    """A new hidden name beside `path`; the part of its name that fits a name of 255 bytes."""
+    """Return a new hidden name beside `path`, shortened to fit 255 bytes."""
     begins = os.fsdecode(os.fsencode(path.name)[:200])
     return path.with_name(f".{begins}.a465-{secrets.token_hex(6)}")
 
 
 def _lock(handle: int) -> None:
-    with contextlib.suppress(OSError):  # a file system without locks: nothing there is ever removed either
+    with contextlib.suppress(OSError):  # a file system without locks, where nothing is ever removed
         fcntl.flock(handle, fcntl.LOCK_EX)
 
 
@@ -39,7 +39,7 @@ class _Temporary(ABC):
 
     @abstractmethod
     def _make(self, beside: Path) -> tuple[Path, int]:
-        """Make it in that folder, under a name of our own; its path and an open handle of it."""
+        """Create the file or folder `beside`; return its path and an open handle."""
 
     def __init__(self, target: Path) -> None:
         """
@@ -54,21 +54,21 @@ class _Temporary(ABC):
         for _ in range(_TRIES):
             self.path, self._handle = self._make(_name(target))
             _lock(self._handle)
-            # between making and locking it, somebody else may have taken it for abandoned
+            # another program may have removed it as abandoned before it was locked
             if os.fstat(self._handle).st_nlink and self.path.exists():
                 return
             os.close(self._handle)
         raise OSError(11, f"a temporary file beside {target} is removed again and again")
 
     def close(self) -> None:
-        """Give up the lock."""
+        """Release the lock."""
         os.close(self._handle)
 
 
 class TemporaryFile(_Temporary):
-    """A file that gets its name once it is whole; removed if it does not.
+    """A file that gets its final name once complete, and is removed otherwise.
 
-    Used as a context manager around `write` and `become`.
+    A context manager around `write` and `become`.
     """
 
     def _make(self, beside: Path) -> tuple[Path, int]:
@@ -82,7 +82,7 @@ class TemporaryFile(_Temporary):
             os.fsync(stream.fileno())
 
     def become(self, mode: int) -> None:
-        """Replace the target by this file, which gets the mode."""
+        """Set the mode and replace the target by this file."""
         os.chmod(self.path, mode)
         os.replace(self.path, self._target)
 
@@ -96,14 +96,14 @@ class TemporaryFile(_Temporary):
 
 
 class TemporaryFolder(_Temporary):
-    """A folder that gets its name once it is whole; removed with all in it if it does not."""
+    """A folder that gets its final name once complete, and is removed with its contents otherwise."""
 
     def _make(self, beside: Path) -> tuple[Path, int]:
         beside.mkdir(mode=0o700)
         return beside, os.open(beside, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
 
     def become(self) -> None:
-        """Take the target's name; an empty folder there is replaced, one that was filled meanwhile is not."""
+        """Rename to the target; an empty folder there is replaced, one with contents is not."""
         self.path.chmod(mode_of_new(0o777))
         self.path.rename(self._target)
 
@@ -111,19 +111,19 @@ class TemporaryFolder(_Temporary):
         return self
 
     def __exit__(self, *_: object) -> None:
-        shutil.rmtree(self.path, ignore_errors=True)  # not there any more if all went well
+        shutil.rmtree(self.path, ignore_errors=True)  # already renamed if all went well
         self.close()
 
 
 def mode_of_new(mode: int = 0o666) -> int:
-    """The mode of a new file, or of a folder if `mode` is 0o777."""
+    """Return the mode of a new file, or of a folder if `mode` is 0o777."""
     umask = os.umask(0)
     os.umask(umask)
     return mode & ~umask
 
 
 def remove_abandoned(folder: Path) -> None:
-    """Remove what programs of this project began in a folder and did not finish, if they run no more."""
+    """Remove unfinished files and folders of programs of this project that no longer run."""
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
             if _OURS.fullmatch(entry.name) and not entry.is_symlink():
@@ -132,10 +132,10 @@ def remove_abandoned(folder: Path) -> None:
 
 
 def _remove(path: Path, is_folder: bool) -> None:
-    """Remove it if nobody holds its lock.
+    """Remove a file or folder if its lock is free.
 
     Raises:
-        OSError: somebody does, it is gone, or may not be removed.
+        OSError: it is locked, gone, or must not be removed.
     """
     handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     try:

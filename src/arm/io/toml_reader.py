@@ -1,4 +1,4 @@
-"""Reading TOML so that every mistake is told with file, key, value, unit and rule."""
+"""Checked reading of TOML; errors state file, key, value, unit and rule."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from arm.numerics.products import mul
 from arm.se3 import Array, frozen, orthonormalised
 
 _REQUIRED: Any = object()
-LARGEST = 1e9  # of a number in a matrix: its square can be computed
-MOST_PARTS = 16  # of a dotted key; ours have 4
+LARGEST = 1e9  # largest number in a matrix
+MOST_PARTS = 16  # parts of a dotted key; those of this project have 4
 
 
 class TomlTable:
-    """One table of a TOML file; each getter checks one key, `finish` refuses keys that nobody asked for.
+    """One table of a TOML file. Each getter checks one key; `finish` refuses keys that no getter has read.
 
     Args:
-        file: the file, for messages and for paths relative to it.
+        file: the file, for messages and relative paths.
         values: the table's content.
-        prefix: the dotted name of the table inside the file, with a trailing dot, or "".
+        prefix: the dotted name of the table in the file, with a trailing dot, or "".
     """
 
     def __init__(self, file: Path, values: dict[str, Any], prefix: str = "") -> None:
@@ -41,15 +41,15 @@ class TomlTable:
         self._others: Callable[[], str] | None = None
 
     def knows(self, keys: Collection[str]) -> None:
-        """Give all dotted keys of a file: where one is missing, the error names keys that were meant to be another."""
+        """Set all dotted keys of a file; the error for a missing key then names misspelt keys."""
         self._others = functools.partial(_misspelt, self._values, keys)
 
     @classmethod
     def read(cls, path: Path) -> TomlTable:
-        """The root table of a file.
+        """Read the root table of a file.
 
         Raises:
-            FileInputError: unreadable, or not TOML (the message holds line and column).
+            FileInputError: the file is unreadable, or not TOML (the message has line and column).
         """
         try:
             text = read_text(path, "TOML")
@@ -65,7 +65,7 @@ class TomlTable:
         return cls(path, values)
 
     def error(self, key: str, rule: str, help: str = "") -> FileInputError:
-        """The error to raise when the value of `key` breaks `rule`."""
+        """Return the error to raise if the value of `key` breaks `rule`."""
         return FileInputError(self.file, self.prefix + key, self._values.get(key), rule, help)
 
     def __contains__(self, key: str) -> bool:
@@ -96,7 +96,7 @@ class TomlTable:
         high: float = math.inf,
         default: float = _REQUIRED,
     ) -> float:
-        """A number in `unit` within [low, high]."""
+        """Return a number in `unit` within [low, high]."""
         rule = f"a number in {unit}{_range(low, high)}" if unit else f"a number{_range(low, high)}"
         value = self._get(key, default, rule)
         if not _is_number(value) or not low <= value <= high:
@@ -104,7 +104,7 @@ class TomlTable:
         return float(value)
 
     def integer(self, key: str, low: int, high: int, default: int = _REQUIRED) -> int:
-        """A whole number within [low, high]."""
+        """Return an integer within [low, high]."""
         rule = f"a whole number{_range(low, high)}"
         value = self._get(key, default, rule)
         if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
@@ -120,7 +120,7 @@ class TomlTable:
         high: float = math.inf,
         default: Sequence[float] = _REQUIRED,
     ) -> Array:
-        """`count` numbers in `unit`, each within [low, high], read-only."""
+        """Return `count` numbers in `unit`, each within [low, high], read-only."""
         rule = (
             f"{count} numbers in {unit}{_range(low, high)}" if unit else f"{count} numbers{_range(low, high)}"
         )
@@ -135,7 +135,7 @@ class TomlTable:
         return frozen(value)
 
     def integers(self, key: str, count: int, low: int, high: int) -> tuple[int, ...]:
-        """`count` whole numbers, each within [low, high]."""
+        """Return `count` integers, each within [low, high]."""
         rule = f"{count} whole numbers{_range(low, high)}"
         value = self._get(key, _REQUIRED, rule)
         if not (
@@ -147,7 +147,7 @@ class TomlTable:
         return tuple(value)
 
     def matrix(self, key: str, rows: int, columns: int, unit: str = "") -> Array:
-        """A matrix written as a list of rows, read-only."""
+        """Return a matrix written as a list of rows, read-only."""
         rule = f"{rows} rows of {columns} numbers" + (f" in {unit}" if unit else "")
         value = self._get(key, _REQUIRED, rule)
         if not (
@@ -159,7 +159,7 @@ class TomlTable:
         return frozen(value)
 
     def rigid(self, key: str) -> Array:
-        """A rigid transform, 4x4; one that was printed with few digits is made one, one of ours is kept to the bit."""
+        """Return a rigid transform, 4x4; one with few digits is orthonormalised, an exact one is kept to the bit."""
         T = self.matrix(key, 4, 4)
         if np.abs(T).max() > LARGEST:
             raise self.error(key, f"must be numbers from {-LARGEST:g} to {LARGEST:g}")
@@ -172,7 +172,7 @@ class TomlTable:
             raise self.error(key, str(error)) from error
 
     def text(self, key: str, choices: Sequence[str] = (), default: str = _REQUIRED) -> str:
-        """A text, one of `choices` if any are given."""
+        """Return a text, one of `choices` if any are given."""
         rule = "one of " + ", ".join(choices) if choices else "a text"
         value = self._get(key, default, rule)
         if not isinstance(value, str) or (choices and value not in choices):
@@ -181,18 +181,18 @@ class TomlTable:
         return value
 
     def value(self, key: str, what: str) -> Any:
-        """The raw value of a required key, for the few that need a rule of their own."""
+        """Return the unchecked value of a required key, for keys with special rules."""
         return self._get(key, _REQUIRED, what)
 
     def flag(self, key: str, default: bool = _REQUIRED) -> bool:
-        """true or false."""
+        """Return true or false."""
         value = self._get(key, default, "true or false")
         if not isinstance(value, bool):
             raise self.error(key, "must be true or false")
         return value
 
     def path(self, key: str, default: str = _REQUIRED) -> Path:
-        """A file named relative to this one, which must exist."""
+        """Return the path of an existing file, named relative to this one."""
         name = self.text(key, default=default)
         path = self.file.parent / name
         if not path.is_file():
@@ -200,7 +200,7 @@ class TomlTable:
         return path
 
     def table(self, key: str, required: bool = True) -> TomlTable:
-        """A sub-table; an absent one is empty if not required."""
+        """Return a sub-table; empty if it is absent and not required."""
         value = self._get(key, _REQUIRED if required else {}, "a table")
         if not isinstance(value, dict):
             raise self.error(key, "must be a table")
@@ -209,22 +209,22 @@ class TomlTable:
         return table
 
     def tables(self, key: str, required: bool = False) -> list[TomlTable]:
-        """An array of tables, each named key[index]."""
+        """Return an array of tables, each named key[index]."""
         value = self._get(key, _REQUIRED if required else [], "an array of tables")
         if not isinstance(value, list) or not all(isinstance(v, dict) for v in value):
             raise self.error(key, "must be an array of tables")
         return [TomlTable(self.file, v, f"{self.prefix}{key}[{i}].") for i, v in enumerate(value)]
 
     def value_dict(self) -> dict[str, Any]:
-        """All keys and values of a table that may hold anything."""
+        """Return all keys and values, for tables with arbitrary content."""
         self._asked.update(self._values)
         return dict(self._values)
 
     def finish(self) -> None:
-        """Refuse keys that are not known.
+        """Refuse unknown keys.
 
         Raises:
-            FileInputError: with the nearest known key.
+            FileInputError: a key is not known; the message suggests the nearest known one.
         """
         for key in self._values:
             if key not in self._asked:
@@ -238,7 +238,7 @@ class TomlTable:
 
 
 def _misspelt(values: dict[str, Any], keys: Collection[str]) -> str:
-    """Keys of a file, two levels deep, that are not known but nearly; "" if there are none."""
+    """Return a hint on the misspelt keys of a file, two levels deep; "" if there are none."""
     there = {
         f"{table}.{key}" if table else key
         for table, inner in (("", values), *((k, v) for k, v in values.items() if isinstance(v, dict)))
@@ -253,7 +253,7 @@ def _misspelt(values: dict[str, Any], keys: Collection[str]) -> str:
     )
 
 
-# What no key is part of; an unclosed text ends with its line, so that this is linear in the file's length.
+# Texts and comments. An unclosed text ends with its line, which keeps the search linear in the file's length.
 _TEXT = re.compile(r'"(?:[^"\\\n]|\\.)*+"?|\'[^\'\n]*+\'?|#[^\n]*+')
 _PARTS = re.compile(
     rf"(?<![\w-])[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++){{{MOST_PARTS}}}",
@@ -262,12 +262,12 @@ _PARTS = re.compile(
 
 
 def _require_short_keys(path: Path, text: str) -> None:
-    """See that no dotted key has more than `MOST_PARTS` parts: `tomllib` needs memory with the square of them.
+    """Require that dotted keys have at most `MOST_PARTS` parts, because `tomllib` needs memory with their square.
 
     Raises:
-        FileInputError: with the line.
+        FileInputError: a key has more; the message names the line.
     """
-    # a quoted part of a key counts as a word; a comment counts as nothing
+    # replace quoted parts by words and remove comments
     plain = _TEXT.sub(lambda found: "" if found[0].startswith("#") else "_", text)
     if (found := _PARTS.search(plain)) is not None:
         line = plain.count("\n", 0, found.start()) + 1
@@ -275,19 +275,19 @@ def _require_short_keys(path: Path, text: str) -> None:
 
 
 def _require_integers(path: Path, values: dict[str, Any]) -> None:
-    """See that every integer has 64 bits, as TOML says; `tomllib` reads longer ones.
+    """Require integers of at most 64 bits, as in TOML; `tomllib` accepts longer ones.
 
     Raises:
-        FileInputError: with the key.
+        FileInputError: an integer is longer; the message names the key.
     """
     every: list[tuple[str, Any]] = [("", values)]
-    for key, value in every:  # which grows
+    for key, value in every:  # the list grows in the loop
         if isinstance(value, dict):
             every += [(f"{key}.{name}" if key else name, inner) for name, inner in value.items()]
         elif isinstance(value, list):
             every += [(f"{key}[{i}]", inner) for i, inner in enumerate(value)]
         elif isinstance(value, int) and not -(2**63) <= value < 2**63:
-            raise FileInputError(path, key, value, "must be a whole number of 64 bits, as TOML has them")
+            raise FileInputError(path, key, value, "must be a whole number of 64 bits")
 
 
 def _is_number(value: Any) -> bool:

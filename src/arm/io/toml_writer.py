@@ -1,4 +1,4 @@
-"""Values as TOML texts, for the few files that are written and not only read."""
+"""Conversion of values to TOML."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from arm.se3 import Array
 
 
 def toml_lines(values: Mapping[str, Any]) -> list[str]:
-    """A line for each key; values are texts, numbers, flags, dates, or lists of these."""
+    """Return one line per key; values are texts, numbers, flags, dates, or lists of these."""
     return [f"{key} = {toml_value(value)}" for key, value in values.items()]
 
 
 def toml_rows(matrix: Array) -> str:
-    """A matrix, a line for each row, to the last bit."""
+    """Return a matrix with one line per row, exact to the last bit."""
     return "[\n" + "".join(f"  {row.tolist()},\n" for row in matrix) + "]"
 
 
 def toml_value(value: object) -> str:
-    """One value."""
+    """Return one value as TOML."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
-        # a JSON string is a TOML basic string, but for DEL
+        # a JSON string is a TOML basic string except for DEL
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(toml_value, value)) + "]"

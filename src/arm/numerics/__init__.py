@@ -1,1 +1,1 @@
-"""Products and angles that give the same bits on every processor."""
+"""Linear algebra and angles with the same bits on every processor."""

@@ -1,8 +1,8 @@
-"""Angles of ratios, the same to the last bit on processors with AVX-512 and without.
+"""Inverse trigonometric functions with the same bits on processors with and without AVX-512.
 
-On processors with AVX-512 numpy computes inverse functions with code of its own, which rounds otherwise than the C
-library's. A search that takes the least of many then ends elsewhere. Here each number goes to the C library, as numpy's
-sine and cosine do anyway. The library itself has code for processors with FMA (all since 2013) and without.
+With AVX-512, numpy computes inverse functions with its own code, which rounds differently from the C library. A search
+for a minimum can then end elsewhere. The functions here call the C library for each number, as numpy's sine and cosine
+do. The C library distinguishes only processors with FMA (all since 2013) and without.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ _ASIN = np.frompyfunc(math.asin, 1, 1)
 
 
 def arctan2(y: npt.ArrayLike, x: npt.ArrayLike) -> Array:
-    """The angle of (x, y) from the x axis, in [-pi, pi], rad; arrays of any shapes that go together."""
+    """Return the angle of (x, y) from the x axis, in [-pi, pi], rad; the arrays are broadcast."""
     return np.asarray(_ATAN2(y, x), dtype=float)
 
 
 def arccos(x: npt.ArrayLike) -> Array:
-    """The angle in [0, pi] with this cosine, rad; what is beyond -1 or 1 by rounding counts as that."""
+    """Return the angle in [0, pi] with this cosine, rad; x is clipped to [-1, 1] against rounding errors."""
     return np.asarray(_ACOS(np.clip(x, -1.0, 1.0)), dtype=float)
 
 
 def arcsin(x: npt.ArrayLike) -> Array:
-    """The angle in [-pi/2, pi/2] with this sine, rad; what is beyond -1 or 1 by rounding counts as that."""
+    """Return the angle in [-pi/2, pi/2] with this sine, rad; x is clipped to [-1, 1] against rounding errors."""
     return np.asarray(_ASIN(np.clip(x, -1.0, 1.0)), dtype=float)

@@ -1,8 +1,8 @@
-"""Products, lengths and solutions of small matrices, the same to the last bit on every processor.
+"""Linear algebra of small matrices with the same bits on every processor.
 
-BLAS and LAPACK, which numpy asks for ``@`` and ``np.linalg``, sum in an order and with instructions of their own on
-every kind of processor, and with every number of threads. A search that takes the least of many then ends elsewhere.
-Here sums have one order, and each operation rounds once (IEEE 754). What decides in planning is computed with these.
+BLAS and LAPACK, which numpy uses for ``@`` and ``np.linalg``, sum in an order that depends on the kind of processor and
+the number of threads. A search for a minimum can then end elsewhere. Here sums have a fixed order, and each operation
+rounds once (IEEE 754). All decisions in planning use these functions.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
-_SHORT = 8  # sums of up to so many terms are written out
-_NO_PIVOT = 1e-15  # of the largest: a pivot below has no digits left
+_SHORT = 8  # most terms of a sum that is computed by a loop
+_NO_PIVOT = 1e-15  # of the largest: a smaller pivot has no significant digits
 
 
 def mul(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:
-    """``a @ b``: of matrices, of stacks of matrices (..., n, k) and (..., k, m), and of vectors (k,)."""
+    """Return ``a @ b`` of matrices, stacks of matrices (..., n, k) and (..., k, m), or vectors (k,)."""
     a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
     if b.ndim == 1:
         return np.einsum("...j,j->...", a, b)  # type: ignore[no-any-return]
@@ -35,14 +35,14 @@ def mul(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:
 
 
 def norm(v: npt.ArrayLike) -> float:
-    """Euclidean length of all numbers of `v`."""
+    """Return the Euclidean norm of all numbers of `v`."""
     return math.sqrt(sum([x * x for x in np.asarray(v, dtype=float).ravel().tolist()]))
 
 
 def solve_positive(H: Array, b: Array) -> Array:
-    """x (..., n) of H x = b for symmetric positive matrices H (..., n, n) and b (..., n), by Cholesky's factors.
+    """Solve H x = b for symmetric positive definite H (..., n, n) and b (..., n) by Cholesky factorisation.
 
-    Where H has lost rank, directions that it says nothing of get 0.
+    If H is rank-deficient, undetermined directions of x (..., n) are 0.
     """
     H, b = np.asarray(H, dtype=float), np.asarray(b, dtype=float)
     if H.ndim == 2:
@@ -72,7 +72,7 @@ def solve_positive(H: Array, b: Array) -> Array:
 
 
 def _solve_one(H: list[list[float]], b: list[float]) -> list[float]:
-    """The same for one matrix, in plain numbers: a tenth of the time."""
+    """Solve for one matrix in plain Python numbers, ten times as fast."""
     n = len(b)
     least = _NO_PIVOT * max(H[j][j] for j in range(n))
     L = [[0.0] * n for _ in range(n)]
@@ -98,9 +98,9 @@ def _solve_one(H: list[list[float]], b: list[float]) -> list[float]:
 
 
 def nearest_rotation(M: Array) -> Array:
-    """The rotation that is nearest to a matrix M (3, 3) near one: the limit of X <- (X + X^-T) / 2 from M.
+    """Return the rotation nearest to a matrix M (3, 3) near one: the limit of X <- (X + X^-T) / 2 from M.
 
-    (N. Higham, "Computing the polar decomposition", SIAM J. Sci. Stat. Comput. 7, 1986.)
+    Source: N. Higham, "Computing the polar decomposition", SIAM J. Sci. Stat. Comput. 7, 1986.
     """
     X = np.array(M, dtype=float)
     for _ in range(30):

@@ -1,6 +1,6 @@
-"""Denavit-Hartenberg numbers of a serial arm, and those of the A465.
+"""Denavit-Hartenberg parameters of serial arms, and those of the A465.
 
-Standard convention (J. Denavit and R. S. Hartenberg, 1955): Rot_z(theta) Trans_z(d) Trans_x(a) Rot_x(alpha) a joint.
+Standard convention (J. Denavit and R. S. Hartenberg, 1955): Rot_z(theta) Trans_z(d) Trans_x(a) Rot_x(alpha) per joint.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from arm.se3 import Array, frozen
 
 @dataclass(frozen=True, eq=False)
 class DhTable:
-    """Denavit-Hartenberg numbers, (joints,) each: d, a m; alpha, theta_offset rad."""
+    """Denavit-Hartenberg parameters, (joints,) each: d, a in m; alpha, theta_offset in rad."""
 
     d: Array
     a: Array
@@ -24,12 +24,12 @@ class DhTable:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of all numbers."""
+        """SHA-256 of all parameters."""
         return sha256([v.tolist() for v in (self.d, self.a, self.alpha, self.theta_offset)])
 
     @property
     def joints(self) -> int:
-        """How many there are."""
+        """Number of joints."""
         return len(self.d)
 
 
@@ -41,4 +41,4 @@ A465 = DhTable(
     alpha=frozen([_QUARTER, 0.0, 3.0 * _QUARTER, _QUARTER, 3.0 * _QUARTER, 0.0]),
     theta_offset=frozen([0.0, -3.0 * _QUARTER, -_QUARTER, 0.0, 0.0, 0.0]),
 )
-"""Of the cell's fact sheet; its last frame is the flange of ``urdf/a465/a465.urdf``."""
+"""From the cell's fact sheet; the last frame is the flange of ``urdf/a465/a465.urdf``."""

@@ -1,7 +1,7 @@
-"""A two-finger gripper on the A465's flange: its measures, and the arm's URDF with it.
+"""A two-finger gripper on the A465's flange: its dimensions, and the arm's URDF with it.
 
-From the flange outwards: a round body, the palm (a box), two fingers (boxes) that close along the tool's y axis. Its
-tool frame is between the finger tips. The links keep the names of the shipped description, so its SRDF holds.
+From the flange outwards: a round body, the palm (a box), two fingers (boxes) that close along the tool's y axis. The
+tool frame is between the finger tips. Links have the names of the shipped URDF, so its SRDF remains valid.
 """
 
 from __future__ import annotations
@@ -20,28 +20,28 @@ from arm.io.storage import data_file, read_text
 from arm.robot.model import Robot, load_a465
 
 SHIPPED_URDF = "urdf/a465/a465.urdf"
-LEAST_BODY = 1e-3  # a round body shorter than this is none, m
-SAME = 1e-9  # measures that differ by less are the same, m
-HAND = ("gripper", "palm", "finger_l", "finger_r")  # its links; what is no link of it is the arm's
+LEAST_BODY = 1e-3  # m; a shorter round body is left out
+SAME = 1e-9  # m, difference of equal dimensions
+HAND = ("gripper", "palm", "finger_l", "finger_r")  # links of the gripper; all others are the arm's
 Size = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class Gripper:
-    """What a gripper measures; the defaults are those of the shipped one. Lengths in m.
+    """Dimensions of a gripper, m; the defaults are those of the shipped one.
 
     Attributes:
         length: from the flange's face to the finger tips.
         opening: between the fingers' inner faces when open.
-        shut: the same when closed as far as they go.
-        finger: of one finger: across the closing direction, along it, and along the tool's axis.
-        palm: of the box that the fingers stand on, in the same directions.
-        body_radius: of what is between flange and palm.
-        close_to: what the jaws are told to close to when they grip; they stop on the cube before.
-        urdf: the arm with a gripper of another kind, or None. It says what fingers and palm are.
+        shut: between the fingers' inner faces when fully closed.
+        finger: size of one finger: across the closing direction, along it, and along the tool axis.
+        palm: size of the box that carries the fingers, in the same directions.
+        body_radius: radius of the round body between flange and palm.
+        close_to: target opening when gripping; the jaws stop on the cube before.
+        urdf: URDF of the arm with another kind of gripper, or None. It defines fingers and palm.
 
     Raises:
-        InputError: a measure is out of range, the parts are longer than the whole, or the jaws do not close.
+        InputError: a dimension is out of range, the parts are longer than the whole, or the jaws do not close.
     """
 
     length: float = 0.134112
@@ -80,28 +80,28 @@ class Gripper:
 
     @property
     def body_length(self) -> float:
-        """Of what is between flange and palm, m."""
+        """Length of the round body between flange and palm, m."""
         return self.length - self.finger[2] - self.palm[2]
 
     def width(self, fraction_closed: float) -> float:
-        """Between the fingers at 0 (open) to 1 (shut), m. Linear in the stroke."""
+        """Return the opening for 0 (open) to 1 (shut), m; linear in the stroke."""
         return self.opening - fraction_closed * (self.opening - self.shut)
 
     def fraction_closed(self, width: float) -> float:
-        """The inverse of `width`."""
+        """Invert `width`."""
         return (self.opening - width) / (self.opening - self.shut)
 
     def robot(self, width: float) -> Robot:
-        """The A465 with this gripper, its fingers `width` m apart.
+        """Return the A465 with this gripper, its fingers `width` m apart.
 
         Raises:
-            InputError: the fingers of its URDF do not end at `length`.
+            InputError: the fingers in the URDF do not end at `length`.
         """
         text = None if self.urdf is not None else self.description()
         return load_a465(self.length, width, self.urdf, text)
 
     def description(self) -> str:
-        """The arm's URDF with this gripper; of the shipped one the text of its file."""
+        """Return the arm's URDF with this gripper; the unchanged file for the shipped one."""
         text = read_text(data_file(SHIPPED_URDF))
         if np.abs(np.subtract(self._measures(), Gripper()._measures())).max() < SAME:
             return text
@@ -147,14 +147,14 @@ def _origin(parent: Element, xyz: Sequence[float]) -> None:
 
 
 def _shape(link: Element, kind: str, xyz: Sequence[float], **measures: float | Sequence[float]) -> None:
-    """Give a link one body at a place in it."""
+    """Replace the collision bodies of a link by one at `xyz`."""
     for old in link.findall("collision"):
         link.remove(old)
     collision = ElementTree.SubElement(link, "collision")
     _origin(collision, xyz)
     geometry = ElementTree.SubElement(collision, "geometry")
-    said = {
+    attributes = {
         key: repr(value) if isinstance(value, float) else " ".join(map(repr, value))
         for key, value in measures.items()
     }
-    ElementTree.SubElement(geometry, kind, said)
+    ElementTree.SubElement(geometry, kind, attributes)

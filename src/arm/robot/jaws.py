@@ -1,4 +1,4 @@
-"""Jaws whose opening is not known: fingers as long as all the places where they may be."""
+"""Jaws with unknown opening: fingers that cover all their possible positions."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ FINGERS = ("finger_l", "finger_r")
 
 
 def with_any_jaws(robot: Robot) -> Robot:
-    """The arm with its fingers drawn out inwards until they meet: clear of it is clear of every narrower opening.
+    """Extend the fingers inwards until they meet; a clearance then holds for every narrower opening too.
 
     Args:
-        robot: an arm whose fingers are boxes that close along the y axis of its end frame, as those of
+        robot: an arm with boxes as fingers that close along the y axis of its end frame, like that of
             `arm.robot.model.load_a465`.
 
     Raises:
-        InputError: it has no such fingers.
+        InputError: the arm has no such fingers.
     """
     end = robot.model.frames[robot.model.getFrameId(robot.end_frame)]
     T_joint_end = frozen(end.placement.homogeneous)
@@ -30,12 +30,12 @@ def with_any_jaws(robot: Robot) -> Robot:
     missing = [name for name in FINGERS if name not in found]
     if missing:
         raise InputError(f"the arm has no finger {missing[0]!r} that is a box", name=missing[0])
-    bodies = tuple(_drawn(b, T_joint_end) if b.name in FINGERS else b for b in robot.bodies)
+    bodies = tuple(_extended(b, T_joint_end) if b.name in FINGERS else b for b in robot.bodies)
     return replace(robot, bodies=bodies, digest=sha256({"robot": robot.digest, "jaws": "any"}))
 
 
-def _drawn(finger: LinkBody, T_joint_end: Array) -> LinkBody:
-    """From its outer face to the middle."""
+def _extended(finger: LinkBody, T_joint_end: Array) -> LinkBody:
+    """Extend a finger from its outer face to the middle."""
     T_end_finger = mul(inverse(T_joint_end), finger.T_joint_body)
     x, y, z = finger.shape.size  # type: ignore[union-attr]
     outer = abs(float(T_end_finger[1, 3])) + y / 2.0

@@ -1,4 +1,4 @@
-"""An arm whose links are not as its maker says: errors of Denavit-Hartenberg numbers put into its model."""
+"""Errors of Denavit-Hartenberg parameters, applied to the model of an arm."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ _SAME = 1e-6  # m, and of unit vectors
 
 @dataclass(frozen=True, eq=False)
 class LinkErrors:
-    """What to add to the numbers of an arm, (joints,) each: d, a m; alpha rad.
+    """Corrections to the Denavit-Hartenberg parameters of an arm, (joints,) each: d, a in m; alpha in rad.
 
-    Those of the last link cannot be told from how something is held in the hand, and are not applied.
+    Those of the last link are not applied, because a calibration cannot separate them from the mounting of the tool.
     """
 
     d: Array
@@ -30,26 +30,26 @@ class LinkErrors:
 
     @classmethod
     def none(cls, joints: int = 6) -> LinkErrors:
-        """All zero."""
+        """Return zero corrections."""
         return cls(*(frozen(np.zeros(joints)) for _ in range(3)))
 
     @property
     def any(self) -> bool:
-        """Whether something is to be applied."""
+        """Whether a correction is to be applied."""
         return any(bool(np.any(values[:-1])) for values in (self.d, self.a, self.alpha))
 
     def to_json(self) -> list[list[float]]:
-        """d, a, alpha as lists; no zero has a sign."""
+        """Return d, a, alpha as lists without negative zeros."""
         return [(values + 0.0).tolist() for values in (self.d, self.a, self.alpha)]
 
 
 def with_link_errors(robot: Robot, dh: DhTable, errors: LinkErrors) -> Robot:
-    """The arm with its joints where they truly are to each other; bodies move with their joints.
+    """Return the arm with corrected poses between its joints; bodies move with their joints.
 
     Args:
-        robot: an arm of turning joints whose flange is the last frame of `dh`.
-        dh: its numbers as its maker says.
-        errors: of these.
+        robot: an arm of revolute joints whose flange is the last frame of `dh`.
+        dh: its nominal parameters.
+        errors: corrections to these.
 
     Raises:
         InputError: the arm is not the one of `dh`.
@@ -60,7 +60,7 @@ def with_link_errors(robot: Robot, dh: DhTable, errors: LinkErrors) -> Robot:
     counts = [len(v) for v in (errors.d, errors.a, errors.alpha)]
     if {len(robot.joint_names), *counts} != {n}:
         raise InputError(
-            f"link errors d, a, alpha are of {counts} joints, the arm has {len(robot.joint_names)}, its table {n}"
+            f"link errors d, a, alpha have {counts} joints, the arm has {len(robot.joint_names)}, its DH table {n}"
         )
     poses = robot.joint_poses(np.zeros(n))
     model = robot.model.copy()
@@ -70,7 +70,7 @@ def with_link_errors(robot: Robot, dh: DhTable, errors: LinkErrors) -> Robot:
         nominal = _link(dh.d[j], dh.a[j], dh.alpha[j])
         z, apart = T_base_link[:3, 2], poses[j + 1][:3, 3] - T_base_link[:3, 3]
         if norm(z - _axis(robot, poses, j)) > _SAME or norm(np.cross(z, apart)) > _SAME:
-            raise InputError(f"joint {robot.joint_names[j]}: its axis is not that of the table", joint=j)
+            raise InputError(f"joint {robot.joint_names[j]}: its axis is not that of the DH table", joint=j)
         T_base_link = mul(mul(T_base_link, turn), nominal)
         if j + 1 == n:
             break
@@ -90,5 +90,5 @@ def _axis(robot: Robot, poses: Array, j: int) -> Array:
     kind = robot.model.joints[j + 1].shortname()
     column = "XYZ".find(kind[-1])
     if not kind.startswith("JointModelR") or column < 0:
-        raise InputError(f"joint {robot.joint_names[j]}: is a {kind}; links have errors about turning joints")
+        raise InputError(f"joint {robot.joint_names[j]}: is a {kind}; link errors need revolute joints")
     return np.asarray(poses[j + 1][:3, column])

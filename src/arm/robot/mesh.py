@@ -1,4 +1,4 @@
-"""Corners of meshes from STL (binary and ASCII) and OBJ files. Meshes serve as hulls, so their faces do not matter."""
+"""Corners of meshes from STL (binary and ASCII) and OBJ files. Only hulls are used, so faces do not matter."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from arm.errors import FileInputError
 from arm.io.storage import read_bytes
 from arm.se3 import Array, frozen
 
-_HEADER, _TRIANGLE = 84, 50  # bytes of a binary STL before its triangles, and of each
+_HEADER, _TRIANGLE = 84, 50  # bytes of a binary STL: before its triangles, and of each triangle
 
 
 def read_mesh_points(path: Path) -> Array:
-    """Corners (n, 3) of all faces, in the file's own unit; none twice.
+    """Return the distinct corners (n, 3) of all faces, in the file's unit.
 
-    A binary STL is told by its size, which its header states; other files must be text.
+    A file whose size matches its header is a binary STL; other files must be text.
 
     Raises:
-        FileInputError: it cannot be read, is too large, is no mesh, or a number in it is not finite.
+        FileInputError: the file cannot be read, is too large, is not a mesh, or has a number that is not finite.
     """
     data = read_bytes(path, "mesh")
     points = _binary(data) if _is_binary(data) else _text(path, data)
@@ -36,15 +36,15 @@ def _is_binary(data: bytes) -> bool:
 
 
 def _binary(data: bytes) -> Array:
-    """Each triangle: normal, three corners, two bytes of whatever the writer liked."""
+    """Read triangles: normal, three corners, two arbitrary bytes."""
     layout = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     triangles = np.frombuffer(data, dtype=layout, offset=_HEADER)
     return triangles["corners"].reshape(-1, 3).astype(float)
 
 
 def _text(path: Path, data: bytes) -> Array:
-    """Lines ``vertex x y z`` of an ASCII STL, or ``v x y z`` of an OBJ."""
-    rule = "is no mesh; it must be an STL (binary or ASCII) or OBJ file"
+    """Read lines ``vertex x y z`` of an ASCII STL, or ``v x y z`` of an OBJ file."""
+    rule = "is not a mesh; it must be an STL (binary or ASCII) or OBJ file"
     try:
         lines = data.decode("utf-8").splitlines()
     except UnicodeDecodeError as error:

@@ -1,7 +1,7 @@
-"""Any serial URDF arm with a rigid tool: kinematics by Pinocchio, bodies as plain values.
+"""Serial URDF arms with a rigid tool: kinematics by Pinocchio, bodies as plain values.
 
-The tool is given, never implied: a frame at the end of the chain and T_end_tool. Joints that are not part of the
-arm (jaws) are locked at stated positions.
+The caller always states the tool, as a frame at the end of the chain and T_end_tool. Joints that are not part of the
+arm (jaws) are locked at given positions.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from arm.arguments import number, rigid
+from arm.arguments import number, rigid, shown
 from arm.errors import FileInputError, InputError
 from arm.io.storage import LARGEST, read_text, sha256
 from arm.numerics.products import mul
 from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, convex, shape_to_json
-from arm.robot.urdf import read_touching, read_urdf
+from arm.robot.urdf import read_disabled_collisions, read_urdf
 from arm.se3 import Array, frozen, transform
 
 
@@ -31,12 +31,12 @@ class LinkBody:
     """A collision body that moves with the arm.
 
     Attributes:
-        name: of its link; further bodies of one link have a number behind it.
+        name: name of its link, with a number for further bodies of one link.
         joint: index of the moving joint before it, 1 to n; 0 for the fixed base.
         shape: its shape.
         T_joint_body: pose in that joint's frame.
-        padding: as of `arm.robot.shapes.Body`, m.
-        link: that it is of; "" for a body of its own, such as a tool's.
+        padding: see `arm.robot.shapes.Body`, m.
+        link: its link; "" for a body without one, such as a tool's.
     """
 
     name: str
@@ -49,24 +49,24 @@ class LinkBody:
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """An arm with a tool. Not for use from two threads at once (Pinocchio's workspace is inside).
+    """An arm with a tool. Not thread-safe: it contains Pinocchio's workspace.
 
     Attributes:
         model: Pinocchio model of the moving joints, in the URDF's order.
         end_frame: name of the frame that carries the tool.
         T_end_tool: the tool frame in it.
         bodies: collision bodies.
-        touching: pairs of body names that are not checked against each other.
+        disabled_collisions: pairs of body names that are not checked against each other.
         digest: SHA-256 over URDF, SRDF, tool, locked joints and hulls of meshes.
-        urdf: text of the description.
-        ideal: the arm that this one is nearly, if it is a calibrated one: closed forms begin there.
+        ideal: the nominal arm if this one is calibrated, for closed-form inverse kinematics; or None.
+        urdf: text of the URDF.
     """
 
     model: Any
     end_frame: str
     T_end_tool: Array
     bodies: tuple[LinkBody, ...]
-    touching: frozenset[frozenset[str]]
+    disabled_collisions: frozenset[frozenset[str]]
     digest: str
     ideal: Robot | None = None
     urdf: str = ""
@@ -85,30 +85,30 @@ class Robot:
         return int(self.model.getFrameId(self.end_frame))
 
     def T_base_tool(self, q: npt.ArrayLike) -> Array:
-        """Pose of the tool at configuration q (n,) in rad; 4x4."""
+        """Return the pose (4x4) of the tool at configuration q (n,) in rad."""
         pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
         return frozen(
             mul(pin.updateFramePlacement(self.model, self._data, self._end).homogeneous, self.T_end_tool)
         )
 
     def jacobian(self, q: npt.ArrayLike) -> Array:
-        """Twist of the tool in its own axes per joint speed, (6, n): three rows m/s, three rows rad/s.
+        """Return the Jacobian (6, n) of the tool's twist in tool axes: three rows of translation, three of rotation.
 
-        With T(q + dq) = T(q) exp(J dq) to first order (Pinocchio's LOCAL frame, moved to the tool).
+        T(q + dq) = T(q) exp(J dq) to first order (Pinocchio's LOCAL frame, moved to the tool).
         """
         J_end = pin.computeFrameJacobian(
             self.model, self._data, np.asarray(q, dtype=float), self._end, pin.ReferenceFrame.LOCAL
         )
-        # of an arm with one joint Pinocchio makes a plain vector
+        # Pinocchio returns a vector for an arm with one joint
         return np.asarray(mul(pin.SE3(self.T_end_tool).actionInverse, J_end.reshape(6, -1)))
 
     def joint_poses(self, q: npt.ArrayLike) -> Array:
-        """Poses of the base (index 0) and of every joint frame, (n + 1, 4, 4)."""
+        """Return the poses of the base (index 0) and of every joint frame, (n + 1, 4, 4)."""
         pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
         return np.stack([M.homogeneous for M in self._data.oMi])
 
     def bodies_at(self, q: npt.ArrayLike) -> list[Body]:
-        """The arm's bodies where they are at configuration q."""
+        """Return the arm's bodies at configuration q."""
         poses = self.joint_poses(q)
         return [
             Body(b.name, b.shape, frozen(mul(poses[b.joint], b.T_joint_body)), "robot", b.padding)
@@ -125,31 +125,31 @@ def load_robot(
     package_dirs: Iterable[str | Path] = (),
     text: str | None = None,
 ) -> Robot:
-    """Read an arm from URDF (and pairs not to check from SRDF, by default the file of the same stem).
+    """Read an arm from a URDF, and its disabled collisions from an SRDF.
 
-    A continuous joint is one with a range of a turn each way, which limits may narrow.
-
-    A collision mesh is taken as its convex hull, which is never smaller than the mesh: what is proved for the hull
-    holds for the mesh. Where mesh files are looked for, ``package://`` too, is told by `arm.urdf`.
-    A cylinder that ``<collision_checking><capsule name=.../>`` names is a capsule, as Pinocchio has it.
+    A continuous joint gets a range of one revolution in each direction, which limits may narrow. A collision mesh is
+    replaced by its convex hull, which contains it, so certificates for the hull hold for the mesh. `arm.robot.urdf`
+    describes the search for mesh files. A cylinder named by ``<collision_checking><capsule name=.../>`` becomes a
+    capsule, as in Pinocchio.
 
     Args:
         urdf: the file.
         end_frame: the frame that carries the tool, such as ``flange``.
         T_end_tool: the tool frame in it, 4x4, m.
-        locked: position of each joint that is not to move, m or rad.
+        locked: positions of the joints to lock, m or rad.
         srdf: the file; default: `urdf` with suffix ``.srdf`` if it exists.
-        package_dirs: folders that hold packages (or are packages) which ``package://`` names.
-        text: instead of what the file `urdf` says, which is then named in messages only.
+        package_dirs: folders that contain (or are) the packages of ``package://``.
+        text: text to use instead of the content of `urdf`, which then only appears in messages.
 
     Raises:
-        FileInputError: an SRDF that is given and not there; not a URDF that Pinocchio reads whole (xacro is none yet),
-            or with a body of another shape than box, cylinder, sphere, capsule, mesh (Pinocchio drops others in
-            silence, so the number of bodies is compared); or with a mesh that is not there, flat, or of a size that no
-            arm has.
-        InputError: an unknown frame or joint.
+        FileInputError: a given SRDF does not exist; the file is not a URDF, or is xacro; a body has another shape than
+            box, cylinder, sphere, capsule or mesh (Pinocchio drops others silently, so the number of bodies is
+            compared); or a mesh is missing, flat, or too small or large for an arm.
+        InputError: an unknown frame or joint, or `urdf` is not a path.
     """
     tool = rigid("T_end_tool", T_end_tool)
+    if not isinstance(urdf, str | Path):
+        raise InputError(f"urdf = {shown(urdf)}: must be the path of a URDF file", name="urdf")
     urdf = Path(urdf)
     text, ready = read_urdf(urdf, package_dirs, text)
     locked = dict(locked or {})
@@ -185,9 +185,7 @@ def load_robot(
             full, geometry, [full.getJointId(n) for n in locked], reference
         )
     except ValueError as error:
-        raise FileInputError(
-            urdf, "", None, f"a joint and a link of one name cannot be told apart: {error}"
-        ) from error
+        raise FileInputError(urdf, "", None, f"a joint and a link have the same name: {error}") from error
     if model.nq != model.njoints - 1:
         raise FileInputError(urdf, "joint", None, "every moving joint must have one degree of freedom")
     branching = [model.names[k] for k in range(1, model.njoints) if model.parents[k] != k - 1]
@@ -196,7 +194,7 @@ def load_robot(
             urdf,
             f"joint {branching[0]}",
             None,
-            "branches off; lock all moving joints that are not on the way to the tool",
+            "branches off; lock all moving joints that do not move the tool",
         )
 
     given = srdf is not None
@@ -208,21 +206,21 @@ def load_robot(
     )
     identity = {"urdf": text, "srdf": srdf_text, "tool": tool.tolist(), "locked": locked}
     hulls = {b.name: shape_to_json(b.shape) for b in bodies if isinstance(b.shape, Convex)}
-    if hulls:  # they come from other files than the URDF
+    if hulls:  # from other files than the URDF
         identity["hulls"] = hulls
     return Robot(
         model=model,
         end_frame=end_frame,
         T_end_tool=tool,
         bodies=bodies,
-        touching=read_touching(srdf, srdf_text, by_link(bodies)),
+        disabled_collisions=read_disabled_collisions(srdf, srdf_text, by_link(bodies)),
         digest=sha256(identity),
         urdf=text,
     )
 
 
 def by_link(bodies: Iterable[LinkBody]) -> dict[str, list[str]]:
-    """Names of the bodies of each link."""
+    """Return the names of the bodies of each link."""
     found: dict[str, list[str]] = {}
     for body in bodies:
         found.setdefault(body.link or body.name, []).append(body.name)
@@ -230,7 +228,7 @@ def by_link(bodies: Iterable[LinkBody]) -> dict[str, list[str]]:
 
 
 def _names(links: Sequence[str]) -> list[str]:
-    """Of bodies by their links: the link's, with a number from the second on that makes no name of another link."""
+    """Name bodies after their links, with a number from the second on that differs from other links' names."""
     names: list[str] = []
     for i, link in enumerate(links):
         before = links[:i].count(link)
@@ -267,18 +265,18 @@ def _link_body(urdf: Path, geometry: Any, link: str, name: str) -> LinkBody:
 def load_a465(
     tool_length: float, jaw_opening: float, urdf: Path | None = None, text: str | None = None
 ) -> Robot:
-    """The A465 with its two-finger gripper.
+    """Return the A465 with its two-finger gripper.
 
     Args:
-        tool_length: from the flange to the tool frame at the finger tips, m; never implied, because
-            programs for this arm differ by the 134.112 mm of gripper and fingers.
+        tool_length: from the flange to the tool frame at the finger tips, m. It has no default, because programs for
+            this arm differ by the 134.112 mm of gripper and fingers.
         jaw_opening: distance of the fingers' inner faces, m.
-        urdf: another description with the same flange and jaws: links ``finger_l`` and ``finger_r``, each a box on a
-            sliding joint ``jaw_l``, ``jaw_r``, whose position is half of the opening.
-        text: instead of what the shipped description says (`arm.robot.gripper`).
+        urdf: another URDF with the same flange and jaws: links ``finger_l`` and ``finger_r``, each a box on a
+            prismatic joint ``jaw_l``, ``jaw_r``, whose position is half of the opening.
+        text: text to use instead of the shipped URDF (`arm.robot.gripper`).
 
     Raises:
-        InputError: the fingers of the description do not end at `tool_length`, or cannot open that far.
+        InputError: the fingers of the URDF do not end at `tool_length`, or cannot open that far.
     """
     from arm.io.storage import data_file
 

@@ -1,4 +1,4 @@
-"""Rigid bodies of simple shape: what is collided, drawn and rendered. Plain values, no collision library."""
+"""Rigid bodies of simple shape for collision checks, previews and rendering. Plain values, no collision library."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from arm.errors import A465Error, InputError
 from arm.numerics.products import mul
 from arm.se3 import Array, frozen, orthonormalised
 
-LEAST_LENGTH, MOST_LENGTH = 1e-4, 100.0  # of a body that is read from a file, m
-_LEAST, _MOST = 1e-6, 1e4  # of any body, m; beyond, distances have no digits left
+LEAST_LENGTH, MOST_LENGTH = 1e-4, 100.0  # m, sizes of a body that is read from a file
+_LEAST, _MOST = 1e-6, 1e4  # m, sizes of any body; beyond, distances lose their digits
 
 
 class _Round:
-    """What shapes with a radius and perhaps a length check when they are made."""
+    """Base of shapes with a radius and perhaps a length: checks them on construction."""
 
     def __post_init__(self) -> None:
         for key, value in list(vars(self).items()):
@@ -34,7 +34,7 @@ def _size(name: str, value: Any) -> float:
 class Box:
     """A box centred on its frame; `size` (3,) full edge lengths, m.
 
-    All shapes raise InputError where a size is not a finite positive number.
+    All shapes raise InputError if a size is not a finite positive number.
     """
 
     size: tuple[float, float, float]
@@ -43,7 +43,7 @@ class Box:
         size = self.size
         if type(size) is tuple and len(size) == 3:
             x, y, z = size
-            # the usual case, at next to no cost; NaN fails the comparisons
+            # fast check of the usual case; NaN fails the comparisons
             if (
                 type(x) is type(y) is type(z) is float
                 and _LEAST <= x <= _MOST
@@ -116,9 +116,9 @@ class Faces:
     """Triangles of a hull.
 
     Attributes:
-        corners: (m, 3) indices of its points, counterclockwise seen from outside.
-        normals: (m, 3), unit, outwards.
-        offsets: (m,) m; a point p of the triangle's plane has normal @ p == offset.
+        corners: (m, 3) indices of its points, counter-clockwise seen from outside.
+        normals: (m, 3) unit vectors, outwards.
+        offsets: (m,) m; a point p in the triangle's plane has normal @ p == offset.
     """
 
     corners: npt.NDArray[np.intp]
@@ -135,14 +135,14 @@ class Body:
     """A named shape at a pose.
 
     Attributes:
-        name: unique in its scene; messages use it.
+        name: unique in its scene.
         shape: see `Shape`.
         T_base_body: pose in the base frame, 4x4.
-        kind: what it is to the planner and the eye: table, wall, post, stand, board, cube, robot.
-        padding: how far any of its points may be from where shape and pose have it, m; taken off every distance.
+        kind: for planner and display: table, wall, post, stand, board, cube, robot.
+        padding: uncertainty of the surface, m; subtracted from every distance.
 
     Raises:
-        InputError: no name, no shape, a pose that is not rigid to 1e-6, or a padding that is not from 0 to 100 m.
+        InputError: not a name, not a shape, a pose that is not rigid to 1e-6, or a padding that is not from 0 to 100 m.
     """
 
     name: str
@@ -168,12 +168,12 @@ class Body:
             object.__setattr__(self, "padding", checked)
 
     def at(self, T_base_body: Array) -> Body:
-        """The same body at another pose."""
+        """Return the same body at another pose."""
         return replace(self, T_base_body=frozen(T_base_body))
 
 
 def shape_to_json(shape: Shape) -> dict[str, Any]:
-    """A shape as JSON types, lengths in metres."""
+    """Return a shape as JSON types, lengths in m."""
     match shape:
         case Box(size):
             return {"box": list(size)}
@@ -188,7 +188,7 @@ def shape_to_json(shape: Shape) -> dict[str, Any]:
 
 
 def shape_from_json(value: dict[str, Any]) -> Shape:
-    """The inverse of `shape_to_json`.
+    """Invert `shape_to_json`.
 
     Raises:
         InputError: not a known shape.
@@ -210,7 +210,7 @@ def shape_from_json(value: dict[str, Any]) -> Shape:
 
 
 def convex(points: npt.ArrayLike) -> Convex:
-    """The hull of points (n, 3) m, without those that lie inside it, in an order that does not hang on theirs.
+    """Return the hull of points (n, 3) m, without inner points and independent of their order.
 
     Raises:
         InputError: fewer than four points, all in one plane, or larger or thinner than a body may be.
@@ -228,7 +228,7 @@ def convex(points: npt.ArrayLike) -> Convex:
             f"measure {LEAST_LENGTH:g} to {MOST_LENGTH:g} m",
             size=size.tolist(),
         )
-    from scipy.spatial import ConvexHull  # slow to import, and few cells have such bodies
+    from scipy.spatial import ConvexHull  # slow to import and rarely needed
 
     corners = p[np.sort(ConvexHull(p).vertices)]
     while len(corners) < len(p):  # until nothing is dropped, so that the hull of a hull is the same
@@ -237,14 +237,14 @@ def convex(points: npt.ArrayLike) -> Convex:
 
 
 def thickness(points: Array) -> float:
-    """How far points (n, 3) spread across the plane that fits them best, m."""
+    """Return the extent of points (n, 3) across their best-fitting plane, m."""
     centred = points - points.mean(axis=0)
     _, _, axes = np.linalg.svd(centred, full_matrices=False)
     return float(np.ptp(mul(centred, axes[-1]))) if len(axes) == 3 else 0.0
 
 
 def hull_faces(shape: Convex) -> Faces:
-    """The surface of a hull as triangles; a flat face may have several."""
+    """Return the surface of a hull as triangles; a flat face may have several."""
     from scipy.spatial import ConvexHull
 
     p = np.array(shape.points)
@@ -266,21 +266,21 @@ def _length(value: Any) -> float:
 
 
 def body_to_json(body: Body) -> dict[str, Any]:
-    """A body as JSON types; a padding of 0 is left out."""
-    said = {
+    """Return a body as JSON types; a padding of 0 is left out."""
+    value = {
         "name": body.name,
         "kind": body.kind,
         "shape": shape_to_json(body.shape),
         "T_base_body": body.T_base_body.tolist(),
     }
-    return {**said, "padding": body.padding} if body.padding else said
+    return {**value, "padding": body.padding} if body.padding else value
 
 
 def body_from_json(value: Any) -> Body:
-    """The inverse of `body_to_json`.
+    """Invert `body_to_json`.
 
     Raises:
-        InputError: not a body: a key is missing, a size not positive, a pose not rigid.
+        InputError: a key is missing, a size is not positive, or a pose is not rigid.
     """
     try:
         name, kind, shape = value["name"], value["kind"], shape_from_json(value["shape"])

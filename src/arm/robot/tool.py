@@ -1,10 +1,11 @@
-"""What a bare URDF lacks: the tool of today, pairs of links that always touch, and limits of acceleration."""
+"""Additions to a bare URDF: a tool, disabled collisions, padding, and acceleration limits."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,7 @@ import numpy.typing as npt
 from arm.arguments import number, rigid
 from arm.controller.unit import Limits
 from arm.errors import InputError
+from arm.former import FormerNames
 from arm.io.storage import sha256
 from arm.numerics.products import mul
 from arm.robot.model import LinkBody, Robot, by_link
@@ -21,16 +23,16 @@ from arm.se3 import frozen
 
 
 def with_tool(robot: Robot, T_end_tool: npt.ArrayLike, bodies: Iterable[Body] = ()) -> Robot:
-    """The arm with another tool frame, and with bodies that the tool is made of.
+    """Return the arm with another tool frame and with the bodies of the tool.
 
     Args:
         robot: the arm.
         T_end_tool: the tool frame in the arm's end frame, 4x4, m.
-        bodies: of the tool; the pose of each is taken in the END frame, not in the base. They are not checked against
-            what moves with the same joint, nor against bodies of the joint before it, which carry it.
+        bodies: bodies of the tool, with poses in the END frame, not in the base. They are not checked against bodies
+            on the same joint and on the joint before it.
 
     Raises:
-        InputError: a body has the name of one of the arm's, or the frame is no pose.
+        InputError: a body has the name of one of the arm's, or the frame is not a pose.
     """
     frame = rigid("T_end_tool", T_end_tool)
     end = robot.model.frames[robot.model.getFrameId(robot.end_frame)]
@@ -55,13 +57,13 @@ def with_tool(robot: Robot, T_end_tool: npt.ArrayLike, bodies: Iterable[Body] = 
         robot,
         T_end_tool=frame,
         bodies=(*robot.bodies, *tool),
-        touching=robot.touching | touching,
+        disabled_collisions=robot.disabled_collisions | touching,
         digest=sha256({"robot": robot.digest, "tool": frame.tolist(), "bodies": parts}),
     )
 
 
 def padded(robot: Robot, padding: float, but: Iterable[str] = ()) -> Robot:
-    """The arm with bodies that are not known exactly: `padding` m is taken off every distance of all but those named.
+    """Return the arm with additional `padding`, m, on all bodies except those named in `but`.
 
     Raises:
         InputError: the padding is not from 0 to 0.5 m.
@@ -71,21 +73,23 @@ def padded(robot: Robot, padding: float, but: Iterable[str] = ()) -> Robot:
         return robot
     left = set(but)
     bodies = tuple(b if b.name in left else replace(b, padding=b.padding + padding) for b in robot.bodies)
-    said = {b.name: b.padding for b in bodies if b.padding}
-    return replace(robot, bodies=bodies, digest=sha256({"robot": robot.digest, "paddings": said}))
+    paddings = {b.name: b.padding for b in bodies if b.padding}
+    return replace(robot, bodies=bodies, digest=sha256({"robot": robot.digest, "paddings": paddings}))
 
 
-def ignoring(robot: Robot, pairs: Iterable[Iterable[str]] = (), neighbours: bool = False) -> Robot:
-    """The arm with more pairs of its bodies that are not checked against each other.
+def with_disabled_collisions(
+    robot: Robot, pairs: Iterable[Iterable[str]] = (), neighbours: bool = False
+) -> Robot:
+    """Return the arm with more disabled collisions between its bodies.
 
     Args:
         robot: the arm.
-        pairs: of names of links, which stand for all their bodies, or of single bodies.
-        neighbours: add all pairs of bodies that one joint joins; joints that carry no body are passed over. For
-            arms without an SRDF, whose links overlap where they meet.
+        pairs: pairs of names of links (for all their bodies) or of single bodies.
+        neighbours: add all pairs of bodies on neighbouring joints, skipping joints without bodies. For arms without
+            an SRDF, whose links overlap where they meet.
 
     Raises:
-        InputError: a name is not of the arm.
+        InputError: a name is not one of the arm's.
     """
     named = {frozenset(pair) for pair in pairs}
     names = {b.name for b in robot.bodies}
@@ -93,7 +97,8 @@ def ignoring(robot: Robot, pairs: Iterable[Iterable[str]] = (), neighbours: bool
     unknown = sorted({name for pair in named for name in pair} - names - set(links))
     if unknown:
         raise InputError(
-            f"pairs to ignore name {unknown[0]!r}; the arm has {', '.join(sorted(names))}", names=unknown
+            f"pairs: {unknown[0]!r} is not a link or body; the arm has {', '.join(sorted(names))}",
+            names=unknown,
         )
     more = set(bodies_of(named, links))
     if neighbours:
@@ -105,9 +110,11 @@ def ignoring(robot: Robot, pairs: Iterable[Iterable[str]] = (), neighbours: bool
                 for b in robot.bodies
                 if a.joint == inner and b.joint == outer
             }
-    touching = robot.touching | more
+    touching = robot.disabled_collisions | more
     listed = sorted(sorted(pair) for pair in touching)
-    return replace(robot, touching=touching, digest=sha256({"robot": robot.digest, "touching": listed}))
+    return replace(
+        robot, disabled_collisions=touching, digest=sha256({"robot": robot.digest, "touching": listed})
+    )
 
 
 def urdf_limits(
@@ -116,16 +123,16 @@ def urdf_limits(
     velocity: npt.ArrayLike | None = None,
     margin: float = 0.0,
 ) -> Limits:
-    """Limits as the URDF states them, with accelerations, which no URDF has.
+    """Return the limits of the URDF with accelerations, which a URDF does not have.
 
     Args:
         robot: the arm.
-        acceleration: for all joints, for each (n,), or by the joint's name; rad/s^2, m/s^2 for sliding joints.
-        velocity: for each (n,) instead of the URDF's, rad/s (m/s).
-        margin: taken off each end of the range, rad (m).
+        acceleration: one for all joints, one for each (n,), or by joint name; rad/s^2, m/s^2 for prismatic joints.
+        velocity: (n,) instead of the URDF's, rad/s (m/s); or None.
+        margin: subtracted from each end of the range, rad (m).
 
     Raises:
-        InputError: a joint without a range, or a limit that is not positive.
+        InputError: a joint has no range, or a limit is not positive.
     """
     names = robot.joint_names
     if isinstance(acceleration, Mapping):
@@ -150,3 +157,7 @@ def urdf_limits(
                 joint=name,
             )
     return Limits(frozen(lower), frozen(upper), frozen(fast), frozen(push))
+
+
+if not TYPE_CHECKING:
+    __getattr__ = FormerNames(__name__, __name__, ignoring="with_disabled_collisions")

@@ -1,8 +1,8 @@
-"""What a URDF and its SRDF say, before Pinocchio reads them: joints made ready, meshes found, pairs that may touch.
+"""Preparation of a URDF for Pinocchio (continuous joints, mesh files), and disabled collisions from its SRDF.
 
-Meshes are named as ROS names them: ``package://PACKAGE/path`` (or ``model://``), ``file:///path``, or a path beside the
-URDF. A package is looked for in the folders that a caller gives, in the folders above the URDF, and where ROS keeps its
-packages: ROS_PACKAGE_PATH (ROS 1) and AMENT_PREFIX_PATH (ROS 2, ``<prefix>/share/PACKAGE``).
+Mesh names follow ROS: ``package://PACKAGE/path`` (or ``model://``), ``file:///path``, or a path relative to the URDF.
+Packages are searched in the caller's folders, in the folders above the URDF, and in those of ROS: ROS_PACKAGE_PATH
+(ROS 1) and AMENT_PREFIX_PATH (ROS 2, ``<prefix>/share/PACKAGE``).
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from arm.io.storage import read_text
 
 Pairs = frozenset[frozenset[str]]
 
-_TURNS = 2.0 * np.pi  # rad each way, of a continuous joint
+_TURNS = 2.0 * np.pi  # rad, range of a continuous joint in each direction
 _SCHEMES = ("package://", "model://")
 _ROS_PATHS = {
     "ROS_PACKAGE_PATH": "",
     "AMENT_PREFIX_PATH": "share",
-}  # and where packages are in each of their folders
+}  # and the folder of packages in each entry
 
 
 def read_urdf(urdf: Path, package_dirs: Iterable[str | Path], text: str | None = None) -> tuple[str, str]:
-    """The text of the file (or `text` in its place), and the same as Pinocchio can read it.
+    """Return the text of the file (or `text` instead), and the same prepared for Pinocchio.
 
-    There every continuous joint has a turn each way, for which Pinocchio has one number and not a cosine and sine, and
-    the meshes of collision bodies are absolute paths.
+    The prepared text has a range of one revolution in each direction for continuous joints, so that Pinocchio
+    represents them by one number instead of a cosine and sine, and absolute paths of collision meshes.
 
     Raises:
-        FileInputError: no XML, a xacro file, or a mesh that is not there.
+        FileInputError: not XML, a xacro file, or a mesh is missing.
     """
     text = read_text(urdf) if text is None else text
     root = _parsed(urdf, text)
@@ -82,8 +82,8 @@ def _is_xacro(urdf: Path) -> FileInputError:
         urdf,
         "",
         None,
-        "is xacro, from which a URDF is made",
-        f"`xacro {urdf.name} > {made}` (pip install xacro, or ROS) makes it; give that file",
+        "is xacro, not a URDF",
+        f"`xacro {urdf.name} > {made}` (pip install xacro, or ROS) makes the URDF; give that file",
     )
 
 
@@ -100,19 +100,19 @@ def _bounded(root: ElementTree.Element) -> bool:
 
 
 def _mesh(urdf: Path, link: str, name: str, package_dirs: Sequence[Path]) -> Path:
-    """Where a mesh is."""
+    """Return the path of a mesh."""
     here = urdf.resolve().parent
     scheme = next((scheme for scheme in _SCHEMES if name.startswith(scheme)), None)
     if scheme is None:
         path = Path(unquote(name.removeprefix("file://")) if name.startswith("file://") else name)
         places: Iterator[Path] = (folder / path for folder in (here, *here.parents[:2], *package_dirs))
-        help = "a path is taken from the URDF's folder"
+        help = "paths are relative to the URDF's folder"
     else:
         package, _, rest = name.removeprefix(scheme).partition("/")
         folders = [*package_dirs, *_ros_folders(), here, *here.parents]
         places = (folder / rest for folder in _package_folders(package, folders))
         help = (
-            f"give package_dirs=[...] with the folder that holds {package}, or set ROS_PACKAGE_PATH (ROS 1) or "
+            f"give package_dirs=[...] with the folder that contains {package}, or set ROS_PACKAGE_PATH (ROS 1) or "
             "AMENT_PREFIX_PATH (ROS 2)"
         )
     found = next((place for place in places if place.is_file()), None)
@@ -122,7 +122,7 @@ def _mesh(urdf: Path, link: str, name: str, package_dirs: Sequence[Path]) -> Pat
 
 
 def _package_folders(package: str, folders: Iterable[Path]) -> Iterator[Path]:
-    """Folders that may be a package's: below a folder, below its share, or the folder itself."""
+    """Yield candidates for a package: below each folder, below its share, or the folder itself."""
     for folder in folders:
         yield folder / package
         yield folder / "share" / package
@@ -131,7 +131,7 @@ def _package_folders(package: str, folders: Iterable[Path]) -> Iterator[Path]:
 
 
 def _states(manifest: Path, package: str) -> bool:
-    """Whether a package.xml is of that package."""
+    """Return whether a package.xml is that of the package."""
     try:
         return ElementTree.parse(manifest).getroot().findtext("name", "").strip() == package
     except (OSError, ElementTree.ParseError):
@@ -145,19 +145,19 @@ def _ros_folders() -> Iterator[Path]:
                 yield Path(folder) / inside
 
 
-def read_touching(srdf: Path, text: str, bodies: Mapping[str, Sequence[str]]) -> Pairs:
-    """Pairs of bodies that an SRDF does not want checked: all of one link with all of the other.
+def read_disabled_collisions(srdf: Path, text: str, bodies: Mapping[str, Sequence[str]]) -> Pairs:
+    """Return the pairs of bodies of an SRDF's disabled collisions: all bodies of one link with all of the other.
 
-    ``disable_default_collisions`` leaves a link unchecked against all others, ``enable_collisions`` checks a pair again
+    ``disable_default_collisions`` disables a link against all others; ``enable_collisions`` enables a pair again
     (MoveIt's SRDF).
 
     Args:
         srdf: the file, for messages.
-        text: what it says; "" where there is none.
+        text: its text; "" if there is none.
         bodies: names of the bodies of each link.
 
     Raises:
-        FileInputError: no XML, no SRDF, or a pair without its links.
+        FileInputError: not XML, not an SRDF, or a pair without its links.
     """
     if not text:
         return frozenset()
@@ -166,9 +166,9 @@ def read_touching(srdf: Path, text: str, bodies: Mapping[str, Sequence[str]]) ->
     except ElementTree.ParseError as error:
         raise FileInputError(srdf, "", None, f"is not XML: {error}") from error
     if root.tag != "robot":
-        raise FileInputError(srdf, "", None, f"is no SRDF: it begins with <{root.tag}>, must be <robot>")
+        raise FileInputError(srdf, "", None, f"is not an SRDF: it begins with <{root.tag}>, must be <robot>")
     if root.find("link") is not None or root.find("joint") is not None:
-        raise FileInputError(srdf, "", None, "is a URDF: an SRDF has neither <link> nor <joint> of its own")
+        raise FileInputError(srdf, "", None, "is a URDF: an SRDF has no <link> and no <joint>")
     links = {
         frozenset((alone, other))
         for alone in (_named(srdf, e, "link") for e in root.findall("disable_default_collisions"))
@@ -181,7 +181,7 @@ def read_touching(srdf: Path, text: str, bodies: Mapping[str, Sequence[str]]) ->
 
 
 def bodies_of(links: Iterable[frozenset[str]], bodies: Mapping[str, Sequence[str]]) -> Pairs:
-    """Pairs of bodies of pairs of links; a name that is no link's stands for itself."""
+    """Return the pairs of bodies of pairs of links; other names are names of bodies."""
     return frozenset(
         frozenset(pair)
         for names in links
@@ -197,5 +197,5 @@ def _pair(srdf: Path, element: ElementTree.Element) -> frozenset[str]:
 def _named(srdf: Path, element: ElementTree.Element, key: str) -> str:
     name = element.get(key)
     if not name:
-        raise FileInputError(srdf, element.tag, None, f"has no {key}; it names links of the URDF")
+        raise FileInputError(srdf, element.tag, None, f"has no {key}; must name links of the URDF")
     return name

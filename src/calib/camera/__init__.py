@@ -1,1 +1,1 @@
-"""A camera's intrinsics from images of a target: calibration, choice of views, validation, verdict."""
+"""Camera intrinsics from images of a target: calibration, view selection, cross-validation, verdict."""

@@ -1,9 +1,8 @@
-"""One adjustment of a lens and the poses of a target in all views: Levenberg-Marquardt with the poses eliminated.
+"""Bundle adjustment of the intrinsics and the target pose of every view, by Levenberg-Marquardt.
 
-The poses of different views meet only through the lens, so each view is reduced to what it says of the nine numbers of
-the lens (Schur complement; B. Triggs et al., "Bundle adjustment: a modern synthesis", 2000, section 6.1). These reduced
-information matrices add up over views: choosing views, leaving some out and asking for the next are sums of 9 x 9
-matrices.
+Views are coupled only through the intrinsics, so the pose of each view is eliminated (Schur complement; B. Triggs et
+al., "Bundle adjustment: a modern synthesis", 2000, section 6.1). The reduced 9 x 9 information matrices add up over
+views: selecting views, holding some out and proposing the next one all work on sums of them.
 """
 
 from __future__ import annotations
@@ -26,16 +25,16 @@ Bools = npt.NDArray[np.bool_]
 _STEPS = 100
 COST_DONE = 1e-10  # relative change of the cost
 _MOST_DAMPING = 1e8
-PRIOR_CORNER_PX = 0.02  # corners that the prior is weighed against; their true error is known only afterwards
+PRIOR_CORNER_PX = 0.02  # corner error the prior is weighted against; the true one is known only after the fit
 
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What is known of any lens before it is seen; it keeps numbers that no view determines from running away.
+    """Prior on the intrinsics: keeps parameters bounded that no view determines.
 
     Attributes:
         mean: (9,).
-        sigma: (9,) so wide that whatever views can determine, they determine alone.
+        sigma: (9,), wide enough not to affect parameters that the views determine.
     """
 
     mean: Array
@@ -43,7 +42,7 @@ class Prior:
 
     @classmethod
     def of(cls, camera: Camera) -> Prior:
-        """About a first guess: each number may move points of the image's corner by some 30 % of its distance."""
+        """Return a prior about a first guess: each sigma moves points at the image corner by some 30 %."""
         f, size = np.diag(camera.K)[:2], np.array(camera.size)
         r = float(np.linalg.norm(size / 2.0 / f))
         mean = np.array([*f, *((size - 1.0) / 2.0), 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -51,7 +50,7 @@ class Prior:
 
     @property
     def weight(self) -> Array:
-        """(9,) px^2, beside corners of weight 1."""
+        """Weights (9,) in px^2, relative to corners of weight 1."""
         return np.asarray((PRIOR_CORNER_PX / self.sigma) ** 2)
 
 
@@ -70,14 +69,14 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Bundle:
-    """A lens and the poses that fit the views.
+    """Intrinsics and target poses fitted to views.
 
     Attributes:
         camera: at the origin.
         poses: T_camera_target of every view, 4x4.
         residuals: of every view, (n, 2) px, measured minus projected.
-        free: (9,) which numbers of the lens were fitted.
-        prior: of the lens.
+        free: (9,) intrinsics that were fitted.
+        prior: on the intrinsics.
     """
 
     camera: Camera
@@ -93,24 +92,24 @@ class Bundle:
 
     @property
     def cost(self) -> float:
-        """What the adjustment minimises, px^2."""
+        """Cost that the adjustment minimises, px^2."""
         off = vector_of(self.camera) - self.prior.mean
         return self.squares + float((self.prior.weight * off**2)[self.free].sum())
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Coordinates measured minus numbers fitted."""
+        """Number of measured coordinates minus number of fitted parameters."""
         return sum(r.size for r in self.residuals) - 6 * len(self.poses) - int(self.free.sum())
 
     @property
     def corner_sigma(self) -> float:
-        """Standard deviation of a corner's coordinate, px: without bias, unlike the rms of the residuals."""
+        """Unbiased standard deviation of a corner coordinate, px (unlike the rms of the residuals)."""
         return float(np.sqrt(self.squares / max(self.degrees_of_freedom, 1)))
 
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Normal equations of one view: lens (9, 9), pose (6, 6), both (9, 6), and the gradients (9,), (6,)."""
+    """Normal equations of one view: intrinsics (9, 9), pose (6, 6), coupling (9, 6), gradients (9,) and (6,)."""
 
     lens: Array
     pose: Array
@@ -119,20 +118,20 @@ class Blocks:
     pose_gradient: Array
 
     def reduced(self, damping: float = 0.0) -> Array:
-        """What the view says of the lens with its pose free, (9, 9)."""
+        """Information on the intrinsics with the pose eliminated, (9, 9)."""
         pose = self.pose + damping * np.diag(np.diag(self.pose))
         reduced: Array = self.lens - self.both @ np.linalg.solve(pose, self.both.T)
         return reduced
 
 
 def blocks_of(camera: Camera, T_camera_target: Array, points: Array, residual: Array | None = None) -> Blocks:
-    """The normal equations of a view that measures `points` (n, 3) m with 1 px a coordinate.
+    """Return the normal equations of a view whose coordinates are measured to 1 px.
 
     Args:
-        camera: lens.
+        camera: intrinsics.
         T_camera_target: pose, 4x4.
-        points: of the target.
-        residual: (n, 2) px; zero if there is none yet.
+        points: of the target, (n, 3) m.
+        residual: (n, 2) px; default: zero.
     """
     by_lens = lens_parameter_jacobian(camera, points @ T_camera_target[:3, :3].T + T_camera_target[:3, 3])
     J, P = by_lens.reshape(-1, COUNT), pose_jacobian(T_camera_target, points, camera).reshape(-1, 6)
@@ -154,23 +153,21 @@ def adjust(
     prior: Prior | None = None,
     done: float = COST_DONE,
 ) -> Bundle:
-    """The lens and poses with the least squared residuals near a start.
+    """Minimise the squared residuals over intrinsics and poses, from a start.
 
     Args:
         views: of the target.
-        camera, poses: the start; numbers of the lens that are not free stay as they are here.
+        camera, poses: the start; intrinsics that are not free keep the values of `camera`.
         free: (9,) of bool, see `calib.model.intrinsics.NAMES`.
-        prior: of the lens; default: about `camera`.
-        done: relative change of the cost that ends it.
+        prior: on the intrinsics; default: about `camera`.
+        done: relative change of the cost at which to stop.
 
     Raises:
         CalibrationRefused: the start puts a corner behind the camera.
     """
     now = _evaluated(views, camera, poses, free, prior or Prior.of(camera))
     if not np.isfinite(now.cost):
-        raise CalibrationRefused(
-            "the views fit no camera: some corners come to lie behind it", reason="start"
-        )
+        raise CalibrationRefused("no camera fits the views: some corners would lie behind it", reason="start")
     damping = 1e-4
     for _ in range(_STEPS):
         blocks = [
@@ -216,15 +213,15 @@ def _stepped(views: Sequence[View], now: Bundle, blocks: Sequence[Blocks], dampi
         xi = alone - by_lens @ lens_step
         poses.append(T @ transform(rotation(xi[3:]), xi[:3]))
     camera = camera_of(vector_of(now.camera) + lens_step, now.camera.size)
-    with np.errstate(all="ignore"):  # a step too far is not taken
+    with np.errstate(all="ignore"):  # the caller rejects a step that is too long
         return _evaluated(views, camera, poses, now.free, now.prior)
 
 
 def solve_scaled(S: Array, g: Array) -> Array:
-    """S^-1 g for a positive matrix whose rows differ by many powers of ten, as px and k3 do.
+    """Return S^-1 g for a positive matrix whose rows differ by many orders of magnitude, as those of fx and k3 do.
 
     Raises:
-        numpy.linalg.LinAlgError: there are numbers that are not finite.
+        numpy.linalg.LinAlgError: some elements are not finite.
     """
     scale, scaled = _scaled(S)
     solution, *_ = np.linalg.lstsq(scaled, _finite(scale * g), rcond=1e-14)
@@ -232,10 +229,10 @@ def solve_scaled(S: Array, g: Array) -> Array:
 
 
 def inverse_scaled(S: Array) -> Array:
-    """S^-1 for such a matrix; what is not determined gets a very large variance, not an error.
+    """Return S^-1 for such a matrix; undetermined parameters get a very large variance.
 
     Raises:
-        numpy.linalg.LinAlgError: there are numbers that are not finite.
+        numpy.linalg.LinAlgError: some elements are not finite.
     """
     scale, scaled = _scaled(S)
     values, vectors = np.linalg.eigh(scaled)
@@ -249,18 +246,18 @@ def _scaled(S: Array) -> tuple[Array, Array]:
 
 
 def _finite(numbers: Array) -> Array:
-    if not np.isfinite(numbers).all():  # LAPACK would write of it to the terminal
-        raise np.linalg.LinAlgError("they grow beyond all bounds")
+    if not np.isfinite(numbers).all():  # LAPACK would print to the terminal
+        raise np.linalg.LinAlgError("some elements are not finite")
     return numbers
 
 
 def information(bundle: Bundle, views: Sequence[View]) -> list[Array]:
-    """What each view says of the nine numbers of the lens, (9, 9) each, for corners of 1 px."""
+    """Information of each view on the intrinsics, (9, 9) each, for corner errors of 1 px."""
     return [blocks_of(bundle.camera, T, v.points).reduced() for T, v in zip(bundle.poses, views, strict=True)]
 
 
-def lens_covariance(informations: Sequence[Array], free: Bools, sigma_px: float, prior: Prior) -> Array:
-    """Covariance (9, 9) of the lens from the views' information; zero rows for numbers that are not free."""
+def intrinsics_covariance(informations: Sequence[Array], free: Bools, sigma_px: float, prior: Prior) -> Array:
+    """Covariance (9, 9) of the intrinsics from the views' information; zero rows for those that are not free."""
     S = sum(informations, np.zeros((COUNT, COUNT))) / sigma_px**2 + np.diag(prior.sigma**-2)
     covariance = np.zeros((COUNT, COUNT))
     covariance[np.ix_(free, free)] = inverse_scaled(S[np.ix_(free, free)])

@@ -1,4 +1,4 @@
-"""From photographs of a target to a lens with its uncertainty and a verdict."""
+"""Calibrate a camera from photographs of a target: intrinsics, their uncertainty, and a verdict."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy.typing as npt
 
 from arm.errors import CalibrationRefused
 from arm.se3 import Array, frozen
-from calib.camera.bundle_adjustment import Bundle, View, adjust, information, lens_covariance
-from calib.camera.cross_validation import cross_check
-from calib.camera.initial_guess import start
+from calib.camera.bundle_adjustment import Bundle, View, adjust, information, intrinsics_covariance
+from calib.camera.cross_validation import cross_validate
+from calib.camera.initial_guess import initial_guess
 from calib.camera.next_views import NextView, information_of, next_views
 from calib.camera.result import CalibrationLimits, CalibrationView, CameraCalibration
-from calib.camera.score_tests import suspects
+from calib.camera.score_tests import error_hypotheses
 from calib.camera.verdict import judge
 from calib.camera.view_selection import (
     TargetPhoto,
@@ -24,15 +24,15 @@ from calib.camera.view_selection import (
     outlying_views,
     unusable,
 )
-from calib.camera.working_volume import work_points
+from calib.camera.working_volume import working_volume
 from calib.model.intrinsics import NAMES, lens_parameter_jacobian, vector_of
 from vision.camera.model import Camera
 from vision.targets.target import FEWEST_CORNERS, Target
 
-FEWEST_VIEWS = 3  # with fewer nothing can be computed at all
+FEWEST_VIEWS = 3  # needed to compute anything
 WEAK, FELT = 3e-3, 2.0  # see `_undetermined`
-MOST_KEPT = 0.75  # part of a view's corners of which no further one is left out: then the view is wrong
-_ROUNDS = 12  # of naming outliers
+MOST_KEPT = 0.75  # drop no more corners once this share of a view's is left: then the view is wrong
+_ROUNDS = 12  # of outlier rejection
 
 
 def calibrate_camera(
@@ -44,18 +44,18 @@ def calibrate_camera(
     work: tuple[float, float] | None = None,
     limits: CalibrationLimits | None = None,
 ) -> CameraCalibration:
-    """Fit a lens to photographs of a target, and judge it.
+    """Fit the intrinsics to photographs of a target, and judge the fit.
 
     Args:
         photos: in the order in which they were taken.
-        target: that they show.
+        target: shown in the photographs.
         size: width and height of the images, px.
-        held: numbers of the lens to leave at zero, of k1 k2 p1 p2 k3.
-        work: nearest and farthest distance of the work from the camera, m; default: those of the views.
-        limits: when it is refused.
+        held: distortion coefficients to hold at zero, of k1 k2 p1 p2 k3.
+        work: nearest and farthest working distance from the camera, m; default: those of the views.
+        limits: for acceptance.
 
     Raises:
-        CalibrationRefused: too few photographs can be used to compute anything; the message says why each fell.
+        CalibrationRefused: fewer than `FEWEST_VIEWS` photographs are usable; the message gives the reason for each.
     """
     limits = limits or CalibrationLimits()
     free = np.array([name not in held for name in NAMES])
@@ -65,32 +65,32 @@ def calibrate_camera(
         raise CalibrationRefused(_too_few(photos, reasons), usable=len(candidates), photographs=len(photos))
     found = _without_outliers(photos, candidates, target, size, free, reasons)
     points = work or _distances(found.bundle, found.views)
-    place = work_points(found.bundle.camera, *points)
+    place = working_volume(found.bundle.camera, *points)
     informations = information(found.bundle, found.views)
     scale = found.bundle.corner_sigma
     prior = (scale / found.bundle.prior.sigma) ** 2
     if len(found.index) > limits.most_views:
         found = _best(found, best_views(informations, place.worth, prior, limits.most_views), reasons)
-        place = work_points(found.bundle.camera, *points)
+        place = working_volume(found.bundle.camera, *points)
         informations = information(found.bundle, found.views)
     bundle = found.bundle
-    covariance = lens_covariance(informations, free, bundle.corner_sigma, bundle.prior)
+    covariance = intrinsics_covariance(informations, free, bundle.corner_sigma, bundle.prior)
     known = information_of(informations, prior)
-    lost = _undetermined(bundle.camera, covariance, free, bundle.corner_sigma)
-    troubles = tuple(suspects(bundle, found.views, target))
-    moved = sum((place.shifts(s.lens_change) ** 2 for s in troubles if s.sure), np.zeros(len(place.points)))
+    undetermined = _undetermined(bundle.camera, covariance, free, bundle.corner_sigma)
+    hypotheses = tuple(error_hypotheses(bundle, found.views, target))
+    moved = sum((place.shifts(s.lens_change) ** 2 for s in hypotheses if s.sure), np.zeros(len(place.points)))
     calibration = CameraCalibration(
         bundle.camera,
         frozen(covariance),
         free,
         bundle.corner_sigma,
-        _told(photos, reasons, found, target),
+        _calibration_views(photos, reasons, found, target),
         target,
         place,
         frozen(np.sqrt(place.sigmas(covariance) ** 2 + moved)),
-        cross_check(bundle, found.views, place),
-        troubles,
-        {name: _telling(name, bundle.camera, target, known, points) for name in lost},
+        cross_validate(bundle, found.views, place),
+        hypotheses,
+        {name: _most_informative(name, bundle.camera, target, known, points) for name in undetermined},
         tuple(next_views(bundle.camera, target, known, place.worth, *points)),
         limits=limits,
     )
@@ -101,7 +101,7 @@ def calibrate_camera(
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """An adjustment of the photographs `index`, with the corners of each that count."""
+    """An adjustment of the photographs `index`, with the corners kept in each."""
 
     bundle: Bundle
     views: list[View]
@@ -127,11 +127,11 @@ def _without_outliers(
     free: npt.NDArray[np.bool_],
     reasons: list[str],
 ) -> _Found:
-    """Adjust, name views and corners that fit worse than chance, and adjust again until none is left."""
+    """Adjust, reject outlying views and corners, and repeat until there are none."""
     index = list(candidates)
     kept = {i: np.ones(_corners(photos[i]), dtype=bool) for i in index}
     views = [_view(photos[i], target, kept[i]) for i in index]
-    bundle = start(views, size)
+    bundle = initial_guess(views, size)
     bundle = adjust(views, bundle.camera, bundle.poses, free, bundle.prior)
     for _ in range(_ROUNDS):
         residuals = np.concatenate([r.ravel() for r in bundle.residuals])
@@ -147,12 +147,12 @@ def _without_outliers(
         counts = np.array([r.size - 6 for r in bundle.residuals])
         if not changed:
             outlying = outlying_views(variances, counts)
-            if outlying.sum() > len(index) // 3:  # these are no outliers
+            if outlying.sum() > len(index) // 3:  # too many to be outliers
                 outlying[:] = False
             for place in map(int, np.flatnonzero(outlying)):
                 reasons[index[place]] = (
-                    f"does not fit the others: {np.sqrt(variances[place]):.2f} px rms, they have "
-                    f"{np.sqrt(np.median(variances)):.2f} px; it was moved, or the target is hidden in part"
+                    f"does not fit the other views: {np.sqrt(variances[place]):.2f} px rms, theirs is "
+                    f"{np.sqrt(np.median(variances)):.2f} px; it moved, or the target is partly hidden"
                 )
                 changed = True
         if not changed:
@@ -167,7 +167,7 @@ def _without_outliers(
 def _best(found: _Found, chosen: Sequence[int], reasons: list[str]) -> _Found:
     for place, i in enumerate(found.index):
         if place not in chosen:
-            reasons[i] = "adds little to the views used: held out, to check them"
+            reasons[i] = "adds little to the views used: held out for validation"
     views = [found.views[p] for p in chosen]
     poses = [found.bundle.poses[p] for p in chosen]
     bundle = adjust(views, found.bundle.camera, poses, found.bundle.free, found.bundle.prior)
@@ -185,11 +185,11 @@ def _distances(bundle: Bundle, views: Sequence[View]) -> tuple[float, float]:
 def _undetermined(
     camera: Camera, covariance: Array, free: npt.NDArray[np.bool_], corner_sigma: float
 ) -> tuple[str, ...]:
-    """Numbers that the views say too little of.
+    """Intrinsics that the views leave undetermined.
 
-    A focal length or principal point is known to worse than `WEAK` of the image's width; a number of the distortion
-    might as well be zero, although its standard deviation alone moves the image's corner by more than `FELT` times
-    the error of a corner (a number that is small and known to be small is determined).
+    This holds for focal length and principal point if the standard deviation exceeds `WEAK` times the image width. It
+    holds for a distortion coefficient within 2 standard deviations of zero if one standard deviation moves the image
+    corner by more than `FELT` times the corner error (a coefficient known to be small is determined).
     """
     sigma = np.sqrt(np.diag(covariance))
     middle = (np.array(camera.size) - 1.0) / 2.0
@@ -197,36 +197,36 @@ def _undetermined(
     felt = np.linalg.norm(lens_parameter_jacobian(camera, ends)[0], axis=0) * sigma > FELT * corner_sigma
     weak = sigma > WEAK * camera.size[0]
     zero = np.abs(vector_of(camera)) < 2.0 * sigma
-    lost = np.where(np.arange(len(NAMES)) < 4, weak, zero & felt) & free
-    return tuple(name for name, bad in zip(NAMES, lost, strict=True) if bad)
+    undetermined = np.where(np.arange(len(NAMES)) < 4, weak, zero & felt) & free
+    return tuple(name for name, bad in zip(NAMES, undetermined, strict=True) if bad)
 
 
-def _telling(
+def _most_informative(
     name: str, camera: Camera, target: Target, known: Array, distances: tuple[float, float]
 ) -> NextView | None:
-    """The view that says most of one number of the lens."""
+    """Return the view that would add most information on one of the intrinsics."""
     worth = np.zeros((len(NAMES), len(NAMES)))
     worth[NAMES.index(name), NAMES.index(name)] = 1.0
     found = next_views(camera, target, known, worth, *distances, count=1)
     return found[0] if found else None
 
 
-def _told(
+def _calibration_views(
     photos: Sequence[TargetPhoto], reasons: Sequence[str], found: _Found, target: Target
 ) -> tuple[CalibrationView, ...]:
     poses = dict(zip(found.index, found.bundle.poses, strict=True))
-    told = []
+    results = []
     for i, (photo, reason) in enumerate(zip(photos, reasons, strict=True)):
         T = poses.get(i)
         if T is None or photo.view is None:
-            told.append(CalibrationView(photo, False, reason))
+            results.append(CalibrationView(photo, False, reason))
             continue
         points = target.points()[photo.view.ids] @ T[:3, :3].T + T[:3, 3]
         residual = photo.view.corners_px - found.bundle.camera.project(points)
-        told.append(
+        results.append(
             CalibrationView(photo, True, "", T, frozen(residual), ~found.kept[i], float(points[:, 2].mean()))
         )
-    return tuple(told)
+    return tuple(results)
 
 
 def _too_few(photos: Sequence[TargetPhoto], reasons: Sequence[str]) -> str:
@@ -235,6 +235,6 @@ def _too_few(photos: Sequence[TargetPhoto], reasons: Sequence[str]) -> str:
         f"{photo.name}: {reason}" for photo, reason in zip(photos, reasons, strict=True) if reason
     )
     return (
-        f"{usable} of {len(photos)} photographs can be used, at least {FEWEST_VIEWS} are needed"
+        f"{usable} of {len(photos)} photographs are usable, at least {FEWEST_VIEWS} are needed"
         f"{f': {why}' if why else ''}"
     )

@@ -1,9 +1,9 @@
-"""What views say that the lens has not seen: each is held out once, in groups.
+"""Cross-validation: groups of views are held out in turn.
 
-Every group's lens is fitted without it; the group's corners then check that lens (their own poses free), and how much
-the lenses of the groups differ at the work points gives their error without any assumption on noise (delete-a-group
-jackknife; B. Efron, 1982). Where that is much larger than the error predicted from the residuals, the residuals are
-not independent and the prediction is too good.
+The intrinsics are fitted without each group, and the corners of that group validate them (with their poses free). The
+scatter of the fits at the work points gives an error that assumes no noise model (delete-a-group jackknife; B. Efron,
+1982). If it is much larger than the error predicted from the residuals, the residuals are not independent and the
+prediction is optimistic.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ from calib.camera.bundle_adjustment import (
     solve_scaled,
 )
 from calib.camera.initial_guess import pose_of
-from calib.camera.working_volume import WorkPoints
+from calib.camera.working_volume import WorkingVolume
 from calib.model.intrinsics import vector_of
 
 GROUPS = 5
 
 
 @dataclass(frozen=True, eq=False)
-class CrossCheck:
-    """What held-out views say.
+class CrossValidation:
+    """Result of cross-validation.
 
     Attributes:
-        sigma_px: error of their corners' coordinates, px, free of what the poses' six numbers a view take up and of
-            what the lens without them may be off: one view at an edge of the image that no other reaches misses the
-            lens of the others by much more than its corners err, and nothing is wrong.
+        sigma_px: error of held-out corner coordinates, px. The degrees of freedom of each view's pose and the part
+            that the uncertainty of the fitted intrinsics explains are removed: otherwise a single view at an image
+            edge that no other view reaches would look wrong without being so.
         work_sigmas: (n,) m jackknife standard deviation of each work point.
     """
 
@@ -47,19 +47,19 @@ class CrossCheck:
     work_sigmas: Array
 
 
-def _owed_to_lens(blocks: Blocks, known: Array, free: Bools) -> float:
-    """Squares, px^2, of a view's residuals that a lens takes up which moves as far as `known` (9, 9) lets it."""
+def _explained_by_intrinsics(blocks: Blocks, known: Array, free: Bools) -> float:
+    """Part of a view's squared residuals, px^2, explained by intrinsics of information `known` (9, 9)."""
     S = (known + blocks.reduced())[np.ix_(free, free)]
     g = (blocks.lens_gradient - blocks.both @ np.linalg.solve(blocks.pose, blocks.pose_gradient))[free]
     return float(g @ solve_scaled(S, g))
 
 
-def cross_check(bundle: Bundle, views: Sequence[View], work: WorkPoints) -> CrossCheck:
+def cross_validate(bundle: Bundle, views: Sequence[View], work: WorkingVolume) -> CrossValidation:
     """Hold out every view of an adjustment once.
 
     Args:
         bundle: of all `views`.
-        views: at least three; they are dealt to at most `GROUPS` groups.
+        views: at least three; split into at most `GROUPS` groups.
         work: where errors count.
     """
     groups = min(GROUPS, len(views))
@@ -81,9 +81,9 @@ def cross_check(bundle: Bundle, views: Sequence[View], work: WorkPoints) -> Cros
             T = pose_of(views[i], fit.camera)
             residual = residual_of(fit.camera, T, views[i])
             blocks = blocks_of(fit.camera, T, views[i].points, residual)
-            squares += float((residual**2).sum()) - _owed_to_lens(blocks, known, bundle.free)
+            squares += float((residual**2).sum()) - _explained_by_intrinsics(blocks, known, bundle.free)
             free += residual.size - 6
     changes = np.stack(lenses) - np.mean(lenses, axis=0)
     scatter = np.stack([work.shifts(change) for change in changes])
     sigmas = np.sqrt((groups - 1) / groups * (scatter**2).sum(axis=0))
-    return CrossCheck(float(np.sqrt(squares / max(free, 1))), np.asarray(sigmas))
+    return CrossValidation(float(np.sqrt(squares / max(free, 1))), np.asarray(sigmas))

@@ -1,4 +1,4 @@
-"""Taking views of a target with guidance: what to show next, whether a frame counts, and when it is enough."""
+"""Guided capture of target views: what to show next, which frames count, and when to stop."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from calib.camera.result import CalibrationLimits, CameraCalibration
 from calib.camera.view_selection import LEAST_BLUR_PX, LEAST_CONTRAST, SATURATED, TargetPhoto
 from vision.targets.target import FEWEST_CORNERS, Target, TargetView
 
-STILL_PX = 0.5  # corners of two frames of a target that is held still lie this near to each other
-NEW_SHARE = 0.01  # of the image's width by which a new view must differ from every view before
-ENOUGH_VIEWS = 16  # after so many, a number that hardly matters at the work points need not be known
-GOOD = 1 / 3  # of the limit at the work points: who takes views anyway can have more than just enough
+STILL_PX = 0.5  # largest shift of the corners between two frames of a target held still
+NEW_SHARE = 0.01  # of the image width: least difference between a new view and all previous ones
+ENOUGH_VIEWS = 16  # after these, intrinsics that hardly matter at the work points may stay undetermined
+GOOD = 1 / 3  # of the limit at the work points; better than just accepted costs a person few more views
 FIRST = (
     "in the middle of the image, filling two thirds of it, facing the camera",
-    "in the middle of the image, its left edge some 30 deg nearer",
-    "in the middle of the image, its right edge some 30 deg nearer",
-    "in the middle of the image, its upper edge some 30 deg nearer",
-    "in the middle of the image, its lower edge some 30 deg nearer",
+    "in the middle of the image, tilted some 30 deg with its left edge nearer",
+    "in the middle of the image, tilted some 30 deg with its right edge nearer",
+    "in the middle of the image, tilted some 30 deg with its upper edge nearer",
+    "in the middle of the image, tilted some 30 deg with its lower edge nearer",
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Advice:
-    """What to do now.
+    """What to do next.
 
     Attributes:
         words: where to hold the target.
-        T_camera_target: the same as a pose, once the lens is known roughly; else None.
-        done: whether the views are enough.
-        work_mm: worst standard deviation at the work points so far, mm; None while it is not known.
+        T_camera_target: the same as a pose, once rough intrinsics are known; else None.
+        done: whether the views suffice.
+        work_mm: largest standard deviation at the work points so far, mm; None if unknown.
     """
 
     words: str
@@ -44,13 +44,13 @@ class Advice:
 
 
 class GuidedViews:
-    """The views taken so far, and what they still lack.
+    """The views taken so far, and what is still missing.
 
     Args:
-        target: that is shown.
+        target: shown in the views.
         size: of the images, px.
-        work: nearest and farthest distance of the work, m; default: those of the views.
-        limits: when it is enough.
+        work: nearest and farthest working distance, m; default: those of the views.
+        limits: for acceptance.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class GuidedViews:
         self._last: TargetView | None = None
 
     def consider(self, photo: TargetPhoto) -> str:
-        """Take a frame as a view if it is one; "" if it was taken, else what is wrong with it for a person."""
+        """Add a frame if it is usable; return "" if it was added, else the reason, for a person."""
         last, self._last = self._last, photo.view
         if photo.view is None or photo.quality is None:
             return "no target in view"
@@ -88,16 +88,16 @@ class GuidedViews:
 
     @property
     def advice(self) -> Advice:
-        """What to do now."""
+        """What to do next."""
         if self._advice is None:
             self._advice = self._next()
         return self._advice
 
     def calibration(self) -> CameraCalibration:
-        """The lens by the views so far.
+        """Calibrate from the views so far.
 
         Raises:
-            CalibrationRefused: they are too few.
+            CalibrationRefused: too few views.
         """
         return calibrate_camera(self.photos, self._target, self._size, work=self._work, limits=self._limits)
 
@@ -119,7 +119,7 @@ class GuidedViews:
 
 
 def _shift(view: TargetView, other: TargetView) -> float:
-    """How far the corners that both have lie apart, median px; infinite if they have few in common."""
+    """Median shift of the corners in both views, px; infinite if there are too few."""
     common, here, there = np.intersect1d(view.ids, other.ids, return_indices=True)
     if len(common) < FEWEST_CORNERS:
         return float("inf")

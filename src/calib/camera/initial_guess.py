@@ -1,4 +1,4 @@
-"""A lens and poses to start an adjustment from: a few focal lengths, the best of which goes on."""
+"""Initial intrinsics and poses: try a few focal lengths and keep the best."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from calib.model.intrinsics import camera_of
 from vision.boards.pose_fit import Corners, fit_weighted, planar_poses
 from vision.camera.model import Camera
 
-ROUGH = 1e-3  # relative change of the cost that ends a start
-MOST_VIEWS = 8  # for the choice of the focal length
-FOCAL_LENGTHS = (0.7, 1.2, 2.0, 3.5, 6.0)  # in image widths: from wide angle to a long lens
+ROUGH = 1e-3  # relative change of the cost at which to stop
+MOST_VIEWS = 8  # used to choose the focal length
+FOCAL_LENGTHS = (0.7, 1.2, 2.0, 3.5, 6.0)  # in image widths, from wide angle to telephoto
 _PINHOLE = np.array([True, True, True, True, False, False, False, False, False])
 
 
 def pose_of(view: View, camera: Camera) -> Array:
-    """T_camera_target (4x4) of a view for a given lens: the better of both planar solutions, fitted."""
+    """T_camera_target (4x4) of a view for given intrinsics: refine both planar solutions and return the better."""
     corners = Corners(view.pixels[None], view.points)
     weights = np.ones((1, len(view.points)))
     fits = [
@@ -31,11 +31,11 @@ def pose_of(view: View, camera: Camera) -> Array:
     return fits[int(np.argmin(costs))].T_camera_board
 
 
-def start(views: Sequence[View], size: tuple[int, int]) -> Bundle:
-    """A pinhole camera and poses near the views.
+def initial_guess(views: Sequence[View], size: tuple[int, int]) -> Bundle:
+    """Return a pinhole camera and poses that roughly fit the views.
 
     Raises:
-        CalibrationRefused: no focal length fits them.
+        CalibrationRefused: no focal length fits.
     """
     some = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, MOST_VIEWS).astype(int))]
     tried: list[Bundle] = []
@@ -53,8 +53,8 @@ def start(views: Sequence[View], size: tuple[int, int]) -> Bundle:
             tried.append(bundle)
     if not tried:
         raise CalibrationRefused(
-            "no focal length between 0.7 and 6 image widths fits the views; are they of one camera, and is the "
-            "target the one that the file describes?",
+            "no focal length between 0.7 and 6 image widths fits the views; are all from one camera, and is the "
+            "target as its file describes?",
             reason="start",
         )
     best = min(tried, key=lambda bundle: bundle.squares)

@@ -1,4 +1,4 @@
-"""Which views of a target would help most: every candidate's information is known before it is taken."""
+"""Propose the next views of a target: the information of a candidate view is known before it is taken."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from vision.camera.model import Camera
 from vision.targets.target import Target
 
 TILT = np.radians(35.0)
-TURNED = 8  # directions of the tilt
+TURNED = 8  # tilt directions
 MARGIN_PX = 8.0
-LEAST_SEEN = 0.5  # part of the corners that must be in the image
+LEAST_SEEN = 0.5  # share of the corners that must be in the image
 _ACROSS = ("left", "", "right")
 _DOWN = ("upper", "", "lower")
 _NEARER = ("right", "lower right", "lower", "lower left", "left", "upper left", "upper", "upper right")
@@ -25,13 +25,13 @@ _NEARER = ("right", "lower right", "lower", "lower left", "left", "upper left", 
 
 @dataclass(frozen=True, eq=False)
 class NextView:
-    """A view that is worth taking.
+    """A view worth taking.
 
     Attributes:
-        T_camera_target: where the target should be.
-        words: the same for a person.
-        gain: by how much it lowers the error at the work points, 0 to 1.
-        information: (9, 9) that it would add.
+        T_camera_target: pose of the target.
+        words: the same in words.
+        gain: relative reduction of the error at the work points, 0 to 1.
+        information: (9, 9) that it adds.
     """
 
     T_camera_target: Array
@@ -49,14 +49,14 @@ def next_views(
     far: float,
     count: int = 3,
 ) -> list[NextView]:
-    """The `count` best views to take next, each with the ones before it taken.
+    """Choose the `count` best next views greedily.
 
     Args:
-        camera: as known now.
+        camera: current estimate.
         target: to be shown.
-        information: (9, 9) of what there is, the prior in it, per px^2 of corner variance.
-        worth: of errors, see `calib.camera.working_volume.WorkPoints.worth`.
-        near, far: between which the target can be held, m.
+        information: (9, 9) of the views so far and the prior, per px^2 of corner variance.
+        worth: weights of the errors, see `calib.camera.working_volume.WorkingVolume.worth`.
+        near, far: range of distances for the target, m.
     """
     candidates = _candidates(camera, target, near, far)
     chosen: list[NextView] = []
@@ -85,9 +85,9 @@ def _candidates(camera: Camera, target: Target, near: float, far: float) -> list
         if not np.isfinite(ray).all():
             continue
         angle = 2.0 * np.pi * turned / TURNED
-        # turned about this axis the edge in direction `angle` of the image comes nearer
+        # rotating about this axis brings the edge in direction `angle` of the image nearer
         axis = np.array([-np.sin(angle), np.cos(angle), 0.0])
-        R = rotation(TILT * axis if turned >= 0 else np.zeros(3)) @ rot_z(_lying(camera, target))
+        R = rotation(TILT * axis if turned >= 0 else np.zeros(3)) @ rot_z(_rotation_in_plane(camera, target))
         T = transform(R, z * ray - R @ middle)
         pixels = camera.project(points @ T[:3, :3].T + T[:3, 3])
         last = np.array(camera.size) - 1.0 - MARGIN_PX
@@ -99,8 +99,8 @@ def _candidates(camera: Camera, target: Target, near: float, far: float) -> list
     return found
 
 
-def _lying(camera: Camera, target: Target) -> float:
-    """Turn of the target, rad, that lays its long side along the image's."""
+def _rotation_in_plane(camera: Camera, target: Target) -> float:
+    """Rotation of the target, rad, that aligns its long side with that of the image."""
     along = (camera.size[0] >= camera.size[1]) == (target.size[0] >= target.size[1])
     return 0.0 if along else np.pi / 2.0
 
@@ -114,5 +114,5 @@ def _words(column: int, row: int, z: float, turned: int) -> str:
 
 
 def information_of(informations: Sequence[Array], prior: Array) -> Array:
-    """Sum of what views and prior say of the lens."""
+    """Information on the intrinsics from views and prior together."""
     return np.asarray(sum(informations, np.diag(prior)))

@@ -1,4 +1,4 @@
-"""A camera's calibration as a value: the lens, how well it is known, and what became of every photograph."""
+"""Result of a camera calibration: intrinsics, their uncertainty, and what happened to every photograph."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ import numpy.typing as npt
 
 from arm.errors import CalibrationRefused
 from arm.se3 import Array
-from calib.camera.cross_validation import CrossCheck
+from calib.camera.cross_validation import CrossValidation
 from calib.camera.next_views import NextView
-from calib.camera.score_tests import Suspect
+from calib.camera.score_tests import ErrorHypothesis
 from calib.camera.view_selection import TargetPhoto
-from calib.camera.working_volume import WorkPoints
+from calib.camera.working_volume import WorkingVolume
 from vision.camera.model import Camera
 from vision.targets.target import Target
 
 
 @dataclass(frozen=True)
 class CalibrationLimits:
-    """When a calibration is refused.
+    """Limits for accepting a calibration.
 
     Attributes:
         work_mm: largest standard deviation at a work point, mm; a pocket catches a cube that is 2 mm off.
-        corner_px: largest error of a corner, px.
-        views: fewest views that are used.
-        tilted: fewest views that are tilted by at least `tilt`.
+        corner_px: largest corner error, px.
+        views: fewest views used.
+        tilted: fewest views tilted by at least `tilt`.
         tilt: rad.
-        marker_share: largest deviation of the markers' size from the target file, a part of it.
-        most_views: more are not used but held out.
+        marker_share: largest relative deviation of the marker size from the target file.
+        most_views: views beyond this number are held out.
     """
 
     work_mm: float = 0.3
@@ -46,13 +46,13 @@ class CalibrationView:
     """A photograph after the calibration.
 
     Attributes:
-        photo: as it was given.
-        used: whether the lens rests on it.
-        why_not: why it was left out; "" where it is used.
-        T_camera_target: 4x4, or None where there is no pose.
+        photo: the input.
+        used: whether the fit uses it.
+        why_not: why it was left out; "" if it is used.
+        T_camera_target: 4x4, or None without a pose.
         residual: (n, 2) px of the corners of `photo.view`, measured minus projected; None without a pose.
-        dropped: (n,) corners that were left out as wrong.
-        distance: of its corners' middle along the camera's axis, m; NaN without a pose.
+        dropped: (n,) corners rejected as outliers.
+        distance: mean depth of its corners along the optical axis, m; NaN without a pose.
     """
 
     photo: TargetPhoto
@@ -80,24 +80,24 @@ class CalibrationView:
 
 @dataclass(frozen=True, eq=False)
 class CameraCalibration:
-    """A lens, how well it is known, and whether it may be used.
+    """Calibrated intrinsics, their uncertainty, and whether they may be used.
 
     Attributes:
         camera: at the origin.
-        covariance: (9, 9), order of `calib.model.intrinsics.NAMES`; zero rows for numbers that were held.
-        free: (9,) which were fitted.
-        corner_sigma: error of a corner's coordinate, px, without bias.
-        views: every photograph in the order given.
-        target: that was shown.
+        covariance: (9, 9), order of `calib.model.intrinsics.NAMES`; zero rows for intrinsics that were held.
+        free: (9,) intrinsics that were fitted.
+        corner_sigma: unbiased error of a corner coordinate, px.
+        views: every photograph in input order.
+        target: shown in the views.
         work: the points where errors count.
-        work_sigmas: (n,) m standard deviation across the line of sight at each, with what suspects that are sure move
-            it by.
-        cross: what held-out views say.
-        suspects: troubles, the strongest first.
-        undetermined: numbers of the lens that the views say too little of, each with the view that would tell most.
-        next: views that would help most at the work points.
-        reasons: why it is refused; none if it is accepted.
-        remarks: what else a person should know.
+        work_sigmas: (n,) m standard deviation across the line of sight at each, including the shifts due to model
+            errors found present.
+        cross: result of cross-validation.
+        suspects: tested model errors, the most significant first.
+        undetermined: intrinsics that the views leave undetermined, each with its most informative next view.
+        next: views that would reduce the error at the work points most.
+        reasons: why it is refused; empty if it is accepted.
+        remarks: further notes for a person.
     """
 
     camera: Camera
@@ -106,10 +106,10 @@ class CameraCalibration:
     corner_sigma: float
     views: tuple[CalibrationView, ...]
     target: Target
-    work: WorkPoints
+    work: WorkingVolume
     work_sigmas: Array
-    cross: CrossCheck
-    suspects: tuple[Suspect, ...]
+    cross: CrossValidation
+    suspects: tuple[ErrorHypothesis, ...]
     undetermined: dict[str, NextView | None]
     next: tuple[NextView, ...]
     reasons: tuple[str, ...] = ()
@@ -123,16 +123,16 @@ class CameraCalibration:
 
     @property
     def sigmas(self) -> Array:
-        """Standard deviations (9,) of the lens."""
+        """Standard deviations (9,) of the intrinsics."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property
     def used(self) -> list[CalibrationView]:
-        """The views that the lens rests on."""
+        """The views that the fit uses."""
         return [view for view in self.views if view.used]
 
     def require(self) -> None:
-        """Check that it may be used.
+        """Check that the calibration may be used.
 
         Raises:
             CalibrationRefused: with every reason.

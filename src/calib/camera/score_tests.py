@@ -1,8 +1,8 @@
-"""Is something else wrong? One linear step tells how much each known trouble would explain, and what it would change.
+"""Score tests for model errors: how much each would explain of the residuals, and how it would change the intrinsics.
 
-A score (Lagrange multiplier) test: the residuals of the finished adjustment are projected on what each trouble would do
-to the corners, everything that was fitted left free (C. R. Rao, 1948). Its estimate comes with its standard
-deviation, so that a board can be called bent by 0.5 mm and not just suspicious.
+A score (Lagrange multiplier) test takes one linear step: the residuals of the finished adjustment are projected on the
+effect of each model error on the corners, with all fitted parameters left free (C. R. Rao, 1948). The estimate comes
+with its standard deviation, so a board is reported as bent by 0.5 mm rather than as suspicious.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from calib.model.intrinsics import COUNT, lens_parameter_jacobian, vector_of
 from vision.boards.pose_fit import pose_jacobian
 from vision.targets.target import Target
 
-SURE = 5.0  # standard deviations from which a trouble is there
+SURE = 5.0  # standard deviations from which a model error counts as present
 
 
 @dataclass(frozen=True, eq=False)
-class Suspect:
-    """A trouble, as far as the residuals speak of it.
+class ErrorHypothesis:
+    """A model error and the evidence for it in the residuals.
 
     Attributes:
         name: bent target, stretched target, changed focus.
-        amount: how much of it there seems to be.
+        amount: its estimate.
         sigma: standard deviation of `amount`.
         unit: of both.
-        sigmas: how many standard deviations the residuals lean towards it, all its numbers together.
-        lens_change: (9,) by which the lens would change if it were allowed for, or does between the middle of the
-            views and their end.
+        sigmas: significance of all its parameters together, in standard deviations.
+        lens_change: (9,) change of the intrinsics if the model included it; for a changed focus, the change between
+            the middle of the views and their end.
     """
 
     name: str
@@ -44,29 +44,29 @@ class Suspect:
 
     @property
     def sure(self) -> bool:
-        """Whether it is there; where views determine little, residuals may lean far towards an amount of nothing."""
+        """Whether it is present; poorly determined parameters may be significant with an amount near zero."""
         return self.sigmas > SURE and abs(self.amount) > SURE * self.sigma
 
 
 @dataclass(frozen=True)
-class _Trouble:
+class _ModelError:
     name: str
     unit: str
-    columns: Callable[[int], Array]  # of a view: (n, 2, m)
-    amount: Callable[[Array], float]  # from the m numbers
-    slope: Callable[[Array], Array]  # of the amount, (m,)
-    range: Array  # (9, m) change of the lens itself, from the middle of the views to the last
+    columns: Callable[[int], Array]  # derivative of the corners of a view by its m parameters, (n, 2, m)
+    amount: Callable[[Array], float]  # from the m parameters
+    slope: Callable[[Array], Array]  # derivative of the amount, (m,)
+    range: Array  # (9, m) change of the intrinsics from the middle of the views to the last
 
 
-def suspects(bundle: Bundle, views: Sequence[View], target: Target) -> list[Suspect]:
-    """Every trouble that is known, the strongest first.
+def error_hypotheses(bundle: Bundle, views: Sequence[View], target: Target) -> list[ErrorHypothesis]:
+    """Test every known model error, the most significant first.
 
     Args:
-        bundle: a finished adjustment of `views`, which stand in the order in which they were taken.
-        views: of `target`.
+        bundle: a finished adjustment of `views`.
+        views: of `target`, in the order in which they were taken.
     """
-    troubles = (_bent(bundle, views, target), _stretched(bundle, views), _refocused(bundle, views))
-    found = [s for s in (_tested(bundle, views, trouble) for trouble in troubles) if s is not None]
+    errors = (_bent(bundle, views, target), _stretched(bundle, views), _refocused(bundle, views))
+    found = [s for s in (_tested(bundle, views, error) for error in errors) if s is not None]
     return sorted(found, key=lambda s: -s.sigmas)
 
 
@@ -75,8 +75,8 @@ def _at(bundle: Bundle, views: Sequence[View], i: int) -> Array:
     return np.asarray(views[i].points @ T[:3, :3].T + T[:3, 3])
 
 
-def _bent(bundle: Bundle, views: Sequence[View], target: Target) -> _Trouble:
-    """z = a X^2 + b X Y + c Y^2 with X, Y from -1 to 1 over the chessboard."""
+def _bent(bundle: Bundle, views: Sequence[View], target: Target) -> _ModelError:
+    """z = a X^2 + b X Y + c Y^2, with X and Y from -1 to 1 over the target."""
     half = np.array(target.size) / 2.0
     grid = np.stack(np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 9)), axis=-1).reshape(-1, 2)
 
@@ -87,7 +87,7 @@ def _bent(bundle: Bundle, views: Sequence[View], target: Target) -> _Trouble:
         by_z = bundle.camera.projection_jacobian(_at(bundle, views, i)) @ bundle.poses[i][:3, 2]
         return np.asarray(by_z[:, :, None] * shape(views[i].points[:, :2] / half - 1.0)[:, None])
 
-    bulge = shape(grid)  # against any plane: the three shapes are even, a plane through the middle is odd
+    bulge = shape(grid)  # no plane to subtract: the shapes are even, a plane through the middle is odd
 
     def ends(numbers: Array) -> tuple[int, int]:
         height = bulge @ numbers
@@ -101,23 +101,23 @@ def _bent(bundle: Bundle, views: Sequence[View], target: Target) -> _Trouble:
         top, bottom = ends(numbers)
         return np.asarray(bulge[top] - bulge[bottom])
 
-    return _Trouble("bent target", "m", columns, amount, slope, np.zeros((COUNT, 3)))
+    return _ModelError("bent target", "m", columns, amount, slope, np.zeros((COUNT, 3)))
 
 
-def _stretched(bundle: Bundle, views: Sequence[View]) -> _Trouble:
-    """Rows are further apart than columns, as some printers make them, by a part of their distance."""
+def _stretched(bundle: Bundle, views: Sequence[View]) -> _ModelError:
+    """Rows are further apart than columns by a relative amount, as some printers make them."""
 
     def columns(i: int) -> Array:
         by_y = bundle.camera.projection_jacobian(_at(bundle, views, i)) @ bundle.poses[i][:3, 1]
         return np.asarray((by_y * views[i].points[:, 1, None])[..., None])
 
-    return _Trouble(
+    return _ModelError(
         "stretched target", "", columns, lambda n: float(n[0]), lambda n: np.ones(1), np.zeros((COUNT, 1))
     )
 
 
-def _refocused(bundle: Bundle, views: Sequence[View]) -> _Trouble:
-    """The focal length changes evenly from the first view to the last, by a part of itself."""
+def _refocused(bundle: Bundle, views: Sequence[View]) -> _ModelError:
+    """The focal length changes linearly from the first view to the last, by a relative amount."""
     when = np.linspace(-0.5, 0.5, len(views))
 
     def columns(i: int) -> Array:
@@ -126,16 +126,16 @@ def _refocused(bundle: Bundle, views: Sequence[View]) -> _Trouble:
 
     to_the_end = np.zeros((COUNT, 1))
     to_the_end[:2, 0] = 0.5 * np.diag(bundle.camera.K)[:2]
-    return _Trouble("changed focus", "", columns, lambda n: float(n[0]), lambda n: np.ones(1), to_the_end)
+    return _ModelError("changed focus", "", columns, lambda n: float(n[0]), lambda n: np.ones(1), to_the_end)
 
 
-def _tested(bundle: Bundle, views: Sequence[View], trouble: _Trouble) -> Suspect | None:
-    m = trouble.columns(0).shape[-1]
+def _tested(bundle: Bundle, views: Sequence[View], error: _ModelError) -> ErrorHypothesis | None:
+    m = error.columns(0).shape[-1]
     weight = bundle.prior.weight
     S = np.diag(np.concatenate([weight, np.zeros(m)]))
     g = np.concatenate([weight * (bundle.prior.mean - vector_of(bundle.camera)), np.zeros(m)])
     for i, (T, view, residual) in enumerate(zip(bundle.poses, views, bundle.residuals, strict=True)):
-        extra = trouble.columns(i).reshape(-1, m)
+        extra = error.columns(i).reshape(-1, m)
         by_lens = lens_parameter_jacobian(bundle.camera, _at(bundle, views, i)).reshape(-1, COUNT)
         J = np.concatenate([by_lens, extra], axis=1)
         P = pose_jacobian(T, view.points, bundle.camera).reshape(-1, 6)
@@ -152,15 +152,15 @@ def _tested(bundle: Bundle, views: Sequence[View], trouble: _Trouble) -> Suspect
         return None
     covariance = left * inverse_scaled(S)
     numbers, own = step[-m:], covariance[-m:, -m:]
-    slope = trouble.slope(numbers)
+    slope = error.slope(numbers)
     change = np.zeros(COUNT)
     change[bundle.free] = step[:-m]
-    change += trouble.range @ numbers
-    return Suspect(
-        trouble.name,
-        trouble.amount(numbers),
+    change += error.range @ numbers
+    return ErrorHypothesis(
+        error.name,
+        error.amount(numbers),
         float(np.sqrt(slope @ own @ slope)),
-        trouble.unit,
+        error.unit,
         float(np.sqrt(max(explained, 0.0) / left)),
         change,
     )

@@ -1,4 +1,4 @@
-"""Which views go into a calibration, and why others stay outside."""
+"""Select the views for a calibration, and give a reason for each one left out."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from arm.se3 import Array
 from vision.targets.quality import Quality
 from vision.targets.target import FEWEST_CORNERS, TargetView
 
-BLURRED = 2.0  # times the blur of the sharpest quarter,
-LEAST_BLUR_PX = 1.5  # and at least this; but
-MOST_BLUR_PX = 4.0  # this is too much even if all views are so
+BLURRED = 2.0  # largest blur relative to the sharpest quarter of the views,
+LEAST_BLUR_PX = 1.5  # but this much is always allowed
+MOST_BLUR_PX = 4.0  # and this much never is
 LEAST_CONTRAST = 25.0  # grey levels
-SATURATED = 0.5  # part of the white that is at the sensor's end
-SAME_PX = 4.0  # views whose corners lie this near to each other show the same
+SATURATED = 0.5  # largest share of saturated white
+SAME_PX = 4.0  # views whose corners differ by less than this count as the same
 STEEPEST = np.radians(65.0)
 OUTLIER_VIEW = 4.0  # standard deviations of a view's variance above that of the others,
-OUTLIER_SIGMA = 2.5  # and at least this times their corner error: views differ in tilt, light and sharpness,
-LEAST_OUTLIER_RMS_PX = 0.1  # and at least this: less is no motion
+OUTLIER_SIGMA = 2.5  # and at least this multiple of their corner error: tilt, light and sharpness differ too,
+LEAST_OUTLIER_RMS_PX = 0.1  # and at least this: a target that moved gives more
 OUTLIER_CORNER = 6.0  # standard deviations,
-LEAST_OUTLIER_PX = 0.25  # and at least this: detectors err so far now and then, mistakes are larger
+LEAST_OUTLIER_PX = 0.25  # and at least this: correct detections may err by as much
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +32,9 @@ class TargetPhoto:
 
     Attributes:
         name: of its file.
-        view: what was found, or None.
-        quality: of that, or None.
-        taken_s: when, s of any clock that all photographs share; None if not known.
+        view: the detected target, or None.
+        quality: of the detection, or None.
+        taken_s: time in s on a clock common to all photographs; None if unknown.
     """
 
     name: str
@@ -44,7 +44,7 @@ class TargetPhoto:
 
 
 def unusable(photos: Sequence[TargetPhoto]) -> list[str]:
-    """For each photograph why it cannot be used as it is, "" if it can."""
+    """For each photograph, return why it is unusable, or "" if it is usable."""
     blurs = sorted(
         p.quality.blur_px for p in photos if p.quality is not None and np.isfinite(p.quality.blur_px)
     )
@@ -63,11 +63,11 @@ def unusable(photos: Sequence[TargetPhoto]) -> list[str]:
 def _why_unusable(photo: TargetPhoto, blur_limit: float, sharp: float) -> str:
     if photo.view is None or photo.quality is None:
         return (
-            f"fewer than {FEWEST_CORNERS} corners of the target were found: it is hidden, cut off (a checkerboard must "
-            "be whole), or there are two of it"
+            f"fewer than {FEWEST_CORNERS} corners of the target detected: it is hidden, cut off (a checkerboard must "
+            "be whole), or in view twice"
         )
     if _on_one_line(photo.view):
-        return "all corners that were found lie on one line"
+        return "all detected corners lie on one line"
     if photo.quality.contrast < LEAST_CONTRAST:
         return (
             f"contrast of {photo.quality.contrast:.0f} grey levels, less than {LEAST_CONTRAST:.0f}: too dark"
@@ -75,7 +75,7 @@ def _why_unusable(photo: TargetPhoto, blur_limit: float, sharp: float) -> str:
     if photo.quality.saturated > SATURATED:
         return f"{100 * photo.quality.saturated:.0f} % of its white is overexposed"
     if photo.quality.blur_px > blur_limit:
-        return f"blurred: edges {photo.quality.blur_px:.1f} px wide, the sharpest views have {sharp:.1f} px"
+        return f"blurred: edges are {photo.quality.blur_px:.1f} px wide, in the sharpest views {sharp:.1f} px"
     return ""
 
 
@@ -94,16 +94,16 @@ def _same_as(photo: TargetPhoto, kept: Sequence[TargetPhoto]) -> str:
             continue
         off = np.linalg.norm(photo.view.corners_px[here] - other.view.corners_px[there], axis=1)
         if np.median(off) < SAME_PX:
-            return f"shows the target where {other.name} does"
+            return f"shows the target in the same place as {other.name}"
     return ""
 
 
 def outlying_views(variances: Array, counts: npt.NDArray[np.intp]) -> npt.NDArray[np.bool_]:
-    """Views whose residuals are larger than those of the others by more than chance, (n,).
+    """Views whose residuals are significantly larger than those of the others, (n,).
 
     Args:
         variances: mean square residual of each view, px^2.
-        counts: coordinates of each view that are free, 2 corners - 6.
+        counts: degrees of freedom of each view, 2 corners - 6.
     """
     typical = float(np.median(variances))
     chance = 1.0 + OUTLIER_VIEW * np.sqrt(2.0 / np.maximum(counts, 1))
@@ -112,20 +112,20 @@ def outlying_views(variances: Array, counts: npt.NDArray[np.intp]) -> npt.NDArra
 
 
 def outlying_corner(residual: Array, sigma: float) -> int | None:
-    """The corner of a view that is off most, if by more than chance; it pulls the others, so they wait."""
+    """The worst corner of a view if it is an outlier; only one, as it distorts the residuals of the others."""
     off = np.abs(residual).max(axis=1)
     worst = int(np.argmax(off))
     return worst if off[worst] > max(OUTLIER_CORNER * sigma, LEAST_OUTLIER_PX) else None
 
 
 def best_views(informations: Sequence[Array], worth: Array, prior: Array, most: int) -> list[int]:
-    """The `most` views that leave the least error at the work points, chosen one by one.
+    """Select greedily the `most` views that leave the least error at the work points.
 
     Args:
         informations: of each view, (9, 9), per px^2 of corner variance.
-        worth: see `calib.camera.working_volume.WorkPoints.worth`.
+        worth: see `calib.camera.working_volume.WorkingVolume.worth`.
         prior: (9,) information of the prior on the same scale.
-        most: how many.
+        most: number of views.
     """
     S = np.diag(prior)
     left = list(range(len(informations)))

@@ -1,8 +1,8 @@
-"""What a lens that is not exactly known costs where the work is done, mm.
+"""Effect of errors of the intrinsics at the points where the camera works.
 
-A camera whose lens is a little wrong is also placed a little wrong, and most of the first error goes into the second.
-What counts is what is left after the camera's place was determined anew with that lens (mrcal's "implied
-transformation"; here linear, over points that fill the image between two distances).
+A camera with slightly wrong intrinsics also gets slightly wrong extrinsics, and these absorb most of the error. What
+counts is the error that remains after the extrinsics are refitted (mrcal's "implied transformation"; here linearised,
+over points that fill the image between two distances).
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from calib.model.intrinsics import lens_parameter_jacobian
 from vision.camera.model import Camera
 
 COLUMNS, ROWS, LAYERS = 9, 6, 3
-FEWEST = 4  # places in the image from which a camera's place follows
+FEWEST = 4  # rays needed to determine the extrinsics
 
 
 @dataclass(frozen=True, eq=False)
-class WorkPoints:
-    """Points of the camera frame where errors count, and what errors of the lens do there.
+class WorkingVolume:
+    """Points in the camera frame where errors count, and the effect of the intrinsics on them.
 
     Attributes:
         near, far: distances from the camera, m.
         points: (n, 3) m, at most LAYERS * ROWS * COLUMNS.
-        effect: (2 n, 9) m across the line of sight by each number of the lens, the camera's place determined anew.
-        seen: (ROWS, COLUMNS) places of the image where the lens has an inverse; elsewhere there are no points.
+        effect: (2 n, 9) shift in m across the line of sight per unit of each intrinsic, extrinsics refitted.
+        seen: (ROWS, COLUMNS) image places where the distortion has an inverse; elsewhere there are no points.
     """
 
     near: float
@@ -40,32 +40,32 @@ class WorkPoints:
 
     @property
     def blind(self) -> float:
-        """Part of the image in which the lens has no inverse."""
+        """Share of the image in which the distortion has no inverse."""
         return float(1.0 - self.seen.mean())
 
     def sigmas(self, covariance: Array) -> Array:
-        """Standard deviation of each point across the line of sight, (n,) m, for a covariance (9, 9) of the lens."""
+        """Standard deviation of each point across the line of sight, (n,) m, for a covariance (9, 9)."""
         variance = np.einsum("ij,jk,ik->i", self.effect, covariance, self.effect)
         return np.asarray(np.sqrt(np.maximum(variance.reshape(-1, 2).sum(axis=1), 0.0)))
 
     def shifts(self, lens_change: Array) -> Array:
-        """How far each point moves, (n,) m, when the lens changes by (9,)."""
+        """Shift of each point, (n,) m, for a change (9,) of the intrinsics."""
         return np.asarray(np.linalg.norm((self.effect @ lens_change).reshape(-1, 2), axis=1))
 
     @property
     def worth(self) -> Array:
-        """(9, 9): the mean variance over the points is the trace of this times the covariance of the lens."""
+        """Weight matrix (9, 9): its product with the covariance has the mean variance over the points as trace."""
         return np.asarray(self.effect.T @ self.effect / len(self.points))
 
 
-def work_points(camera: Camera, near: float, far: float) -> WorkPoints:
-    """Points all over the image at distances from `near` to `far` m along the optical axis.
+def working_volume(camera: Camera, near: float, far: float) -> WorkingVolume:
+    """Fill the image with points at depths from `near` to `far` m.
 
-    Distortion that is extrapolated from the image's middle may turn back on itself towards the corners, where a pixel
-    then belongs to no ray; such places are left out.
+    Distortion extrapolated from the middle of the image may not be monotonic towards the corners. Pixels without a ray
+    are left out.
 
     Raises:
-        CalibrationRefused: the lens has no inverse nearly anywhere.
+        CalibrationRefused: the distortion has no inverse almost everywhere.
     """
     width, height = camera.size
     u, v = np.meshgrid(
@@ -75,8 +75,8 @@ def work_points(camera: Camera, near: float, far: float) -> WorkPoints:
     finite = np.isfinite(rays).all(axis=-1)
     if finite.sum() < FEWEST:
         raise CalibrationRefused(
-            f"the lens that fits has no inverse at {len(rays) - finite.sum()} of {len(rays)} places in the image: "
-            "these views do not determine its distortion; show the target all over the image, or hold k2 and k3",
+            f"the fitted distortion has no inverse at {len(rays) - finite.sum()} of {len(rays)} places in the image: "
+            "these views do not determine it; show the target all over the image, or hold k2 and k3",
             places=len(rays),
             without_inverse=int(len(rays) - finite.sum()),
         )
@@ -89,4 +89,4 @@ def work_points(camera: Camera, near: float, far: float) -> WorkPoints:
     turns = np.stack([-skew(p) for p in points])
     by_place = np.concatenate([by_point, by_point @ turns], axis=-1).reshape(-1, 6)
     absorbed, *_ = np.linalg.lstsq(by_place, by_lens, rcond=None)
-    return WorkPoints(near, far, points, by_lens - by_place @ absorbed, finite.reshape(ROWS, COLUMNS))
+    return WorkingVolume(near, far, points, by_lens - by_place @ absorbed, finite.reshape(ROWS, COLUMNS))

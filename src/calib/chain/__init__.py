@@ -1,22 +1,19 @@
-"""A chain of joints with a camera: one fit of everything, its model selection, tests and verdict."""
+"""Calibration of a chain of joints with a camera: one fit of everything, model selection, score tests and verdict."""
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
-_FORMER = (
-    "Fixed",
-    "Unknown",
-    "Motion",
-    "Element",
-    "Evaluated",
-    "Chain",
-    "pose_unknowns",
-    "joined",
-)  # of the module that this package was, for one version
+from arm.former import FormerNames
 
 if not TYPE_CHECKING:
-
-    def __getattr__(name: str) -> object:
-        if name in _FORMER:
-            return getattr(import_module("calib.model.chain"), name)
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    __getattr__ = FormerNames(
+        __name__,
+        "calib.model.chain",
+        "Fixed",
+        "Unknown",
+        "Motion",
+        "Element",
+        "Evaluated",
+        "Chain",
+        "pose_unknowns",
+        "joined",
+    )

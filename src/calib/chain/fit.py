@@ -1,10 +1,9 @@
-"""Unknowns of kinematic chains from what cameras saw at their ends: least squares with errors in the readings too.
+"""Fit the unknowns of kinematic chains to images of targets at their ends: least squares with errors in the readings.
 
 Every reading of an encoder that is not exact gets an error of its own, with the encoder's standard deviation as its
-prior, shared by all images that were taken at that reading. These errors are eliminated stance by stance (Schur
-complement), as poses are in `calib.camera.bundle_adjustment`: to first order the same as weighting the pixels
-by their full covariance (generalised least squares), and what keeps a coarse encoder from being taken for an
-exact one (fact sheet of calibration, finding 1).
+prior, shared by all images taken at that reading. These errors are eliminated stance by stance (Schur complement), as
+poses are in `calib.camera.bundle_adjustment`. To first order this equals weighting the pixels by their full covariance
+(generalised least squares); a coarse encoder is not treated as exact (fact sheet of calibration, finding 1).
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from calib.model.chain import Chain, Evaluated
 from vision.camera.model import Camera
 
 MOST_STEPS = 60
-_STEP_DONE = 1e-3  # a step of a thousandth of every standard deviation ends it
+_STEP_DONE = 1e-3  # stop once every step is below a thousandth of its standard deviation
 _MOST_DAMPING = 1e10
 
 Gains = Callable[[Array, Array], dict[str, Array]]
@@ -35,12 +34,12 @@ class Sightings:
     Attributes:
         chain: T_camera_target.
         readings: (n, readings) rad or m at each image.
-        reading_ids: (n, readings) images with the same number in a column share that reading, and its error.
-        stances: (n,) images with the same number are eliminated together; readings are shared inside a stance only.
+        reading_ids: (n, readings) images with the same number in a column share that reading and its error.
+        stances: (n,) images with the same number are eliminated together; only these may share readings.
         points: (m, 3) m in the target frame.
-        pixels: (n, m, 2) px, NaN where a point was not seen.
+        pixels: (n, m, 2) px, NaN where a point was not detected.
         gains: of unknowns, or None.
-        noise: of each image's corners in noise of the typical image's, (n,); None for 1.
+        noise: of each image's corners, relative to a typical image, (n,); None for 1.
     """
 
     chain: Chain
@@ -53,12 +52,12 @@ class Sightings:
     noise: Array | None = None
 
     def sigma(self, pixel_sigma: Array) -> Array:
-        """Standard deviations of every image's corners, (n, 1, 2) px, from those of the typical image (2,)."""
+        """Standard deviations of every image's corners, (n, 1, 2) px, from those of a typical image (2,)."""
         noise = np.ones(len(self.readings)) if self.noise is None else self.noise
         return np.asarray(noise[:, None, None] * pixel_sigma)
 
     def evaluate(self, unknowns: Array, errors: Array) -> Evaluated:
-        """The chain for unknowns (count,) with the readings corrected by errors (n, readings)."""
+        """Evaluate the chain for unknowns (count,), with errors (n, readings) added to the readings."""
         corrected = self.readings + errors
         gains = self.gains(corrected, unknowns) if self.gains is not None else None
         return self.chain.evaluate(corrected, unknowns, gains)
@@ -66,16 +65,16 @@ class Sightings:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is to be found.
+    """An estimation problem.
 
     Attributes:
         sightings: of every chain.
-        camera: the lens; at the origin.
+        camera: intrinsics; at the origin.
         start: of the unknowns (count,).
-        prior_sigma: of the unknowns about the start, (count,); infinite where nothing is known.
+        prior_sigma: of the unknowns about the start, (count,); infinite without a prior.
         pixel_sigma: of x and y, (2,) px.
-        reading_sigma: of the readings (readings,) rad or m; 0 where they are exact.
-        free: (count,) which unknowns are fitted.
+        reading_sigma: of the readings (readings,) rad or m; 0 for exact ones.
+        free: (count,) unknowns that are fitted.
     """
 
     sightings: Sequence[Sightings]
@@ -89,16 +88,16 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class ChainFit:
-    """Unknowns that fit.
+    """Fitted unknowns.
 
     Attributes:
         unknowns: (count,).
         errors: of the readings of every chain, (n, readings) each.
-        residuals: measured minus projected, (n, m, 2) px of every chain, NaN where nothing was seen.
-        cost: what was minimised: squares over their variances.
-        information: (free, free) of the free unknowns, the priors in it.
-        iterations: steps that were taken.
-        freedom: measurements minus unknowns; an error of a reading comes with a measurement of its own, its prior.
+        residuals: measured minus projected, (n, m, 2) px of every chain, NaN where nothing was detected.
+        cost: minimised sum of squares over their variances.
+        information: (free, free) of the free unknowns, including the priors.
+        iterations: number of steps.
+        freedom: measurements minus unknowns; an error of a reading adds one of each, as its prior is a measurement.
     """
 
     unknowns: Array
@@ -112,12 +111,12 @@ class ChainFit:
 
     @property
     def chi2_dof(self) -> float:
-        """About 1 if the model is complete and the standard deviations are right."""
+        """Cost per degree of freedom, about 1 if the model is complete and the standard deviations are right."""
         return self.cost / max(self.freedom, 1)
 
     @property
     def own(self) -> int:
-        """Coordinates that are left if every used image is given a pose of its own: what noise alone shows in."""
+        """Degrees of freedom if every used image had a pose of its own, so that its residuals are noise alone."""
         seen = [
             np.isfinite(r[w > 0.0]).sum(axis=(1, 2))
             for r, w in zip(self.residuals, self.weights, strict=True)
@@ -125,21 +124,21 @@ class ChainFit:
         return int(np.maximum(np.concatenate(seen) - 6, 0).sum())
 
     def excess(self, noise_freedom: float, drop: float = 0.0, unknowns: int = 0) -> float:
-        """Cost per degree of freedom of what images say of each other, about 1 if the model is complete.
+        """Cost per degree of freedom between images, about 1 if the model is complete.
 
-        Where the images told the noise, their own coordinates cost what they number; what is beyond is the chain's.
-        With many corners an image, `chi2_dof` hardly sees that.
+        If the noise was estimated from the images, each degree of freedom within an image costs 1, and the rest is due
+        to the chain. With many corners per image, `chi2_dof` is hardly sensitive to that.
 
         Args:
-            noise_freedom: measurements that the noise rests on; infinite if it was known before, then all count.
+            noise_freedom: measurements that the noise was estimated from; infinite if it was known, then all count.
             drop: of the cost, by further unknowns.
-            unknowns: how many.
+            unknowns: number of further unknowns.
         """
         own = self.own if np.isfinite(noise_freedom) else 0
         return (self.cost - drop - own) / max(self.freedom - unknowns - own, 1)
 
     def covariance(self, free: npt.NDArray[np.bool_]) -> Array:
-        """Of all unknowns, (count, count); zero rows where they were not fitted."""
+        """Covariance of all unknowns, (count, count); zero rows for those held."""
         covariance = np.zeros((len(free), len(free)))
         covariance[np.ix_(free, free)] = inverse_scaled(self.information)
         return covariance
@@ -148,12 +147,12 @@ class ChainFit:
 def fit_chains(
     problem: Problem, weights: Sequence[Array] | None = None, begin: ChainFit | None = None
 ) -> ChainFit:
-    """Levenberg-Marquardt from the start of a problem.
+    """Fit by Levenberg-Marquardt.
 
     Args:
-        problem: what is to be found.
-        weights: of every image of every chain, (n,) each; 1 if not given. Of weight 0 it is as if never taken.
-        begin: another fit to go on from.
+        problem: with its start.
+        weights: of every image of every chain, (n,) each; default: 1. Images of weight 0 are ignored.
+        begin: another fit to start from.
     """
     weights = [np.ones(len(s.readings)) for s in problem.sightings] if weights is None else list(weights)
     x = problem.start.copy()
@@ -200,12 +199,12 @@ def fit_chains(
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """What each stance says of the free unknowns and of k more columns, readings' errors eliminated.
+    """Normal equations of each stance in the free unknowns and k further columns, with reading errors eliminated.
 
     Attributes:
         prior: information and gradient of the priors, (free + k, free + k) and (free + k,).
         S: information of each stance in the order of chains and stances, (stances, free + k, free + k).
-        g: gradients down the cost, (stances, free + k).
+        g: negative gradients of the cost, (stances, free + k).
     """
 
     prior: tuple[Array, Array]
@@ -216,11 +215,11 @@ class NormalEquations:
 def normal_equations(
     problem: Problem, fit: ChainFit, extra: Sequence[Array] | None = None
 ) -> NormalEquations:
-    """Normal equations at a fit.
+    """Return the normal equations at a fit.
 
     Args:
         problem: of the fit.
-        fit: where they are taken.
+        fit: where to linearise.
         extra: derivatives of the projected points by further unknowns, (n, m, 2, k) px of every chain.
     """
     prior = _priors(problem, fit.unknowns, 0 if extra is None else extra[0].shape[-1])
@@ -251,7 +250,7 @@ def _cost(problem: Problem, x: Array, errors: Sequence[Array], weights: Sequence
 
 
 def _share(s: Sightings, weights: Array) -> Array:
-    """One over the number of used images that share a reading, (n, readings): each error counts once."""
+    """One over the number of used images that share a reading, (n, readings), so that each error counts once."""
     used = weights > 0.0
     share = np.zeros(s.reading_ids.shape)
     for j, column in enumerate(s.reading_ids.T):
@@ -262,12 +261,12 @@ def _share(s: Sightings, weights: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Stance:
-    """What a stance says of the unknowns, and the way back to the errors of its readings that were eliminated."""
+    """Information of a stance on the unknowns, and the back-substitution to its eliminated reading errors."""
 
     chain: int
     S: Array  # (free, free)
     g: Array  # (free,)
-    columns: list[tuple[int, npt.NDArray[np.intp]]]  # of each error: reading, and the images that share it
+    columns: list[tuple[int, npt.NDArray[np.intp]]]  # of each error: reading, and the images sharing it
     by_unknown: Array  # (errors, free)
     alone: Array  # (errors,)
 
@@ -293,7 +292,7 @@ class _System:
         return cls(S, g, stances, [e.shape for e in errors])
 
     def step(self, damping: float) -> tuple[Array, list[Array]]:
-        """Changes of the free unknowns and of all errors."""
+        """Changes of the free unknowns and of all reading errors."""
         step = solve_scaled(self.S + damping * np.diag(np.diag(self.S)), self.g)
         changes = [np.zeros(shape) for shape in self.shapes]
         for stance in self.stances:
@@ -317,7 +316,7 @@ def _stances(
     extra: Sequence[Array] | None = None,
     apart: bool = True,
 ) -> Iterator[_Stance]:
-    """Every stance of a chain that has an image of weight; if not `apart`, those without errors as one."""
+    """Yield every stance of a chain with weight; unless `apart`, stances without reading errors are merged."""
     s, e, w = problem.sightings[chain], errors[chain], weights[chain]
     r, J, by_reading = _linearised(problem, s, s.evaluate(x, e), w)
     if extra is not None:
@@ -362,7 +361,7 @@ def _stances(
 def _exact_stances(
     s: Sightings, chain: int, J: Array, r: Array, weights: Array, apart: bool
 ) -> Iterator[_Stance]:
-    """Every stance of weight where readings have no errors: sums over its images."""
+    """Yield every stance with weight where readings are exact: sums over its images."""
     none = np.zeros((0, J.shape[-1])), np.zeros(0)
     if not apart:
         whole = J.reshape(-1, J.shape[-1])
@@ -376,8 +375,7 @@ def _exact_stances(
 
 
 def _linearised(problem: Problem, s: Sightings, at: Evaluated, weights: Array) -> tuple[Array, Array, Array]:
-    """Whitened residuals (n, m, 2) and their derivatives by free unknowns and by readings, (n, m, 2, count); by none
-    of the readings if all are exact."""
+    """Whitened residuals (n, m, 2), derivatives (n, m, 2, count) by free unknowns, and by readings unless exact."""
     R = at.T[:, :3, :3]
     points = s.points @ np.swapaxes(R, 1, 2) + at.T[:, None, :3, 3]
     r = s.pixels - problem.camera.project(points)
@@ -395,6 +393,6 @@ def _linearised(problem: Problem, s: Sightings, at: Evaluated, weights: Array) -
 
 
 def _along(twists: Array, by: Array) -> Array:
-    """Derivatives (n, m, 2, k) of points by what gives their frames the twists (n, k, 6)."""
+    """Derivatives (n, m, 2, k) of points whose frames move by the twists (n, k, 6)."""
     n, m = twists.shape[:2]
     return np.asarray((twists.reshape(n, -1, 6) @ np.swapaxes(by, 1, 2)).reshape(n, m, 2, -1))

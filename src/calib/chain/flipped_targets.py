@@ -1,4 +1,4 @@
-"""Wrong images that are right ones of a target taken for turned: its corners were counted from another one."""
+"""Rejected images that fit if the target is rotated: its corners were numbered from another corner."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import numpy.typing as npt
 from arm.se3 import Array, rot_z
 from calib.chain.result import ChainCalibration
 
-FITS = 4.0  # rms in noise of corners up to which a turned image is a right one
-_SAME = 0.05  # of the target's size, how well a point has to meet another
+FITS = 4.0  # largest rms, in corner noise, of an image that fits when rotated
+_SAME = 0.05  # of the target's size: largest distance between corresponding points
 
 
-def turned_images(c: ChainCalibration) -> dict[int, tuple[int, ...]]:
-    """Left out images of the first chain that fit with their corners counted from elsewhere, per turn in degrees.
+def flipped_targets(c: ChainCalibration) -> dict[int, tuple[int, ...]]:
+    """Find rejected images of the first chain that fit with their corners renumbered, by rotation in degrees.
 
-    The turn is what the target would have to be turned by about its z, to look as it was taken for.
+    The rotation is the one about z with which the target was detected.
 
     Args:
         c: a calibration.
@@ -39,7 +39,7 @@ def turned_images(c: ChainCalibration) -> dict[int, tuple[int, ...]]:
 
 
 def _order(points: Array, turn: int) -> npt.NDArray[np.intp] | None:
-    """Which corner stands for each if the target is turned about its middle; None if it does not meet itself."""
+    """Permutation of the corners under a rotation about the target's centre; None if it is not symmetric."""
     middle = points.mean(axis=0)
     there = (points - middle) @ rot_z(np.radians(turn)).T + middle
     off = np.linalg.norm(there[:, None] - points, axis=-1)

@@ -1,8 +1,8 @@
-"""Which unknowns a chain's model needs, and which images it must not believe: both from the residuals.
+"""Select the parts of a chain's model and reject wrong images, from the residuals.
 
-Parts of a model (offsets of a head, springs, play, errors of links) are left out one after the other as long as the
-cost rises by no more than unknowns without meaning would make it rise (likelihood-ratio test, chi square). A model
-that has a part too many is unsure of more than it need be; one that lacks a part is wrong without knowing it.
+Optional parts of a model (offsets of a head, joint compliance, backlash, link errors) are dropped one by one as long as
+the cost rises no more than it would for meaningless unknowns (likelihood-ratio test, chi square). A model with a part
+too many is more uncertain than necessary; a model that lacks a part is wrong without showing it.
 """
 
 from __future__ import annotations
@@ -17,16 +17,18 @@ from scipy import stats
 from arm.se3 import Array
 from calib.chain.fit import MOST_STEPS, ChainFit, Problem, Sightings, fit_chains
 
-MEANINGLESS = 1e-3  # how often a part that is not there is taken in
-WRONG_IMAGE = 1e-6  # how often a right image would be left out
+MEANINGLESS = 1e-3  # probability of keeping a part that is not there
+WRONG_IMAGE = 1e-6  # probability of rejecting a correct image
 _SOFT, _ROUNDS = 2.0, 12
 _SECOND_CHANCES, _FAR = 10, 10.0
-_SPOILT = 1.5  # chi2 per degree of freedom
+_SPOILT = 1.5  # chi2 per degree of freedom above which wrong images may have bent the model
 
 
 def largest_rise(chance: float, unknowns: int, noise_freedom: float) -> float:
-    """Change of the cost by unknowns without meaning that is exceeded so often, where the noise that the cost is
-    weighed with was estimated from `noise_freedom` measurements (R. A. Fisher's variance ratio)."""
+    """Change of the cost that meaningless unknowns exceed with probability `chance`.
+
+    The noise was estimated from `noise_freedom` measurements, hence R. A. Fisher's variance ratio.
+    """
     if np.isinf(noise_freedom):
         return float(stats.chi2.isf(chance, unknowns))
     return unknowns * float(stats.f.isf(chance, unknowns, max(noise_freedom, 1.0)))
@@ -34,11 +36,11 @@ def largest_rise(chance: float, unknowns: int, noise_freedom: float) -> float:
 
 @dataclass(frozen=True)
 class Part:
-    """Unknowns that a model has or lacks together.
+    """Unknowns that a model keeps or drops together.
 
     Attributes:
         name: in words.
-        unknowns: their places among all.
+        unknowns: their indices.
     """
 
     name: str
@@ -47,12 +49,12 @@ class Part:
 
 @dataclass(frozen=True)
 class Trial:
-    """A part that was left out to see what it is worth.
+    """A part dropped on trial.
 
     Attributes:
         part: its name.
         rise: of the cost without it.
-        limit: rise up to which it means nothing.
+        limit: largest insignificant rise.
     """
 
     part: str
@@ -67,12 +69,12 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """A model and its fit.
+    """A selected model and its fit.
 
     Attributes:
-        problem: with the chosen unknowns free.
-        fit: weights 0 or 1.
-        trials: the last of each part.
+        problem: with the selected unknowns free.
+        fit: with weights 0 or 1.
+        trials: the last trial of each part.
     """
 
     problem: Problem
@@ -81,7 +83,7 @@ class Choice:
 
     @property
     def wrong(self) -> tuple[npt.NDArray[np.intp], ...]:
-        """Images of every chain that were left out."""
+        """Rejected images of every chain."""
         return tuple(np.flatnonzero(w == 0.0) for w in self.fit.weights)
 
 
@@ -91,18 +93,16 @@ def choose_model(
     weights: Sequence[Array] | None = None,
     noise_freedom: float = np.inf,
 ) -> Choice:
-    """Fit with all parts, leave out wrong images, then the parts that are not needed.
+    """Fit with all parts, reject wrong images, then drop the parts that are not needed.
 
     Args:
-        problem: with all unknowns of all parts free, beside those that always are.
-        parts: that may be left out.
-        weights: of a start that knows some images to be wrong, (n,) of every chain.
-        noise_freedom: measurements that the problem's `pixel_sigma` rests on.
+        problem: with the unknowns of all parts free.
+        parts: that may be dropped.
+        weights: initial weights, 0 for images known to be wrong, (n,) of every chain.
+        noise_freedom: measurements that the problem's `pixel_sigma` was estimated from.
     """
     fit = _without_wrong_images(problem, weights, noise_freedom)
-    if (
-        fit.chi2_dof > _SPOILT
-    ):  # with many unknowns wrong images bend the model to them; with few they stand out
+    if fit.chi2_dof > _SPOILT:  # wrong images bend a model with many unknowns, but not one with few
         bare = problem
         for part in parts:
             bare = _without(bare, part)
@@ -127,16 +127,16 @@ def choose_model(
 def _without(problem: Problem, part: Part) -> Problem:
     free, start = problem.free.copy(), problem.start.copy()
     free[list(part.unknowns)] = False
-    start[list(part.unknowns)] = 0.0  # what is not there is none, whatever is expected of one that is
+    start[list(part.unknowns)] = 0.0  # a dropped part is zero, whatever its prior mean
     return replace(problem, free=free, start=start)
 
 
 def _without_wrong_images(
     problem: Problem, weights: Sequence[Array] | None, noise_freedom: float
 ) -> ChainFit:
-    """A fit with weights that fall with an image's distance from the others, and in the end are 0 or 1."""
+    """Fit with robust weights first, then with weights 0 or 1."""
     fit = fit_chains(problem, weights)
-    if fit.iterations >= MOST_STEPS:  # what finds no end fits nothing, whichever images are left out
+    if fit.iterations >= MOST_STEPS:  # a fit that does not converge cannot judge images
         return fit
     now = list(fit.weights)
     for _ in range(_ROUNDS):
@@ -157,7 +157,7 @@ def _without_wrong_images(
 
 
 def _taken_back(problem: Problem, fit: ChainFit, noise_freedom: float) -> ChainFit:
-    """With images that only seemed wrong: few others predict an image badly, with it they may all agree."""
+    """Restore images that only seemed wrong: few others predict an image badly, but with it all may agree."""
     limits = [_limit(s, noise_freedom) for s in problem.sightings]
     left = [
         (float(off[i] / limit[i]), chain, int(i))
@@ -177,7 +177,7 @@ def _taken_back(problem: Problem, fit: ChainFit, noise_freedom: float) -> ChainF
 
 
 def _within(problem: Problem, fit: ChainFit, noise_freedom: float) -> list[Array]:
-    """1 for images whose residuals are no larger than those of right ones, 0 for others."""
+    """1 for images with residuals within the limit, 0 for others."""
     off = _off(problem, fit)
     return [
         (o <= _limit(s, noise_freedom)).astype(float) for o, s in zip(off, problem.sightings, strict=True)
@@ -185,7 +185,7 @@ def _within(problem: Problem, fit: ChainFit, noise_freedom: float) -> list[Array
 
 
 def _off(problem: Problem, fit: ChainFit) -> list[Array]:
-    """Rms of every image's residuals, in noise of corners, or of the typical image where the model lacks something."""
+    """Rms residual of every image relative to corner noise, or to the typical image if the model is incomplete."""
     sizes = [
         np.sqrt(np.nanmean((r / s.sigma(problem.pixel_sigma)) ** 2, axis=(1, 2)))
         for s, r in zip(problem.sightings, fit.residuals, strict=True)
@@ -202,7 +202,7 @@ def _off(problem: Problem, fit: ChainFit) -> list[Array]:
 
 
 def _limit(s: Sightings, noise_freedom: float) -> Array:
-    """Rms, (n,), that a right image does not reach."""
+    """Largest rms of a correct image, (n,)."""
     count = np.isfinite(s.pixels).sum(axis=(1, 2))
     by_count = {c: np.sqrt(largest_rise(WRONG_IMAGE, int(c), noise_freedom) / c) for c in np.unique(count)}
     return np.array([by_count[c] for c in count])

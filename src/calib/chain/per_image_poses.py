@@ -1,7 +1,6 @@
-"""What images of a target say alone, with the target's pose free in each: noise of the corners, and wrong corners.
+"""Fit a pose of the target to each image alone: gives the noise of the corners, and wrong corners.
 
-It rests on no arm, so it is the measure that an arm's model is held against: residuals that are larger with the arm
-in between are the arm's.
+No arm is involved, so this is the reference for an arm's model: residuals that are larger with the arm are the arm's.
 """
 
 from __future__ import annotations
@@ -20,23 +19,23 @@ from vision.camera.model import Camera
 
 FEWEST = 4  # corners of an image
 WRONG_CORNER = 6.0  # standard deviations
-_MANY = 8  # corners from which wrong ones can be told
-_FEW_IMAGES, _SURE = 6, 3.0  # images, and standard deviations, from which they are believed to differ
-_PER_AXIS = 16  # corners from which x and y are told apart
-_FINEST = 1e-6  # px; drawn images have no noise, and nothing can be weighed with none
+_MANY = 8  # corners needed to tell which are wrong
+_FEW_IMAGES, _SURE = 6, 3.0  # images and standard deviations needed to conclude that their noise differs
+_PER_AXIS = 16  # corners needed to estimate x and y separately
+_FINEST = 1e-6  # px; rendered images have no noise, and weights need some
 
 
 @dataclass(frozen=True, eq=False)
-class FreePoses:
-    """Poses of a target that fit each image alone.
+class PerImagePoses:
+    """Poses of a target fitted to each image alone.
 
     Attributes:
         T_camera_target: (n, 4, 4).
-        residuals: (n, m, 2) px, NaN where a corner was not seen.
+        residuals: (n, m, 2) px, NaN where a corner was not detected.
         pixel_sigma: standard deviation of a corner's x and y, (2,) px.
-        freedom: coordinates beyond the poses that it rests on; few make it uncertain.
-        noise: of each image's corners, in the typical image's, (n,): targets that are far away, oblique or blurred
-            are found less well. Ones if images do not differ by more than chance.
+        freedom: degrees of freedom of `pixel_sigma`.
+        noise: of each image's corners, relative to a typical image, (n,): far, oblique or blurred targets are detected
+            less accurately. Ones if images do not differ significantly.
         wrong: (n, m) corners that do not fit the others of their image.
     """
 
@@ -48,7 +47,7 @@ class FreePoses:
     wrong: npt.NDArray[np.bool_]
 
 
-def fit_free_poses(camera: Camera, points: Array, pixels: Array) -> FreePoses:
+def fit_per_image_poses(camera: Camera, points: Array, pixels: Array) -> PerImagePoses:
     """Fit a pose to every image.
 
     The standard deviation is that of the better half of the images, so that a few with wrong corners do not count.
@@ -56,10 +55,10 @@ def fit_free_poses(camera: Camera, points: Array, pixels: Array) -> FreePoses:
     Args:
         camera: at the origin.
         points: (m, 3) m in the target frame.
-        pixels: (n, m, 2), NaN where a corner was not seen; four at least in every image.
+        pixels: (n, m, 2), NaN where a corner was not detected; at least four in every image.
 
     Raises:
-        InputError: of some image fewer than four corners lie where the lens can see anything, or no pose fits it.
+        InputError: an image has fewer than four corners within the lens's view, or no pose fits it.
     """
     shown = pixels.copy()
     with np.errstate(all="ignore"):
@@ -68,8 +67,8 @@ def fit_free_poses(camera: Camera, points: Array, pixels: Array) -> FreePoses:
     few = np.flatnonzero(np.isfinite(shown[..., 0]).sum(axis=1) < FEWEST)
     if len(few):
         raise InputError(
-            f"image {few[0]}: fewer than {FEWEST} of its corners lie where the lens can see anything; are they in px, "
-            "and of this camera?",
+            f"image {few[0]}: fewer than {FEWEST} of its corners lie within the lens's view; are they in px, and of "
+            "this camera?",
             images=few.tolist(),
         )
     for _ in range(4):
@@ -79,35 +78,35 @@ def fit_free_poses(camera: Camera, points: Array, pixels: Array) -> FreePoses:
                 for image, seen in zip(shown, np.isfinite(shown[..., 0]), strict=True)
             ]
         )
-        residuals, spared = _residuals(camera, points, pixels, shown, poses)
-        sigma, freedom = _sigma(residuals, spared, np.isfinite(shown[..., 0]))
+        residuals, left_share = _residuals(camera, points, pixels, shown, poses)
+        sigma, freedom = _sigma(residuals, left_share, np.isfinite(shown[..., 0]))
         off = np.linalg.norm(residuals / sigma, axis=-1)
         lost = np.flatnonzero(~np.isfinite(off).any(axis=1))
         if len(lost):
             raise InputError(
-                f"image {lost[0]}: in no pose does the target look like that; is it this target, and this camera?",
+                f"image {lost[0]}: no pose of the target fits; is it this target, and this camera?",
                 images=lost.tolist(),
             )
         worst = np.nanargmax(off, axis=1)
         rows = np.arange(len(off))
         count = np.isfinite(shown[..., 0]).sum(axis=1)
         far = (off > WRONG_CORNER) & (off >= 0.5 * off[rows, worst][:, None])
-        # where most corners are far off, the image shows something else, whichever of them are believed
+        # if most corners are far off, the image shows something else, and no corner can be singled out
         drop = (count > _MANY) & ~wrong[rows, worst] & (2 * far.sum(axis=1) < count) & far[rows, worst]
         if not drop.any():
             break
         far &= drop[:, None]
         wrong |= far
         shown[far] = np.nan
-    noise = _noise(residuals / sigma, np.where(np.isfinite(shown), spared, 0.0))
-    return FreePoses(poses, residuals, sigma, freedom, noise, wrong)
+    noise = _noise(residuals / sigma, np.where(np.isfinite(shown), left_share, 0.0))
+    return PerImagePoses(poses, residuals, sigma, freedom, noise, wrong)
 
 
 def _residuals(
     camera: Camera, points: Array, pixels: Array, shown: Array, poses: Array
 ) -> tuple[Array, Array]:
-    """Residuals of all corners (n, m, 2), and what part of each coordinate's variance is left in it."""
-    residuals, spared = np.full(pixels.shape, np.nan), np.zeros(pixels.shape)
+    """Residuals of all corners (n, m, 2), and the share of each coordinate's variance left in them."""
+    residuals, left_share = np.full(pixels.shape, np.nan), np.zeros(pixels.shape)
     for i, T in enumerate(poses):
         at = points @ T[:3, :3].T + T[:3, 3]
         residuals[i] = pixels[i] - camera.project(at)
@@ -115,33 +114,33 @@ def _residuals(
         J = by_twist(by_point, points)
         J[~np.isfinite(shown[i, :, 0])] = 0.0
         Q, _ = np.linalg.qr(J.reshape(-1, 6))
-        spared[i] = 1.0 - (Q**2).sum(axis=1).reshape(-1, 2)
-    return residuals, spared
+        left_share[i] = 1.0 - (Q**2).sum(axis=1).reshape(-1, 2)
+    return residuals, left_share
 
 
-def _sigma(residuals: Array, spared: Array, seen: npt.NDArray[np.bool_]) -> tuple[Array, float]:
-    """Of x and y, (2,) px, from the better half of the images by their squares; and the coordinates it rests on."""
+def _sigma(residuals: Array, left_share: Array, seen: npt.NDArray[np.bool_]) -> tuple[Array, float]:
+    """Standard deviation of x and y, (2,) px, from the images with smaller squares, and its degrees of freedom."""
     squares = np.where(seen[..., None], residuals, 0.0) ** 2
-    freedom = np.where(seen[..., None], spared, 0.0).sum(axis=(1, 2))
+    freedom = np.where(seen[..., None], left_share, 0.0).sum(axis=(1, 2))
     usable = freedom > 0.5
     mean = squares.sum(axis=(1, 2))[usable] / freedom[usable]
     typical = np.median(mean) / np.median(stats.chi2.median(freedom[usable]) / freedom[usable])
     good = usable.copy()
     good[usable] = mean * freedom[usable] < typical * stats.chi2.isf(1e-4, freedom[usable])
-    total = squares[good].sum(axis=(0, 1)), np.where(seen[..., None], spared, 0.0)[good].sum(axis=(0, 1))
+    total = squares[good].sum(axis=(0, 1)), np.where(seen[..., None], left_share, 0.0)[good].sum(axis=(0, 1))
     if np.median(seen.sum(axis=1)) < _PER_AXIS:
         return np.full(2, max(np.sqrt(total[0].sum() / total[1].sum()), _FINEST)), float(total[1].sum())
     return np.maximum(np.sqrt(total[0] / total[1]), _FINEST), float(total[1].sum())
 
 
-def _noise(whitened: Array, spared: Array) -> Array:
-    """Of each image, (n,), shrunk to 1 by how little images differ (an empirical Bayes estimate of variances).
+def _noise(whitened: Array, left_share: Array) -> Array:
+    """Noise of each image, (n,), shrunk towards 1 by an empirical Bayes estimate of variances.
 
-    The variances of images are taken to be spread as inverse chi squares with as many degrees of freedom as the spread
-    of their logarithms tells, beyond that of few corners.
+    The prior on the variances is inverse chi square, with degrees of freedom from the spread of their logarithms beyond
+    that due to few corners.
     """
-    freedom = spared.sum(axis=(1, 2))
-    squares = np.where(spared > 0.0, whitened, 0.0) ** 2
+    freedom = left_share.sum(axis=(1, 2))
+    squares = np.where(left_share > 0.0, whitened, 0.0) ** 2
     total = np.nansum(squares, axis=(1, 2))
     usable = freedom > 1.0
     if usable.sum() < _FEW_IMAGES:

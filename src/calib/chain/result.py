@@ -1,4 +1,4 @@
-"""A calibrated chain as a value: the unknowns with their covariance, how well they predict, and what is doubtful."""
+"""Result of a chain calibration: unknowns with their covariance, cross-validation, and score tests."""
 
 from __future__ import annotations
 
@@ -13,28 +13,26 @@ import numpy.typing as npt
 from arm.se3 import Array, frozen
 from calib.chain.fit import ChainFit, Problem, Sightings, fit_chains
 from calib.chain.model_selection import Choice, Part, Trial, choose_model, largest_rise
-from calib.chain.score_tests import ChainSuspect, find_suspects, sudden_change
+from calib.chain.score_tests import ChainErrorHypothesis, find_error_hypotheses, sudden_change
 
 FOLDS = 5
-CHANCE = 1e-4  # how often a complete model is refused for its residuals
+CHANCE = 1e-4  # probability of refusing a complete model for its residuals
 CORRELATED = 0.9
-_TELLING = (
-    2  # measurements beyond the unknowns, for each that is optional, from which exact readings are believed
-)
-SIZE = 1e-3  # part of a target's size that its maker may be off by
+_INFORMATIVE = 2  # measurements beyond the unknowns, per optional one, to conclude that readings are exact
+SIZE = 1e-3  # relative tolerance of a target's size
 
 
 @dataclass(frozen=True)
 class ChainLimits:
-    """When a chain's calibration is refused.
+    """Limits for accepting a chain calibration.
 
     Attributes:
-        chi2_dof: largest cost per degree of freedom: above it, something moves that the model does not know. Of few
-            images it may be larger by chance, see `ChainCalibration.chi2_limit`.
-        held_out: largest error of predictions that were held out, m.
-        wrong: largest part of the images that may be left out as wrong.
-        images: fewest images that are used.
-        undetermined: standard deviations from which an angle (rad) and a length (m) are not determined.
+        chi2_dof: largest cost per degree of freedom; above it, the model is incomplete. With few images, chance allows
+            more, see `ChainCalibration.chi2_limit`.
+        held_out: largest error of held-out predictions, m.
+        wrong: largest share of rejected images.
+        images: fewest images used.
+        undetermined: standard deviations from which an angle (rad) and a length (m) count as undetermined.
     """
 
     chi2_dof: float = 1.25
@@ -46,12 +44,12 @@ class ChainLimits:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """How well images are predicted by fits that do not know them.
+    """Prediction error of held-out images.
 
     Attributes:
         px: rms of the residuals' coordinates.
-        metres: rms distance, across the line of sight, of the target's middle from where it was predicted; inf if an
-            image was predicted where the camera sees nothing, behind it for one.
+        metres: rms distance, across the line of sight, between the target's centre and its prediction; inf if a target
+            was predicted outside the camera's view, such as behind it.
     """
 
     px: float
@@ -60,23 +58,23 @@ class HeldOut:
 
 @dataclass(frozen=True, eq=False)
 class ChainCalibration:
-    """A fit of the model that was chosen.
+    """A fit of the selected model.
 
     Attributes:
         names: of all unknowns.
-        lengths: (count,) which unknowns are lengths; the others are angles, or make angles.
-        problem: with the chosen unknowns free.
-        fit: of it; weights 0 for images that were left out.
-        trials: what each optional part of the model is worth.
+        lengths: (count,) whether an unknown is a length; the others are angles, or factors of angles.
+        problem: with the selected unknowns free.
+        fit: of it; weights 0 for rejected images.
+        trials: trial of each optional part of the model.
         held_out: from `FOLDS` fits that each lack a part of the stances.
-        suspects: what else could be wrong, most telling first.
-        iterations: steps from the start to the solution, with the model that was chosen.
-        solve_s: how long that took.
+        suspects: possible model errors, the most significant first.
+        iterations: steps from the start to the solution, with the selected model.
+        solve_s: their time.
         limits: of the verdict.
-        noise_freedom: measurements that the corners' noise was estimated from.
-        change: image from which on images do not fit those before it; None if there is none.
+        noise_freedom: measurements that the corner noise was estimated from.
+        change: first image that no longer fits those before it; None if there is none.
         reasons: why it is refused; empty if it is accepted.
-        remarks: what a person should know besides.
+        remarks: further notes for a person.
     """
 
     names: tuple[str, ...]
@@ -85,7 +83,7 @@ class ChainCalibration:
     fit: ChainFit
     trials: tuple[Trial, ...]
     held_out: HeldOut
-    suspects: tuple[ChainSuspect, ...]
+    suspects: tuple[ChainErrorHypothesis, ...]
     iterations: int
     solve_s: float
     limits: ChainLimits
@@ -96,40 +94,41 @@ class ChainCalibration:
 
     @property
     def accepted(self) -> bool:
-        """The verdict."""
+        """Whether there is no reason to refuse it."""
         return not self.reasons
 
     @property
     def chi2_limit(self) -> float:
-        """Largest cost per degree of freedom that is accepted: that of the limits, or what chance makes of few images
-        if that is more."""
+        """Largest accepted cost per degree of freedom: that of the limits, or that due to chance if it is larger."""
         return _chi2_limit(self.limits, self.fit, self.noise_freedom)
 
     @property
     def excess(self) -> float:
-        """Cost per degree of freedom of what images say of each other (`ChainFit.excess`)."""
+        """Cost per degree of freedom between images (`ChainFit.excess`)."""
         return self.fit.excess(self.noise_freedom)
 
     @property
     def excess_limit(self) -> float:
-        """What chance makes of it."""
+        """Largest `excess` due to chance."""
         more = _more(self.fit, self.noise_freedom)
         return largest_rise(CHANCE, more, self.noise_freedom) / more
 
     @property
     def images(self) -> int:
-        """How many there are."""
+        """Number of images."""
         return sum(len(w) for w in self.fit.weights)
 
     @property
     def wrong(self) -> tuple[npt.NDArray[np.intp], ...]:
-        """Images of every chain that were left out as wrong."""
+        """Rejected images of every chain."""
         return tuple(np.flatnonzero(w == 0.0) for w in self.fit.weights)
 
     @cached_property
     def covariance(self) -> Array:
-        """Of all unknowns, SI; zero where held. Wider than the fit says by what its residuals are too large, and by
-        what the target's size may be off (`SIZE`), which links of unknown length make up for."""
+        """Covariance of all unknowns, SI; zero where held.
+
+        It is inflated by `excess`, and by the tolerance of the target's size (`SIZE`), which link errors compensate.
+        """
         covariance = self.fit.covariance(self.problem.free) * max(1.0, self.excess)
         size = next((s for s in self.suspects if s.name == "target size" and len(s.others)), None)
         if size is not None:  # inverse of the blocks with the size as one more unknown
@@ -140,7 +139,7 @@ class ChainCalibration:
 
     @cached_property
     def residual_std(self) -> Array:
-        """Standard deviation of the residuals in x and y with the readings taken as exact, (2,) px."""
+        """Standard deviation of the residuals in x and y with the readings assumed exact, (2,) px."""
         return _std(self.problem, self.fit, [np.zeros_like(e) for e in self.fit.errors])
 
     @cached_property
@@ -159,8 +158,10 @@ class ChainCalibration:
 
     @cached_property
     def weakest(self) -> tuple[tuple[str, float], ...]:
-        """The combination of unknowns that the images tell least of: names and shares, largest first, of those that
-        matter, each in its own standard deviation if the others were known."""
+        """The least determined combination of unknowns: names and shares, largest first.
+
+        Each share is in the unknown's own standard deviation if the others were known.
+        """
         free = np.flatnonzero(self.problem.free)
         scale = 1.0 / np.sqrt(np.diag(self.fit.information))
         _, vectors = np.linalg.eigh(self.fit.information * np.outer(scale, scale))
@@ -181,19 +182,19 @@ def calibrate_chain(
     readings: Sequence[str] = (),
     step_known: bool = False,
 ) -> ChainCalibration:
-    """Choose a model, fit it, hold images out, and look for what else could be wrong; the verdict is not yet made.
+    """Select a model, fit it, cross-validate, and run the score tests; the verdict is not yet made.
 
     Args:
         names: of all unknowns.
-        lengths: (count,) which are lengths.
-        problem: with all unknowns of all parts free.
-        parts: of the model that may be left out.
+        lengths: (count,) whether they are lengths.
+        problem: with the unknowns of all parts free.
+        parts: of the model that may be dropped.
         limits: of the verdict.
-        weights: of a start that knows some images to be wrong, (n,) of every chain.
-        noise_freedom: measurements that the problem's `pixel_sigma` rests on.
-        refined: makes more of a choice, such as a better shape of one of its parts.
-        readings: their names, in a single chain.
-        step_known: whether `reading_sigma` is certain; otherwise readings that explain everything are taken as exact.
+        weights: initial weights, 0 for images known to be wrong, (n,) of every chain.
+        noise_freedom: measurements that the problem's `pixel_sigma` was estimated from.
+        refined: refines a choice, such as the shape of one of its parts.
+        readings: their names, for a single chain.
+        step_known: whether `reading_sigma` is certain; otherwise readings are assumed exact if that fits.
     """
     if not step_known:
         problem = _exact_if_it_fits(problem, parts, limits, noise_freedom)
@@ -211,7 +212,7 @@ def calibrate_chain(
         fit,
         choice.trials,
         hold_out(choice),
-        find_suspects(choice.problem, believed, noise_freedom, readings),
+        find_error_hypotheses(choice.problem, believed, noise_freedom, readings),
         again.iterations,
         took,
         limits,
@@ -221,8 +222,7 @@ def calibrate_chain(
 
 
 def _either_side(problem: Problem, fit: ChainFit, change: int) -> Array:
-    """Weights with which images on both sides of a change are believed, (n,): nearly all of one side are wrong only
-    because the other was taken for right."""
+    """Weights (n,) with the images on both sides of a change restored; one side was only wrong given the other."""
     wrong = fit.weights[0] == 0.0
     after = np.arange(len(wrong)) >= change
     mistaken = after == (wrong[after].mean() > wrong[~after].mean())
@@ -234,13 +234,13 @@ def _either_side(problem: Problem, fit: ChainFit, change: int) -> Array:
 def chi2_limit(limits: ChainLimits, known: int, more: int, noise_freedom: float) -> float:
     """See `ChainCalibration.chi2_limit`.
 
-    The noise is known from the images alone; what an arm between them adds to their squares varies by chance, the more
-    the fewer they are.
+    The noise is known from the images alone. The squares that an arm between them adds vary by chance, the more the
+    fewer they are.
 
     Args:
         limits: of the verdict.
         known: degrees of freedom of the images alone.
-        more: degrees of freedom beyond those.
+        more: further degrees of freedom.
         noise_freedom: measurements that the noise was estimated from; infinite if it was given.
     """
     return max(limits.chi2_dof, (known + largest_rise(CHANCE, more, noise_freedom)) / (known + more))
@@ -252,16 +252,16 @@ def _chi2_limit(limits: ChainLimits, fit: ChainFit, noise_freedom: float) -> flo
 
 
 def _more(fit: ChainFit, noise_freedom: float) -> int:
-    """Degrees of freedom beyond the images' own that the noise was estimated from."""
+    """Degrees of freedom beyond those of the images, from which the noise was estimated."""
     return max(fit.freedom - (fit.own if np.isfinite(noise_freedom) else 0), 1)
 
 
 def _exact_if_it_fits(
     problem: Problem, parts: Sequence[Part], limits: ChainLimits, noise_freedom: float
 ) -> Problem:
-    """With readings taken as exact where that explains everything: a grid may be that of the commands.
+    """Assume exact readings if that fits: a grid in the readings may come from the commands.
 
-    Of few images nothing is explained by exact readings that optional unknowns would not swallow.
+    With few images the optional unknowns could absorb reading errors, so nothing is assumed.
     """
     if not (problem.reading_sigma > 0.0).any():
         return problem
@@ -269,13 +269,13 @@ def _exact_if_it_fits(
     fit = fit_chains(exact)
     optional = {place for part in parts for place in part.unknowns}
     known = int(np.isfinite(problem.prior_sigma[problem.free]).sum())
-    if _more(fit, noise_freedom) - known < _TELLING * len(optional):
+    if _more(fit, noise_freedom) - known < _INFORMATIVE * len(optional):
         return problem
     return exact if fit.chi2_dof < _chi2_limit(limits, fit, noise_freedom) else problem
 
 
 def hold_out(choice: Choice, folds: int = FOLDS) -> HeldOut:
-    """Predict each part of the stances from a fit to the others."""
+    """Cross-validate: predict each part of the stances from a fit to the others."""
     problem, fit = choice.problem, choice.fit
     squares, count, metres, lost = 0.0, 0, [], False
     for fold in range(folds):

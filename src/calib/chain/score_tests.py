@@ -1,8 +1,8 @@
-"""What else could be wrong with a calibrated chain: each cause tested by how much it would explain.
+"""Score tests for model errors of a calibrated chain: how much would each explain?
 
-A cause is a further unknown that the fit does not have, such as a target of another size. At the solution the cost's
-gradient along it, with all other unknowns free to follow, says how large it is and how surely (C. R. Rao's score
-test, 1948); nothing has to be fitted again.
+A model error is a further unknown that the fit lacks, such as a wrong target size. Its size and significance follow
+from the gradient of the cost at the solution, with all other unknowns free (C. R. Rao's score test, 1948). No refit is
+needed.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from calib.camera.bundle_adjustment import inverse_scaled, solve_scaled
 from calib.chain.fit import ChainFit, NormalEquations, Problem, Sightings, normal_equations
 from calib.chain.model_selection import largest_rise
 
-SURE = 1e-5  # how often a cause that is not there would look so strong
-_ACROSS = 3.0  # an arm's scatter shows in two of the six numbers of a pose: across the line of sight
-_MOST = 0.5  # a part, or m; a target of half or twice the size is no matter of derivatives
+SURE = 1e-5  # probability that an error that is not there looks as significant
+_ACROSS = 3.0  # an arm's scatter shows in two of a pose's six degrees of freedom: across the line of sight
+_MOST = 0.5  # relative, or m; larger amounts are beyond a linear test
 
 
 @dataclass(frozen=True, eq=False)
-class ChainSuspect:
-    """A possible cause.
+class ChainErrorHypothesis:
+    """A possible model error.
 
     Attributes:
         name: "target size", "time skew", "focal length", "target moved", "camera moved", "scale of" a reading.
-        amount: its size in `unit` (of what moved: the distance).
-        sigma: standard deviation of the amount, as if the model were complete otherwise.
-        unit: "" for a part of something.
-        drop: of the cost, if it were in the model.
-        limit: drop up to which it may be chance.
-        moves: how far it moves targets that are predicted at the images' readings, rms, m.
-        image: from which on, where it is something that moved; -1 otherwise.
-        others: (free,) what the other unknowns make up for it by, for an amount of 1; empty for what moved.
+        amount: its size in `unit` (for a movement: the distance).
+        sigma: standard deviation of the amount, if the model is complete otherwise.
+        unit: "" for a relative amount.
+        drop: of the cost, if the model included it.
+        limit: largest insignificant drop.
+        moves: rms shift of predicted targets at the images' readings, m.
+        image: first image after a movement; -1 otherwise.
+        others: (free,) change of the other unknowns for an amount of 1; empty for a movement.
     """
 
     name: str
@@ -53,14 +53,17 @@ class ChainSuspect:
 
     @property
     def sure(self) -> bool:
-        """Whether chance does not explain it, and it is small enough for derivatives to tell."""
+        """Whether it is significant, and small enough for a linear test."""
         return self.drop > self.limit and abs(self.amount) < _MOST
 
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """Derivatives at a fit, px: by the target's points (n, m, 2, 3), by its twist and the camera's (..., 6), by the
-    readings; and the projected points (n, m, 2). What the free unknowns move the target by, (n, 3, free) m."""
+    """Derivatives at a fit.
+
+    In px: by the target's points (n, m, 2, 3), by the target's and the camera's twist (..., 6), by the readings. In m:
+    shift of the target by the free unknowns, (n, 3, free). `projected` is (n, m, 2).
+    """
 
     s: Sightings
     projected: Array
@@ -98,16 +101,16 @@ class _View:
         return np.asarray((self.by_reading[..., j] * self.s.readings[:, None, None, j])[..., None])
 
 
-def find_suspects(
+def find_error_hypotheses(
     problem: Problem, fit: ChainFit, noise_freedom: float = np.inf, readings: Sequence[str] = ()
-) -> tuple[ChainSuspect, ...]:
-    """All causes that are known by name, most telling first.
+) -> tuple[ChainErrorHypothesis, ...]:
+    """Test all known model errors, the most significant first.
 
     Args:
         problem: of the fit.
-        fit: that lacks them.
-        noise_freedom: measurements that the problem's `pixel_sigma` rests on.
-        readings: their names, in a single chain; their numbers if not given.
+        fit: without the errors.
+        noise_freedom: measurements that the problem's `pixel_sigma` was estimated from.
+        readings: their names, for a single chain; default: their numbers.
     """
     views = [
         _View.of(problem, s, fit.unknowns, e) for s, e in zip(problem.sightings, fit.errors, strict=True)
@@ -131,7 +134,7 @@ def find_suspects(
         np.concatenate([v.target_by_free[w > 0.0] for v, w in zip(views, fit.weights, strict=True)]),
         _first_images(problem, fit),
     )
-    found: list[ChainSuspect] = []
+    found: list[ChainErrorHypothesis] = []
     place = sums.free
     for name, of in columns.items():
         chosen = slice(place, place + of[0].shape[-1])
@@ -145,7 +148,7 @@ def find_suspects(
 
 
 class _Sums:
-    """Normal equations of the free unknowns and of further ones that begin to act at some stance."""
+    """Normal equations of the free unknowns and of further ones that act from some stance on."""
 
     def __init__(
         self,
@@ -164,8 +167,12 @@ class _Sums:
         self.stances = len(equations.S)
 
     def score(self, chosen: slice, first: int) -> tuple[Array, Array, float, float, Array]:
-        """Estimate and covariance of unknowns that act from a stance on, what they would save of the cost, how far
-        the other unknowns, which follow, move the targets, and by what they follow each, (free, chosen)."""
+        """Test unknowns that act from a stance on.
+
+        Returns:
+            Estimate and covariance, drop of the cost, rms shift of the targets by the other unknowns, and the change
+            of these per unit of each tested one, (free, chosen).
+        """
         n = self.free
         columns = slice(chosen.start - n, chosen.stop - n)
         S_fe, S_ee = self._S_from[first, :n, columns], self._S_from[first, chosen, columns]
@@ -189,28 +196,28 @@ class _Sums:
 
 def _test(
     name: str, unit: str, sums: _Sums, chosen: slice, first: int, fit: ChainFit, tries: int = 1
-) -> ChainSuspect:
+) -> ChainErrorHypothesis:
     amount, covariance, drop, moves, back = sums.score(chosen, first)
     k = len(amount)
-    # an arm that scatters more than it should scatters into every cause; the cause's own part is no scatter
+    # excess scatter of the arm makes every error look significant; the part that the error explains is no scatter
     scatter = 1.0 + _ACROSS * max(0.0, fit.excess(sums.noise_freedom, drop, k) - 1.0)
     limit = largest_rise(SURE / tries, k, sums.noise_freedom) * scatter
     if k == 1:
         sigma = float(np.sqrt(covariance[0, 0]))
-        return ChainSuspect(name, float(amount[0]), sigma, unit, drop, limit, moves, -1, back[:, 0])
+        return ChainErrorHypothesis(name, float(amount[0]), sigma, unit, drop, limit, moves, -1, back[:, 0])
     size, sigma = float(np.linalg.norm(amount[:3])), float(np.sqrt(np.trace(covariance[:3, :3])))
-    return ChainSuspect(name, size, sigma, unit, drop, limit, size, sums.first_images[first])
+    return ChainErrorHypothesis(name, size, sigma, unit, drop, limit, size, sums.first_images[first])
 
 
-def _moved(name: str, sums: _Sums, chosen: slice, fit: ChainFit) -> list[ChainSuspect]:
-    """What moved once, between two stances: the likeliest time."""
+def _moved(name: str, sums: _Sums, chosen: slice, fit: ChainFit) -> list[ChainErrorHypothesis]:
+    """A single movement between two stances, at the most likely time."""
     times = range(1, sums.stances)
     tests = [_test(name, "m", sums, chosen, k, fit, len(times)) for k in times]
     return [max(tests, key=lambda test: test.drop)] if tests else []
 
 
 def _first_images(problem: Problem, fit: ChainFit) -> list[int]:
-    """The first image of every stance that is used, in the order of chains and stances."""
+    """First used image of every stance, in the order of chains and stances."""
     found: list[int] = []
     for s, w in zip(problem.sightings, fit.weights, strict=True):
         used = np.flatnonzero(w > 0.0)
@@ -219,10 +226,9 @@ def _first_images(problem: Problem, fit: ChainFit) -> list[int]:
 
 
 def sudden_change(wrong: npt.NDArray[np.bool_]) -> int | None:
-    """The image from which on images are right that were wrong before, or the other way round; None if wrong ones are
-    strewn by chance.
+    """Find the image at which correct images give way to wrong ones or vice versa; None if wrong ones are scattered.
 
-    One of two halves that do not fit each other is taken for wrong (likelihood ratio of two rates against one).
+    If two halves do not fit each other, one of them is rejected (likelihood ratio of two rates against one).
     """
     n = len(wrong)
     if n < 2 or not wrong.any():
@@ -236,6 +242,6 @@ def sudden_change(wrong: npt.NDArray[np.bool_]) -> int | None:
 
 
 def _log_likelihood(wrong: npt.NDArray[np.intp], of: npt.NDArray[np.intp]) -> Array:
-    """Of that many wrong images at their own rate."""
+    """Log likelihood of that many wrong images, at their own rate."""
     right = of - wrong
     return np.asarray(special.xlogy(wrong, wrong / of) + special.xlogy(right, right / of))

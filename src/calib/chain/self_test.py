@@ -1,7 +1,7 @@
-"""A self-test on a synthetic twin of a user's own data: the same images drawn from what was found, and solved again.
+"""Self-test on synthetic twins of the user's data: redraw the images from the solution and solve again.
 
-What the solver says of its errors can be checked there, because the truth is known. A twin that comes out as predicted
-says that poses, numbers and solver are sound; it says nothing of what the model lacks (that is what chi2 is for).
+There the truth is known, so the predicted errors can be checked. If they hold, the poses determine the unknowns and the
+solver is sound. The test says nothing about errors of the model (chi2 does).
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from calib.chain.fit import Problem, Sightings, fit_chains
 from calib.chain.result import ChainCalibration
 
 TWINS = 4
-BY_CHANCE = 1e-3  # how often a sound calibration fails the test
+BY_CHANCE = 1e-3  # probability that a sound calibration fails
 
 
 @dataclass(frozen=True)
 class SelfTest:
-    """What became of the twins.
+    """Result of the self-test.
 
     Attributes:
-        nees_dof: squares of the errors over their predicted covariance, per unknown; about 1.
-        limits: between which chance leaves it.
-        worst: largest error of an unknown, in its predicted standard deviations.
+        nees_dof: normalised estimation error squared per unknown; about 1.
+        limits: on `nees_dof`.
+        worst: largest error of an unknown, in predicted standard deviations.
     """
 
     nees_dof: float
@@ -35,23 +35,23 @@ class SelfTest:
 
     @property
     def passed(self) -> bool:
-        """Whether errors are as predicted."""
+        """Whether the errors are as predicted."""
         return self.limits[0] <= self.nees_dof <= self.limits[1]
 
 
 def self_test(c: ChainCalibration, twins: int = TWINS, seed: int = 0) -> SelfTest:
-    """Draw twins of a calibration's images and solve them with the model that was chosen.
+    """Draw twins of a calibration's images and solve them with the selected model.
 
     Args:
         c: the calibration.
-        twins: how many.
+        twins: number of twins.
         seed: of their noise.
     """
     free = np.flatnonzero(c.problem.free)
     rng = np.random.default_rng(seed)
     squares, worst = 0.0, 0.0
     for _ in range(twins):
-        # unknowns with a prior differ from its mean by chance, as the prior says
+        # unknowns with a prior deviate from its mean as the prior predicts
         known = np.isfinite(c.problem.prior_sigma) & c.problem.free
         shift = np.where(
             known, rng.normal(size=len(known)) * np.where(known, c.problem.prior_sigma, 0.0), 0.0
@@ -70,7 +70,7 @@ def self_test(c: ChainCalibration, twins: int = TWINS, seed: int = 0) -> SelfTes
 
 
 def _twin(problem: Problem, s: Sightings, unknowns: Array, rng: np.random.Generator) -> Sightings:
-    """The same images, with corners and readings drawn anew about what was found."""
+    """The same images with corners and readings redrawn about the solution."""
     errors = np.zeros_like(s.readings)
     for j, sigma in enumerate(problem.reading_sigma):
         if sigma > 0.0:

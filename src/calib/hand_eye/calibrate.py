@@ -1,5 +1,7 @@
-"""Eye-to-hand calibration of an arm before a fixed camera: where the camera stands, how the target is held, and what
-the arm's zeros and links are off by, from images of the target and the joints at each."""
+"""Eye-to-hand calibration with a fixed camera, from images of a target and the joint readings at each image.
+
+It estimates the extrinsics of the camera, the mount of the target, and the joint offsets and link errors of the arm.
+"""
 
 from __future__ import annotations
 
@@ -13,36 +15,36 @@ from arm.calibration_file import LARGEST_LINK, LARGEST_ZERO
 from arm.errors import CalibrationRefused
 from arm.se3 import Array, frozen
 from calib.chain.fit import Problem, Sightings
-from calib.chain.flipped_targets import turned_images
+from calib.chain.flipped_targets import flipped_targets
 from calib.chain.model_selection import Part
-from calib.chain.per_image_poses import fit_free_poses
+from calib.chain.per_image_poses import fit_per_image_poses
 from calib.chain.result import ChainCalibration, ChainLimits, calibrate_chain
 from calib.chain.verdict import judged
 from calib.hand_eye.chain import CAMERA, OFFSETS, TARGET, arm_chain, place_and_mount, unknown_names
 from calib.recordings.arm import ArmRecording
-from calib.recordings.encoder_steps import reading_sigmas
+from calib.recordings.encoder_steps import encoder_sigmas
 from calib.recordings.points import numbers_of_this_world
-from calib.robot_world.initial_guess import start_robot_world
+from calib.robot_world.initial_guess import initial_guess
 
 LINKS = "errors of the links"
-ZERO = np.radians(3.0)  # rad; no joint's zero is further off in an arm that was ever homed
-LENGTH, ANGLE = 0.5e-3, np.radians(0.1)  # m and rad; what links of an industrial arm are off by
+ZERO = np.radians(3.0)  # rad; prior on joint offsets, wide for an arm that was ever homed
+LENGTH, ANGLE = 0.5e-3, np.radians(0.1)  # m and rad; priors on link errors of an industrial arm
 GAUGES = (
-    "zero of the first joint: turns the base, and is in T_base_camera",
-    "zero of the last joint: turns the hand, and is in T_gripper_target",
+    "zero of the first joint: equivalent to a rotation of the base, included in T_base_camera",
+    "zero of the last joint: equivalent to a rotation of the flange, included in T_gripper_target",
 )
 HAND_EYE_LIMITS = ChainLimits(held_out=1e-3)
 
 
 @dataclass(frozen=True, eq=False)
 class HandEye:
-    """A camera's place and an arm's errors.
+    """Extrinsics of the camera, mount of the target, and kinematic errors of the arm.
 
     Attributes:
-        recording: that it rests on.
+        recording: the input.
         chain: the calibration of the chain, with its verdict.
-        start: T_base_camera and T_gripper_target about which the chain's unknowns count, 4x4 each.
-        pixel_sigma: noise of a corner, (2,) px, that the images show without the arm.
+        start: T_base_camera and T_gripper_target relative to which the chain's unknowns are defined, 4x4 each.
+        pixel_sigma: noise of a corner, (2,) px, estimated from the images without the arm.
     """
 
     recording: ArmRecording
@@ -56,39 +58,39 @@ class HandEye:
 
     @property
     def T_base_camera(self) -> Array:
-        """Where the camera stands, 4x4."""
+        """Extrinsics of the camera, 4x4."""
         return self._placed[0]
 
     @property
     def T_gripper_target(self) -> Array:
-        """How the target is held: gripper is the flange, 4x4."""
+        """Mount of the target, 4x4; gripper is the flange."""
         return self._placed[1]
 
     @property
     def joint_offsets(self) -> Array:
-        """What to add to each reading, (joints,) rad."""
+        """Offsets to add to the readings, (joints,) rad."""
         return frozen(self.chain.fit.unknowns[OFFSETS : OFFSETS + self.recording.dh.joints])
 
     @property
     def link_errors(self) -> tuple[Array, Array, Array]:
-        """What to add to d and a (m) and alpha (rad), (joints,) each."""
+        """Errors to add to d and a (m) and alpha (rad), (joints,) each."""
         first = OFFSETS + self.recording.dh.joints
         return tuple(map(frozen, np.split(self.chain.fit.unknowns[first:], 3)))  # type: ignore[return-value]
 
     def pose_sigma(self, first: int, R: Array) -> tuple[Array, Array]:
-        """Standard deviations (3,) m along the axes of the frame that R leads to, and (3,) rad about its own axes."""
+        """Standard deviations: (3,) m along the axes of R's parent frame, (3,) rad about the frame's own axes."""
         covariance = self.chain.covariance[first : first + 6, first : first + 6]
         along = R @ covariance[:3, :3] @ R.T
         return np.sqrt(np.diag(along)), np.sqrt(np.diag(covariance)[3:])
 
     @property
     def camera_sigma(self) -> tuple[Array, Array]:
-        """Of `T_base_camera`: m in the base frame, rad about the camera's axes."""
+        """Standard deviations of `T_base_camera`: m in the base frame, rad about the camera axes."""
         return self.pose_sigma(CAMERA, self.T_base_camera[:3, :3])
 
     @property
     def target_sigma(self) -> tuple[Array, Array]:
-        """Of `T_gripper_target`: m in the gripper's frame, rad about the target's axes."""
+        """Standard deviations of `T_gripper_target`: m in the gripper frame, rad about the target axes."""
         return self.pose_sigma(TARGET, self.T_gripper_target[:3, :3])
 
 
@@ -100,15 +102,15 @@ def hand_eye_problem(
     wrong: npt.NDArray[np.bool_] | None = None,
     noise: Array | None = None,
 ) -> Problem:
-    """What is unknown of an arm before a camera, all of it free but the gauges.
+    """Return the estimation problem of an arm and a fixed camera, with everything free but the gauges.
 
     Args:
         recording: images and joints.
-        about: T_base_camera and T_gripper_target, 4x4 each, from which the unknowns count.
+        about: T_base_camera and T_gripper_target, 4x4 each, relative to which the unknowns are defined.
         pixel_sigma: (2,) px.
         reading_sigma: (joints,) rad, 0 for exact encoders.
-        wrong: (n, m) corners that are not to be used.
-        noise: of each image in noise of the typical one, (n,).
+        wrong: (n, m) corners to exclude.
+        noise: of each image, relative to a typical one, (n,).
     """
     dh, n = recording.dh, len(recording.joints)
     count = len(unknown_names(dh.joints))
@@ -129,17 +131,17 @@ def hand_eye_problem(
 def calibrate_hand_eye(
     recording: ArmRecording, limits: ChainLimits = HAND_EYE_LIMITS, encoder_step: float | None = None
 ) -> HandEye:
-    """Find place, mount, zeros and, if the images show them, errors of the links.
+    """Estimate extrinsics, mount, joint offsets and, if the data show them, link errors.
 
-    Zeros of the first and last joint are a gauge and held (`GAUGES`).
+    The offsets of the first and last joint are gauges and held (`GAUGES`).
 
     Args:
         recording: images and joints.
         limits: of the verdict.
-        encoder_step: rad; None to see it from the readings.
+        encoder_step: rad; default: estimated from the readings.
 
     Raises:
-        CalibrationRefused: too few poses, motions that determine nothing, or numbers that no arm and camera have.
+        CalibrationRefused: too few poses, degenerate motions, or implausible parameters.
     """
     with numbers_of_this_world():
         return _calibrated(recording, limits, encoder_step)
@@ -147,23 +149,23 @@ def calibrate_hand_eye(
 
 def _calibrated(recording: ArmRecording, limits: ChainLimits, encoder_step: float | None) -> HandEye:
     dh = recording.dh
-    alone = fit_free_poses(recording.camera, recording.points, recording.pixels)
+    alone = fit_per_image_poses(recording.camera, recording.points, recording.pixels)
     names = unknown_names(dh.joints)
     lengths = np.array([name[-1] in "xyzda" and "turn" not in name and "alpha" not in name for name in names])
     nominal = arm_chain(dh, np.eye(4), np.eye(4)).evaluate(recording.joints, np.zeros(len(names))).T
-    begin = start_robot_world(nominal, alone.T_camera_target)
+    begin = initial_guess(nominal, alone.T_camera_target)
     problem = hand_eye_problem(
         recording,
         (begin.T_base_camera, begin.T_gripper_target),
         alone.pixel_sigma,
-        reading_sigmas([recording.joints])
+        encoder_sigmas([recording.joints])
         if encoder_step is None
         else np.full(dh.joints, encoder_step / np.sqrt(12.0)),
         alone.wrong,
         alone.noise,
     )
     if not begin.inliers.any():
-        raise CalibrationRefused("no two poses agree on where the camera stands", reason="start")
+        raise CalibrationRefused("no two poses agree on the camera's extrinsics", reason="start")
     chain = calibrate_chain(
         names,
         lengths,
@@ -182,9 +184,9 @@ def _calibrated(recording: ArmRecording, limits: ChainLimits, encoder_step: floa
 
     chain = judged(chain, in_words)
     flipped = tuple(
-        f"{len(images)} of the images that were left out show the target taken for turned by {turn} deg (a flipped "
-        f"marker): {', '.join(map(str, images[:8]))}{', ...' if len(images) > 8 else ''}"
-        for turn, images in turned_images(chain).items()
+        f"{len(images)} of the rejected images show the target rotated by {turn} deg (a flipped marker): "
+        f"{', '.join(map(str, images[:8]))}{', ...' if len(images) > 8 else ''}"
+        for turn, images in flipped_targets(chain).items()
     )
     found = HandEye(
         recording,
@@ -192,11 +194,11 @@ def _calibrated(recording: ArmRecording, limits: ChainLimits, encoder_step: floa
         (begin.T_base_camera, begin.T_gripper_target),
         alone.pixel_sigma,
     )
-    return replace(found, chain=replace(found.chain, reasons=(*chain.reasons, *_beyond_belief(found))))
+    return replace(found, chain=replace(found.chain, reasons=(*chain.reasons, *_implausible(found))))
 
 
-def _beyond_belief(found: HandEye) -> list[str]:
-    """Errors of the arm that no calibration file takes: that is another arm, or one that was homed wrongly."""
+def _implausible(found: HandEye) -> list[str]:
+    """Errors too large for a calibration file: it is another arm, or one that was homed wrongly."""
     d, a, alpha = found.link_errors
     length, angle = LARGEST_LINK
     checked = (
@@ -208,15 +210,15 @@ def _beyond_belief(found: HandEye) -> list[str]:
     beyond = [
         (
             float(abs(values[j]) / most),
-            f"{what} of J{j + 1} is off by {unit * values[j]:.3g} {symbol}, at most {unit * most:.3g} is believed",
+            f"{what} of J{j + 1} is off by {unit * values[j]:.3g} {symbol}, at most {unit * most:.3g} is plausible",
         )
         for what, values, most, unit, symbol in checked
         for j in np.flatnonzero(np.abs(values) > most)
     ]
     if not beyond:
         return []
-    others = f", and {len(beyond) - 1} more such numbers" if len(beyond) > 1 else ""
+    others = f", and {len(beyond) - 1} more such parameters" if len(beyond) > 1 else ""
     return [
-        f"{max(beyond)[1]}{others}: home the arm again; is it the one of the recording's dh, and are that and the "
+        f"{max(beyond)[1]}{others}: home the arm again; does the recording's dh describe this arm, and are dh and "
         "target in m and rad?"
     ]

@@ -1,4 +1,4 @@
-"""The chain of an arm before a fixed camera, by its Denavit-Hartenberg numbers, with all that may be wrong in it."""
+"""The kinematic chain of an arm and a fixed camera, from Denavit-Hartenberg parameters, with all its errors."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from arm.se3 import Array, frozen, rot_x, rot_z, transform
 from calib.model.chain import Chain, Element, Fixed, Motion, Unknown, joined, pose_unknowns
 
 CAMERA, TARGET, OFFSETS = 0, 6, 12
-"""Where the unknowns of the camera's place, the target's mount and the joints' offsets begin."""
+"""Index of the first unknown of the camera's extrinsics, the target's mount and the joint offsets."""
 _X, _Y, _Z = np.eye(3)
 
 
 def unknown_names(joints: int) -> list[str]:
-    """Of all unknowns in order: place, mount, offsets, then d, a and alpha of every joint."""
+    """Names of all unknowns in order: extrinsics, mount, offsets, then d, a and alpha of every joint."""
     axes = ("x", "y", "z", "turn x", "turn y", "turn z")
     names = [f"{what} {axis}" for what in ("camera", "target") for axis in axes]
     names += [f"J{j + 1} offset" for j in range(joints)]
@@ -22,7 +22,7 @@ def unknown_names(joints: int) -> list[str]:
 
 
 def arm_chain(dh: DhTable, T_base_camera: Array, T_gripper_target: Array) -> Chain:
-    """T_camera_target with the unknowns of `unknown_names`, about a first guess of place and mount (4x4 each)."""
+    """T_camera_target with the unknowns of `unknown_names`, about a guess of extrinsics and mount (4x4 each)."""
     n = dh.joints
     place = Chain((Fixed(T_base_camera), *pose_unknowns(CAMERA)))
     errors = OFFSETS + n
@@ -43,7 +43,7 @@ def arm_chain(dh: DhTable, T_base_camera: Array, T_gripper_target: Array) -> Cha
 
 
 def place_and_mount(T_base_camera: Array, T_gripper_target: Array, unknowns: Array) -> tuple[Array, Array]:
-    """T_base_camera and T_gripper_target with their unknowns in them, 4x4 each."""
+    """Apply the unknowns to T_base_camera and T_gripper_target, 4x4 each."""
     none = np.zeros((1, 0))
     found = []
     for first, guess in ((CAMERA, T_base_camera), (TARGET, T_gripper_target)):

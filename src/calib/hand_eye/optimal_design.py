@@ -1,9 +1,8 @@
-"""Which of many measurements to take: those that together leave the least error, each one's information being known
-before it is taken.
+"""A-optimal design: choose the measurements that together leave the least sum of variances.
 
-Information adds up over measurements. The best sum is looked for greedily first, then by exchange (V. V. Fedorov,
-"Theory of optimal experiments", 1972); what matters is a sum of variances (A-optimal). A measurement's information has
-a low rank, so what it would leave is had from the inverse without it (M. Woodbury, 1950).
+Information adds up over measurements and is known before they are taken. The search is greedy, then by exchange (V. V.
+Fedorov, "Theory of optimal experiments", 1972). The information of one measurement has low rank, so its effect follows
+from the inverse without it (M. Woodbury, 1950).
 """
 
 from __future__ import annotations
@@ -16,18 +15,18 @@ import numpy as np
 from arm.se3 import Array
 
 _PASSES = 8
-_GAIN_DONE = 1e-3  # of the variance, by one more pass of exchanges
-_NOTHING = 1e-9  # part of a matrix' largest eigenvalue
+_GAIN_DONE = 1e-3  # relative gain at which to stop exchanging
+_NOTHING = 1e-9  # relative to the largest eigenvalue of a matrix
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """Measurements that were chosen.
+    """Chosen measurements.
 
     Attributes:
-        places: of them among all, in the order of choice.
-        variances: what is left after each of them, the ones before it taken.
-        before: what there was before.
+        places: their indices, in the order of choice.
+        variances: sum of variances left after each of them and those before it.
+        before: sum of variances before the first.
     """
 
     places: tuple[int, ...]
@@ -35,13 +34,13 @@ class Chosen:
     before: float
 
 
-class InformationChoice:
-    """Measurements with what is known without them.
+class OptimalDesign:
+    """Candidate measurements and prior information.
 
     Args:
         informations: of each measurement, (n, k, k).
-        known: information of what is known already, (k, k), positive.
-        worth: (k, w); the error that matters is that of ``worth.T @ unknowns``, its variances summed.
+        known: prior information, (k, k), positive definite.
+        worth: (k, w); the summed variances of ``worth.T @ unknowns`` are minimised.
     """
 
     def __init__(self, informations: Array, known: Array, worth: Array) -> None:
@@ -55,17 +54,16 @@ class InformationChoice:
         self._F = vectors[..., -rank:] * np.sqrt(values[:, None, -rank:])
 
     def variance(self, places: Iterable[int] = ()) -> float:
-        """What some measurements leave."""
+        """Sum of variances left by some measurements."""
         C = self._covariance(places)
         return float(np.sum(self._worth * (C @ self._worth)))
 
     def best(self, count: int, exchange: bool = True) -> Chosen:
-        """The `count` that together leave least, in an order in which each one helps most; fewer if there are not so
-        many.
+        """Choose the best `count` measurements, or all if there are fewer, the most helpful first.
 
         Args:
-            count: how many.
-            exchange: whether choices are looked at again; without it each is the best only after those before it.
+            count: number of measurements.
+            exchange: whether to revise choices; without it, each is the best only given those before it.
         """
         count = min(count, len(self._M))
         chosen: list[int] = []
@@ -96,7 +94,7 @@ class InformationChoice:
         return order
 
     def _next(self, taken: Iterable[int], closed: Iterable[int]) -> int:
-        """The one that helps most beside those taken, of all but those that are closed."""
+        """Index of the most helpful measurement in addition to those taken, except the closed ones."""
         C = self._covariance(taken)
         CF = C @ self._F
         G = np.eye(CF.shape[-1]) + np.swapaxes(self._F, 1, 2) @ CF

@@ -1,1 +1,1 @@
-"""What is estimated: intrinsics, and chains of joints as a URDF has them."""
+"""The estimated models: camera intrinsics, and kinematic chains taken from a URDF."""

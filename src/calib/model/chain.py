@@ -1,9 +1,9 @@
-"""Kinematic chains with unknowns in them, for many observations at once.
+"""Kinematic chains with unknown parameters, evaluated for many observations at once.
 
-A chain is a product of rigid transforms from left to right: fixed ones, and motions along an axis by an angle or a
-length that is made of a reading (an encoder's) and of unknowns. A joint offset, a link's length, a camera's rotation,
-a mount, a spring and the play of a gear all are unknowns of some motion, so one derivative serves them all: the twist
-that a motion gives to the frame at the chain's right end (J. Solà et al., "A micro Lie theory", 2018, eq. 187).
+A chain is a product of rigid transforms from left to right: fixed transforms, and motions about or along an axis whose
+amount is the sum of a reading (of an encoder) and of unknowns. Joint offsets, link lengths, the extrinsics of a camera
+or a mount, joint compliance and backlash are all unknowns of some motion. One derivative serves them all: the twist of
+the frame at the right end of the chain (J. Solà et al., "A micro Lie theory", 2018, eq. 187).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Fixed:
 
 @dataclass(frozen=True, eq=False)
 class Unknown:
-    """A share of a motion: an unknown times a gain, which may differ from observation to observation.
+    """A term in the amount of a motion: an unknown times a gain that may differ between observations.
 
     Attributes:
         index: of the unknown among all.
@@ -39,14 +39,14 @@ class Unknown:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A turn about an axis through the origin, or a shift along it.
+    """A rotation about an axis through the origin, or a translation along it.
 
     Attributes:
         axis: unit vector (3,).
-        turns: whether it turns by an angle in rad, or shifts by a length in m.
-        reading: column of the readings that are in it, or None.
-        unknowns: that are in it.
-        sign: 1, or -1 in a chain that was turned round.
+        turns: True for a rotation in rad, False for a translation in m.
+        reading: column of the readings added to the amount, or None.
+        unknowns: added to the amount.
+        sign: 1, or -1 in an inverted chain.
     """
 
     axis: Array
@@ -61,12 +61,12 @@ Element = Fixed | Motion
 
 @dataclass(frozen=True, eq=False)
 class Evaluated:
-    """A chain at n observations. Derivatives are worked out when they are asked for.
+    """A chain evaluated at n observations. Derivatives are computed on first use.
 
     Attributes:
         T: (n, 4, 4).
         motions: of the chain from right to left.
-        behind: rotation and place of the right end behind each of them, (motions, n, 3, 4).
+        behind: transform from each motion to the right end, rotation and translation, (motions, n, 3, 4).
         gains: by name, (n,) each.
         counts: of readings and unknowns.
     """
@@ -79,7 +79,7 @@ class Evaluated:
 
     @cached_property
     def _twists(self) -> Array:
-        """Of the right end in its own frame, translation first, for each motion's unit, (motions, n, 6)."""
+        """Twist of the right end in its own frame per unit of each motion, translation first, (motions, n, 6)."""
         R, p = self.behind[..., :3], self.behind[..., 3]
         axes = np.array([e.sign * e.axis for e in self.motions]).reshape(-1, 3)
         turns = np.array([e.turns for e in self.motions], dtype=bool)[:, None, None]
@@ -89,7 +89,7 @@ class Evaluated:
 
     @cached_property
     def by_unknown(self) -> Array:
-        """Twists (n, unknowns, 6) of the right end in its own frame, translation first, per unit."""
+        """Twists (n, unknowns, 6) of the right end in its own frame per unit of each unknown, translation first."""
         by_unknown = np.zeros((len(self.T), self.counts[1], 6))
         for e, twist in zip(self.motions, self._twists, strict=True):
             for u in e.unknowns:
@@ -98,7 +98,7 @@ class Evaluated:
 
     @cached_property
     def by_reading(self) -> Array:
-        """The same per reading, (n, readings, 6)."""
+        """Twists (n, readings, 6) of the right end in its own frame per unit of each reading, translation first."""
         by_reading = np.zeros((len(self.T), self.counts[0], 6))
         for e, twist in zip(self.motions, self._twists, strict=True):
             if e.reading is not None:
@@ -108,7 +108,7 @@ class Evaluated:
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Elements from left to right."""
+    """A product of elements from left to right."""
 
     elements: tuple[Element, ...]
 
@@ -116,7 +116,7 @@ class Chain:
         return Chain(self.elements + other.elements)
 
     def turned_round(self) -> Chain:
-        """The inverse transform as a chain."""
+        """Return the inverse transform as a chain."""
         back = tuple(
             Fixed(inverse(e.T)) if isinstance(e, Fixed) else replace(e, sign=-e.sign)
             for e in reversed(self.elements)
@@ -124,7 +124,7 @@ class Chain:
         return Chain(back)
 
     def evaluate(self, readings: Array, unknowns: Array, gains: dict[str, Array] | None = None) -> Evaluated:
-        """The chain at readings (n, readings) rad or m for unknowns (count,) and gains (n,) by name."""
+        """Evaluate at readings (n, readings) in rad or m, with unknowns (count,) and gains (n,) by name."""
         n, gains = len(readings), gains or {}
         motions = tuple(e for e in reversed(self.elements) if isinstance(e, Motion))
         amounts = np.zeros((len(motions), n))
@@ -155,14 +155,14 @@ class Chain:
 
 
 def _turned(motions: Sequence[Motion], amounts: Array) -> Array:
-    """Rotation matrices (motions, n, 3, 3) for amounts (motions, n), by O. Rodrigues' formula."""
+    """Rotation matrices (motions, n, 3, 3) for amounts (motions, n), by Rodrigues' formula."""
     K = np.array([skew(e.axis) for e in motions]).reshape(-1, 1, 3, 3)
     angles = amounts[..., None, None]
     return np.asarray(np.eye(3) + np.sin(angles) * K + (1.0 - np.cos(angles)) * (K @ K))
 
 
 def pose_unknowns(first: int) -> tuple[Motion, ...]:
-    """A free rigid transform: shifts along and turns about x, y, z, unknowns `first` to `first` + 5."""
+    """A free rigid transform: translations along, then rotations about x, y, z; unknowns `first` to `first` + 5."""
     axes = np.eye(3)
     shifts = [Motion(frozen(axes[i]), False, None, (Unknown(first + i),)) for i in range(3)]
     turns = [Motion(frozen(axes[i]), True, None, (Unknown(first + 3 + i),)) for i in range(3)]
@@ -170,7 +170,7 @@ def pose_unknowns(first: int) -> tuple[Motion, ...]:
 
 
 def joined(elements: Sequence[Element]) -> Chain:
-    """A chain with neighbouring fixed transforms multiplied."""
+    """Build a chain, multiplying adjacent fixed transforms."""
     kept: list[Element] = []
     for e in elements:
         if isinstance(e, Fixed) and kept and isinstance(kept[-1], Fixed):

@@ -1,4 +1,4 @@
-"""A chain with unknowns from any Pinocchio model, between any two of its frames."""
+"""Build a chain with unknowns between two frames of a Pinocchio model."""
 
 from __future__ import annotations
 
@@ -21,34 +21,32 @@ def chain_from_root(
     unknowns_of: Callable[[str], tuple[Unknown, ...]] = lambda joint: (),
     after: Callable[[str], tuple[Element, ...]] = lambda joint: (),
 ) -> Chain:
-    """T_root_frame as a chain.
+    """Return T_root_frame as a chain.
 
     Args:
         model: of revolute and prismatic joints.
-        frame: name of its end.
-        reading_of: column of the readings of each joint on the way, by name.
-        unknowns_of: what is unknown of a joint's own motion (offset, spring, play), by its name.
-        after: what comes between a joint's motion and what it carries, such as geometric errors, by its name.
+        frame: name of the frame at its end.
+        reading_of: column of the readings for each joint between root and frame, by name.
+        unknowns_of: unknowns of a joint's own motion (offset, compliance, backlash), by its name.
+        after: elements inserted after a joint's motion, such as geometric errors, by its name.
 
     Raises:
-        InputError: there is no such frame, a joint on the way has no reading, or is of another kind.
+        InputError: the frame does not exist, a joint on the chain has no reading or is of another kind.
     """
     if not model.existFrame(frame):
         names = ", ".join(f.name for f in model.frames)
-        raise InputError(
-            f"frame = {frame!r}: {model.name} has none of that name; it has {names}", frame=frame
-        )
+        raise InputError(f"frame = {frame!r}: {model.name} has no such frame; it has {names}", frame=frame)
     end = model.frames[model.getFrameId(frame)]
-    way: list[int] = []
+    joints: list[int] = []
     joint = end.parentJoint
     while joint > 0:
-        way.insert(0, joint)
+        joints.insert(0, joint)
         joint = model.parents[joint]
     elements: list[Element] = []
-    for joint in way:
+    for joint in joints:
         name = model.names[joint]
         if name not in reading_of:
-            raise InputError(f"joint {name}: on the way to {frame}, but it has no reading", joint=name)
+            raise InputError(f"joint {name}: on the chain to {frame}, but it has no reading", joint=name)
         axis, turns = _axis(model.joints[joint], name)
         elements += [
             Fixed(frozen(model.jointPlacements[joint].homogeneous)),
@@ -70,5 +68,5 @@ def _axis(joint: pin.JointModel, name: str) -> tuple[Array, bool]:
     ):
         return frozen(_AXES[kind[-1]]), turns
     raise InputError(
-        f"joint {name}: is a {kind}; chains have revolute and prismatic joints", joint=name, kind=kind
+        f"joint {name}: is a {kind}; chains support revolute and prismatic joints only", joint=name, kind=kind
     )

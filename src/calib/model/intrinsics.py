@@ -1,4 +1,4 @@
-"""The nine numbers of a lens as one vector, and what a pixel owes to each of them."""
+"""The nine intrinsics as one vector, and the derivative of the pixels with respect to them."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ COUNT = len(NAMES)
 
 
 def vector_of(camera: Camera) -> Array:
-    """The lens of a camera without skew as a vector (9,), in the order of `NAMES`."""
+    """Intrinsics of a camera without skew as a vector (9,), in the order of `NAMES`."""
     K = camera.K
     return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *camera.distortion])
 
 
 def camera_of(vector: Array, size: tuple[int, int]) -> Camera:
-    """The camera with that lens, at the origin."""
+    """Camera with these intrinsics, at the origin."""
     fx, fy, cx, cy = vector[:4]
     K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
     return Camera(K, vector[4:], size, frozen(np.eye(4)))
 
 
 def lens_parameter_jacobian(camera: Camera, points_camera: Array) -> Array:
-    """Derivative of the pixels by the nine numbers: points (n, 3) m of the camera frame to (n, 2, 9)."""
+    """Derivative of the pixels by the intrinsics: points (n, 3) m in the camera frame to (n, 2, 9)."""
     on_plane = points_camera[:, :2] / points_camera[:, 2:]
     x, y = on_plane[:, 0], on_plane[:, 1]
     r2 = x * x + y * y

@@ -1,12 +1,12 @@
-"""Springs and play of the NAO's legs where stances tell little of them, and play that changes over all at once.
+"""Joint compliance ("springs") and backlash ("play") of the NAO's legs, where stances determine little of them.
 
-A joint's play shows only where its torque changes sign, and a spring's compliance only where the torque differs from
-stance to stance; of the rest no more is known than that joints of one make are alike. That is used: compliances and
-half plays of all joints are draws from one distribution each, whose mean and width the well known ones tell.
+Backlash shows only in joints whose torque changes sign, compliance only where the torque differs between stances.
+About the others it is known only that joints of one make are alike. So the compliances, and the half backlashes, of all
+joints are drawn from one distribution each; its mean and width come from the well determined ones.
 
-Play may change sides smoothly with the torque, or all at once. If at once, a joint whose torque is near zero may lie
-on either side, because masses are known to a part only; the images tell on which: sides are chosen stance by stance
-to cost least, each with the probability that its torque has that sign. The shape of the play that costs less is kept.
+Backlash may change sides smoothly with the torque, or abruptly. If abruptly, a joint whose torque is near zero may lie
+on either side, because masses are uncertain. Then the side is chosen stance by stance from the images to minimise the
+cost, including the log probability that the torque has that sign. The shape with the lower cost is kept.
 """
 
 from __future__ import annotations
@@ -25,32 +25,26 @@ from calib.chain.fit import ChainFit, Problem, Sightings, fit_chains
 from calib.nao.chain import LEG, KnownSides, NaoUnknowns, gravity_gains, gravity_torques, nao_model
 from vision.camera.model import Camera
 
-MASS_SIGMA = 0.10  # of a link's mass, a part of it
-_LEAST_TORQUE_SIGMA = 0.005  # Nm; centres of mass are not exact either
+MASS_SIGMA = 0.10  # of a link's mass, relative
+_LEAST_TORQUE_SIGMA = 0.005  # Nm; centres of mass are inexact too
 _KINDS = ("compliance", "backlash")
-_FIRST_MEAN, _FIRST_SIGMA = (
-    np.radians(0.5),
-    np.radians(1.0),
-)  # a joint's before any is known, per Nm for springs
-_KNOWN = np.radians(0.15)  # standard deviation from which a joint tells of the others
+_FIRST_MEAN, _FIRST_SIGMA = np.radians(0.5), np.radians(1.0)  # first prior; per Nm for compliances
+_KNOWN = np.radians(0.15)  # largest standard deviation of a well determined joint
 _FEWEST_KNOWN, _LEAST_WIDTH = 4, np.radians(0.13)
-_DOUBTFUL, _MOST_DOUBTFUL = (
-    3.5,
-    5,
-)  # torques below so many of their standard deviations; of so many joints a stance
+_DOUBTFUL, _MOST_DOUBTFUL = 3.5, 5  # largest torque of a doubtful side, in sigmas; most of them a stance
 _ROUNDS = 10
 
 
 @dataclass(frozen=True, eq=False)
-class PlayFit:
-    """A fit with springs and play.
+class BacklashFit:
+    """A fit with compliance and backlash.
 
     Attributes:
-        problem: with the priors and gains that were used.
+        problem: with the priors and gains used.
         fit: of it.
-        hard: whether play changes sides all at once.
-        smooth_cost, hard_cost: of both shapes, the sides' own improbability in the second.
-        iterations: of all fits that led to it.
+        hard: whether backlash changes sides abruptly.
+        smooth_cost, hard_cost: of both shapes, the second including the log probability of the sides.
+        iterations: of all fits.
     """
 
     problem: Problem
@@ -62,7 +56,7 @@ class PlayFit:
 
 
 def torque_sigmas(side: str, legs: Array, gravity: npt.ArrayLike) -> Array:
-    """Standard deviation (n, 6) Nm of gravity's torques if every link's mass is known to `MASS_SIGMA`."""
+    """Standard deviation (n, 6) Nm of gravity torques if every link's mass is known to `MASS_SIGMA`."""
     full = nao_model()
     total = np.zeros((len(legs), len(LEG)))
     for joint in LEG:
@@ -75,7 +69,7 @@ def torque_sigmas(side: str, legs: Array, gravity: npt.ArrayLike) -> Array:
 
 
 def with_first_priors(problem: Problem, unknowns: NaoUnknowns) -> Problem:
-    """Springs and play from about half a degree, and no more than a degree or two off that unless images say so."""
+    """Set wide priors on compliance and backlash: mean 0.5 deg, standard deviation 1 deg."""
     start, sigma = problem.start.copy(), problem.prior_sigma.copy()
     for kind in _KINDS:
         places = _fitted(problem, unknowns, kind)
@@ -84,7 +78,7 @@ def with_first_priors(problem: Problem, unknowns: NaoUnknowns) -> Problem:
 
 
 def with_priors_of_a_make(problem: Problem, unknowns: NaoUnknowns, fit: ChainFit) -> Problem:
-    """Springs and play about the mean of those that a fit knows well, as wide as these are apart."""
+    """Set priors on compliance and backlash from the mean and spread of the well determined ones in a fit."""
     start, sigma = problem.start.copy(), problem.prior_sigma.copy()
     spread = np.sqrt(np.diag(fit.covariance(problem.free)))
     for kind in _KINDS:
@@ -99,47 +93,48 @@ def with_priors_of_a_make(problem: Problem, unknowns: NaoUnknowns, fit: ChainFit
     return replace(problem, start=start, prior_sigma=sigma)
 
 
-def fit_springs_and_play(
+def fit_compliance_and_backlash(
     problem: Problem,
     unknowns: NaoUnknowns,
     sides: Sequence[str],
     gravity: npt.ArrayLike,
     weights: Sequence[Array] | None = None,
-) -> PlayFit:
-    """Fit with priors that suit the joints' make, play being of the shape that costs less.
+) -> BacklashFit:
+    """Fit with priors common to the joints, and with the shape of backlash that costs less.
 
     Args:
-        problem: whose sightings are of `calib.nao.chain.nao_sightings`; which unknowns are free is kept.
-        unknowns: that are looked for.
+        problem: with sightings from `calib.nao.chain.nao_sightings`; its free unknowns are kept.
+        unknowns: of the problem.
         sides: L or R of each of the problem's chains.
-        gravity: in the torso's frame, (3,) m/s^2.
-        weights: of every image of every chain, 0 for those that are wrong; 1 if not given.
+        gravity: in the torso frame, (3,) m/s^2.
+        weights: of every image of every chain, 0 for wrong ones; default: 1.
     """
     first = with_first_priors(problem, unknowns)
     begin = fit_chains(first, weights)
     known = with_priors_of_a_make(first, unknowns, begin)
-    smooth = fit_chains(known, weights)  # from a fit it would creep: torques' derivatives are left out
+    # not from `begin`, as that would converge slowly: torque derivatives are neglected
+    smooth = fit_chains(known, weights)
     iterations = begin.iterations + smooth.iterations
     if not _fitted(problem, unknowns, "backlash"):
-        return PlayFit(known, smooth, False, smooth.cost, float("inf"), iterations)
-    hard, hard_fit, improbable, steps = _all_at_once(
+        return BacklashFit(known, smooth, False, smooth.cost, float("inf"), iterations)
+    hard, hard_fit, improbable, steps = _fit_abrupt(
         known, unknowns, sides, np.asarray(gravity, float), smooth
     )
     cost = hard_fit.cost + improbable
     if cost < smooth.cost:
-        return PlayFit(hard, hard_fit, True, smooth.cost, cost, iterations + steps)
-    return PlayFit(known, smooth, False, smooth.cost, cost, iterations + steps)
+        return BacklashFit(hard, hard_fit, True, smooth.cost, cost, iterations + steps)
+    return BacklashFit(known, smooth, False, smooth.cost, cost, iterations + steps)
 
 
-def with_shape_of_play(
+def with_backlash_shape(
     problem: Problem,
     unknowns: NaoUnknowns,
     sides: Sequence[str],
     gravity: npt.ArrayLike,
     weights: Sequence[Array] | None = None,
 ) -> Problem:
-    """The same problem with play that changes sides at once where that costs less; see `fit_springs_and_play`."""
-    found = fit_springs_and_play(problem, unknowns, sides, gravity, weights)
+    """Return the problem with abrupt backlash if that costs less, see `fit_compliance_and_backlash`."""
+    found = fit_compliance_and_backlash(problem, unknowns, sides, gravity, weights)
     return replace(problem, sightings=found.problem.sightings) if found.hard else problem
 
 
@@ -147,10 +142,10 @@ def _fitted(problem: Problem, unknowns: NaoUnknowns, kind: str) -> list[int]:
     return [i for i, name in enumerate(unknowns.names) if kind in name and problem.free[i]]
 
 
-def _all_at_once(
+def _fit_abrupt(
     problem: Problem, unknowns: NaoUnknowns, sides: Sequence[str], gravity: Array, begin: ChainFit
 ) -> tuple[Problem, ChainFit, float, int]:
-    """The fit whose sides of the play cost least, minus twice the log probability of these sides, and all steps."""
+    """Fit with the cheapest sides of the backlash; return also -2 log probability of the sides, and all steps."""
     torque = [
         _torque(s, side, unknowns, gravity, begin) for s, side in zip(problem.sightings, sides, strict=True)
     ]
@@ -172,7 +167,7 @@ def _all_at_once(
             problem = with_priors_of_a_make(problem, unknowns, fit)
         torque = [_torque(s, side, unknowns, gravity, fit) for s, side in zip(held, sides, strict=True)]
         then = [
-            _likelier_sides(problem, fit, k, _half_plays(fit, unknowns, side), lie, t / w)
+            _likelier_sides(problem, fit, k, _half_backlashes(fit, unknowns, side), lie, t / w)
             for k, (side, lie, t, w) in enumerate(zip(sides, signs, torque, sigma, strict=True))
         ]
         same = all(np.array_equal(a, b) for a, b in zip(then, signs, strict=True))
@@ -191,20 +186,20 @@ def _torque(s: Sightings, side: str, unknowns: NaoUnknowns, gravity: Array, fit:
     return gravity_torques(side, s.readings[:, :6] + fit.unknowns[offsets], gravity)
 
 
-def _half_plays(fit: ChainFit, unknowns: NaoUnknowns, side: str) -> Array:
+def _half_backlashes(fit: ChainFit, unknowns: NaoUnknowns, side: str) -> Array:
     return fit.unknowns[[unknowns.names.index(f"{side}{joint}_backlash_half_deg") for joint in LEG]]
 
 
 def _likelier_sides(
     problem: Problem, fit: ChainFit, chain: int, half: Array, signs: Array, score: Array
 ) -> Array:
-    """Sides (n, 6) of one chain that cost least stance by stance, unknowns held, errors of readings anew.
+    """Cheapest sides (n, 6) of one chain, stance by stance, with unknowns fixed and reading errors refitted.
 
     Args:
-        problem, fit: with play on the sides `signs`.
-        chain: number of it.
-        half: its half plays (6,) rad.
-        signs: sides now, (n, 6).
+        problem, fit: with backlash on the sides `signs`.
+        chain: its number.
+        half: its half backlashes (6,) rad.
+        signs: current sides, (n, 6).
         score: torques in their standard deviations, (n, 6).
     """
     s, errors, used = problem.sightings[chain], fit.errors[chain], fit.weights[chain] > 0.0
@@ -235,7 +230,7 @@ def _likelier_sides(
 
 
 def _whitened(problem: Problem, s: Sightings, fit: ChainFit, chain: int) -> tuple[Array, Array]:
-    """Residuals (n, m, 2) and their derivatives by the readings (n, m, 2, readings); zero where nothing was seen."""
+    """Residuals (n, m, 2) and their derivatives by the readings (n, m, 2, readings); zero for missing points."""
     at = s.evaluate(fit.unknowns, fit.errors[chain])
     sigma = s.sigma(problem.pixel_sigma)
     by_reading = pixels_by_twists(problem.camera, s.points, at.T, at.by_reading) / sigma[..., None]
@@ -254,9 +249,9 @@ def pixels_by_twists(camera: Camera, points: Array, T: Array, twists: Array) -> 
 def _columns(
     problem: Problem, s: Sightings, by_reading: Array, errors: Array, images: npt.NDArray[np.intp]
 ) -> tuple[Array, Array, Array]:
-    """Of one stance's readings, the leg's six first: derivatives of all rows, the errors now, standard deviations.
+    """Derivatives of all rows by the readings of a stance (the leg's six first), errors, and standard deviations.
 
-    A reading that is taken as exact gets an error that is next to none.
+    An exact reading gets a negligible error.
     """
     k, m = len(images), by_reading.shape[1]
     sigma = np.maximum(problem.reading_sigma, 1e-9)

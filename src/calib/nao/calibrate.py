@@ -9,20 +9,20 @@ import numpy as np
 
 from calib.chain.fit import MOST_STEPS, Problem
 from calib.chain.model_selection import Choice, Part, choose_model
-from calib.chain.per_image_poses import fit_free_poses
+from calib.chain.per_image_poses import fit_per_image_poses
 from calib.chain.result import ChainCalibration, ChainLimits, calibrate_chain
 from calib.chain.verdict import judged
-from calib.nao.backlash import fit_springs_and_play
+from calib.nao.backlash import fit_compliance_and_backlash
 from calib.nao.chain import SIDES, NaoUnknowns
 from calib.nao.recording import NaoRecording
-from calib.recordings.encoder_steps import reading_sigmas
+from calib.recordings.encoder_steps import encoder_sigmas
 from calib.recordings.points import numbers_of_this_world
 
 HEAD, SPRINGS, PLAY = "offsets of the head", "springs in the joints", "play in the joints"
-WELL_KEPT = 0.95  # share of the images, from which no other start is tried
-_ASTRAY = 100.0  # chi2 per degree of freedom at which a fit that found no end is not looked into
-_CERTAIN = 5.0  # standard deviations from which a sign is certain
-GEARS = np.radians(2.0)  # rad/Nm and rad: how soft and how loose the gears of such a robot may be
+WELL_KEPT = 0.95  # share of images kept above which no other start is tried
+_ASTRAY = 100.0  # chi2 per degree of freedom above which a fit that did not converge is given up
+_CERTAIN = 5.0  # standard deviations above which a sign is certain
+GEARS = np.radians(2.0)  # prior on compliance, rad/Nm, and backlash, rad
 _ALL = NaoUnknowns(head=True, springs=True, play=True)
 NAO_LIMITS = ChainLimits(held_out=2e-3)
 
@@ -35,10 +35,9 @@ def _shaped(
     sides: Sequence[str],
     noise_freedom: float,
 ) -> Choice:
-    """The choice made again with the shape of the play that the images show, if there are springs or play.
+    """Repeat the choice with the shape of backlash that fits better, if the model has compliance or backlash.
 
-    Images that seemed wrong are given another chance: where play changes sides all at once, those near a change do not
-    fit play that is smooth.
+    Rejected images get another chance: with abrupt backlash, those near a change of sides do not fit smooth backlash.
     """
     gears = [i for i, name in enumerate(_ALL.names) if "compliance" in name or "backlash" in name]
     astray = choice.fit.iterations >= MOST_STEPS and choice.fit.chi2_dof > _ASTRAY
@@ -47,7 +46,7 @@ def _shaped(
     full = replace(full, reading_sigma=choice.problem.reading_sigma)
     best: Choice | None = None
     for weights in (None, choice.fit.weights):
-        shaped = fit_springs_and_play(full, _ALL, sides, recording.gravity, weights)
+        shaped = fit_compliance_and_backlash(full, _ALL, sides, recording.gravity, weights)
         again = choose_model(shaped.problem, parts, shaped.fit.weights, noise_freedom)
         if best is None or _kept(again) > _kept(best):
             best = again
@@ -57,22 +56,22 @@ def _shaped(
 
 
 def _kept(choice: Choice) -> float:
-    """Share of the images that are not left out."""
+    """Share of the images that are kept."""
     return float(np.mean(np.concatenate(choice.fit.weights) > 0.0))
 
 
 def calibrate_nao(
     recording: NaoRecording, limits: ChainLimits = NAO_LIMITS, encoder_step: float | None = None
 ) -> ChainCalibration:
-    """Camera, legs and boards of a NAO, with those of head, springs and play that the images show.
+    """Calibrate camera, legs and boards of a NAO, and head offsets, compliance and backlash if the images show them.
 
     Args:
         recording: images.
         limits: of the verdict.
-        encoder_step: rad; None to see it from the readings.
+        encoder_step: rad; default: estimated from the readings.
 
     Raises:
-        CalibrationRefused: the recording has numbers that no robot and camera have.
+        CalibrationRefused: the recording's numbers are implausible.
     """
     with numbers_of_this_world():
         return _calibrated(recording, limits, encoder_step)
@@ -81,7 +80,9 @@ def calibrate_nao(
 def _calibrated(recording: NaoRecording, limits: ChainLimits, encoder_step: float | None) -> ChainCalibration:
     names, si = _ALL.names, _ALL.si()
     recorded = recording.sightings(_ALL)
-    alone = fit_free_poses(recording.camera, recording.board, np.concatenate([s.pixels for s in recorded]))
+    alone = fit_per_image_poses(
+        recording.camera, recording.board, np.concatenate([s.pixels for s in recorded])
+    )
     ends = np.cumsum([len(s.readings) for s in recorded])[:-1]
     sightings = [
         replace(s, pixels=np.where(wrong[..., None], np.nan, s.pixels), noise=noise)
@@ -90,7 +91,7 @@ def _calibrated(recording: NaoRecording, limits: ChainLimits, encoder_step: floa
         )
     ]
     if encoder_step is None:
-        reading_sigma = reading_sigmas([s.readings for s in sightings])
+        reading_sigma = encoder_sigmas([s.readings for s in sightings])
     else:
         reading_sigma = np.full(sightings[0].readings.shape[1], encoder_step / np.sqrt(12.0))
     gears = np.array(["compliance" in name or "backlash" in name for name in names])
@@ -128,11 +129,11 @@ def _calibrated(recording: NaoRecording, limits: ChainLimits, encoder_step: floa
         return f"{value / si[names.index(name)]:.3g} {unit}"
 
     calibration = judged(calibration, in_words)
-    return replace(calibration, reasons=(*calibration.reasons, *_pushing_springs(calibration)))
+    return replace(calibration, reasons=(*calibration.reasons, *_negative_compliance(calibration)))
 
 
-def _pushing_springs(c: ChainCalibration) -> list[str]:
-    """Joints that give way against their load, which no spring does."""
+def _negative_compliance(c: ChainCalibration) -> list[str]:
+    """Refuse joints that yield against their load."""
     values, sigma = c.fit.unknowns, np.sqrt(np.diag(c.covariance))
     wrong = [
         name
@@ -142,6 +143,6 @@ def _pushing_springs(c: ChainCalibration) -> list[str]:
     if not wrong:
         return []
     return [
-        f"{len(wrong)} joints give way against their load ({', '.join(wrong[:3])}{', ...' if len(wrong) > 3 else ''} "
-        "below 0): is gravity_m_s2 the other way round? On its back it is -9.81, 0, 0 in the torso's frame"
+        f"{len(wrong)} joints have negative compliance ({', '.join(wrong[:3])}{', ...' if len(wrong) > 3 else ''}): is "
+        "the sign of gravity_m_s2 right? With the robot on its back it is -9.81, 0, 0 in the torso frame"
     ]

@@ -1,7 +1,7 @@
-"""The NAO of the second seed: its chains from the lower camera to the checkerboards on its soles, and what is unknown.
+"""Kinematic chains of the NAO of the second seed: from the lower camera to the checkerboards on the soles.
 
 T. Kastner, T. Roefer, T. Laue, "Automatic robot calibration for the NAO" (2014): eqs. 1 to 5 for the chain, Table 1 for
-the unknowns. Past the paper: offsets of the head, springs and play in the legs' joints (its future work).
+the unknowns. In addition: offsets of the head joints, compliance and backlash of the leg joints (its future work).
 """
 
 from __future__ import annotations
@@ -26,19 +26,16 @@ SIDES = ("L", "R")
 LEG_JOINTS = tuple(side + joint for side in SIDES for joint in LEG)
 CAMERA_TURNS = ("CamYaw", "CamPitch", "CamRoll")
 MOUNT = ("RotZ", "TransX", "TransY")
-PLAY_NM = (
-    0.05  # torque over which a joint goes from one end of its play to the other (data sheet of the sets)
-)
-_SAME_STANCE = np.radians(3.0)  # a fit may move readings by a degree on its way
+PLAY_NM = 0.05  # torque scale over which smooth backlash changes sides (data sheet of the sets)
+_SAME_STANCE = np.radians(3.0)  # a fit may move readings by a degree meanwhile
 _X, _Y, _Z = np.eye(3)
-_FORWARD = transform(
-    [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]
-)  # the paper's camera looks along x
+# the paper's camera looks along x
+_FORWARD = transform([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
 @dataclass(frozen=True)
 class NaoUnknowns:
-    """Which numbers are looked for, beside the paper's 21.
+    """The estimated parameters beyond the paper's 21.
 
     Attributes:
         head: offsets of both head joints.
@@ -52,7 +49,7 @@ class NaoUnknowns:
 
     @property
     def names(self) -> list[str]:
-        """In order, with their units as in the data's truth."""
+        """Names in order, with their units as in the data's truth."""
         named = [f"{n}_deg" for n in (*CAMERA_TURNS, *LEG_JOINTS)]
         named += [f"{s}{m}_{'deg' if m == 'RotZ' else 'mm'}" for s in SIDES for m in MOUNT]
         if self.head:
@@ -64,11 +61,11 @@ class NaoUnknowns:
         return named
 
     def si(self) -> Array:
-        """What one of each name's unit is in rad, m, rad/Nm."""
+        """Size of each name's unit in rad, m or rad/Nm."""
         return np.array([1e-3 if n.endswith("_mm") else np.pi / 180.0 for n in self.names])
 
     def index(self, name: str) -> int:
-        """Of a name without its unit."""
+        """Index of a name without its unit."""
         return next(
             i for i, n in enumerate(self.names) if n.rpartition("_")[0] == name or n.startswith(f"{name}_")
         )
@@ -76,13 +73,13 @@ class NaoUnknowns:
 
 @lru_cache(maxsize=1)
 def nao_model() -> pin.Model:
-    """The NAO of ``urdf/nao/nao.urdf``, its torso fixed."""
+    """The NAO of ``urdf/nao/nao.urdf``, with a fixed torso."""
     return pin.buildModelFromUrdf(str(data_file("urdf/nao/nao.urdf")))
 
 
 @lru_cache(maxsize=32)
 def nao_chain(side: str, unknowns: NaoUnknowns) -> Chain:
-    """T_camera_board: the camera frame as OpenCV has it, the sole's frame with the board's mount."""
+    """T_camera_board, from the camera frame (OpenCV) to the sole frame with the board's mount."""
     names = unknowns.names
 
     def of(name: str) -> Unknown:
@@ -116,16 +113,13 @@ def nao_chain(side: str, unknowns: NaoUnknowns) -> Chain:
 
 
 def gravity_torques(side: str, legs: Array, gravity: npt.ArrayLike, model: pin.Model | None = None) -> Array:
-    """Torques of gravity about a leg's joints, positive as they act, Nm.
+    """Torques of gravity on a leg's joints, Nm, (n, 6).
 
     Args:
         side: L or R.
         legs: angles (n, 6) rad.
-        gravity: in the torso's frame, (3,) m/s^2.
+        gravity: in the torso frame, (3,) m/s^2.
         model: with other masses, or None.
-
-    Returns:
-        (n, 6).
     """
     model = (nao_model() if model is None else model).copy()
     model.gravity.linear = np.asarray(gravity, dtype=float)
@@ -141,10 +135,10 @@ def gravity_torques(side: str, legs: Array, gravity: npt.ArrayLike, model: pin.M
 
 @dataclass(frozen=True, eq=False)
 class KnownSides:
-    """Sides of their play, -1 or 1, on which a leg's joints were found.
+    """Known sides of the backlash, -1 or 1, on which a leg's joints lie.
 
     Attributes:
-        legs: readings (n, 6) rad at which that was.
+        legs: readings (n, 6) rad of these stances.
         sides: (n, 6).
     """
 
@@ -152,7 +146,7 @@ class KnownSides:
     sides: Array
 
     def at(self, legs: Array, torque: Array) -> Array:
-        """Sides (k, 6) at readings (k, 6) rad: as found there, elsewhere where torques (k, 6) Nm turn them."""
+        """Sides (k, 6) at readings (k, 6) rad: known ones in known stances, else those of the torques (k, 6) Nm."""
         away = np.abs(legs[:, None] - self.legs[None]).max(axis=-1)
         found = self.sides[away.argmin(axis=1)]
         return np.where(away.min(axis=1)[:, None] < _SAME_STANCE, found, np.sign(torque))
@@ -161,15 +155,15 @@ class KnownSides:
 def gravity_gains(
     side: str, unknowns: NaoUnknowns, gravity: npt.ArrayLike, known: KnownSides | None = None
 ) -> Gains | None:
-    """Torques of gravity about the leg's joints, Nm as they act, and on which side of its play each joint lies.
+    """Return gains for compliance and backlash: gravity torques, Nm, and the side of each joint's backlash.
 
-    Both are taken at the readings with their offsets.
+    Both are evaluated at the readings plus offsets.
 
     Args:
         side: L or R.
-        unknowns: that are looked for.
-        gravity: in the torso's frame, (3,) m/s^2.
-        known: sides on which joints lie in stances; None where play changes over within about `PLAY_NM`.
+        unknowns: to be estimated.
+        gravity: in the torso frame, (3,) m/s^2.
+        known: sides of the backlash in stances; None if it changes smoothly over about `PLAY_NM`.
     """
     if not (unknowns.springs or unknowns.play):
         return None
@@ -178,8 +172,8 @@ def gravity_gains(
     def gains(readings: Array, x: Array) -> dict[str, Array]:
         torque = gravity_torques(side, readings[:, :6] + x[offsets], gravity)
         play = np.tanh(torque / PLAY_NM) if known is None else known.at(readings[:, :6], torque)
-        given = {f"torque {side}{joint}": torque[:, i] for i, joint in enumerate(LEG)}
-        return given | {f"play {side}{joint}": play[:, i] for i, joint in enumerate(LEG)}
+        torques = {f"torque {side}{joint}": torque[:, i] for i, joint in enumerate(LEG)}
+        return torques | {f"play {side}{joint}": play[:, i] for i, joint in enumerate(LEG)}
 
     return gains
 
@@ -194,16 +188,16 @@ def nao_sightings(
     pixels: Array,
     gravity: Sequence[float],
 ) -> Sightings:
-    """Images of one sole's board.
+    """Images of the board on one sole.
 
     Args:
         side: L or R.
-        unknowns: that are looked for.
+        unknowns: to be estimated.
         stances: (n,) of each image; images of one stance share one reading of the leg.
         leg, head: encoders, (n, 6) and (n, 2) rad.
-        board: vertices (m, 3) m in the sole's frame.
+        board: vertices (m, 3) m in the sole frame.
         pixels: (n, m, 2).
-        gravity: in the torso's frame, m/s^2.
+        gravity: in the torso frame, m/s^2.
     """
     images = np.arange(len(stances))
     ids = np.column_stack([np.tile(stances[:, None], (1, len(LEG))), images, images])

@@ -1,7 +1,7 @@
-"""What of a NAO may touch and what may hide a board: a few capsules, boxes and spheres, of our own making.
+"""Collision and occlusion model of a NAO: capsules, boxes and spheres of our own making.
 
-No shape is Aldebaran's: they are rough and a little too large, made from the lengths in ``urdf/nao`` and the outline of
-the robot. The robot lies on its back: the floor is behind its torso, and its arms lie along it.
+No shape is Aldebaran's. They are rough and slightly too large, derived from the lengths in ``urdf/nao`` and the outline
+of the robot. The robot lies on its back: the floor is behind its torso, and its arms lie along it.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from arm.se3 import Array, rotation, transform
 from calib.nao.chain import HEAD, LEG, SIDES, nao_model
 
 BOARD_MIDDLE_X, BOARD_SIZE = 0.17, (0.125, 0.175)
-"""Of the checkerboard in the sole's frame, m: the middle's place ahead of the ankle, 5 tiles along x and 7 along y."""
+"""Checkerboard in the sole frame, m: centre ahead of the ankle; size, 5 tiles along x and 7 along y."""
 _ARM_Y, _FLOOR_X = 0.135, -0.085
-_FROM_EYE = 0.05  # part of the way that the eye's own housing takes
+_FROM_EYE = 0.05  # share of the line of sight inside the eye's own housing
 
 
 @dataclass(frozen=True, eq=False)
 class _Shape:
     name: str
-    joint: str  # "universe" for what is fixed to the torso
+    joint: str  # "universe" if fixed to the torso
     T: Array
     solid: coal.CollisionGeometry
 
@@ -101,7 +101,7 @@ _FIXED = ("torso", "floor", "L arm", "R arm", "neck and head")
 
 
 class NaoBodies:
-    """Collisions and sight, for a whole posture: head and both legs."""
+    """Collisions and occlusions for a whole posture: head and both legs."""
 
     def __init__(self) -> None:
         self._model = nao_model()
@@ -134,7 +134,7 @@ class NaoBodies:
         return q
 
     def touching(self, q: Array) -> tuple[str, str] | None:
-        """A pair that touches at a posture, or None."""
+        """Return a pair in contact, or None."""
         if not pin.computeCollisions(self._model, self._data, self._geometry, self._objects, q, True):
             return None
         for pair, result in zip(self._geometry.collisionPairs, self._objects.collisionResults, strict=True):
@@ -143,11 +143,11 @@ class NaoBodies:
         return None
 
     def hidden(self, q: Array, points: Array) -> bool:
-        """Whether a leg stands between the camera and what lies between points (n, 3) m of the torso's frame.
+        """Whether a leg occludes any part of the convex hull of points (n, 3) m in the torso frame.
 
         Args:
             q: posture.
-            points: corners of what is looked at, a little before its surface.
+            points: corners of what the camera looks at, slightly in front of its surface.
         """
         pin.framesForwardKinematics(self._model, self._data, q)
         pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._objects)
@@ -168,5 +168,5 @@ class NaoBodies:
 
 @lru_cache(maxsize=1)
 def nao_bodies() -> NaoBodies:
-    """Made once; not for threads."""
+    """The shared instance; not thread-safe."""
     return NaoBodies()

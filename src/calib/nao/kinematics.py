@@ -1,8 +1,8 @@
-"""A NAO with its errors: where its joints and soles really are at given readings, and what to command to be there.
+"""Kinematics of a NAO with errors: joint angles and sole poses at given readings, and commands that compensate.
 
-The paper's compensation (section 2.2) in the sense of its eq. 2: the angle is the reading plus the offset, so offsets
-are added to what is measured and subtracted from what is commanded. Its text has the signs the other way round, which
-holds for the offset that an encoder has from the joint.
+This is the paper's compensation (section 2.2) in the sense of its eq. 2: the angle is the reading plus the offset, so
+offsets are added to readings and subtracted from commands. Its text has the opposite signs, which hold for the offset
+of the encoder relative to the joint.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ from calib.nao.chain import (
 )
 
 STANDING, ON_ITS_BACK = (0.0, 0.0, -9.81), (-9.81, 0.0, 0.0)
-"""Gravity in the torso's frame, m/s^2."""
+"""Gravity in the torso frame, m/s^2."""
 _ROUNDS = 30
 
 
 @dataclass(frozen=True, eq=False)
 class NaoKinematics:
-    """A NAO with offsets, and perhaps springs and play.
+    """A NAO with joint offsets, and optionally compliance and backlash.
 
     Attributes:
-        unknowns: that are known of it.
+        unknowns: its parameters.
         x: their values, SI.
-        hard: whether play changes sides all at once; otherwise within about `calib.nao.chain.PLAY_NM`.
-        sure: whether torques are taken as exact. If not, hard play lies where it does on average over what masses may
-            be, which errs least.
+        hard: whether backlash changes sides abruptly; otherwise smoothly over about `calib.nao.chain.PLAY_NM`.
+        sure: whether torques are exact. If not, abrupt backlash is replaced by its mean over the uncertainty of the
+            masses, which minimises the error.
         masses: model with other masses than ``urdf/nao``, or None.
     """
 
@@ -54,7 +54,7 @@ class NaoKinematics:
     masses: pin.Model | None = None
 
     def angles(self, side: str, readings: Array, gravity: npt.ArrayLike) -> Array:
-        """Angles (n, 6) rad of a leg at readings (n, 6) of its encoders, gravity (3,) m/s^2 in the torso's frame."""
+        """Angles (n, 6) rad of a leg at readings (n, 6), with gravity (3,) m/s^2 in the torso frame."""
         straight = readings + self._of(side, "deg")
         if not (self.unknowns.springs or self.unknowns.play):
             return straight
@@ -73,19 +73,19 @@ class NaoKinematics:
         return np.asarray(readings + [self._value(f"{j}_deg") for j in HEAD])
 
     def commands(self, side: str, wanted: Array, gravity: npt.ArrayLike) -> Array:
-        """Readings (n, 6) rad at which a leg has the angles `wanted`; nearly so where its play is about to change."""
+        """Readings (n, 6) rad that give a leg the angles `wanted`; approximate near a change of the backlash side."""
         readings = wanted - self._of(side, "deg")
         for _ in range(_ROUNDS):
             off = wanted - self.angles(side, readings, gravity)
-            readings = readings + 0.5 * off  # half, because the play's side may go to and fro
+            readings = readings + 0.5 * off  # damped, because the backlash side may alternate
         return np.asarray(readings)
 
     def T_camera_board(self, side: str, leg: Array, head: Array, gravity: npt.ArrayLike) -> Array:
-        """Poses (n, 4, 4) of the board in the camera (OpenCV's frame) at readings (n, 6) and (n, 2) rad."""
+        """Poses (n, 4, 4) of the board in the camera (OpenCV frame) at readings (n, 6) and (n, 2) rad."""
         return self._seen(side, leg, head, gravity, mounted=True)
 
     def T_camera_sole(self, side: str, leg: Array, head: Array, gravity: npt.ArrayLike) -> Array:
-        """The same of the bare sole."""
+        """The same for the bare sole."""
         return self._seen(side, leg, head, gravity, mounted=False)
 
     def T_torso_sole(self, side: str, leg: Array, gravity: npt.ArrayLike) -> Array:
@@ -94,7 +94,7 @@ class NaoKinematics:
         return chain.evaluate(self.angles(side, leg, gravity), np.zeros(0)).T
 
     def T_torso_camera(self, head: Array) -> Array:
-        """Poses (n, 4, 4) of the camera (OpenCV's frame) in the torso at readings (n, 2) rad."""
+        """Poses (n, 4, 4) of the camera (OpenCV frame) in the torso at readings (n, 2) rad."""
         side, still = SIDES[0], np.zeros((len(head), 6))
         bare = chain_from_root(nao_model(), f"{side}_sole", {side + j: i for i, j in enumerate(LEG)})
         T_torso_sole = bare.evaluate(still, np.zeros(0)).T
@@ -108,7 +108,7 @@ class NaoKinematics:
         return nao_chain(side, NaoUnknowns()).evaluate(angles, self._rigid(mounted, legs=False)).T
 
     def _rigid(self, mounted: bool, legs: bool) -> Array:
-        """The paper's 21 unknowns, with those of legs and mounts at zero if they are not asked for."""
+        """The paper's 21 parameters, with those of legs and mounts set to zero unless wanted."""
         plain = NaoUnknowns()
         kept = [
             not (
@@ -136,7 +136,7 @@ class PoseErrors:
 
 
 def pose_errors(T_true: Array, T_taken: Array) -> PoseErrors:
-    """Of poses (n, 4, 4) against the true ones."""
+    """Errors of poses (n, 4, 4) relative to the true ones."""
     away = np.linalg.norm(T_true[:, :3, 3] - T_taken[:, :3, 3], axis=1)
     turned = np.einsum("nji,njk->nik", T_true[:, :3, :3], T_taken[:, :3, :3])
     angle = np.arccos(np.clip((np.trace(turned, axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))
@@ -148,7 +148,7 @@ _LOOKING_DEG = np.array([[-60, 60], [-30, 25]], dtype=float)
 
 
 def standing_postures(count: int, rng: np.random.Generator) -> dict[str, tuple[Array, Array]]:
-    """Readings of standing and swinging legs with the head anywhere: by side, (n, 6) and (n, 2) rad, `count` in all."""
+    """Readings of standing and swinging legs with any head posture: by side, (n, 6) and (n, 2) rad, `count` in all."""
     postures = {}
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         leg = np.radians(rng.uniform(_STANDING_DEG[:, 0], _STANDING_DEG[:, 1], (count // 2, 6)))
@@ -168,7 +168,7 @@ def standing_error(true: NaoKinematics, taken: NaoKinematics, seed: int = 0, cou
 
 
 def masses_off(part: float, rng: np.random.Generator) -> pin.Model:
-    """The NAO with every link heavier or lighter by `part` of its mass."""
+    """The NAO with the mass of every link changed by the share `part`, up or down at random."""
     model = nao_model().copy()
     for i in range(1, model.njoints):
         factor = 1.0 + part * float(rng.choice((-1.0, 1.0)))

@@ -1,8 +1,8 @@
 """Recorded images of the checkerboards on a NAO's soles.
 
 ``camera{focal_px, centre_px, size_px}``, ``board.vertices_sole_m``, ``gravity_m_s2`` and ``images[]{side, stance,
-leg_encoder_deg[6], head_encoder_deg[2], vertices_px[n][2]}``, null for a vertex that was not seen (docs/nao.md);
-nothing else in the file is read. Vertices may lie outside the image: those of simulated soft legs do.
+leg_encoder_deg[6], head_encoder_deg[2], vertices_px[n][2]}``, null for a vertex that was not detected (docs/nao.md).
+Nothing else in the file is read. Vertices may lie outside the image: those of simulated compliant legs do.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ GRAVITY, _GRAVITY_VARIES = 9.81, 0.05  # m/s^2; it is 9.78 at the equator and 9.
 
 @dataclass(frozen=True, eq=False)
 class NaoRecording:
-    """What a file holds.
+    """A recording.
 
     Attributes:
         camera: at the origin, z forward.
-        board: vertices (m, 3) m in the sole's frame.
-        gravity: in the torso's frame, (3,) m/s^2.
+        board: vertices (m, 3) m in the sole frame.
+        gravity: in the torso frame, (3,) m/s^2.
         side: of each image, 0 for L and 1 for R, (n,).
         stance: number of each image's stance, (n,).
         leg, head: encoders (n, 6) and (n, 2), rad.
-        pixels: (n, m, 2), NaN where a vertex was not seen.
+        pixels: (n, m, 2), NaN where a vertex was not detected.
     """
 
     camera: Camera
@@ -47,7 +47,7 @@ class NaoRecording:
     pixels: Array
 
     def sightings(self, unknowns: NaoUnknowns) -> list[Sightings]:
-        """Of both soles, or of the one that was seen."""
+        """Sightings of both soles, or of the one recorded."""
         return [
             nao_sightings(
                 side,
@@ -67,15 +67,15 @@ class NaoRecording:
 def _gravity(node: JsonNode) -> Array:
     gravity = node.numbers(3)
     if not abs(np.linalg.norm(gravity) - GRAVITY) < _GRAVITY_VARIES:
-        raise node.error(f"must be {GRAVITY} m/s^2 long, to {_GRAVITY_VARIES}")
+        raise node.error(f"must have a magnitude of {GRAVITY} +- {_GRAVITY_VARIES} m/s^2")
     return gravity
 
 
 def read_nao_recording(path: Path) -> NaoRecording:
-    """Read such a file.
+    """Read a recording.
 
     Raises:
-        InputError: with the key that breaks the format; an image is there twice.
+        InputError: the format is broken (the message names the key), or an image is repeated.
     """
     root = JsonNode.of_file(path)
     if "poses" in root and "images" not in root:
@@ -91,7 +91,7 @@ def read_nao_recording(path: Path) -> NaoRecording:
     board = target_points(root["board"]["vertices_sole_m"], _FEWEST_VERTICES, "vertices")
     images = root["images"].items()
     if not images:
-        raise root["images"].error("must be one image at least")
+        raise root["images"].error("must have at least one image")
     side = np.array([SIDES.index(image["side"].text(*SIDES)) for image in images])
     leg = np.radians([image["leg_encoder_deg"].numbers(6) for image in images])
     head = np.radians([image["head_encoder_deg"].numbers(2) for image in images])

@@ -1,8 +1,8 @@
-"""Which stances a NAO should be measured in: those that together say most of what is looked for.
+"""Optimal design of NAO measurements: choose the stances that together are most informative.
 
-What a stance will say is known before it is taken: the information of its images with the errors of its encoders
-eliminated (generalised least squares, fact sheet of calibration, section 2c). Information adds up over stances; the
-best sum is looked for greedily first, then by exchange (V. V. Fedorov, "Theory of optimal experiments", 1972).
+The information of a stance is known before it is taken: that of its images with the encoder errors eliminated
+(generalised least squares, fact sheet of calibration, section 2c). Information adds up over stances. The search is
+greedy, then by exchange (V. V. Fedorov, "Theory of optimal experiments", 1972).
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from arm.se3 import Array
 from calib.camera.bundle_adjustment import inverse_scaled
 from calib.nao.backlash import pixels_by_twists
 from calib.nao.chain import LEG_JOINTS, SIDES, NaoUnknowns, nao_sightings
-from calib.nao.stance_pool import Stance, find_stances, free_way, near_stances, resting_posture
+from calib.nao.stance_pool import Stance, collision_free_motion, find_stances, near_stances, resting_posture
 from vision.camera.model import Camera
 
 Criterion = Literal["A", "D"]
 _PASSES = 4
-_GAIN_DONE = 1e-6  # of a logarithm
-_NEAR, _TRIES = np.radians(12.0), 270  # of all chosen stances together
-_WIDE = {"deg": np.radians(10.0), "mm": 0.01}  # what is known of any NAO: keeps determinants above zero
-_WIDE_SOFT = np.radians(1.0)  # of springs, per Nm, and play
+_GAIN_DONE = 1e-6  # of the log criterion
+_NEAR, _TRIES = np.radians(12.0), 270  # spread of nearby stances; their number for all chosen ones
+_WIDE = {"deg": np.radians(10.0), "mm": 0.01}  # wide prior that keeps determinants positive
+_WIDE_SOFT = np.radians(1.0)  # prior on compliance, per Nm, and backlash
 
 
 @dataclass(frozen=True, eq=False)
 class Sensing:
-    """What the measurement is made with.
+    """Camera, board and noise of a measurement.
 
     Attributes:
-        camera: the lower camera's lens.
-        board: vertices (m, 3) m in the sole's frame.
+        camera: intrinsics of the lower camera.
+        board: vertices (m, 3) m in the sole frame.
         pixel_sigma: of a vertex in x and y, (2,) px.
-        reading_sigma: of the encoders of leg and head, (8,) rad; 0 where they are exact.
-        gravity: in the torso's frame, (3,) m/s^2.
+        reading_sigma: of the encoders of leg and head, (8,) rad; 0 for exact ones.
+        gravity: in the torso frame, (3,) m/s^2.
     """
 
     camera: Camera
@@ -51,12 +51,12 @@ class Sensing:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Stances in an order in which they can be driven to.
+    """Stances in an order in which the robot can reach them.
 
     Attributes:
         stances: of both legs.
-        information: (unknowns, unknowns) of all of them, with next to nothing known before.
-        unknowns: that it is of.
+        information: (unknowns, unknowns) of all of them, with a wide prior.
+        unknowns: of the information.
     """
 
     stances: tuple[Stance, ...]
@@ -65,13 +65,13 @@ class Plan:
 
     @property
     def joint_sigma_deg(self) -> float:
-        """Rms standard deviation of the legs' offsets that is to be expected."""
+        """Expected rms standard deviation of the legs' joint offsets, deg."""
         places = [self.unknowns.names.index(f"{j}_deg") for j in LEG_JOINTS]
         return float(np.degrees(np.sqrt(np.diag(inverse_scaled(self.information))[places].mean())))
 
 
 def find_pool(camera: Camera, count: int, seed: int) -> list[Stance]:
-    """Stances to choose from, `count` of each leg, see `calib.nao.stance_pool.find_stances`."""
+    """Candidate stances, `count` of each leg, see `calib.nao.stance_pool.find_stances`."""
     rng = np.random.default_rng(seed)
     return [stance for side in SIDES for stance in find_stances(side, camera, count, rng)]
 
@@ -86,22 +86,22 @@ def plan_stances(
     rounds: int = 4,
     seed: int = 0,
 ) -> Plan:
-    """The `count` stances of each leg that together say most, chosen from a pool, then bettered near by.
+    """Choose the `count` most informative stances of each leg from a pool, then improve them locally.
 
     Args:
         pool: of both legs.
         count: of each leg.
-        sensing: what it is measured with.
-        unknowns: that are looked for.
-        x: where about they are, SI; zero if not given.
-        criterion: A for the least variance of the legs' angles (offsets, plays, and springs under 1 Nm), D for the
-            greatest determinant of all; default: A for rigid legs, D with springs or play, where it errs less on a
-            robot that stands.
-        rounds: of stances near the chosen ones that are tried in their stead.
+        sensing: camera, board and noise.
+        unknowns: to be estimated.
+        x: rough values of the unknowns, SI; default: zero.
+        criterion: A for the least summed variance of the legs' angles (offsets, backlash, and compliance under 1 Nm), D
+            for the greatest determinant of all; default: A for rigid legs, D with compliance or backlash, where it
+            gives smaller errors on a standing robot.
+        rounds: of exchanges with stances near the chosen ones.
         seed: of these.
 
     Raises:
-        ImpossibleError: the pool has fewer.
+        ImpossibleError: the pool is too small.
     """
     judge = _Judge(unknowns, criterion or ("D" if unknowns.springs or unknowns.play else "A"))
     rng, tries = np.random.default_rng(seed), -(-_TRIES // (2 * count))
@@ -121,10 +121,10 @@ def random_stances(
     rng: np.random.Generator,
     x: Array | None = None,
 ) -> Plan:
-    """`count` stances of each leg drawn from a pool; as many as the paper has are 24.
+    """Choose `count` stances of each leg at random from a pool; 24 matches the paper.
 
     Raises:
-        ImpossibleError: the pool has fewer.
+        ImpossibleError: the pool is too small.
     """
     side = np.array([SIDES.index(s.side) for s in pool])
     _require(side, count)
@@ -135,7 +135,7 @@ def random_stances(
 def stance_informations(
     stances: Sequence[Stance], sensing: Sensing, unknowns: NaoUnknowns, x: Array | None = None
 ) -> Array:
-    """What each stance says of the unknowns, (n, unknowns, unknowns), its encoders' errors eliminated."""
+    """Information of each stance, (n, unknowns, unknowns), with encoder errors eliminated."""
     x = np.zeros(len(unknowns.names)) if x is None else x
     found = np.empty((len(stances), len(x), len(x)))
     for side in SIDES:
@@ -168,8 +168,8 @@ def _informations(
     N = N.reshape(shape)
     NA = np.einsum("nri,nrj->nij", N, A)
     H = np.einsum("nri,nrj->nij", N, N) + np.eye(N.shape[-1])
-    gone = np.einsum("nki,nkj->nij", NA, np.linalg.solve(H, NA))
-    return np.asarray(np.einsum("nri,nrj->nij", A, A) - gone)
+    absorbed = np.einsum("nki,nkj->nij", NA, np.linalg.solve(H, NA))
+    return np.asarray(np.einsum("nri,nrj->nij", A, A) - absorbed)
 
 
 def _prior(unknowns: NaoUnknowns) -> Array:
@@ -185,14 +185,14 @@ def _require(side: npt.NDArray[np.intp], count: int) -> None:
     least = min(int((side == k).sum()) for k in range(2))
     if least < count:
         raise ImpossibleError(
-            f"{count} stances of each leg are asked for, and the pool has {least}; make a larger pool",
+            f"{count} stances of each leg are needed, but the pool has {least}; make a larger pool",
             asked=count,
             pool=least,
         )
 
 
 class _Judge:
-    """What a sum of informations is worth; unknowns in units of `_prior`."""
+    """Design criterion for summed information, with unknowns in units of `_prior`."""
 
     def __init__(self, unknowns: NaoUnknowns, criterion: Criterion) -> None:
         self.scale = _prior(unknowns)
@@ -202,7 +202,7 @@ class _Judge:
         self._criterion = criterion
 
     def values(self, totals: Array) -> Array:
-        """Of many (n, p, p); more is better."""
+        """Criterion for many (n, p, p); higher is better."""
         if self._criterion == "D":
             return np.asarray(np.linalg.slogdet(totals)[1])
         variances = np.einsum("nii->ni", np.linalg.inv(totals))[:, self._legs]
@@ -218,7 +218,7 @@ def _exchanged(
     x: Array | None,
     judge: _Judge,
 ) -> list[Stance]:
-    """`count` stances of each leg of a pool: those that are chosen, filled up greedily, then exchanged one by one."""
+    """Choose `count` stances of each leg: complete `chosen` greedily, then exchange one by one."""
     side = np.array([SIDES.index(s.side) for s in pool])
     _require(side, count)
     informations = stance_informations(pool, sensing, unknowns, x) * np.outer(judge.scale, judge.scale)
@@ -237,7 +237,7 @@ def _exchanged(
         before = float(judge.values(total[None])[0])
         for place, old in enumerate(chosen):
             without = total - informations[old]
-            chosen[place] = -1  # may come back
+            chosen[place] = -1  # may be chosen again
             chosen[place] = best(without, int(side[old]))
             total = without + informations[chosen[place]]
         if float(judge.values(total[None])[0]) - before < _GAIN_DONE:
@@ -251,7 +251,7 @@ def _plan(stances: Sequence[Stance], sensing: Sensing, unknowns: NaoUnknowns, x:
 
 
 def _in_order(stances: Sequence[Stance]) -> tuple[Stance, ...]:
-    """Leg by leg, the next stance being the nearest to which there is a free way, if there is one."""
+    """Order stances leg by leg, each followed by the nearest one with a collision-free direct motion, if any."""
     now = resting_posture()
     ordered: list[Stance] = []
     left = list(stances)
@@ -259,7 +259,7 @@ def _in_order(stances: Sequence[Stance]) -> tuple[Stance, ...]:
         side = [s for s in left if not ordered or s.side == ordered[-1].side] or left
         postures = [s.posture(s.heads[0]) for s in side]
         by_distance = np.argsort([np.abs(p - now).max() for p in postures])
-        direct = (i for i in by_distance if free_way(now, postures[i]))
+        direct = (i for i in by_distance if collision_free_motion(now, postures[i]))
         next_one = side[next(direct, by_distance[0])]
         left = [s for s in left if s is not next_one]
         ordered.append(next_one)

@@ -1,8 +1,8 @@
-"""Stances of a NAO's legs, and postures of its head, in which it sees its own boards: what a measurement may use.
+"""Candidate stances of a NAO: postures of legs and head in which the camera sees a board on the robot's own sole.
 
-Limits are those of ``urdf/nao/nao.urdf``: Aldebaran publishes them, but those of the legs could not be cited and count
-as assumed; that its ankle's and head's limits depend on each other is left out. Both HipYawPitch joints are one motor
-on a NAO, so the leg that is not measured is turned with the other.
+Limits are those of ``urdf/nao/nao.urdf``. Aldebaran publishes them, but those of the legs could not be cited and count
+as assumed; the coupling of its ankle limits and of its head limits is ignored. One motor drives both HipYawPitch joints
+of a NAO, so the leg that is not measured moves with the other.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ from calib.nao.collision import BOARD_MIDDLE_X, BOARD_SIZE, nao_bodies
 from vision.camera.model import Camera
 
 LIMIT_MARGIN = np.radians(2.0)
-MARGIN_PX = 45.0  # an uncalibrated camera may look 5 deg past
+MARGIN_PX = 45.0  # an uncalibrated camera may be off by 5 deg
 HEADS = 3
 _HEAD_YAWS, _HEAD_PITCHES = np.radians(np.arange(-60.0, 61.0, 10.0)), np.radians(np.arange(-36.0, 29.0, 8.0))
 _MOST_SLANT = np.radians(60.0)
-_WAY_STEP = np.radians(3.0)
-_MOST_LEGS, _MOST_AT_ONCE = 20_000, 4000  # about one of a hundred is sound
-_BEFORE = 5e-3  # m above a board, where lines of sight end
+_MOTION_STEP = np.radians(3.0)
+_MOST_LEGS, _MOST_AT_ONCE = 20_000, 4000  # about one in a hundred is feasible
+_BEFORE = 5e-3  # m above a board: where lines of sight end
 _PARKED_DEG = [(roll, pitch) for pitch in (0.0, -15.0, -30.0, -50.0) for roll in (15.0, 30.0, 42.0, 5.0)]
 
 
 @dataclass(frozen=True, eq=False)
 class Stance:
-    """One leg held before the camera, the other out of the way.
+    """One leg held before the camera, the other parked.
 
     Attributes:
-        side: L or R, of the leg that is seen.
+        side: L or R, of the leg in view.
         leg: its angles (6,) rad.
         other: those of the other leg, (6,).
-        heads: postures of the head in which the board is wholly in view, (3, 2).
+        heads: head postures with the whole board in view, (3, 2).
     """
 
     side: str
@@ -65,18 +65,18 @@ def joint_limits(joints: Sequence[str]) -> Array:
 def find_stances(
     side: str, camera: Camera, count: int, rng: np.random.Generator, margin_px: float = MARGIN_PX
 ) -> list[Stance]:
-    """Random stances of one leg, inside limits, reached from rest, and showing the board in three head postures.
+    """Sample stances of one leg within limits, reachable from rest, and with the board in view in three head postures.
 
     Args:
         side: L or R.
-        camera: the lower camera's lens.
-        count: how many.
-        rng: of the draw.
-        margin_px: of the image's border that the board keeps clear of.
+        camera: intrinsics of the lower camera.
+        count: number of stances.
+        rng: random generator.
+        margin_px: distance of the board from the image border.
 
     Raises:
         InputError: no such side.
-        ImpossibleError: fewer are found, as with a margin that leaves no room.
+        ImpossibleError: too few are found, as with too large a margin.
     """
     if side not in SIDES:
         raise InputError(f"side = {side!r}: must be L or R", side=side)
@@ -87,14 +87,14 @@ def find_stances(
         if tried >= _MOST_LEGS * (1 + len(found)):
             raise ImpossibleError(
                 f"only {len(found)} of {count} stances of leg {side} show the whole board {margin_px:g} px inside the "
-                f"image, of {tried} that were tried; a smaller margin leaves more",
+                f"image, of {tried} tried; reduce the margin",
                 side=side,
                 found=len(found),
                 tried=tried,
             )
         legs = rng.uniform(low, high, (batch, 6))
         tried += batch
-        found += _sound(side, legs, camera, margin_px, None)
+        found += _feasible(side, legs, camera, margin_px, None)
     return found[:count]
 
 
@@ -106,25 +106,25 @@ def near_stances(
     rng: np.random.Generator,
     margin_px: float = MARGIN_PX,
 ) -> list[Stance]:
-    """Sound stances near one, with other postures of the head; fewer than `tries`, or none.
+    """Sample feasible stances near one, with random head postures; fewer than `tries`, perhaps none.
 
     Args:
-        stance: that is varied.
-        camera: the lower camera's lens.
-        tries: how many are looked at.
-        spread: standard deviation of the joints' changes, rad.
-        rng: of the draw.
+        stance: to vary.
+        camera: intrinsics of the lower camera.
+        tries: number of samples.
+        spread: standard deviation of the changes of the joints, rad.
+        rng: random generator.
         margin_px: as in `find_stances`.
     """
     low, high = joint_limits([stance.side + j for j in LEG]) + np.array([[LIMIT_MARGIN], [-LIMIT_MARGIN]])
     legs = np.clip(stance.leg + spread * rng.standard_normal((tries, 6)), low, high)
-    return _sound(stance.side, legs, camera, margin_px, rng)
+    return _feasible(stance.side, legs, camera, margin_px, rng)
 
 
-def _sound(
+def _feasible(
     side: str, legs: Array, camera: Camera, margin_px: float, rng: np.random.Generator | None
 ) -> list[Stance]:
-    """Of legs (n, 6), those that can be measured; heads far apart, or drawn."""
+    """Feasible stances among legs (n, 6); head postures far apart, or random given `rng`."""
     heads, T_camera_torso = _heads()
     T = _sole_chain(side).evaluate(legs, np.zeros(0)).T
     near = np.flatnonzero(_may_be_seen(T))
@@ -149,7 +149,7 @@ def _sole_chain(side: str) -> Chain:
 
 @lru_cache(maxsize=1)
 def _heads() -> tuple[Array, Array]:
-    """Postures (h, 2) rad inside limits, and T_camera_torso (h, 4, 4), x forward."""
+    """Head postures (h, 2) rad within limits, and T_camera_torso (h, 4, 4), x forward."""
     low, high = joint_limits(HEAD)
     grid = np.array([(yaw, pitch) for yaw in _HEAD_YAWS for pitch in _HEAD_PITCHES])
     grid = grid[((grid > low) & (grid < high)).all(axis=1)]
@@ -158,14 +158,14 @@ def _heads() -> tuple[Array, Array]:
 
 
 def _outline() -> Array:
-    """Corners of the board and middles of its edges, (9, 3) m in the sole's frame, its middle last."""
+    """Corners of the board and midpoints of its edges, (9, 3) m in the sole frame, its centre last."""
     x = BOARD_MIDDLE_X + BOARD_SIZE[0] / 2.0 * np.array([-1, -1, -1, 0, 1, 1, 1, 0, 0])
     y = BOARD_SIZE[1] / 2.0 * np.array([-1, 0, 1, 1, 1, 0, -1, -1, 0])
     return np.stack([x, y, np.zeros(9)], axis=-1)
 
 
 def _may_be_seen(T: Array) -> npt.NDArray[np.bool_]:
-    """Whether boards at T_torso_sole (n, 4, 4) lie before the torso and turn their upper side to the head."""
+    """Whether boards at T_torso_sole (n, 4, 4) lie in front of the torso with their upper side towards the head."""
     middle = np.einsum("nij,j->ni", T[:, :3, :3], [BOARD_MIDDLE_X, 0.0, 0.0]) + T[:, :3, 3]
     to_head = np.array([0.05, 0.0, 0.14]) - middle
     cosine = np.einsum("ni,ni->n", T[:, :3, 2], to_head) / np.linalg.norm(to_head, axis=1)
@@ -187,7 +187,7 @@ def _visible(camera: Camera, T: Array, T_camera_torso: Array, margin: float) -> 
 
 
 def _stance(side: str, leg: Array, chosen: Array, T_sole: Array) -> Stance | None:
-    """With the other leg parked where nothing touches, and a free line of sight for all heads; or None."""
+    """The stance with the other leg parked without contact and with free lines of sight for all heads, or None."""
     bodies = nao_bodies()
     points = _outline()[[0, 2, 4, 6]] @ T_sole[:3, :3].T + T_sole[:3, 3] + _BEFORE * T_sole[:3, 2]
     outwards = -1.0 if side == "L" else 1.0  # of the other leg
@@ -196,7 +196,7 @@ def _stance(side: str, leg: Array, chosen: Array, T_sole: Array) -> Stance | Non
         stance = Stance(side, frozen(leg), frozen(other), frozen(chosen))
         if any(bodies.touching(stance.posture(head)) for head in chosen):
             continue
-        if not free_way(resting_posture(), stance.posture(chosen[0])):
+        if not collision_free_motion(resting_posture(), stance.posture(chosen[0])):
             continue
         hidden = any(bodies.hidden(stance.posture(head), points) for head in chosen)
         return None if hidden else stance
@@ -204,20 +204,20 @@ def _stance(side: str, leg: Array, chosen: Array, T_sole: Array) -> Stance | Non
 
 
 def resting_posture() -> Array:
-    """Legs stretched and a little apart, head straight: where a measurement starts and ends."""
+    """Legs stretched and slightly apart, head straight: where a measurement starts and ends."""
     left = np.radians([0.0, 20.0, -15.0, 0.0, 0.0, 0.0])
     return nao_bodies().posture(left, left * [1.0, -1.0, 1.0, 1.0, 1.0, 1.0], np.zeros(2))
 
 
-def free_way(a: Array, b: Array) -> bool:
-    """Whether all joints can go from one posture to another in proportion without anything touching."""
+def collision_free_motion(a: Array, b: Array) -> bool:
+    """Whether the straight motion in joint space from one posture to another is collision-free."""
     bodies = nao_bodies()
-    steps = int(np.ceil(np.abs(b - a).max() / _WAY_STEP)) + 1
+    steps = int(np.ceil(np.abs(b - a).max() / _MOTION_STEP)) + 1
     return not any(bodies.touching(a + t * (b - a)) for t in np.linspace(0.0, 1.0, steps))
 
 
 def _far_apart(heads: Array) -> Array:
-    """Three postures that are far from each other: the one farthest from the middle first."""
+    """Three head postures far from each other, starting with the one farthest from the mean."""
     chosen = [int(np.argmax(np.linalg.norm(heads - heads.mean(axis=0), axis=1)))]
     while len(chosen) < HEADS:
         apart = np.linalg.norm(heads[:, None] - heads[chosen][None], axis=-1).min(axis=1)

@@ -1,1 +1,1 @@
-"""Recordings that calibrations are made from."""
+"""Recordings that calibrations read."""

@@ -1,12 +1,12 @@
-"""Recorded images of a target in an arm's gripper, seen by a camera that stands still, with the joints at each.
+"""Recorded images of a target in an arm's gripper, taken by a fixed camera, with the joint readings at each.
 
 ``camera{K_px, distortion_k1k2p1p2k3, size_px}``, ``dh{d_m, a_m, alpha_rad, theta_offset_rad}``, ``target{kind,
-points_m}`` and ``poses[]{joints_rad, corners_px[n][2]}``, null for a corner that was not seen; and ``unit`` where it is
-known. Nothing else in the file is read.
+points_m}`` and ``poses[]{joints_rad, corners_px[n][2]}``, null for a corner that was not detected; optionally ``unit``.
+Nothing else in the file is read.
 
-Corners may lie outside the image by up to a hundredth of its longer side (19 px of 1920): noise carries one past the
-border by a fraction of a pixel, and a wrong detection by some pixels more, which the fit leaves out. A corner farther
-out is of another image, or of another size of it.
+Corners may lie outside the image by up to a hundredth of its longer side (19 px of 1920): noise moves one past the
+border by a fraction of a pixel, and a wrong detection, which the fit rejects, by some pixels. A corner farther out is
+from another image, or from an image of another size.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from vision.camera.model import Camera
 from vision.markers.recorded import read_recorded_camera
 
 FEWEST_CORNERS = 4
-OUTSIDE = 0.01  # of the image's longer side that a corner may lie outside
+OUTSIDE = 0.01  # of the image's longer side: how far outside a corner may lie
 
 
 @dataclass(frozen=True, eq=False)
 class ArmRecording:
-    """What was recorded.
+    """A recording.
 
     Attributes:
         camera: at the origin.
-        dh: the arm as its maker says.
+        dh: nominal, from the maker.
         points: of the target, (m, 3) m.
         kind: of the target, in a word.
-        joints: (n, joints) rad; they may lie outside the arm's limits.
-        pixels: (n, m, 2), NaN where a corner was not seen.
-        unit: name of the unit that the joints are of; "" if the file does not say.
+        joints: (n, joints) rad; may lie outside the arm's limits.
+        pixels: (n, m, 2), NaN where a corner was not detected.
+        unit: name of the arm's unit; "" if the file does not give it.
     """
 
     camera: Camera
@@ -54,10 +54,11 @@ class ArmRecording:
 
 
 def read_arm_recording(path: Path) -> ArmRecording:
-    """Read such a file.
+    """Read a recording.
 
     Raises:
-        InputError: with the key that breaks the format; a corner lies outside the image, or a pose is there twice.
+        InputError: the format is broken (the message names the key), a corner lies outside the image, or a pose is
+            repeated.
     """
     root = JsonNode.of_file(path)
     if "images" in root and "poses" not in root:
@@ -69,7 +70,7 @@ def read_arm_recording(path: Path) -> ArmRecording:
     points = target_points(root["target"]["points_m"], FEWEST_CORNERS, "points")
     poses = root["poses"].items()
     if not poses:
-        raise root["poses"].error("must be one pose at least")
+        raise root["poses"].error("must have at least one pose")
     joints = frozen(np.array([pose["joints_rad"].numbers(len(d)) for pose in poses]))
     pixels = frozen(np.array([_corners(pose["corners_px"], len(points), camera.size) for pose in poses]))
     refuse_repeats(poses, joints, pixels)
@@ -98,7 +99,7 @@ def _corners(node: JsonNode, count: int, size: tuple[int, int]) -> Array:
 
 
 def recording_json(r: ArmRecording) -> dict[str, Any]:
-    """A recording as its file has it."""
+    """A recording in the format of its file."""
     return {
         "kind": "eye_to_hand_fixed_camera",
         **({"unit": r.unit} if r.unit else {}),
@@ -125,7 +126,7 @@ def recording_json(r: ArmRecording) -> dict[str, Any]:
 
 
 def write_arm_recording(path: Path, r: ArmRecording) -> None:
-    """Write a file that `read_arm_recording` reads back to the last bit, whole or not at all.
+    """Write a file atomically; `read_arm_recording` reads it back bit by bit.
 
     Raises:
         InputError: it cannot be written.

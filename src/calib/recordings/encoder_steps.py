@@ -1,4 +1,4 @@
-"""How coarse encoders are, seen from their readings alone: all of them are whole steps apart."""
+"""Estimate the resolution of encoders from their readings, which are whole steps apart."""
 
 from __future__ import annotations
 
@@ -8,18 +8,16 @@ import numpy as np
 
 from arm.se3 import Array
 
-_FINEST = np.radians(5e-3)  # rad; what is finer moves a target at 1 m by less than a tenth of a pixel
-_COARSEST = np.radians(
-    0.5
-)  # rad; angles further apart than this on a grid were commanded so: it is no encoder's
-_SAME = 1e-3  # part of a step that a reading may be off the grid, from being written down and read again
-_FEWEST = 4  # different readings from which a grid is believed
+_FINEST = np.radians(5e-3)  # rad; a finer step moves a target at 1 m by less than a tenth of a pixel
+_COARSEST = np.radians(0.5)  # rad; a coarser grid comes from the commands, not from an encoder
+_SAME = 1e-3  # of a step: how far a reading may be off the grid, from rounding in files
+_FEWEST = 4  # different readings needed to accept a grid
 
 
-def reading_step(readings: Array) -> float:
-    """Step of an encoder, rad, of which all its readings (n,) are whole ones apart; 0 where there is none to be seen.
+def encoder_step(readings: Array) -> float:
+    """Return the largest step, rad, that divides all differences of an encoder's readings (n,); 0 if there is none.
 
-    Few readings have large steps in common by chance; the larger step is then what they are known to.
+    Few readings may share too large a step by chance; the estimate is then too coarse.
     """
     values = np.unique(np.round(readings, 12))
     apart = np.diff(values)
@@ -38,16 +36,16 @@ def reading_step(readings: Array) -> float:
     return 0.0
 
 
-def reading_sigmas(chains: Sequence[Array]) -> Array:
-    """Standard deviation of each encoder's reading error, (readings,) rad: a step over the root of twelve.
+def encoder_sigmas(chains: Sequence[Array]) -> Array:
+    """Standard deviation of each encoder's quantisation error, (readings,) rad: a step over the root of twelve.
 
-    Encoders of one kind have one step: the finest that is seen in any column, where it divides the others. A grid that
-    fewer than half of the columns have is that of the commands, not of encoders.
+    Encoders of one kind have one step: the finest in any column, where it divides the others. A grid in fewer than half
+    of the columns comes from the commands, not from encoders.
 
     Args:
         chains: readings of each chain, (n, readings) rad, the same columns in all.
     """
-    each = np.array([[reading_step(column) for column in readings.T] for readings in chains])
+    each = np.array([[encoder_step(column) for column in readings.T] for readings in chains])
     steps = each.max(axis=0)
     seen = each[each > 0.0]
     if (steps > 0.0).sum() < len(steps) / 2.0:

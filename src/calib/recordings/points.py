@@ -1,4 +1,4 @@
-"""What the readers of recorded images share: the points seen in an image, and that no image counts twice."""
+"""Shared by the readers of recorded images: points of a target and of an image, repeated images, numeric failures."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from arm.errors import CalibrationRefused
 from arm.io.json_reader import JsonNode
 from arm.se3 import Array
 
-SAME_READING, SAME_POINT = 1e-6, 1e-3  # rad and px: no arm and no noise come back so near
+SAME_READING, SAME_POINT = 1e-6, 1e-3  # rad and px: closer than any arm and noise repeat
 _UNSEEN = -1e6  # px
-_ON_A_LINE = 1e-3  # width of a target in its lengths
+_ON_A_LINE = 1e-3  # smallest ratio of a target's width to its length
 
 
 def target_points(node: JsonNode, fewest: int, called: str) -> Array:
-    """Points of a target, (n, 3) m.
+    """Read the points of a target, (n, 3) m.
 
     Args:
         node: list of the points.
-        fewest: that a target must have.
-        called: what the file calls them.
+        fewest: smallest number of points.
+        called: name of the points in the file.
 
     Raises:
-        InputError: they are fewer, or lie on one line, from which no pose can be told.
+        InputError: too few points, or all on one line, which does not determine a pose.
     """
     points = node.numbers(None, 3)
     if len(points) < fewest:
-        raise node.error(f"must be {fewest} {called} at least")
+        raise node.error(f"must have at least {fewest} {called}")
     if _on_a_line(points):
-        raise node.error(f"must be {called} that do not all lie on one line")
+        raise node.error(f"must have {called} that do not all lie on one line")
     return points
 
 
@@ -42,40 +42,40 @@ def _on_a_line(points: Array) -> bool:
 
 
 def seen_points(node: JsonNode, count: int, fewest: int, called: str) -> Array:
-    """Points of one image, (count, 2) px, NaN where one was not seen (null).
+    """Read the points of one image, (count, 2) px, NaN where one was not detected (null).
 
     Args:
         node: list of the points.
-        count: of the target's points.
-        fewest: that must be seen.
-        called: what the file calls them.
+        count: number of the target's points.
+        fewest: smallest number of detected points.
+        called: name of the points in the file.
 
     Raises:
-        InputError: they are not `count` points, too few were seen, or all of them on one line.
+        InputError: not `count` points, too few detected ones, or all of these on one line.
     """
     pixels = node.numbers(count, 2, gaps=True).copy()
     pixels[np.isnan(pixels).any(axis=1)] = np.nan
     seen = np.isfinite(pixels[:, 0])
     if seen.sum() < fewest:
-        raise node.error(f"must hold {fewest} {called} at least that are not null")
+        raise node.error(f"must have at least {fewest} {called} that are not null")
     if _on_a_line(pixels[seen]):
-        raise node.error(f"must hold {called} that do not all lie on one line")
+        raise node.error(f"must have {called} that do not all lie on one line")
     return pixels
 
 
 def refuse_repeats(images: Sequence[JsonNode], readings: Array, pixels: Array) -> None:
-    """See that no image is there twice: its noise would be taken for the average of two.
+    """Refuse repeated images: the noise would seem averaged over two.
 
-    The same readings alone are no repeat, for an arm may stand still for two images; nor are the same points alone,
-    for they may be a wrong image's, which the fit leaves out.
+    The same readings alone are no repeat, as an arm may rest for two images. The same points alone are none either, as
+    a wrong image may show them, which the fit rejects.
 
     Args:
-        images: as they stand in the file.
+        images: nodes in the file.
         readings: of each, (n, joints).
-        pixels: of each, (n, m, 2), NaN where a point was not seen.
+        pixels: of each, (n, m, 2), NaN where a point was not detected.
 
     Raises:
-        InputError: an image has both the readings and the points of one before it.
+        InputError: an image has the readings and the points of an earlier one.
     """
     points = np.nan_to_num(pixels.reshape(len(pixels), -1), nan=_UNSEEN)
     contents = np.column_stack([readings / SAME_READING, points / SAME_POINT])
@@ -83,13 +83,13 @@ def refuse_repeats(images: Sequence[JsonNode], readings: Array, pixels: Array) -
     if repeats:
         first, again = min(map(sorted, repeats), key=lambda pair: pair[1])
         raise images[again].error(
-            f"repeats {images[first].key}, joints and points alike; leave one of them out"
+            f"repeats {images[first].key}: joints and points are the same; remove one of them"
         )
 
 
 @contextmanager
 def numbers_of_this_world() -> Iterator[None]:
-    """A fit may overflow on numbers that no arm has; where that leads nowhere, they are refused.
+    """Let a fit overflow on implausible numbers, and refuse them if it fails.
 
     Raises:
         CalibrationRefused: a matrix could not be factored.
@@ -99,7 +99,7 @@ def numbers_of_this_world() -> Iterator[None]:
             yield
     except np.linalg.LinAlgError as error:
         raise CalibrationRefused(
-            f"the recording's numbers fit no arm and camera ({error}): are lengths in m, angles in the unit that their "
-            "key names, and images in px?",
+            f"the recording's numbers fit no arm and camera ({error}): are lengths in m, angles in the unit named by "
+            "their key, and image points in px?",
             reason="numbers",
         ) from error

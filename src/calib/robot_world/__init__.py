@@ -1,1 +1,1 @@
-"""Robot-world and hand-eye from pairs of poses, AX = ZB."""
+"""Robot-world and hand-eye calibration from pairs of poses (AX = ZB)."""

@@ -1,9 +1,9 @@
-"""Where a camera stands and where its target is held, from pairs of poses of which some may be wrong: a start.
+"""Robust initial guess for robot-world/hand-eye calibration, from pairs of poses with outliers.
 
-A closed form (M. Shah, "Solving the robot-world/hand-eye calibration problem using the Kronecker product", 2013) is
-ruined by one wrong pose in twenty (fact sheet of calibration, section 1). So it is tried on many small sets of pairs,
-and the poses that agree with the best of them are found without knowing how well an arm and a camera should agree: an
-arm with wrong zeros scatters by millimetres, a good one by a tenth of that.
+One wrong pose in twenty ruins a closed form (M. Shah, "Solving the robot-world/hand-eye calibration problem using the
+Kronecker product", 2013; fact sheet of calibration, section 1). So it is applied to many small random sets of pairs,
+and the inliers of the best are kept. The inlier threshold is estimated too: an arm with wrong joint offsets scatters by
+millimetres, a good one by a tenth of that.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ Bools = npt.NDArray[np.bool_]
 
 FEWEST = 3  # pairs: two motions about different axes
 _SETS, _SET = 500, 3
-_POLISHED = 8  # of the best sets
+_POLISHED = 8  # number of best sets that are refined
 _ROUNDS = 12
-_AGREE = 0.4  # share of the pairs that the score looks at: fewer than are right
-_TRUSTED = 6.0  # standard deviations that a right pose may be off: wrong zeros leave no bell curve
-SCATTER = 0.15  # rad about each axis; pairs that are taken at random agree to half a turn
-_EXACT = 1e-9  # m and rad: poses this near agree, however much nearer others are
+_AGREE = 0.4  # quantile of the pairs used as score; must be below the share of inliers
+_TRUSTED = 6.0  # inlier limit, standard deviations; wrong joint offsets give errors that are not normal
+SCATTER = 0.15  # rad about each axis, limit for consensus; random pairs differ by up to half a revolution
+_EXACT = 1e-9  # m and rad: added to all scales, so that poses this close always agree
 
 
-class RobotWorldStart(NamedTuple):
-    """A start of robot-world calibration.
+class InitialGuess(NamedTuple):
+    """Initial guess of robot-world calibration.
 
     Attributes:
         T_base_camera: 4x4.
         T_gripper_target: 4x4.
-        inliers: (n,) which pairs agree with it.
+        inliers: (n,) pairs that agree with it.
     """
 
     T_base_camera: Array
@@ -44,25 +44,25 @@ class RobotWorldStart(NamedTuple):
     inliers: Bools
 
 
-def start_robot_world(T_base_gripper: Array, T_camera_target: Array, seed: int = 0) -> RobotWorldStart:
-    """Pose of a standing camera and of the target in the gripper, from pairs of which up to half may be wrong.
+def initial_guess(T_base_gripper: Array, T_camera_target: Array, seed: int = 0) -> InitialGuess:
+    """Estimate the poses of a fixed camera and of the target in the gripper; up to half the pairs may be wrong.
 
-    For a camera in the gripper and a standing target give the inverses of T_camera_target; then what is called camera
-    here is the target.
+    For a camera in the gripper and a fixed target, pass the inverses of T_camera_target; camera and target then swap
+    their roles in the result.
 
     Args:
         T_base_gripper: (n, 4, 4), from the arm.
         T_camera_target: (n, 4, 4), from the camera.
-        seed: of the sets that are tried.
+        seed: of the random sets.
 
     Raises:
-        CalibrationRefused: fewer than three pairs, none of the sets determines the poses, or no pairs agree.
+        CalibrationRefused: fewer than three pairs, no set determines the poses, or no pairs agree.
     """
     A, B = np.asarray(T_base_gripper, dtype=float), np.asarray(T_camera_target, dtype=float)
     if len(A) < FEWEST:
         raise CalibrationRefused(
-            f"{len(A)} pairs of poses do not determine where the camera stands: at least {FEWEST}, with turns about "
-            "different axes, and 12 to be exact",
+            f"{len(A)} pairs of poses do not determine the camera's extrinsics: at least {FEWEST} are needed, with "
+            "rotations about different axes, and 12 for accuracy",
             reason="few_pairs",
             pairs=len(A),
             fewest=FEWEST,
@@ -73,15 +73,15 @@ def start_robot_world(T_base_gripper: Array, T_camera_target: Array, seed: int =
     spread = np.log(np.partition(turn, k, axis=-1)[:, k] + _EXACT)
     spread += np.log(np.partition(shift, k, axis=-1)[:, k] + _EXACT)
     best = [_polished(A, B, X[i], Y[i]) for i in np.argsort(spread)[:_POLISHED]]
-    # of few pairs some three always agree best: all of them are tried too
-    best.append(RobotWorldStart(frozen(Y[0]), frozen(X[0]), np.isfinite(turn[0] + shift[0])))
+    # with few pairs, some three always agree best; so the set of all pairs competes too
+    best.append(InitialGuess(frozen(Y[0]), frozen(X[0]), np.isfinite(turn[0] + shift[0])))
     found = max(best, key=lambda one: _likelihood(A, B, one))
     turn, _ = residual_sizes(A, B, found.T_gripper_target, found.T_base_camera)
     scatter = float(np.sqrt((turn[found.inliers] ** 2).mean() / 3.0)) if found.inliers.any() else np.inf
     if not scatter < SCATTER:
         raise CalibrationRefused(
             f"no {max(FEWEST, k + 1)} of {len(A)} pairs of poses agree with each other to {np.degrees(SCATTER):.0f} "
-            "deg: were arm and camera read at the same time, and do target and camera stay where they are fixed?",
+            "deg: were arm and camera read at the same time, and are target and camera fixed?",
             reason="no_consensus",
             pairs=len(A),
             scatter_rad=scatter,
@@ -90,10 +90,10 @@ def start_robot_world(T_base_gripper: Array, T_camera_target: Array, seed: int =
 
 
 def closed_form(A: Array, B: Array) -> tuple[Array, Array]:
-    """X and Y, 4x4, with A X = Y B for all pairs (n, 4, 4), by OpenCV's SHAH; NaN if it finds none.
+    """X and Y, 4x4, with A X = Y B for all pairs (n, 4, 4), by OpenCV's SHAH method; NaN if it fails.
 
-    OpenCV asks for `world2cam` and `base2gripper` and solves world2cam base2world = gripper2cam base2gripper: that is
-    A X = Y B with A and B in these two places, so nothing needs to be inverted.
+    OpenCV solves world2cam base2world = gripper2cam base2gripper. This is A X = Y B with A passed as `world2cam` and B
+    as `base2gripper`, so nothing has to be inverted.
     """
     nothing = np.full((4, 4), np.nan)
     try:
@@ -121,22 +121,22 @@ def residual_sizes(A: Array, B: Array, X: Array, Y: Array) -> tuple[Array, Array
 
 
 def _hypotheses(A: Array, B: Array, random: np.random.Generator) -> tuple[Array, Array]:
-    found = [closed_form(A, B)]  # right at once if all pairs are
+    found = [closed_form(A, B)]  # the best hypothesis if there are no outliers
     if len(A) > FEWEST:
         sets = random.random((_SETS, len(A))).argpartition(_SET - 1, axis=1)[:, :_SET]
         found += [closed_form(A[chosen], B[chosen]) for chosen in sets]
     whole = [pair for pair in found if np.isfinite(pair[0]).all()]
     if not whole:
         raise CalibrationRefused(
-            "no three pairs of poses determine where the camera stands: the arm must turn about different axes",
+            "no three pairs of poses determine the camera's extrinsics: the arm must rotate about different axes",
             reason="degenerate",
             pairs=len(A),
         )
     return np.array([X for X, _ in whole]), np.array([Y for _, Y in whole])
 
 
-def _polished(A: Array, B: Array, X: Array, Y: Array) -> RobotWorldStart:
-    """The closed form on what agrees, again and again until that no longer changes."""
+def _polished(A: Array, B: Array, X: Array, Y: Array) -> InitialGuess:
+    """Refit the closed form to the inliers until they no longer change."""
     n = len(A)
     inliers: Bools = np.zeros(n, dtype=bool)
     share = _AGREE
@@ -148,7 +148,7 @@ def _polished(A: Array, B: Array, X: Array, Y: Array) -> RobotWorldStart:
         now: Bools = np.logical_and.reduce([s < _TRUSTED * c for s, c in zip(sizes, scales, strict=True)])
         if now.sum() < FEWEST:
             break
-        share = _AGREE * float(now.mean())  # the same quantile of those that are right
+        share = _AGREE * float(now.mean())  # the same quantile of the inliers
         same = bool((now == inliers).all())
         inliers = now
         if same:
@@ -157,11 +157,11 @@ def _polished(A: Array, B: Array, X: Array, Y: Array) -> RobotWorldStart:
         if not np.isfinite(again[0]).all():
             break
         X, Y = again
-    return RobotWorldStart(frozen(Y), frozen(X), inliers)
+    return InitialGuess(frozen(Y), frozen(X), inliers)
 
 
-def _likelihood(A: Array, B: Array, found: RobotWorldStart) -> float:
-    """Of right pairs that scatter as they do, and of wrong ones anywhere within a turn and a metre."""
+def _likelihood(A: Array, B: Array, found: InitialGuess) -> float:
+    """Log likelihood: normal inliers, and outliers anywhere within a revolution and a metre."""
     m = int(found.inliers.sum())
     if m < FEWEST:
         return -np.inf
@@ -171,5 +171,5 @@ def _likelihood(A: Array, B: Array, found: RobotWorldStart) -> float:
 
 
 def _fitted(m: int) -> float:
-    """How much more m pairs scatter than their residuals after the fit: six unknowns turn, six shift."""
+    """Ratio of the noise of m pairs to the rms of their residuals: six unknowns rotate, six translate."""
     return float(np.sqrt(3.0 * m / (3.0 * m - 6.0)))

@@ -1,10 +1,10 @@
-"""How pairs of poses scatter: covariances with unknown sizes, for the camera's share and for the arm's.
+"""Noise models of pairs of poses: covariances with unknown sizes (variance components) for camera and arm.
 
-A pose that comes from an image is worse along the line of sight and in tilt than across and in roll, more so the
-smaller the target is in the image; one from a tracker may scatter the same everywhere. An arm's errors turn what it
-holds about the flange, and its wrong lengths and zeros add an error that changes smoothly from pose to pose. Weighing
-all of that alike costs up to a factor of five (fact sheet of calibration, section 1), and so does the wrong shape, so
-the sizes are estimated and the shape is chosen from the data.
+A pose from an image is less accurate along the line of sight and in tilt than across and in roll, the more so the
+smaller the target appears; a pose from a tracker may scatter isotropically. Angular errors of an arm act about the
+flange, and wrong lengths and joint offsets add an error that varies smoothly with the pose. Equal weights cost up to a
+factor of five in accuracy (fact sheet of calibration, section 1), and so does the wrong model. Therefore the sizes are
+estimated and the model is selected from the data.
 """
 
 from __future__ import annotations
@@ -18,11 +18,9 @@ from arm.se3 import Array
 
 Shape = Literal["axes", "image"]
 
-FLOOR = 1e-8  # m and rad: nothing is measured better
+FLOOR = 1e-8  # m and rad: no measurement is better
 _SIZES = (np.log(1e-7), np.log(0.5))
-_TYPICAL_SD = (
-    3.0  # of the logarithm of a size about its typical value: it decides nothing that is measured at all
-)
+_TYPICAL_SD = 3.0  # of a log size about its typical value: too wide to matter once there are measurements
 _TYPICAL = {
     "camera across": 1e-3,
     "camera along": 3e-3,
@@ -33,19 +31,19 @@ _TYPICAL = {
     "arm geometry shift": 3e-4,
     "arm geometry turn": 3e-4,
 }
-_TARGET, _TARGET_SD = 0.06, 1.0  # m, half the size of a target, and of its logarithm
+_TARGET, _TARGET_SD = 0.06, 1.0  # half the size of a target, m, and the standard deviation of its logarithm
 _CORNERS = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
 _STEP = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """Pairs of poses about an estimate; errors are measured minus predicted poses of the target in the camera.
+    """Pairs of poses linearised about an estimate; errors are measured minus predicted target poses in the camera.
 
     Attributes:
-        residuals: (n, 6): shift in the camera frame in m, then turn in the target frame in rad.
-        by_unknowns: (n, 6, 12): of the predicted pose by the twists of the two unknown poses.
-        by_arm: (n, 6, 6): of the predicted pose by a twist of the flange.
+        residuals: (n, 6): translation in the camera frame in m, then rotation in the target frame in rad.
+        by_unknowns: (n, 6, 12): derivative of the predicted pose by the twists of the two unknown poses.
+        by_arm: (n, 6, 6): derivative of the predicted pose by a twist of the flange.
         T_camera_target: (n, 4, 4) predicted.
         T_base_gripper: (n, 4, 4) from the arm.
     """
@@ -58,20 +56,20 @@ class Linearised:
 
     @property
     def nearest(self) -> float:
-        """Least depth of the target, m."""
+        """Smallest depth of the target, m."""
         return float(self.T_camera_target[:, 2, 3].min())
 
 
 @dataclass(frozen=True)
-class Scatter:
-    """A shape of scatter.
+class NoiseModel:
+    """A noise model.
 
     Attributes:
-        shape: "axes": the camera's errors have one size across the line of sight, one along it, and one in turn;
-            "image": they are those of a flat target's points in the image, of unknown size.
-        off_centre: whether the target's origin may lie beside its middle ("image" only).
-        geometry: whether the arm has errors that change smoothly with its pose too.
-        freedom: of Student's t, for pairs that stray; None for a bell curve.
+        shape: "axes": camera errors have one size across the line of sight, one along it and one in rotation;
+            "image": they follow from image noise at the points of a flat target of unknown size.
+        off_centre: whether the target's origin may differ from its centre ("image" only).
+        geometry: whether the arm also has errors that vary smoothly with its pose.
+        freedom: degrees of freedom of Student's t, for heavy tails; None for normal errors.
     """
 
     shape: Shape = "axes"
@@ -81,7 +79,7 @@ class Scatter:
 
     @property
     def names(self) -> list[str]:
-        """Of the sizes, in order; those of the arm's geometry come last."""
+        """Names of the sizes, in order; those of the arm's geometry come last."""
         camera = ["camera across", "camera along", "camera turn"] if self.shape == "axes" else ["image"]
         target = ["target", *(["middle x", "middle y"] if self.off_centre else [])]
         return [
@@ -95,17 +93,17 @@ class Scatter:
 
 @dataclass(frozen=True, eq=False)
 class Covariances:
-    """Covariances of pairs about an estimate, for given sizes.
+    """Covariances of linearised pairs, for given sizes.
 
     Attributes:
-        scatter: shape.
+        scatter: noise model.
         at: the pairs.
     """
 
-    scatter: Scatter
+    scatter: NoiseModel
     at: Linearised
-    parts: Array = field(init=False)  # (sizes, n, 6, 6) of the sizes that are standard deviations
-    smooth: Array = field(init=False)  # (n, 6, effects) of the arm's geometry, half shifts and half turns
+    parts: Array = field(init=False)  # (sizes, n, 6, 6) per squared standard deviation
+    smooth: Array = field(init=False)  # (n, 6, effects) of the arm's geometry, translations, then rotations
 
     def __post_init__(self) -> None:
         n = len(self.at.residuals)
@@ -121,7 +119,7 @@ class Covariances:
         object.__setattr__(self, "smooth", self._smooth() if self.scatter.geometry else np.zeros((n, 6, 0)))
 
     def _smooth(self) -> Array:
-        """Shifts and turns of the flange in the base that are linear in where it is and how it is turned."""
+        """Translations and rotations of the flange in the base that are linear in its position and rotation."""
         R, p = self.at.T_base_gripper[:, :3, :3], self.at.T_base_gripper[:, :3, 3]
         off = p - p.mean(axis=0)
         reach = float(np.sqrt((off**2).sum(axis=1).mean())) or 1.0
@@ -132,7 +130,7 @@ class Covariances:
         )
 
     def typical(self) -> tuple[Array, Array]:
-        """Where the sizes are looked for first, and how far from it they may well be."""
+        """Prior on the sizes: means and standard deviations."""
         means, sds = [], []
         for name in self.scatter.names:
             if name.startswith("middle"):
@@ -147,7 +145,7 @@ class Covariances:
         return np.array(means), np.array(sds)
 
     def bounds(self) -> list[tuple[float, float]]:
-        """Of the sizes."""
+        """Bounds of the sizes."""
         found = []
         for name in self.scatter.names:
             if name.startswith("middle"):
@@ -159,11 +157,11 @@ class Covariances:
         return found
 
     def _largest(self) -> float:
-        """A target so large that a part of it would come behind the camera tells nothing of its points."""
+        """Largest log target size: a larger target would reach behind the camera."""
         return float(np.log(0.15 * max(self.at.nearest, 0.05)))
 
     def __call__(self, sizes: Array) -> tuple[Array, Array]:
-        """Covariances (n, 6, 6) for sizes, and their derivatives (sizes but for the geometry, n, 6, 6)."""
+        """Covariances (n, 6, 6) for sizes, and their derivatives (all sizes but the geometry's, n, 6, 6)."""
         first = 0 if self.scatter.shape == "axes" else 1
         count = len(self.parts)
         squares = np.exp(2.0 * sizes[first : first + count])
@@ -180,7 +178,7 @@ class Covariances:
         return S, np.array(derivatives)
 
     def _image(self, target: Array) -> Array:
-        """Covariances of poses from the corners of a square, with unit error in normalised coordinates."""
+        """Covariances of poses from the corners of a square, for unit error in normalised coordinates."""
         middle = target[1:] if len(target) > 1 else 0.0
         points = np.zeros((len(_CORNERS), 3))
         points[:, :2] = np.exp(target[0]) * (_CORNERS + middle)
@@ -196,7 +194,7 @@ class Covariances:
 
 
 def skews(v: Array) -> Array:
-    """Matrices (..., 3, 3) with which vectors (..., 3) are multiplied from the left in a cross product."""
+    """Cross product matrices (..., 3, 3) of vectors (..., 3)."""
     zero = np.zeros(v.shape[:-1])
     rows = [[zero, -v[..., 2], v[..., 1]], [v[..., 2], zero, -v[..., 0]], [-v[..., 1], v[..., 0], zero]]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

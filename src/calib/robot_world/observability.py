@@ -1,7 +1,7 @@
-"""Whether an arm's turns tell where a camera stands: motions about one axis, or nearly one, do not.
+"""Observability of robot-world/hand-eye calibration: rotations about one axis, or nearly one, are degenerate.
 
-Of a camera and a target that are only turned about parallel axes, the shift along these axes stays unknown, and of
-their turns the one about them. No closed form notices: it returns poses that are metres off.
+If all rotation axes are parallel, the translation along them and the rotation about them stay unknown. Closed forms do
+not notice: they return poses that are metres off.
 """
 
 from __future__ import annotations
@@ -14,22 +14,22 @@ from scipy.spatial.transform import Rotation
 from arm.errors import CalibrationRefused
 from arm.se3 import Array, frozen
 
-MOTION = np.radians(3.0)  # a motion turns by at least that since the last one, or noise would be its axis
-SPREAD = np.radians(9.0)  # of the axes of motions: a cone of 10 deg has 4 to 7, one of 45 deg 15 and more
-SECOND = 0.22  # rad of turns about a second axis among all poses; more than that tells enough even so
-_POSES = 100  # that are compared with each other
+MOTION = np.radians(3.0)  # smallest rotation that counts as a motion; the axis of a smaller one is noise
+SPREAD = np.radians(9.0)  # of the motions' axes: a cone of 10 deg has 4 to 7, one of 45 deg 15 and more
+SECOND = 0.22  # rad of rotation about a second axis among all poses; more suffices whatever the spread
+_POSES = 100  # compared with each other
 
 
 @dataclass(frozen=True, eq=False)
 class MotionAxes:
-    """About what an arm turned.
+    """Rotation axes of an arm's motions.
 
     Attributes:
-        main: unit vector (3,) in the gripper about which it turned most.
-        spread: how far the motions' axes lie from it, rms in rad: 0 if all are parallel, pi / 4 for all directions of a
-            plane alike.
-        second: turns about a second axis among all poses, rms in rad.
-        motions: number.
+        main: unit vector (3,) in the gripper, the axis of most rotation.
+        spread: rms angle between the motions' axes and `main`, rad: 0 if all are parallel, pi / 4 if all directions of
+            a plane are equally frequent.
+        second: rotations about a second axis among all poses, rms in rad.
+        motions: number of motions.
     """
 
     main: Array
@@ -39,15 +39,15 @@ class MotionAxes:
 
     @property
     def degenerate(self) -> bool:
-        """Whether they leave something of the poses undetermined."""
+        """Whether part of the poses stays undetermined."""
         return self.motions < 2 or (self.spread < SPREAD and self.second < SECOND)
 
 
 def motion_axes(rotations: Array) -> MotionAxes:
-    """The axes of motions between poses of a gripper, in the order in which they were taken.
+    """Return the rotation axes of the motions between consecutive gripper poses.
 
     Args:
-        rotations: R_base_gripper (n, 3, 3).
+        rotations: R_base_gripper (n, 3, 3), in the order in which they were taken.
     """
     kept = [0]
     for i in range(1, len(rotations)):
@@ -68,27 +68,28 @@ def motion_axes(rotations: Array) -> MotionAxes:
 
 
 def _moments(first: Array, then: Array) -> tuple[Array, Array]:
-    """Second moments of turns along their principal axes, ascending, and these as columns."""
+    """Second moments of rotations along their principal axes, ascending, and these axes as columns."""
     turns = Rotation.from_matrix(first.transpose(0, 2, 1) @ then).as_rotvec()
     angle = np.linalg.norm(turns, axis=1)
-    chords = turns * np.sinc(angle / (2.0 * np.pi))[:, None]  # a whole turn is none
+    chords = turns * np.sinc(angle / (2.0 * np.pi))[:, None]  # a full revolution counts as none
     values, vectors = np.linalg.eigh(chords.T @ chords / len(chords))
     return np.maximum(values, 0.0), vectors
 
 
 def refuse_parallel_axes(rotations: Array) -> MotionAxes:
-    """The axes of motions between R_base_gripper (n, 3, 3).
+    """Return the rotation axes of the motions between R_base_gripper (n, 3, 3).
 
     Raises:
-        CalibrationRefused: they are parallel, or nearly so.
+        CalibrationRefused: they are parallel or nearly so.
     """
     axes = motion_axes(rotations)
     if axes.degenerate:
         x, y, z = axes.main
         raise CalibrationRefused(
-            f"the arm turned about one axis only: its {axes.motions} motions have axes within "
-            f"{np.degrees(axes.spread):.1f} deg (rms) of ({x:.2f}, {y:.2f}, {z:.2f}) in the gripper, so the shift "
-            "along it and the turn about it stay unknown; turn the gripper about a second axis by 15 deg or more",
+            f"the arm rotated about one axis only: its {axes.motions} motions have axes within "
+            f"{np.degrees(axes.spread):.1f} deg (rms) of ({x:.2f}, {y:.2f}, {z:.2f}) in the gripper, so the "
+            "translation along it and the rotation about it stay unknown; rotate the gripper about a second axis by 15 "
+            "deg or more",
             reason="parallel_axes",
             spread_rad=axes.spread,
             second_rad=axes.second,

@@ -1,9 +1,9 @@
-"""Two unknown poses from pairs of poses, and the sizes of their errors with them: restricted maximum likelihood.
+"""Two unknown poses and the variance components from pairs of poses, by restricted maximum likelihood (REML).
 
-Residuals are linear enough in both poses that for given sizes they follow in closed form (generalised least squares);
-the sizes maximise the likelihood with the poses integrated out (H. D. Patterson and R. Thompson, "Recovery of
-inter-block information when block sizes are unequal", 1971), which does not take the twelve fitted numbers for
-exactness. The smooth errors of an arm's geometry are unknowns too, with a prior whose size is one of those estimated.
+For given noise sizes the poses follow in closed form (generalised least squares), as the residuals are nearly linear in
+them. The sizes maximise the likelihood with the poses integrated out (H. D. Patterson and R. Thompson, "Recovery of
+inter-block information when block sizes are unequal", 1971), which accounts for the twelve fitted parameters. Smooth
+errors of the arm's geometry are unknowns too, with a prior whose size is also estimated.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from scipy.spatial.transform import Rotation
 from scipy.special import gammaln
 
 from arm.se3 import Array, frozen, rotation, transform
-from calib.robot_world.noise_model import Covariances, Linearised, Scatter, skews
+from calib.robot_world.noise_model import Covariances, Linearised, NoiseModel, skews
 
 Bools = npt.NDArray[np.bool_]
 
 UNKNOWNS = 12
 _ROUNDS = 12
-_FTOL = 1e-4  # of the log likelihood, and of the logarithms of sizes
-_DONE = 1e-3  # standard deviations that the poses, or shares that the sizes, still change
+_FTOL = 1e-4  # of the log likelihood, and of the log sizes
+_DONE = 1e-3  # standard deviations that the poses may still change; ten times that for log sizes, weights
 
 
 @dataclass(frozen=True, eq=False)
 class Closed:
-    """T_camera_target = inverse(P) M Q for every pair: P and Q unknown, M from the arm.
+    """Closed loops: T_camera_target = inverse(P) M Q for every pair, with P and Q unknown and M from the arm.
 
     Attributes:
         T_base_gripper: (n, 4, 4).
         T_camera_target: (n, 4, 4).
-        camera_in_gripper: then M is T_gripper_base, P T_gripper_camera and Q T_base_target; if not, M is
+        camera_in_gripper: if True, M is T_gripper_base, P T_gripper_camera and Q T_base_target; else M is
             T_base_gripper, P T_base_camera and Q T_gripper_target.
     """
 
@@ -44,11 +44,11 @@ class Closed:
 
     @property
     def M(self) -> Array:
-        """(n, 4, 4)."""
+        """Motion of the arm in the loop, (n, 4, 4)."""
         return inverses(self.T_base_gripper) if self.camera_in_gripper else self.T_base_gripper
 
     def linearised(self, P: Array, Q: Array) -> Linearised:
-        """About P and Q, 4x4; a twist turns P into P exp(twist), translation first."""
+        """Linearise about P and Q, 4x4; a twist, translation first, changes P to P exp(twist)."""
         MQ = self.M @ Q
         predicted = inverses(P[None]) @ MQ
         R, t = predicted[:, :3, :3], predicted[:, :3, 3]
@@ -71,22 +71,22 @@ class Closed:
 
 @dataclass(frozen=True, eq=False)
 class PairFit:
-    """Poses and sizes that fit.
+    """Fitted poses and noise sizes.
 
     Attributes:
         P, Q: 4x4, see `Closed`.
-        scatter: shape that was fitted.
-        sizes: logarithms of standard deviations (middles of targets are none), named by `scatter.names`.
-        weights: of every pair, (n,), 1 but for Student's t.
+        scatter: noise model that was fitted.
+        sizes: logarithms of standard deviations (but target centres are not logarithms), named by `scatter.names`.
+        weights: of every pair, (n,); all 1 unless the noise is Student's t.
         covariance: (12, 12) of the twists of P and Q.
         log_likelihood: with the poses integrated out.
-        at: the pairs about P and Q.
+        at: the pairs, linearised about P and Q.
         covariances: (n, 6, 6) of single pairs, without weights and without the arm's geometry.
     """
 
     P: Array
     Q: Array
-    scatter: Scatter
+    scatter: NoiseModel
     sizes: Array
     weights: Array
     covariance: Array
@@ -107,18 +107,18 @@ def fit_pairs(
     closed: Closed,
     P: Array,
     Q: Array,
-    scatter: Scatter,
+    scatter: NoiseModel,
     used: Bools,
     like: PairFit | None = None,
 ) -> PairFit:
-    """Poses near P and Q and sizes of the scatter with the greatest likelihood.
+    """Fit poses and noise sizes by maximum likelihood.
 
     Args:
         closed: pairs.
         P, Q: start, 4x4.
-        scatter: shape.
-        used: (n, 2) whether a pair's shift and turn are used.
-        like: a fit whose sizes are the start of those of the same name.
+        scatter: noise model.
+        used: (n, 2) whether translation and rotation of a pair are used.
+        like: a fit whose sizes are the start for those of the same name.
     """
     rows = np.repeat(used, 3, axis=1)
     weights = np.ones(len(rows))
@@ -167,7 +167,7 @@ def _start(covariances: Covariances, like: PairFit | None) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Solved:
-    """The unknowns for given sizes: step (12 + effects,), inverse of their information, and what is left over."""
+    """The solution for given sizes: step (12 + effects,), inverse information, and residuals after the step."""
 
     step: Array
     inverse: Array
@@ -175,7 +175,7 @@ class _Solved:
     W: Array  # (n, 6, 6) inverse covariances, zero in rows that are not used
     derivatives: Array
     log_determinant: float
-    squares: Array  # (n,) of what is left, over the covariance of one pair without its weight
+    squares: Array  # (n,) squared Mahalanobis norm of `left`, without weights
     priors: Array  # (effects,) precisions
     sizes: Array
 
@@ -187,7 +187,7 @@ class _Likelihood:
     weights: Array  # (n,)
 
     def __call__(self, sizes: Array) -> tuple[float, Array]:
-        """What is minimised, and its gradient: minus the log likelihood, with the typical sizes as a weak prior."""
+        """Cost and gradient: negative log likelihood, with a weak prior on the sizes."""
         s = self.solve(sizes)
         Wr = np.einsum("nij,nj->ni", s.W, s.left)
         WF = s.W @ self._design
@@ -212,7 +212,7 @@ class _Likelihood:
         return np.concatenate([self.covariances.at.by_unknowns, self.covariances.smooth], axis=2)
 
     def solve(self, sizes: Array) -> _Solved:
-        """The unknowns for given sizes."""
+        """Solve for the unknowns, given sizes."""
         S, derivatives = self.covariances(sizes)
         both = self.rows[:, :, None] & self.rows[:, None, :]
         S = np.where(both, S, np.eye(6))
@@ -226,7 +226,7 @@ class _Likelihood:
         half = self.covariances.smooth.shape[2] // 2
         priors = np.repeat(np.exp(-2.0 * sizes[len(derivatives) :]), half)
         WF = W @ F
-        # pair by pair: one large product would wake BLAS's threads, which costs a hundred times what it is worth
+        # pair by pair: one large product would start BLAS's threads, which takes a hundred times longer here
         information = (WF.transpose(0, 2, 1) @ F).sum(axis=0)
         information[UNKNOWNS:, UNKNOWNS:] += np.diag(priors)
         scale = 1.0 / np.sqrt(np.diag(information))
@@ -248,13 +248,13 @@ class _Likelihood:
         )
 
     def of(self, s: _Solved) -> float:
-        """Log likelihood of the residuals by the scatter's own law."""
+        """Log likelihood of the residuals under the noise model's own distribution."""
         m = self.rows.sum(axis=1)
         freedom = self.covariances.scatter.freedom
         fitted = 0.5 * s.log_determinant + 0.5 * float((s.priors * s.step[UNKNOWNS:] ** 2).sum())
         if freedom is None:
             return -fitted - 0.5 * float(s.squares.sum()) - 0.5 * float(m.sum()) * float(np.log(2.0 * np.pi))
-        fitted += 0.5 * float((m * np.log(self.weights)).sum())  # the law of t has no weights
+        fitted += 0.5 * float((m * np.log(self.weights)).sum())  # the t distribution has no weights
         law = (
             gammaln((freedom + m) / 2.0)
             - gammaln(freedom / 2.0)
@@ -274,5 +274,5 @@ def inverses(T: Array) -> Array:
 
 
 def moved(T: Array, twist: Array) -> Array:
-    """T exp(twist) to first order in the shift, 4x4."""
+    """T exp(twist), to first order in the translation, 4x4."""
     return T @ transform(rotation(twist[3:]), twist[:3])

@@ -1,8 +1,8 @@
-"""Where a camera is and where its target is, from pairs of poses: the arm's and the camera's.
+"""Robot-world/hand-eye calibration (AX = ZB): poses of camera and target from pairs of poses of arm and camera.
 
-A consensus of pairs gives a start, and the wrong ones (`calib.robot_world.initial_guess`); how the right ones
-scatter gives their weights (`calib.robot_world.noise_model`). A pair whose turn alone is wrong, as of a flipped marker,
-keeps its shift.
+A consensus of pairs gives a start and the outliers (`calib.robot_world.initial_guess`). The scatter of the inliers
+gives their weights (`calib.robot_world.noise_model`). If only the rotation of a pair is wrong, as with a flipped
+marker, its translation is still used.
 """
 
 from __future__ import annotations
@@ -14,27 +14,27 @@ from scipy.stats import chi2
 
 from arm.errors import CalibrationRefused, InputError
 from arm.se3 import Array, frozen
-from calib.robot_world.initial_guess import start_robot_world
-from calib.robot_world.noise_model import Scatter
+from calib.robot_world.initial_guess import initial_guess
+from calib.robot_world.noise_model import NoiseModel
 from calib.robot_world.observability import MotionAxes, refuse_parallel_axes
 from calib.robot_world.reml import UNKNOWNS, Bools, Closed, PairFit, fit_pairs, inverses
 
-FEWEST = 4  # pairs that agree: three determine the poses, and nothing would tell their error
+FEWEST = 4  # pairs that agree; three determine the poses but not their error
 CONSENSUS = 0.4  # share of the pairs that must agree
-_WRONG = 1e-5  # of right pairs are called wrong
+_WRONG = 1e-5  # false alarm rate of the outlier test
 _STRAYS = 5.0  # degrees of freedom of Student's t
-_GAIN = 2.0  # log likelihood that a shape with one or two more sizes must win (Akaike)
+_GAIN = 2.0  # least gain in log likelihood for one or two more sizes (Akaike)
 _ROUNDS = 3
 
 
 @dataclass(frozen=True, eq=False)
 class PosePairs:
-    """What an arm and a camera said at the same times.
+    """Poses from arm and camera at the same times.
 
     Attributes:
         T_base_gripper: (n, 4, 4).
-        T_camera_target: (n, 4, 4), NaN where the target was not seen.
-        camera_in_gripper: whether the camera is held and the target stands; if not, the other way round.
+        T_camera_target: (n, 4, 4), NaN where the target was not detected.
+        camera_in_gripper: True if the camera is held and the target fixed; else the other way round.
     """
 
     T_base_gripper: Array
@@ -45,14 +45,14 @@ class PosePairs:
         shapes = self.T_base_gripper.shape, self.T_camera_target.shape
         if shapes[0] != shapes[1] or shapes[0][1:] != (4, 4):
             raise InputError(
-                f"pairs of poses are two arrays (n, 4, 4), these are {shapes[0]} and {shapes[1]}",
+                f"pairs of poses must be two arrays (n, 4, 4), got {shapes[0]} and {shapes[1]}",
                 T_base_gripper=list(shapes[0]),
                 T_camera_target=list(shapes[1]),
             )
 
     @property
     def names(self) -> tuple[str, str]:
-        """Of the poses that are sought: of what is held, and of what stands."""
+        """Names of the estimated poses: of the held object, then of the fixed one."""
         if self.camera_in_gripper:
             return "T_gripper_camera", "T_base_target"
         return "T_gripper_target", "T_base_camera"
@@ -60,19 +60,19 @@ class PosePairs:
 
 @dataclass(frozen=True, eq=False)
 class RobotWorld:
-    """Poses that fit pairs of poses.
+    """Calibration from pairs of poses.
 
     Attributes:
-        pairs: that were given.
+        pairs: the input.
         T_held: of the target (or camera) in the gripper, 4x4.
         T_standing: of the camera (or target) in the base, 4x4.
-        covariance: (12, 12) of the twists of both, held first, in their own frames, shift first.
-        used: (n, 2) whether a pair's shift and turn were used.
-        scatter: shape that was chosen.
-        sizes: standard deviations of its parts in m and rad, by name.
-        reason: why that shape.
-        axes: about what the arm turned.
-        residuals: (n, 6), measured minus predicted target in the camera: m in the camera frame, rad in the target's.
+        covariance: (12, 12) of the twists of both, held first, in their own frames, translation first.
+        used: (n, 2) whether translation and rotation of a pair were used.
+        scatter: selected noise model.
+        sizes: standard deviations of its components in m and rad, by name.
+        reason: why that model was selected.
+        axes: rotation axes of the arm's motions.
+        residuals: (n, 6), measured minus predicted target pose: m in the camera frame, rad in the target frame.
     """
 
     pairs: PosePairs
@@ -80,7 +80,7 @@ class RobotWorld:
     T_standing: Array
     covariance: Array
     used: Bools
-    scatter: Scatter
+    scatter: NoiseModel
     sizes: dict[str, float]
     reason: str
     axes: MotionAxes
@@ -88,17 +88,17 @@ class RobotWorld:
 
     @property
     def inliers(self) -> Bools:
-        """(n,) pairs that are right as a whole."""
+        """(n,) pairs whose translation and rotation were both used."""
         return np.asarray(self.used.all(axis=1))
 
     @property
     def flipped(self) -> Bools:
-        """(n,) pairs whose shift is right and whose turn is wrong, as where a marker's pose is flipped."""
+        """(n,) pairs with a correct translation and a wrong rotation, as with a flipped marker."""
         return np.asarray(self.used[:, 0] & ~self.used[:, 1])
 
     @property
     def weakest(self) -> str:
-        """The shift that is known worst, by name, with its standard deviation."""
+        """The least certain direction of translation, by name, with its standard deviation."""
         worst = []
         for k, name in enumerate(self.pairs.names):
             values, vectors = np.linalg.eigh(self.covariance[6 * k : 6 * k + 3, 6 * k : 6 * k + 3])
@@ -107,20 +107,20 @@ class RobotWorld:
             main = int(np.argmax(np.abs(axis)))
             x, y, z = axis * np.sign(axis[main])
             along = f"{'xyz'[main]}" if abs(axis[main]) > 0.9 else f"({x:.2f}, {y:.2f}, {z:.2f})"
-            words = f"{name}: shift along {along} of the {own}, {1e3 * np.sqrt(values[-1]):.3g} mm"
+            words = f"{name}: translation along {along} of the {own}, {1e3 * np.sqrt(values[-1]):.3g} mm"
             worst.append((float(values[-1]), words))
         return max(worst)[1]
 
 
 def calibrate_pose_pairs(pairs: PosePairs, seed: int = 0) -> RobotWorld:
-    """Poses of what is held and of what stands, with their covariance; wrong pairs have no weight.
+    """Estimate the poses of the held and of the fixed object with their covariance; outliers get no weight.
 
     Args:
         pairs: in the order in which they were taken.
         seed: of the consensus.
 
     Raises:
-        CalibrationRefused: too few pairs, or too few that agree, or motions about one axis only; `data["reason"]` is
+        CalibrationRefused: too few pairs, too few that agree, or rotations about one axis only; `data["reason"]` is
             "few_pairs", "no_consensus", "degenerate" or "parallel_axes".
     """
     both = np.concatenate([pairs.T_base_gripper, pairs.T_camera_target], axis=1)
@@ -128,7 +128,7 @@ def calibrate_pose_pairs(pairs: PosePairs, seed: int = 0) -> RobotWorld:
     A, C = pairs.T_base_gripper[seen], pairs.T_camera_target[seen]
     if len(A) > FEWEST:
         refuse_parallel_axes(A[:, :3, :3])
-    start = start_robot_world(A, inverses(C) if pairs.camera_in_gripper else C, seed)
+    start = initial_guess(A, inverses(C) if pairs.camera_in_gripper else C, seed)
     agree = int(start.inliers.sum())
     if agree < max(FEWEST, CONSENSUS * len(A)):
         raise CalibrationRefused(
@@ -157,7 +157,7 @@ def calibrate_pose_pairs(pairs: PosePairs, seed: int = 0) -> RobotWorld:
 
 
 def _fitted(closed: Closed, P: Array, Q: Array, inliers: Bools) -> tuple[PairFit, str, Bools]:
-    """The best of the shapes, why, and what was used."""
+    """Return the fit with the best noise model, why it was selected, and what was used."""
     used = np.stack([inliers, inliers], axis=1)
     fit, reason = _best_camera(closed, P, Q, used)
     for _ in range(_ROUNDS):
@@ -167,8 +167,8 @@ def _fitted(closed: Closed, P: Array, Q: Array, inliers: Bools) -> tuple[PairFit
         used = now
         fit, reason = _best_camera(closed, fit.P, fit.Q, used)
     for richer, words in (
-        ({"geometry": True}, "the arm's errors change smoothly with its pose"),
-        ({"freedom": _STRAYS}, "pairs stray more than a bell curve lets them"),
+        ({"geometry": True}, "the arm's errors vary smoothly with its pose"),
+        ({"freedom": _STRAYS}, "the errors have heavier tails than a normal distribution"),
     ):
         trial = fit_pairs(closed, fit.P, fit.Q, replace(fit.scatter, **richer), used, fit)
         gain = trial.log_likelihood - fit.log_likelihood
@@ -178,23 +178,23 @@ def _fitted(closed: Closed, P: Array, Q: Array, inliers: Bools) -> tuple[PairFit
 
 
 def _best_camera(closed: Closed, P: Array, Q: Array, used: Bools) -> tuple[PairFit, str]:
-    axes = fit_pairs(closed, P, Q, Scatter("axes"), used)
+    axes = fit_pairs(closed, P, Q, NoiseModel("axes"), used)
     if axes.at.nearest <= 0.0:
-        return axes, "camera's errors lie along its axes: a target behind the camera is in no image"
-    image = fit_pairs(closed, P, Q, Scatter("image"), used, axes)
+        return axes, "camera errors are modelled along its axes: a target behind the camera is in no image"
+    image = fit_pairs(closed, P, Q, NoiseModel("image"), used, axes)
     gain = image.log_likelihood - axes.log_likelihood
     if gain <= 0.0:
-        return axes, f"camera's errors lie along its axes, in no target's image (log likelihood +{-gain:.1f})"
-    reason = f"camera's errors are those of a target's image (log likelihood +{gain:.1f})"
-    beside = fit_pairs(closed, image.P, image.Q, Scatter("image", off_centre=True), used, image)
+        return axes, f"camera errors fit its axes better than a target's image (log likelihood +{-gain:.1f})"
+    reason = f"camera errors fit those of a target's image (log likelihood +{gain:.1f})"
+    beside = fit_pairs(closed, image.P, image.Q, NoiseModel("image", off_centre=True), used, image)
     more = beside.log_likelihood - image.log_likelihood
     if more > _GAIN:
-        return beside, f"{reason} whose middle is not its origin (+{more:.1f})"
+        return beside, f"{reason} whose centre is not its origin (+{more:.1f})"
     return image, reason
 
 
 def _right(fit: PairFit) -> Bools:
-    """Which shifts and turns (n, 2) lie where the scatter lets them; one that is wrong alone leaves the other."""
+    """Translations and rotations (n, 2) within the noise model; if only one of the two is out, the other stays."""
     r, S = fit.at.residuals, fit.covariances
 
     def within(rows: slice) -> Bools:

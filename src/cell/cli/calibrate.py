@@ -1,4 +1,4 @@
-"""The verbs under ``a465 calibrate``. Like `cell.cli.main`, this module imports nothing heavy."""
+"""The commands under ``a465 calibrate``. Like `cell.cli.main`, this module imports nothing heavy."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="calibrate",
-    short_help="Find the camera's lens and place, and the arm's errors.",
-    help="Find out what the planner rests on: the camera's lens, its place, and the arm's own errors.",
+    short_help="Calibrate the camera's lens and pose, and the arm.",
+    help="Calibrate what the planner relies on: the camera's lens, its pose, and the arm's joint offsets and links.",
     rich_markup_mode=None,
     no_args_is_help=True,
 )
@@ -23,58 +23,58 @@ app = typer.Typer(
 
 @app.command(
     name="camera",
-    short_help="Find a camera's lens from photographs of a target.",
-    help="Fit a camera's lens to photographs of a ChArUco board or checkerboard, with its uncertainty and a verdict. "
-    "A lens that is not good enough is refused (exit code 5), with the reason and what would help.",
+    short_help="Calibrate a camera's lens from images of a target.",
+    help="Fit a camera's lens to images of a ChArUco board or checkerboard and report its uncertainty and a verdict. "
+    "A lens that is not accurate enough is refused (exit code 5), with the reason and what would help.",
     epilog="Example: a465 calibrate camera photographs -o camera.toml; then open camera.html",
 )
 def calibrate_lens(
-    images: Annotated[Path, typer.Argument(help="Folder of photographs of the target.", metavar="IMAGES")],
+    images: Annotated[Path, typer.Argument(help="Folder of images of the target.", metavar="IMAGES")],
     target: Annotated[
         Path | None,
         typer.Option("--target", help="Target file; default: ChArUco 7 x 5, 30/22 mm, DICT_5X5_100."),
     ] = None,
     hold: Annotated[
         list[str] | None,
-        typer.Option("--hold", help="Leave k1, k2, p1, p2 or k3 at zero. May be given again."),
+        typer.Option("--hold", help="Fix k1, k2, p1, p2 or k3 at zero. May be repeated."),
     ] = None,
     work_mm: Annotated[
         tuple[float, float] | None,
         typer.Option(
             "--work-mm",
-            help="Nearest and farthest distance of the work from the camera; default: the views'.",
+            help="Nearest and farthest working distance from the camera; default: those of the views.",
         ),
     ] = None,
     limit_mm: Annotated[
         float | None,
         typer.Option(
-            "--limit-mm", help="Largest standard deviation at the work points that is accepted; default 0.3."
+            "--limit-mm", help="Largest accepted standard deviation at the work points; default 0.3."
         ),
     ] = None,
     most_views: Annotated[
-        int | None, typer.Option("--most-views", help="More are held out; default 40.")
+        int | None, typer.Option("--most-views", help="Fit at most this many; hold out the rest. Default 40.")
     ] = None,
     live: Annotated[
         bool,
         typer.Option(
-            "--live", help="Take the photographs now: say where to hold the target, until it is enough."
+            "--live", help="Take the images now, guided: where to hold the target, until the views suffice."
         ),
     ] = False,
     camera: Annotated[
-        str | None, typer.Option("--camera", help="With --live: a Basler camera, such as name:camera-crs93.")
+        str | None, typer.Option("--camera", help="With --live: Basler camera, such as name:camera-crs93.")
     ] = None,
     simulated: Annotated[
-        Path | None, typer.Option("--simulated", help="With --live: a task whose simulated camera looks.")
+        Path | None, typer.Option("--simulated", help="With --live: use this task's simulated camera.")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Camera file to write, if the lens is accepted.")
+        Path | None, typer.Option("-o", "--output", help="Camera file to write if the lens is accepted.")
     ] = None,
     report: Annotated[
         Path | None, typer.Option("--report", help="HTML report; default: beside the camera file.")
     ] = None,
     as_json: Annotated[
         bool,
-        typer.Option("--json", help="Print one JSON object on standard output, all else on standard error."),
+        typer.Option("--json", help="Print one JSON object on standard output, the rest on standard error."),
     ] = False,
 ) -> None:
     from cell.console import Console
@@ -90,27 +90,26 @@ def calibrate_lens(
 
 _LIMIT = Annotated[
     float | None,
-    typer.Option(
-        "--limit-mm", help="Largest error of predicted images that is accepted; default 1, of a NAO 2."
-    ),
+    typer.Option("--limit-mm", help="Largest accepted error of predicted images; default 1, for a NAO 2."),
 ]
 _STEP = Annotated[
     float | None,
-    typer.Option("--encoder-step-deg", help="Step of the encoders; default: seen from their readings."),
+    typer.Option("--encoder-step-deg", help="Encoder resolution; default: estimated from the readings."),
 ]
 _REPORT = Annotated[
     Path | None, typer.Option("--report", help="HTML report; default: beside the file that -o writes.")
 ]
 _JSON = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object on standard output, all else on standard error.")
+    bool, typer.Option("--json", help="Print one JSON object on standard output, the rest on standard error.")
 ]
 
 
 @app.command(
     name="hand-eye",
-    short_help="Find the camera's place and the arm's zeros and links.",
-    help="Find where the fixed camera stands, how the target is held and what the arm's zeros (and links) are off by. "
-    "What is not good enough is refused (exit code 5), with the reason and what would help.",
+    short_help="Calibrate the camera's pose and the arm's joint offsets.",
+    help="Estimate the pose of the fixed camera, the pose of the target in the gripper, and the arm's joint offsets "
+    "(zeros) and link errors. "
+    "A result that is not accurate enough is refused (exit code 5), with the reason and what would help.",
     epilog="Example: a465 calibrate hand-eye recorded.json --collect scenes/task2.toml -o calibration.toml",
 )
 def calibrate_hand_eye(
@@ -120,70 +119,74 @@ def calibrate_hand_eye(
     collect: Annotated[
         Path | None,
         typer.Option(
-            "--collect", help="Record DATA first, in the cell of this task: simulated, or real with --port."
+            "--collect",
+            help="Record DATA first, in the cell of this task file: simulated, or real with --port.",
         ),
     ] = None,
     target: Annotated[
         Path | None,
         typer.Option(
-            "--target", help="With --collect: what the hand holds; default: scenes/targets/hand.toml."
+            "--target",
+            help="With --collect: target in the gripper; default: scenes/targets/hand.toml.",
         ),
     ] = None,
     poses: Annotated[
-        int | None, typer.Option("--poses", help="With --collect: how many; default 24, with --recipe 270.")
+        int | None,
+        typer.Option("--poses", help="With --collect: number of poses; default 24, with --recipe 270."),
     ] = None,
     recipe: Annotated[
         bool,
-        typer.Option("--recipe", help="With --collect: the first report's poses, not the most telling ones."),
+        typer.Option(
+            "--recipe", help="With --collect: the fixed poses of the first report, not the most informative."
+        ),
     ] = False,
     seed: Annotated[
-        int | None, typer.Option("--seed", help="With --collect: of the choice of poses.")
+        int | None, typer.Option("--seed", help="With --collect: seed for choosing the poses.")
     ] = None,
     port: Annotated[
-        str | None, typer.Option("--port", help="With --collect: of the real controller.")
+        str | None, typer.Option("--port", help="With --collect: serial port of the real controller.")
     ] = None,
     world: Annotated[
-        Path | None, typer.Option("--world", help="With --collect: truth of the simulated cell.")
+        Path | None, typer.Option("--world", help="With --collect: ground truth of the simulated cell.")
     ] = None,
     images: Annotated[
-        Path | None, typer.Option("--images", help="With --port: folder that gets photographs.")
+        Path | None, typer.Option("--images", help="With --port: folder in which new images arrive.")
     ] = None,
-    camera: Annotated[str | None, typer.Option("--camera", help="With --port: a Basler camera.")] = None,
+    camera: Annotated[str | None, typer.Option("--camera", help="With --port: Basler camera.")] = None,
     speed: Annotated[
         float | None,
         typer.Option(
             "--speed",
-            help="With --collect: share of what the registers allow, 0.01 to 1; default: the cell's.",
+            help="With --collect: fraction of the speed registers, 0.01 to 1; default: the cell file's.",
         ),
     ] = None,
     time_scale: Annotated[
-        float | None, typer.Option("--time-scale", help="With --collect: of the simulated cell.")
+        float | None, typer.Option("--time-scale", help="With --collect: time scale of the simulated cell.")
     ] = None,
     unseen: Annotated[
         bool,
-        typer.Option(
-            "--unseen", help="With --port: move by plans that nobody has seen; else it is asked for."
-        ),
+        typer.Option("--unseen", help="With --port: execute plans without preview and without asking."),
     ] = False,
     homed: Annotated[
         bool,
         typer.Option(
             "--homed",
-            help="With --port: the unit was homed since power-up; it is checked, and not homed anew.",
+            help="With --port: do not home; you state that the unit was homed since power-up.",
         ),
     ] = False,
     free: Annotated[
         bool,
-        typer.Option("--free", help="With --port: nothing stands where homing goes; else it is asked for."),
+        typer.Option("--free", help="With --port: home without asking; you state that the cell is clear."),
     ] = False,
     folder: Annotated[
-        Path | None, typer.Option("--folder", help="With --collect: for plans and the wire log.")
+        Path | None, typer.Option("--folder", help="With --collect: folder for plans and the wire log.")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Calibration file to write, if it is accepted.")
+        Path | None, typer.Option("-o", "--output", help="Calibration file to write if it is accepted.")
     ] = None,
     apply: Annotated[
-        bool, typer.Option("--apply", help="With --collect: let the cell file name the calibration file.")
+        bool,
+        typer.Option("--apply", help="With --collect: enter the calibration file in the cell file."),
     ] = False,
     report: _REPORT = None,
     limit_mm: _LIMIT = None,
@@ -243,14 +246,14 @@ def _only_with_collect(**options: object) -> None:
         from arm.errors import InputError
 
         name = f"--{given[0].replace('_', '-')}"
-        raise InputError(f"{name}: goes with --collect TASK; DATA is read as it is otherwise", option=name)
+        raise InputError(f"{name} needs --collect TASK; without it, DATA is only read", option=name)
 
 
 @app.command(
     name="target",
-    short_help="Write a calibration target to print, true to size.",
-    help="Write the drawing of a calibration target, to be printed at its true size: of a target file, or the ChArUco "
-    "board that calibrate camera expects.",
+    short_help="Write a calibration target to print at true size.",
+    help="Write an SVG drawing of a calibration target, to be printed at true size: the target of a target file, or "
+    "the ChArUco board that calibrate camera expects by default.",
     epilog="Example: a465 calibrate target scenes/targets/hand.toml -o hand.svg",
 )
 def print_target(
@@ -275,9 +278,9 @@ def print_target(
 
 @app.command(
     name="kinematic",
-    short_help="Find a NAO's camera and legs from its own images.",
-    help="Find camera, joint offsets, springs and play of a NAO from images of the boards on its soles. "
-    "What is not good enough is refused (exit code 5), with the reason and what would help.",
+    short_help="Calibrate a NAO's camera and legs from its own images.",
+    help="Estimate camera, joint offsets, joint compliance and backlash of a NAO from images of boards on its soles. "
+    "A result that is not accurate enough is refused (exit code 5), with the reason and what would help.",
     epilog="Example: a465 calibrate kinematic recorded.json -o nao.json",
 )
 def calibrate_kinematic(
@@ -285,7 +288,7 @@ def calibrate_kinematic(
         Path, typer.Argument(help="Recorded images and joints (JSON, docs/nao.md).", metavar="DATA")
     ],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Result to write (JSON), if it is accepted.")
+        Path | None, typer.Option("-o", "--output", help="Result to write (JSON) if it is accepted.")
     ] = None,
     report: _REPORT = None,
     limit_mm: _LIMIT = None,

@@ -1,4 +1,4 @@
-"""How an error ends the program: one line, and the exit code of its kind."""
+"""Report an error in one line and exit with the code of its kind."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cell.console import Console, OutputLost, say_on_stderr
 
 
 def fail(error: A465Error) -> None:
-    """Say it, with ``--json`` as an object too, and end the program."""
+    """Print the error, with ``--json`` also as an object, and exit."""
     if "--json" in sys.argv and not isinstance(error, OutputLost):
         body = {
             "error": {
@@ -21,7 +21,7 @@ def fail(error: A465Error) -> None:
                 **error.data,
             }
         }
-        with suppress(OutputLost):  # standard error and the exit code tell as well
+        with suppress(OutputLost):  # standard error and the exit code report it too
             Console().say(json.dumps(body, indent=2, default=str))
     say_on_stderr(f"a465: {error.word}: {error}")
     sys.exit(error.exit_code)

@@ -1,4 +1,4 @@
-"""The command line. This module imports nothing heavy: every command imports what it needs when it runs."""
+"""The main commands. This module imports nothing heavy: every command imports what it needs when it runs."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ from cell.console import Console, say_on_stderr
 from driver.line.signals import interruptible
 
 if TYPE_CHECKING:
-    from cell.session.observer import Watcher
+    from cell.session.observer import RunObserver
 
 app = typer.Typer(
     name="a465",
-    help="Plan, preview and run motions of a CRS A465 arm in its work cell, or in a simulated one.",
+    help="Plan, preview and execute motions of a CRS A465 arm in its cell, real or simulated.",
     rich_markup_mode=None,
     no_args_is_help=True,
     add_completion=True,
@@ -66,13 +66,13 @@ def _root(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
-    """Every verb answers --help with an example, and --json with one JSON object."""
+    """Global options."""
 
 
 @app.command(
-    short_help="Do a whole task: look, plan, stream, look again, report.",
-    help="Do the whole task: look, check reach, plan, stream, look again after each cube, report. "
-    "In the simulated cell, or on the real one with --port.",
+    short_help="Run a whole task: look, plan, execute, look again, report.",
+    help="Run a whole task: look, check reach, plan, execute, look again after each cube, report. "
+    "In the simulated cell, or in the real one with --port.",
     epilog="Example: a465 run scenes/task2.toml --speed 0.5",
 )
 def run(
@@ -84,7 +84,8 @@ def run(
     speed: Speed = None,
     time_scale: TimeScale = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="New folder of the run; default: runs/TASK-1, -2 ..")
+        Path | None,
+        typer.Option("-o", "--output", help="New folder of the run; default: runs/TASK-1, -2, ..."),
     ] = None,
     advice: Advice = True,
     budget: Budget = None,
@@ -98,7 +99,7 @@ def run(
     as_json: Json = False,
 ) -> None:
     console = Console(as_json)
-    with console.doing("beginning"):
+    with console.doing("starting"):
         from cell.commands.run import run_task
         from cell.session.budget import budget_of
         from cell.session.connection import WhichCell
@@ -116,8 +117,8 @@ def run(
 
 
 @app.command(
-    short_help="Find the boards, their holes and cubes.",
-    help="Find the boards, their holes and cubes: in photographs, with a camera, or in the simulated cell.",
+    short_help="Detect the boards, their holes and cubes.",
+    help="Detect the boards, their holes and cubes: in image files, with a camera, or in the simulated cell.",
     epilog="Example: a465 look scenes/task2.toml -o look.json",
 )
 def look(
@@ -128,12 +129,12 @@ def look(
     camera: Camera = None,
     detections: Annotated[
         Path | None,
-        typer.Option("--detections", help="File of recorded marker corners, instead of photographs."),
+        typer.Option("--detections", help="File of recorded marker corners to use instead of images."),
     ] = None,
     world: WorldFile = None,
     output: Output = None,
     picture: Annotated[
-        Path | None, typer.Option("--picture", help="PNG to write, with what was found.")
+        Path | None, typer.Option("--picture", help="PNG to write, annotated with the detections.")
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -143,7 +144,7 @@ def look(
         for name, given in others.items():
             if given is not None:
                 raise InputError(
-                    f"{name} does not go with --detections: corners are no photographs", option=name
+                    f"{name} cannot be combined with --detections, which needs no images", option=name
                 )
         with console.doing("looking"):
             from cell.commands.look_recorded import detections_step
@@ -152,9 +153,7 @@ def look(
         console.result(result)
         return
     if task is None:
-        raise InputError(
-            "look: TASK is missing, such as scenes/task2.toml; or give --detections FILE", task=None
-        )
+        raise InputError("look: give a TASK file, such as scenes/task2.toml, or --detections FILE", task=None)
     with console.doing("looking"):
         from cell.commands.steps import look_step
 
@@ -163,13 +162,14 @@ def look(
 
 
 @app.command(
-    short_help="Say for every hole whether the arm can serve it.",
-    help="Say for every hole whether the arm can serve it, on which branches, and by how much not.",
+    short_help="Report which holes the arm can reach.",
+    help="Report for every hole whether the arm can reach it, on which inverse-kinematics branches, "
+    "and what limits it.",
     epilog="Example: a465 reach scenes/task2.toml --look look.json",
 )
 def reach(task: TaskFile, look: LookFile, advice: Advice = True, as_json: Json = False) -> None:
     console = Console(as_json)
-    with console.doing("reaching for every hole"):
+    with console.doing("checking reach"):
         from cell.commands.steps import reach_step
 
         result = reach_step(task, look, console, advice)
@@ -177,8 +177,8 @@ def reach(task: TaskFile, look: LookFile, advice: Advice = True, as_json: Json =
 
 
 @app.command(
-    short_help="Plan a whole task from what was seen.",
-    help="Plan the whole task from what was seen and write the plan file.",
+    short_help="Plan a whole task from the detected boards.",
+    help="Plan a whole task from the detected boards and write the plan file.",
     epilog="Example: a465 plan scenes/task2.toml --look look.json -o plan.json",
 )
 def plan(
@@ -202,29 +202,29 @@ def plan(
 
 @app.command(
     "plan-poses",
-    short_help="Plan through a list of poses and configurations.",
-    help="Plan the arm through a list of poses and joint configurations, as programs for ctu_crs have them, "
-    "clear of all that stands in the cell, and write the plan file. docs/interop.md tells the formats.",
+    short_help="Plan a motion through a list of poses and configurations.",
+    help="Plan a collision-free motion through a list of poses and joint configurations, such as programs for "
+    "ctu_crs use, and write the plan file. docs/interop.md describes the formats.",
     epilog="Example: a465 plan-poses scenes/cell.toml poses.json -o plan.json -- or: "
     "a465 plan-poses scenes/task2.toml poses.npy --frame flange --look look.json",
 )
 def plan_poses(
     place: Annotated[Path, typer.Argument(help="Cell file, or task file with its cell.", metavar="CELL")],
-    poses: Annotated[Path, typer.Argument(help="The list: JSON, CSV or .npy.", metavar="POSES")],
+    poses: Annotated[Path, typer.Argument(help="List of poses: JSON, CSV or .npy.", metavar="POSES")],
     look: Annotated[
-        Path | None, typer.Option("--look", help="What was seen; else table and walls alone are there.")
+        Path | None, typer.Option("--look", help="Detected boards; default: only the table and the walls.")
     ] = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="Plan file to write.")] = Path("plan.json"),
     frame: Annotated[
         str | None,
-        typer.Option("--frame", help="Whose poses bare numbers are: flange (as ctu_crs has them) or tool."),
+        typer.Option("--frame", help="Frame of poses without a key: flange (as in ctu_crs) or tool."),
     ] = None,
     angles: Annotated[
-        str | None, typer.Option("--angles", help="Unit of bare joint angles: rad or deg.")
+        str | None, typer.Option("--angles", help="Unit of joint angles without a key: rad or deg.")
     ] = None,
-    lengths: Annotated[str, typer.Option("--lengths", help="Unit of places in poses: m or mm.")] = "m",
+    lengths: Annotated[str, typer.Option("--lengths", help="Unit of positions in poses: m or mm.")] = "m",
     speed: Speed = None,
-    back: Annotated[bool, typer.Option("--back", help="Go back to q_start in the end.")] = False,
+    back: Annotated[bool, typer.Option("--back", help="Return to q_start at the end.")] = False,
     budget: Budget = None,
     give_up: GiveUp = None,
     as_json: Json = False,
@@ -242,10 +242,10 @@ def plan_poses(
 
 
 @app.command(
-    short_help="Check a plan again, a scene, or a configuration.",
-    help="Check a plan file again: limits and clearance of everything it would send. "
-    "Or a scene file: verdicts and distances against those it expects; with --q, "
-    "the closest pairs at any configuration of a scene, cell or task file.",
+    short_help="Check a plan, a scene or a configuration.",
+    help="Check a plan file again: limits and clearance of every segment that it would send. "
+    "Or check the verdicts and distances of a scene file against the expected ones. With --q, "
+    "list the closest pairs at a configuration in a scene, cell or task file.",
     epilog="Example: a465 check plan.json scenes/task2.toml -- or: "
     "a465 check scenes/fixtures/capsule.toml --q 0,10,-80,0,-60,0",
 )
@@ -255,7 +255,9 @@ def check(
         typer.Argument(help="Plan file, or scene file such as scenes/fixtures/capsule.toml.", metavar="FILE"),
     ],
     task: Annotated[Path | None, typer.Argument(help="Task file of the plan.", metavar="TASK")] = None,
-    q: Annotated[str | None, typer.Option("--q", help="J1 to J6 in deg with commas.", metavar="Q")] = None,
+    q: Annotated[
+        str | None, typer.Option("--q", help="J1 to J6 in deg, separated by commas.", metavar="Q")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     console = Console(as_json)
@@ -269,9 +271,9 @@ def check(
 
 
 @app.command(
-    short_help="Write a page that shows a plan or a log in 3D.",
-    help="Write a page that shows a plan in 3D, or what a log says was executed over what was planned; "
-    "it opens in any browser without a network.",
+    short_help="Write an HTML page that shows a plan or a log in 3D.",
+    help="Write an HTML page that shows a plan in 3D, or the executed motion of a log over the planned one. "
+    "It opens in any browser without a network.",
     epilog="Example: a465 preview plan.json scenes/task2.toml -o plan.html -- or: "
     "a465 preview runs/task2-1/wire.jsonl",
 )
@@ -282,7 +284,7 @@ def preview(
     ],
     task: Annotated[
         Path | None,
-        typer.Argument(help="Task file of the plan; that of a log is found by what it says.", metavar="TASK"),
+        typer.Argument(help="Task file of the plan; a log names its own.", metavar="TASK"),
     ] = None,
     output: Output = None,
     as_json: Json = False,
@@ -297,7 +299,7 @@ def preview(
 
 @app.command(
     short_help="Execute a plan: simulated, or on the arm with --port.",
-    help="Execute a plan file, if it matches the cell of now: in the simulated cell, or on the arm with --port. "
+    help="Execute a plan file if it matches the present cell: in the simulated cell, or on the arm with --port. "
     "On a terminal: space pauses, + and - change the speed, q or Ctrl-C aborts.",
     epilog="Example: a465 execute plan.json scenes/task2.toml --speed 0.5",
 )
@@ -310,16 +312,15 @@ def execute(
     camera: Camera = None,
     speed: Speed = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="After a stop: plan what is left anew, from where the arm is.")
+        bool,
+        typer.Option("--resume", help="After a stop: replan the remaining work from where the arm is."),
     ] = False,
     budget: Budget = None,
     give_up: GiveUp = None,
     time_scale: TimeScale = None,
     yes: Annotated[
         str | None,
-        typer.Option(
-            "--yes", help="With --port: the code that the plan's preview shows; else it is asked for."
-        ),
+        typer.Option("--yes", help="With --port: the code that the plan's preview shows; default: ask."),
     ] = None,
     homed: Homed = False,
     free: Free = False,
@@ -329,7 +330,7 @@ def execute(
     as_json: Json = False,
 ) -> None:
     console = Console(as_json)
-    with console.doing("beginning"):
+    with console.doing("starting"):
         from cell.commands.run import execute_plan, resume_plan
         from cell.session.budget import budget_of, require_planning
         from cell.session.connection import WhichCell
@@ -354,8 +355,8 @@ def execute(
         _finish(console, result)
 
 
-def _watched(console: Console, live: bool, port: int | None) -> AbstractContextManager[Watcher | None]:
-    """A live view, if one is asked for; a port asks for it too."""
+def _watched(console: Console, live: bool, port: int | None) -> AbstractContextManager[RunObserver | None]:
+    """Return a live view if `live` or a port is given."""
     if not live and port is None:
         return nullcontext()
     from cell.live.view import live_view
@@ -364,11 +365,11 @@ def _watched(console: Console, live: bool, port: int | None) -> AbstractContextM
 
 
 def _finish(console: Console, report: dict[str, Any]) -> None:
-    """Print the report of a run; a run that left a cube behind does not end with 0."""
+    """Print the report of a run; exit with a code other than 0 if a cube was not placed."""
     console.result(report)
     left = [cube["from"] for cube in report["cubes"] if not cube["placed"]]
     if left:
-        say_on_stderr(f"a465: not done: the cube of {', '.join(left)} was not placed; the arm is at q_start")
+        say_on_stderr(f"a465: not finished: cubes not placed: {', '.join(left)}; the arm is at q_start")
         raise typer.Exit(ExecutionStopped.exit_code)
 
 
@@ -376,7 +377,7 @@ app.registered_commands += tools.registered_commands
 
 
 def main() -> None:
-    """Run the command line; our errors become one line and their exit code."""
+    """Run the command line; turn an `A465Error` into one line and its exit code."""
     with interruptible(ends=True):
         try:
             app()

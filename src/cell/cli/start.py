@@ -1,4 +1,4 @@
-"""Where the program begins: an interrupt is told in one line from the first moment, also while modules are loaded."""
+"""Entry point of the program. It reports an interrupt in one line, even while modules are still loading."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import sys
 
 from driver.line.signals import caught, interruptible
 
-INTERRUPTED = 130  # exit code of a command that was interrupted, as shells have it
+INTERRUPTED = 130  # exit code of an interrupted command, as in shells
 
 
 def main() -> None:
-    """Run the command line. Where an arm is open, the command itself tells of an interrupt (`cell.commands.run`)."""
+    """Run the command line. Commands with an open arm report an interrupt themselves (`cell.commands.run`)."""
     with interruptible(ends=True):
         try:
             from cell.cli.main import main as run
@@ -18,16 +18,16 @@ def main() -> None:
             run()
         except KeyboardInterrupt:
             caught()
-            _tell()
+            _report()
             sys.exit(INTERRUPTED)
         except SystemExit as end:
             caught()
             if end.code == INTERRUPTED:
-                _tell()
+                _report()
             raise
 
 
-def _tell() -> None:
+def _report() -> None:
     from cell.console import say_on_stderr
 
-    say_on_stderr("a465: interrupted; nothing that was being written is half there")
+    say_on_stderr("a465: interrupted; no file was left half-written")

@@ -1,1 +1,1 @@
-"""Collecting a hand-eye recording: poses that the camera sees, and the arm that goes there."""
+"""Collect a hand-eye recording: choose poses in view of the camera, and move the arm to them."""

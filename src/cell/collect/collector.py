@@ -1,7 +1,7 @@
-"""``a465 calibrate hand-eye --collect``: the arm shows a target to the camera in poses that tell most.
+"""``a465 calibrate hand-eye --collect``: show a target to the camera in the most informative poses.
 
-Poses are chosen before anything is sent. Every way between them is planned and certified before it is driven, around
-everything that the cell file has and the whole zone in which boards may stand.
+The poses are chosen before anything is sent. Every motion between them is planned and certified, avoiding all bodies of
+the cell file and the whole zone for boards.
 """
 
 from __future__ import annotations
@@ -23,32 +23,32 @@ from cell.collect.record import HandRecord
 from cell.console import Console
 from cell.scene.build import unseen_scene
 from cell.session.homed import keep_home
-from cell.task.planning import options_of, provenance
+from cell.task.planning import options_of, plan_fingerprint
 from cell.task.run import TaskRun
 from driver.mars.stopping import STILL_COUNTS, farthest
-from plan.pick_place.go_to import plan_way
+from plan.pick_place.go_to import plan_joint_motion
 from plan.scene import Scene
 from vision.camera.frame_source import FrameSource
 from vision.targets.target import TargetFinder
 
 FEWEST_POSES = HAND_EYE_LIMITS.images
-PLANNED = 24  # poses, if nobody says how many
+PLANNED = 24  # default number of poses
 POOL = 300  # configurations from which poses are chosen
-SETTLE_S = 0.5  # of the controller, after the arm has stopped: plates ring
-SAME_PX = 2.0  # rms; a target that was not touched appears so near to where it was at the same counts
+SETTLE_S = 0.5  # controller time after the arm has stopped: plates vibrate
+SAME_PX = 2.0  # rms; larger shifts at the same counts mean that the target was touched
 SAME_POSE = np.radians(0.05)  # of every joint
-MOST_FAILED = 5  # poses, before it is given up if they are more than half
-_REPEATS = 3  # poses that are tried for that
+MOST_FAILED = 5  # poses; then collection stops if they are more than half
+_REPEATS = 3  # poses tried to verify the mount
 
 
 @dataclass(frozen=True)
 class CollectOptions:
-    """What a person asks for.
+    """Options of a collection.
 
     Attributes:
-        poses: how many, with those that a recording holds already.
+        poses: total number, including those already in the recording.
         seed: of their choice.
-        recipe: take those of the first report (`cell.collect.recipe_270`) instead of the most telling.
+        recipe: use those of the original report (`cell.collect.recipe_270`) instead of the most informative.
     """
 
     poses: int = PLANNED
@@ -67,18 +67,18 @@ class CollectOptions:
 
     @classmethod
     def of(cls, poses: int | None, seed: int | None, recipe: bool) -> CollectOptions:
-        """With defaults where nothing was said."""
+        """Options with defaults for None."""
         usual = handrecipe.POSES if recipe else PLANNED
         return cls(usual if poses is None else poses, seed or 0, recipe)
 
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """Configurations to take, and those that may be advised afterwards.
+    """Chosen configurations, and the pool for later advice.
 
     Attributes:
         q: (k, 6) rad.
-        pool: (n, 6) rad, all certified to be clear and in view.
+        pool: (n, 6) rad, all checked to be clear and in view.
     """
 
     q: Array
@@ -86,13 +86,13 @@ class Choice:
 
 
 def hand_scene(record: HandRecord) -> Scene:
-    """The cell with the target in the arm's hand and the whole zone occupied."""
+    """The cell with the target in the gripper and the whole zone occupied."""
     robot = record.hand.carried_by(record.cell.robot())
     return Scene(robot, robot, unseen_scene(record.cell).bodies, ())
 
 
 def choose(record: HandRecord, scene: Scene, options: CollectOptions, console: Console) -> Choice:
-    """Configurations that are missing in a recording.
+    """Choose the configurations that a recording still needs.
 
     Raises:
         ImpossibleError: the target cannot be shown to the camera.
@@ -101,14 +101,14 @@ def choose(record: HandRecord, scene: Scene, options: CollectOptions, console: C
     view = HandView(scene.robot_open, scene.bodies, cell.limits, cell.camera, hand, cell.clearance)
 
     def progress(part: float) -> None:
-        console.progress("poses that the camera sees", part)
+        console.progress("poses in view of the camera", part)
 
     missing, taken = options.poses - len(record), record.configurations()
     pool = others(hand_pool(view, POOL, options.seed, progress).q, taken)
     if options.recipe:
         recipe = recipe_poses(view, options.poses, options.seed, progress)
         left = others(recipe, taken)[:missing]
-        console.step(f"{len(left)} of the recipe's {len(recipe)} poses to be taken")
+        console.step(f"{len(left)} of the recipe's {len(recipe)} poses to take")
         return Choice(left, pool)
     plan = plan_poses(
         pool,
@@ -121,14 +121,14 @@ def choose(record: HandRecord, scene: Scene, options: CollectOptions, console: C
         taken,
     )
     console.step(
-        f"{missing} of {len(pool)} poses chosen: the camera's place will be known to about "
+        f"{missing} of {len(pool)} poses chosen: expected uncertainty of the camera pose "
         f"{1e3 * plan.sigma:.2f} mm and {np.degrees(plan.sigma_turn):.3f} deg"
     )
     return Choice(pool[list(plan.places)], pool)
 
 
 def others(q: Array, taken: Array) -> Array:
-    """Configurations (n, 6) that are not among those taken."""
+    """Those of the configurations (n, 6) that are not in `taken`."""
     if not len(taken):
         return q
     off = np.abs(q[:, None] - taken).max(axis=-1).min(axis=1)
@@ -136,13 +136,13 @@ def others(q: Array, taken: Array) -> Array:
 
 
 class Collector:
-    """Drives the arm from pose to pose and records what the camera sees.
+    """Move the arm from pose to pose and record the corners seen.
 
     Args:
         run: of an open cell.
-        record: what it adds to.
-        scene: the cell around the arm, the target in its hand.
-        console: where progress is told.
+        record: to be extended.
+        scene: the cell with the target in the gripper.
+        console: for progress.
     """
 
     def __init__(self, run: TaskRun, record: HandRecord, scene: Scene, console: Console) -> None:
@@ -150,28 +150,28 @@ class Collector:
         self.finder = TargetFinder(record.hand.target)
 
     def take_into_use(self) -> None:
-        """Home the arm, unless it was and is. The jaws stay as they are: they may hold the plate."""
+        """Home the arm, unless it was homed before. The jaws are not moved: they may hold the plate."""
         mars, cell = self.run.connection.mars, self.run.task.cell
         if self.run.homed_before:
             keep_home(mars, cell, self.console, jaws_too=False)
         else:
             self.console.step(
-                "homing: the controller moves every axis, nothing checks its way; the jaws stay as they are, the plate "
-                "must be firm in the hand"
+                "homing: the controller moves every axis, without collision checks; the jaws do not move, so the plate "
+                "must be firm in the gripper"
             )
             mars.initialise(home=True, soft_home=False)
         mars.set_registers(cell.speed_registers, cell.acceleration_registers)
         self.run.homed = True
 
     def home(self) -> None:
-        """Back to q_start, the target still in hand."""
-        self._drive(self.run.task.cell.q_start, "back to q_start")
+        """Return to q_start, the target still in the gripper."""
+        self._drive(self.run.task.cell.q_start, "return to q_start")
 
     def require_same_hold(self) -> None:
-        """Look at one of the recorded poses again: who goes on must hold the target as it was held.
+        """Repeat one of the recorded poses, to verify that the mount of the target is unchanged.
 
         Raises:
-            ImpossibleError: it appears elsewhere, or no recorded pose can be taken again; data: off_px.
+            ImpossibleError: the target appears elsewhere, or no recorded pose can be repeated; data: off_px.
         """
         recorded = self.record.configurations()
         for place in nearest_order(self.run.q_now(), recorded)[:_REPEATS]:
@@ -186,25 +186,25 @@ class Collector:
             if off_px > SAME_PX:
                 raise ImpossibleError(
                     f"at the configuration of poses[{place}] of {self.record.file} the target is {off_px:.1f} px "
-                    f"from where it was (allowed {SAME_PX:g}): it was put in anew, or the camera or the arm's zeros "
-                    "moved; give a new file",
+                    f"from where it was (allowed {SAME_PX:g}): it was remounted, or the camera or the arm's zeros "
+                    "changed; give a new file",
                     off_px=off_px,
                     pose=place,
                 )
             self.console.step(f"poses[{place}] again: the target is where it was, within {off_px:.2f} px")
             return
         raise ImpossibleError(
-            f"none of {_REPEATS} poses of {self.record.file} could be taken again, so nothing says that the target is "
-            "held as it was; give a new file",
+            f"none of {_REPEATS} poses of {self.record.file} could be repeated to verify that the target's mount is "
+            "unchanged; give a new file",
             off_px=None,
         )
 
     def collect(self, wanted: Array, nearest_first: bool) -> int:
-        """Take configurations (k, 6) rad; how many were taken.
+        """Take configurations (k, 6) rad; return how many were recorded.
 
         Raises:
-            ImpossibleError: the target is not seen where it should be.
-            ExecutionStopped: motion stopped; what was recorded before is in the file.
+            ImpossibleError: the target is not found in most poses.
+            ExecutionStopped: motion stopped; earlier poses are in the file.
         """
         order = nearest_order(self.run.q_now(), wanted) if nearest_first else range(len(wanted))
         total, taken, failed = len(wanted), 0, 0
@@ -216,21 +216,21 @@ class Collector:
             failed += 1
             if failed >= MOST_FAILED and failed > taken:
                 raise ImpossibleError(
-                    f"nothing could be taken in {failed} of {number} poses: is the target "
-                    f"{self.record.hand.target.label()}, lit, and held about where the target file says?",
+                    f"{failed} of {number} poses failed: is the target {self.record.hand.target.label()}, lit, and "
+                    "mounted about as the target file says?",
                     failed=failed,
                     poses=number,
                 )
         return taken
 
     def _take(self, q: Array, name: str) -> bool:
-        """Go to a configuration and record what is seen; whether that could be done."""
+        """Go to a configuration and record the corners; return whether that succeeded."""
         if not self._drive(q, name):
             return False
         counts, corners = self._look()
         shown = int(np.isfinite(corners[:, 0]).sum())
         if counts is None:
-            found = "left out, the arm did not stand still"
+            found = "left out, the arm was not at rest"
         elif shown < FEWEST_CORNERS:
             found = "left out, the target was not seen"
         else:
@@ -240,17 +240,17 @@ class Collector:
         return counts is not None and shown >= FEWEST_CORNERS
 
     def _drive(self, q: Array, what: str) -> bool:
-        """Plan the way to a configuration, certify it, drive it; False if there is none."""
+        """Plan, certify and execute the motion to a configuration; False if there is none."""
         task = self.run.task
         try:
-            plan = plan_way(
+            plan = plan_joint_motion(
                 self.scene,
                 self.run.q_now(),
                 q,
                 task.cell.unit,
                 task.cell.limits,
                 options_of(task, self.run.speed),
-                provenance(task),
+                plan_fingerprint(task),
                 {"name": task.name, "kind": task.kind},
             )
         except ImpossibleError as error:
@@ -261,7 +261,7 @@ class Collector:
         return True
 
     def _look(self) -> tuple[tuple[int, ...] | None, Array]:
-        """Counts of the arm at rest, None if it moved meanwhile, and corners (m, 2) px, means over the frames."""
+        """Counts of the arm, None if it was not at rest, and corners (m, 2) px, means over the frames."""
         mars, cell = self.run.connection.mars, self.run.task.cell
         mars.link.wait(SETTLE_S)
         counts = mars.settled_counts()
@@ -271,7 +271,7 @@ class Collector:
 
 
 def seen_corners(frames: FrameSource, finder: TargetFinder, count: int) -> Array:
-    """Corners (m, 2) px of a target that stands still, means over frames; NaN where it was not seen in half of them."""
+    """Corners (m, 2) px of a target at rest, means over frames; NaN unless seen in more than half of them."""
     shown = np.full((count, finder.target.corners, 2), np.nan)
     for k, image in enumerate(frames.grab(count)):
         view = finder.find(image)

@@ -1,4 +1,4 @@
-"""Where the arm may hold a target for its calibration: seen whole, clear of everything, and in reach."""
+"""Feasible calibration poses of a held target: entirely in view, collision-free and in reach."""
 
 from __future__ import annotations
 
@@ -20,10 +20,8 @@ from plan.kinematics.ik import Branches, inverse_kinematics
 from vision.camera.model import Camera
 
 DISTANCES = (0.35, 1.0)  # from the camera, m
-TILT = np.radians(50.0)  # most, between the target's normal and the line of sight
-UNSURE_PX = (
-    60.0  # how far the target must appear inside the image while camera and arm are only roughly known
-)
+TILT = np.radians(50.0)  # largest angle between the target's normal and the line of sight
+UNSURE_PX = 60.0  # margin to the edge of the image while camera and arm are only roughly known
 LIMIT_MARGIN = np.radians(3.0)  # rad, from the limits of the joints
 TOO_NEAR, HIDDEN = "too near something", "hidden by the arm"
 _BATCH, _MOST_BATCHES = 200, 60
@@ -31,11 +29,11 @@ _BATCH, _MOST_BATCHES = 200, 60
 
 @dataclass(frozen=True, eq=False)
 class HandPool:
-    """Configurations that may be used.
+    """Feasible configurations.
 
     Attributes:
         q: (n, 6) rad.
-        tried: poses of the target that were looked at.
+        tried: number of target poses tried.
     """
 
     q: Array
@@ -43,14 +41,14 @@ class HandPool:
 
 
 class HandView:
-    """What the camera sees of a target in the hand, as far as place and mount are known.
+    """Visibility of a held target, for approximate camera pose and mount.
 
     Args:
         robot: the arm with the plate (`HandTarget.carried_by`).
-        bodies: around it.
+        bodies: obstacles.
         limits: of the joints.
-        camera: about where it stands.
-        hand: about how the target is held.
+        camera: with its approximate pose.
+        hand: the target with its approximate mount.
         clearance: from all bodies, m.
     """
 
@@ -71,7 +69,7 @@ class HandView:
         self._bare = replace(robot, bodies=tuple(b for b in robot.bodies if b.name != PLATE))
 
     def T_base_target(self, q: Array) -> Array:
-        """Where the target is at a configuration (6,) rad, 4x4."""
+        """Pose of the target at a configuration (6,) rad, 4x4."""
         return np.asarray(mul(self.robot.T_base_tool(q), inverse(self._T_target_tool)))
 
     def ways(self, T_base_target: Array) -> Branches:
@@ -79,7 +77,7 @@ class HandView:
         return inverse_kinematics(self.robot, mul(T_base_target, self._T_target_tool), self.lower, self.upper)
 
     def in_image(self, T_camera_target: Array) -> bool:
-        """Whether all corners of a target at a pose appear well inside the image."""
+        """Whether all corners of a target at a pose are well inside the image."""
         points = mul(self.hand.target.points(), T_camera_target[:3, :3].T) + T_camera_target[:3, 3]
         if (points[:, 2] <= 0.0).any():
             return False
@@ -87,13 +85,13 @@ class HandView:
         return bool(((pixels >= UNSURE_PX) & (pixels <= last - UNSURE_PX)).all())
 
     def obstacle(self, q: Array) -> str | None:
-        """Why a configuration that holds the target in view cannot be used; None if it can."""
+        """Why a configuration with the target in view is not feasible; None if it is."""
         if self._world.in_collision(q, self._clearance):
             return TOO_NEAR
         return HIDDEN if self._hidden(q) else None
 
     def shows(self, q: Array) -> bool:
-        """Whether a configuration is within limits, clear, and shows the target not too obliquely."""
+        """Whether a configuration is within limits, clear, and shows the target at less than `TILT`."""
         if (q < self.lower).any() or (q > self.upper).any():
             return False
         T = mul(inverse(self.camera.T_base_camera), self.T_base_target(q))
@@ -101,7 +99,7 @@ class HandView:
         return facing and self.in_image(T) and self.obstacle(q) is None
 
     def _hidden(self, q: Array) -> bool:
-        """Whether the arm reaches into the sight between camera and target."""
+        """Whether the arm blocks the line of sight between camera and target."""
         sight = self.hand.sight(self.camera.T_base_camera, self.T_base_target(q))
         middle = sight.mean(axis=0)
         T = np.eye(4)
@@ -113,19 +111,19 @@ class HandView:
 def hand_pool(
     view: HandView, count: int, seed: int, progress: Callable[[float], None] = lambda part: None
 ) -> HandPool:
-    """Configurations in which the camera sees the whole target in the hand.
+    """Draw configurations in which the camera sees the whole held target.
 
-    Targets are held anywhere in the image, at any distance and turn; of the arm's ways to hold one there, one is
-    taken by chance, so that all joints turn.
+    Target poses are drawn anywhere in the image, at any distance and rotation. Of the inverse kinematics solutions for
+    each, one is drawn at random, so that all joints vary.
 
     Args:
-        view: of the target in the hand.
-        count: configurations wanted.
-        seed: of the choice.
-        progress: told what part is there.
+        view: of the held target.
+        count: number of configurations.
+        seed: of the draws.
+        progress: called with the fraction found.
 
     Raises:
-        ImpossibleError: fewer than a tenth of them can be had; data: tried, found, and why the others cannot.
+        ImpossibleError: fewer than a tenth were found; data: tried, found, and the reasons for the others.
     """
     rng = np.random.default_rng(seed)
     found: list[Array] = []
@@ -151,8 +149,8 @@ def hand_pool(
     if len(found) < count / 10:
         shown = ", ".join(f"{number} {reason}" for reason, number in why.items())
         raise ImpossibleError(
-            f"of {tried} places for the target only {len(found)} can be used ({shown}): is the camera about where "
-            "its file says, can the printed side face it, and is the zone no higher than boards stand?",
+            f"of {tried} poses of the target only {len(found)} are feasible ({shown}): is the camera about where "
+            "its file says, can the printed side face it, and is the zone no higher than the boards?",
             tried=tried,
             found=len(found),
             reasons=why,
@@ -161,7 +159,7 @@ def hand_pool(
 
 
 def _held(view: HandView, rng: np.random.Generator) -> Array:
-    """T_camera_target with the target's middle somewhere in the image."""
+    """A random T_camera_target with the target's centre in the image."""
     angle = rng.uniform(0.0, 2.0 * np.pi)
     return held(
         view.camera,
@@ -174,7 +172,7 @@ def _held(view: HandView, rng: np.random.Generator) -> Array:
 
 
 def nearest_order(q_from: Array, q: Array) -> list[int]:
-    """An order of configurations (n, 6) in which each is the nearest of those left, by its largest joint motion."""
+    """Order configurations (n, 6) greedily: next is the nearest of those left, by its largest joint motion."""
     left, order, now = set(range(len(q))), [], q_from
     while left:
         best = min(left, key=lambda i: float(np.abs(q[i] - now).max()))

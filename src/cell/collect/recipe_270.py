@@ -1,9 +1,9 @@
-"""The first report's way to take 270 poses, for those who want to compare with it.
+"""The original report's recipe for 270 poses (its section 2.3.3), for comparison.
 
-From a target that faces the camera in the middle of the image, J4, J5 and J6 turn together until the camera no longer
-sees it; then J1 goes on and they begin again. Every fifth pose the target comes nearer or goes away and leans a
-little. After 100 poses, all again 0.1 m higher (report, section 2.3.3). Poses that are chosen for what they tell
-(`calib.hand_eye.next_poses`) are worth more: docs/hand-eye.md has both.
+It starts with a target that faces the camera in the middle of the image. J4, J5 and J6 rotate together until the camera
+no longer sees the target; then J1 advances and they start again. In every fifth pose distance and tilt vary slightly.
+After 100 poses all is repeated 0.1 m higher. Poses chosen for information (`calib.hand_eye.next_poses`) are better:
+docs/hand-eye.md compares both.
 """
 
 from __future__ import annotations
@@ -21,12 +21,15 @@ from cell.sim.target_photos import held
 POSES = 270
 AT_A_HEIGHT = 100
 RISE = 0.1  # m
-J1_TURN, J1_TURNS = np.radians(1.5), 25  # between two rows, and rows to each side
-WRIST_STEP = np.radians([2.5, 0.875, 2.5])  # of J4, J5 and J6, between two poses of a row
+J1_TURN, J1_TURNS = np.radians(1.5), 25  # between rows, and rows to each side
+WRIST_STEP = np.radians([2.5, 0.875, 2.5])  # of J4, J5 and J6, between poses of a row
 LONGEST_ROW = 60
 OTHER_EVERY = 5
-SHIFT, LEAN = np.radians(3.0), np.radians(10.0)  # of J2 and J3, and of J4 to J6, most, in every fifth pose
-_YAWS = 24  # of the first target that are tried
+SHIFT, LEAN = (
+    np.radians(3.0),
+    np.radians(10.0),
+)  # largest change of J2 and J3, and of J4 to J6, in every fifth pose
+_YAWS = 24  # tried for the first target
 _PLACES = tuple(
     np.array(p) for p in [(0.5, 0.5), (0.3, 0.5), (0.7, 0.5), (0.5, 0.3), (0.5, 0.7)]
 )  # of the image
@@ -41,13 +44,13 @@ def recipe_poses(
     """Configurations (n, 6) rad of the recipe, in its order.
 
     Args:
-        view: of the target in the hand.
-        wanted: how many.
-        seed: of how the target leans in every fifth.
-        progress: told what part is there.
+        view: of the held target.
+        wanted: number of poses.
+        seed: of the variation in every fifth pose.
+        progress: called with the fraction found.
 
     Raises:
-        ImpossibleError: there are not so many.
+        ImpossibleError: the recipe has fewer feasible poses.
     """
     rng = np.random.default_rng(seed)
     found: list[Array] = []
@@ -61,16 +64,15 @@ def recipe_poses(
         if len(found) == wanted:
             return frozen(np.array(found))
     raise ImpossibleError(
-        f"the recipe has {len(found)} poses that can be used, of {wanted}: ask for fewer (--poses), or leave out "
-        "--recipe",
+        f"the recipe has only {len(found)} feasible poses, of {wanted}: request fewer (--poses), or omit --recipe",
         found=len(found),
         wanted=wanted,
     )
 
 
 def _facing(view: HandView, distance: float) -> Array | None:
-    """A configuration that holds the target square to the camera's axis in the image's middle, or as nearly as can
-    be, its wrist as far from limits as can be."""
+    """A configuration with the target facing the camera in the middle of the image, or as nearly as possible, and the
+    wrist as far from its limits as possible."""
     yaws = 2.0 * np.pi * np.arange(_YAWS) / _YAWS
     size = np.array(view.camera.size)
     for lean, place in product(_LEANS, _PLACES):
@@ -84,7 +86,7 @@ def _facing(view: HandView, distance: float) -> Array | None:
 
 
 def _around(view: HandView, first: Array, rng: np.random.Generator) -> Iterator[Array]:
-    """All rows of a height, J1 turning to one side and then to the other."""
+    """All rows at one height, J1 advancing to one side and then to the other."""
     number = 0
     for turn in [*range(J1_TURNS + 1), *range(-1, -J1_TURNS - 1, -1)]:
         for step in [*range(LONGEST_ROW), *range(-1, -LONGEST_ROW, -1)]:
@@ -100,6 +102,6 @@ def _around(view: HandView, first: Array, rng: np.random.Generator) -> Iterator[
 
 
 def _spread(poses: list[Array], wanted: int) -> list[Array]:
-    """So many of them, evenly over all."""
+    """`wanted` of the poses, evenly spread."""
     at = np.linspace(0, len(poses) - 1, min(wanted, len(poses))).round().astype(int)
     return [poses[i] for i in at]

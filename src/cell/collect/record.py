@@ -1,4 +1,4 @@
-"""A recording of a target in the hand that grows pose by pose; what was interrupted goes on."""
+"""A recording of a held target, extended pose by pose; an interrupted one can be continued."""
 
 from __future__ import annotations
 
@@ -14,22 +14,24 @@ from calib.recordings.arm import ArmRecording, read_arm_recording, write_arm_rec
 from cell.config.cell import Cell
 from cell.files.hand_target import HandTarget
 
-CHANGED = "changed meanwhile"  # reason of an error: the file is no longer as this command left it
+CHANGED = (
+    "changed meanwhile"  # reason of an error: the file differs from what this command last read or wrote
+)
 
 
 class HandRecord:
-    """What was taken so far, in a file that is whole after every pose.
+    """A recording in progress, in a file that is complete after every pose.
 
     Args:
-        file: to go on with, or new.
-        cell: whose arm and camera take it.
-        hand: what is held.
+        file: existing recording to continue, or a new file.
+        cell: with arm and camera.
+        hand: the held target.
 
     Attributes:
-        before: how many poses were there already.
+        before: number of poses in the file at the start.
 
     Raises:
-        InputError: the file is no recording, or one of another target, camera or arm.
+        InputError: the file is not a recording, or belongs to another target, camera or arm.
     """
 
     def __init__(self, file: Path, cell: Cell, hand: HandTarget) -> None:
@@ -62,17 +64,17 @@ class HandRecord:
         return len(self.joints)
 
     def add(self, counts: tuple[int, ...], pixels: Array) -> None:
-        """Keep a pose: encoder counts at rest, and corners (m, 2) px, NaN where one was not seen.
+        """Append a pose: encoder counts at rest, and corners (m, 2) px, NaN for unseen ones.
 
         Raises:
-            InputError: the file cannot be written, or somebody else changed it meanwhile; it is left as it is.
+            InputError: the file cannot be written, or another program changed it; it is left as it is.
         """
         now = self._on_disk()
         if now not in (self._known, None):
             raise InputError(
-                f"{self.file}: was changed by somebody else since this command last read or wrote it, so it is not "
-                "written over, and the pose just taken is lost; end what else writes it, then the same command goes on "
-                "from what it holds now",
+                f"{self.file}: was changed by another program since this command last read or wrote it, so it is not "
+                "overwritten, and the pose just taken is lost; end that program, then repeat this command to continue "
+                "from the present file",
                 file=str(self.file),
                 reason=CHANGED,
             )
@@ -82,23 +84,23 @@ class HandRecord:
         self._known = self._on_disk()
 
     def _on_disk(self) -> str | None:
-        """What the file holds now, as a hash; None if there is none."""
+        """Hash of the present file; None if there is none."""
         return sha256(read_bytes(self.file, "JSON")) if self.file.exists() else None
 
     def configurations(self) -> Array:
-        """Where the poses were taken as the cell's unit has it, (n, 6) rad."""
+        """Configurations of the poses by the cell's (calibrated) unit, (n, 6) rad."""
         return np.array([self.from_readings(q) for q in self.joints]).reshape(-1, 6)
 
     def from_readings(self, q: Array) -> Array:
-        """A configuration (6,) rad by the unit's own zeros, as the cell's unit has it."""
+        """Convert a configuration (6,) rad from nominal zeros to those of the cell's unit."""
         return self.cell.unit.positions(self.cell.nominal_unit.counts(q))
 
     def to_readings(self, q: Array) -> Array:
-        """A configuration (6,) rad of the cell's unit, by the unit's own zeros."""
+        """Convert a configuration (6,) rad from zeros of the cell's unit to nominal ones."""
         return self.cell.nominal_unit.positions(self.cell.unit.counts(q))
 
     def recording(self) -> ArmRecording:
-        """All that was taken; joints are what the unit's own zeros say."""
+        """The complete recording; joints are by nominal zeros."""
         return ArmRecording(
             self.cell.camera.at(np.eye(4)),
             A465,

@@ -1,4 +1,4 @@
-"""``a465 check``: a plan with its task, or a scene file; each imports only what it needs."""
+"""``a465 check``: a plan with its task, or a scene file. Each branch imports only what it needs."""
 
 from __future__ import annotations
 
@@ -13,15 +13,13 @@ from cell.console import Console
 def check_step(
     file: Path, task_file: Path | None, configuration: str | None, console: Console
 ) -> dict[str, Any]:
-    """``a465 check``: a plan (which is JSON) with its task, or a scene file; with --q also a cell or task file."""
+    """Check a plan (JSON) against its task, a scene file, or with --q a configuration in a scene, cell or task file."""
     if not read_text(file, "JSON").lstrip().startswith("{"):
         return _check_scene(file, task_file, configuration, console)
     if configuration is not None:
-        raise InputError(f"{file} is a plan; --q asks about a scene, cell or task file", file=str(file))
+        raise InputError(f"{file} is a plan; --q needs a scene, cell or task file", file=str(file))
     if task_file is None:
-        raise InputError(
-            f"{file} is a plan, which is checked against its task: a465 check {file} TASK", file=str(file)
-        )
+        raise InputError(f"{file} is a plan; give its task file too: a465 check {file} TASK", file=str(file))
     return _check_plan(file, task_file, console)
 
 
@@ -32,14 +30,14 @@ def _check_scene(
     from cell.files.scene import read_scene_file, read_surroundings
 
     if task_file is not None:
-        raise InputError(f"{file} is no plan, so it needs no task; leave out {task_file}", file=str(file))
+        raise InputError(f"{file} is not a plan and needs no task; leave out {task_file}", file=str(file))
     if configuration is None:
         return check_scene(read_scene_file(file), console)
     return closest_pairs(read_surroundings(file), configuration, console)
 
 
 def _check_plan(plan_file: Path, task_file: Path, console: Console) -> dict[str, Any]:
-    """Everything the plan would send, judged anew."""
+    """Check every segment that the plan would send, independently of the clearances it states."""
     from arm.plan_file import read_plan
     from cell.files.place import read_place
     from cell.task.plan_matches import check_plan
@@ -51,7 +49,7 @@ def _check_plan(plan_file: Path, task_file: Path, console: Console) -> dict[str,
         [(m["name"], m["stated_mm"], m["proved_mm"], " - ".join(m["closest"])) for m in result["moves"]],
     )
     console.say(
-        f"plan {plan.sha256[:12]}: {len(result['moves'])} moves hold; at most "
+        f"plan {plan.sha256[:12]}: {len(result['moves'])} moves verified; at most "
         f"{100 * result['peak_velocity']:.1f} % of the velocity and {100 * result['peak_acceleration']:.1f} % of the "
         f"acceleration limits at speed {plan.speed:g}"
     )

@@ -1,4 +1,4 @@
-"""``a465 check`` of a scene file: every question answered anew and held against what is expected."""
+"""``a465 check`` of a scene file: evaluate every query and motion and compare with the expected results."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ from cell.files.scene import (
     beyond_limits,
 )
 from plan.collision.bezier import curve_of_waypoints
-from plan.collision.certificate import check_curve
+from plan.collision.certificate import certify_curve
 from plan.collision.world import World
 
-AGREES = 1e-5  # distances that differ by less are the same, m
-CLOSEST = 5  # pairs told of a configuration
+AGREES = 1e-5  # tolerance for equal distances, m
+CLOSEST = 5  # pairs reported for a configuration
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What was found about one query or motion.
+    """Result of one query or motion.
 
     Attributes:
-        name, expected: of the question.
-        verdict: of the question's kind.
-        proved, seen: the distance lies between them, m: the lower bound that was proved, and the smallest that was
-            computed on the way; for a query they are the same. A motion that collides is left at the first overlap, so
-            `proved` may then be far below.
+        name, expected: from the scene file.
+        verdict: one of `QUERY_VERDICTS` or `MOTION_VERDICTS`.
+        proved, seen: lower and upper bound of the distance, m: the certified bound, and the smallest distance computed
+            along the motion; equal for a query. The check of a colliding motion ends at the first overlap, so `proved`
+            may be far below `seen`.
         pair: the closest two bodies.
-        agrees: whether nothing differs from what is expected.
+        agrees: whether everything is as expected.
     """
 
     name: str
@@ -52,36 +52,36 @@ class Answer:
 
 
 def answer_query(scene: SceneFile, query: Query) -> Answer:
-    """Distances at one configuration."""
+    """Compute the distances at one configuration."""
     world = scene.world(query.allowed)
     distance = world.distance(query.q)
     free, collides = QUERY_VERDICTS
     verdict = free if distance.value > 0.0 else collides
     expected = query.expected
     agrees = (
-        _as_told(expected, verdict, free)
+        _verdict_agrees(expected, verdict, free)
         and _same(expected.distance, distance.value, distance.value)
-        and _as_close(world, query.q, expected, distance.value)
+        and _pair_agrees(world, query.q, expected, distance.value)
     )
     return Answer(query.name, expected, verdict, distance.value, distance.value, distance.pair, agrees)
 
 
 def answer_motion(scene: SceneFile, motion: Motion) -> Answer:
-    """Proof of clearance over one straight joint motion, tight enough to tell the clearance as well."""
+    """Certify one straight joint motion, with bounds tight enough to report its clearance."""
     world = scene.world(motion.allowed)
-    check = check_curve(world, curve_of_waypoints(motion.ends), motion.asked, tight=True)
+    check = certify_curve(world, curve_of_waypoints(motion.ends), motion.asked, tight=True)
     clear, too_close = MOTION_VERDICTS
     verdict = clear if check.proved else too_close
     agrees = (
-        _as_told(motion.expected, verdict, clear)
+        _verdict_agrees(motion.expected, verdict, clear)
         and _same(motion.expected.distance, check.clearance, check.seen)
-        and _closest_on_the_way(scene, motion, check.seen)
+        and _pair_agrees_along(scene, motion, check.seen)
     )
     return Answer(motion.name, motion.expected, verdict, check.clearance, check.seen, check.pair, agrees)
 
 
-def _as_told(expected: Expected, verdict: str, good: str) -> bool:
-    """Whether a verdict is the one that is expected; where nothing is, only a good one is."""
+def _verdict_agrees(expected: Expected, verdict: str, good: str) -> bool:
+    """Whether the verdict is as expected. If the file expects nothing, the verdict must be `good`."""
     return (
         verdict == expected.verdict
         if expected.verdict is not None
@@ -97,8 +97,8 @@ def _checked(world: World) -> list[Pair]:
     return [frozenset(world.pair_names(i)) for i in range(len(world.pairs))]
 
 
-def _as_close(world: World, q: npt.ArrayLike, expected: Expected, closest: float) -> bool:
-    """Whether the expected pair is as close as the closest; two fingers may be so at once."""
+def _pair_agrees(world: World, q: npt.ArrayLike, expected: Expected, closest: float) -> bool:
+    """Whether the expected pair is as close as the closest one; both fingers may be equally close."""
     if expected.pair is None:
         return True
     names = _checked(world)
@@ -108,15 +108,15 @@ def _as_close(world: World, q: npt.ArrayLike, expected: Expected, closest: float
     return float(world.pair_distances(q, index)[0]) <= closest + AGREES
 
 
-def _closest_on_the_way(scene: SceneFile, motion: Motion, seen: float) -> bool:
-    """Whether the expected pair, looked at alone, comes as close as all pairs do."""
+def _pair_agrees_along(scene: SceneFile, motion: Motion, seen: float) -> bool:
+    """Whether the expected pair on its own comes as close as all pairs together."""
     if motion.expected.pair is None:
         return True
     names = _checked(scene.world(motion.allowed))
     if motion.expected.pair not in names:
         return False
     alone = scene.world({*motion.allowed, *names} - {motion.expected.pair})
-    least = check_curve(alone, curve_of_waypoints(motion.ends), motion.asked, tight=True)
+    least = certify_curve(alone, curve_of_waypoints(motion.ends), motion.asked, tight=True)
     if seen < 0.0:
         return least.seen < 0.0
     closest = seen if motion.expected.distance is None else motion.expected.distance
@@ -124,14 +124,14 @@ def _closest_on_the_way(scene: SceneFile, motion: Motion, seen: float) -> bool:
 
 
 def check_scene(scene: SceneFile, console: Console) -> dict[str, Any]:
-    """Answer every question of a scene file, print a table of them, and give what ``--json`` prints.
+    """Evaluate every query and motion of a scene file, print a table, and return the object for ``--json``.
 
     Raises:
-        InputError: the file asks nothing.
+        InputError: the file has neither queries nor motions.
     """
     if not scene.queries and not scene.motions:
         raise InputError(
-            f"{scene.file}: asks nothing; give it [[queries]] or [[motions]], or a configuration with --q",
+            f"{scene.file}: nothing to check; add [[queries]] or [[motions]], or give a configuration with --q",
             file=str(scene.file),
         )
     queries = [answer_query(scene, q) for q in scene.queries]
@@ -143,9 +143,11 @@ def check_scene(scene: SceneFile, console: Console) -> dict[str, Any]:
         console.say()
         header = ("motion", *before, "mm proved", "mm seen", *after)
         console.table(header, [_row(a, (_down(a.proved), _up(a.seen))) for a in motions])
-        console.say("proved: the clearance is at least this, over the whole motion; seen: it is at most this")
+        console.say("proved: lower bound of the clearance over the whole motion; seen: upper bound")
     if any(a.seen < 0.0 for a in motions):
-        console.say("a motion that collides is left at the first overlap found; expected is the deepest")
+        console.say(
+            "the check of a colliding motion ends at the first overlap; the expected one is the deepest"
+        )
     differing = [a.name for a in (*queries, *motions) if not a.agrees]
     console.say(
         f"{scene.file}: {len(queries) + len(motions) - len(differing)} as expected, {len(differing)} not"
@@ -197,12 +199,12 @@ def _to_json(answer: Answer, distance_key: str) -> dict[str, Any]:
 
 
 def _finite(distance: float) -> float | None:
-    """In mm; None where no pair is checked."""
+    """Convert to mm; None if no pair is checked."""
     return 1e3 * distance if np.isfinite(distance) else None
 
 
 def _down(distance: float) -> float:
-    """To 0.01 mm, as the table shows it: what is proved must not look like more."""
+    """Round down to the 0.01 mm of the table, so that the displayed bound is still proved."""
     return float(np.floor(distance * 1e5 + 1e-6)) / 1e5
 
 
@@ -211,10 +213,10 @@ def _up(distance: float) -> float:
 
 
 def closest_pairs(scene: SceneFile, configuration: str, console: Console) -> dict[str, Any]:
-    """The closest pairs at a configuration that is written as six angles in deg with commas.
+    """Print and return the closest pairs at a configuration, given as six comma-separated angles in deg.
 
     Raises:
-        InputError: it is not that, or beyond the joints' limits.
+        InputError: the text is not six angles, or a joint limit is exceeded.
     """
     try:
         degrees = [float(v) for v in configuration.split(",")]

@@ -1,6 +1,6 @@
 """``a465 emulate``: an emulated controller as a program, alone or in the simulated cell of a task.
 
-Imports nothing of the cell unless a task is given, so the unit alone starts at once.
+Modules of the cell are imported only if a task is given, so that the controller alone starts fast.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from cell.sim.cell import SimulatedCell
 
 POLL_S = 0.1  # wall time
-BAD = ("pushed", "missed", "fallen")  # what happened to cubes that should not have
+BAD = ("pushed", "missed", "fallen")  # events that a correct run does not have
 
 
 def emulate_step(
@@ -41,30 +41,30 @@ def emulate_step(
     photographs: Path | None = None,
     hand_file: Path | None = None,
 ) -> None:
-    """Serve until a signal comes, then say what happened to the cubes, if there are any.
+    """Serve until a signal arrives, then report what happened to the cubes, if any.
 
     Args:
-        unit_name: default: that of the task's cell, or crs93.
-        link: symbolic link to make to the pseudo-terminal.
-        tcp: port to listen on too; 0 is any.
+        unit_name: default: that of the task's cell, else crs93.
+        link: symbolic link to create to the pseudo-terminal.
+        tcp: additional TCP port; 0 is any free one.
         time_scale: emulated seconds per wall second.
-        fault_file: faults to come.
-        log_file: takes every line.
-        task_file: of the cell around the arm; None leaves the arm alone.
-        world: truth of that cell; default: beside the task file.
-        photographs: folder that gets photographs of that cell (`cell.sim.photo_folder`).
-        hand_file: target that the gripper of that cell holds, about where the file says.
+        fault_file: faults to inject.
+        log_file: log of every line.
+        task_file: task of the cell around the arm; None: the controller alone.
+        world: ground truth of that cell; default: beside the task file.
+        photographs: folder for images of that cell (`cell.sim.photo_folder`).
+        hand_file: target in the gripper, near its nominal pose.
 
     Raises:
         InputError: unit, link, port, time scale, fault file, log, task, world or folder is wrong; nothing was served.
-        ExecutionStopped: the log or the folder cannot be written any more, or a port that was to come back is taken.
+        ExecutionStopped: the log or the folder cannot be written, or a port that should come back is taken.
     """
     if not 0.01 <= time_scale <= 100.0:
         raise InputError(f"time scale = {time_scale:g}: must be from 0.01 to 100", time_scale=time_scale)
     if link is not None and _is_dead(link):
-        link.unlink()  # of an emulated unit that was killed
+        link.unlink()  # left by an emulator that was killed
     if link is not None and os.path.lexists(link):
-        raise InputError(f"{link}: exists already; give a new name for the link", link=str(link))
+        raise InputError(f"{link}: exists already; choose another name for the link", link=str(link))
     if tcp is not None and not 0 <= tcp <= 65535:
         raise InputError(f"tcp = {tcp}: must be a port from 0 to 65535", tcp=tcp)
     keep_apart(log_file, fault_file, task_file, world)
@@ -94,10 +94,10 @@ def emulate_step(
         except OSError as error:
             raise InputError(f"emulate: --tcp {tcp}: {error.strerror}", link=str(link), tcp=tcp) from error
         if simulated is not None:
-            stack.callback(_tell_cubes, simulated)
-            print(f"around it the cell of {simulated.world.file}", flush=True)
+            stack.callback(_print_cubes, simulated)
+            print(f"simulated cell: {simulated.world.file}", flush=True)
         if camera is not None:
-            print(f"photographs go to {photographs} while the arm stands", flush=True)
+            print(f"images: {photographs}, written while the arm stands still", flush=True)
         while not over.wait(POLL_S):
             if log is not None:
                 log.check()
@@ -108,18 +108,18 @@ def emulate_step(
 
 
 def _is_dead(link: Path) -> bool:
-    """Whether a link leads to a pseudo-terminal that is gone."""
+    """Whether a link points to a pseudo-terminal that no longer exists."""
     return link.is_symlink() and os.readlink(link).startswith("/dev/pts/") and not link.exists()
 
 
 def _cell(
     task_file: Path | None, world: Path | None, photographs: Path | None, hand_file: Path | None
 ) -> SimulatedCell | None:
-    """The cell around the arm, if one is asked for."""
+    """Return the simulated cell of the task, or None."""
     if task_file is None:
         for name, value in (("--world", world), ("--photographs", photographs), ("--hand", hand_file)):
             if value is not None:
-                raise InputError(f"{name} needs --task: the unit alone has no cell", value=str(value))
+                raise InputError(f"{name} needs --task: there is no cell without it", value=str(value))
         return None
     from cell.files.task import read_task
     from cell.session.connection import simulated_cell
@@ -137,15 +137,15 @@ def _unit(name: str | None, simulated: SimulatedCell | None) -> Unit:
         return load_unit(name or "crs93")
     unit = simulated.cell.nominal_unit
     if name not in (None, unit.name):
-        raise InputError(f"--unit {name}: the cell of the task has {unit.name}; leave --unit out", unit=name)
+        raise InputError(f"--unit {name}: the task's cell has {unit.name}; leave out --unit", unit=name)
     return unit
 
 
-def _tell_cubes(simulated: SimulatedCell) -> None:
-    """What became of every cube, and everything that should not have happened to one."""
+def _print_cubes(simulated: SimulatedCell) -> None:
+    """Print the last event of every cube and all events in `BAD`."""
     events = tuple(simulated.events)
     counted = ", ".join(f"{n} {what}" for what, n in Counter(e.what for e in events).items())
-    print(f"cubes: {counted or 'none was touched'}")
+    print(f"cubes: {counted or 'none touched'}")
     last = {e.cube: e for e in events}
     for event in events:
         if event.what in BAD or event is last[event.cube]:

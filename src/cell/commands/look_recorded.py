@@ -1,4 +1,4 @@
-"""``a465 look --detections``: board poses from recorded corners, every scene with a verdict."""
+"""``a465 look --detections``: board poses from recorded marker corners, with a verdict for every scene."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from arm.io.storage import canonical_json, keep_apart, write_atomic
-from arm.poses import BoardPose, hole_poses
+from arm.poses import BoardPose
 from arm.se3 import Array
 from cell.config.cell_file import MADE_WITHIN_MM
 from cell.console import Console
@@ -22,7 +22,7 @@ from vision.markers.recorded import read_detections
 def detections_step(
     file: Path, task_file: Path | None, output: Path | None, console: Console
 ) -> dict[str, Any]:
-    """Poses of all scenes of a file; with a task, in the base frame of its cell, else in the camera's.
+    """Estimate the board poses of all scenes of a file, in the base frame of the task's cell or the camera frame.
 
     Raises:
         InputError: a file is wrong, or cannot be written.
@@ -41,13 +41,13 @@ def detections_step(
     result = {"scenes": [{"boards": [_to_json(recorded.board.name, s, camera.T_base_camera)]} for s in seen]}
     if output is not None:
         write_atomic(output, canonical_json(result) + "\n")
-    _tell(seen, camera.T_camera_base, bool(tilts), console)
+    _print_table(seen, camera.T_camera_base, bool(tilts), console)
     return result
 
 
 def _to_json(name: str, seen: BoardSeen, T_base_camera: Array) -> dict[str, Any]:
     pose = seen.pose
-    told = {
+    common = {
         "board": name,
         "verdict": "accepted" if seen.accepted else "refused",
         "reasons": [str(doubt) for doubt in seen.doubts],
@@ -62,23 +62,23 @@ def _to_json(name: str, seen: BoardSeen, T_base_camera: Array) -> dict[str, Any]
             "tilt_deg",
             "tilt_hypothesis",
         )
-        return {**told, **dict.fromkeys(empty), "holes": []}
-    return {**told, **pose_to_json(pose, T_base_camera), "tilt_deg": _tilt_deg(pose)}
+        return {**common, **dict.fromkeys(empty), "holes": []}
+    return {**common, **pose_to_json(pose, T_base_camera), "tilt_deg": _tilt_deg(pose)}
 
 
 def _tilt_deg(pose: BoardPose) -> float:
-    """Of the board's normal from the vertical; from the optical axis where the base frame is the camera's."""
+    """Angle of the board's normal to the base z-axis; to the optical axis if the camera frame is the base frame."""
     return float(np.degrees(np.arccos(np.clip(abs(pose.T_base_board[2, 2]), 0.0, 1.0))))
 
 
-def _tell(seen: list[BoardSeen], T_camera_base: Array, tilts: bool, console: Console) -> None:
+def _print_table(seen: list[BoardSeen], T_camera_base: Array, tilts: bool, console: Console) -> None:
     rows = [
         (
             number,
             *(1e3 * (T_camera_base @ s.pose.T_base_board)[:3, 3]),
             _tilt_deg(s.pose),
             *([member_words(s.pose)] if tilts else []),
-            1e3 * float(np.sqrt(np.trace(hole_poses(s.pose)[0].covariance[:3, :3]))),
+            1e3 * float(np.sqrt(np.trace(s.pose.holes[0].covariance[:3, :3]))),
             s.pose.residual_px,
             "accepted" if s.accepted else "refused",
         )
@@ -92,7 +92,7 @@ def _tell(seen: list[BoardSeen], T_camera_base: Array, tilts: bool, console: Con
         "y mm",
         "z mm",
         "tilt deg",
-        *(["of the set"] if tilts else []),
+        *(["tilt class"] if tilts else []),
         "std mm",
         "px",
         "verdict",

@@ -1,4 +1,4 @@
-"""``a465 new-cell``: a complete cell to start from, which works in the simulated cell at once.
+"""``a465 new-cell``: write a complete cell to start from, which works in simulation at once.
 
 Values come from the project's own scenes, comments from `cell.config.key_notes`.
 """
@@ -30,7 +30,7 @@ _COLUMNS = 110
 
 @dataclass(frozen=True)
 class _Source:
-    """A file of the new cell: the scene that it takes its values from, and what is said of them."""
+    """Source of a file of the new cell: the scene with its values, and its comments."""
 
     scene: str
     notes: Notes
@@ -48,20 +48,20 @@ _FILES = {
 
 
 def new_cell_step(folder: Path, unit: str | None, name: str | None, console: Console) -> dict[str, Any]:
-    """Write a cell into a new or empty folder, all of it or nothing, and tell what comes next.
+    """Write a cell to a new or empty folder, completely or not at all, and print the next steps.
 
     Args:
-        folder: to write.
-        unit: which arm; None is refused, for nothing else can tell.
-        name: of the cell, for the heads of its files; default: the folder's.
+        folder: folder to write.
+        unit: name of the arm; None is refused, because it cannot be detected.
+        name: name of the cell, for the heads of its files; default: that of the folder.
 
     Raises:
-        InputError: unit or name is wrong, or the folder cannot be had.
+        InputError: unit or name is wrong, or the folder cannot be written.
     """
     if unit is None:
         raise InputError(
-            f"--unit is missing: say which arm it is, {' or '.join(UNITS)}; the controller cannot tell, and with "
-            "another unit's zeros and registers angles are wrong by up to 11 degrees",
+            f"--unit is missing: must be {' or '.join(UNITS)}; the controller cannot report it, and with the other "
+            "unit's zeros angles are wrong by up to 11 degrees",
             option="--unit",
             choices=list(UNITS),
         )
@@ -69,19 +69,19 @@ def new_cell_step(folder: Path, unit: str | None, name: str | None, console: Con
         raise InputError(f"--unit {unit}: must be one of {', '.join(UNITS)}", unit=unit)
     place = folder.resolve()
     _require_free(folder, place)
-    called = _require_name(place.name if name is None else name)
-    texts = cell_files(unit, called)
+    title = _require_name(place.name if name is None else name)
+    texts = cell_files(unit, title)
     _write_all(folder, place, texts)
     console.say(
-        f"{folder}: the cell {called!r} with the arm {unit}, in {len(texts)} files; what to measure is in them"
+        f"{folder}: cell {title!r} with arm {unit}, {len(texts)} files; their comments say what to measure"
     )
     commands = next_commands(folder, unit)
-    console.say("\nNext, in this order; the first three need no hardware:")
+    console.say("\nNext steps; the first three need no hardware:")
     for why, line in commands:
         console.say(f"\n# {why}\n{line}")
     return {
         "folder": str(folder),
-        "name": called,
+        "name": title,
         "unit": unit,
         "files": sorted(texts),
         "next": [{"why": why, "command": line} for why, line in commands],
@@ -89,7 +89,7 @@ def new_cell_step(folder: Path, unit: str | None, name: str | None, console: Con
 
 
 def cell_files(unit: str, name: str) -> dict[str, str]:
-    """Text of every file of a new cell, by its name in the folder."""
+    """Return the text of every file of a new cell, by its name in the folder."""
     scenes = {file: tomllib.loads(read_text(data_file(source.scene))) for file, source in _FILES.items()}
     scenes["cell.toml"] |= {"unit": unit, "camera": "camera.toml"}
     scenes["camera.toml"]["calibration"] = {"id": PLACEHOLDER}
@@ -100,16 +100,16 @@ def cell_files(unit: str, name: str) -> dict[str, str]:
 
 
 def next_commands(folder: Path, unit: str) -> list[tuple[str, str]]:
-    """What the user of a real cell does next, in this order: why, and the command."""
+    """Return the next steps of a user with a real cell: pairs of purpose and command."""
 
     def at(name: str) -> str:
         return shlex.quote(str(folder / name))
 
     task, port, camera = at("task2.toml"), "--port /dev/mars", "--camera name:MY-CAMERA"
     return [
-        ("try it: four cubes in the simulated cell", f"a465 run {task}"),
+        ("try it: move four cubes in the simulated cell", f"a465 run {task}"),
         (
-            f"measure, and edit {at('cell.toml')}; how near is the arm to what, at any joints?",
+            f"measure, edit {at('cell.toml')}, and list the closest bodies at a configuration",
             f"a465 check {at('cell.toml')} --q=-60,-40,-80,0,-60,0",
         ),
         (
@@ -117,30 +117,33 @@ def next_commands(folder: Path, unit: str) -> list[tuple[str, str]]:
             f"a465 calibrate hand-eye {at('rehearsal.json')} --collect {task} --target {at('hand.toml')}",
         ),
         (
-            f"is everything there? (that the arm is {unit} you have to know)",
+            f"check the installation and devices (a465 cannot verify that the arm is {unit})",
             f"a465 doctor --cell {task} {port} {camera}",
         ),
         (
-            f"find the lens; then add [pose] of {at('camera.toml')} to it, and name it in the cell file",
+            f"calibrate the lens; then copy [pose] from {at('camera.toml')} into it, and name it in the cell file",
             f"a465 calibrate camera {at('lens')} --live {camera} -o {at('lens.toml')}",
         ),
         (
-            f"print {at('hand.toml')}'s board, put it into the hand, clear the table; emergency stop at hand",
+            f"print the board of {at('hand.toml')}, put it into the gripper, clear the table; emergency stop at hand",
             f"a465 calibrate hand-eye {at('recorded.json')} --collect {task} --target {at('hand.toml')} "
             f"{port} {camera} --speed 0.1 -o {at('calibration.toml')} --apply",
         ),
-        ("set up boards and cubes; what is seen?", f"a465 look {task} {camera} -o {at('look.json')}"),
-        ("plan it, and look at the plan", f"a465 plan {task} --look {at('look.json')} -o {at('plan.json')}"),
         (
-            "it opens in a browser, and shows the code that the next command asks for",
+            "set up boards and cubes, and detect them",
+            f"a465 look {task} {camera} -o {at('look.json')}",
+        ),
+        ("plan", f"a465 plan {task} --look {at('look.json')} -o {at('plan.json')}"),
+        (
+            "preview the plan in a browser; the page shows the code that execute needs",
             f"a465 preview {at('plan.json')} {task} -o {at('plan.html')}",
         ),
-        ("slowly first", f"a465 execute {at('plan.json')} {task} {port} {camera} --speed 0.1"),
+        ("execute slowly first", f"a465 execute {at('plan.json')} {task} {port} {camera} --speed 0.1"),
         (
-            "again, while the unit stays switched on: nothing is homed among the boards",
+            "repeat while the unit stays switched on, without homing among the boards",
             f"a465 execute {at('plan.json')} {task} {port} {camera} --speed 0.1 --homed",
         ),
-        ("all of it in one, every look included", f"a465 run {task} {port} {camera} --speed 0.1"),
+        ("do it all in one command", f"a465 run {task} {port} {camera} --speed 0.1"),
     ]
 
 
@@ -153,31 +156,29 @@ def _require_name(name: str) -> str:
 
 
 def _require_free(folder: Path, place: Path) -> None:
-    """A folder that is not there, or that holds nothing and can be replaced."""
+    """Refuse a folder that is not empty or cannot be replaced."""
     if place == Path.cwd():
         raise InputError(
-            f"{folder}: is the folder that you are in, which cannot be replaced; give a new one, such as my-cell",
+            f"{folder}: is the current folder and cannot be replaced; give a new one, such as my-cell",
             folder=str(folder),
         )
     try:
         held = sorted(os.listdir(place)) if os.path.lexists(place) else []
     except OSError as error:
-        raise InputError(
-            f"{folder}: is no folder to write into: {error.strerror}", folder=str(folder)
-        ) from error
+        raise InputError(f"{folder}: is not a usable folder: {error.strerror}", folder=str(folder)) from error
     if held:
         raise InputError(
-            f"{folder}: holds something already ({held[0]}); give a new or an empty folder",
+            f"{folder}: is not empty ({held[0]}); give a new or an empty folder",
             folder=str(folder),
             holds=held[0],
         )
 
 
 def _write_all(folder: Path, place: Path, texts: Mapping[str, str]) -> None:
-    """All files or none: into a folder beside, which then gets the name.
+    """Write all files or none: write a temporary folder, then rename it.
 
     Raises:
-        InputError: it cannot be written, or somebody has put something there meanwhile.
+        InputError: the folder cannot be written, or is no longer empty.
     """
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -192,13 +193,13 @@ def _write_all(folder: Path, place: Path, texts: Mapping[str, str]) -> None:
 
 
 def _commented(values: Mapping[str, Any], notes: Notes, name: str) -> str:
-    """A TOML file with a comment above every key."""
+    """Return a TOML file with a comment above every key."""
     lines = [*_comment(notes[""].replace("{name}", name)), *_table(values, notes, "")]
     return "\n".join(lines) + "\n"
 
 
 def _table(values: Mapping[str, Any], notes: Notes, prefix: str) -> Iterator[str]:
-    """The lines of a table, its own keys first, as TOML wants it."""
+    """Yield the lines of a table, its own keys before its sub-tables, as TOML requires."""
     tables = {key: value for key, value in values.items() if _is_tables(value)}
     for key, value in values.items():
         if key not in tables:

@@ -1,4 +1,4 @@
-"""``a465 plan-poses``: a list of poses and configurations as a certified plan file."""
+"""``a465 plan-poses``: turn a list of poses and configurations into a certified plan file."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ def plan_poses_step(
     console: Console,
     budget: SearchBudget | None = None,
 ) -> dict[str, Any]:
-    """Plan from q_start through the whole list and write the plan file; what was planned, as JSON types.
+    """Plan from q_start through the whole list, write the plan file and return a summary as JSON types.
 
     Args:
-        place_file: a task file, or a cell file.
+        place_file: task file or cell file.
         poses_file: the list; see `cell.files.pose_list.read_pose_list`.
-        look: what was seen, or None: table and walls alone.
-        output: the plan file.
-        reading: what bare numbers of the list mean.
+        look: detected boards; None: only the table and the walls.
+        output: plan file to write.
+        reading: units and frame of entries that state none.
         speed: see `cell.session.speed`; default: the cell's.
-        back: whether the arm goes back to q_start in the end.
+        back: whether the arm returns to q_start at the end.
 
     Raises:
         InputError: a file or value is wrong.
-        ImpossibleError: names the entry that cannot be reached, or is too near to something.
+        ImpossibleError: an entry (named) is out of reach or has too little clearance.
     """
     keep_apart(output, place_file, poses_file, look)
     task = read_place(place_file)
@@ -69,14 +69,14 @@ def plan_poses_step(
     console.say(
         f"{len(poses.entries)} entries, {plan.duration_s:.1f} s at speed {plan.speed:g}, "
         f"{tool_words(plan, task.cell)}, "
-        f"at least {least:.1f} mm clear of everything"
+        f"clearance at least {least:.1f} mm"
     )
     warn_of(plan, console)
     if seen is None:
-        console.say("of table and walls alone: boards and cubes are not in this plan (--look FILE)")
+        console.say("this plan considers only the table and the walls; add boards and cubes with --look FILE")
     if any(entry.jaws for entry in poses.entries):
-        console.say("what the jaws hold is not known, so nothing is said about it")
-    console.say(f"plan {plan.sha256[:12]} is in {output}")
+        console.say("objects in the jaws are unknown and not checked for collisions")
+    console.say(f"plan {plan.sha256[:12]} written to {output}")
     return {
         "plan": str(output),
         "plan_sha256": plan.sha256,

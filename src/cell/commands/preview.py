@@ -1,4 +1,4 @@
-"""``a465 preview``: of a plan with its task, or of a log; each imports only what it needs."""
+"""``a465 preview`` of a plan with its task, or of a log. Each branch imports only what it needs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cell.console import Console
 
 
 def preview_file(file: Path, task: Path | None, output: Path | None, console: Console) -> dict[str, Any]:
-    """Write the page of a plan or of a log, told by what is in the file; by default beside it."""
+    """Write the page of a plan or a log, as the content of the file decides; by default beside the file."""
     from driver.log.read import is_log
 
     keep_apart(output, file, task)
@@ -21,7 +21,7 @@ def preview_file(file: Path, task: Path | None, output: Path | None, console: Co
         return preview_log(file, task, output or file.with_suffix(".html"), console)
     if task is None:
         raise InputError(
-            f"{file} is no log of a run, and a plan is shown in the cell of its task: a465 preview {file} TASK",
+            f"{file} is not a log; if it is a plan, give its task file too: a465 preview {file} TASK",
             file=str(file),
         )
     from cell.commands.steps import preview_step

@@ -1,4 +1,4 @@
-"""The main job from the command line: a whole task, or a plan file that was made before."""
+"""``a465 run`` and ``a465 execute``: run a whole task, or execute an existing plan file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cell.report.run_folder import LOG, run_folder
 from cell.report.run_report import report_of
 from cell.session.connection import WhichCell, open_cell
 from cell.session.keyboard import HELP, hint, keyboard
-from cell.session.observer import Watcher
+from cell.session.observer import RunObserver
 from cell.session.speed import override_of, planning_speed, tool_words
 from cell.task.look import nominal_width
 from cell.task.plan_matches import replayed, require_match, require_scene, require_start_at
@@ -42,25 +42,25 @@ def run_task(
     folder: Path | None = None,
     advice: bool = False,
     confirm: Confirm | None = None,
-    watcher: Watcher | None = None,
+    watcher: RunObserver | None = None,
     budget: SearchBudget | None = None,
 ) -> dict[str, Any]:
-    """Do a whole task; its report as JSON types.
+    """Run a whole task and return its report as JSON types.
 
     Args:
-        task_file: the task.
-        console: where it is told.
-        where: the cell it is done in.
-        folder: of the run; None: a new one.
-        advice: a refusal to plan says what would help.
-        confirm: see `opened`; a real arm has one (`cell.task.approval`).
-        watcher: follows the run.
-        budget: of each search for a plan.
+        task_file: task to run.
+        console: output.
+        where: cell to run it in.
+        folder: run folder; None: a new one.
+        advice: if planning is refused, search for a change that would help.
+        confirm: see `opened`; required for a real arm (`cell.task.approval`).
+        watcher: observer of the run.
+        budget: budget of each planning search.
 
     Raises:
         InputError: a file, value or port is wrong.
         ImpossibleError: a board was not found, a hole is out of reach, or there is no plan; nothing moved, or the arm
-            stands at q_start.
+            is at q_start.
         ExecutionStopped: motion stopped; the state is in the error's data.
     """
     task = read_task(task_file)
@@ -86,23 +86,24 @@ def execute_plan(
     where: WhichCell = SIMULATED,
     folder: Path | None = None,
     confirm: ConfirmPlan | None = None,
-    watcher: Watcher | None = None,
+    watcher: RunObserver | None = None,
 ) -> dict[str, Any]:
-    """Execute a plan file if it holds and matches the cell of now; its report as JSON types.
+    """Execute a plan file if it is valid and matches the present cell; return the report as JSON types.
 
     Args:
-        plan_file, task_file: what to execute, and in which cell.
-        console: where it is told.
-        where: the cell; its speed lowers all velocities of the plan, see `cell.session.speed`.
-        folder: of the run; None: a new one.
-        confirm: see `opened`, of this plan; a real arm has one (`cell.task.approval`).
-        watcher: follows the run.
+        plan_file: plan to execute.
+        task_file: task with the cell of the plan.
+        console: output.
+        where: cell to execute it in; its speed lowers all velocities of the plan (`cell.session.speed`).
+        folder: run folder; None: a new one.
+        confirm: as in `opened`, called with this plan too; required for a real arm (`cell.task.approval`).
+        watcher: observer of the run.
 
     Raises:
         InputError: a file, value or port is wrong.
-        ImpossibleError: the plan does not hold, is for another cell, or a board or cube is not where the plan has it;
-            the arm stands, at most moved to q_start.
-        ExecutionStopped: motion stopped, or something changed on the way; the state is in the error's data.
+        ImpossibleError: the plan is invalid or for another cell, or a board or cube is not where the plan expects it;
+            nothing moved, or the arm is at q_start.
+        ExecutionStopped: motion stopped, or the cell changed during the run; the state is in the error's data.
     """
     task, plan = read_task(task_file), read_plan(plan_file)
     control = Control(ceiling=override_of(plan, where.speed))
@@ -111,8 +112,8 @@ def execute_plan(
     require_start_at(task, plan)
     speed = f"speed {plan.speed * control.ceiling:g}"
     speed += f", lowered from the plan's {plan.speed:g}" if control.ceiling < 1.0 else ""
-    told = f"; {tool_words(plan, task.cell, control.ceiling)}" if moves else ""
-    console.step(f"plan {plan.sha256[:12]}: {len(moves)} moves hold and match this cell; {speed}{told}")
+    tool = f"; {tool_words(plan, task.cell, control.ceiling)}" if moves else ""
+    console.step(f"plan {plan.sha256[:12]}: {len(moves)} moves verified for this cell; {speed}{tool}")
     with opened(task, console, where, plan.speed, folder, control, _of_plan(confirm, plan), watcher) as run:
         run.followed = plan_file if plan.task["cubes"] else None
         before = run.try_look("before anything moves")
@@ -143,24 +144,24 @@ def resume_plan(
     where: WhichCell,
     folder: Path | None = None,
     confirm: ConfirmPlan | None = None,
-    watcher: Watcher | None = None,
+    watcher: RunObserver | None = None,
     budget: SearchBudget | None = None,
 ) -> dict[str, Any]:
-    """Go on after a stop, from where the arm is: what the plan was to do and is not done is planned anew.
+    """Continue after a stop: replan the remaining work of a plan from where the arm is.
 
     Raises:
         InputError: a file, value or port is wrong.
-        ImpossibleError: the plan is for another cell, the unit lost its positions, or there is no certified way.
+        ImpossibleError: the plan is for another cell, the unit lost its positions, or no certified motion was found.
         ExecutionStopped: motion stopped; the state is in the error's data.
     """
     if where.port is None:
-        raise InputError("--resume needs --port: a simulated cell begins anew with every command", port=None)
+        raise InputError("--resume needs --port: every command starts a new simulated cell", port=None)
     task, plan = read_task(task_file), read_plan(plan_file)
     control = Control(ceiling=override_of(plan, where.speed))
     require_match(task, plan)
     if not plan.task.get("cubes"):
         raise ImpossibleError(
-            f"{plan_file}: moves no cubes, so nothing tells what of it is left; execute all of it again",
+            f"{plan_file}: the plan moves no cubes, so its remaining part is unknown; execute it again as a whole",
             file=str(plan_file),
         )
     with opened(task, console, where, plan.speed, folder, control, _of_plan(confirm, plan), watcher) as run:
@@ -171,7 +172,7 @@ def resume_plan(
 
 
 def _of_plan(confirm: ConfirmPlan | None, plan: Plan) -> Confirm | None:
-    """Ask about this very plan, whatever the file holds by now."""
+    """Bind the confirmation to the plan as read: the file may have changed since."""
     return None if confirm is None else lambda run: confirm(run, plan)
 
 
@@ -181,40 +182,40 @@ def opened(
     console: Console,
     where: WhichCell,
     speed: float,
-    asked: Path | None,
+    chosen: Path | None,
     control: Control,
     confirm: Confirm | None = None,
-    watcher: Watcher | None = None,
+    watcher: RunObserver | None = None,
 ) -> Iterator[TaskRun]:
-    """A run on an open cell; however it ends, its folder tells how.
+    """Open a cell and yield a run in it. A report is written to the run folder however the run ends.
 
     Args:
-        task: that is run.
-        console: where it is told.
-        where: the cell to open.
-        speed: factor of velocities that is planned with.
-        asked: folder of the run; None: a new one.
-        control: of the execution.
-        confirm: asks a person, before keys mean anything else; raises if the answer is no.
-        watcher: follows the run.
+        task: task to run.
+        console: output.
+        where: cell to open.
+        speed: fraction of the speed registers that plans use.
+        chosen: run folder; None: a new one.
+        control: control of the execution.
+        confirm: called before anything moves, to ask the operator; raises on refusal.
+        watcher: observer of the run.
     """
     with (
         console.heard(),
         interruptible(ends=True),
-        run_folder(asked, task.name) as folder,
+        run_folder(chosen, task.name) as folder,
         open_cell(task, where, folder / LOG) as connection,
     ):
         control.tell = console.step
         run = TaskRun(task, connection, console, speed, folder, control, watcher=watcher)
         run.homed_before, run.preload, run.write_page = where.homed, where.preload, write_page
-        let_move = confirm is None
+        permitted = confirm is None
         try:
             run.introduce()
-            if run.homed_before:  # the unit is asked again before anything moves
+            if run.homed_before:  # queried again before anything moves
                 refuse_unhomed(task.cell.unit, run.connection.mars.counters())
             if confirm is not None:
                 confirm(run)
-                let_move = True
+                permitted = True
             with keyboard(control) as keys:
                 if keys:
                     console.say(HELP)
@@ -222,19 +223,19 @@ def opened(
                 yield run
         except KeyboardInterrupt:
             caught()
-            raise _ended(run, _interrupted(connection.mars, let_move), where) from None
+            raise _ended(run, _interrupted(connection.mars, permitted), where) from None
         except A465Error as error:
-            end = _ended(run, _told(run, error), where)
+            end = _ended(run, _with_state(run, error), where)
             if end is error:
                 raise
             raise end from error
 
 
-def _interrupted(mars: Mars, let_move: bool) -> ExecutionStopped:
-    """The end by an interrupt that came between motions; with the arm's state, if there is an arm that was let move."""
-    if not let_move:
+def _interrupted(mars: Mars, permitted: bool) -> ExecutionStopped:
+    """Return the error of an interrupt between motions, with the arm's state if the arm was allowed to move."""
+    if not permitted:
         return ExecutionStopped(
-            "interrupted before the arm was let move; nothing moved", reason="interrupted"
+            "interrupted before the arm was allowed to move; nothing moved", reason="interrupted"
         )
     if not mars.link.identified:
         return ExecutionStopped("interrupted before anything was sent; nothing moved", reason="interrupted")
@@ -245,8 +246,8 @@ def _interrupted(mars: Mars, let_move: bool) -> ExecutionStopped:
     )
 
 
-def _told(run: TaskRun, error: A465Error) -> A465Error:
-    """The error as the end of a run: where the arm has moved, its state is part of what is told."""
+def _with_state(run: TaskRun, error: A465Error) -> A465Error:
+    """Add the arm's state to an error that ends a run in which the arm may have moved."""
     mars = run.connection.mars
     stopped = isinstance(error, ExecutionStopped)
     if (
@@ -262,7 +263,7 @@ def _told(run: TaskRun, error: A465Error) -> A465Error:
 
 
 def _ended(run: TaskRun, error: A465Error, where: WhichCell) -> A465Error:
-    """Write and tell what a run that ends by an error has done, and how to go on."""
+    """Write the report of a run that an error ended, and print how to resume it."""
     error.data["folder"] = str(run.folder)
     words: list[str] = []
     port, images, camera = where.port, where.images, where.camera
@@ -273,12 +274,12 @@ def _ended(run: TaskRun, error: A465Error, where: WhichCell) -> A465Error:
         words += [] if camera is None else ["--camera", camera]
         words += ["--preload"] if where.preload else []
         words += ["--speed", f"{run.speed * run.control.override:.4g}"] if run.control.override < 1.0 else []
-    with suppress(OutputLost):  # the error itself is told on standard error, and must not be lost for this
+    with suppress(OutputLost):  # must not replace the error, which is printed on standard error
         run.write_report(report_of(error))
         if isinstance(error, ExecutionStopped):
             if "cubes" not in error.data:  # else the table was printed
                 run.tell_rows()
-            run.console.say(f"what was seen, planned and sent is in {run.folder}")
+            run.console.say(f"images, plans and the log are in {run.folder}")
             if words:
                 run.console.say(f"to go on: {shlex.join([*words, '--resume'])}")
     return error

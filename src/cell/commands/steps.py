@@ -1,4 +1,4 @@
-"""The single steps of the main job, one file between each and the next; each gives what its verb prints as JSON."""
+"""The single steps of a task, connected by files. Each step returns the JSON object that its command prints."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from cell.session.budget import within
 from cell.session.speed import planning_speed, tool_words
 from cell.task.planning import plan_rest, reach_of, require_above_table
 from plan.budget import PlanningInterrupted, SearchBudget
-from plan.options import told_clearance
+from plan.options import clearance_words
 
 if TYPE_CHECKING:
     from vision.camera.frame_source import FrameSource
@@ -36,7 +36,7 @@ def look_step(
     console: Console,
     camera: str | None = None,
 ) -> dict[str, Any]:
-    """``a465 look``: photographs from a camera or a folder, or of the simulated cell with the arm at q_start."""
+    """``a465 look``: images from a camera, a folder, or the simulated cell with the arm at q_start."""
     from cell.session.cameras import require_one_camera
     from cell.task.look import look_and_save
 
@@ -79,11 +79,10 @@ def _simulated_frames(task: Task, world: Path | None) -> Any:
 
 
 def _print_look(seen: Seen, console: Console) -> None:
-    from arm.poses import hole_poses
 
     rows = []
     for board in seen.boards:
-        for hole, state in zip(hole_poses(board.pose), board.occupancy, strict=True):
+        for hole, state in zip(board.pose.holes, board.occupancy, strict=True):
             x, y, z = 1e3 * hole.T_base_hole[:3, 3]
             std = 1e3 * float(np.sqrt(np.trace(hole.covariance[:3, :3])))
             rows.append((hole.name, float(x), float(y), float(z), std, state))
@@ -96,7 +95,7 @@ def _print_look(seen: Seen, console: Console) -> None:
 
 def reach_step(task_file: Path, look_file: Path, console: Console, advice: bool = False) -> dict[str, Any]:
     """``a465 reach``."""
-    from cell.task.explain import explained
+    from cell.task.explain import explain_failure
 
     task = read_task(task_file)
     seen = read_seen(look_file, task.cell.boards)
@@ -105,15 +104,15 @@ def reach_step(task_file: Path, look_file: Path, console: Console, advice: bool 
     table = reach_of(task, seen)
     console.table(
         ("hole", "choices", "best branch", "yaw", "what limits it"),
-        [(h.hole, len(h.serving()), h.best.branch, h.best.yaw, h.best.reason()) for h in table.holes],
+        [(h.hole, len(h.feasible()), h.best.branch, h.best.yaw, h.best.reason()) for h in table.holes],
     )
-    with explained(task, seen, task.cell.q_start, task.cell.speed, advice, every_hole=True):
+    with explain_failure(task, seen, task.cell.q_start, task.cell.speed, advice, every_hole=True):
         table.require()
     return {
         "holes": [
             {
                 "hole": h.hole,
-                "choices": len(h.serving()),
+                "choices": len(h.feasible()),
                 "branch": h.best.branch,
                 "yaw": h.best.yaw,
                 "joint": h.best.joint,
@@ -133,12 +132,12 @@ def plan_step(
     advice: bool = False,
     budget: SearchBudget | None = None,
 ) -> dict[str, Any]:
-    """``a465 plan``: from q_start, all cubes that were seen.
+    """``a465 plan``: plan all detected cubes, starting at q_start.
 
     Raises:
-        ExecutionStopped: Ctrl-C was pressed, and the best plan that was complete by then is written.
+        ExecutionStopped: Ctrl-C was pressed; the best complete plan found by then is written.
     """
-    from cell.task.explain import explained
+    from cell.task.explain import explain_failure
 
     keep_apart(output, task_file, look_file)
     task = read_task(task_file)
@@ -147,22 +146,22 @@ def plan_step(
     speed, q_start = planning_speed(task.cell, speed), task.cell.q_start
     stopped: PlanningInterrupted | None = None
     try:
-        with within(budget), explained(task, seen, q_start, speed, advice):
+        with within(budget), explain_failure(task, seen, q_start, speed, advice):
             plan = plan_rest(task, seen, q_start, speed, {}, {})
     except PlanningInterrupted as stop:
         stopped, plan = stop, stop.plan
     if plan is None:
-        raise ImpossibleError(f"board {task.from_board.name} holds no cube, so there is nothing to plan")
+        raise ImpossibleError(f"board {task.from_board.name} holds no cube: there is nothing to plan")
     write_plan(output, plan)
     _print_plan(plan, task.cell, console)
     if stopped is not None:
         raise ExecutionStopped(
-            f"{stopped}; it is in {output}, certified, code {plan.code}",
+            f"{stopped}; it is written to {output}, certified, code {plan.code}",
             plan=str(output),
             reason="interrupted",
         )
-    console.say(f"clearances are those of bodies as the cell file has them; {arm_shape(task.cell)}")
-    console.say(f"plan {plan.sha256[:12]} is in {output}")
+    console.say(f"clearances refer to the bodies of the cell file; {arm_shape(task.cell)}")
+    console.say(f"plan {plan.sha256[:12]} written to {output}")
     return {
         "plan": str(output),
         "plan_sha256": plan.sha256,
@@ -190,10 +189,10 @@ def _print_plan(plan: Plan, cell: Cell, console: Console) -> None:
 
 
 def warn_of(plan: Plan, console: Console) -> None:
-    """Tell of a plan that was asked for less clearance than is usual, and of a search that ended early."""
-    for told in (told_clearance(plan.provenance["options"]), plan.notes.get("search")):
-        if told:
-            console.say(f"NOTE: {told}")
+    """Print a note if the plan keeps less than the default clearance or its search ended early."""
+    for note in (clearance_words(plan.provenance["options"]), plan.notes.get("search")):
+        if note:
+            console.say(f"NOTE: {note}")
 
 
 def _move_to_json(move: Move) -> dict[str, Any]:
@@ -207,7 +206,7 @@ def _move_to_json(move: Move) -> dict[str, Any]:
 
 
 def preview_step(plan_file: Path, task_file: Path, output: Path, console: Console) -> dict[str, Any]:
-    """``a465 preview``; a plan that is not for the cell of now is shown with a warning."""
+    """``a465 preview``; a plan that does not match the present cell is shown with a warning."""
     from cell.files.place import read_place
     from cell.preview.of_plan import write_page
     from cell.task.plan_matches import require_match
@@ -217,17 +216,15 @@ def preview_step(plan_file: Path, task_file: Path, output: Path, console: Consol
     try:
         require_match(task, plan)
     except ImpossibleError as error:
-        if "unit" in error.data["differing"]:  # counts mean other angles on it
+        if "unit" in error.data["differing"]:  # on another unit, the same counts are other angles
             raise
         warning = str(error)
     write_page(task, plan, output)
     if warning is not None:
-        console.say(
-            f"WARNING: {warning}; the page shows it, in the cell of now, but it would not be executed"
-        )
+        console.say(f"WARNING: {warning}; the page shows it in the present cell, but execute would refuse it")
     console.say(f"open {output} in a browser")
-    told = {"page": str(output), "plan_sha256": plan.sha256, "bytes": output.stat().st_size}
-    return told if warning is None else {**told, "warning": warning}
+    result = {"page": str(output), "plan_sha256": plan.sha256, "bytes": output.stat().st_size}
+    return result if warning is None else {**result, "warning": warning}
 
 
 def render_step(
@@ -245,5 +242,5 @@ def render_step(
         path = output / f"photograph-{number:03d}.png"
         write_png(path, image)
         names.append(str(path))
-    console.say(f"{len(names)} photographs in {output}")
+    console.say(f"{len(names)} images written to {output}")
     return {"photographs": names}

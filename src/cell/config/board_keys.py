@@ -1,4 +1,4 @@
-"""What the cell file says of looking at boards: tilts of the stands, and how certain a pose must be."""
+"""Keys of the cell file about boards: tilts of the stands, pockets, and the accuracy that a pose needs."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from arm.board import CUBE_SEAT_DEPTH, POCKET_FLOOR, POCKET_MOUTH, seat_depth
 from arm.io.toml_reader import TomlTable
 from vision.boards.checks import BoardLimits
 
-LEAST_FUNNEL = 1e-3  # m between the widths of a mouth and of a floor
-SEAT_TOLERANCE = 1e-3  # m by which a cube may sit deeper or less deep than looks and plans take for granted
+LEAST_FUNNEL = 1e-3  # least difference between the widths of mouth and floor, m
+SEAT_TOLERANCE = 1e-3  # largest deviation of a cube's depth from `CUBE_SEAT_DEPTH`, m
 
 DICTIONARIES = (
     *(f"DICT_{side}X{side}_{count}" for side in (4, 5, 6, 7) for count in (50, 100, 250, 1000)),
@@ -20,14 +20,14 @@ DICTIONARIES = (
     "DICT_APRILTAG_36h10",
     "DICT_APRILTAG_36h11",
 )
-"""OpenCV's; written out, because reading a cell file need not load OpenCV."""
+"""OpenCV's dictionaries, listed here so that reading a cell file does not load OpenCV."""
 
 
 def read_tilts(boards: TomlTable) -> tuple[float, ...]:
-    """``tilts_deg`` of ``[boards]`` in rad, ascending; none if the key is not there.
+    """Return ``tilts_deg`` of ``[boards]`` in rad, ascending; empty without the key.
 
     Raises:
-        FileInputError: not different numbers from 0 to 45.
+        FileInputError: the values are not distinct numbers from 0 to 45.
     """
     if "tilts_deg" not in boards:
         return ()
@@ -43,36 +43,42 @@ def read_tilts(boards: TomlTable) -> tuple[float, ...]:
 
 
 def read_pocket(boards: TomlTable, cube: TomlTable, cube_size: float) -> tuple[float, float]:
-    """``pocket_mm`` of ``[boards]``, widths of mouth and floor in m, into which a cube of `cube_size` m must fit.
+    """Return ``pocket_mm`` of ``[boards]``: widths of mouth and floor, m.
+
+    Args:
+        boards: table ``[boards]``.
+        cube: table ``[cube]``, for messages.
+        cube_size: edge of the cubes, m.
 
     Raises:
-        FileInputError: no funnel, or the cube does not wedge in it as deep as looks and plans take for granted.
+        FileInputError: the pocket is no funnel, or a cube does not wedge in it at the depth that detection and
+            planning assume.
     """
     mouth, floor = POCKET_MOUTH, POCKET_FLOOR
     if "pocket_mm" in boards:
         mouth, floor = (float(v) for v in boards.numbers("pocket_mm", 2, "mm", 5, 60) / 1e3)
     if not mouth - floor >= LEAST_FUNNEL:
-        raise boards.error("pocket_mm", "must be the mouth's width and the floor's, at least 1 mm less")
+        raise boards.error("pocket_mm", "must be the widths of mouth and floor, the floor at least 1 mm less")
     shape = f"pockets are {1e3 * mouth:g} mm wide at the mouth and {1e3 * floor:g} mm at the floor (boards.pocket_mm)"
     if cube_size > mouth:
-        raise cube.error("size_mm", f"must fit its pocket, and does not go into the mouth: {shape}")
+        raise cube.error("size_mm", f"must fit the pocket, but is wider than its mouth: {shape}")
     if cube_size < floor:
-        raise cube.error("size_mm", f"must fit its pocket, and would lie loose on the floor: {shape}")
+        raise cube.error("size_mm", f"must fit the pocket, but would lie loose on its floor: {shape}")
     depth = seat_depth(cube_size, (mouth, floor))
     if abs(depth - CUBE_SEAT_DEPTH) > SEAT_TOLERANCE:
         raise cube.error(
             "size_mm",
-            f"must fit its pocket {1e3 * CUBE_SEAT_DEPTH:g} mm deep, to {1e3 * SEAT_TOLERANCE:g} mm, and would wedge "
-            f"{1e3 * depth:.1f} mm deep: {shape}",
+            f"must wedge in the pocket {1e3 * CUBE_SEAT_DEPTH:g} mm deep within {1e3 * SEAT_TOLERANCE:g} mm, but would "
+            f"wedge {1e3 * depth:.1f} mm deep: {shape}",
         )
     return mouth, floor
 
 
 def read_board_limits(look: TomlTable) -> BoardLimits:
-    """``least_certain_mm``, ``least_certain_height_mm`` and ``least_certain_deg`` of ``[look]``.
+    """Read ``least_certain_mm``, ``least_certain_height_mm`` and ``least_certain_deg`` of ``[look]``.
 
     Raises:
-        FileInputError: a value breaks its rule.
+        FileInputError: a value is out of range.
     """
     default = BoardLimits()
     sideways = look.number("least_certain_mm", "mm", 0.01, 10, default=1e3 * default.sideways_m)

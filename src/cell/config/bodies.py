@@ -1,4 +1,4 @@
-"""A body as a table of a cell file or scene fixture: a box unless its `shape` says otherwise."""
+"""Bodies from tables of a cell file or scene file: boxes unless `shape` says otherwise."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ FARTHEST_MM, LARGEST_MM = 5000, 10000
 
 
 def read_body(table: TomlTable, kind: str) -> Body:
-    """The body of a table; all its keys must be known.
+    """Read a body from a table. Unknown keys are refused.
 
-    Keys: `name`; `shape` of `SHAPES` (default box, or mesh where there is a `mesh`); the shape's lengths
-    (`size_mm` | `radius_mm`, `length_mm` | `mesh`, `mesh_unit`); `centre_mm`, or `origin_mm` of a mesh, which is where
-    the origin of its file goes; `rpy_deg` (see `read_pose`).
+    Keys: `name`; `shape`, one of `SHAPES` (default: mesh if there is a key `mesh`, else box); the shape's lengths
+    (`size_mm` | `radius_mm`, `length_mm` | `mesh`, `mesh_unit`); `centre_mm`, or for a mesh `origin_mm`, the position
+    of its file's origin; `rpy_deg` (see `read_pose`).
 
     Raises:
-        InputError: with file, key, value and rule.
+        InputError: a value is wrong; names file, key, value and rule.
     """
     name = table.text("name")
     shape = read_shape(table)
@@ -34,10 +34,10 @@ def read_body(table: TomlTable, kind: str) -> Body:
 
 
 def read_shape(table: TomlTable) -> Shape:
-    """The shape that a table states; see `read_body`.
+    """Read the shape of a table; see `read_body`.
 
     Raises:
-        InputError: with file, key, value and rule.
+        InputError: a value is wrong; names file, key, value and rule.
     """
     match table.text("shape", choices=SHAPES, default="mesh" if "mesh" in table else "box"):
         case "cylinder":
@@ -54,7 +54,7 @@ def read_shape(table: TomlTable) -> Shape:
 
 
 def read_pose(table: TomlTable, place_key: str) -> Array:
-    """T_base_body from a place in mm and `rpy_deg`: turns about the fixed x, then y, then z, as in URDF; default 0."""
+    """Read T_base_body from a position in mm and `rpy_deg`: rotations about the fixed x, y, z axes in this order."""
     place = table.numbers(place_key, 3, "mm", -FARTHEST_MM, FARTHEST_MM) / 1e3
     roll, pitch, yaw = np.radians(table.numbers("rpy_deg", 3, "deg", -360, 360, default=(0.0, 0.0, 0.0)))
     return transform(mul(mul(rot_z(yaw), rot_y(pitch)), rot_x(roll)), place)
@@ -65,7 +65,7 @@ def _length(table: TomlTable, key: str) -> float:
 
 
 def _hull_of_mesh(table: TomlTable) -> Convex:
-    """The hull, which is never smaller than the mesh. The unit has to be said: mesh files do not."""
+    """Return the convex hull, which contains the mesh. The unit is required: mesh files do not state it."""
     path = table.path("mesh")
     scale = MESH_UNITS[table.text("mesh_unit", choices=tuple(MESH_UNITS))]
     try:
@@ -76,7 +76,7 @@ def _hull_of_mesh(table: TomlTable) -> Convex:
     if not size.max() <= LARGEST_MM / 1e3:
         raise table.error(
             "mesh_unit",
-            f"makes the mesh {' x '.join(f'{v:.4g}' for v in size)} m; a body may measure {LARGEST_MM / 1e3:g} m",
+            f"makes the mesh {' x '.join(f'{v:.4g}' for v in size)} m; a body may be at most {LARGEST_MM / 1e3:g} m",
             "is it in mm?",
         )
     return hull

@@ -1,4 +1,4 @@
-"""What a cell file says of its Basler camera: which one, and how it takes photographs."""
+"""Keys of the cell file about its Basler camera: the device and its settings."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ OF_CELL = "cell"  # the selector for the device of the cell file
 
 @dataclass(frozen=True)
 class CellCamera:
-    """What a cell file says of its camera, beside the calibration.
+    """Camera of a cell file, apart from its calibration.
 
     Attributes:
-        device: selector of a Basler camera; None if there is none.
-        settings: of any Basler camera that looks at the cell.
+        device: selector of a Basler camera, or None.
+        settings: settings for any Basler camera of the cell.
     """
 
     device: str | None = None
@@ -26,10 +26,10 @@ class CellCamera:
 
 
 def read_cell_camera(look: TomlTable) -> CellCamera:
-    """``[look.basler]``: device, exposure_us, gain_db, timeout_s, heartbeat_s, and features by the camera's own names.
+    """Read ``[look.basler]``: device, exposure_us, gain_db, timeout_s, heartbeat_s and features (GenICam names).
 
     Raises:
-        FileInputError: a value breaks its rule.
+        FileInputError: a value is wrong.
     """
     table = look.table("basler", required=False)
     device = table.text("device") if "device" in table else None
@@ -39,7 +39,7 @@ def read_cell_camera(look: TomlTable) -> CellCamera:
         except InputError as error:
             raise table.error("device", str(error).partition(": ")[2]) from error
         if device == OF_CELL:
-            raise table.error("device", f"must be a camera; write name:{OF_CELL} for one of that name")
+            raise table.error("device", f"must be a camera; write name:{OF_CELL} for a camera of that name")
     default = BaslerSettings()
     exposure_us = table.number("exposure_us", "us", 1, 6e7) if "exposure_us" in table else None
     features = table.table("features", required=False).value_dict()

@@ -1,4 +1,4 @@
-"""The cell: what a user knows about it, as the cell file has it (`cell.config.cell_file`)."""
+"""The cell as its cell file describes it (`cell.config.cell_file`)."""
 
 from __future__ import annotations
 
@@ -28,37 +28,42 @@ class Cell:
     """A work cell.
 
     Attributes:
-        file: where it was read.
-        unit, camera: of the cell, calibrated if it is.
-        nominal_unit, nominal_camera: as their own files say.
-        calibration: of camera and arm, which makes the difference; None without one.
-        camera_file: where the camera's calibration was read.
-        gripper: its measures.
-        arm_padding: taken off every distance of the arm's links, whose shape is assumed; not of the gripper's, m.
-        arm_compared: who compared the arm's bodies with the real arm, and when; empty if nobody did.
-        grip_height, settle_s, cube_size: of gripping and of the cubes, m and s.
-        grip_tolerance: by how much the jaws may stand wider or narrower on a cube than it is, m.
-        cube_tolerance: by how much a cube's edge may differ from its size, m.
-        boards: that may stand in the cell.
-        dictionary: of the boards' markers.
-        tilts: at which the stands hold boards, rad, ascending; none if they are not known.
-        board_limits: how certain a board's pose must be.
-        stand_size: footprint (2,) m.
-        zone: where boards may stand, as a body.
+        file: cell file.
+        unit, camera: controller with arm, and camera; with the calibration applied if there is one.
+        nominal_unit, nominal_camera: the same without the calibration.
+        calibration: calibration of camera and arm, or None.
+        camera_file: file of the camera's lens and nominal pose.
+        gripper: dimensions of the gripper.
+        arm_padding: subtracted from every distance to the arm's links, whose shapes are assumed, m; not from the
+            gripper's distances.
+        arm_compared: name and date of who compared the arm's bodies with the real arm; empty: not done.
+        grip_height: height of the finger tips above the plate when they grip a cube in its hole, m.
+        settle_s: least time for the jaws to act, s.
+        grip_tolerance: largest deviation of the jaw opening from the cube's width on a gripped cube, m.
+        cube_size: nominal edge of the cubes, m.
+        cube_tolerance: largest deviation of a cube's edge from `cube_size`, m.
+        boards: boards that may stand in the cell.
+        dictionary: ArUco dictionary of the boards' markers.
+        tilts: tilts of the stands, rad, ascending; empty: unknown.
+        board_limits: accuracy that a board's pose needs.
+        stand_size: footprint of a stand, (2,), m.
+        zone: region where boards may stand, as a body.
         fixed: table, walls and posts.
         table_z: height of the table's top, m.
-        q_start: from which looks are taken, (6,) rad.
-        photographs: frames a look.
-        basler: the camera that takes them on the real cell, if the file names one, and its settings.
-        moved, turned: how far any point of a board may move (m), and how far it may turn (rad), before the rest is
-            planned anew.
-        offset, clearance, least_clearance, approach_speed: m, m, m, m/s at speed 1.
-        speed: default factor of velocities.
-        velocity_fraction, acceleration_fraction: of the limits at a speed that motion is planned for.
-        speed_registers, acceleration_registers: of the controller while it works.
-        jerk_time: s in which an acceleration builds up; 0: acceleration may step.
-        inputs: what the file says, key by key; see `cell.config.inputs`.
-        digest: SHA-256 of that.
+        q_start: configuration for looks, (6,), rad.
+        photographs: images per look.
+        basler: Basler camera of the real cell, if any, and its settings.
+        moved, turned: displacement of any point (m) and rotation (rad) of a board that trigger a replan.
+        offset: length of the straight approach and retract, m.
+        clearance: clearance of transits, m.
+        least_clearance: smallest value allowed for `clearance`, m.
+        approach_speed: speed of the finger tips in approach and retract at speed 1, m/s.
+        speed: default fraction of the speed registers.
+        velocity_fraction, acceleration_fraction: fractions of the limits at a given speed that plans use.
+        speed_registers, acceleration_registers: values of the controller's registers during operation.
+        jerk_time: time in which an acceleration builds up, s; 0: acceleration may step.
+        inputs: values of the file by key; see `cell.config.inputs`.
+        digest: SHA-256 of `inputs`.
     """
 
     file: Path
@@ -103,28 +108,28 @@ class Cell:
     digest: str
 
     def robot(self, jaw_opening: float | None = None) -> Robot:
-        """The arm with its gripper, jaws open unless said otherwise."""
+        """Return the calibrated arm with its gripper and padded links; the jaws are open by default."""
         robot = self.nominal_robot(jaw_opening)
         if self.calibration is not None:
             robot = with_link_errors(robot, A465, self.calibration.links)
         return padded(robot, self.arm_padding, but=HAND)
 
     def nominal_robot(self, jaw_opening: float | None = None) -> Robot:
-        """The arm as its maker says, its links not padded."""
+        """Return the arm with nominal kinematics and unpadded links."""
         return self.gripper.robot(self.jaw_opening if jaw_opening is None else jaw_opening)
 
     @property
     def tool_length(self) -> float:
-        """From the flange to the finger tips, m."""
+        """Distance from the flange to the finger tips, m."""
         return self.gripper.length
 
     @property
     def jaw_opening(self) -> float:
-        """Between the open fingers, m."""
+        """Distance between the open fingers, m."""
         return self.gripper.opening
 
     def noted(self) -> dict[str, Any]:
-        """What a log must know to tell positions from counts."""
+        """Return what a log needs to convert counts to joint angles."""
         if self.calibration is None:
             return {"unit": self.unit.name}
         return {
@@ -135,11 +140,11 @@ class Cell:
 
     @property
     def limits(self) -> Limits:
-        """Under the registers of this cell, at speed 1."""
+        """Joint limits with the registers of this cell, at speed 1."""
         return self.unit.limits(self.speed_registers, self.acceleration_registers)
 
     def board(self, marker_ids: tuple[int, int]) -> Board:
-        """The board with these markers.
+        """Return the board with these markers.
 
         Raises:
             InputError: no board file has them.
@@ -154,5 +159,5 @@ class Cell:
         )
 
     def fraction_closed(self, jaw_opening: float) -> float:
-        """How far the jaws are closed at an opening in m: 0 open, 1 shut. Linear in the stroke."""
+        """Convert a jaw opening in m to the closed fraction of the stroke: 0 open, 1 shut."""
         return self.gripper.fraction_closed(jaw_opening)

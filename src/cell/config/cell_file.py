@@ -1,4 +1,4 @@
-"""The cell file: what a user knows about the cell, in TOML; every value checked, every message with its place."""
+"""Read the cell file (TOML). Every value is checked; messages name file and key."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ from cell.config.board_keys import DICTIONARIES, read_board_limits, read_pocket,
 from cell.config.bodies import read_body
 from cell.config.camera_keys import read_cell_camera
 from cell.config.cell import Cell
-from cell.config.inputs import LEFT_OUT, inputs_of
+from cell.config.inputs import LEFT_OUT, config_inputs
 from cell.config.key_notes import CELL, known_keys
 from cell.config.tool_keys import read_gripper, with_force
 from plan.options import LEAST_CLEARANCE, PlanOptions
 from vision.camera.model import Camera, read_camera
 
 FRACTIONS = (0.01, 1.0)
-ARM_PADDING_MM = 10.0  # of links whose sizes nobody has compared with the arm
-MADE_WITHIN_MM = 0.1  # of boards whose cell file does not say
+ARM_PADDING_MM = 10.0  # for links whose bodies were not compared with the real arm
+MADE_WITHIN_MM = 0.1  # default manufacturing tolerance of boards
 
 
-def read_cell(path: Path, uncalibrated: Callable[[InputError], None] | None = None) -> Cell:
+def read_cell(path: Path, on_uncalibrated: Callable[[InputError], None] | None = None) -> Cell:
     """Read a cell file.
 
     Args:
         path: the file.
-        uncalibrated: told why the calibration that the file names cannot be used; the cell is then read without it.
-            None: that is an error.
+        on_uncalibrated: called with the reason why the calibration file cannot be used; the cell is then read without
+            it. None: raise.
 
     Raises:
-        InputError: with file, key, value, unit and rule.
+        InputError: a value is wrong; names file, key, value, unit and rule.
     """
     root = TomlTable.read(path)
     root.knows(known_keys(CELL))
@@ -63,9 +63,9 @@ def read_cell(path: Path, uncalibrated: Callable[[InputError], None] | None = No
     try:
         calibration = _calibration(root, nominal_unit, nominal_camera)
     except InputError as error:
-        if uncalibrated is None:
+        if on_uncalibrated is None:
             raise
-        uncalibrated(error)
+        on_uncalibrated(error)
     unit, camera = nominal_unit, nominal_camera
     if calibration is not None:
         unit = unit.calibrated(calibration.joint_offsets)
@@ -129,45 +129,45 @@ def read_cell(path: Path, uncalibrated: Callable[[InputError], None] | None = No
         inputs={},
         digest="",
     )
-    cell.robot()  # the tool's length must be that of the fingers
+    cell.robot()  # raises if length, fingers and palm of the gripper are inconsistent
     room = (cell.jaw_opening - cell.cube_size) / 2.0 - PlanOptions.line_clearance
     if cell.moved > room + 1e-9:
         raise look.error(
             "moved_mm",
-            f"must be at most {max(room, 0.0) * 1e3:g} mm: a cube that far aside, and "
-            f"{PlanOptions.line_clearance * 1e3:g} mm of clearance, must fit between open jaws "
+            f"must be at most {max(room, 0.0) * 1e3:g} mm: a cube shifted that far must fit between the open jaws "
+            f"with {PlanOptions.line_clearance * 1e3:g} mm of clearance "
             f"(tool.jaw_opening_mm {cell.jaw_opening * 1e3:g}, cube.size_mm {cell.cube_size * 1e3:g})",
         )
     for table in (tool, boards_table, look, motion, cube, root):
         table.finish()
-    inputs = inputs_of(root.value_dict(), LEFT_OUT, cell.boards)
+    inputs = config_inputs(root.value_dict(), LEFT_OUT, cell.boards)
     return replace(cell, inputs=inputs, digest=sha256(canonical_json(inputs)))
 
 
 def _arm_padding(root: TomlTable) -> float:
-    """``arm_padding_mm`` in m; less than the default is for arms that somebody has compared with their bodies."""
+    """Return ``arm_padding_mm`` in m; less than the default requires ``arm_compared``."""
     padding = root.number("arm_padding_mm", "mm", 0, 100, default=ARM_PADDING_MM)
     if padding < ARM_PADDING_MM and not root.text("arm_compared", default="").strip():
         raise root.error(
             "arm_padding_mm",
-            f"must be at least {ARM_PADDING_MM:g} mm while nobody has compared the arm's assumed bodies with the arm",
+            f"must be at least {ARM_PADDING_MM:g} mm until the arm's assumed bodies are compared with the real arm",
             'compare them (docs/real-cell.md), and add arm_compared = "who and when"',
         )
     return padding / 1e3
 
 
 def _arm_compared(root: TomlTable) -> str:
-    """``arm_compared``: empty, or a date and a name, so that the comment of the shipped file is none."""
-    told = root.text("arm_compared", default="").strip()
-    if told and not (any(c.isdigit() for c in told) and any(c.isalpha() for c in told)):
+    """Return ``arm_compared``: empty, or a date and a name. The shipped placeholder text is refused."""
+    text = root.text("arm_compared", default="").strip()
+    if text and not (any(c.isdigit() for c in text) and any(c.isalpha() for c in text)):
         raise root.error(
-            "arm_compared", "must say when and by whom the arm's bodies were compared: a date and a name"
+            "arm_compared", "must be the date and the name of who compared the arm's bodies with the arm"
         )
-    return told
+    return text
 
 
 def _clearance(motion: TomlTable) -> tuple[float, float]:
-    """What transits keep, and the least that may be asked of them, m."""
+    """Return the clearance of transits and the smallest value allowed for it, m."""
     usual = LEAST_CLEARANCE * 1e3
     least = motion.number("least_clearance_mm", "mm", 0, usual, default=usual)
     try:
@@ -175,26 +175,27 @@ def _clearance(motion: TomlTable) -> tuple[float, float]:
     except FileInputError as error:
         if error.data["value"] is None or least < usual:
             raise
-        help = "who means less says so by motion.least_clearance_mm"
+        help = "to allow less, set motion.least_clearance_mm"
         raise motion.error("clearance_mm", str(error.data["rule"]), help) from error
 
 
 def _calibration(root: TomlTable, unit: Unit, camera: Camera) -> ArmCalibration | None:
-    """The calibration that the cell file names; it must be of this unit and lens."""
+    """Read the calibration file of the cell, if any. It must be of this unit, arm and lens."""
     if "calibration" not in root:
         return None
     path = root.path("calibration")
     calibration = read_arm_calibration(path)
     if calibration.unit != unit.name:
-        of = f"is of {calibration.unit}" if calibration.unit else "does not say of which unit it is"
+        of = f"is of {calibration.unit}" if calibration.unit else "names no unit"
         raise root.error("calibration", f"{of}, but unit is {unit.name}; calibrate this arm")
     if calibration.dh not in ("", A465.digest):
         raise root.error(
-            "calibration", "adds to an arm of other dimensions (dh of its recording) than the cell's"
+            "calibration", "is of an arm with other dimensions (dh of its recording) than the cell's"
         )
     if calibration.lens not in ("", camera.lens_digest):
         raise root.error(
-            "calibration", "rests on another lens than the camera file's; calibrate again with this one"
+            "calibration",
+            "was made with another lens than that of the camera file; calibrate again with this lens",
         )
     return calibration
 
@@ -208,7 +209,8 @@ def _registers(
     for axis, value, cap in zip("ABCDEF", values, caps, strict=True):
         if value > cap:
             raise motion.error(
-                key, f"axis {axis} may be at most {cap}: twice the unit's default, never past the data sheet"
+                key,
+                f"axis {axis} must be at most {cap}: twice the unit's default, within the data sheet",
             )
     return values
 

@@ -1,6 +1,6 @@
-"""What a task and cell file say, key by key: a plan keeps it, so that a change can be named.
+"""Values of a task and cell file by key. A plan stores them, so that a later change can be named.
 
-Values are compared, not texts: comments, order and the way of writing a number make no difference.
+Values are compared, not texts: comments, order and number formats make no difference.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from arm.board import Board
 from arm.io.storage import canonical_json, sha256
 
 Inputs = Mapping[str, Any]
-# Keys that do not make a plan another one, or that are compared on their own (unit, camera, registers).
+# Keys that do not affect a plan, or that are compared separately (unit, camera, registers).
 LEFT_OUT = (
     "unit",
     "camera",
@@ -32,12 +32,18 @@ LEFT_OUT = (
 _SHOWN = 4
 
 
-def inputs_of(
+def config_inputs(
     values: Mapping[str, Any], left_out: Sequence[str] = (), boards: Sequence[Board] = ()
 ) -> Inputs:
-    """Dotted key to value, all of a TOML file but `left_out` (a key, or all under one that ends with a dot).
+    """Flatten a TOML file to dotted keys.
 
-    Tables of an array go by their `name`. Boards, which are files of their own, are added as hashes of what they say.
+    Args:
+        values: content of the file.
+        left_out: keys to omit; one that ends with a dot omits all keys below it.
+        boards: boards, which have their own files; added as hashes of their content.
+
+    Returns:
+        Dotted key to value. Tables of an array are keyed by their `name`.
     """
     flat = {
         key: value
@@ -45,8 +51,8 @@ def inputs_of(
         if not any(key == out or (out.endswith(".") and key.startswith(out)) for out in left_out)
     }
     for board in boards:
-        said = [list(board.marker_ids), board.holes.tolist(), board.marker_size]
-        flat[f"board {board.name}"] = sha256(canonical_json(said))[:12]
+        content = [list(board.marker_ids), board.holes.tolist(), board.marker_size]
+        flat[f"board {board.name}"] = sha256(canonical_json(content))[:12]
     return flat
 
 
@@ -64,32 +70,32 @@ def _flat(prefix: str, value: Any) -> list[tuple[str, Any]]:
 
 
 def _plain(value: Any) -> Any:
-    """15 and 15.0 are the same."""
+    """Convert integers to floats, so that 15 equals 15.0."""
     if isinstance(value, list):
         return [_plain(v) for v in value]
     return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
 
 def changes(then: Inputs, now: Inputs) -> list[str]:
-    """What differs, in words: each key with the value of then and of now; tables that came or went by their name."""
-    told: dict[str, None] = {}
+    """Describe the differences: each changed key with both values, added and removed tables by their name."""
+    found: dict[str, None] = {}
     for key in sorted(then.keys() | now.keys()):
         if key in then and key in now:
             if then[key] != now[key]:
-                told[f"{key} {_shown(then[key])}, now {_shown(now[key])}"] = None
+                found[f"{key} {_shown(then[key])}, now {_shown(now[key])}"] = None
             continue
         table, inside, _ = key.partition("]")
         whole = table + inside if inside else key
         others = now if key in then else then
         if inside and not any(other.startswith(whole) for other in others):
-            told[f"{whole} is {'gone' if key in then else 'new'}"] = None
+            found[f"{whole} is {'gone' if key in then else 'new'}"] = None
         else:
-            told[f"{key} {_shown(then[key])}, now not given" if key in then else f"{key} is new"] = None
-    return list(told)
+            found[f"{key} {_shown(then[key])}, now not given" if key in then else f"{key} is new"] = None
+    return list(found)
 
 
 def shortened(words: Sequence[str]) -> str:
-    """The first few, and how many more."""
+    """Join the first few, and append how many more there are."""
     more = len(words) - _SHOWN
     return "; ".join(words[:_SHOWN]) + (f"; and {more} more" if more > 0 else "")
 

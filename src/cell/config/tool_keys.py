@@ -1,4 +1,4 @@
-"""What the cell file says of the gripper: ``[tool]``."""
+"""Keys of the cell file about the gripper: ``[tool]``."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from arm.io.toml_reader import TomlTable
 from arm.robot.gripper import Gripper, Size
 
 SHIPPED = Gripper()
-VOLTS_A_REGISTER = 7.5 / 10_000  # of REGME of the gripper's axis
-MOST_VOLTS = 11.25  # beyond three quarters of 15 V the maker allows the motor 15 s only
+VOLTS_A_REGISTER = 7.5 / 10_000  # volts per step of REGME of the gripper's axis
+MOST_VOLTS = 11.25  # three quarters of 15 V; above, the maker allows the motor only 15 s
 
 
 def read_gripper(tool: TomlTable, cube_size: float) -> Gripper:
-    """The gripper that ``[tool]`` describes, by its measures or by a URDF.
+    """Read the gripper of ``[tool]``, given by its dimensions or by a URDF.
 
     Args:
         tool: the table.
-        cube_size: of the cubes that it grips, m.
+        cube_size: edge of the cubes that it grips, m.
 
     Raises:
-        InputError: a value breaks a rule, a part of the description lacks, or the parts do not make up the length.
+        InputError: a value is wrong, a dimension is missing, or the parts are longer than the gripper.
     """
     length = tool.number("length_mm", "mm", 1, 1000) / 1e3
     opening = tool.number("jaw_opening_mm", "mm", 1, 300) / 1e3
@@ -38,17 +38,15 @@ def read_gripper(tool: TomlTable, cube_size: float) -> Gripper:
     if not shut <= close_to < cube_size:
         raise tool.error(
             "close_to_mm",
-            f"must be from {shut * 1e3:g} mm (jaw_shut_mm) to less than the cube's {cube_size * 1e3:g} mm: jaws that "
-            "reach it hold nothing",
+            f"must be from {shut * 1e3:g} mm (jaw_shut_mm) to less than the cube's {cube_size * 1e3:g} mm, so that "
+            "the jaws close on a cube",
         )
     own = tool.path("urdf") if "urdf" in tool else None
     jaws = Gripper(opening=opening, shut=shut, close_to=close_to)
     given = [key for key in ("finger_mm", "palm_mm", "body_radius_mm") if key in tool]
     if own is not None:
         if given:
-            raise tool.error(
-                given[0], "stands beside urdf, which says what the gripper is; give one of the two"
-            )
+            raise tool.error(given[0], "cannot be combined with urdf, which describes the whole gripper")
         return replace(jaws, length=length, urdf=own)
     if given:
         finger, palm = _size(tool, "finger_mm"), _size(tool, "palm_mm")
@@ -61,8 +59,8 @@ def read_gripper(tool: TomlTable, cube_size: float) -> Gripper:
     if abs(length - SHIPPED.length) > 1e-6:
         raise tool.error(
             "length_mm",
-            f"must be {SHIPPED.length * 1e3:g} mm, that of the shipped gripper, where nothing tells of another",
-            "give finger_mm, palm_mm and body_radius_mm of yours, or its urdf",
+            f"must be {SHIPPED.length * 1e3:g} mm, that of the shipped gripper, which is the default",
+            "for another gripper give finger_mm, palm_mm and body_radius_mm, or its urdf",
         )
     return replace(jaws, length=length)
 
@@ -73,10 +71,10 @@ def _size(tool: TomlTable, key: str) -> Size:
 
 
 def with_force(unit: Unit, tool: TomlTable) -> Unit:
-    """The unit with the gripper's force that ``[tool]`` asks for, by the voltage of its motor.
+    """Return the unit with the gripper's motor voltage set to ``force_v`` of ``[tool]``, if given.
 
     Raises:
-        InputError: it breaks its rule.
+        InputError: ``force_v`` is out of range.
     """
     if "force_v" not in tool:
         return unit
@@ -85,17 +83,17 @@ def with_force(unit: Unit, tool: TomlTable) -> Unit:
     return replace(unit, gripper=replace(unit.gripper, registers=registers))
 
 
-def gripper_of_inputs(said: Any) -> Gripper | None:
-    """The gripper of a plan's cell, from what the cell file said key by key; None where that does not tell.
+def gripper_of_inputs(inputs: Any) -> Gripper | None:
+    """Return the gripper of a plan's cell, or None if it has its own URDF or cannot be derived.
 
     Args:
-        said: dotted key to value (`cell.config.inputs`).
+        inputs: dotted key to value (`cell.config.inputs`).
     """
-    if not isinstance(said, Mapping) or "tool.urdf" in said:
+    if not isinstance(inputs, Mapping) or "tool.urdf" in inputs:
         return None
     try:
         measures = {
-            name: _metres(said[key])
+            name: _metres(inputs[key])
             for name, key in (
                 ("length", "tool.length_mm"),
                 ("opening", "tool.jaw_opening_mm"),
@@ -104,7 +102,7 @@ def gripper_of_inputs(said: Any) -> Gripper | None:
                 ("palm", "tool.palm_mm"),
                 ("body_radius", "tool.body_radius_mm"),
             )
-            if key in said or name in ("length", "opening")
+            if key in inputs or name in ("length", "opening")
         }
         return replace(SHIPPED, **{"close_to": measures.get("shut", 0.0), **measures})
     except (KeyError, TypeError, ValueError, InputError):

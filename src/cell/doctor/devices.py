@@ -1,4 +1,4 @@
-"""``a465 doctor``: serial ports, what answers on one of them, and cameras."""
+"""``a465 doctor``: check serial ports, the controller on one of them, and cameras."""
 
 from __future__ import annotations
 
@@ -10,35 +10,35 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from arm.errors import CameraError, InputError
-from cell.doctor.finding import NOTE, OK, Finding
+from cell.doctor.finding import NOTE, OK, CheckResult
 
 if TYPE_CHECKING:
     from cell.config.cell import Cell
 
-FIRMWARE = "MARS8"  # of every unit that is known
+FIRMWARE = "MARS8"  # of every known unit
 
 
-def ports_finding() -> Finding:
-    """Serial ports that are there, and whether this user may open them. Opens none."""
+def check_ports() -> CheckResult:
+    """List the serial ports, and whether this user may open them. Open none."""
     from serial.tools import list_ports
 
     ports = [_port(d) for d in sorted({p.device for p in list_ports.comports(include_links=True)})]
     data = {"ports": ports}
     if not ports:
-        return Finding(
+        return CheckResult(
             "serial ports",
             NOTE,
             "none",
-            "a real arm needs one: plug in its adapter; the simulated cell none",
+            "a real arm needs one: plug in its adapter; the simulated cell needs none",
             data,
         )
     closed = [p for p in ports if not p["may_open"]]
-    shown = ", ".join(p["device"] + ("" if p["may_open"] else " (not for you)") for p in ports)
+    shown = ", ".join(p["device"] + ("" if p["may_open"] else " (no permission)") for p in ports)
     if closed:
         groups = " or ".join(sorted({p["group"] for p in closed if p["group"]})) or "dialout"
-        help = f"join the group {groups}: sudo usermod -aG GROUP USER, and log in anew"
-        return Finding("serial ports", NOTE, shown, help, data)
-    return Finding(
+        help = f"join the group {groups}: sudo usermod -aG GROUP USER, and log in again"
+        return CheckResult("serial ports", NOTE, shown, help, data)
+    return CheckResult(
         "serial ports", OK, f"{shown}: you may open {'it' if len(ports) == 1 else 'them'}", "", data
     )
 
@@ -52,7 +52,7 @@ def _port(device: str) -> dict[str, Any]:
 
 
 def _group(device: str) -> str:
-    """That owns a device; "" if that cannot be told."""
+    """Return the group that owns a device, or "" if unknown."""
     try:
         return grp.getgrgid(os.stat(device).st_gid).gr_name
     except (OSError, KeyError):
@@ -61,22 +61,22 @@ def _group(device: str) -> str:
 
 @dataclass(frozen=True)
 class Answered:
-    """What a unit says of itself, and the wall time of an answer."""
+    """The firmware version that a unit reports, and the wall time of an answer."""
 
     version: str
     answer_s: float
 
     def to_json(self) -> dict[str, Any]:
-        """Both."""
+        """Return both as JSON types."""
         return asdict(self)
 
 
 def ask(url: str, firmware: str) -> Answered:
-    """Ask a unit who it is. Nothing is sent but what may be sent to one that has not named itself.
+    """Identify a unit with the harmless commands that are allowed before identification.
 
     Raises:
-        InputError: the port cannot be opened, or nothing answers like a unit with this firmware.
-        ExecutionStopped: the port is lost meanwhile.
+        InputError: the port cannot be opened, or no unit with this firmware answers.
+        ExecutionStopped: the port is lost during the exchange.
     """
     from driver.line.clock import Clock
     from driver.line.link import Link
@@ -92,55 +92,53 @@ def ask(url: str, firmware: str) -> Answered:
         link.close()
 
 
-def controller_finding(port: str) -> Finding:
-    """What answers on a port.
+def check_controller(port: str) -> CheckResult:
+    """Identify the controller on a port.
 
     Raises:
         InputError, ExecutionStopped: see `ask`.
     """
-    told = ask(port, FIRMWARE)
-    found = (
-        f"{port}: {told.version}; answers in {1e3 * told.answer_s:.0f} ms. Which arm it drives it cannot tell"
-    )
-    return Finding("controller", OK, found, "", {"port": port, **told.to_json()})
+    answer = ask(port, FIRMWARE)
+    found = f"{port}: {answer.version}; answers in {1e3 * answer.answer_s:.0f} ms; it cannot report which arm it drives"
+    return CheckResult("controller", OK, found, "", {"port": port, **answer.to_json()})
 
 
-def cameras_finding() -> Finding:
-    """The cameras that pylon lists. Opens none.
+def check_cameras() -> CheckResult:
+    """List the cameras that pylon finds. Open none.
 
     Raises:
-        CameraError: pylon refuses.
+        CameraError: pylon fails.
     """
     from vision.camera.basler_devices import find_devices
 
     try:
         with warnings.catch_warnings():
-            # its SWIG types warn; warnings that are errors (python -W error) would crash the interpreter
+            # its SWIG types warn; as errors (python -W error) these warnings would crash the interpreter
             warnings.simplefilter("ignore")
             from pypylon import genicam, pylon
     except ImportError as error:
-        return Finding("cameras", NOTE, f"pylon cannot be asked: {error}", "make basler")
+        return CheckResult("cameras", NOTE, f"pylon cannot be loaded: {error}", "make basler")
     try:
         devices = [device for device, _ in find_devices(pylon)]
     except genicam.GenericException as error:
         raise CameraError("of any kind", "pylon", f"pylon cannot list them: {error}") from error
     data = {"cameras": [asdict(device) for device in devices]}
     if not devices:
-        help = "of a real cell: has it power, is its cable plugged in?"
-        return Finding("cameras", NOTE, "pylon sees none", help, data)
-    return Finding("cameras", OK, "; ".join(map(str, devices)), "", data)
+        help = "for a real cell: check the camera's power and its cable"
+        return CheckResult("cameras", NOTE, "pylon finds none", help, data)
+    return CheckResult("cameras", OK, "; ".join(map(str, devices)), "", data)
 
 
-def photograph_finding(selector: str, cell: Cell | None) -> Finding:
-    """Takes a photograph with one camera.
+def check_photograph(selector: str, cell: Cell | None) -> CheckResult:
+    """Take an image with one camera.
 
     Args:
-        selector: which camera; `cell.config.camera_keys.OF_CELL` is the one that the cell file names.
-        cell: whose settings it gets, and whose lens says how large a photograph is; None: any.
+        selector: selector of the camera; `cell.config.camera_keys.OF_CELL`: the one of the cell file.
+        cell: cell with the camera's settings and the size of its images; None: any.
 
     Raises:
-        InputError: the selector is none.
-        CameraError: there is no photograph.
+        InputError: the selector is invalid.
+        CameraError: the camera delivers no image.
     """
     from cell.config.camera_keys import OF_CELL
     from vision.camera.basler import BaslerCamera
@@ -153,12 +151,12 @@ def photograph_finding(selector: str, cell: Cell | None) -> Finding:
     settings, size = (None, None) if cell is None else (cell.basler.settings, cell.camera.size)
     with BaslerCamera(device, settings, size) as camera:
         (image,) = camera.grab(1)
-        told = camera.description
+        description = camera.description
     grey = float(image.mean())
-    return Finding(
+    return CheckResult(
         "photograph",
         OK,
-        f"{told}; mean grey {grey:.0f} of 255",
+        f"{description}; mean grey {grey:.0f} of 255",
         "",
         {"camera": selector, "size_px": list(image.shape[::-1]), "mean_grey": grey},
     )

@@ -1,4 +1,4 @@
-"""``a465 doctor``: is everything there that a user needs, and does it work? Imports nothing that may be missing.
+"""``a465 doctor``: check the installation, the devices and a cell. This module imports nothing that may be missing.
 
 Every check has a deadline and ends as a row of the table, whatever happens in it.
 """
@@ -11,32 +11,33 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cell.console import WIDTH, Console
-from cell.doctor.finding import OK, VERDICTS, WRONG, Finding, guarded
+from cell.doctor.finding import OK, VERDICTS, WRONG, CheckResult, guarded
 
 if TYPE_CHECKING:
     from cell.config.cell import Cell
 
 _HEADER = ("check", "verdict", "found, and what would help")
-ROWS = 14  # about, for the progress bar
+ROWS = 14  # approximate, for the progress bar
 _INSTALL_S, _PORTS_S, _CELL_S = 20.0, 10.0, 60.0
-_CONTROLLER_S = 40.0  # three stamps, a version, and the look-up of a host's name
-_CAMERAS_S, _PHOTOGRAPH_S = 30.0, 100.0  # cameras on a network are searched for by broadcast
-_SELF_TEST_S = 60.0  # five seconds, on a slow disk
+_CONTROLLER_S = 40.0  # three STAMP commands, VER, and the look-up of a host name
+_CAMERAS_S, _PHOTOGRAPH_S = 30.0, 100.0  # network cameras are found by broadcast
+_SELF_TEST_S = 60.0  # takes five seconds; more on a slow disk
 
-Rows = Callable[[], "Finding | Iterable[Finding]"]
+Rows = Callable[[], "CheckResult | Iterable[CheckResult]"]
 
 
 def doctor_step(
     port: str | None, camera: str | None, cell_file: Path | None, console: Console
 ) -> dict[str, Any]:
-    """Look at everything and print a table; the worst verdict and all rows.
+    """Run all checks and print a table; return the worst verdict and all rows as JSON types.
 
     Args:
-        port: of a controller to ask who it is; None: no port is opened.
-        camera: selector of a camera to take a photograph with; None: no camera is opened.
+        port: port of a controller to identify; None: no port is opened.
+        camera: selector of a camera to take an image with; None: no camera is opened.
         cell_file: cell or task file; None: the built-in scene.
+        console: output.
     """
-    findings: list[Finding] = []
+    findings: list[CheckResult] = []
     for finding in _look(port, camera, cell_file):
         findings.append(finding)
         console.progress(finding.check, len(findings) / ROWS)
@@ -51,17 +52,17 @@ def doctor_step(
     }
 
 
-def _look(port: str | None, camera: str | None, cell_file: Path | None) -> Iterator[Finding]:
-    """Every check, one after the other; each imports what it needs."""
+def _look(port: str | None, camera: str | None, cell_file: Path | None) -> Iterator[CheckResult]:
+    """Run the checks one after the other; each imports what it needs."""
     from cell.doctor import installation as install
 
-    yield from _row("Python", install.python_finding, _INSTALL_S)
-    yield from _row("libraries", install.libraries_finding, _INSTALL_S)
-    yield from _row("extras", install.extra_findings, _INSTALL_S)
+    yield from _row("Python", install.check_python, _INSTALL_S)
+    yield from _row("libraries", install.check_libraries, _INSTALL_S)
+    yield from _row("extras", install.check_extras, _INSTALL_S)
     yield from _devices(port)
-    read = guarded("cell", lambda: _read_cell(cell_file), _CELL_S, "docs/new-cell.md says what each key is")
+    read = guarded("cell", lambda: _read_cell(cell_file), _CELL_S, "see docs/new-cell.md for the keys")
     cell: Cell | None = None
-    if isinstance(read, Finding):
+    if isinstance(read, CheckResult):
         yield read
     else:
         found, cell = read
@@ -70,40 +71,40 @@ def _look(port: str | None, camera: str | None, cell_file: Path | None) -> Itera
     yield from _self_test(cell)
 
 
-def _row(check: str, look: Rows, seconds: float, help: str = "") -> Iterator[Finding]:
-    """The rows of a check, or that it failed."""
+def _row(check: str, look: Rows, seconds: float, help: str = "") -> Iterator[CheckResult]:
+    """Yield the rows of a check, or one row that says why it failed."""
 
-    def all_rows() -> tuple[Finding, ...]:
+    def all_rows() -> tuple[CheckResult, ...]:
         found = look()
-        return (found,) if isinstance(found, Finding) else tuple(found)
+        return (found,) if isinstance(found, CheckResult) else tuple(found)
 
     rows = guarded(check, all_rows, seconds, help)
-    yield from (rows,) if isinstance(rows, Finding) else rows
+    yield from (rows,) if isinstance(rows, CheckResult) else rows
 
 
-def _devices(port: str | None) -> Iterator[Finding]:
+def _devices(port: str | None) -> Iterator[CheckResult]:
     from cell.doctor import devices
 
-    yield from _row("serial ports", devices.ports_finding, _PORTS_S)
+    yield from _row("serial ports", devices.check_ports, _PORTS_S)
     if port is not None:
-        help = "is it the controller's port, is the unit on, has another program got it?"
-        yield from _row("controller", lambda: devices.controller_finding(port), _CONTROLLER_S, help)
+        help = "check that it is the controller's port, that the unit is on, and that no other program uses the port"
+        yield from _row("controller", lambda: devices.check_controller(port), _CONTROLLER_S, help)
 
 
-def _cameras(camera: str | None, cell: Cell | None) -> Iterator[Finding]:
+def _cameras(camera: str | None, cell: Cell | None) -> Iterator[CheckResult]:
     from cell.doctor import devices
 
-    yield from _row("cameras", devices.cameras_finding, _CAMERAS_S, "docs/cameras.md")
+    yield from _row("cameras", devices.check_cameras, _CAMERAS_S, "docs/cameras.md")
     if camera is not None:
-        help = "docs/cameras.md says what each reason means"
-        yield from _row("photograph", lambda: devices.photograph_finding(camera, cell), _PHOTOGRAPH_S, help)
+        help = "see docs/cameras.md for the meaning of each reason"
+        yield from _row("photograph", lambda: devices.check_photograph(camera, cell), _PHOTOGRAPH_S, help)
 
 
-def _read_cell(file: Path | None) -> tuple[tuple[Finding, ...], Cell]:
-    from cell.doctor.cell import cell_findings, read_named
+def _read_cell(file: Path | None) -> tuple[tuple[CheckResult, ...], Cell]:
+    from cell.doctor.cell import check_cell, read_named
 
     read = read_named(file)
-    return tuple(cell_findings(read)), read.cell
+    return tuple(check_cell(read)), read.cell
 
 
 def _built_in() -> Cell:
@@ -112,30 +113,30 @@ def _built_in() -> Cell:
     return read_named(None).cell
 
 
-def _self_test(cell: Cell | None) -> Iterator[Finding]:
-    def motion() -> Finding:
+def _self_test(cell: Cell | None) -> Iterator[CheckResult]:
+    def motion() -> CheckResult:
         from cell.doctor import self_test as selftest
 
-        return selftest.motion_finding(cell or _built_in())
+        return selftest.check_motion(cell or _built_in())
 
-    def look() -> Finding:
+    def look() -> CheckResult:
         from cell.doctor import self_test as selftest
 
-        return selftest.look_finding()
+        return selftest.check_detection()
 
-    def unit() -> Finding:
+    def unit() -> CheckResult:
         from cell.doctor import self_test as selftest
 
-        return selftest.unit_finding(cell or _built_in())
+        return selftest.check_unit(cell or _built_in())
 
-    near = "q_start_deg or a body in the cell file; a465 check CELL --q=J1,..,J6 tells what is how near"
+    near = "q_start_deg or a body of the cell file may be wrong; a465 check CELL --q=J1,..,J6 lists the closest bodies"
     yield from _row("self-test: plan", motion, _SELF_TEST_S, near)
-    yield from _row("self-test: look", look, _SELF_TEST_S, "tell us, with --json")
-    yield from _row("self-test: unit", unit, _SELF_TEST_S, "is /dev/pts there?")
+    yield from _row("self-test: look", look, _SELF_TEST_S, "report this, with the output of --json")
+    yield from _row("self-test: unit", unit, _SELF_TEST_S, "check that /dev/pts exists")
 
 
-def _rows(findings: Iterable[Finding]) -> Iterator[tuple[str, str, str]]:
-    """Lines of the table, 80 columns at most: what was found, and below it what would help."""
+def _rows(findings: Iterable[CheckResult]) -> Iterator[tuple[str, str, str]]:
+    """Yield the lines of the table, at most 80 columns: the finding, and below it what would help."""
     findings = list(findings)
     room = WIDTH - max(len(f.check) for f in findings) - len(_HEADER[1]) - 4
     for finding in findings:

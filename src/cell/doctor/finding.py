@@ -1,4 +1,4 @@
-"""What one check of ``a465 doctor`` found. Imports nothing that may be missing."""
+"""The result of one check of ``a465 doctor``. This module imports nothing that may be missing."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Finding:
+class CheckResult:
     """A row of the table.
 
     Attributes:
-        check: what was looked at.
-        verdict: one of `VERDICTS`; a note is worth knowing and stops nothing.
-        found: the figures, for a person.
-        help: what would help, unless the verdict is ok.
-        data: the same facts for a program (JSON types).
+        check: name of the check.
+        verdict: one of `VERDICTS`; a note prevents nothing.
+        found: finding in words.
+        help: what would help if the verdict is not ok.
+        data: finding as JSON types.
     """
 
     check: str
@@ -33,7 +33,7 @@ class Finding:
     data: Mapping[str, Any] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
-        """All of it."""
+        """Return all attributes."""
         return {
             "check": self.check,
             "verdict": self.verdict,
@@ -43,25 +43,25 @@ class Finding:
         }
 
 
-def guarded(check: str, look: Callable[[], T], seconds: float, help: str) -> T | Finding:
-    """What `look` gives; or, if it fails or does not come back in time, that this is wrong.
+def guarded(check: str, look: Callable[[], T], seconds: float, help: str) -> T | CheckResult:
+    """Return the result of `look`, or a row with the verdict wrong if it fails or exceeds its time.
 
     Args:
         check: name of the row.
-        look: may hang in a library, or need one that is not there.
-        seconds: of wall time that it may take.
+        look: check to run; it may hang in a library, or need a missing one.
+        seconds: wall time limit.
         help: what would help if it fails.
     """
     worker = Worker(f"doctor: {check}")
     try:
         return worker.call(look, seconds)
     except ImportError as error:
-        return Finding(check, WRONG, f"cannot be looked at: {error}", REINSTALL)
+        return CheckResult(check, WRONG, f"cannot be checked: {error}", REINSTALL)
     except (A465Error, OSError) as error:  # TimeoutError is an OSError
         data = error.data if isinstance(error, A465Error) else {}
-        return Finding(check, WRONG, str(error), help, {"error": type(error).__name__, **data})
+        return CheckResult(check, WRONG, str(error), help, {"error": type(error).__name__, **data})
     finally:
         worker.end()
 
 
-REINSTALL = "install a465 again with all that it needs: make run, or pip install -e ."
+REINSTALL = "reinstall a465 with its dependencies: make run, or pip install -e ."

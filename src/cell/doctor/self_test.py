@@ -1,4 +1,4 @@
-"""``a465 doctor``: five seconds in which what everything rests on is done once: a motion, a look, a unit."""
+"""``a465 doctor``: a self-test of five seconds that plans a motion, detects a board and talks to an emulated unit."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ from arm.se3 import apply
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
 from cell.doctor.devices import ask
-from cell.doctor.finding import OK, Finding
+from cell.doctor.finding import OK, CheckResult
 from cell.files.world import board_placement
 from cell.scene.bodies import plate_body
 from cell.scene.build import unseen_scene
 from driver.emulator import Emulator
 from driver.line.clock import Clock
 from plan.options import PlanOptions
-from plan.pick_place.go_to import plan_way
+from plan.pick_place.go_to import plan_joint_motion
 from plan.verify import replay
 from render.renderer import PlacedBoard, render, with_noise
 from vision.boards.pose import estimate_board_pose
 from vision.markers.detect import detect_markers
 
-TURN = np.radians(5.0)  # of J6: hardly any body comes nearer to another
-HOLE_LIMIT = 0.1e-3  # how far a hole may be found from where it is, m; three times what this one gives
+TURN = np.radians(5.0)  # of J6: hardly changes any clearance
+HOLE_LIMIT = 0.1e-3  # largest error of a detected hole, m; three times the error of this image
 NOISE_GREY = 2.0
 
 
-def motion_finding(cell: Cell) -> Finding:
-    """Plans J6 away from q_start in this cell, and judges the plan anew as it would be sent.
+def check_motion(cell: Cell) -> CheckResult:
+    """Plan a motion of J6 away from q_start in this cell, and verify the plan as it would be sent.
 
     Raises:
-        ImpossibleError: something is too near to where the looks are taken from, or the plan does not hold.
+        ImpossibleError: a body is too close to the arm at q_start, or the plan is invalid.
     """
     unit, limits, scene = cell.unit, cell.limits, unseen_scene(cell)
     q_to = np.array(cell.q_start)
@@ -44,13 +44,13 @@ def motion_finding(cell: Cell) -> Finding:
         clearance=cell.clearance,
         jerk_time=cell.jerk_time,
     )
-    plan = plan_way(scene, cell.q_start, q_to, unit, limits, options)
+    plan = plan_joint_motion(scene, cell.q_start, q_to, unit, limits, options)
     if plan is None:
-        raise ImpossibleError("a turn of J6 by 5 deg was planned as no motion at all", joint="J6")
+        raise ImpossibleError("a rotation of J6 by 5 deg was planned as no motion at all", joint="J6")
     moves = replay(plan, scene, unit, limits)
     clearance = min(m.check.clearance for m in moves)
     pair = min(moves, key=lambda m: m.check.clearance).check.pair
-    return Finding(
+    return CheckResult(
         "self-test: plan",
         OK,
         f"J6 by 5 deg from q_start in {plan.duration_s:.2f} s, certified and checked: {1e3 * clearance:.1f} mm "
@@ -60,11 +60,11 @@ def motion_finding(cell: Cell) -> Finding:
     )
 
 
-def look_finding() -> Finding:
-    """Renders a board before the built-in scene's camera and finds it.
+def check_detection() -> CheckResult:
+    """Render a board before the built-in scene's camera and detect it.
 
     Raises:
-        ImpossibleError: it is not found, or not where it is.
+        ImpossibleError: the board is not detected, or at a wrong pose.
     """
     cell = read_cell(data_file("scenes/cell.toml"))
     board, camera = cell.boards[0], cell.camera
@@ -75,21 +75,21 @@ def look_finding() -> Finding:
     pose = estimate_board_pose(board, [detect_markers(image, camera, cell.dictionary)], camera)
     off = apply(pose.T_base_board, board.holes) - apply(T_base_board, board.holes)
     worst = float(np.linalg.norm(off, axis=1).max())
-    found = f"a rendered board's holes were found {1e3 * worst:.3f} mm from where they are"
+    found = f"holes of a rendered board were detected with an error of {1e3 * worst:.3f} mm"
     if worst > HOLE_LIMIT:
         raise ImpossibleError(f"{found}, more than {1e3 * HOLE_LIMIT:g} mm", off_m=worst, limit_m=HOLE_LIMIT)
-    return Finding("self-test: look", OK, found, "", {"off_mm": 1e3 * worst})
+    return CheckResult("self-test: look", OK, found, "", {"off_mm": 1e3 * worst})
 
 
-def unit_finding(cell: Cell) -> Finding:
-    """Asks an emulated unit of this cell's kind on a pseudo-terminal, as a real one is asked.
+def check_unit(cell: Cell) -> CheckResult:
+    """Identify an emulated unit of this cell's kind on a pseudo-terminal, like a real one.
 
     Raises:
-        InputError: it does not answer, or there is no pseudo-terminal.
-        ExecutionStopped: it does not answer.
+        InputError: the unit does not answer, or there is no pseudo-terminal.
+        ExecutionStopped: the link is lost.
     """
     unit = cell.nominal_unit
     with Emulator(unit, Clock()) as emulator:
-        told = ask(emulator.open_pty(), unit.firmware)
-    found = f"an emulated {unit.name} on a pseudo-terminal answers in {1e3 * told.answer_s:.0f} ms"
-    return Finding("self-test: unit", OK, found, "", told.to_json())
+        answer = ask(emulator.open_pty(), unit.firmware)
+    found = f"an emulated {unit.name} on a pseudo-terminal answers in {1e3 * answer.answer_s:.0f} ms"
+    return CheckResult("self-test: unit", OK, found, "", answer.to_json())

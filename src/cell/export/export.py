@@ -1,4 +1,4 @@
-"""``a465 export``: a log, plan, scene, cell or task file in other programs' forms; its content tells which it is."""
+"""``a465 export``: convert a log, plan, scene, cell or task file to another format. Its content determines its kind."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ SUFFIXES = {"csv": ".csv", "trajectory": ".trajectory.json", "mcap": ".mcap"}
 
 
 @dataclass(frozen=True)
-class Asked:
-    """Options of an export; None and False where they were not given.
+class ExportOptions:
+    """Options of an export; None and False if not given.
 
     Attributes:
-        form: of `SUFFIXES`, or `URDF`.
+        form: format, a key of `SUFFIXES` or `URDF`.
         output: file or folder to write.
-        planned: of a log's trajectory: what was sent.
+        planned: of a log: export the trajectory that was sent.
         unit: of a log.
         period: between samples of a plan, s.
-        cell: file of the cell or task that a plan is for.
-        look: what was seen, of a cell or task.
+        cell: cell or task file that a plan is for.
+        look: observation to add to a cell or task.
     """
 
     form: str | None = None
@@ -50,11 +50,11 @@ class Asked:
     look: Path | None = None
 
 
-def export_file(file: Path, asked: Asked, console: Console) -> dict[str, Any]:
-    """Write a file in another form; what was written, as JSON types.
+def export_file(file: Path, asked: ExportOptions, console: Console) -> dict[str, Any]:
+    """Write a file in another format. Return a summary in JSON types.
 
     Raises:
-        InputError: it is nothing that can be exported, an option or form that does not go with it, or nothing can be
+        InputError: the file cannot be exported, an option or format does not apply to it, or the output cannot be
             written.
     """
     if is_log(file):
@@ -71,7 +71,7 @@ def export_file(file: Path, asked: Asked, console: Console) -> dict[str, Any]:
 
 
 def _refuse_options(
-    file: Path, kind: str, asked: Asked, fitting: tuple[str, ...], forms: tuple[str, ...]
+    file: Path, kind: str, asked: ExportOptions, fitting: tuple[str, ...], forms: tuple[str, ...]
 ) -> None:
     if asked.form is not None and asked.form not in forms:
         raise InputError(
@@ -81,10 +81,10 @@ def _refuse_options(
         )
     for name in ("planned", "unit", "period", "cell", "look"):
         if name not in fitting and getattr(asked, name) not in (None, False):
-            raise InputError(f"--{name} does not go with {kind}, which {file} is", option=name)
+            raise InputError(f"--{name} does not go with {kind} ({file})", option=name)
 
 
-def _plan_step(file: Path, asked: Asked, console: Console) -> dict[str, Any]:
+def _plan_step(file: Path, asked: ExportOptions, console: Console) -> dict[str, Any]:
     from cell.export.plan import csv_of, messages_of, sampled, trajectory_of
     from cell.export.scene import surroundings_of_plan, unit_of_plan
     from cell.files.place import read_place
@@ -95,8 +95,8 @@ def _plan_step(file: Path, asked: Asked, console: Console) -> dict[str, Any]:
         if asked.period is not None:
             raise InputError("--period does not go with --format urdf", option="period")
         output = asked.output or file.with_name(f"{file.stem}_{URDF}")
-        told = _urdf_step(surroundings_of_plan(file, plan, place), output, console)
-        return {"plan": str(file), "plan_sha256": plan.sha256, **told}
+        summary = _urdf_step(surroundings_of_plan(file, plan, place), output, console)
+        return {"plan": str(file), "plan_sha256": plan.sha256, **summary}
     unit = unit_of_plan(file, plan, place)
     if form == "trajectory" and asked.period is not None:
         raise InputError(
@@ -119,16 +119,16 @@ def _plan_step(file: Path, asked: Asked, console: Console) -> dict[str, Any]:
         content, topics = mcap_of(messages_of(plan, unit, period))
         counted = {"messages": topics}
     write_atomic(path, content)
-    told = {
+    summary = {
         "plan": str(file),
         "plan_sha256": plan.sha256,
         "format": form,
         "unit": unit.name,
         "file": str(path),
     }
-    told |= {**counted, "damaged": 0, "bytes": path.stat().st_size}
-    console.say(_phrase(told))
-    return told
+    summary |= {**counted, "damaged": 0, "bytes": path.stat().st_size}
+    console.say(_phrase(summary))
+    return summary
 
 
 def _urdf_step(there: Surroundings, output: Path, console: Console) -> dict[str, Any]:
@@ -139,16 +139,14 @@ def _urdf_step(there: Surroundings, output: Path, console: Console) -> dict[str,
     write_folder(output, made.files)
     console.say(
         f"the arm and {len(made.links)} bodies in {output}: {', '.join(sorted(made.files))}; "
-        f"{len(made.disabled)} pairs are not checked"
+        f"{len(made.disabled)} disabled collisions"
     )
     if there.padding:
-        console.say(
-            f"the scene's padding of {1e3 * there.padding:g} mm is not in it: URDF has no place for it"
-        )
+        console.say(f"the scene's padding of {1e3 * there.padding:g} mm is not exported: URDF cannot hold it")
     padded = there.paddings()
     if padded:
         shown = ", ".join(f"{name} {1e3 * padding:g}" for name, padding in padded.items())
-        console.say(f"paddings of single bodies are not in it, in mm: {shown}")
+        console.say(f"paddings of single bodies are not exported, in mm: {shown}")
     return {
         "format": URDF,
         "folder": str(output),
@@ -163,18 +161,17 @@ def _urdf_step(there: Surroundings, output: Path, console: Console) -> dict[str,
 def export_step(
     log: Path, form: str, output: Path | None, sent: bool, unit_name: str | None, console: Console
 ) -> dict[str, Any]:
-    """Write a log in another form; what was written, as JSON types.
+    """Write a log in another format. Return a summary in JSON types.
 
     Args:
         log: the wire log.
         form: csv, trajectory or mcap.
-        output: file to write, whole or not at all; default: beside the log.
-        sent: of a trajectory: what was sent, instead of where the arm was seen.
-        unit_name: of the unit; default: what the log tells.
+        output: file to write atomically; default: beside the log.
+        sent: of a trajectory: export what was sent instead of the sampled positions.
+        unit_name: name of the unit; default: that of the log.
 
     Raises:
-        InputError: no log, nothing in it, a form that is none, a library that is missing, or the file cannot be
-            written.
+        InputError: not a log, an empty one, an unknown format, a missing library, or the file cannot be written.
     """
     if form not in SUFFIXES:
         raise InputError(
@@ -186,43 +183,43 @@ def export_step(
     unit = unit_of(session, unit_name)
     path = output or log.with_suffix(SUFFIXES[form])
     keep_apart(path, log)
-    told: dict[str, Any] = {"log": str(log), "format": form, "unit": unit.name, "file": str(path)}
+    summary: dict[str, Any] = {"log": str(log), "format": form, "unit": unit.name, "file": str(path)}
     if form == "trajectory":
         trajectory = _sent(session, unit) if sent else _seen(executed(session, unit))
         content: str | bytes = json.dumps(trajectory, separators=(",", ":"), allow_nan=False) + "\n"
-        told |= {"planned": sent, "points": len(trajectory["points"])}
+        summary |= {"planned": sent, "points": len(trajectory["points"])}
     elif form == "csv":
         seen = executed(session, unit)
         content = csv_text(seen)
-        told |= {"samples": len(seen.time_s), "before_homing": seen.unhomed}
+        summary |= {"samples": len(seen.time_s), "before_homing": seen.unhomed}
     else:
         from cell.export.mcap import mcap_bytes
 
         seen, motions = executed(session, unit), planned(session, unit)
         content, counted = mcap_bytes(session, JOINTS, seen, motions)
-        told |= {"messages": counted}
+        summary |= {"messages": counted}
     write_atomic(path, content)
-    told |= {
+    summary |= {
         "motions": len(session.motions),
         "plans_sha256": [note.data.get("sha256") for note in session.noted("plan")],
         "damaged": session.damaged,
         "bytes": path.stat().st_size,
     }
-    console.say(_phrase(told))
-    return told
+    console.say(_phrase(summary))
+    return summary
 
 
-def _phrase(told: dict[str, Any]) -> str:
-    count = told.get("samples", told.get("points", sum(told.get("messages", {}).values())))
-    what = {"csv": "samples", "trajectory": "points", "mcap": "messages"}[told["format"]]
-    damaged = f"; {told['damaged']} damaged records left out" if told["damaged"] else ""
-    return f"{count} {what} of {told['unit']} in {told['file']}{damaged}"
+def _phrase(summary: dict[str, Any]) -> str:
+    count = summary.get("samples", summary.get("points", sum(summary.get("messages", {}).values())))
+    what = {"csv": "samples", "trajectory": "points", "mcap": "messages"}[summary["format"]]
+    damaged = f"; {summary['damaged']} damaged records left out" if summary["damaged"] else ""
+    return f"{count} {what} of {summary['unit']} in {summary['file']}{damaged}"
 
 
 def csv_text(seen: Executed) -> str:
-    """A line a sample. ``motion`` and ``segment`` count from 0 and are empty where the arm rests or it is not known.
+    """Return one line per sample. ``motion`` and ``segment`` count from 0 and are empty at rest or if not known.
 
-    Angles are given finer than a count; jaws are 0 open to 1 closed, empty until asked.
+    Angles are finer than a count. Jaws are 0 open to 1 closed, empty before their first reading.
     """
     header = ["time_s", "motion", "segment", *(f"{name}_deg" for name in JOINTS), "jaws_fraction_closed"]
     degrees = np.degrees(seen.q)
@@ -239,11 +236,11 @@ def _seen(seen: Executed) -> dict[str, Any]:
 
 
 def _sent(session: Session, unit: Unit) -> dict[str, Any]:
-    """All motions in one; where the arm rests between two, their ends are both there."""
+    """All motions as one trajectory; a rest between two has both of their ends."""
     motions = planned(session, unit)
     if not motions:
         raise InputError(
-            f"{session.file}: holds no motion with a known start, so nothing was planned",
+            f"{session.file}: has no motion with a known start, so there is no planned trajectory",
             file=str(session.file),
         )
     time_s = np.concatenate([m.time_s for m in motions])

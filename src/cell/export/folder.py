@@ -1,4 +1,4 @@
-"""A folder that is written whole or not at all."""
+"""Write a folder atomically."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from arm.io.temporary import TemporaryFolder
 
 
 def write_folder(path: Path, files: Mapping[str, bytes | str]) -> None:
-    """Write a new folder: all files into a hidden one beside it, which then gets its name.
+    """Write a new folder: all files into a hidden folder beside it, which is then renamed.
 
     Args:
         path: of the folder; it may exist if it is empty.
-        files: content by relative name.
+        files: relative name to content.
 
     Raises:
-        InputError: there is something at `path`, or it cannot be written; nothing of it is then there.
+        InputError: `path` exists and is not an empty folder, or it cannot be written; nothing is left behind.
     """
     try:
         if path.is_symlink() or (path.exists() and (not path.is_dir() or any(path.iterdir()))):
             raise InputError(
-                f"{path}: must be a new or an empty folder; what is there is not mixed with an export, nor replaced",
+                f"{path}: must be a new or an empty folder; existing files are never replaced",
                 folder=str(path),
             )
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -40,7 +40,7 @@ TOPICS = {
 def mcap_bytes(
     session: Session, names: Sequence[str], seen: Executed, sent: Sequence[Planned]
 ) -> tuple[bytes, dict[str, int]]:
-    """The file, and how many messages each topic has; the same session gives the same bytes.
+    """Return the file and the number of messages per topic. The same session gives the same bytes.
 
     Raises:
         InputError: the library `mcap` is not installed.
@@ -49,7 +49,7 @@ def mcap_bytes(
 
 
 def mcap_of(messages: Sequence[tuple[int, str, dict[str, Any]]]) -> tuple[bytes, dict[str, int]]:
-    """A file of messages (time in ns, topic of `TOPICS`, value), and how many each topic has.
+    """Return a file of messages (time in ns, topic of `TOPICS`, value), and their number per topic.
 
     Raises:
         InputError: the library `mcap` is not installed.
@@ -58,8 +58,8 @@ def mcap_of(messages: Sequence[tuple[int, str, dict[str, Any]]]) -> tuple[bytes,
         from mcap.writer import CompressionType, Writer
     except ImportError as error:
         raise InputError(
-            "format mcap needs the library mcap, which is not installed: run `make mcap` in the checkout, or install "
-            "mcap beside a465",
+            "--format mcap: needs the library mcap, which is not installed; run `make mcap` in the checkout, or "
+            "install mcap beside a465",
             format="mcap",
         ) from error
     buffer = BytesIO()
@@ -80,7 +80,7 @@ def mcap_of(messages: Sequence[tuple[int, str, dict[str, Any]]]) -> tuple[bytes,
 def _messages(
     session: Session, names: Sequence[str], seen: Executed, sent: Sequence[Planned]
 ) -> list[tuple[int, str, dict[str, Any]]]:
-    """Time in ns, topic and message, in no order."""
+    """Time in ns, topic and message, unordered."""
     found: list[tuple[int, str, dict[str, Any]]] = []
 
     def add(time_s: float, topic: str, message: dict[str, Any]) -> None:

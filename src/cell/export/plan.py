@@ -1,7 +1,7 @@
-"""A plan as a table, as a ROS 2 JointTrajectory, or as MCAP: what would be sent, on a clock that begins with it.
+"""A plan as a table, a ROS 2 JointTrajectory, or MCAP: what would be sent, on a clock that starts with the plan.
 
-Jaws take the least time that the plan gives them, looks none: on the arm both may take longer, and the controller may
-stretch any motion.
+Gripper steps take their least time, looks none. On the arm both may take longer, and the controller may stretch any
+motion.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from arm.se3 import Array, frozen
 from cell.export.ros import JOINTS, joint_state, joint_trajectory, nanoseconds, stamp
 
 PERIODS = (0.001, 10.0)  # s between rows
-TICK = 1e-9  # s: steps and segments begin at whole milliseconds, which floats are off by less
+TICK = 1e-9  # s: tolerance for floats; steps and segments begin at whole milliseconds
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,11 +29,11 @@ class Stretch:
 
     Attributes:
         name: of the step.
-        begin_s, end_s: of it.
+        begin_s, end_s: beginning and end of the step.
         path: of a move; None while the arm is at rest.
-        q: where a step without a path finds the arm, (6,) rad.
-        jaws: target of the jaws during it, 0 open to 1 shut.
-        straight: whether a segment of it is a line, whose velocity jumps at its ends.
+        q: joint positions at the beginning of the step, (6,) rad.
+        jaws: target of the jaws during the step, 0 open to 1 shut.
+        straight: whether any segment is straight, so that its velocity jumps at its ends.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Stretch:
         return any(len(s.coefficients) == 1 or s.duration_ms == 0 for s in segments)
 
     def knots_s(self) -> Array:
-        """When segments begin, and the end."""
+        """Return the times at which segments begin, and the end."""
         if self.path is None:
             return np.array([self.begin_s, self.end_s])
         durations = [s.duration_ms / 1e3 for s in self.path.segments]
@@ -58,11 +58,11 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Joints at times that increase.
+    """Joint positions at increasing times.
 
     Attributes:
         time_s: (m,) from the beginning of the plan.
-        q, velocity: (m, 6) rad, rad/s; of the segment that begins where two meet.
+        q, velocity: (m, 6) rad, rad/s; where two segments meet, those of the later one.
         jaws: (m,) target, 0 open to 1 shut.
         step: (m,) names.
     """
@@ -75,7 +75,7 @@ class Samples:
 
 
 def stretches(plan: Plan, unit: Unit) -> tuple[Stretch, ...]:
-    """The plan's steps that take time, in order."""
+    """Return the plan's steps on its clock, in order."""
     found: list[Stretch] = []
     now, jaws, q = 0.0, 0.0, unit.positions(plan.start)
     for step in plan.steps:
@@ -95,10 +95,10 @@ def stretches(plan: Plan, unit: Unit) -> tuple[Stretch, ...]:
 
 
 def sampled(plan: Plan, unit: Unit, period: float) -> Samples:
-    """Every `period` s, and wherever a segment ends.
+    """Sample a plan every `period` s and at the ends of segments.
 
     Raises:
-        InputError: a period out of `PERIODS`, or a plan that takes no time.
+        InputError: a period outside `PERIODS`, or a plan that takes no time.
     """
     if not PERIODS[0] <= period <= PERIODS[1]:
         raise InputError(
@@ -112,12 +112,12 @@ def sampled(plan: Plan, unit: Unit, period: float) -> Samples:
 def _lasting(plan: Plan, unit: Unit) -> list[Stretch]:
     parts = [part for part in stretches(plan, unit) if part.end_s > part.begin_s]
     if not parts:
-        raise InputError("the plan takes no time: nothing moves in it", motion_s=0.0)
+        raise InputError("the plan contains no motion, so there is nothing to export", motion_s=0.0)
     return parts
 
 
 def _at(parts: Sequence[Stretch], unit: Unit, times: Array) -> Samples:
-    """At times in any order, to the microsecond; of those within one, one is kept."""
+    """Sample at times in any order. Times are rounded to a microsecond, duplicates dropped."""
     time_s = np.unique(np.round(times, 6))
     which = np.searchsorted([part.begin_s for part in parts], time_s + TICK, side="right") - 1
     q, velocity, jaws = np.empty((len(time_s), 6)), np.zeros((len(time_s), 6)), np.empty(len(time_s))
@@ -135,7 +135,7 @@ def _at(parts: Sequence[Stretch], unit: Unit, times: Array) -> Samples:
 
 
 def _velocity(path: CountPath, times: Array) -> Array:
-    """Counts/s at times (m,) s, of the segment that begins there; at the very end of the last."""
+    """Counts/s at times (m,) s; where two segments meet, of the later one."""
     ends = np.cumsum([s.duration_ms for s in path.segments]) / 1e3
     which = np.minimum(np.searchsorted(ends, times + TICK, side="right"), len(ends) - 1)
     found = np.zeros((len(times), len(path.start)))
@@ -148,7 +148,7 @@ def _velocity(path: CountPath, times: Array) -> Array:
 
 
 def csv_of(samples: Samples) -> str:
-    """A line a sample."""
+    """Return one line per sample."""
     names = [*(f"{name}_rad" for name in JOINTS), *(f"{name}_rad_s" for name in JOINTS)]
     lines = [",".join(["time_s", *names, "jaws_fraction_closed", "step"])]
     for i, time_s in enumerate(samples.time_s):
@@ -159,10 +159,10 @@ def csv_of(samples: Samples) -> str:
 
 
 def trajectory_of(plan: Plan, unit: Unit) -> dict[str, Any]:
-    """One trajectory_msgs/JointTrajectory through the ends of all segments, and beside it what the jaws do.
+    """Return a trajectory_msgs/JointTrajectory through the ends of all segments, with the gripper steps.
 
-    Cubics through its positions and velocities are the segments, within a count; velocities are left out if a segment
-    is straight. ``gripper_events`` is no field of the message.
+    Cubics through its positions and velocities are the segments, within a count. Velocities are left out if a segment
+    is straight. ``gripper_events`` is not a field of the message.
 
     Raises:
         InputError: a plan that takes no time.
@@ -184,7 +184,7 @@ def trajectory_of(plan: Plan, unit: Unit) -> dict[str, Any]:
 
 
 def messages_of(plan: Plan, unit: Unit, period: float) -> list[tuple[int, str, dict[str, Any]]]:
-    """Messages of `cell.export.mcap`: joints every `period` s, a trajectory a motion, the jaws, and an event a step.
+    """Return messages for `cell.export.mcap`: joints and jaws every `period` s, a trajectory per motion, step events.
 
     Raises:
         InputError: see `sampled`.

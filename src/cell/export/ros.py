@@ -13,16 +13,16 @@ from arm.se3 import Array
 
 JOINTS = ("J1", "J2", "J3", "J4", "J5", "J6")  # of the arm's URDF
 NS = 1_000_000_000
-DIGITS = 9  # of an angle in rad: a thousandth of a count
+DIGITS = 9  # decimals of an angle in rad, much finer than a count
 
 
 def nanoseconds(time_s: float) -> int:
-    """Whole nanoseconds of a time, rounded to a microsecond, which is what a log holds."""
+    """Return a time in ns, rounded to a microsecond, the resolution of a log."""
     return round(time_s * 1e6) * 1000
 
 
 def stamp(time_s: float) -> dict[str, int]:
-    """builtin_interfaces/Time or Duration: whole seconds, and nanoseconds from 0 to 999999999."""
+    """builtin_interfaces/Time or Duration: whole seconds, and the remaining nanoseconds."""
     sec, nanosec = divmod(nanoseconds(time_s), NS)
     return {"sec": sec, "nanosec": nanosec}
 

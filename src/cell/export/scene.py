@@ -1,4 +1,4 @@
-"""What an export of a scene, cell, task or plan file has in it: the arm, its limits, the bodies around it."""
+"""Content of an export of a scene, cell, task or plan file: the arm, its limits, the bodies around it."""
 
 from __future__ import annotations
 
@@ -27,17 +27,19 @@ _ANOTHER = "give --cell FILE, the cell or task file that the plan was made for"
 
 
 def surroundings_of_file(path: Path, look: Path | None) -> Surroundings:
-    """Of a scene file, or of a cell or task file with open jaws, and with what was seen if a look is given.
+    """Read a scene file, or a cell or task file (jaws open), with an observation if `look` is given.
 
     Raises:
-        InputError: it is none of them, or has a mistake.
+        InputError: the file is none of them, or invalid.
     """
     root = TomlTable.read(path)
     if "task" in root or "q_start_deg" in root or "camera" in root:
         return _of_cell(read_place(path), look)
     scene = read_scene_file(path)
     if look is not None:
-        raise FileInputError(path, "", None, "is a scene file, which has its bodies in it; leave out --look")
+        raise FileInputError(
+            path, "", None, "is a scene file, which already contains its bodies; leave out --look"
+        )
     return Surroundings(
         robot=scene.robot,
         limits=scene.unit.limits(),
@@ -70,20 +72,20 @@ def _of_cell(task: Task, look: Path | None) -> Surroundings:
 
 
 def surroundings_of_plan(path: Path, plan: Plan, place: Task | None) -> Surroundings:
-    """Of a plan, at its start: its own bodies and cubes, its own arm with open jaws.
+    """Return the bodies, cubes and arm (jaws open) of a plan, at its start.
 
     Args:
         path: of the plan, for messages.
         plan: the plan.
-        place: for which it was made; needed where its file does not tell the arm.
+        place: cell or task that the plan was made for; needed if the plan file does not describe the arm.
 
     Raises:
-        InputError: the arm is not the plan's.
+        InputError: the arm is not that of the plan.
     """
     unit = unit_of_plan(path, plan, place)
     robot_open, robot_holding, jaw_opening = _arms(path, plan, place)
     if plan.scene.get("robot_open") != robot_open.digest:
-        raise FileInputError(path, "scene.robot_open", None, "is another arm than this one", _ANOTHER)
+        raise FileInputError(path, "scene.robot_open", None, "does not match this arm", _ANOTHER)
     scene = scene_from_json(plan.scene, robot_open, robot_holding)
     velocity, acceleration = (
         unit.velocity(plan.speed_registers),
@@ -100,10 +102,10 @@ def surroundings_of_plan(path: Path, plan: Plan, place: Task | None) -> Surround
 
 
 def unit_of_plan(path: Path, plan: Plan, place: Task | None) -> Unit:
-    """The unit whose counts the plan is in; a calibrated one is only told by its cell.
+    """Return the unit in whose counts the plan is; a calibrated one requires its cell.
 
     Raises:
-        InputError: it is another unit, or a calibrated one and no cell is given.
+        InputError: the plan is for another unit, or for a calibrated one and no cell is given.
     """
     unit = load_unit(plan.unit) if place is None else place.cell.unit
     if plan.unit != unit.name:
@@ -114,28 +116,28 @@ def unit_of_plan(path: Path, plan: Plan, place: Task | None) -> Unit:
             path,
             "provenance.unit",
             str(plan.provenance.get("unit"))[:12],
-            f"must be {unit.digest[:12]}, the unit {of}; counts would mean other angles",
+            f"must be {unit.digest[:12]}, the unit {of}; its counts would give other angles",
             _ANOTHER,
         )
     return unit
 
 
 def _arms(path: Path, plan: Plan, place: Task | None) -> tuple[Robot, Robot, float]:
-    """With open jaws, with a cube in them, and how far they are open, m."""
+    """The arm with open jaws, the arm with a cube in the jaws, and the jaw opening, m."""
     if place is not None:
         cell = place.cell
         return cell.robot(), cell.robot(cell.cube_size), cell.jaw_opening
     inputs = plan.provenance.get("inputs")
-    said = inputs.get("cell") if isinstance(inputs, Mapping) else None
-    gripper, cube = gripper_of_inputs(said), _metres(said, "cube.size_mm")
+    cell_keys = inputs.get("cell") if isinstance(inputs, Mapping) else None
+    gripper, cube = gripper_of_inputs(cell_keys), _metres(cell_keys, "cube.size_mm")
     if gripper is None or cube is None:
-        raise FileInputError(path, "provenance.inputs", None, "does not tell the arm's tool", _ANOTHER)
-    padding = _metres(said, "arm_padding_mm")
+        raise FileInputError(path, "provenance.inputs", None, "does not describe the arm's tool", _ANOTHER)
+    padding = _metres(cell_keys, "arm_padding_mm")
     padding = ARM_PADDING_MM / 1e3 if padding is None else padding
     opened, holding = (padded(gripper.robot(width), padding, but=HAND) for width in (gripper.opening, cube))
     return opened, holding, gripper.opening
 
 
-def _metres(said: Any, key: str) -> float | None:
-    value = said.get(key) if isinstance(said, Mapping) else None
+def _metres(keys: Any, key: str) -> float | None:
+    value = keys.get(key) if isinstance(keys, Mapping) else None
     return float(value) / 1e3 if isinstance(value, int | float) and not isinstance(value, bool) else None

@@ -1,4 +1,4 @@
-"""A session as motion of joints: where the arm was seen, and what it was sent, in rad on the log's clock."""
+"""The joint motion of a session in rad on the log's clock: sampled positions, and what was sent."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ AXES = 6
 
 @dataclass(frozen=True)
 class Executed:
-    """Where the arm was seen, sample by sample; times strictly increase.
+    """Position samples; times strictly increase.
 
     Attributes:
-        time_s: (m,) by the unit's own clock, s since the log was opened.
+        time_s: (m,) on the unit's clock, s since the log was opened.
         q: (m, 6) rad.
         velocity: (m, 6) rad/s, by differences of neighbouring samples.
-        motion: (m,) number of the session's motion that ran, -1 between motions.
-        segment: (m,) number of its segment, -1 where none or unknown.
-        jaws: (m,) how far the jaws were closed when last asked, 0 open to 1 closed; NaN before that.
-        unhomed: samples left out, because the arm was homed after them and counts then began anew.
+        motion: (m,) index of the session's motion, -1 between motions.
+        segment: (m,) index of its segment, -1 if none or not known.
+        jaws: (m,) last reading of the jaws, 0 open to 1 closed; NaN before the first.
+        unhomed: number of samples left out because they precede the last homing, which resets the counts.
     """
 
     time_s: Array
@@ -46,12 +46,12 @@ class Planned:
     """One motion as it was sent.
 
     Attributes:
-        number: of the session's motion.
+        number: index of the session's motion.
         sent_s: when its first line was sent, s since the log was opened.
-        time_s: (m,) when it is at each point, if the unit neither stretches nor stops it.
+        time_s: (m,) time of each point, if the unit neither stretches nor stops the motion.
         q: (m, 6) rad at the ends of segments.
-        velocity: (m, 6) rad/s there; None if some segment is straight, for then it jumps. With it, cubics through the
-            points are the very segments.
+        velocity: (m, 6) rad/s there; None if any segment is straight, as velocity then jumps. Cubics through these
+            points and velocities are exactly the segments.
     """
 
     number: int
@@ -62,10 +62,10 @@ class Planned:
 
 
 def unit_of(session: Session, name: str | None) -> Unit:
-    """The unit of a session: the one named, or the one noted in the log, or told by its gripper's axis letter.
+    """Return the unit of a session: the one named, the one noted in the log, or the one with its gripper axis.
 
     Raises:
-        InputError: nothing tells, or the name is unknown.
+        InputError: the unit cannot be determined, or the name is unknown.
     """
     runs = [n.data for n in session.noted("run") if n.data.get("unit") in UNITS]
     if runs and name in (None, runs[-1]["unit"]):
@@ -77,17 +77,17 @@ def unit_of(session: Session, name: str | None) -> Unit:
     if len(fitting) == 1:
         return fitting[0]
     raise InputError(
-        f"{session.file}: does not tell which unit it is of; give --unit, one of {', '.join(UNITS)}",
+        f"{session.file}: does not name its unit; give --unit, one of {', '.join(UNITS)}",
         file=str(session.file),
         choices=list(UNITS),
     )
 
 
 def executed(session: Session, unit: Unit) -> Executed:
-    """Where the arm was seen since it was last homed.
+    """Return the position samples since the last homing.
 
     Raises:
-        InputError: the log holds no position sample.
+        InputError: the log has none.
     """
     homed_s = session.homed_s
     homed = [s for s in session.samples if s.heard_s > homed_s and len(s.position.counts) == AXES]
@@ -98,7 +98,7 @@ def executed(session: Session, unit: Unit) -> Executed:
             last_s = sample.time_s
     if not samples:
         raise InputError(
-            f"{session.file}: holds no position sample of a homed arm, so nothing was executed",
+            f"{session.file}: has no position sample of a homed arm",
             file=str(session.file),
         )
     at = {id(s): (i, m.segment_of(s)) for i, m in enumerate(session.motions) for s in m.samples}
@@ -107,7 +107,7 @@ def executed(session: Session, unit: Unit) -> Executed:
     q = unit.positions([s.position.counts for s in samples])
     velocity = np.gradient(q, times, axis=0) if len(times) > 1 else np.zeros_like(q)
     set_up = (line.time_s for line in session.sent if line.text.startswith("ANAXSETUP"))
-    set_up_s = max(set_up, default=-math.inf)  # before that the axis does not count what the jaws tell
+    set_up_s = max(set_up, default=-math.inf)  # earlier readings of the axis are not those of the jaws
     known = [j for j in session.jaws if j.time_s > set_up_s]
     asked = [j.time_s for j in known]
     before = [bisect_right(asked, s.heard_s) - 1 for s in samples]
@@ -124,7 +124,7 @@ def executed(session: Session, unit: Unit) -> Executed:
 
 
 def planned(session: Session, unit: Unit) -> tuple[Planned, ...]:
-    """Every motion that was sent and whose start is known, in order, none beyond the start of the next."""
+    """Return every sent motion with a known start, in order, each cut at the start of the next."""
     found = []
     for number, motion in enumerate(session.motions):
         made = _absolute(number, motion, unit) if motion.target is not None else _stream(number, motion, unit)
@@ -136,7 +136,7 @@ def planned(session: Session, unit: Unit) -> tuple[Planned, ...]:
 
 
 def _absolute(number: int, motion: LoggedMotion, unit: Unit) -> Planned | None:
-    """From rest to rest; the unit alone decides how long it takes, so its end is when it was ready."""
+    """An absolute motion, from rest to rest. Only the unit determines its duration, so it ends at R!."""
     start, target, ready_s = motion.start, motion.target, motion.ready_s
     if start is None or target is None or ready_s is None or ready_s <= motion.sent_s:
         return None
@@ -158,12 +158,12 @@ def _stream(number: int, motion: LoggedMotion, unit: Unit) -> Planned | None:
 
 
 def _knot_velocity(path: CountPath) -> Array:
-    """Counts/s where segments meet, of the later one; they differ by the rounding alone."""
+    """Counts/s at the start of each segment and at the end; neighbouring segments differ by rounding only."""
     return np.stack([*(s.derivative(0.0) for s in path.segments), path.segments[-1].derivative(1.0)])
 
 
 def _before(motion: Planned, end_s: float) -> Planned:
-    """What of a motion is before the next one; a motion that was stopped is cut there."""
+    """The part of a motion before the next one, for a motion that was stopped."""
     keep = motion.time_s < end_s
     velocity = None if motion.velocity is None else frozen(motion.velocity[keep])
     return Planned(

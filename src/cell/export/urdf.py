@@ -1,8 +1,8 @@
-"""An arm and what stands around it as URDF and SRDF, with the hulls of meshes beside them.
+"""Export an arm and the bodies around it as URDF and SRDF, with convex hulls as mesh files.
 
-The arm's own description is kept: its links, joints and jaws. Origins of joints are those of the arm that is exported,
-so a calibrated arm keeps its corrections; joint limits are the unit's. Every body is a link that is fixed to the base,
-a held one to the tool. A capsule, which URDF lacks, is a cylinder and two spheres in one link.
+The links, joints and jaws of the arm's own description are kept. Joint origins are those of the exported arm, so that a
+calibrated arm keeps its corrections; joint limits are the unit's. Every body is a link fixed to the base, a held one to
+the tool. A capsule, which URDF lacks, becomes a cylinder and two spheres in one link.
 """
 
 from __future__ import annotations
@@ -33,24 +33,24 @@ NAME = "a465_cell"
 TOOL = "tool"
 JAWS = ("jaw_l", "jaw_r")
 HAND = ("gripper", "palm", "finger_l", "finger_r")
-_PLACES = ("origin", "geometry")  # of a collision element that a visual one shares
+_PLACES = ("origin", "geometry")  # parts that a visual element copies from a collision element
 Pair = frozenset[str]
 
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """What is exported.
+    """Content of an export.
 
     Attributes:
-        robot: the arm with its tool and jaws where they are; its links are those of `ARM`.
+        robot: the arm with its tool, at the given jaw opening; its links are those of `ARM`.
         limits: of its joints.
         jaw_opening: m.
-        bodies: that stand still.
-        held: in the jaws, or None.
+        bodies: static bodies.
+        held: body in the jaws, or None.
         T_tool_held: its pose in the tool frame, 4x4.
-        allowed: pairs of names that may touch.
-        states: configurations with names, (6,) rad.
-        padding: taken off every distance in collision checks, m; URDF has no place for it.
+        allowed: allowed collisions, pairs of names.
+        states: named configurations, (6,) rad.
+        padding: subtracted from every distance in collision checks, m; URDF cannot hold it.
     """
 
     robot: Robot
@@ -64,10 +64,10 @@ class Surroundings:
     padding: float = 0.0
 
     def paddings(self) -> dict[str, float]:
-        """Of the bodies that have one, m."""
+        """Return the padding of each body that has one, m."""
         bodies = self.bodies if self.held is None else (*self.bodies, self.held)
-        said = [(b.name, b.padding) for b in self.robot.bodies] + [(b.name, b.padding) for b in bodies]
-        return {name: padding for name, padding in said if padding}
+        paddings = [(b.name, b.padding) for b in self.robot.bodies] + [(b.name, b.padding) for b in bodies]
+        return {name: padding for name, padding in paddings if padding}
 
 
 @dataclass(frozen=True)
@@ -75,9 +75,9 @@ class Description:
     """The files of an export.
 
     Attributes:
-        files: content by relative name.
-        links: the link of each body that is none of the arm's, by the body's name.
-        disabled: pairs of links that are not checked against each other.
+        files: relative name to content.
+        links: name of each body that is not part of the arm to its link.
+        disabled: disabled collisions, pairs of links.
     """
 
     files: Mapping[str, bytes | str]
@@ -86,10 +86,10 @@ class Description:
 
 
 def describe(there: Surroundings) -> Description:
-    """The files of an export.
+    """Create the files of an export.
 
     Raises:
-        InputError: two bodies have one name.
+        InputError: two bodies have the same name.
     """
     root = ElementTree.fromstring(there.robot.urdf or read_text(data_file(f"{ARM}.urdf")))
     root.set("name", NAME)
@@ -97,7 +97,7 @@ def describe(there: Surroundings) -> Description:
     _limit_joints(root, there)
     own = {str(link.get("name")) for link in root.iter("link")}
     if TOOL in own:
-        raise InputError(f"the arm has a link {TOOL!r} of its own", name=TOOL)
+        raise InputError(f"the arm has a link {TOOL!r}, a name that the export needs", name=TOOL)
     _fixed(root, TOOL, there.robot.end_frame, there.robot.T_end_tool)
     links = link_names([b.name for b in (*there.bodies, *([there.held] if there.held else []))], {*own, TOOL})
     meshes: dict[str, bytes] = {}
@@ -113,10 +113,10 @@ def describe(there: Surroundings) -> Description:
 
 
 def link_names(names: Iterable[str], taken: Iterable[str]) -> dict[str, str]:
-    """A link's name for each body: letters, digits and underscores alone, none twice, none taken.
+    """Return a unique link name for each body, of letters, digits and underscores, none of `taken`.
 
     Raises:
-        InputError: two bodies have one name.
+        InputError: two bodies have the same name.
     """
     used, found = set(taken), dict[str, str]()
     for name in names:
@@ -133,7 +133,7 @@ def link_names(names: Iterable[str], taken: Iterable[str]) -> dict[str, str]:
 
 
 def _place_joints(root: Element, robot: Robot) -> None:
-    """Origins of a calibrated arm's joints; those of the arm as its maker says stay as they are written."""
+    """Set the joint origins of a calibrated arm; those of a nominal arm stay as they are."""
     if robot.ideal is None:
         return
     for number, name in enumerate(robot.joint_names, start=1):
@@ -164,7 +164,7 @@ def _add_body(
     root: Element, body: Body, link: str, parent: str, T_parent_body: Array, meshes: dict[str, bytes]
 ) -> None:
     if link != body.name:
-        # as JSON, because a comment may hold neither control characters nor two dashes
+        # as JSON, because a comment may contain neither control characters nor two dashes
         root.append(ElementTree.Comment(f" {json.dumps(body.name).replace('--', '- -')} "))
     _fixed(root, link, parent, T_parent_body)
     element = root.findall("link")[-1]
@@ -206,7 +206,7 @@ def _collide(link: Element, shape: Shape, mesh: str, T_link_shape: Array | None 
 
 
 def _show(link: Element) -> None:
-    """What is collided is also what is seen, where the description has nothing of its own to show."""
+    """Copy the collision elements as visual elements if the link has none."""
     if link.find("visual") is not None:
         return
     for index, collision in enumerate(link.findall("collision")):
@@ -220,10 +220,10 @@ def _origin(T: Array) -> Element:
 
 
 def rpy_of(R: Array) -> Array:
-    """Roll, pitch, yaw (3,) rad with R = Rz(yaw) Ry(pitch) Rx(roll); exact also where the pitch is a right angle."""
+    """Return roll, pitch, yaw (3,) rad with R = Rz(yaw) Ry(pitch) Rx(roll); exact at a pitch of 90 deg too."""
     yaw = float(np.arctan2(R[1, 0], R[0, 0]))
     pitch = float(np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0])))
-    # what is left is a turn about x alone, whatever the yaw of a vertical axis was taken for
+    # the rest is a rotation about x, whatever yaw was chosen at a pitch of 90 deg
     left = (rot_z(yaw) @ rot_y(pitch)).T @ R
     return np.array([np.arctan2(left[2, 1], left[1, 1]), pitch, yaw])
 
@@ -233,7 +233,7 @@ def _numbers(values: Iterable[float]) -> str:
 
 
 def stl_of(shape: Convex) -> bytes:
-    """A hull as binary STL, m; corners to the seven digits of its floats."""
+    """Return a hull as binary STL, m, in single precision."""
     points, faces = np.array(shape.points), hull_faces(shape)
     parts = [b"a465 hull".ljust(80), struct.pack("<I", len(faces.corners))]
     for normal, corners in zip(faces.normals, faces.corners, strict=True):
@@ -242,7 +242,7 @@ def stl_of(shape: Convex) -> bytes:
 
 
 def _disabled(there: Surroundings, links: Mapping[str, str]) -> dict[tuple[str, str], str]:
-    """Pairs of links that our own world leaves out, each with the reason."""
+    """Pairs of links that `plan.collision.world.World` does not check, each with the reason."""
     world = World(there.robot, there.bodies, there.held, there.T_tool_held, there.allowed)
     checked = {frozenset(world.pair_names(i)) for i in range(len(world.pairs))}
     written = ElementTree.fromstring(read_text(data_file(f"{ARM}.srdf")))

@@ -1,1 +1,1 @@
-"""The other files of a cell: task, world, scene, observation, list of poses."""
+"""The other files of a cell: task, world, scene, look, pose list."""

@@ -1,8 +1,8 @@
-"""Naming a calibration in a cell file: one key changes, all else stays as its user wrote it.
+"""Enter a calibration in a cell file: one key changes, everything else stays as its user wrote it.
 
-No library puts a new key where a person would: tomlkit, the one that keeps comments, puts it between the first table
-and that table's comment (python-poetry/tomlkit#7). So ways to write the key are tried here, and the first one is taken
-that `tomllib` reads as the old content with this key.
+No library puts a new key where a person would: tomlkit, which keeps comments, puts it between the first table and that
+table's comment (python-poetry/tomlkit#7). So this module tries several edits of the text and takes the first one that
+`tomllib` reads as the old content with this key.
 """
 
 from __future__ import annotations
@@ -26,40 +26,40 @@ _STRING = r'"""(?:[^\\]|\\.)*?"""' + r"|'''.*?'''" + r'|"(?:[^"\\\n]|\\.)*"' + r
 _NAMED = re.compile(
     rf"""^[ \t]*(?:{_KEY}|"{_KEY}"|'{_KEY}')[ \t]*=[ \t]*(?P<value>{_STRING})""", re.MULTILINE | re.DOTALL
 )
-# A line that says something, with the indented comments below it, which go on with its own.
+# A line with content, and the indented comments below it, which continue its own.
 _SAYING = re.compile(r"^[ \t]*[^\s#].*(?:\n|\Z)(?:[ \t]+#.*(?:\n|\Z))*", re.MULTILINE)
 
 
 def name_in(cell_file: Path, calibration: Path) -> str:
-    """How a cell file has to name a calibration file: relative to the folder of the path that it is read by."""
+    """Return the name of a calibration file in a cell file: relative to the folder of the path that it is read by."""
     return Path(os.path.relpath(calibration.resolve(), cell_file.parent.resolve())).as_posix()
 
 
 def naming(name: str) -> str:
-    """The line of a cell file that names a calibration."""
+    """Return the line of a cell file that names a calibration."""
     return f"{_KEY} = {toml_value(name)}"
 
 
 def apply_calibration(cell_file: Path, calibration: Path) -> str:
-    """Let a cell file name a calibration file, in place of the one that it names or new; what it says then.
+    """Enter a calibration file in a cell file, or replace the one that it names; return the new line.
 
-    Comments, line ends and the file's mode stay. If `cell_file` is a link, the file that it leads to is written; the
-    name is relative to the link's folder, as all names in a cell file are to the path that it is read by.
+    Comments, line ends and file mode are kept. If `cell_file` is a link, its target is written; the name is relative to
+    the link's folder, as all names in a cell file are relative to the path that it is read by.
 
     Raises:
-        InputError: the cell file cannot be read or written, or cannot be with this calibration; then it is as it was.
+        InputError: the cell file cannot be read or written, or is invalid with this calibration; it is left unchanged.
     """
     wanted = TomlTable.read(cell_file).value_dict()
     is_named = _KEY in wanted
     wanted[_KEY] = name_in(cell_file, calibration)
     value = toml_value(wanted[_KEY])
     before = read_bytes(cell_file, "TOML").decode()
-    ways = _replaced(before, value) if is_named else _added(before, value)
-    after = next((text for text in ways if _content(text) == wanted), None)
+    candidates = _replaced(before, value) if is_named else _added(before, value)
+    after = next((text for text in candidates if _content(text) == wanted), None)
     if after is None:
         raise InputError(
-            f"{cell_file}: its key {_KEY} cannot be written without changing more; it was left as it was, write "
-            f"{_KEY} = {value} by hand",
+            f"{cell_file}: its key {_KEY} cannot be written without changing more; the file was left as it was, so "
+            f"write {_KEY} = {value} by hand",
             file=str(cell_file),
             key=_KEY,
         )
@@ -69,19 +69,19 @@ def apply_calibration(cell_file: Path, calibration: Path) -> str:
     except A465Error as error:
         write_atomic(cell_file, before)
         raise InputError(
-            f"{cell_file}: cannot be with {calibration}: {error}; it was left as it was", **error.data
+            f"{cell_file}: is invalid with {calibration}: {error}; it was left as it was", **error.data
         ) from error
     return naming(wanted[_KEY])
 
 
 def _replaced(text: str, value: str) -> Iterator[str]:
-    """The text with another value wherever the key seems to stand."""
+    """Yield the text with the value replaced at each apparent place of the key."""
     for named in _NAMED.finditer(text):
         yield text[: named.start("value")] + value + text[named.end("value") :]
 
 
 def _added(text: str, value: str) -> Iterator[str]:
-    """The text with a line for the key after each line that says something, the last one first, or at its head."""
+    """Yield the text with a new line for the key after each line with content, the last one first, then at its head."""
     end = "\r\n" if "\r\n" in text else "\n"
     for place in (*reversed([line.end() for line in _SAYING.finditer(text)]), 0):
         head = text[:place]
@@ -90,7 +90,7 @@ def _added(text: str, value: str) -> Iterator[str]:
 
 
 def _content(text: str) -> dict[str, Any] | None:
-    """What a file with this text says; None if it would be no TOML."""
+    """Return the content of a TOML text, or None if it is invalid."""
     try:
         return tomllib.load(io.BytesIO(text.encode()))
     except ValueError:

@@ -1,4 +1,4 @@
-"""How far a board has moved since it was seen: of all points of it and of its cubes the one that moved farthest."""
+"""How far a board moved between two looks: the largest displacement of any point of the board and its cubes."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ class BoardShift:
     """A board's motion between two poses.
 
     Attributes:
-        farthest: that any point of the plate or of a cube in it moved, m.
-        turn: of the board, rad.
+        farthest: largest displacement of any point of the plate or of a cube in it, m.
+        turn: rotation of the board, rad.
     """
 
     farthest: float
     turn: float
 
     def beyond(self, cell: Cell) -> bool:
-        """Whether the board moved further, or turned more, than the cell lets it unnoticed."""
+        """Whether the displacement or the rotation exceeds the cell's tolerance."""
         return self.farthest > cell.moved or self.turn > cell.turned
 
     def __str__(self) -> str:
@@ -32,17 +32,16 @@ class BoardShift:
 
 
 def board_shift(board: Board, cube_size: float, T_then: Array, T_now: Array) -> BoardShift:
-    """Its motion from one pose T_base_board to another.
+    """Compute the motion of a board from one pose to another.
 
-    The points of a rigid body that move farthest are among the corners of any box around it: how far a point moves is
-    a convex function of where it is on the body.
+    The displacement is a convex function of the point on the body, so a corner of any box around the body bounds it.
 
     Args:
-        board: that moved.
-        cube_size: of the cubes in its holes, m.
-        T_then, T_now: (4, 4).
+        board: board that moved.
+        cube_size: edge of the cubes in its holes, m.
+        T_then, T_now: poses T_base_board, (4, 4).
     """
-    reach = cube_size / np.sqrt(2.0)  # of a cube, whichever way it is turned
+    reach = cube_size / np.sqrt(2.0)  # half the diagonal of a cube: any yaw
     half = np.array(PLATE_SIZE[:2]) / 2.0
     low = np.minimum(np.array(PLATE_CENTRE) - half, board.holes[:, :2].min(axis=0) - reach)
     high = np.maximum(np.array(PLATE_CENTRE) + half, board.holes[:, :2].max(axis=0) + reach)

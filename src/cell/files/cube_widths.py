@@ -1,4 +1,4 @@
-"""How wide cubes are, kept beside a plan: a cube that is in the jaws at a stop cannot be measured by who goes on."""
+"""Measured widths of cubes, stored beside a plan: after a stop, a cube in the jaws can no longer be measured."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from arm.errors import ExecutionStopped, FileInputError
 from arm.io.storage import read_json, write_atomic
 from vision.occupancy.seated import CubeWidth
 
-FILE = "widths.json"  # in a run's folder, beside its plans
-MOST_OFF = 3.0  # tolerances, of a width from the nominal one
+FILE = "widths.json"  # in the run folder, beside the plans
+MOST_OFF = 3.0  # largest deviation of a width from the nominal one, in tolerances
 
 
 def write_widths(folder: Path, widths: Mapping[str, CubeWidth]) -> None:
-    """Write the widths of cubes by name, replacing those of before.
+    """Write the widths of cubes by name, replacing an existing file.
 
     Raises:
         InputError: the file cannot be written.
     """
-    told = {name: {"width_mm": 1e3 * w.value, "std_mm": 1e3 * w.std} for name, w in sorted(widths.items())}
-    write_atomic(folder / FILE, json.dumps(told, indent=2, allow_nan=False) + "\n")
+    value = {name: {"width_mm": 1e3 * w.value, "std_mm": 1e3 * w.std} for name, w in sorted(widths.items())}
+    write_atomic(folder / FILE, json.dumps(value, indent=2, allow_nan=False) + "\n")
 
 
 @contextmanager
 def width_kept(folder: Path, cube: str, width: Callable[[], CubeWidth | None]) -> Iterator[None]:
-    """Where a stop leaves the cube in the jaws, write how wide it is."""
+    """Write the width of the cube if a stop leaves it in the jaws."""
     try:
         yield
     except ExecutionStopped as error:
@@ -41,14 +41,14 @@ def width_kept(folder: Path, cube: str, width: Callable[[], CubeWidth | None]) -
 
 
 def read_widths(folder: Path, nominal: CubeWidth) -> dict[str, CubeWidth]:
-    """The widths of cubes by name; none where there is no such file.
+    """Read the widths of cubes by name; empty without a file.
 
     Args:
-        folder: of a plan.
-        nominal: width of the cell's cubes.
+        folder: folder of a plan.
+        nominal: nominal width of the cell's cubes.
 
     Raises:
-        FileInputError: it is not what `write_widths` writes, or of other cubes.
+        FileInputError: the file was not written by `write_widths`, or is of other cubes.
     """
     file = folder / FILE
     if not file.is_file():
@@ -61,7 +61,7 @@ def read_widths(folder: Path, nominal: CubeWidth) -> dict[str, CubeWidth]:
         }
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise FileInputError(
-            file, "", None, f"is not a file of cubes' widths: {type(error).__name__} {error}", "remove it"
+            file, "", None, f"is not a file of cube widths: {type(error).__name__} {error}", "remove it"
         ) from error
     for name, width in widths.items():
         fits = abs(width.value - nominal.value) <= MOST_OFF * 2.0 * nominal.std and width.std > 0.0

@@ -1,4 +1,4 @@
-"""A calibration target in the gripper: its file, the arm that carries it, and how it looks in the simulated cell."""
+"""A calibration target in the gripper: its file, the arm that carries it, and its pose in the simulated cell."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from arm.se3 import Array, frozen, inverse, rot_x, rot_y, rot_z, rotation, trans
 from vision.targets.target import Target, target_of
 
 PLATE = "target plate"
-_ROUGH = (0.003, np.radians(2.0))  # m and rad: how well a person puts a plate where the file says
+_ROUGH = (0.003, np.radians(2.0))  # standard deviations of a plate mounted by hand, m and rad per axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,9 +24,9 @@ class HandTarget:
     """A target on a plate that moves with the flange.
 
     Attributes:
-        target: what is printed.
-        T_flange_target: about where it is; its origin is the corner of the chessboard.
-        plate: extent (3,) m along x, y and z of the printed side, about the chessboard's middle.
+        target: printed target.
+        T_flange_target: nominal pose; its origin is the corner of the chessboard.
+        plate: size (3,), m, along x, y and z of the printed side, centred on the chessboard.
     """
 
     target: Target
@@ -35,12 +35,12 @@ class HandTarget:
 
     @property
     def T_target_plate(self) -> Array:
-        """Of the plate's middle; z goes into the plate."""
+        """Pose of the plate's middle; z points into the plate."""
         width, height = self.target.size
         return transform(t=(width / 2.0, height / 2.0, self.plate[2] / 2.0))
 
     def carried_by(self, robot: Robot) -> Robot:
-        """The arm with the plate as a body of its last joint; what holds the plate may touch it."""
+        """Return the arm with the plate as a body of its last joint."""
         flange = inverse(robot.T_end_tool)
         joint = len(robot.joint_names)
         q = np.zeros(joint)
@@ -51,17 +51,17 @@ class HandTarget:
             Box(self.plate),
             frozen(mul(mul(T_joint_flange, self.T_flange_target), self.T_target_plate)),
         )
-        said = {"robot": robot.digest, "plate": [list(self.plate), plate.T_joint_body.tolist()]}
-        return replace(robot, bodies=(*robot.bodies, plate), digest=sha256(said))
+        content = {"robot": robot.digest, "plate": [list(self.plate), plate.T_joint_body.tolist()]}
+        return replace(robot, bodies=(*robot.bodies, plate), digest=sha256(content))
 
     def roughly_mounted(self, seed: int) -> HandTarget:
-        """The same plate where a person really put it, for the simulated cell."""
+        """Return the target with random mounting errors, for the simulated cell."""
         rng = np.random.default_rng([seed, 465])
         off = transform(rotation(rng.normal(0.0, _ROUGH[1], 3)), rng.normal(0.0, _ROUGH[0], 3))
         return replace(self, T_flange_target=frozen(mul(self.T_flange_target, off)))
 
     def sight(self, T_base_camera: Array, T_base_target: Array) -> Array:
-        """Corners (5, 3) m of the pyramid between camera and chessboard, which nothing may reach into."""
+        """Return the corners (5, 3), m, of the pyramid between camera and chessboard, which must stay free."""
         width, height = self.target.size
         corners = np.array([[0, 0, 0], [width, 0, 0], [0, height, 0], [width, height, 0]], dtype=float)
         corners[:, 2] = -2e-3  # above the print
@@ -73,7 +73,7 @@ def read_hand_target(path: Path) -> HandTarget:
     """Read a target file with a table ``[hand]``: centre_mm, rpy_deg, plate_mm.
 
     Raises:
-        FileInputError: a value breaks its rule.
+        FileInputError: a value is wrong.
     """
     root = TomlTable.read(path)
     target = target_of(root)
@@ -83,7 +83,7 @@ def read_hand_target(path: Path) -> HandTarget:
     x, y, z = hand.numbers("plate_mm", 3, "mm", 0.5, 500) / 1e3
     if x < target.size[0] or y < target.size[1]:
         shown = " x ".join(f"{1e3 * v:g}" for v in target.size)
-        raise hand.error("plate_mm", f"must be as large as the chessboard at least, {shown} mm")
+        raise hand.error("plate_mm", f"must be at least as large as the chessboard, {shown} mm")
     hand.finish()
     root.finish()
     R = mul(mul(rot_z(float(yaw)), rot_y(float(pitch))), rot_x(float(roll)))

@@ -1,4 +1,4 @@
-"""What a look gives to the next step, and its file: board poses, holes and cubes, as the command's JSON has them."""
+"""The result of a look and its file: board poses, holes and cubes, as the JSON of ``a465 look``."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from arm.board import Board
 from arm.errors import A465Error, FileInputError, ImpossibleError
 from arm.io.storage import read_json, require_finite
 from arm.numerics.products import mul
-from arm.poses import BoardPose, TiltHypothesis, hole_poses
+from arm.poses import BoardPose, TiltHypothesis
 from arm.se3 import Array, frozen, inverse, orthonormalised
 from cell.config.cell import Cell
 from cell.files.board_shift import board_shift
 from cell.files.task import Task
 from vision.occupancy.seated import Sight
 
-HEIGHT_TOLERANCE = 0.010  # between the height that Task 1 states and the one that is seen, m
+HEIGHT_TOLERANCE = 0.010  # between the stated and the detected height of Task 1's board, m
 FLAT_TOLERANCE = np.radians(2.0)
 
 
 @dataclass(frozen=True)
 class SeenBoard:
-    """A board that was found.
+    """A detected board.
 
     Attributes:
-        pose: where it stands.
-        occupancy: per hole: cube, empty or unsure.
-        doubts: per hole, why it was unsure in the image; empty where it was not.
+        pose: its pose.
+        occupancy: state per hole: cube, empty or unsure.
+        doubts: per hole, the reason for unsure; else empty.
     """
 
     pose: BoardPose
@@ -40,24 +40,24 @@ class SeenBoard:
 
     @property
     def name(self) -> str:
-        """Of the board."""
+        """Name of the board."""
         return self.pose.board.name
 
     def holes(self, *states: str) -> tuple[int, ...]:
-        """Holes (0 to 3) in one of these states."""
+        """Return the holes (0 to 3) in one of these states."""
         return tuple(i for i, state in enumerate(self.occupancy) if state in states)
 
 
 @dataclass(frozen=True)
 class Seen:
-    """All boards that were found in one look, and why others were not.
+    """The boards detected in one look, and why others were not.
 
     Attributes:
-        boards: found.
-        missing: per board name, why it was not found.
-        half_seen: names of those of them that stand partly in view, so at a place that is not known.
-        sight: the photographs, to measure cubes in; None for a look that was read from a file.
-        moved_since: places that cubes left or came to after the photographs, so that these show otherwise.
+        boards: detected boards.
+        missing: per board name, the reason why it was not detected.
+        half_seen: names of missing boards that are partly in view, so that their pose is unknown.
+        sight: images for measuring cubes; None for a look that was read from a file.
+        moved_since: places that cubes left or reached after the images were taken.
     """
 
     boards: tuple[SeenBoard, ...]
@@ -68,29 +68,29 @@ class Seen:
 
     @property
     def poses(self) -> tuple[BoardPose, ...]:
-        """Poses of the boards found."""
+        """Poses of the detected boards."""
         return tuple(b.pose for b in self.boards)
 
     def board(self, name: str) -> SeenBoard | None:
-        """The board of that name, if it was found."""
+        """Return the board of that name, or None if it was not detected."""
         return next((b for b in self.boards if b.name == name), None)
 
     def missing_of(self, task: Task) -> list[str]:
-        """Names of the task's boards that were not found."""
+        """Return the names of the task's boards that were not detected."""
         return [b.name for b in task.boards if self.board(b.name) is None]
 
     def cubes_in(self) -> dict[str, tuple[int, ...]]:
-        """Per board, the holes that hold a cube or may hold one: what is not surely empty is an obstacle."""
+        """Return per board the holes that hold or may hold a cube: every hole that is not surely empty."""
         return {b.name: b.holes("cube", "unsure") for b in self.boards}
 
     def state(self, place: str) -> str | None:
-        """What a hole such as ``01-02/3`` looked like; None if its board was not found or it is no hole."""
+        """Return the state of a hole such as ``01-02/3``, or None if its board was not detected or it is no hole."""
         name, _, number = place.rpartition("/")
         board = self.board(name)
         return None if board is None else board.occupancy[int(number) - 1]
 
     def with_moves(self, moves: Mapping[str, str]) -> Seen:
-        """What should be seen after cubes, named by the hole they came from, were moved to places."""
+        """Return the expected look after moves of cubes, named by their hole, to places."""
         states = {cube.removeprefix("cube "): "empty" for cube in moves} | dict.fromkeys(
             moves.values(), "cube"
         )
@@ -101,7 +101,7 @@ class Seen:
         return replace(self, boards=boards, moved_since=self.moved_since | states.keys())
 
     def changed(self, expected: Seen) -> list[str]:
-        """Holes that surely look other than expected, one line a hole."""
+        """Describe the holes whose state surely differs from the expected one, one line per hole."""
         lines = []
         for board in self.boards:
             for number, state in enumerate(board.occupancy, start=1):
@@ -111,25 +111,25 @@ class Seen:
         return lines
 
     def require(self, task: Task) -> None:
-        """The boards of the task must have been seen where the task allows them.
+        """Require that the task's boards were detected, at poses that the task allows.
 
         Raises:
-            ImpossibleError: naming the board and why.
+            ImpossibleError: names the board and the reason.
         """
         for board in task.boards:
             seen = self.board(board.name)
             if seen is None:
                 why = self.missing.get(board.name, "its markers are not in the image")
                 raise ImpossibleError(
-                    f"board {board.name} was not found: {why}; put it whole into the camera's view",
+                    f"board {board.name} was not found: {why}; move it completely into the camera's view",
                     board=board.name,
                     why=why,
                 )
         if self.half_seen:
             name = self.half_seen[0]
             raise ImpossibleError(
-                f"board {name} stands partly in view, so where it stands is not known: {self.missing[name]}; "
-                "put it whole into the camera's view, or out of the cell",
+                f"board {name} is partly in view, so its pose is unknown: {self.missing[name]}; move it completely "
+                "into the camera's view, or out of the cell",
                 board=name,
                 why=self.missing[name],
             )
@@ -137,7 +137,7 @@ class Seen:
             _require_flat(task, self.board(task.from_board.name))
 
     def moved(self, before: Seen, cell: Cell) -> list[str]:
-        """What shifted or turned beyond the cell's tolerance since `before`, one line a board."""
+        """Describe the boards that moved beyond the cell's tolerance since `before`, one line per board."""
         lines = []
         lines += [f"board {b.name} has come into view" for b in self.boards if before.board(b.name) is None]
         for old in before.boards:
@@ -158,7 +158,7 @@ def _require_flat(task: Task, seen: SeenBoard | None) -> None:
     height = float(T[2, 3]) - task.cell.table_z
     if abs(height - task.board_height) > HEIGHT_TOLERANCE or seen.pose.tilt() > FLAT_TOLERANCE:
         raise ImpossibleError(
-            f"board {seen.name} is seen {1e3 * height:.0f} mm above the table and tilted "
+            f"board {seen.name} was detected {1e3 * height:.0f} mm above the table, tilted by "
             f"{np.degrees(seen.pose.tilt()):.1f} deg, but the task says {1e3 * task.board_height:.0f} mm and flat; "
             f"correct board_height_mm in {task.file} or the stand",
             board=seen.name,
@@ -168,13 +168,13 @@ def _require_flat(task: Task, seen: SeenBoard | None) -> None:
 
 
 def seen_to_json(seen: Seen, T_base_camera: Array) -> dict[str, Any]:
-    """The command's JSON: one scene. Boards that were not found are in `missing`, with why."""
+    """Return the JSON of ``a465 look``: one scene, with the reasons for missing boards."""
     boards = [_board_to_json(b, T_base_camera) for b in seen.boards]
     return {"scenes": [{"boards": boards, "missing": dict(seen.missing), "half_seen": list(seen.half_seen)}]}
 
 
 def pose_to_json(pose: BoardPose, T_base_camera: Array) -> dict[str, Any]:
-    """A board's pose, its uncertainty and its holes, as JSON types."""
+    """Return a board's pose, its uncertainty and its holes as JSON types."""
     return {
         "marker_ids": list(pose.board.marker_ids),
         "T_camera_board": (mul(inverse(T_base_camera), pose.T_base_board)).tolist(),
@@ -190,13 +190,13 @@ def pose_to_json(pose: BoardPose, T_base_camera: Array) -> dict[str, Any]:
                 "T_base_hole": hole.T_base_hole.tolist(),
                 "std_mm": (1e3 * np.sqrt(np.diag(hole.covariance)[:3])).tolist(),
             }
-            for hole in hole_poses(pose)
+            for hole in pose.holes
         ],
     }
 
 
 def _tilt_to_json(tilt: TiltHypothesis | None) -> dict[str, Any] | None:
-    """None where no tilts are known. `fits` is false for a board that stands at none of them."""
+    """Return None if no tilts are known. `fits` is false for a board at none of them."""
     if tilt is None:
         return None
     return {
@@ -208,7 +208,7 @@ def _tilt_to_json(tilt: TiltHypothesis | None) -> dict[str, Any] | None:
 
 
 def member_words(pose: BoardPose) -> str:
-    """Which of the known tilts a board has, such as ``7 (z 0.4)``."""
+    """Return which of the known tilts a board has, such as ``7 (z 0.4)``."""
     tilt = pose.tilt_hypothesis
     if tilt is None:
         return "-"
@@ -217,25 +217,25 @@ def member_words(pose: BoardPose) -> str:
 
 
 def tilt_words(pose: BoardPose) -> str:
-    """A board's tilt from the vertical, and which of the known ones that is."""
-    told = f"{np.degrees(pose.tilt()):.2f} deg"
-    return told if pose.tilt_hypothesis is None else f"{told}, of the stands {member_words(pose)}"
+    """Return a board's tilt from the vertical, and which of the known tilts it is."""
+    tilt = f"{np.degrees(pose.tilt()):.2f} deg"
+    return tilt if pose.tilt_hypothesis is None else f"{tilt}, stand {member_words(pose)}"
 
 
 def _board_to_json(seen: SeenBoard, T_base_camera: Array) -> dict[str, Any]:
-    told = pose_to_json(seen.pose, T_base_camera)
-    for hole, state in zip(told["holes"], seen.occupancy, strict=True):
+    value = pose_to_json(seen.pose, T_base_camera)
+    for hole, state in zip(value["holes"], seen.occupancy, strict=True):
         hole["state"] = state
     for number in seen.holes("unsure"):
-        told["holes"][number]["reason"] = seen.doubts[number]
-    return {"board": seen.name, "verdict": "accepted", "reasons": [], **told}
+        value["holes"][number]["reason"] = seen.doubts[number]
+    return {"board": seen.name, "verdict": "accepted", "reasons": [], **value}
 
 
 def read_seen(path: Path, boards: Sequence[Board]) -> Seen:
     """Read a look file.
 
     Raises:
-        FileInputError: not a look file, or of boards that the cell does not list.
+        FileInputError: the file is not a look file, or has boards that the cell does not list.
     """
     value = read_json(path)
     require_finite(path, value)
@@ -254,7 +254,7 @@ def read_seen(path: Path, boards: Sequence[Board]) -> Seen:
             path,
             "scenes",
             None,
-            "is not what a465 look writes",
+            "is not as written by a465 look",
             "look again",
         ) from error
 
@@ -269,7 +269,7 @@ def _tilt_from_json(entry: dict[str, Any] | None) -> TiltHypothesis | None:
 def _board_from_json(path: Path, entry: dict[str, Any], boards: Sequence[Board]) -> SeenBoard:
     board = next((b for b in boards if list(b.marker_ids) == entry["marker_ids"]), None)
     if board is None:
-        raise FileInputError(path, "marker_ids", entry["marker_ids"], "is no board of the cell file")
+        raise FileInputError(path, "marker_ids", entry["marker_ids"], "is not a board of the cell file")
     try:
         T_base_board = orthonormalised(entry["T_base_board"])
     except A465Error as error:

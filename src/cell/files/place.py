@@ -1,4 +1,4 @@
-"""Where a plan is made and judged: a task file, or a cell file alone, which has nothing to do but to be moved in."""
+"""The cell of a plan, from a task file or from a cell file without a task."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
 from cell.files.task import Task, read_task
 
-POSES = "poses"  # kind of what is done in a cell without a task
+POSES = "poses"  # kind of a task that was read from a cell file
 
 
 def read_place(path: Path) -> Task:
-    """A task file; or a cell file, as a task of kind `POSES` that serves no board.
+    """Read a task file, or a cell file as a task of kind `POSES` without boards.
 
     Raises:
-        InputError: it is neither, or has a mistake.
+        InputError: the file is neither, or is wrong.
     """
     if "task" in TomlTable.read(path):
         return read_task(path)
@@ -29,7 +29,7 @@ def _task_of(cell: Cell) -> Task:
         file=cell.file,
         kind=POSES,
         cell=cell,
-        from_board=cell.boards[0],  # every task has one; with no cube to move, nothing asks for it
+        from_board=cell.boards[0],  # required, but unused without cubes to move
         to_board=None,
         places=None,
         board_height=None,

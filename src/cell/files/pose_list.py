@@ -1,7 +1,7 @@
-"""A list of poses and configurations, as programs for this arm have them: JSON, CSV or NumPy's .npy.
+"""A list of poses and configurations in JSON, CSV or NumPy's .npy format, as other programs for this arm use.
 
-Which of them a file is, is told by its content. What a pose is of (flange or tool) and in what unit angles are is never
-guessed: programs for this arm differ by the 134 mm between flange and finger tips.
+The content of a file decides its format. The frame of a pose (flange or tool) and the unit of angles are never guessed:
+flange and finger tips are 134 mm apart.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ ANGLES = {"rad": 1.0, "deg": float(np.radians(1.0))}
 LENGTHS = {"m": 1.0, "mm": 1e-3}
 WAYS = ("transit", "line")
 JAWS = {"open": 0.0, "close": 1.0}
-FARTHEST = 5.0  # from the base, m
+FARTHEST = 5.0  # largest coordinate in the base frame, m
 MOST = 5000  # entries
-PRINTED = 1e-3  # by which a matrix with few digits may miss a rotation
+PRINTED = 1e-3  # tolerance for a rotation matrix printed with few digits
 _LEAST_BY_NUMBERS = {6: "six joint angles", 12: "the upper three rows of a 4x4 pose", 16: "a 4x4 pose"}
 _BY_KEY = ("T_base_flange", "T_base_tool", "q_rad", "q_deg")
 _AT_A_POSE = ("by", "free", "approach_mm", "retract_mm", "within_mm", "speed_mm_s")
@@ -37,12 +37,12 @@ _ALWAYS = ("name", "dwell_s", "jaws")
 
 @dataclass(frozen=True)
 class Reading:
-    """What rows of bare numbers mean; None where neither file nor caller says it.
+    """Interpretation of bare numbers, which have no key; None: unspecified.
 
     Attributes:
-        frame: whose poses they are, of `FRAMES`.
-        angles: of joints, of `ANGLES`.
-        lengths: of poses, of `LENGTHS`.
+        frame: frame of poses, of `FRAMES`.
+        angles: unit of joint angles, of `ANGLES`.
+        lengths: unit of positions in poses, of `LENGTHS`.
     """
 
     frame: str | None = None
@@ -51,10 +51,10 @@ class Reading:
 
 
 def reading_of(frame: str | None, angles: str | None, lengths: str) -> Reading:
-    """The same from the options of a command.
+    """Return the interpretation from the options of a command.
 
     Raises:
-        InputError: one of them is no such word.
+        InputError: an option has an unknown value.
     """
     for option, value, choices in (
         ("frame", frame, FRAMES),
@@ -68,16 +68,17 @@ def reading_of(frame: str | None, angles: str | None, lengths: str) -> Reading:
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """One place of the list, or something that happens at the one before.
+    """A pose or configuration of the list, or an action at the previous one.
 
     Attributes:
-        key: where it stands in the file, such as ``entries[2]`` or ``row 3``.
-        name: for people; unique.
-        frame, T: a pose and whose it is, 4x4 in the base frame, m; T is None where it is no pose.
-        q: a configuration (6,) rad, or None.
+        key: position in the file, such as ``entries[2]`` or ``row 3``.
+        name: unique name for messages.
+        frame: frame of the pose, of `FRAMES`; empty if the entry is no pose.
+        T: pose, 4x4, in the base frame, m; None if the entry is no pose.
+        q: configuration (6,), rad, or None.
         by, free, approach, retract, within, speed: see `plan.waypoints.target.Target`; SI units.
-        dwell_s: rest there, s.
-        jaws: how far the jaws are closed there, 0 open to 1 shut; None: as they are.
+        dwell_s: pause at the entry, s.
+        jaws: closed fraction of the jaws' stroke at the entry, 0 open to 1 shut; None: unchanged.
     """
 
     key: str
@@ -97,25 +98,25 @@ class Entry:
 
 @dataclass(frozen=True, eq=False)
 class PoseList:
-    """A list as its file says; `entries` in order, at least one."""
+    """Content of a pose list file; `entries` in order, at least one."""
 
     file: Path
     entries: tuple[Entry, ...]
 
 
 def read_pose_list(path: Path, reading: Reading | None = None) -> PoseList:
-    """Read a list.
+    """Read a pose list.
 
-    JSON: an object with ``entries`` and perhaps ``frame``, ``angles``, ``lengths``, or the entries alone. An entry is
-    an object with one of ``T_base_flange``, ``T_base_tool``, ``q_rad``, ``q_deg``, or rows of numbers alone. CSV: a row
-    an entry, of 16 or 12 numbers (row by row) or 6. npy: an array of the same.
+    JSON: an object with ``entries`` and optionally ``frame``, ``angles``, ``lengths``, or only the list of entries. An
+    entry is an object with one of ``T_base_flange``, ``T_base_tool``, ``q_rad``, ``q_deg``, or a list of numbers. CSV:
+    one entry per row, of 16 or 12 numbers (pose, row by row) or 6 (configuration). npy: an array of the same.
 
     Args:
         path: the file.
-        reading: what bare numbers mean where the file does not say it.
+        reading: interpretation of bare numbers where the file does not specify it.
 
     Raises:
-        FileInputError: with file, row or entry, value and rule.
+        FileInputError: a value is wrong; names file, row or entry, value and rule.
     """
     reading = reading or Reading()
     data = read_bytes(path, "pose list")
@@ -127,9 +128,9 @@ def read_pose_list(path: Path, reading: Reading | None = None) -> PoseList:
         found = _of_text(path, data, reading)
     entries = list(islice(found, MOST + 1))
     if len(entries) > MOST:
-        raise FileInputError(path, "", None, f"has more than {MOST} entries; a plan has room for no more")
+        raise FileInputError(path, "", None, f"has more than {MOST} entries, the limit of a plan")
     if not entries:
-        raise FileInputError(path, "", None, "has no pose and no configuration; it must have one at least")
+        raise FileInputError(path, "", None, "has no entries; must have at least one pose or configuration")
     seen: dict[str, str] = {}
     for entry in entries:
         if entry.name in seen:
@@ -137,7 +138,7 @@ def read_pose_list(path: Path, reading: Reading | None = None) -> PoseList:
                 path,
                 entry.key,
                 entry.name,
-                f"has the name of {seen[entry.name]}; names must differ",
+                f"is also the name of {seen[entry.name]}; names must differ",
             )
         seen[entry.name] = entry.key
     return PoseList(path, tuple(entries))
@@ -147,7 +148,7 @@ def _of_array(path: Path, data: bytes, reading: Reading) -> Iterator[Entry]:
     try:
         array = np.load(io.BytesIO(data), allow_pickle=False)
     except (ValueError, EOFError, OSError, MemoryError, OverflowError) as error:
-        raise FileInputError(path, "", None, f"is no .npy file of numbers: {error}") from error
+        raise FileInputError(path, "", None, f"is not a .npy file of numbers: {error}") from error
     if array.dtype.kind not in "fiu":
         raise FileInputError(path, "", str(array.dtype), "must be an array of real numbers")
     if array.ndim and array.shape[-2:] in ((4, 4), (3, 4)):
@@ -166,13 +167,13 @@ def _of_text(path: Path, data: bytes, reading: Reading) -> Iterator[Entry]:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FileInputError(
-            path, "", None, "is neither text (CSV, JSON) nor a .npy file; give the poses in one of these"
+            path, "", None, "is neither text (CSV, JSON) nor a .npy file; use one of these formats"
         ) from error
     number = 0
     for line, words in enumerate(text.splitlines(), start=1):
         cells = [c for c in re.split(r"[,;\s]+", words.partition("#")[0].strip()) if c]
         if not cells or (not number and not any(map(_is_number, cells))):
-            continue  # nothing, or the names of the columns
+            continue  # empty, or the names of the columns
         wrong = next((cell for cell in cells if not _is_number(cell)), None)
         if wrong is not None:
             raise FileInputError(path, f"row {line}", wrong, "must be a number")
@@ -189,7 +190,7 @@ def _is_number(word: str) -> bool:
 
 
 def _bare(path: Path, key: str, number: int, values: Array, reading: Reading) -> Entry:
-    """An entry of numbers alone: how many there are tells what they are."""
+    """Read an entry of bare numbers; their count decides its kind."""
     if len(values) not in _LEAST_BY_NUMBERS:
         counts = ", ".join(f"{n} ({what})" for n, what in sorted(_LEAST_BY_NUMBERS.items()))
         raise FileInputError(path, key, f"{len(values)} numbers", f"must be one of {counts}")
@@ -201,7 +202,7 @@ def _bare(path: Path, key: str, number: int, values: Array, reading: Reading) ->
                 path,
                 key,
                 None,
-                "is six joint angles, and nothing says in what unit; give --angles rad or deg",
+                "has six joint angles without a unit; give --angles rad or deg",
             )
         return Entry(key, f"configuration {number}", q=frozen(values * ANGLES[reading.angles]))
     if reading.frame is None:
@@ -209,14 +210,14 @@ def _bare(path: Path, key: str, number: int, values: Array, reading: Reading) ->
             path,
             key,
             None,
-            "is a pose, and nothing says whose; give --frame flange (as ctu_crs has them) or tool (finger tips)",
+            "is a pose without a frame; give --frame flange (as in ctu_crs) or --frame tool (finger tips)",
         )
     T = _pose(path, key, values.reshape(-1, 4), reading.lengths)
     return Entry(key, f"pose {number}", reading.frame, T)
 
 
 def _pose(path: Path, key: str, rows: Array, lengths: str) -> Array:
-    """The rigid transform of three or four rows of four."""
+    """Build a rigid transform from three or four rows of four numbers."""
     T = np.vstack([rows[:3], rows[3:] if len(rows) == 4 else [[0.0, 0.0, 0.0, 1.0]]])
     T[:3, 3] *= LENGTHS[lengths]
     if not np.abs(T[:3, 3]).max() <= FARTHEST:
@@ -224,8 +225,8 @@ def _pose(path: Path, key: str, rows: Array, lengths: str) -> Array:
             path,
             key,
             rows[:3, 3].tolist(),
-            f"is a place in {lengths}; must be within {FARTHEST:g} m of the base",
-            'lengths in mm are told by --lengths mm, or "lengths": "mm"',
+            f"is a position in {lengths}; must be within {FARTHEST:g} m of the base",
+            'for positions in mm give --lengths mm, or "lengths": "mm" in the file',
         )
     try:
         return orthonormalised(T, tolerance=PRINTED)
@@ -234,8 +235,8 @@ def _pose(path: Path, key: str, rows: Array, lengths: str) -> Array:
             path,
             key,
             rows.tolist(),
-            f"is no pose: {error}",
-            "rows come one after another, the last is 0 0 0 1",
+            f"is not a pose: {error}",
+            "give it row by row, the last row being 0 0 0 1",
         ) from error
 
 
@@ -256,23 +257,23 @@ def _of_json(path: Path, reading: Reading) -> Iterator[Entry]:
 def _require_known(node: JsonNode, known: tuple[str, ...]) -> None:
     for name in node.value:
         if name not in known:
-            raise node[name].error(f"is not a key that is known here; there are {', '.join(known)}")
+            raise node[name].error(f"is an unknown key; must be one of {', '.join(known)}")
 
 
 def _entry(node: JsonNode, number: int, reading: Reading) -> Entry:
     if isinstance(node.value, list):
         return _bare(node.path, node.key, number, _flat(node), reading)
     if not isinstance(node.value, dict):
-        raise node.error("must be an object, or a row of numbers")
+        raise node.error("must be an object or a list of numbers")
     _require_known(node, (*_BY_KEY, *_AT_A_POSE, *_ALWAYS))
     given = [key for key in _BY_KEY if key in node]
     if len(given) > 1:
-        raise node[given[1]].error(f"stands beside {given[0]}; an entry has one of them")
+        raise node[given[1]].error(f"cannot be combined with {given[0]}; an entry has one of them")
     at_a_pose = [key for key in _AT_A_POSE if key in node]
     if at_a_pose and (not given or given[0].startswith("q_")):
-        raise node[at_a_pose[0]].error("goes with a pose only (T_base_flange or T_base_tool)")
+        raise node[at_a_pose[0]].error("needs a pose (T_base_flange or T_base_tool)")
     if not given and "jaws" not in node and "dwell_s" not in node:
-        raise node.error(f"must have one of {', '.join(_BY_KEY)}, or jaws or dwell_s alone")
+        raise node.error(f"must have one of {', '.join(_BY_KEY)}, or only jaws or dwell_s")
     kind = given[0] if given else "rest"
     named = {"T": "pose", "q": "configuration", "r": "rest"}[kind[0]]
     return Entry(
@@ -295,7 +296,7 @@ def _entry(node: JsonNode, number: int, reading: Reading) -> Entry:
 
 
 def _flat(node: JsonNode, *counts: int) -> Array:
-    """Its numbers, row by row, whether it is a list or a list of rows."""
+    """Return the numbers of a list, or of a list of rows, row by row."""
     rows = isinstance(node.value, list) and bool(node.value) and isinstance(node.value[0], list)
     values = np.ravel(node.numbers(None, None) if rows else node.numbers(None))
     if rows and np.shape(node.value) not in ((4, 4), (3, 4)):

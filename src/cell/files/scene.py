@@ -1,6 +1,6 @@
-"""The scene file: an arm among bodies, and questions about it with the answers that are expected, in TOML.
+"""The scene file (TOML): an arm among bodies, with queries and motions and their expected results.
 
-It tests collision checking itself, and answers "how close is this?" for scenes that no plan was made for.
+It tests collision checking itself, and measures distances in scenes without a plan.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from cell.files.task import read_task
 from plan.collision.world import World
 
 Pair = frozenset[str]
-# Overlap and distance of one configuration; asked clearance over a motion.
+# A query tests for overlap at one configuration, a motion for the requested clearance.
 QUERY_VERDICTS = ("free", "collides")
 MOTION_VERDICTS = ("clear", "too close")
 
 
 @dataclass(frozen=True)
 class Expected:
-    """What a question is expected to give; None where nothing is expected. Where all are None, nothing may be too near.
+    """Expected result of a query or motion; None: not specified. If all are None, free or clear is expected.
 
     Attributes:
-        verdict: of `QUERY_VERDICTS` or `MOTION_VERDICTS`.
-        distance: of the closest pair, smallest over a motion, less the padding, m; negative by the depth of an overlap.
+        verdict: one of `QUERY_VERDICTS` or `MOTION_VERDICTS`.
+        distance: distance of the closest pair minus the padding, smallest over a motion, m; negative: penetration.
         pair: names of the closest two bodies.
     """
 
@@ -49,10 +49,10 @@ class Query:
     """One configuration.
 
     Attributes:
-        name: for people.
-        q: (6,) rad.
-        allowed: pairs that may touch here, besides the scene's.
-        expected: answer.
+        name: name for messages.
+        q: configuration (6,), rad.
+        allowed: allowed collisions besides those of the scene.
+        expected: expected result.
     """
 
     name: str
@@ -66,11 +66,11 @@ class Motion:
     """One straight joint motion.
 
     Attributes:
-        name: for people.
-        ends: (2, 6) rad.
-        asked: clearance, m.
-        allowed: pairs that may touch on it, besides the scene's.
-        expected: answer.
+        name: name for messages.
+        ends: first and last configuration, (2, 6), rad.
+        asked: requested clearance, m.
+        allowed: allowed collisions besides those of the scene.
+        expected: expected result.
     """
 
     name: str
@@ -82,19 +82,19 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class SceneFile:
-    """A scene with its questions.
+    """A scene with its queries and motions.
 
     Attributes:
-        file: where it was read.
-        unit: whose limits hold.
-        robot: the arm, jaws where they are.
-        jaw_opening: m.
-        bodies: that stand still, cubes included.
-        held: in the jaws, at its pose in the tool frame (`T_tool_held`), or None.
-        T_tool_held: 4x4; identity where nothing is held.
-        allowed: pairs that may touch, in every question.
-        padding: taken off every distance, m.
-        queries, motions: the questions.
+        file: scene file.
+        unit: controller whose joint limits apply.
+        robot: arm with the jaws at `jaw_opening`.
+        jaw_opening: distance between the fingers, m.
+        bodies: fixed bodies, cubes included.
+        held: body in the jaws, or None.
+        T_tool_held: pose of the held body, 4x4; identity without one.
+        allowed: allowed collisions (ACM) of all queries and motions.
+        padding: subtracted from every distance, m.
+        queries, motions: what to check.
     """
 
     file: Path
@@ -110,7 +110,7 @@ class SceneFile:
     motions: tuple[Motion, ...]
 
     def world(self, allowed: Iterable[Pair] = ()) -> World:
-        """The collision world, with more allowed contacts if given."""
+        """Return the collision world, with further allowed collisions if given."""
         return World(
             self.robot,
             self.bodies,
@@ -124,22 +124,21 @@ class SceneFile:
 def read_scene_file(path: Path) -> SceneFile:
     """Read a scene file.
 
-    Keys: `unit`, `tool_length_mm`, `jaw_opening_mm`, `padding_mm`, `allowed` (pairs of names that may touch; nothing
-    else may); `[[bodies]]` (see `cell.config.bodies`); `[[cubes]]` and `[held]`, one cube in the jaws with
-    its pose in the tool frame (`name`, `size_mm`, `centre_mm`, `rpy_deg`); `[[queries]]` (`name`, `q_deg`)
-    and `[[motions]]` (`name`, `from_deg`, `to_deg`, `asked_mm`), each with `allowed` of its own and what is
-    expected, none of it required: `verdict`, `distance_mm` or `clearance_mm`, `pair`. Where nothing is,
-    `free` or `clear` is. See `docs/scenes.md`.
+    Keys: `unit`, `tool_length_mm`, `jaw_opening_mm`, `padding_mm`, `allowed` (pairs of names that may touch);
+    `[[bodies]]` (see `cell.config.bodies`); `[[cubes]]`, and `[held]` for a cube in the jaws with its pose in the tool
+    frame (`name`, `size_mm`, `centre_mm`, `rpy_deg`); `[[queries]]` (`name`, `q_deg`) and `[[motions]]` (`name`,
+    `from_deg`, `to_deg`, `asked_mm`), each with an optional `allowed` and optional expected results: `verdict`,
+    `distance_mm` or `clearance_mm`, `pair`. Without these, `free` or `clear` is expected. See `docs/scenes.md`.
 
     Raises:
-        InputError: with file, key, value, unit and rule.
+        InputError: a value is wrong; names file, key, value, unit and rule.
     """
     root = TomlTable.read(path)
     if "task" in root or "q_start_deg" in root:
         kind = "task" if "task" in root else "cell"
         raise InputError(
-            f"{path}: is a {kind} file; check takes a plan and its task (a465 check PLAN.json TASK.toml), a scene file "
-            f"with questions of its own (docs/scenes.md), or a {kind} file with a configuration (--q)",
+            f"{path}: is a {kind} file; check needs a plan and its task (a465 check PLAN.json TASK.toml), a scene file "
+            f"with queries or motions (docs/scenes.md), or a {kind} file with a configuration (--q)",
             file=str(path),
         )
     unit = load_unit(root.text("unit", choices=UNITS))
@@ -176,7 +175,7 @@ def read_scene_file(path: Path) -> SceneFile:
 
 
 def _cube(table: TomlTable) -> Body:
-    """A cube; that in the jaws has its pose in the tool frame."""
+    """Read a cube. The pose of a held cube is in the tool frame."""
     name = table.text("name")
     size = table.number("size_mm", "mm", 5, 80, default=40.0) / 1e3
     pose = read_pose(table, "centre_mm")
@@ -216,7 +215,7 @@ def _configuration(table: TomlTable, key: str, unit: Unit) -> Array:
 
 
 def beyond_limits(q: Array, unit: Unit) -> str:
-    """The rule that a configuration (6,) rad breaks, or ""."""
+    """Return the joint limit that a configuration (6,), rad, violates, or ""."""
     for joint, (value, low, high) in enumerate(zip(q, unit.lower, unit.upper, strict=True), start=1):
         if not low <= value <= high:
             return f"J{joint} must be from {np.degrees(low):.1f} to {np.degrees(high):.1f} deg on {unit.name}"
@@ -224,10 +223,10 @@ def beyond_limits(q: Array, unit: Unit) -> str:
 
 
 def read_surroundings(path: Path) -> SceneFile:
-    """A scene file; or a cell file, or a task file with its cell, as a scene without boards and cubes: they are seen.
+    """Read a scene file, or the cell of a cell or task file as a scene. Only looks place boards and cubes in a cell.
 
     Raises:
-        InputError: it is none of them, or has a mistake.
+        InputError: the file is none of these, or is wrong.
     """
     root = TomlTable.read(path)
     if "task" in root:
@@ -238,7 +237,7 @@ def read_surroundings(path: Path) -> SceneFile:
 
 
 def _of_cell(cell: Cell) -> SceneFile:
-    """Jaws open."""
+    """Return the cell as a scene, jaws open."""
     none: frozenset[Pair] = frozenset()
     return SceneFile(
         cell.file, cell.unit, cell.robot(), cell.jaw_opening, cell.fixed, None, transform(), none, 0.0, (), ()
@@ -268,6 +267,6 @@ def _pair(table: TomlTable, key: str, value: object, names: set[str]) -> Pair:
     unknown = sorted(set(value) - names)
     if unknown:
         raise table.error(
-            key, f"names {unknown[0]!r}, which is no body; there are {', '.join(sorted(names))}"
+            key, f"names {unknown[0]!r}, which is not a body; must be of {', '.join(sorted(names))}"
         )
     return frozenset(value)

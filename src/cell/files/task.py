@@ -1,4 +1,4 @@
-"""The task file: which board is emptied, and where its cubes go."""
+"""The task file: the board to empty, and the destination of its cubes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from arm.io.storage import canonical_json, sha256
 from arm.io.toml_reader import TomlTable
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
-from cell.config.inputs import Inputs, inputs_of
+from cell.config.inputs import Inputs, config_inputs
 from plan.options import CHOICES, LOOKS
 
 KINDS = ("clear-board", "board-to-board")
@@ -25,8 +25,8 @@ class TablePlaces:
     """A grid of places on the table for Task 1.
 
     Attributes:
-        centres: (n, 2) m in the base frame, in the order in which they are preferred.
-        yaw: of a cube there, rad.
+        centres: positions (n, 2), m, in the base frame, in order of preference.
+        yaw: yaw of a cube there, rad.
     """
 
     centres: tuple[tuple[float, float], ...]
@@ -38,19 +38,19 @@ class Task:
     """A task of a cell.
 
     Attributes:
-        file: where it was read.
+        file: task file.
         kind: clear-board (Task 1) or board-to-board (Task 2).
-        cell: it takes place in.
-        from_board: that holds the cubes.
-        to_board: that gets them (Task 2).
-        places: on the table (Task 1).
-        board_height: of the plate's top above the table (Task 1), m.
-        look_after: ``each`` cube, ``never``, or a number: after that many cubes each time.
-        order, assignment: ``free``: which cube is next, and which place it goes to, is chosen for time; ``given``:
-            cubes in the order of their holes, each to the next free place.
-        seed: of every random choice.
-        inputs: what the file says, key by key; see `cell.config.inputs`.
-        digest: SHA-256 of what task and cell file say.
+        cell: cell of the task.
+        from_board: board that holds the cubes.
+        to_board: board that receives them (Task 2), or None.
+        places: places on the table (Task 1), or None.
+        board_height: height of the plate's top above the table (Task 1), m, or None.
+        look_after: ``each`` cube, ``never``, or the number of cubes between looks.
+        order, assignment: ``free``: the order of the cubes and their destinations are chosen for time; ``given``: cubes
+            in the order of their holes, each to the next free place.
+        seed: seed of every random choice.
+        inputs: values of the file by key; see `cell.config.inputs`.
+        digest: SHA-256 of the contents of task and cell file.
     """
 
     file: Path
@@ -74,23 +74,23 @@ class Task:
 
     @property
     def boards(self) -> tuple[Board, ...]:
-        """Boards that must be seen."""
+        """Boards that a look must detect."""
         return (self.from_board,) if self.to_board is None else (self.from_board, self.to_board)
 
 
-def read_task(path: Path, uncalibrated: Callable[[InputError], None] | None = None) -> Task:
+def read_task(path: Path, on_uncalibrated: Callable[[InputError], None] | None = None) -> Task:
     """Read a task file and the cell file that it names.
 
     Args:
         path: the file.
-        uncalibrated: see `cell.config.cell.read_cell`.
+        on_uncalibrated: see `cell.config.cell_file.read_cell`.
 
     Raises:
-        InputError: with file, key, value and rule.
+        InputError: a value is wrong; names file, key, value and rule.
     """
     root = TomlTable.read(path)
     kind = root.text("task", choices=KINDS)
-    cell = read_cell(root.path("cell"), uncalibrated)
+    cell = read_cell(root.path("cell"), on_uncalibrated)
     from_board = _board(root, cell, "from_board")
     to_board = places = height = None
     if kind == "board-to-board":
@@ -104,7 +104,7 @@ def read_task(path: Path, uncalibrated: Callable[[InputError], None] | None = No
     order, assignment = (root.text(key, choices=CHOICES, default="free") for key in ("order", "assignment"))
     seed = root.integer("seed", 0, 2**31 - 1, default=0)
     root.finish()
-    inputs = inputs_of(root.value_dict(), left_out=("cell",))
+    inputs = config_inputs(root.value_dict(), left_out=("cell",))
     return Task(
         file=path,
         kind=kind,

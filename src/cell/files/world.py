@@ -1,4 +1,4 @@
-"""The world file: what is true in the simulated cell. Nothing but the simulated cell reads it."""
+"""The world file: ground truth of the simulated cell. Nothing else reads it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ RELEASES = ("seated", "high", "half", "rim", "aside", "pushed")
 
 @dataclass(frozen=True)
 class TrueBoard:
-    """A board where it truly stands, with the holes (0 to 3) that hold a cube."""
+    """A board, its true pose, and the holes (0 to 3) that hold a cube."""
 
     board: Board
     T_base_board: Array
@@ -29,17 +29,17 @@ class TrueBoard:
 
 @dataclass(frozen=True)
 class World:
-    """Truth of the simulated cell.
+    """Ground truth of the simulated cell.
 
     Attributes:
-        file: where it was read.
-        boards: that stand in the cell.
+        file: world file.
+        boards: boards that stand in the cell.
         noise_grey: standard deviation of the image noise, grey levels.
-        seed: of noise and of where the arm is at power-up.
-        joint_offsets: true joint zero less the nominal one, (6,) rad.
-        links: errors of the true arm's links.
-        camera: the true camera where it differs from the cell's calibration, else None.
-        releases: how cubes that are let go over a hole come to stand, in order; those after them sit.
+        seed: seed of the noise and of the arm's configuration at power-up.
+        joint_offsets: true joint zeros minus the nominal ones, (6,), rad.
+        links: link errors of the true arm.
+        camera: true camera if it differs from the cell's, else None.
+        releases: how the first cubes released over a hole come to rest, in order, of `RELEASES`; later ones are seated.
     """
 
     file: Path
@@ -53,10 +53,10 @@ class World:
 
 
 def board_placement(centre: npt.ArrayLike, yaw: float, tilt: float, lean_azimuth: float) -> Array:
-    """T_base_board of a plate whose top has its centre at `centre` (3,) m.
+    """Return T_base_board of a plate whose top is centred at `centre` (3,), m.
 
-    The plate is turned by `yaw` about the vertical, then tilted by `tilt` so that its normal leans towards
-    `lean_azimuth`; all rad, in the base frame.
+    The plate is rotated by `yaw` about the vertical, then tilted by `tilt` so that its normal leans towards
+    `lean_azimuth`; all in rad and in the base frame.
     """
     axis = np.array([-np.sin(lean_azimuth), np.cos(lean_azimuth), 0.0])
     R = mul(rotation(tilt * axis), rot_z(yaw))
@@ -71,7 +71,7 @@ def read_world(path: Path, marker_size: float) -> World:
         marker_size: true edge of the markers' black squares, m.
 
     Raises:
-        InputError: with file, key, value and rule.
+        InputError: a value is wrong; names file, key, value and rule.
     """
     root = TomlTable.read(path)
     boards = tuple(_true_board(table, marker_size) for table in root.tables("boards", required=True))

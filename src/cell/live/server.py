@@ -1,8 +1,8 @@
-"""A server on the loopback that shows a run and can change nothing of it: one page, one stream of events.
+"""A read-only server on the loopback that shows a run: one page, one stream of events.
 
-The thread that drives the arm only puts messages into an inbox that never makes it wait. One thread takes them out,
-keeps the state and gives each client its events; a thread for each client writes them. Who reads too slowly is let
-go, and its page connects anew.
+The thread that drives the arm only puts messages into an inbox, which never blocks it. One thread takes them out, keeps
+the state and queues events for each client; a thread per client writes them. A client that reads too slowly is
+disconnected, and its page reconnects.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from cell.preview.page import waiting_page
 HOST = "127.0.0.1"
 MOST_CLIENTS = 8  # event streams at a time
 MOST_CONNECTIONS = 32
-MOST_WAITING = 512  # events that a client may be behind
-MOST_MESSAGES = 20_000  # messages that may wait to be told; more are lost
-PATIENCE_S = 5.0  # for a client that neither asks nor reads
-BEAT_S = 1.0  # a stream with nothing to tell says so this often
-BUFFER = 1 << 16  # of the system, for a client that does not read, bytes
-GOODBYE_S = 1.0  # for the clients to be told of the end
+MOST_WAITING = 512  # queued events of a client
+MOST_MESSAGES = 20_000  # messages in the inbox; more are dropped
+PATIENCE_S = 5.0  # timeout of a client that neither sends nor reads
+BEAT_S = 1.0  # heartbeat of an idle stream
+BUFFER = 1 << 16  # bytes: the system's send buffer for a client
+GOODBYE_S = 1.0  # time to send the end of the run to the clients
 HEADERS = {
     "Cache-Control": "no-store",
     "X-Content-Type-Options": "nosniff",
@@ -43,7 +43,7 @@ class Client:
     """One reader of events.
 
     Attributes:
-        dropped: it was too slow, or the run has ended: what waits is written, and no more comes.
+        dropped: it was too slow, or the run has ended: queued events are still written, no more are queued.
         left: its connection is closed.
     """
 
@@ -53,7 +53,7 @@ class Client:
         self._waiting: queue.Queue[bytes] = queue.Queue(MOST_WAITING)
 
     def offer(self, events: list[bytes]) -> None:
-        """Events to write; one that does not fit drops the client."""
+        """Queue events to write. If the queue is full, the client is dropped."""
         try:
             if events and not self.dropped:
                 self._waiting.put_nowait(b"".join(events))
@@ -61,7 +61,7 @@ class Client:
             self.dropped = True
 
     def take(self) -> bytes:
-        """All that is to be written now, or a beat; empty at the end."""
+        """Return everything to write now, or a heartbeat; empty at the end."""
         try:
             found = [self._waiting.get(timeout=BEAT_S / 10 if self.dropped else BEAT_S)]
         except queue.Empty:
@@ -72,10 +72,10 @@ class Client:
 
 
 class Hub(threading.Thread):
-    """Keeps the state and tells the clients.
+    """Keeps the state and sends events to the clients.
 
     Attributes:
-        page: that is served now.
+        page: the page served now.
     """
 
     def __init__(self) -> None:
@@ -86,12 +86,12 @@ class Hub(threading.Thread):
         self._state = LiveState()
 
     def put(self, message: Message | Client) -> None:
-        """Tell of something, or let a client in; returns at once, from any thread."""
+        """Queue a message, or a new client. Returns at once; may be called from any thread."""
         if self._inbox.qsize() < MOST_MESSAGES:
             self._inbox.put(message)
 
     def run(self) -> None:
-        """Until the run has ended."""
+        """Process messages until the run has ended."""
         message: Message | Client | None = None
         while not isinstance(message, Ended):
             try:
@@ -118,14 +118,14 @@ class LiveServer(ThreadingHTTPServer):
     """The server of one run.
 
     Args:
-        port: to listen at; 0 takes any that is free.
+        port: to listen on; 0: any free port.
 
     Raises:
         InputError: it cannot listen there.
     """
 
     daemon_threads = True
-    request_queue_size = 2 * MOST_CONNECTIONS  # with few, the system lets the next ones wait for seconds
+    request_queue_size = 2 * MOST_CONNECTIONS  # with a short queue, further connections wait for seconds
 
     def __init__(self, port: int) -> None:
         self.hub = Hub()
@@ -136,7 +136,7 @@ class LiveServer(ThreadingHTTPServer):
         except OSError as error:
             raise InputError(
                 f"--live-port = {port}: cannot listen on {HOST}:{port}: {error.strerror}; "
-                "leave it out for a port that is free",
+                "omit it to use any free port",
                 port=port,
             ) from error
         self._serving = threading.Thread(
@@ -144,27 +144,27 @@ class LiveServer(ThreadingHTTPServer):
         )
 
     def server_bind(self) -> None:
-        """As usual, but without asking a name server who we are."""
+        """Bind without the base class's look-up of the host name."""
         socketserver.TCPServer.server_bind(self)
         self.server_name, self.server_port = HOST, self.server_address[1]
 
     @property
     def url(self) -> str:
-        """Where the page is."""
+        """URL of the page."""
         return f"http://{HOST}:{self.server_port}/"
 
     @property
     def hosts(self) -> tuple[str, str]:
-        """What a browser may call us; another name is a foreign page's that was made to lead here (DNS rebinding)."""
+        """Allowed Host headers; any other may come from a foreign page (DNS rebinding)."""
         return f"{HOST}:{self.server_port}", f"localhost:{self.server_port}"
 
     def start(self) -> None:
-        """Listen and serve, in threads of their own."""
+        """Start the threads that serve."""
         self.hub.start()
         self._serving.start()
 
     def end(self, text: str) -> None:
-        """Tell the clients how the run ended, as far as they listen within a second, and close."""
+        """Send the end of the run to the clients, wait at most GOODBYE_S, and close."""
         self.hub.put(Ended(text))
         over = time.monotonic() + GOODBYE_S
         self.hub.join(GOODBYE_S)
@@ -174,33 +174,33 @@ class LiveServer(ThreadingHTTPServer):
         self.server_close()
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """A thread for each connection, up to a number."""
+        """Serve a connection in its own thread; refuse it beyond MOST_CONNECTIONS."""
         if self._connections.acquire(blocking=False):
             super().process_request(request, client_address)
         else:
             self.shutdown_request(request)
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """One connection, from its beginning to its end."""
+        """Serve one connection to its end."""
         try:
             super().process_request_thread(request, client_address)
         finally:
             self._connections.release()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Nothing, if a client went away or was too slow."""
+        """Ignore a client that left or was too slow."""
         if not isinstance(sys.exc_info()[1], OSError):
             super().handle_error(request, client_address)
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Answers one request: GET of the page or of the events, and nothing else."""
+    """Answers one request: only GET of the page or of the events."""
 
     server: LiveServer
     timeout = PATIENCE_S
 
     def parse_request(self) -> bool:
-        """Refuse what is not asked of us by a page of ours."""
+        """Refuse requests for another host, and any method but GET."""
         if not super().parse_request():
             return False
         names = self.headers.get_all("Host", [])
@@ -211,7 +211,7 @@ class _Handler(BaseHTTPRequestHandler):
         return True
 
     def do_GET(self) -> None:
-        """The page, the events, or what is not there."""
+        """Send the page, the events, or a refusal."""
         match self.path:
             case "/":
                 page = self.server.hub.page
@@ -220,21 +220,21 @@ class _Handler(BaseHTTPRequestHandler):
             case "/events":
                 self._events()
             case _:
-                self._refuse(HTTPStatus.NOT_FOUND, "there are / and /events")
+                self._refuse(HTTPStatus.NOT_FOUND, "must be / or /events")
 
     def _events(self) -> None:
-        # a browser says where a request comes from; another page's would only take the place of one that is looked at
+        # a foreign page must not use up the event streams; browsers name the origin of a request
         if self.headers.get("Sec-Fetch-Site", "same-origin") not in ("same-origin", "none"):
-            self._refuse(HTTPStatus.FORBIDDEN, "events are for the page of this server")
+            self._refuse(HTTPStatus.FORBIDDEN, "only the page of this server may read events")
             return
         seats = self.server.seats
         if not seats.acquire(blocking=False):
-            self._refuse(HTTPStatus.SERVICE_UNAVAILABLE, f"{MOST_CLIENTS} pages are open, that is all")
+            self._refuse(HTTPStatus.SERVICE_UNAVAILABLE, f"at most {MOST_CLIENTS} pages can be open")
             return
         client = Client()
         try:
             self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
-            self.server.hub.put(client)  # before the answer begins: whoever has that misses nothing
+            self.server.hub.put(client)  # before the response begins, so that the client misses no event
             self._begin(HTTPStatus.OK, "text/event-stream", None)
             while (text := client.take()) and (self.server.hub.is_alive() or client.dropped):
                 self.wfile.write(text)
@@ -260,8 +260,8 @@ class _Handler(BaseHTTPRequestHandler):
         self.end_headers()
 
     def version_string(self) -> str:
-        """Of the Server header."""
+        """Value of the Server header."""
         return "a465"
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Requests are not told: the terminal is for the run."""
+        """Do not log requests: the terminal is for the run."""

@@ -1,6 +1,6 @@
-"""What a live view shows: the run as it was last told of, and each change of it as an event for the page.
+"""State of a live view: the run as last reported, and each change as an event for the page.
 
-One thread at a time uses a `LiveState`. Times are on the clock of the plan's preview, so that the page can compare.
+A `LiveState` is not thread-safe. Times are on the clock of the plan's preview, so that the page can compare them.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from cell.preview.timeline import timed_steps
 from driver.execution.control import Control
 from driver.execution.progress import Progress
 
-MOST_SAMPLES = 12_000  # kept for a page that comes late: 20 min at ten a second
+MOST_SAMPLES = 12_000  # kept for a page that is opened later: 20 min at 10 per second
 MOST_LINES = 200
 
 
 @dataclass(frozen=True, eq=False)
 class NewPlan:
-    """A plan is executed from now on.
+    """The execution of a plan begins.
 
     Attributes:
-        mark: tells its page from any other's.
+        mark: unique mark of its page.
         name: of its file.
-        page: that shows it, or None if there is none: then the page that waits is shown, which has no mark.
+        page: its page; None shows the waiting page, which has no mark.
     """
 
     mark: str
@@ -41,21 +41,21 @@ class NewPlan:
 
 @dataclass(frozen=True)
 class Told:
-    """A line for a person."""
+    """A line of text for the operator."""
 
     text: str
 
 
 @dataclass(frozen=True)
 class Ended:
-    """The run has ended: ``done``, or why not."""
+    """The run has ended: ``done``, or the reason."""
 
     text: str
 
 
 @dataclass(frozen=True)
 class Begun:
-    """The run has begun; a pause is asked for through `control`."""
+    """The run has begun; `control` has the state of pauses."""
 
     control: Control
 
@@ -64,7 +64,7 @@ Message = Begun | NewPlan | Step | Progress | Told | Ended
 
 
 def event(name: str, value: Mapping[str, Any]) -> bytes:
-    """One server-sent event (WHATWG HTML, 9.2.5)."""
+    """Return one server-sent event (WHATWG HTML, 9.2.5)."""
     return f"event: {name}\ndata: {json.dumps(value, separators=(',', ':'), allow_nan=False)}\n\n".encode()
 
 
@@ -72,7 +72,7 @@ class LiveState:
     """The present state.
 
     Attributes:
-        page: of the plan that is executed; None before there is one.
+        page: of the plan being executed; None before the first.
     """
 
     def __init__(self) -> None:
@@ -82,7 +82,7 @@ class LiveState:
         self._unit: Unit | None = None
         self._places: dict[int, int] = {}  # id of a step -> index
         self._motions: dict[int, tuple[Motion, int]] = {}  # index of a step -> its motion, place in it
-        self._steps: tuple[Step, ...] = ()  # kept, so that their ids are theirs alone
+        self._steps: tuple[Step, ...] = ()  # kept so that their ids stay unique
         self._starts: list[float] = []
         self._index: int | None = None
         self._on_path: tuple[Motion, OnPath] | None = None
@@ -93,7 +93,7 @@ class LiveState:
         self._shown = self._state()
 
     def take(self, message: Message) -> list[bytes]:
-        """What happened, and the events that tell of it."""
+        """Take a message. Return its events."""
         match message:
             case Begun(control):
                 self._control, events = control, []
@@ -111,7 +111,7 @@ class LiveState:
         return events + self.changes()
 
     def changes(self) -> list[bytes]:
-        """Whether the arm moves, pauses or stands, if that is another than was told last."""
+        """Return an event if the state (running, pausing, at rest ..) has changed."""
         state = self._state()
         if state == self._shown:
             return []
@@ -119,7 +119,7 @@ class LiveState:
         return [event("state", state)]
 
     def snapshot(self) -> list[bytes]:
-        """Events that tell the present state to a page that comes late."""
+        """Return the events that bring a page that is opened later to the present state."""
         self._shown = self._state()
         events = [] if self._plan is None else [event("plan", self._plan)]
         events.append(event("past", {"lines": list(self._lines), "samples": list(self._samples)}))
@@ -169,7 +169,7 @@ class LiveState:
         return sample
 
     def _place(self, progress: Progress) -> tuple[int | None, float | None]:
-        """The first step of the motion that runs, and where on the plan's clock the sample is."""
+        """First step of the present motion, and the sample's time on the plan's clock."""
         found = None if self._index is None else self._motions.get(self._index)
         if found is None or self._unit is None:
             return None, None

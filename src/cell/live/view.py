@@ -14,15 +14,15 @@ from cell.files.task import Task
 from cell.live.server import Hub, LiveServer
 from cell.live.state import Begun, NewPlan, Told
 from cell.preview.of_plan import live_page
-from cell.session.observer import Watcher
+from cell.session.observer import RunObserver
 from driver.execution.control import Control
 from driver.execution.progress import Progress
 
-LEAST_PORT = 1024  # below it a port is the system's
+LEAST_PORT = 1024  # lower ones need privileges
 
 
-class Live(Watcher):
-    """Tells a server of a run; only `plan` takes time, and the arm stands then.
+class Live(RunObserver):
+    """Reports a run to a server. Only `plan` takes time; the arm is at rest then.
 
     Args:
         hub: of the server.
@@ -31,7 +31,7 @@ class Live(Watcher):
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
         self._task: Task | None = None
-        self._run = secrets.token_hex(4)  # a page that was left open must not take the next run for its own
+        self._run = secrets.token_hex(4)  # so that a page left open does not match a later run
         self._plans = count(1)
 
     def begins(self, task: Task, control: Control) -> None:
@@ -44,7 +44,7 @@ class Live(Watcher):
         mark = f"{self._run}-{next(self._plans)}"
         try:
             page = live_page(self._task, plan, mark).encode()
-        except A465Error as error:  # the arm is not to wait for a picture
+        except A465Error as error:  # the run goes on without a page
             self.told(f"no live page of {name}: {error}")
             page = None
         self._hub.put(NewPlan(mark, name, plan, self._task.cell.unit, page))
@@ -56,24 +56,24 @@ class Live(Watcher):
         self._hub.put(progress)
 
     def told(self, text: str) -> None:
-        """A line that the console tells."""
+        """Pass on a line of the console."""
         self._hub.put(Told(text))
 
 
 @contextmanager
 def live_view(console: Console, port: int = 0) -> Iterator[Live]:
-    """Inside, a run can be watched in a browser of this machine; how it ended is told there too.
+    """Inside, a run can be watched in a browser on this machine, to its end.
 
     Args:
-        console: told where the page is; the page is told what the console is.
-        port: to listen at; 0 takes any that is free.
+        console: prints the page's URL; its lines are shown on the page.
+        port: to listen on; 0: any free port.
 
     Raises:
-        InputError: the port cannot be listened at.
+        InputError: it cannot listen on the port.
     """
     if port and not LEAST_PORT <= port <= 65535:
         raise InputError(
-            f"--live-port = {port}: must be from {LEAST_PORT} to 65535, or 0 for any that is free", port=port
+            f"--live-port = {port}: must be from {LEAST_PORT} to 65535, or 0 for any free port", port=port
         )
     server = LiveServer(port)
     live = Live(server.hub)

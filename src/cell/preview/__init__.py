@@ -1,1 +1,1 @@
-"""A plan as one HTML file that opens by double click, without network: 3D, time line, steps, plots."""
+"""A plan as a self-contained HTML file: 3D view, time line, steps, plots."""

@@ -1,6 +1,6 @@
-"""Clearance along a plan's moves, for the eye: samples with the closest pair and where it is closest.
+"""Sampled clearance along a plan's moves, for display: the closest pair and its nearest points.
 
-The plan's own figure for a move is the proof; samples only show where along the move it is tight.
+The certified clearance of a move is in the plan; samples only show where along the move it is small.
 """
 
 from __future__ import annotations
@@ -29,10 +29,9 @@ def sample_clearance(
     unit: Unit,
     every_s: float = CLEARANCE_EVERY_S,
 ) -> dict[int, tuple[ClearanceSample, ...]]:
-    """Samples over every move, per index of the plan's step; moves in a scene without bodies have none.
+    """Sample every move; return samples by index of the plan's step, none in a scene without bodies.
 
-    Cubes are where the plan has brought them by then. A held cube may touch what the scene allows it, on the lines
-    to and from its places only.
+    Cubes are where the plan has placed them by then. The allowed collisions of a held cube are those of the move.
 
     Raises:
         InputError: a move holds a cube that is not in the scene.
@@ -55,7 +54,7 @@ def sample_clearance(
             [*bodies, *now.standing],
             held,
             now.T_tool_held,
-            [frozenset((held.name, name)) for name in move.touching] if held else [],
+            [frozenset((held.name, name)) for name in move.allowed_collisions] if held else [],
         )
         sampled[index] = _along(move, world, unit, every_s)
     return sampled
@@ -63,7 +62,7 @@ def sample_clearance(
 
 @dataclass(frozen=True)
 class _Cubes:
-    """Cubes at one moment: those that stand, and the one in the jaws with its pose in the tool frame."""
+    """Cubes at one time: those at rest, and the one in the jaws with its pose in the tool frame."""
 
     standing: tuple[Body, ...]
     held: Body | None

@@ -1,7 +1,7 @@
-"""What the page is given: a plan, its arm and its cell as JSON types. Lengths m, angles rad, time s on one clock.
+"""Content of the page: a plan, its arm and its cell as JSON types. Lengths m, angles rad, time s on one clock.
 
-Motion stays as it is sent, integer segments in encoder counts, and the page evaluates those: what is shown is what
-the controller will do, not a resampling of it.
+The page evaluates the integer segments in encoder counts that are sent to the controller, so it shows the exact motion,
+not a resampled one.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from cell.preview.overlays import (
     shape_numbers,
 )
 from cell.preview.timeline import TimedStep, cube_tracks, timed_steps
-from plan.options import told_clearance
+from plan.options import clearance_words
 
 
 def page_content(
@@ -44,20 +44,20 @@ def page_content(
     clearance: Mapping[int, Sequence[ClearanceSample]] | None = None,
     executed: Sequence[ExecutedMove] = (),
 ) -> dict[str, Any]:
-    """Everything that the page draws.
+    """Return everything that the page draws.
 
     Args:
-        plan: to show; bodies and cubes come from its scene.
+        plan: to show; bodies and cubes are those of its scene.
         robot_open, robot_holding: the arm with open jaws and with the jaws at the cube's width.
-        unit: the plan's.
-        boards: known to the cell; those whose plates stand in the scene are drawn with holes and markers.
+        unit: of the plan.
+        boards: of the cell; those whose plates are in the scene are drawn with holes and markers.
         dictionary: of the boards' markers.
-        camera: drawn with its view.
-        clearance: per index of a step, samples over that move.
+        camera: drawn with its field of view.
+        clearance: samples of a move by index of its step.
         executed: drawn over the plan.
 
     Raises:
-        InputError: the plan is for another unit, or its arms do not match each other or its scene.
+        InputError: the plan is for another unit, or the arms do not match each other or its scene.
     """
     if plan.unit != unit.name:
         raise InputError(
@@ -78,10 +78,10 @@ def page_content(
         "unit": plan.unit,
         "speed": plan.speed,
         "sha256": plan.sha256,
-        "code": None if executed else plan.code,  # a log's page shows what was, and confirms nothing
+        "code": None if executed else plan.code,  # the page of a log shows the past and cannot approve a plan
         "provenance": plan.provenance,
         "notes": plan.notes,
-        "less_clearance": told_clearance(plan.provenance.get("options", {})),
+        "less_clearance": clearance_words(plan.provenance.get("options", {})),
         "motion_s": plan.duration_s,
         "motions": len(list(plan.moves)) - len(joined),
         "duration_s": steps[-1].end_s,
@@ -118,7 +118,7 @@ def page_content(
 
 
 def _planned(move: Move) -> bool:
-    """Whether the planner made the move; one that was read from a log has no closest pair, and ends at rest."""
+    """Whether the move comes from the planner; one read from a log has no closest pair and ends at rest."""
     return any(move.closest)
 
 
@@ -135,12 +135,12 @@ def _joints(plan: Plan, robot: Robot, unit: Unit) -> dict[str, Any]:
 
 
 def _arm(robot_open: Robot, robot_holding: Robot) -> dict[str, Any]:
-    """The chain as constant placements and axes, and the bodies with both positions of the jaws."""
+    """Kinematic chain as constant placements and axes, and the bodies with both positions of the jaws."""
     count = len(robot_open.joint_names)
     zero = robot_open.joint_poses(np.zeros(count))
     holding = {body.name: body for body in robot_holding.bodies}
     if set(holding) != {body.name for body in robot_open.bodies}:
-        raise InputError("robot_holding: must have the bodies of robot_open, with other jaws only")
+        raise InputError("robot_holding: must have the same bodies as robot_open; only the jaws may differ")
     return {
         "chain": [
             {"T": pose_numbers(inverse(zero[i]) @ zero[i + 1]), **_axis(robot_open, zero, i)}
@@ -162,19 +162,19 @@ def _arm(robot_open: Robot, robot_holding: Robot) -> dict[str, Any]:
 
 
 def _axis(robot: Robot, zero: Array, joint: int) -> dict[str, Any]:
-    """Kind and axis of a joint in its own frame, read off a small motion: no joint types of a library."""
+    """Kind and axis of a joint in its own frame, determined from a test motion."""
     step = 0.5
     q = np.zeros(len(robot.joint_names))
     q[joint] = step
     moved = inverse(zero[joint + 1]) @ robot.joint_poses(q)[joint + 1]
-    turn = rotation_vector(moved[:3, :3]) / step
-    revolute = bool(np.linalg.norm(turn) > 0.5)
-    axis = turn if revolute else moved[:3, 3] / step
+    rotation = rotation_vector(moved[:3, :3]) / step
+    revolute = bool(np.linalg.norm(rotation) > 0.5)
+    axis = rotation if revolute else moved[:3, 3] / step
     return {"revolute": revolute, "axis": [float(v) + 0.0 for v in np.round(axis, 9)]}
 
 
 def _step(timed: TimedStep, joined: bool) -> dict[str, Any]:
-    """A step; `joined` says of a move that it goes on from the one before without a stop."""
+    """A step; a move is `joined` if it continues the one before without a stop."""
     step = timed.step
     common = {
         "name": step.name,

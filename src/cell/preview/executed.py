@@ -1,8 +1,8 @@
-"""What a log says was executed, laid on the plan's clock: each sample at the place of its motion that is nearest to it.
+"""Map the samples of a log to the plan's clock: each sample to the nearest point of the planned motion.
 
-The controller keeps the path and only stretches time (fact sheet of the controller, section 2, row 14). So a sample
-is compared with the nearest point of the planned path, near the segment that the unit said it was on; how late it was
-there is told by the motion's duration.
+The controller keeps the path and only stretches time (fact sheet of the controller, section 2, row 14). So a sample is
+compared with the nearest point of the planned path, close to the segment that the unit reported. Delays show in the
+motion's duration.
 """
 
 from __future__ import annotations
@@ -20,24 +20,22 @@ from cell.preview.overlays import ExecutedMove
 from driver.log.motions import LoggedMotion
 from driver.log.read import Session
 
-STEP_S = (
-    0.005  # of the planned path that samples are compared with; between two steps it is taken as straight
-)
-LAG_SEGMENTS = 3  # the arm follows its reference by regulators that lag
-BLIND_S = 3.0  # how far a sample is looked for where the unit did not say its segment
+STEP_S = 0.005  # grid of the planned path that samples are compared with, linear in between
+LAG_SEGMENTS = 3  # segments by which the servos may lag behind the reference
+BLIND_S = 3.0  # search range if the unit did not report its segment
 
 
 @dataclass(frozen=True)
 class MatchedMotion:
-    """A motion of the log and where it is in the plan.
+    """A motion of the log and its place in the plan.
 
     Attributes:
-        number: of the session's motion.
+        number: index of the session's motion.
         step: index of the plan's step where it begins.
         executed: its samples on the clock of that step.
-        difference: (m, 6) rad, executed less planned at the nearest point.
-        planned_s: duration of the segments that were sent.
-        lasted_s: from the first segment to the unit's answer that it was done; None where it never came.
+        difference: (m, 6) rad, executed minus planned at the nearest point.
+        planned_s: duration of the segments sent.
+        lasted_s: from the first segment to R!; None if that never came.
     """
 
     number: int
@@ -49,9 +47,9 @@ class MatchedMotion:
 
 
 def match(session: Session, plan: Plan, unit: Unit) -> tuple[MatchedMotion, ...]:
-    """The motions of a log that are those of a plan: same start, same segments, or the first of them if it was stopped.
+    """Find the motions of a log in a plan: same start and same segments, or the first of them if it was stopped.
 
-    Durations may differ: an override stretches them.
+    Durations may differ, as an override stretches them.
     """
     known: dict[tuple[int, ...], list[tuple[int, CountPath]]] = {}
     for motion in plan.motions:
@@ -66,7 +64,7 @@ def match(session: Session, plan: Plan, unit: Unit) -> tuple[MatchedMotion, ...]
 
 
 def plan_of(session: Session, unit: Unit) -> tuple[Plan, tuple[MatchedMotion, ...]]:
-    """A plan of nothing but what was sent, for a log whose plan is not at hand; every motion is a step of its own."""
+    """Create a plan from the lines sent, one step per motion, for a log whose plan file is not available."""
     steps: list[Move | GripperStep | LookStep] = []
     matched = []
     for number, logged in enumerate(session.motions):
@@ -95,14 +93,14 @@ def _begins(planned: Sequence[Segment], sent: Sequence[Segment]) -> bool:
 
 
 def _sent_path(logged: LoggedMotion) -> CountPath | None:
-    """What was sent, as segments; an absolute motion as one straight segment of the time that it took."""
+    """The segments sent; an absolute motion is one straight segment of its actual duration."""
     start, target, ready_s = logged.start, logged.target, logged.ready_s
     if target is None or start is None:
         return logged.path
     if ready_s is None or start == target:
         return None
-    way = tuple(b - a for a, b in zip(start, target, strict=True))
-    return CountPath(start, (Segment(max(1, round(1e3 * (ready_s - logged.sent_s))), (way,)),))
+    delta = tuple(b - a for a, b in zip(start, target, strict=True))
+    return CountPath(start, (Segment(max(1, round(1e3 * (ready_s - logged.sent_s))), (delta,)),))
 
 
 def _matched(number: int, step: int, logged: LoggedMotion, path: CountPath, unit: Unit) -> MatchedMotion:
@@ -121,11 +119,11 @@ def _matched(number: int, step: int, logged: LoggedMotion, path: CountPath, unit
 
 
 class OnPath:
-    """Lays samples of a motion on its planned path, one after the other; never back.
+    """Maps the samples of a motion to its planned path, one after the other, monotonically.
 
     Args:
         path: of the motion.
-        unit: whose counts they are.
+        unit: of its counts.
     """
 
     def __init__(self, path: CountPath, unit: Unit) -> None:
@@ -136,11 +134,11 @@ class OnPath:
         self._last = 0
 
     def place(self, q: Array, segment: int | None) -> tuple[float, Array]:
-        """Time on the path's clock and joint positions (6,) rad of its nearest point.
+        """Return the nearest point of the path: its time on the path's clock, and joint positions (6,) rad.
 
         Args:
-            q: (6,) rad, the sample.
-            segment: index of the one that ran, -1 before the first, or None if that is not known.
+            q: the sample, (6,) rad.
+            segment: index of the segment that ran, -1 before the first, or None if not known.
         """
         grid, ends = self._grid, self._ends
         first, end_s = self._last, grid[self._last] + BLIND_S
@@ -156,20 +154,20 @@ class OnPath:
 
 
 def _nearest(path: CountPath, q: Array, places: Sequence[int | None], unit: Unit) -> tuple[Array, Array]:
-    """Per sample the time (m,) on the path's clock and the joint positions (m, 6) of the nearest point; never back."""
+    """Nearest point of the path for each sample: times (m,) on the path's clock, joint positions (m, 6)."""
     on_path = OnPath(path, unit)
     found = [on_path.place(here, place) for here, place in zip(q, places, strict=True)]
     return np.array([time_s for time_s, _ in found]), np.array([point for _, point in found]).reshape(-1, 6)
 
 
 def _on_lines(knots: Array, here: Array) -> tuple[int, float]:
-    """Which line between neighbouring knots is nearest to a point, and where on it, 0 to 1; the first of equals."""
+    """Index of the line between neighbouring knots that is nearest to a point, and the place on it, 0 to 1."""
     if len(knots) < 2:
         return 0, 0.0
-    begin, way = knots[:-1], np.diff(knots, axis=0)
-    length2 = np.einsum("ij,ij->i", way, way)
-    along = np.einsum("ij,ij->i", here - begin, way)
+    begin, line = knots[:-1], np.diff(knots, axis=0)
+    length2 = np.einsum("ij,ij->i", line, line)
+    along = np.einsum("ij,ij->i", here - begin, line)
     share = np.clip(np.divide(along, length2, out=np.zeros_like(along), where=length2 > 0.0), 0.0, 1.0)
-    off = begin + share[:, None] * way - here
+    off = begin + share[:, None] * line - here
     index = int(np.argmin(np.einsum("ij,ij->i", off, off)))
     return index, float(share[index])

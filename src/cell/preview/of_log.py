@@ -1,4 +1,4 @@
-"""The preview page of a log: what was executed over what was planned, with whatever of the run can still be found."""
+"""The preview page of a log: the executed motion over the planned one, with the plan and task files if found."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ JAW_OPENINGS = (0.06, 0.04)  # open, and holding a cube of the default cell, m
 
 @dataclass(frozen=True)
 class Replay:
-    """A log with the plan that it follows.
+    """A log with the plan that was executed.
 
     Attributes:
-        plan: of most of the log's motions; made from the lines sent if no plan file was found.
-        plan_file: where it was read, or None.
-        matched: the motions of the log that are in it.
-        task: of the plan, or None if it was not found: then the arm has its default tool and the cell no boards.
+        plan: the plan with the most motions of the log; made from the lines sent if no plan file was found.
+        plan_file: its file, or None.
+        matched: the motions of the log that are in the plan.
+        task: of the plan, or None if not found; then the arm has its default tool and the cell no boards.
     """
 
     session: Session
@@ -47,28 +47,28 @@ class Replay:
 
     @property
     def executed(self) -> tuple[ExecutedMove, ...]:
-        """For the page."""
+        """Executed moves for the page."""
         return tuple(m.executed for m in self.matched if len(m.executed.time_s))
 
     @property
     def farthest_deg(self) -> float | None:
-        """Of any sample from the planned path, worst joint."""
+        """Largest distance of any sample and joint from the planned path, deg."""
         worst = [float(np.abs(m.difference).max()) for m in self.matched if m.difference.size]
         return float(np.degrees(max(worst))) if worst else None
 
 
 def preview_log(log: Path, task_file: Path | None, output: Path, console: Console) -> dict[str, Any]:
-    """``a465 preview LOG``; what was written, as JSON types.
+    """``a465 preview LOG``: write the page. Return a summary in JSON types.
 
     Raises:
-        InputError: no log, no motion in it, a task file that cannot be read, or the page cannot be written.
-        ImpossibleError: the task given is not that of the log's plan.
+        InputError: not a log, no motion in it, a task file that cannot be read, or the page cannot be written.
+        ImpossibleError: the given task is not that of the log's plan.
     """
     replay = _replay(log, task_file)
     _write(replay, output)
     moves = len([m for m in replay.session.motions if m.segments])
     shown = len([m for m in replay.matched if replay.session.motions[m.number].segments])
-    told = {
+    summary = {
         "page": str(output),
         "log": str(log),
         "plan": None if replay.plan_file is None else str(replay.plan_file),
@@ -85,7 +85,7 @@ def preview_log(log: Path, task_file: Path | None, output: Path, console: Consol
     for line in _remarks(replay, moves, shown):
         console.say(line)
     console.say(f"open {output} in a browser")
-    return told
+    return summary
 
 
 def _motion_to_json(motion: MatchedMotion) -> dict[str, Any]:
@@ -102,13 +102,13 @@ def _motion_to_json(motion: MatchedMotion) -> dict[str, Any]:
 def _remarks(replay: Replay, streams: int, shown: int) -> Iterator[str]:
     farthest = replay.farthest_deg
     if farthest is not None:
-        yield f"executed motion is at most {farthest:.4f} deg from the planned path, at any sample of any joint"
+        yield f"executed motion is at most {farthest:.4f} deg from the planned path, over all samples and joints"
     if replay.plan_file is None:
-        yield "no plan file of this log was found beside it: the arm alone is shown, with what was sent as the plan"
+        yield "no plan file of this log was found beside it: only the arm is shown, with the lines sent as the plan"
     else:
-        yield f"plan {replay.plan.sha256[:12]} of {replay.plan_file}: {shown} of {streams} streamed motions are its own"
+        yield f"plan {replay.plan.sha256[:12]} of {replay.plan_file}: has {shown} of {streams} streamed motions"
     if replay.task is None:
-        yield "its task file was not found: the arm has the default tool, boards and camera are not drawn; give TASK"
+        yield "its task file was not found: default tool, no boards, no camera; give TASK to show them"
 
 
 def _replay(log: Path, task_file: Path | None) -> Replay:
@@ -128,7 +128,7 @@ def _replay(log: Path, task_file: Path | None) -> Replay:
         plan, matched = plan_of(session, unit)
         if not plan.steps:
             raise InputError(
-                f"{log}: holds no motion with a known start, so there is nothing to show", file=str(log)
+                f"{log}: has no motion with a known start, so there is nothing to show", file=str(log)
             )
         return Replay(session, unit, plan, None, matched, None)
     _, path, plan, matched = best
@@ -136,7 +136,7 @@ def _replay(log: Path, task_file: Path | None) -> Replay:
 
 
 def _plan(path: Path) -> Plan | None:
-    """The plan in a file, or None if it holds something else."""
+    """Read the plan in a file; None if the file is not a plan."""
     try:
         head = read_json(path)
     except InputError:
@@ -147,7 +147,7 @@ def _plan(path: Path) -> Plan | None:
 
 
 def _task(session: Session, plan: Plan, given: Path | None) -> Task | None:
-    """The task given, which must be the plan's; or the first found whose digest is that in the plan."""
+    """The given task, which must be that of the plan; or the first one found with the digest in the plan."""
     if given is not None:
         task = read_task(given)
         require_match(task, plan)
@@ -156,14 +156,14 @@ def _task(session: Session, plan: Plan, given: Path | None) -> Task | None:
         try:
             task = read_task(path)
         except InputError:
-            continue  # one that cannot be read is not the one
+            continue
         if task.digest == plan.provenance.get("task") and task.cell.unit.name == plan.unit:
             return task
     return None
 
 
 def _task_files(session: Session, plan: Plan) -> Iterator[Path]:
-    """Where the task may be: as noted in the log, by its name in scenes here, and among the project's own."""
+    """Candidate task files: as noted in the log, by name in ./scenes, and by name in the project's scenes."""
     for note in session.noted("run"):
         if isinstance(note.data.get("task"), str):
             yield session.file.resolve().parent / note.data["task"]
@@ -188,7 +188,7 @@ def _write(replay: Replay, output: Path) -> None:
             executed=replay.executed,
         )
         return
-    # Clearance is not sampled: it would be that of a tool which may be another.
+    # Clearance is not sampled, because the tool may be another one.
     wide, narrow = (load_a465(TOOL_LENGTH, opening) for opening in JAW_OPENINGS)
     write_preview(
         replay.plan, wide, narrow, replay.unit, output, clearance_every_s=0.0, executed=replay.executed

@@ -1,4 +1,4 @@
-"""The preview page of a plan, and its live page, with what the cell file knows of boards and camera."""
+"""The preview page and the live page of a plan, with the boards and the camera of the cell file."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ def write_page(task: Task, plan: Plan, path: Path) -> None:
 
 
 def live_page(task: Task, plan: Plan, mark: str) -> str:
-    """The page of a plan that is executed: it follows the events of the server that gives it.
+    """Return the page of a plan being executed, which follows the events of its server.
 
     Args:
-        mark: tells it from any other plan's; see `cell.live.state.NewPlan`.
+        mark: unique mark; see `cell.live.state.NewPlan`.
 
     Raises:
         InputError: the plan does not fit the cell.

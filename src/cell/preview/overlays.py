@@ -1,4 +1,4 @@
-"""What may be shown on top of a plan: boards with holes and markers, the camera, clearance, what was executed."""
+"""Additions to the display of a plan: boards with holes and markers, camera, clearance, executed motion."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ class CameraView(Protocol):
 
     @property
     def T_base_camera(self) -> Array:
-        """Where it is, 4x4: z forward, x right in the image, y down."""
+        """Pose, 4x4: z forward, x right in the image, y down."""
 
 
 @dataclass(frozen=True)
 class ClearanceSample:
-    """The closest pair of bodies at one moment of a move.
+    """The closest pair of bodies at one time of a move.
 
     Attributes:
         time_s: since the move's start.
@@ -52,7 +52,7 @@ class ClearanceSample:
 
 @dataclass(frozen=True)
 class ExecutedMove:
-    """What the arm did during one step of the plan.
+    """Executed motion during one step of the plan.
 
     Attributes:
         step: index into the plan's steps.
@@ -66,12 +66,12 @@ class ExecutedMove:
 
 
 def pose_numbers(T: Array) -> list[float]:
-    """The upper three rows of a 4x4 transform, row by row, rounded to 0.1 um."""
+    """Return the upper three rows of a 4x4 transform, row by row, rounded to 0.1 um."""
     return [float(v) + 0.0 for v in np.round(T[:3], _DIGITS).ravel()]
 
 
 def shape_numbers(shape: Shape) -> dict[str, Any]:
-    """A shape as the page draws it; a hull has its triangles too, as indices of its points."""
+    """Return a shape for the page; a hull includes its triangles as indices of its points."""
     if isinstance(shape, Convex):
         points = np.round(shape.points, _DIGITS) + 0.0
         return {"convex": points.tolist(), "faces": hull_faces(shape).corners.tolist()}
@@ -79,10 +79,10 @@ def shape_numbers(shape: Shape) -> dict[str, Any]:
 
 
 def marker_rows(dictionary: str, marker_id: int) -> list[str]:
-    """A marker's modules with its black border, top row first, ``1`` for white.
+    """Return a marker's modules with its black border, top row first, ``1`` for white.
 
     Raises:
-        InputError: OpenCV knows no such dictionary, or the dictionary has no such marker.
+        InputError: OpenCV has no such dictionary, or the dictionary has no such marker.
     """
     number = getattr(cv2.aruco, dictionary, None)
     if not dictionary.startswith("DICT_") or not isinstance(number, int):
@@ -101,7 +101,7 @@ def marker_rows(dictionary: str, marker_id: int) -> list[str]:
 
 
 def board_to_json(board: Board, T_base_board: Array, dictionary: str) -> dict[str, Any]:
-    """A board as the page draws it in place of its plate, lengths in m."""
+    """Return a board for the page, drawn in place of its plate, lengths in m."""
     return {
         "name": board.name,
         "body": plate_name(board.name),
@@ -121,7 +121,7 @@ def board_to_json(board: Board, T_base_board: Array, dictionary: str) -> dict[st
 
 
 def boards_to_json(boards: Sequence[Board], bodies: Sequence[Body], dictionary: str) -> list[dict[str, Any]]:
-    """Those of `boards` whose plates stand among `bodies`, where they stand."""
+    """Return those of `boards` whose plates are among `bodies`, at the plates' poses."""
     plates = {body.name: body.T_base_body for body in bodies}
     T_plate_board = transform(t=(-PLATE_CENTRE[0], -PLATE_CENTRE[1], PLATE_SIZE[2] / 2.0))
     return [
@@ -132,7 +132,7 @@ def boards_to_json(boards: Sequence[Board], bodies: Sequence[Body], dictionary: 
 
 
 def camera_to_json(camera: CameraView) -> dict[str, Any]:
-    """Pose of the camera and the rays through its image's corners (lens distortion left out), at depth 1 m."""
+    """Return the camera's pose and the rays through its image corners at depth 1 m, without lens distortion."""
     width, height = camera.size
     pixels = np.array([[0, 0, 1], [width, 0, 1], [width, height, 1], [0, height, 1]], dtype=float)
     rays = pixels @ np.linalg.inv(np.asarray(camera.K, dtype=float)).T
@@ -140,7 +140,7 @@ def camera_to_json(camera: CameraView) -> dict[str, Any]:
 
 
 def clearance_to_json(samples: Sequence[ClearanceSample]) -> dict[str, Any]:
-    """Clearance over one move, in columns; distances and points in m."""
+    """Return the clearance over one move, in columns; distances and points in m."""
     names = sorted({name for s in samples for name in s.pair})
     place = {name: i for i, name in enumerate(names)}
     return {
@@ -153,7 +153,7 @@ def clearance_to_json(samples: Sequence[ClearanceSample]) -> dict[str, Any]:
 
 
 def executed_to_json(move: ExecutedMove) -> dict[str, Any]:
-    """One executed move, in columns; whole counts."""
+    """Return one executed move, in columns; whole counts."""
     return {
         "step": move.step,
         "time": np.round(move.time_s, 6).tolist(),  # at 100 deg/s that is 0.0001 deg

@@ -1,4 +1,4 @@
-"""The page: template, style, scripts and content joined into one file that asks for nothing else."""
+"""The page: template, style, scripts and content in one self-contained file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cell.preview.content import page_content
 from cell.preview.overlays import CameraView, ExecutedMove
 
 _HERE = Path(__file__).resolve().parent
-# In the order of use: a later script may use what an earlier one defines.
+# Ordered: a later script may use what an earlier one defines.
 SCRIPTS = (
     "palette.js",
     "motion.js",
@@ -30,7 +30,7 @@ SCRIPTS = (
     "main.js",
 )
 LIVE_SCRIPTS = ("live.js",)
-_POLICY = "img-src data: blob:"  # the end of the pages' content security policy
+_POLICY = "img-src data: blob:"  # end of the pages' content security policy
 
 
 def write_preview(
@@ -46,12 +46,12 @@ def write_preview(
     clearance_every_s: float = CLEARANCE_EVERY_S,
     executed: Sequence[ExecutedMove] = (),
 ) -> None:
-    """Write a plan as one HTML file that opens without network; the same input gives the same bytes.
+    """Write a plan as one self-contained HTML file. The same input gives the same bytes.
 
     Args:
         path: of the file, usually ``.html``.
 
-    All others as in `preview_page`.
+    All other arguments are those of `preview_page`.
 
     Raises:
         InputError: the plan does not fit the unit or the arms, or the file cannot be written.
@@ -83,16 +83,16 @@ def preview_page(
     executed: Sequence[ExecutedMove] = (),
     live: str | None = None,
 ) -> str:
-    """A plan as one HTML text; the same input gives the same text.
+    """Return a plan as HTML text. The same input gives the same text.
 
     Args:
-        plan, robot_open, robot_holding, unit: what is shown; see `cell.preview.content.page_content`.
-        boards: known to the cell; those in the plan's scene are drawn with holes and markers.
+        plan, robot_open, robot_holding, unit: see `cell.preview.content.page_content`.
+        boards: of the cell; those in the plan's scene are drawn with holes and markers.
         dictionary: of the boards' markers.
-        camera: drawn with its view.
-        clearance_every_s: spacing of the clearance samples along the moves; 0 shows one figure a move instead.
+        camera: drawn with its field of view.
+        clearance_every_s: spacing of the clearance samples along the moves; 0 shows the plan's figures instead.
         executed: drawn over the plan.
-        live: the mark of a page that follows the events of the server that gives it (`cell.live.server`).
+        live: the mark of a page that follows the events of its server (`cell.live.server`).
 
     Raises:
         InputError: the plan does not fit the unit or the arms.
@@ -117,13 +117,13 @@ def preview_page(
 
 
 def page(content: dict[str, Any]) -> str:
-    """The HTML text around `content` (what `page_content` gives, and the mark of a live page)."""
+    """Return the HTML text for `content` (of `page_content`, plus the mark of a live page)."""
     is_live = "live" in content
     scripts = _scripts((*LIVE_SCRIPTS, *SCRIPTS) if is_live else SCRIPTS)
     licence = read_text(_HERE / "vendor" / "LICENSE.three.txt").replace("--", "- -")
     parts = {
         "<!--style-->": f"<style>\n{_part('style.css')}</style>",
-        # "<" cannot end the element early, whatever a name in the plan holds.
+        # without "<", no name in the plan can end the element early
         "<!--content-->": '<script id="content" type="application/json">'
         + canonical_json(content).replace("<", "\\u003c")
         + "</script>",
@@ -135,7 +135,7 @@ def page(content: dict[str, Any]) -> str:
 
 
 def waiting_page() -> str:
-    """The page of a run that has no plan yet; it follows the same events as a live page."""
+    """Return the page of a run without a plan yet; it follows the same events as a live page."""
     parts = {
         "<!--style-->": f"<style>\n{_part('style.css')}</style>",
         "<!--scripts-->": _scripts((*LIVE_SCRIPTS, "waiting.js")),
@@ -144,9 +144,9 @@ def waiting_page() -> str:
 
 
 def _connected(template: str) -> str:
-    """With leave to ask the server that gave the page, and nobody else; and with no wish for an icon from there."""
-    leave = template.replace(_POLICY, f"{_POLICY}; connect-src 'self'")
-    return leave.replace("<title>", '<link rel="icon" href="data:,">\n<title>')
+    """Allow connections to the page's own server only, and prevent the request for an icon."""
+    allowed = template.replace(_POLICY, f"{_POLICY}; connect-src 'self'")
+    return allowed.replace("<title>", '<link rel="icon" href="data:,">\n<title>')
 
 
 def _filled(template: str, parts: dict[str, str]) -> str:

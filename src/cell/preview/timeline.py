@@ -1,7 +1,7 @@
-"""The plan on one clock, and where every cube is on it.
+"""The plan on one clock, with the position of every cube over time.
 
-A plan's moves carry their own durations, and those of one motion follow each other without a pause; the jaws take at
-least `settle_s`; a look takes no arm time, so the page shows it for a stated moment.
+A move has its own duration, and the moves of a motion follow each other without a stop. A gripper step takes at least
+`settle_s`. A look takes no arm time, so the page shows it for `LOOK_S`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class TimedStep:
 
 @dataclass(frozen=True)
 class CubePose:
-    """Where a cube is from a moment on: at rest in the base frame, or with the tool.
+    """Pose of a cube from a time on: at rest in the base frame, or moving with the tool.
 
     Attributes:
         start_s: on the page's clock.
@@ -51,7 +51,7 @@ class CubePose:
 
 
 def timed_steps(plan: Plan) -> tuple[TimedStep, ...]:
-    """The plan's steps one after the other."""
+    """Return the plan's steps on one clock."""
     jaws_of_move = _jaws(plan)
     now, closed = 0.0, next(iter(jaws_of_move.values()), 0.0)
     timed = []
@@ -71,7 +71,7 @@ def timed_steps(plan: Plan) -> tuple[TimedStep, ...]:
 
 
 def _jaws(plan: Plan) -> dict[int, float]:
-    """Per index of a move how far its jaws are closed, by its opening between the plan's widest and narrowest."""
+    """How far the jaws are closed, by index of a move: its opening relative to the plan's widest and narrowest."""
     moves = {i: step for i, step in enumerate(plan.steps) if isinstance(step, Move)}
     openings = [move.jaw_opening for move in moves.values()]
     widest, narrowest = max(openings, default=0.0), min(openings, default=0.0)
@@ -83,7 +83,7 @@ def _jaws(plan: Plan) -> dict[int, float]:
 def cube_tracks(
     steps: Sequence[TimedStep], cubes: Sequence[Body], robot: Robot, unit: Unit
 ) -> dict[str, tuple[CubePose, ...]]:
-    """Where each cube is over time: it moves with the tool exactly while a move says that it is held.
+    """Return the poses of each cube over time. A cube moves with the tool during the moves that hold it.
 
     Raises:
         InputError: a move holds a cube that is not in the scene.
@@ -101,8 +101,8 @@ def cube_tracks(
         if move.held is not None:
             if move.held not in tracks:
                 raise InputError(
-                    f"{move.name}: holds {move.held!r}, which is no cube of the plan's scene; "
-                    f"it has {', '.join(tracks) or 'none'}",
+                    f"{move.name}: holds {move.held!r}, must be a cube of the plan's scene: "
+                    f"{', '.join(tracks) or 'it has none'}",
                     held=move.held,
                 )
             track = tracks[move.held]

@@ -1,4 +1,4 @@
-"""The report of a camera calibration as one HTML page: what was seen, what it says, and what to do next."""
+"""The report of a camera calibration as one HTML page: views, residuals, intrinsics, and views to add."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from calib.camera.working_volume import COLUMNS, LAYERS, ROWS
 from calib.model.intrinsics import NAMES, vector_of
 from cell.report.html import bullets, page, section, table
 
-ARROWS = 0.02  # length of the median residual's arrow, in image widths
-LABEL = 0.036  # size of the numbers of views, in image widths
+ARROWS = 0.02  # length of the arrow of a typical residual, in image widths
+LABEL = 0.036  # font size of the views' numbers, in image widths
 DEEP = 340  # height of the drawing of the targets
 
 
 def lens_page(c: CameraCalibration, source: str) -> str:
-    """The page, self-contained; the same calibration gives the same bytes.
+    """Return the page, self-contained. The same calibration gives the same bytes.
 
     Args:
         c: the calibration.
@@ -35,11 +35,11 @@ def lens_page(c: CameraCalibration, source: str) -> str:
             "", bullets(c.reasons, "Why it is refused") + _figures(c) + bullets(c.remarks, "Worth knowing")
         ),
         '<div class="two">',
-        section("Where the corners are, and what they miss", _residuals(c)),
-        section("How well the work points are known", _work(c)),
-        section("Numbers", _numbers(c)),
-        section("Where the target was", _side(c)),
-        section("What else could be wrong", _suspects(c)),
+        section("Corners and their residuals", _residuals(c)),
+        section("Uncertainty of the work points", _work(c)),
+        section("Intrinsics", _numbers(c)),
+        section("Poses of the target", _side(c)),
+        section("Possible causes of error", _suspects(c)),
         section("Views that would help most", _next(c)),
         "</div>",
         section("Views", _views(c)),
@@ -85,14 +85,14 @@ def _residuals(c: CameraCalibration) -> str:
             )
     return (
         f'<figure><svg viewBox="-4 -4 {width + 8} {height + 8}"><rect class="frame" width="{width}" '
-        f'height="{height}" stroke-width="4"/>{"".join(shapes)}</svg><figcaption>Corners of all used views; shade: how '
-        f"many. Arrows: residuals {scale:.0f} times enlarged; orange beyond three standard deviations, red left "
+        f'height="{height}" stroke-width="4"/>{"".join(shapes)}</svg><figcaption>Corners of all used views; shading: '
+        f"number. Arrows: residuals, enlarged {scale:.0f} times; orange beyond three standard deviations, red left "
         "out.</figcaption></figure>"
     )
 
 
 def _work(c: CameraCalibration) -> str:
-    sigmas = np.full((LAYERS, ROWS, COLUMNS), np.nan)  # where the lens has no inverse
+    sigmas = np.full((LAYERS, ROWS, COLUMNS), np.nan)  # NaN where the lens model has no inverse
     sigmas[:, c.work.seen] = 1e6 * c.work_sigmas.reshape(LAYERS, -1)
     most = float(np.nanmax(sigmas))
     limit = 1e3 * c.limits.work_mm
@@ -100,7 +100,7 @@ def _work(c: CameraCalibration) -> str:
     for layer in range(LAYERS):
         top = layer * (ROWS * cell_h + 34)
         z = c.work.near + (c.work.far - c.work.near) * layer / (LAYERS - 1)
-        shapes.append(f'<text x="0" y="{top + 16}">{1e3 * z:.0f} mm away</text>')
+        shapes.append(f'<text x="0" y="{top + 16}">{1e3 * z:.0f} mm from the camera</text>')
         for row in range(ROWS):
             for column in range(COLUMNS):
                 value = float(sigmas[layer, row, column])
@@ -116,8 +116,8 @@ def _work(c: CameraCalibration) -> str:
     return (
         f'<figure><svg viewBox="0 0 {COLUMNS * cell_w} {LAYERS * (ROWS * cell_h + 34)}">{"".join(shapes)}</svg>'
         "<figcaption>One standard deviation across the line of sight, micrometres, over the image at three distances, "
-        "after the camera's place was determined anew with this lens."
-        + (" No value: the lens has no inverse there." if c.work.blind else "")
+        "with the camera's pose determined again with this lens."
+        + (" No value: the lens model has no inverse there." if c.work.blind else "")
         + "</figcaption></figure>"
     )
 
@@ -132,7 +132,7 @@ def _numbers(c: CameraCalibration) -> str:
 
 
 def _side(c: CameraCalibration) -> str:
-    """Every target as a line, seen from above (x right, z up) and from the side."""
+    """Drawing of every target pose in the camera frame, along the image's x and along its y."""
     width, height = c.target.size
     outline = np.array([[0, 0, 0], [width, 0, 0], [width, height, 0], [0, height, 0]], dtype=float)
     placed = [
@@ -162,7 +162,7 @@ def _side(c: CameraCalibration) -> str:
         )
     return (
         f'<figure><svg viewBox="0 0 {4 * reach * scale:.0f} {DEEP + 24}">{"".join(shapes)}</svg><figcaption>'
-        f"Targets in the camera's view, along the image's x and along its y. Top: {1e3 * far:.0f} mm away."
+        f"Targets in the camera's view, along the image's x and y. Top: {1e3 * far:.0f} mm from the camera."
         "</figcaption></figure>"
     )
 
@@ -187,12 +187,12 @@ def _suspects(c: CameraCalibration) -> str:
         if c.suspects and c.suspects[0].sigmas > 5
         else ""
     )
-    return table(("", "amount", "sigmas", "moves work points"), rows) + strongest
+    return table(("cause", "amount", "standard deviations", "shift of work points"), rows) + strongest
 
 
 def _next(c: CameraCalibration) -> str:
     if not c.next:
-        return '<p class="muted">Not known before the views are tilted.</p>'
+        return '<p class="muted">Not known until some views are tilted.</p>'
     width, height = c.camera.size
     lines = np.array([[0, 0, 0], [c.target.size[0], 0, 0], [*c.target.size, 0], [0, c.target.size[1], 0]])
     shapes: list[str] = []
@@ -207,7 +207,7 @@ def _next(c: CameraCalibration) -> str:
         path = "L".join(f"{u:.0f} {v:.0f}" for u, v in pixels)
         label = pixels.mean(axis=0)
         while any(np.abs(label - other).max() < size for other in labels):
-            label = label + (size, 0.0)  # targets at one place, turned otherwise
+            label = label + (size, 0.0)  # targets at the same position with other rotations
         labels.append(label)
         u, v = label
         shapes.append(
@@ -222,7 +222,7 @@ def _next(c: CameraCalibration) -> str:
 
 
 def _along(corners: Array, steps: int = 12) -> Array:
-    """Points along the closed outline, so that the lens bends it."""
+    """Points along the closed outline, to show the distortion."""
     after = np.roll(corners, -1, axis=0)
     share = np.arange(steps)[:, None] / steps
     return np.concatenate([a + share * (b - a) for a, b in zip(corners, after, strict=True)])

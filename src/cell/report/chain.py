@@ -1,4 +1,4 @@
-"""The report of a chain's calibration as one HTML page: what it found, how good it is, and what else could be wrong."""
+"""The report of a kinematic chain's calibration as one HTML page: parameters, residuals, possible causes of error."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ def chain_page(
     test: SelfTest | None = None,
     images: Sequence[Numbers] = (),
 ) -> str:
-    """The page, self-contained; the same calibration gives the same bytes.
+    """Return the page, self-contained. The same calibration gives the same bytes.
 
     Args:
         title: what was calibrated.
         source: file of the recording.
         c: the calibration.
-        found: tables of what was found: title, header and rows each.
-        test: on synthetic twins; None: what was refused before needs none.
+        found: tables of results: title, header and rows each.
+        test: on synthetic twins; None if the calibration was refused before.
         images: as for `cell.report.chain_text.left_out`.
     """
     badge = '<span class="badge">accepted</span>' if c.accepted else '<span class="badge no">refused</span>'
     used = c.images - sum(map(len, c.wrong))
-    without = f"; without {numbers(left_out(c, images))} (images count from 0)" if used < c.images else ""
+    excluded = f"; left out: {numbers(left_out(c, images))} (images count from 0)" if used < c.images else ""
     parts = [
         f"<h1>{escape(title)} {badge}</h1>",
-        f'<p class="muted">{escape(source)}: {used} of {c.images} images{escape(without)}</p>',
+        f'<p class="muted">{escape(source)}: {used} of {c.images} images{escape(excluded)}</p>',
         section(
             "",
             bullets(c.reasons, "Why it is refused")
@@ -49,15 +49,15 @@ def chain_page(
             + _self_test(test)
             + bullets(c.remarks, "Worth knowing"),
         ),
-        # a row for each joint and a column for each number: too wide for half a page
+        # a row per joint and a column per parameter: too wide for half a page
         *(section(escape(name), table(header, [("", row) for row in rows])) for name, header, rows in found),
         '<div class="two">',
         section("Residuals of all corners", _scatter(c)),
-        section("Where in the image they are", _arrows(c)),
-        section("Image by image", _bars(c)),
+        section("Residuals over the image", _arrows(c)),
+        section("Residuals by image", _bars(c)),
         section("Model", _model(c)),
-        section("What else could be wrong", _suspects(c)),
-        section("What can hardly be told apart", _correlations(c)),
+        section("Possible causes of error", _suspects(c)),
+        section("Correlated parameters", _correlations(c)),
         "</div>",
     ]
     return page(f"{title}: {source}", parts)
@@ -69,19 +69,19 @@ def _figures(c: ChainCalibration) -> str:
         (f"{1e3 * c.held_out.metres:.3f} mm", f"held-out images (limit {1e3 * c.limits.held_out:g} mm)"),
         (f"{c.held_out.px:.3f} px", "of held-out corners"),
         (f"{c.residual_std.mean():.3f} px", "residuals"),
-        (f"{x:.3f} / {y:.3f} px", "noise of corners alone"),
+        (f"{x:.3f} / {y:.3f} px", "noise of the corners"),
         (f"{c.fit.chi2_dof:.3f}", f"chi2/dof (limit {c.limits.chi2_dof:g})"),
     )
     return f'<div class="figures">{"".join(f"<div><b>{a}</b>{escape(b)}</div>" for a, b in shown)}</div>'
 
 
 def _self_test(test: SelfTest | None) -> str:
-    said = "not made: what is refused needs none" if test is None else describe_self_test(test)
-    return f"<p><b>Self-test:</b> {escape(said)}</p>"
+    result = "not run, as the calibration is refused" if test is None else describe_self_test(test)
+    return f"<p><b>Self-test:</b> {escape(result)}</p>"
 
 
 def _residuals(c: ChainCalibration) -> tuple[Array, Array]:
-    """Measured pixels and residuals (n, 2) px of the images that were used."""
+    """Measured pixels and residuals (n, 2) px of the used images."""
     pixels, residuals = [], []
     for s, r, w in zip(c.problem.sightings, c.fit.residuals, c.fit.weights, strict=True):
         seen = np.isfinite(r[..., 0]) & (w > 0.0)[:, None]
@@ -116,8 +116,8 @@ def _scatter(c: ChainCalibration) -> str:
     return (
         f'<figure><svg viewBox="{-half - 4:.0f} {-half - 4:.0f} {_WIDE + 8} {_WIDE + 8}"><g fill="var(--blue)" '
         f'opacity="0.35">{dots}</g>{rings}<rect class="frame" x="{-half:.0f}" y="{-half:.0f}" width="{_WIDE}" '
-        f'height="{_WIDE}" stroke-width="1.5"/></svg><figcaption>Each dot a corner; the frame is {2 * reach:.2f} px '
-        "wide, rings at one, two and three standard deviations.</figcaption></figure>"
+        f'height="{_WIDE}" stroke-width="1.5"/></svg><figcaption>One dot per corner; the frame is {2 * reach:.2f} px '
+        "wide, ellipses at one, two and three standard deviations.</figcaption></figure>"
     )
 
 
@@ -135,13 +135,13 @@ def _arrows(c: ChainCalibration) -> str:
     return (
         f'<figure><svg viewBox="-4 -4 {width + 8} {height + 8}"><rect class="frame" width="{width}" '
         f'height="{height}" stroke-width="4"/><g stroke="var(--blue)" stroke-width="{width / 900:.2f}" opacity="0.7">'
-        f"{lines}</g></svg><figcaption>Residuals, {scale:.0f} times enlarged. Arrows that agree with their neighbours "
-        "are not noise.</figcaption></figure>"
+        f"{lines}</g></svg><figcaption>Residuals, enlarged {scale:.0f} times. If neighbouring arrows agree, the "
+        "residuals are not just noise.</figcaption></figure>"
     )
 
 
 def _bars(c: ChainCalibration) -> str:
-    """Rms of every image in noise of its corners, in the order in which they were taken."""
+    """RMS of every image divided by the noise of its corners, in the order of the recording."""
     shapes, x, most = [], 0, 3.0
     heights: list[tuple[float, bool]] = []
     for s, r, w in zip(c.problem.sightings, c.fit.residuals, c.fit.weights, strict=True):
@@ -158,14 +158,14 @@ def _bars(c: ChainCalibration) -> str:
     line = _BAR * (1.0 - 1.0 / most)
     return (
         f'<figure><svg viewBox="0 0 {max(x, 1)} {_BAR}"><path class="frame" d="M0 {line:.1f}H{x}" stroke-width="1"/>'
-        f"{''.join(shapes)}</svg><figcaption>Residuals of each image in noise of its corners; the line is 1, red was "
-        "left out as wrong.</figcaption></figure>"
+        f"{''.join(shapes)}</svg><figcaption>RMS residual of each image divided by the noise of its corners. Line: 1. "
+        "Red: left out as wrong.</figcaption></figure>"
     )
 
 
 def _model(c: ChainCalibration) -> str:
     if not c.trials:
-        return '<p class="muted">It has no part that could be left out.</p>'
+        return '<p class="muted">The model has no optional part.</p>'
     rows = [
         (
             "" if t.needed else "out",
@@ -173,7 +173,7 @@ def _model(c: ChainCalibration) -> str:
         )
         for t in c.trials
     ]
-    return table(("part", "", "cost without it", "chance, up to"), rows)
+    return table(("part", "", "increase of cost without it", "by chance, up to"), rows)
 
 
 def _suspects(c: ChainCalibration) -> str:
@@ -184,14 +184,14 @@ def _suspects(c: ChainCalibration) -> str:
         )
         for s in c.suspects[:8]
     ]
-    return table(("cause", "cost it explains", "chance, up to", ""), rows)
+    return table(("cause", "cost it explains", "by chance, up to", ""), rows)
 
 
 def _correlations(c: ChainCalibration) -> str:
     weak = ", ".join(f"{name} ({share:+.2f})" for name, share in c.weakest)
-    said = f'<p class="muted">Weakest direction: {escape(weak)}</p>' if weak else ""
+    weakest = f'<p class="muted">Weakest direction: {escape(weak)}</p>' if weak else ""
     if not c.correlations:
-        return said + '<p class="muted">No pair of unknowns is correlated by more than 0.9.</p>'
-    return said + table(
+        return weakest + '<p class="muted">No two parameters are correlated by more than 0.9.</p>'
+    return weakest + table(
         ("", "", "correlation"), [("", (a, b, f"{r:+.3f}")) for a, b, r in c.correlations[:12]]
     )

@@ -1,4 +1,4 @@
-"""What the calibration of a chain prints: tables for people, one object for programs."""
+"""Output of a kinematic chain's calibration: tables for the user, JSON for programs."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from cell.console import Console
 _MOST_CORRELATIONS = 6
 
 Numbers = npt.NDArray[np.intp]
-"""Of images in a recording, from 0."""
+"""Indices of images in a recording, from 0."""
 
 
 def left_out(c: ChainCalibration, images: Sequence[Numbers] = ()) -> list[list[int]]:
-    """Numbers of the images of each chain that were left out, from 0, as they stand in the recording.
+    """Return the indices in the recording, from 0, of the images left out of each chain.
 
     Args:
         c: the calibration.
-        images: of each chain, where its images stand in the recording, (n,); none: one chain has them all.
+        images: for each chain, the indices of its images in the recording, (n,); empty: one chain has all images.
     """
     return [(images[k][of] if images else of).tolist() for k, of in enumerate(c.wrong)]
 
 
 def numbers(images: Sequence[Sequence[int]]) -> str:
-    """Numbers of images of all chains in words, such as ``3, 7 to 12, 20``."""
+    """Return the image numbers of all chains as text, such as ``3, 7 to 12, 20``."""
     runs: list[list[int]] = []
     for image in sorted(number for of in images for number in of):
         if runs and image == runs[-1][-1] + 1:
@@ -42,7 +42,7 @@ def numbers(images: Sequence[Sequence[int]]) -> str:
 
 
 def kinematic_json(c: ChainCalibration, si: Any, images: Sequence[Numbers] = ()) -> dict[str, Any]:
-    """The NAO's result; `si` is one of each parameter's unit in SI, (count,); `images` as for `left_out`."""
+    """Return the NAO's result. `si` is the SI value of each parameter's unit, (count,); `images` as in `left_out`."""
     sigma = np.sqrt(np.diag(c.covariance))
     free = np.flatnonzero(c.problem.free)
     return {
@@ -57,7 +57,7 @@ def kinematic_json(c: ChainCalibration, si: Any, images: Sequence[Numbers] = ())
 
 
 def hand_eye_json(h: HandEye, more: Sequence[NextPose] = ()) -> dict[str, Any]:
-    """The result of an arm before a camera, and poses that would tell more."""
+    """Return the result of a hand-eye calibration, and further poses that would help most."""
     d, a, alpha = h.link_errors
     sigma = np.sqrt(np.diag(h.chain.covariance))
     joints = h.recording.dh.joints
@@ -87,7 +87,7 @@ def hand_eye_json(h: HandEye, more: Sequence[NextPose] = ()) -> dict[str, Any]:
 
 
 def self_test_json(test: SelfTest) -> dict[str, Any]:
-    """What came of the synthetic twins."""
+    """Return the result of the self-test on synthetic twins."""
     return {
         "nees_dof": test.nees_dof,
         "limits": list(test.limits),
@@ -97,11 +97,11 @@ def self_test_json(test: SelfTest) -> dict[str, Any]:
 
 
 def describe_self_test(test: SelfTest) -> str:
-    """The same in words."""
+    """Describe the self-test in words."""
     low, high = test.limits
     verdict = "as predicted" if test.passed else "NOT as predicted"
     return (
-        f"on {TWINS} synthetic twins squared errors are {test.nees_dof:.2f} of the predicted ones (chance: "
+        f"on {TWINS} synthetic twins squared errors are {test.nees_dof:.2f} times the predicted ones (by chance: "
         f"{low:.2f} to {high:.2f}), {verdict}"
     )
 
@@ -130,7 +130,7 @@ def _chain_json(c: ChainCalibration, images: Sequence[Numbers] = ()) -> dict[str
 
 
 def _or_none(value: float) -> float | None:
-    """JSON has no NaN."""
+    """None for NaN and infinity, which JSON lacks."""
     return value if np.isfinite(value) else None
 
 
@@ -139,7 +139,7 @@ Tables = list[tuple[str, Sequence[str], Sequence[Sequence[str]]]]
 
 
 def kinematic_tables(c: ChainCalibration, si: Any) -> Tables:
-    """What was found of a NAO."""
+    """Return the parameters of a NAO."""
     sigma = np.sqrt(np.diag(c.covariance))
     rows = [
         (name, *with_std(c.fit.unknowns[i] / si[i], sigma[i] / si[i]), unit)
@@ -157,8 +157,8 @@ def _name_and_unit(name: str) -> tuple[str, str]:
 
 
 def with_std(value: float, std: float) -> tuple[str, str]:
-    """A number and its standard deviation, with as many decimals as that has a meaning: two figures of it if the first
-    is 1 or 2, else one."""
+    """Return a number and its standard deviation as text, the latter to two digits if its first is 1 or 2, else to one,
+    and the number to the same decimals."""
     if not 0.0 < std < np.inf:
         return f"{value:+.4f}", f"{std:.4f}"
     first = int(np.floor(np.log10(std)))
@@ -168,7 +168,7 @@ def with_std(value: float, std: float) -> tuple[str, str]:
 
 
 def hand_eye_tables(h: HandEye) -> Tables:
-    """What was found of an arm before a camera."""
+    """Return the poses and joint parameters of a hand-eye calibration."""
     (camera_m, camera_rad), (target_m, target_rad) = h.camera_sigma, h.target_sigma
     places = [
         (
@@ -214,19 +214,19 @@ def hand_eye_tables(h: HandEye) -> Tables:
 
 
 def tell_kinematic(c: ChainCalibration, si: Any, console: Console, images: Sequence[Numbers] = ()) -> None:
-    """Print parameters and verdict."""
+    """Print the parameters and the verdict."""
     _tell_tables(kinematic_tables(c, si), console)
     _tell_chain(c, console, images)
 
 
 def tell_hand_eye(h: HandEye, console: Console, more: Sequence[NextPose] = ()) -> None:
-    """Print place, zeros, links, verdict, and poses that would tell more."""
+    """Print poses, joint offsets (zeros), link errors, the verdict, and further poses that would help most."""
     _tell_tables(hand_eye_tables(h), console)
     _tell_chain(h.chain, console)
     if more:
         console.say(
-            "poses that would help most (joints in deg; how much less a predicted target would be off, each taken "
-            "with those before it):"
+            "poses that would help most (joints in deg; reduction of the predicted target's error, each together with "
+            "those before it):"
         )
     for pose in more:
         shown = "  ".join(f"{q:7.1f}" for q in np.degrees(pose.joints))
@@ -242,9 +242,7 @@ def _tell_tables(tables: Tables, console: Console) -> None:
 def _tell_chain(c: ChainCalibration, console: Console, images: Sequence[Numbers] = ()) -> None:
     used = c.images - sum(map(len, c.wrong))
     x, y = c.problem.pixel_sigma
-    console.say(
-        f"images:      {used} of {c.images} used; corners scatter by {x:.3f} / {y:.3f} px (x / y) alone"
-    )
+    console.say(f"images:      {used} of {c.images} used; noise of the corners {x:.3f} / {y:.3f} px (x / y)")
     if used < c.images:
         console.say(f"left out:    {numbers(left_out(c, images))} (images count from 0)")
     x, y = c.residual_std
@@ -254,7 +252,7 @@ def _tell_chain(c: ChainCalibration, console: Console, images: Sequence[Numbers]
     )
     step = float(np.degrees(c.problem.reading_sigma.max()))
     if step > 0.0:
-        console.say(f"encoders:    {step:.4f} deg (one standard deviation), seen from their readings")
+        console.say(f"encoders:    {step:.4f} deg (one standard deviation), estimated from their readings")
     console.say(
         f"held out:    {c.held_out.px:.3f} px, {1e3 * c.held_out.metres:.3f} mm across the line of sight"
     )

@@ -1,4 +1,4 @@
-"""The report of a run: a row a cube, from what the stack knows, and from truth where the cell is simulated."""
+"""The cubes of a run's report, one row each; with ground truth if the cell is simulated."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from cell.sim.cell import angle_to_square
 if TYPE_CHECKING:
     from cell.sim.cell import SimulatedCell
 
-RELEASED = ("placed", "unseated", "set down", "fallen")  # what becomes of a cube that is let go
+RELEASED = ("placed", "unseated", "set down", "fallen")  # events of a cube that is released
 HEADER = ("cube", "from", "to", "placed", "planned s", "clearance mm", "error mm", "tilt deg")
 
 
 @dataclass
 class CubeRow:
-    """What became of one cube.
+    """Result of one cube.
 
     Attributes:
         source, target: names of the places.
-        placed: whether a look has surely seen it where it should be.
-        motion_s: planned motion for it, s.
+        placed: whether a look has confirmed it at its target.
+        motion_s: duration of its planned motions, s.
         min_clearance: smallest clearance of its moves, m.
-        error: of its axis from the place's when the jaws opened, m; truth, so only in the simulated cell.
+        error: distance of its axis from the target's when the jaws opened, m; ground truth, simulated cell only.
         tilt_error: of its axis, rad; likewise.
-        remarks: what else there is to tell.
+        remarks: further results, as text.
     """
 
     source: str
@@ -45,7 +45,7 @@ class CubeRow:
     remarks: list[str] = field(default_factory=list)
 
     def add_motion(self, steps: Sequence[Step]) -> None:
-        """Count moves that were made for this cube."""
+        """Add the moves of this cube."""
         moves = [s for s in steps if isinstance(s, Move)]
         self.motion_s += sum(m.path.duration_s for m in moves)
         clearances = [m.clearance for m in moves] + (
@@ -54,7 +54,7 @@ class CubeRow:
         self.min_clearance = min(clearances, default=None)
 
     def to_json(self) -> dict[str, Any]:
-        """The row of ``a465 run --json``."""
+        """Return the row for ``a465 run --json``."""
         return {
             "from": self.source,
             "to": self.target,
@@ -68,7 +68,7 @@ class CubeRow:
 
 
 def print_rows(console: Console, rows: Sequence[CubeRow]) -> None:
-    """The table that ends a run."""
+    """Print the table at the end of a run."""
     table = [
         (
             number,
@@ -90,7 +90,7 @@ def print_rows(console: Console, rows: Sequence[CubeRow]) -> None:
 
 
 def judge_release(task: Task, simulated: SimulatedCell, row: CubeRow) -> None:
-    """Compare where the last cube truly was when the jaws opened with where it should have been."""
+    """Compare the true position of the last cube when the jaws opened with its target."""
     event = next(e for e in reversed(simulated.events) if e.what in RELEASED)
     if event.T_base_cube is None:
         return
@@ -98,7 +98,7 @@ def judge_release(task: Task, simulated: SimulatedCell, row: CubeRow) -> None:
     T_place_cube = inverse(T_base_place) @ event.T_base_cube
     row.error = float(np.hypot(T_place_cube[0, 3], T_place_cube[1, 3]))
     row.tilt_error = float(np.arccos(np.clip(T_place_cube[2, 2], -1.0, 1.0)))
-    if task.places is not None:  # on the table nothing squares the cube, so its turn counts too
+    if task.places is not None:  # on the table nothing aligns the cube, so its rotation counts too
         row.tilt_error = angle_to_square(T_place_cube[:3, :3])
     wanted = "placed" if task.to_board is not None else "set down"
     if event.what != wanted:

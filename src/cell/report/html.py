@@ -1,4 +1,4 @@
-"""Parts of the reports: self-contained HTML pages, light and dark, that need no network."""
+"""Parts of the reports: self-contained HTML pages, light and dark."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ details { margin-top:8px } summary { cursor:pointer; color:var(--muted) } a { co
 
 
 _NUMBER = re.compile(r"[-+]?[\d.]|-?$|held$")
-"""A cell of a column of numbers may be empty, too."""
+"""Matches the cells of a column of numbers, empty ones included."""
 
 
 def page(title: str, parts: Iterable[str]) -> str:
-    """The whole of a page."""
+    """Return a page."""
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" '
         f'content="width=device-width"><title>{escape(title)}</title><style>{STYLE}</style></head>'
@@ -46,19 +46,19 @@ def page(title: str, parts: Iterable[str]) -> str:
 
 
 def section(title: str, body: str) -> str:
-    """A panel."""
+    """Return a panel."""
     return f"<section>{f'<h2>{title}</h2>' if title else ''}{body}</section>"
 
 
 def bullets(items: Sequence[str], title: str) -> str:
-    """Items under a title; nothing for none."""
+    """Return items under a title; empty without items."""
     if not items:
         return ""
     return f"<p><b>{title}</b></p><ul>{''.join(f'<li>{escape(item)}</li>' for item in items)}</ul>"
 
 
 def table(header: Sequence[str], rows: Iterable[tuple[str, Sequence[str]]]) -> str:
-    """Rows of a class ("" or "out") and their texts; columns of numbers stand to the right."""
+    """Return a table of rows, each a class ("" or "out") and its texts. Columns of numbers are right-aligned."""
     rows = list(rows)
     text = [not all(_NUMBER.match(row[k]) for _, row in rows) for k in range(len(header))]
     marks = [' class="t"' if is_text else "" for is_text in text]

@@ -1,4 +1,4 @@
-"""The folder of a run: one run has it, and no other, also where several begin at the same moment."""
+"""The folder of a run. Each run has its own, even if several begin at the same time."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ RUNS = Path("runs")
 
 
 def require_new_folder(asked: Path | None) -> None:
-    """See that a folder that is asked for is new or empty; nothing is made.
+    """Require that a requested folder is new or empty. Nothing is created.
 
     Raises:
-        InputError: it holds something.
+        InputError: it is not empty.
     """
     if asked is not None and asked.exists() and (not asked.is_dir() or any(asked.iterdir())):
         raise InputError(f"{asked}: must be a new or empty folder; runs are not mixed", folder=str(asked))
@@ -26,16 +26,16 @@ def require_new_folder(asked: Path | None) -> None:
 
 @contextmanager
 def run_folder(asked: Path | None, name: str) -> Iterator[Path]:
-    """A folder for a run, new or empty; removed in the end if the run wrote nothing.
+    """Create a new or use an empty folder for a run; remove it at the end if the run wrote nothing.
 
-    The folder is this run's from here on: making the log in it succeeds once only.
+    The log file is created here, which succeeds only once, so no other run can use the folder.
 
     Args:
-        asked: None: ``runs/NAME-1``, ``-2`` .., the first that is not there.
+        asked: the requested folder; None: ``runs/NAME-1``, ``-2`` .., the first that does not exist.
         name: of the task.
 
     Raises:
-        InputError: the folder asked for holds something, or cannot be made.
+        InputError: the requested folder is not empty, or cannot be made.
     """
     require_new_folder(asked)
     try:
@@ -61,7 +61,7 @@ def run_folder(asked: Path | None, name: str) -> Iterator[Path]:
 
 
 def _make(folder: Path) -> bool:
-    """Make a folder; whether it was not there before.
+    """Make a folder. Return whether it is new.
 
     Raises:
         OSError: it cannot be made.
@@ -76,7 +76,7 @@ def _make(folder: Path) -> bool:
 
 
 def _next(name: str) -> tuple[Path, bool]:
-    """A new folder of `RUNS`. What killed runs left half written in the others is removed.
+    """Make a new folder in `RUNS`. Temporary files of killed runs are removed from the others.
 
     Raises:
         OSError: it cannot be made.

@@ -1,4 +1,4 @@
-"""``report.html`` of a run: what was asked, what became of every cube, what was seen, and what it all rests on."""
+"""``report.html`` of a run: the task, the result of every cube, images, plans and provenance."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from cell.files.task import Task
 from cell.report.html import bullets, page, section, table
 from cell.scene.arm_shape import arm_shape
 
-_WIDTH, _QUALITY = 960, 82  # of a picture in the page: px, and of 100
+_WIDTH, _QUALITY = 960, 82  # of an image in the page: px, and JPEG quality
 _HEADER = ("cube", "from", "to", "placed", "planned s", "clearance mm", "error mm", "tilt deg", "remarks")
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A look's first photograph with what was found in it.
+    """The first image of a look, with the detections drawn in.
 
     Attributes:
-        why: the look was taken.
+        why: reason of the look.
         file: PNG beside the report.
     """
 
@@ -37,7 +37,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class KeptPlan:
-    """A plan that was made or followed in the run; its file's name has no suffix here."""
+    """A plan that was made or executed in the run; `name` is that of its file, without suffix."""
 
     name: str
     plan: Plan
@@ -51,11 +51,11 @@ def run_page(
     began: datetime,
     ended: datetime,
 ) -> str:
-    """The page's text; it needs no network, and no other file to be read.
+    """Return the page's text, self-contained.
 
     Args:
-        task: that was run.
-        report: what ``report.json`` says.
+        task: the task of the run.
+        report: content of ``report.json``.
         pictures: in order.
         plans: in order.
         began, ended: by the host's clock.
@@ -66,12 +66,12 @@ def run_page(
             _heading(task, report, began, ended),
             section(
                 "Cubes",
-                table(_HEADER, _rows(report["cubes"])) if report["cubes"] else "<p>None was moved.</p>",
+                table(_HEADER, _rows(report["cubes"])) if report["cubes"] else "<p>No cube was moved.</p>",
             ),
             _remarks(report),
             *_pictures(pictures),
             section("Plans", _plans(plans)),
-            section("What it rests on", _provenance(task, plans)),
+            section("Provenance", _provenance(task, plans)),
         ],
     )
 
@@ -93,12 +93,12 @@ def _heading(task: Task, report: dict[str, Any], began: datetime, ended: datetim
         *_extreme(cubes, "tilt_error_deg", max, "deg largest tilt (truth)", 3),
     ]
     shown = "".join(f"<div><b>{value}</b>{escape(name)}</div>" for value, name in figures)
-    told = "" if error is None else f"<p><b>{escape(error['message'])}</b></p>"
+    message = "" if error is None else f"<p><b>{escape(error['message'])}</b></p>"
     return section(
         "",
         f'<h1>{escape(task.name)} <span class="badge{"" if good else " no"}">{escape(verdict)}</span></h1>'
         f'<p class="muted">{escape(task.kind)} · {escape(report["unit"])} · {where} · speed {report["speed"]:g}'
-        f"{lowered} · {began:%Y-%m-%d %H:%M:%S} to {ended:%H:%M:%S}</p>{told}"
+        f"{lowered} · {began:%Y-%m-%d %H:%M:%S} to {ended:%H:%M:%S}</p>{message}"
         f'<div class="figures">{shown}</div>',
     )
 
@@ -139,13 +139,13 @@ def _remarks(report: dict[str, Any]) -> str:
 
 def _pictures(pictures: Sequence[Picture]) -> list[str]:
     shown = [_figure(number, picture) for number, picture in enumerate(pictures, start=1)]
-    return [section("What was seen", f'<div class="looks">{"".join(shown)}</div>')] if shown else []
+    return [section("Images", f'<div class="looks">{"".join(shown)}</div>')] if shown else []
 
 
 def _figure(number: int, picture: Picture) -> str:
     caption = f"<figcaption>Look {number}: {escape(picture.why)}</figcaption>"
     if not picture.file.is_file():
-        return f"<figure>{caption}<p>It was not finished.</p></figure>"
+        return f"<figure>{caption}<p>The look was not finished.</p></figure>"
     image = cv2.imread(str(picture.file), cv2.IMREAD_COLOR)
     if image is None:
         return f"<figure>{caption}<p>{escape(picture.file.name)} cannot be read</p></figure>"
@@ -153,14 +153,14 @@ def _figure(number: int, picture: Picture) -> str:
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     made, coded = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
     if not made:
-        raise InputError(f"{picture.file}: cannot be put into the report", file=str(picture.file))
+        raise InputError(f"{picture.file}: cannot be encoded for the report", file=str(picture.file))
     data = base64.b64encode(coded.tobytes()).decode()
     return f'<figure><img alt="look {number}" src="data:image/jpeg;base64,{data}">{caption}</figure>'
 
 
 def _plans(plans: Sequence[KeptPlan]) -> str:
     if not plans:
-        return "<p>None was made.</p>"
+        return "<p>No plan was made.</p>"
     rows = [
         (
             "",
@@ -177,7 +177,7 @@ def _plans(plans: Sequence[KeptPlan]) -> str:
     pages = [kept.name.replace("plan", "preview") + ".html" for kept in plans if kept.name.startswith("plan")]
     links = " · ".join(f'<a href="{escape(name)}">{escape(name)}</a>' for name in pages)
     return table(("file", "cubes", "motion s", "clearance mm", "hash"), rows) + (
-        f"<p>In 3D, beside this file: {links}</p>" if links else ""
+        f"<p>3D previews beside this file: {links}</p>" if links else ""
     )
 
 
@@ -194,12 +194,12 @@ def _provenance(task: Task, plans: Sequence[KeptPlan]) -> str:
     ]
     last = plans[-1].plan if plans else None
     rest = [] if last is None else [*_flat(last.provenance), *_flat(last.notes, "notes")]
-    asked = [row for row in rest if row[0].startswith("inputs.")]
-    made = [row for row in rest if row not in asked]
-    said = [(key.removeprefix("inputs."), value) for key, value in asked]
+    inputs = [row for row in rest if row[0].startswith("inputs.")]
+    others = [row for row in rest if row not in inputs]
+    keys = [(key.removeprefix("inputs."), value) for key, value in inputs]
     return table(("what", "value"), [("", row) for row in known]) + "".join(
         f"<details><summary>{summary}</summary>{table(('key', 'value'), [('', row) for row in rows])}</details>"
-        for summary, rows in (("What the plan was made with", made), ("What the files said", said))
+        for summary, rows in (("Provenance of the plan", others), ("Values of the input files", keys))
         if rows
     )
 

@@ -16,11 +16,11 @@ from cell.scene.arm_shape import arm_shape
 from cell.session.connection import Connection
 from driver.execution.control import Control
 
-TO_START = "to-start"  # name of a plan that only goes to q_start
+TO_START = "to-start"  # name of a plan that only moves to q_start
 
 
 class RunRecord(Protocol):
-    """What a run leaves to be reported; see `cell.task.open_run.OpenRun`."""
+    """The parts of a run that are reported; see `cell.task.open_run.OpenRun`."""
 
     task: Task
     connection: Connection
@@ -35,10 +35,10 @@ class RunRecord(Protocol):
 
 
 def write_run_report(run: RunRecord, more: dict[str, Any]) -> None:
-    """Write both files into the run's folder; `more` goes into the JSON.
+    """Write both files into the run's folder. `more` is added to the JSON.
 
     Raises:
-        InputError: one cannot be written.
+        InputError: a file cannot be written.
     """
     report = {**run_report(run), **more}
     write_atomic(run.folder / "report.json", json.dumps(report, indent=2, allow_nan=False) + "\n")
@@ -48,7 +48,7 @@ def write_run_report(run: RunRecord, more: dict[str, Any]) -> None:
 
 
 def run_report(run: RunRecord) -> dict[str, Any]:
-    """A run's report as JSON types."""
+    """Return the report of a run as JSON types."""
     whole = [kept.plan for kept in run.kept if kept.name != TO_START]
     return {
         "task": run.task.name,
@@ -70,7 +70,7 @@ def run_report(run: RunRecord) -> dict[str, Any]:
 
 
 def report_of(error: A465Error) -> dict[str, Any]:
-    """How a run ended by an error, for its report."""
+    """Return the entry of an error that ended a run."""
     kind = {
         "kind": type(error).__name__,
         "word": error.word,

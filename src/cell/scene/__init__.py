@@ -1,1 +1,1 @@
-"""Bodies that follow from the cell file and from what was seen."""
+"""Collision bodies from the cell file and from looks."""

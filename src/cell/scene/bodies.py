@@ -1,6 +1,6 @@
-"""Bodies that follow from where a board is: its plate, the stand under it, and cubes in its holes.
+"""Bodies that follow from a board's pose: its plate, its stand, and cubes in its holes.
 
-The stack builds them from what it saw, the simulated cell from what is true.
+The planner builds them from observations, the simulated cell from ground truth.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from arm.se3 import Array, apply, frozen, transform
 
 
 def plate_body(board_name: str, T_base_board: Array) -> Body:
-    """The plate as a solid box: pockets are not cut out, so contact in one has to be allowed by name."""
+    """The plate as a solid box without pockets, so a cube in a pocket needs an allowed collision."""
     centre = transform(t=(*PLATE_CENTRE, -PLATE_SIZE[2] / 2.0))
     return Body(plate_name(board_name), Box(PLATE_SIZE), frozen(mul(T_base_board, centre)), "board")
 
@@ -27,11 +27,11 @@ def stand_body(
     table_z: float,
     padding: float = 0.0,
 ) -> Body | None:
-    """The stand under a plate as an upright box from the table to the plate's underside, or None if there is no room.
+    """The stand as an upright box from the table to the plate's underside, or None if there is no room.
 
-    Real stands are wedges; the box ends where the underside is lowest above its footprint, so it stays under the plate.
-    A padded one ends lower by its padding, so that it does not reach through the plate: no body of the arm is thin
-    enough for the slot between the two.
+    Real stands are wedges; the box ends at the lowest point of the underside above its footprint, so it stays below the
+    plate. The top is lowered by the padding, which otherwise would reach through the plate; no body of the arm is thin
+    enough for the resulting gap.
     """
     half_x, half_y = footprint[0] / 2.0, footprint[1] / 2.0
     cx, cy = PLATE_CENTRE
@@ -48,7 +48,7 @@ def stand_body(
 
 
 def T_hole_cube(cube_size: float, depth: float = CUBE_SEAT_DEPTH) -> Array:
-    """Pose of a cube that sits in a hole: wedged to its seat depth, m, centred."""
+    """Pose of a seated cube: centred in its hole, wedged to the seat depth, m."""
     return transform(t=(0.0, 0.0, cube_size / 2.0 - depth))
 
 

@@ -1,6 +1,6 @@
-"""From what was seen to what is planned with: the scene, and which cube goes from where to where.
+"""Build the planner's scene and the transfers from a look.
 
-Grip frames: the tool's z points into the plate, its jaws move along y; a cube can be gripped in four yaws.
+Grip frames: the tool's z points into the plate, its jaws move along y; a cube can be gripped at four yaws.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from arm.board import CUBE_SEAT_DEPTH, plate_name
 from arm.errors import ImpossibleError
 from arm.numerics.products import mul
-from arm.poses import BoardPose, hole_poses
+from arm.poses import BoardPose
 from arm.robot.shapes import Body
 from arm.se3 import Array, apply, frozen, inverse, rot_x, rot_z, transform
 from cell.config.cell import Cell
@@ -22,22 +22,22 @@ from cell.scene.bodies import T_hole_cube, cube_body, plate_body, stand_body
 from plan.scene import Pair, Scene, Station, Transfer
 
 CLEAR = "clear the target board, or give the task file more places"
-STAND_SHARE = 1.5  # a stand's box may be this many times as far aside as its plate
-RELEASE_GAP = 1e-3  # a cube is let go this far above where it will sit, m
+STAND_SHARE = 1.5  # a stand moves at most this many times as far as its plate
+RELEASE_GAP = 1e-3  # a cube is released this far above its seat, m
 
 
 def cube_name(place: str) -> str:
-    """Name of the cube that stands at a hole or place."""
+    """Name of the cube at a hole or place."""
     return f"cube {place}"
 
 
 def T_place_tool(height: float) -> tuple[Array, ...]:
-    """The four tool poses over a place, finger tips `height` m above it, as T_place_tool."""
+    """The four tool poses over a place, finger tips `height` m above it."""
     return tuple(transform(mul(rot_x(np.pi), rot_z(k * np.pi / 2.0)), (0.0, 0.0, height)) for k in range(4))
 
 
 def hole_station(cell: Cell, board: str, name: str, T_base_hole: Array, gap: float = 0.0) -> Station:
-    """A hole as a station of the tool, its tips at grip height (and `gap` m above, to let go)."""
+    """A hole as a station, finger tips at grip height, plus `gap` m for release."""
     return Station(
         name,
         tuple(frozen(mul(T_base_hole, T)) for T in T_place_tool(cell.grip_height + gap)),
@@ -46,7 +46,7 @@ def hole_station(cell: Cell, board: str, name: str, T_base_hole: Array, gap: flo
 
 
 def table_station(cell: Cell, name: str, x: float, y: float, yaw: float) -> Station:
-    """A place on the table as a station: the cube's bottom is let go just above the table."""
+    """A place on the table as a station; the cube is released with its bottom just above the table."""
     grip_above_bottom = cell.grip_height + CUBE_SEAT_DEPTH
     T_base_place = transform(rot_z(yaw), (x, y, cell.table_z))
     return Station(
@@ -57,7 +57,7 @@ def table_station(cell: Cell, name: str, x: float, y: float, yaw: float) -> Stat
 
 
 def T_base_cube_on_table(task: Task, name: str) -> Array:
-    """Where a cube stands that was set down on the table place of that name.
+    """Pose of a cube on the table place of that name.
 
     Raises:
         ImpossibleError: the task has no such place.
@@ -71,10 +71,10 @@ def T_base_cube_on_table(task: Task, name: str) -> Array:
 
 
 def board_bodies(cell: Cell, poses: Iterable[BoardPose]) -> list[Body]:
-    """Plates and stands of the boards that were seen, padded by what a board may move unnoticed (`Cell.moved`).
+    """Plates and stands of the boards seen, padded by the distance a board may move unnoticed (`Cell.moved`).
 
     No point of a plate moves further than that unnoticed (`cell.files.board_shift`). A stand is a box below
-    the plate, turned as the plate is. Let the plate's centre shift by c, and opposite corners by c + d and
+    the plate with the same yaw. Let the plate's centre shift by c, and opposite corners by c + d and
     c - d. Neither is longer than the tolerance t, so |c|^2 + |d|^2 <= t^2, and a corner of the stand shifts
     by no more than |c| + |d| <= sqrt(2) t.
     """
@@ -90,7 +90,7 @@ def board_bodies(cell: Cell, poses: Iterable[BoardPose]) -> list[Body]:
 
 
 def padded_cube(cell: Cell, name: str, T_base_cube: Array) -> Body:
-    """A cube that stands on a board, or was gripped there: as far aside as its board may have moved unnoticed."""
+    """A cube on a board, or gripped there, padded by the distance its board may move unnoticed."""
     return replace(cube_body(name, cell.cube_size, T_base_cube), padding=cell.moved)
 
 
@@ -105,14 +105,14 @@ def build_scene(
     Args:
         cell: the cell.
         poses: of the boards seen.
-        cubes_in: per board name, the holes (0 to 3) that hold a cube.
-        cubes_on_table: pose of the centre, per name, of cubes that were set down before.
+        cubes_in: holes (0 to 3) that hold a cube, by board name.
+        cubes_on_table: pose of the centre of cubes set down before, by name.
     """
     poses = tuple(poses)
     cubes: list[Body] = []
     allowed: set[Pair] = set()
     for pose in poses:
-        for hole in hole_poses(pose):
+        for hole in pose.holes:
             if hole.index in set(cubes_in.get(pose.board.name, ())):
                 name = cube_name(hole.name)
                 T_base_cube = mul(hole.T_base_hole, T_hole_cube(cell.cube_size))
@@ -131,17 +131,17 @@ def build_scene(
 
 
 def unseen_scene(cell: Cell) -> Scene:
-    """The scene before anything was seen: the whole zone in which boards may stand counts as occupied."""
+    """The scene before any look: the whole zone for boards counts as occupied."""
     return Scene(cell.robot(), cell.robot(cell.cube_size), (*cell.fixed, cell.zone), ())
 
 
 @dataclass(frozen=True)
 class Work:
-    """What is to be done.
+    """The transfers of a task.
 
     Attributes:
-        transfers: a cube each, in the order of the holes, to the first free places.
-        spare: free places that none of them needs.
+        transfers: one per cube, in the order of the holes, to the first free places.
+        spare: the remaining free places.
     """
 
     transfers: tuple[Transfer, ...]
@@ -158,17 +158,17 @@ def work(
     notes: Sequence[str] = (),
     cure: str = CLEAR,
 ) -> Work:
-    """What the task asks for, given what was seen.
+    """The transfers of a task, given a look.
 
     Args:
         task: the task.
         poses: of the boards seen.
         holding: holes (0 to 3) of the source board that hold a cube.
-        occupied: holes of the target board that hold one already (Task 2).
+        occupied: holes of the target board that already hold a cube (Task 2).
         taken_places: names of table places in use (Task 1).
-        reachable_places: names of the table places that the arm can serve, or None for all.
-        notes: what else to tell if there are too few places.
-        cure: what helps then.
+        reachable_places: names of the reachable table places, or None for all.
+        notes: added to the message if there are too few places.
+        cure: what would help then.
 
     Raises:
         ImpossibleError: more cubes than free places, or a board was not seen.
@@ -180,12 +180,12 @@ def work(
                 f"board {board.name} was not seen, so its holes are not known", board=board.name
             )
     source = by_name[task.from_board.name]
-    picks = [h for h in hole_poses(source) if h.index in set(holding)]
+    picks = [h for h in source.holes if h.index in set(holding)]
     if task.to_board is not None:
         target = by_name[task.to_board.name]
         goals = [
             hole_station(cell, target.board.name, h.name, h.T_base_hole, RELEASE_GAP)
-            for h in hole_poses(target)
+            for h in target.holes
             if h.index not in set(occupied)
         ]
     else:
@@ -197,7 +197,7 @@ def work(
         ]
     if len(goals) < len(picks):
         raise ImpossibleError(
-            f"{len(picks)} cubes to move but only {len(goals)} free places that can be reached"
+            f"{len(picks)} cubes to move but only {len(goals)} free and reachable places"
             + (f" ({'; '.join(notes)})" if notes else "")
             + f"; {cure}",
             cubes=len(picks),
@@ -213,7 +213,7 @@ def work(
 
 
 def free_table_stations(task: Task, poses: Iterable[BoardPose]) -> list[Station]:
-    """The task's places on the table that no board covers, in the order of preference."""
+    """The task's places on the table that no board covers, in order of preference."""
     if task.places is None:
         return []
     cell = task.cell

@@ -1,4 +1,4 @@
-"""What planning may cost, as a command is told; and the ends of a search that was stopped."""
+"""The planning budget of a command, and the errors when a search is stopped."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from contextlib import contextmanager
 
 from arm.errors import ImpossibleError, InputError
 from driver.line.signals import caught
-from plan.budget import BudgetSpent, PlanningInterrupted, SearchBudget, allowed, told_by
+from plan.budget import BudgetSpent, PlanningInterrupted, SearchBudget, allowed, budget_words
 
 
 def budget_of(effort_s: float | None, give_up_s: float | None) -> SearchBudget | None:
-    """The same from ``--budget`` and ``--give-up``.
+    """The budget from ``--budget`` and ``--give-up``.
 
     Raises:
         InputError: one of them is not a positive number.
@@ -26,31 +26,29 @@ def budget_of(effort_s: float | None, give_up_s: float | None) -> SearchBudget |
 
 
 def require_planning(plans: bool, effort_s: float | None, give_up_s: float | None) -> None:
-    """A budget goes with what plans.
+    """Refuse a budget for a command that does not plan.
 
     Raises:
-        InputError: one was given where nothing is planned.
+        InputError: a budget was given, but nothing is planned.
     """
     for option, value in (("--budget", effort_s), ("--give-up", give_up_s)):
         if value is not None and not plans:
-            raise InputError(
-                f"{option} needs --resume: an execution as planned searches nothing", option=option
-            )
+            raise InputError(f"{option} needs --resume: executing a plan needs no search", option=option)
 
 
 @contextmanager
 def spending(budget: SearchBudget | None) -> Iterator[None]:
-    """All planning inside shares the budget.
+    """Let all planning inside share the budget.
 
     Raises:
-        ImpossibleError: it was spent before anything was complete.
+        ImpossibleError: it was spent before a plan was complete.
     """
     with allowed(budget):
         try:
             yield
         except BudgetSpent as spent:
             raise ImpossibleError(
-                f"{told_by(spent)}: nothing complete was found",
+                f"{budget_words(spent)}: no complete plan was found",
                 budget=spent.by,
                 budget_s=spent.allowed_s,
                 effort_s=spent.effort_s,
@@ -59,10 +57,10 @@ def spending(budget: SearchBudget | None) -> Iterator[None]:
 
 @contextmanager
 def within(budget: SearchBudget | None) -> Iterator[None]:
-    """All planning inside shares the budget.
+    """Let all planning inside share the budget, and handle Ctrl-C.
 
     Raises:
-        ImpossibleError: it was spent, or Ctrl-C pressed, before anything was complete: nothing is to be written.
+        ImpossibleError: it was spent, or Ctrl-C pressed, before a plan was complete: nothing is written.
         PlanningInterrupted: Ctrl-C was pressed, and there is a complete plan.
     """
     with spending(budget):

@@ -1,4 +1,4 @@
-"""The camera of a real cell: which one the cell file and the command line say, and how it takes photographs."""
+"""The camera of a real cell, selected by cell file and command line."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from vision.camera.basler import BaslerCamera
 
 
 def require_one_camera(images: Path | None, camera: str | None) -> None:
-    """Photographs come from one place.
+    """Refuse two sources of images.
 
     Raises:
-        InputError: two are given.
+        InputError: both are given.
     """
     if images is not None and camera is not None:
         raise InputError(
-            f"--images {images} and --camera {camera} are two places for photographs; give one of them",
+            f"--images {images} and --camera {camera}: give only one source of images",
             images=str(images),
             camera=camera,
         )
@@ -29,15 +29,15 @@ def require_one_camera(images: Path | None, camera: str | None) -> None:
 
 @contextmanager
 def open_basler(cell: Cell, camera: str | None) -> Iterator[BaslerCamera]:
-    """The camera that the command line or else the cell file names, open; it is told which one that is.
+    """Open the camera named by the command line or else by the cell file, and print which one it is.
 
     Args:
-        cell: whose calibration says how large frames are, and whose file how they are taken.
-        camera: the selector of ``--camera``; None and `OF_CELL` are the device of the cell file.
+        cell: with the calibration's frame size and the camera settings.
+        camera: the selector of ``--camera``; None and `OF_CELL` select the device of the cell file.
 
     Raises:
-        InputError: the selector is none, or the cell file has no device.
-        CameraError: the camera cannot be had.
+        InputError: the selector is invalid, or the cell file has no device.
+        CameraError: the camera is not available.
     """
     selector = cell.basler.device if camera in (None, OF_CELL) else camera
     if selector is None:
@@ -46,10 +46,6 @@ def open_basler(cell: Cell, camera: str | None) -> Iterator[BaslerCamera]:
             file=str(cell.file),
             key="look.basler.device",
         )
-    with BaslerCamera(selector, cell.basler.settings, cell.camera.size, _tell) as opened:
-        _tell(opened.description)
+    with BaslerCamera(selector, cell.basler.settings, cell.camera.size, say_on_stderr) as opened:
+        say_on_stderr(opened.description)
         yield opened
-
-
-def _tell(text: str) -> None:
-    say_on_stderr(text)

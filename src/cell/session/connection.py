@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 
 TIME_SCALE = 10.0  # of the simulated cell
-AWAIT_S = 120.0  # for new photographs
-COPIED_S = 0.5  # without growing, for a photograph to be whole
+AWAIT_S = 120.0  # timeout for new images
+COPIED_S = 0.5  # without growing, for an image to be complete
 POLL_S = 0.1
 
 
@@ -40,12 +40,12 @@ class WhichCell:
 
     Attributes:
         port: of the real controller; None: the simulated cell.
-        world: truth of the simulated cell.
-        images, camera: where the real one's photographs come from; None: the cell file's camera.
-        speed: share of what the registers allow (`cell.session.speed`); None: the cell file's, of a plan file its own.
-        time_scale: most controller seconds per wall second of the simulated cell; None: `TIME_SCALE`.
-        homed: the unit was homed before and kept its positions; it is not homed anew.
-        preload: each motion is loaded and verified before it begins (`driver.execution.preload`).
+        world: world file of the simulated cell.
+        images, camera: source of the real cell's images; None: the cell file's camera.
+        speed: fraction of what the registers allow (`cell.session.speed`); None: the cell file's, or the plan file's.
+        time_scale: maximum controller seconds per wall second of the simulated cell; None: `TIME_SCALE`.
+        homed: whether the unit was homed before and kept its positions; it is not homed again.
+        preload: whether each motion is loaded and verified before it begins (`driver.execution.preload`).
     """
 
     port: str | None = None
@@ -65,8 +65,8 @@ class Connection:
     Attributes:
         mars: the controller, not yet identified.
         frames: the camera.
-        time_scale: most controller seconds per wall second.
-        simulated: truth of the simulated cell, for the report only; None on the real one.
+        time_scale: maximum controller seconds per wall second.
+        simulated: ground truth of the simulated cell, for the report only; None on the real one.
         emulator: of the simulated cell; None on the real one.
     """
 
@@ -78,28 +78,27 @@ class Connection:
 
 
 class AwaitedPhotographs:
-    """A folder into which somebody puts new photographs for each look, because every look needs the cell of now.
+    """A folder that receives new images for each look.
 
-    What lies there when a look asks is old, whoever put it there and however late: it may show the cell of before
-    the last motion.
+    Images that are there when a look begins are ignored: they may show the cell before the last motion.
 
     Args:
         path: the folder.
 
     Raises:
-        InputError: it is not there.
+        InputError: it does not exist.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = ImageFolder(path).path
 
     def grab(self, count: int) -> list[Image]:
-        """`count` photographs that came after this was called; waited for, `AWAIT_S` at most.
+        """Wait up to `AWAIT_S` for `count` images that arrive after this call.
 
-        A photograph that is still being copied is waited for too: the half of one can look like a whole one.
+        Images must stop growing first: an incomplete copy can pass for a complete image.
 
         Raises:
-            InputError: they did not come in time, or cannot be read.
+            InputError: they did not arrive in time, or cannot be read.
         """
         folder, old = ImageFolder(self.path, only_new=True), _sizes(self.path)
         say_on_stderr(f"{self.path}: waiting for {_wanted(count, len(old))}, for up to {AWAIT_S:g} s")
@@ -117,7 +116,7 @@ class AwaitedPhotographs:
 
 
 def _sizes(path: Path) -> dict[str, int]:
-    """Bytes of the photographs in a folder, by name."""
+    """Sizes in bytes of the images in a folder, by name."""
     sizes = {}
     for file in path.iterdir():
         if file.suffix.lower() in IMAGE_SUFFIXES:
@@ -127,41 +126,41 @@ def _sizes(path: Path) -> dict[str, int]:
 
 
 def _wanted(count: int, there: int) -> str:
-    """No order: in a rehearsal it is the emulator that puts them there."""
-    new = f"{count} new photograph{'' if count == 1 else 's'}"
+    """What `grab` waits for, in words."""
+    new = f"{count} new image{'' if count == 1 else 's'}"
     if not there:
         return new
-    lie = "1 that lies there already does" if there == 1 else f"{there} that lie there already do"
-    return f"{new} under other names ({lie} not count)"
+    ignored = "the 1 already there does" if there == 1 else f"the {there} already there do"
+    return f"{new} under other names ({ignored} not count)"
 
 
 def world_file(task: Task, world: Path | None) -> Path:
-    """The world file given, or the one beside the task file.
+    """The given world file, or the one beside the task file.
 
     Raises:
         InputError: there is none.
     """
     path = world or task.file.with_suffix(".world.toml")
-    if not path.exists():  # whatever else it is, its reader says
+    if not path.exists():  # its reader reports anything else
         raise InputError(
-            f"{path}: there is no such world file; the simulated cell needs one (--world), the real one --port",
+            f"{path}: no such world file; give --world for the simulated cell, or --port for the real one",
             file=str(path),
         )
     return path
 
 
 def require_openable(task: Task, where: WhichCell) -> None:
-    """See that options go together and that what they name is there; nothing is opened.
+    """Check that options are consistent and that what they name exists, without opening anything.
 
     Raises:
-        InputError: an option is wrong, or world file, folder or the name of a camera are not there.
+        InputError: an option is wrong, or world file, folder or camera name is missing.
     """
     port, images, camera, time_scale = where.port, where.images, where.camera, where.time_scale
     if time_scale is not None and not 0.01 <= time_scale <= 100.0:
         raise InputError(f"time scale = {time_scale:g}: must be from 0.01 to 100", time_scale=time_scale)
     if time_scale is not None and port is not None:
         raise InputError(
-            f"--time-scale {time_scale:g} is of the simulated cell; the unit on {port} has its own time",
+            f"--time-scale {time_scale:g} is for the simulated cell; the unit on {port} has its own time",
             time_scale=time_scale,
         )
     require_one_camera(images, camera)
@@ -174,8 +173,8 @@ def require_openable(task: Task, where: WhichCell) -> None:
         AwaitedPhotographs(images)
     elif camera in (None, OF_CELL) and task.cell.basler.device is None:
         raise InputError(
-            "a camera is needed with --port: name one with --camera or in the cell file ([look.basler] device), or "
-            "give photographs with --images",
+            "--port needs a camera: name one with --camera or in the cell file ([look.basler] device), or give a "
+            "folder of images with --images",
             port=port,
         )
     elif camera is not None and camera != OF_CELL:
@@ -184,10 +183,10 @@ def require_openable(task: Task, where: WhichCell) -> None:
 
 @contextmanager
 def open_cell(task: Task, where: WhichCell, log: Path) -> Iterator[Connection]:
-    """The real cell if it has a port, else the simulated one; what is sent and received goes into a log.
+    """Open the real cell if there is a port, else the simulated one; log everything sent and received.
 
     Raises:
-        InputError: port, world file or camera are not there.
+        InputError: port, world file or camera is missing.
     """
     require_openable(task, where)
     opened = (
@@ -204,7 +203,7 @@ def _open_real(
     task: Task, port: str, images: Path | None, camera: str | None, log: Path
 ) -> Iterator[Connection]:
     clock = Clock()
-    # the camera is there before anything is sent, and is let go after the arm was told to stop
+    # the camera is opened before anything is sent, and closed after the arm was commanded to stop
     with (
         _real_camera(task.cell, images, camera) as frames,
         WireLog(log, clock) as wire,
@@ -223,7 +222,7 @@ def _real_camera(cell: Cell, images: Path | None, camera: str | None) -> Iterato
 
 
 def simulated_cell(task: Task, world: Path | None) -> SimulatedCell:
-    """The cell of a task as the world file has it, to be a unit's plant.
+    """The simulated cell of a task and its world file, as the plant of an emulated unit.
 
     Raises:
         InputError: there is no world file, or it is wrong.
@@ -236,7 +235,7 @@ def simulated_cell(task: Task, world: Path | None) -> SimulatedCell:
 
 
 def join(simulated: SimulatedCell, emulator: Emulator) -> SimulatedCamera:
-    """Give a simulated cell the time of the unit whose plant it is; the camera that sees the unit's arm in it."""
+    """Couple a simulated cell to the time of its emulated unit; return the camera that sees the unit's arm."""
     from cell.sim.cell import SimulatedCamera
 
     simulated.now_ms = emulator.now_ms
@@ -249,7 +248,7 @@ def _open_simulated(task: Task, world: Path | None, time_scale: float, log: Path
     from driver.emulator import Emulator
 
     unit, simulated = task.cell.unit, simulated_cell(task, world)
-    clock = SteppedClock(time_scale)  # no host is too busy for it
+    clock = SteppedClock(time_scale)  # independent of the host's load
     with Emulator(task.cell.nominal_unit, clock, plant=simulated) as emulator:
         frames = join(simulated, emulator)
         with WireLog(log, clock) as wire, Mars(emulator.open_line(), unit, clock, wire) as mars:

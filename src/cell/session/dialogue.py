@@ -1,4 +1,4 @@
-"""Asking a person at the terminal before a real arm moves: only a whole line typed after the question answers it."""
+"""Ask a person at the terminal before a real arm moves; only a whole line typed after the question counts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from collections.abc import Callable
 from cell.console import Console
 
 TRIES = 3
-LONGEST = 20_000  # bytes of a line; a terminal gives no longer one
+LONGEST = 20_000  # bytes of a line; terminals deliver no more
 WAIT_S = 600.0  # for a person to type
 
 
@@ -24,9 +24,9 @@ def asked(
     is_right: Callable[[str], bool],
     answer: Callable[[], str | None],
 ) -> bool:
-    """Whether what was asked for was typed in one of `TRIES` tries."""
+    """Whether the right line was typed in one of `TRIES` tries; `wanted` describes it."""
     for left in reversed(range(TRIES)):
-        _forget_what_was_typed()
+        _discard_earlier_input()
         console.say(question)
         typed = answer()
         if typed is None:
@@ -39,7 +39,7 @@ def asked(
 
 
 def at_terminal() -> bool:
-    """Whether a person can answer: a terminal, and the program in its foreground."""
+    """Whether a person can answer: there is a terminal, with the program in its foreground."""
     if sys.stdin is None or not sys.stdin.isatty():
         return False
     with contextlib.suppress(OSError):
@@ -47,14 +47,14 @@ def at_terminal() -> bool:
     return False
 
 
-def _forget_what_was_typed() -> None:
-    """What was typed before a question is no answer to it."""
+def _discard_earlier_input() -> None:
+    """Discard what was typed before the question."""
     with contextlib.suppress(OSError, ValueError, termios.error):
         termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
 
 
 def typed() -> str | None:
-    """A whole line from the terminal; None if none came in time, or the terminal is gone."""
+    """Read a whole line from the terminal; None if none arrives in time, or the terminal is gone."""
     line, over = b"", time.monotonic() + WAIT_S
     try:
         while not line.endswith(b"\n"):

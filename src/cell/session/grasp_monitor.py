@@ -1,4 +1,4 @@
-"""A cube in the jaws: that it is one, by how wide they stand; and that it still is there: they stay where they are."""
+"""Monitor a cube in the jaws by their opening: the cube's width, and unchanged while it is carried."""
 
 from __future__ import annotations
 
@@ -7,46 +7,46 @@ from dataclasses import dataclass
 from arm.errors import ExecutionStopped
 from cell.config.cell import Cell
 
-GRIP_CHANGE = 0.05  # of the stroke by which the jaws may move on a held cube
-LOOKS = 2  # in a row that tell it: one may be a digit lost on the line
+GRIP_CHANGE = 0.05  # fraction of the stroke that the jaws may move on a held cube
+LOOKS = 2  # consecutive readings; a single one may have a digit lost on the line
 
 
 @dataclass(frozen=True)
 class Grip:
-    """How wide a cube holds the jaws open.
+    """The jaw opening expected on a cube.
 
     Attributes:
         width: of a cube, m.
-        tolerance: by how much the jaws may stand wider or narrower on one, m.
+        tolerance: permitted deviation of the opening, m.
     """
 
     width: float
     tolerance: float
 
     def why_not(self, width: float) -> str:
-        """Empty if jaws that stand `width` m apart hold a cube; else what is wrong."""
+        """Empty if jaws `width` m apart hold a cube; otherwise the reason why not."""
         if abs(width - self.width) <= self.tolerance:
             return ""
         usual = f"{1e3 * self.width:g} +- {1e3 * self.tolerance:g} mm"
-        told = f"the jaws stopped {1e3 * width:.1f} mm apart, a cube is {usual} wide"
+        found = f"the jaws stopped {1e3 * width:.1f} mm apart, a cube is {usual} wide"
         if width > self.width:
-            return f"{told}: something else is between them"
-        return f"{told}: they hold something else, or a cube by its edge"
+            return f"{found}: something else is between them"
+        return f"{found}: they hold something else, or a cube by its edge"
 
 
 def grip_of(cell: Cell) -> Grip:
-    """Of the cell's cubes, whose edges differ too."""
+    """The grip of the cell's cubes, with their size tolerance."""
     return Grip(cell.cube_size, cell.grip_tolerance + cell.cube_tolerance)
 
 
 @dataclass
-class Held:
-    """What the jaws hold.
+class GraspMonitor:
+    """Detects the loss of a held cube.
 
     Attributes:
         cube: its name.
-        grip: how far the jaws are closed on it, 0 open to 1 closed.
-        away: looks in a row at which they were not.
+        grip: closing of the jaws on it, 0 open to 1 closed.
+        away: consecutive readings with another closing.
     """
 
     cube: str
@@ -54,16 +54,16 @@ class Held:
     away: int = 0
 
     def require(self, jaws: float, looks: int = LOOKS) -> None:
-        """Take a look at the jaws into account.
+        """Check one reading of the jaws.
 
         Raises:
-            ExecutionStopped: `looks` looks in a row say that the jaws have moved; with reason ``lost``.
+            ExecutionStopped: the jaws moved in `looks` consecutive readings; with reason ``lost``.
         """
         self.away = self.away + 1 if abs(jaws - self.grip) > GRIP_CHANGE else 0
         if self.away >= looks:
             raise ExecutionStopped(
-                f"{self.cube} was lost on the way: the jaws were {100 * self.grip:.0f} % closed on it and are "
-                f"{100 * jaws:.0f} % closed now; it lies where nothing sees it",
+                f"{self.cube} was lost: the jaws were {100 * self.grip:.0f} % closed on it and are "
+                f"{100 * jaws:.0f} % closed now; its position is unknown",
                 fraction_closed=jaws,
                 reason="lost",
             )

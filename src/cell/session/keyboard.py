@@ -1,6 +1,6 @@
-"""Keys while an execution runs: pause, slower, faster, abort.
+"""Keys during execution: pause, slower, faster, abort.
 
-Only where standard input is a terminal and the program stands in its foreground. The terminal is put back as it was,
+They work only if standard input is a terminal with the program in its foreground. The terminal's settings are restored
 however the execution ends.
 """
 
@@ -20,11 +20,11 @@ from contextlib import contextmanager
 from driver.execution.control import Control
 
 STEP = 0.1
-HELP = "keys: space pause, go on; + - speed of the next motion, or in a pause; q abort"
+HELP = "keys: space pause, continue; + - speed of the next motion, or in a pause; q abort"
 
 
 def on_key(key: str, control: Control, abort: Callable[[], None]) -> None:
-    """What one key does; any other than those of `HELP` does nothing."""
+    """Act on a key of `HELP`; ignore others."""
     match key:
         case " " | "p" | "P":
             if control.paused:
@@ -40,21 +40,21 @@ def on_key(key: str, control: Control, abort: Callable[[], None]) -> None:
 
 
 def hint(control: Control, running: float | None = None) -> str:
-    """The end of the status line: how fast, and what can be pressed.
+    """The end of the status line: speed and keys.
 
     Args:
-        running: override that the motion of now was sent with, where one runs; another one asked for comes next.
+        running: override of the motion under way, if any; a different one of `control` applies to the next motion.
     """
-    asked = f"{100 * control.override:.0f} %"
+    requested = f"{100 * control.override:.0f} %"
     if control.paused:
-        return f"{'PAUSED' if control.standing else 'pausing'}, then {asked}  space + - q"
+        return f"{'PAUSED' if control.standing else 'pausing'}, then {requested}  space + - q"
     if running is not None and abs(running - control.override) > 1e-6:
-        return f"{100 * running:.0f} %, next {asked}  space + - q"
-    return f"{asked}  space + - q"
+        return f"{100 * running:.0f} %, next {requested}  space + - q"
+    return f"{requested}  space + - q"
 
 
 def interrupt_main() -> None:
-    """As Ctrl-C: the main thread is interrupted, whatever it does."""
+    """Interrupt the main thread, like Ctrl-C."""
     main = threading.main_thread().ident
     if main is not None:
         signal.pthread_kill(main, signal.SIGINT)
@@ -62,11 +62,11 @@ def interrupt_main() -> None:
 
 @contextmanager
 def keyboard(control: Control, abort: Callable[[], None] = interrupt_main) -> Iterator[bool]:
-    """Inside, keys act on `control`; gives whether there is a keyboard at all.
+    """Let keys act on `control`; yield whether there is a keyboard.
 
     Args:
         control: of the execution.
-        abort: called on q, from another thread. Ctrl-C stays the signal that it is.
+        abort: called on q, from another thread. Ctrl-C remains a signal.
     """
     descriptor = _foreground_terminal()
     if descriptor is None:
@@ -82,7 +82,7 @@ def keyboard(control: Control, abort: Callable[[], None] = interrupt_main) -> It
         reader.start()
         yield True
     finally:
-        with contextlib.suppress(termios.error):  # the terminal may be gone: that is why we end
+        with contextlib.suppress(termios.error):  # the terminal may be gone
             termios.tcsetattr(descriptor, termios.TCSANOW, before)
         os.write(wake, b"x")
         if reader.ident is not None:
@@ -92,14 +92,14 @@ def keyboard(control: Control, abort: Callable[[], None] = interrupt_main) -> It
 
 
 def _foreground_terminal() -> int | None:
-    """Descriptor of standard input if it is a terminal that listens to this program.
+    """Descriptor of standard input if it is a terminal with this program in its foreground.
 
-    A program in the background that changes its terminal is stopped by the system, and the arm would be left alone.
+    The system stops a background program that changes its terminal, which would leave the arm unmonitored.
     """
     try:
         descriptor = sys.stdin.fileno()
         foreground = os.isatty(descriptor) and os.tcgetpgrp(descriptor) == os.getpgrp()
-    except (AttributeError, ValueError, OSError):  # no standard input, a closed one, or no terminal of ours
+    except (AttributeError, ValueError, OSError):  # standard input is missing, closed, or not our terminal
         return None
     return descriptor if foreground else None
 
@@ -112,10 +112,10 @@ def _read(descriptor: int, wake: int, control: Control, abort: Callable[[], None
         try:
             data = os.read(descriptor, 64)
         except OSError:
-            return  # the terminal is gone; its hang-up is a signal of its own
+            return  # the terminal is gone; SIGHUP is handled elsewhere
         if not data:
             return
         if data.startswith(b"\x1b"):
-            continue  # an arrow or function key comes as several characters
+            continue  # arrow and function keys are several characters
         for character in data.decode("latin-1"):
             on_key(character, control, abort)

@@ -1,4 +1,4 @@
-"""Who follows a run while it runs."""
+"""Observer of a run in progress."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from driver.execution.control import Control
 from driver.execution.progress import Progress
 
 
-class Watcher:
-    """Is told of a run by the thread that drives the arm, so nothing here may wait. This one does not look."""
+class RunObserver:
+    """Called by the thread that drives the arm, so its methods must not block. This base class does nothing."""
 
     def begins(self, task: Task, control: Control) -> None:
-        """A run of a task; `control` says whether it is paused."""
+        """A run of a task begins; `control` shows whether it is paused."""
 
     def plan(self, plan: Plan, name: str) -> None:
-        """A plan is executed from now on; the arm stands. `name` is that of its file."""
+        """A plan is executed from now on; the arm is at rest. `name` is that of its file."""
 
     def step(self, step: Step) -> None:
-        """A step begins; one that is in no plan leads away from where the arm could not go on."""
+        """A step begins; a step that is in no plan backs the arm out of a dead end."""
 
     def progress(self, progress: Progress) -> None:
-        """A look at the motion of the step that runs."""
+        """A sample of the motion under way."""

@@ -1,4 +1,4 @@
-"""What a plan moves, at a glance: ranges and speeds of joints and tool, and what comes nearest."""
+"""Summary of a plan: ranges and speeds of joints and tool, and the smallest clearance."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from arm.plan_file import Plan
 from arm.robot.model import Robot
 from arm.se3 import Array
 
-SAMPLE_S = 0.02  # of the plan, for ranges and speeds
+SAMPLE_S = 0.02  # sampling interval for ranges and speeds
 
 
 @dataclass(frozen=True, eq=False)
 class Overview:
-    """What a plan moves.
+    """Summary of a plan's motion.
 
     Attributes:
-        lowest, highest: of each joint, (n,) rad.
-        travel: of each joint, all ways summed, (n,) rad.
-        fastest: of each joint, (n,) rad/s at the plan's speed.
-        tool: fastest speed of the tool, m/s.
-        clearance: least of all moves, m.
-        closest: the two bodies that come so near.
+        lowest, highest: range of each joint, (n,) rad.
+        travel: total distance of each joint, (n,) rad.
+        fastest: maximum speed of each joint, (n,) rad/s at the plan's speed.
+        tool: maximum speed of the tool, m/s.
+        clearance: smallest of all moves, m.
+        closest: the two bodies with this clearance.
     """
 
     lowest: Array
@@ -37,17 +37,11 @@ class Overview:
 
 
 def overview(plan: Plan, robot: Robot, unit: Unit) -> Overview:
-    """Ranges and speeds of all that a plan sends.
-
-    Args:
-        plan: with one move at least.
-        robot: that it moves.
-        unit: whose counts it is in.
-    """
-    ways = [unit.positions(move.path.sample(SAMPLE_S)) for move in plan.moves]
-    steps = [np.diff(way, axis=0) for way in ways]
-    at = [np.array([robot.T_base_tool(q)[:3, 3] for q in way]) for way in ways]
-    joined, moved = np.concatenate(ways), np.abs(np.concatenate(steps))
+    """Summarise a plan with at least one move, for its robot and the unit of its counts."""
+    paths = [unit.positions(move.path.sample(SAMPLE_S)) for move in plan.moves]
+    steps = [np.diff(path, axis=0) for path in paths]
+    at = [np.array([robot.T_base_tool(q)[:3, 3] for q in path]) for path in paths]
+    joined, moved = np.concatenate(paths), np.abs(np.concatenate(steps))
     nearest = min(plan.moves, key=lambda move: move.clearance)
     return Overview(
         joined.min(axis=0),

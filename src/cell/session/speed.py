@@ -1,7 +1,7 @@
-"""``--speed``, which means the same everywhere: a share of what the cell file's registers allow.
+"""``--speed``: in every command a fraction of what the cell file's registers allow.
 
-Velocities are at most so much of theirs, accelerations its square. A plan is made for such a speed and says it. It can
-be executed slower, by an override of the whole plan; never faster, for it was certified as it is.
+Velocities are scaled by the fraction, accelerations by its square. A plan states its speed. It can be executed slower,
+by an override of the whole plan, but never faster, because it was certified as it is.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ LEAST_SPEED = 0.01
 
 
 def planning_speed(cell: Cell, asked: float | None) -> float:
-    """The speed to plan for: what was asked for, or the cell file's.
+    """The speed to plan for: the requested one, or the cell file's.
 
     Raises:
         InputError: it is not from `LEAST_SPEED` to 1.
     """
     if asked is None:
         return cell.speed
-    _require(asked, 1.0, "the most that the cell file's registers allow is 1")
+    _require(asked, 1.0, "1 is all that the cell file's registers allow")
     return asked
 
 
 def override_of(plan: Plan, asked: float | None) -> float:
-    """The factor on all of a plan's velocities that lowers it to the speed asked for; 1 where none was.
+    """The factor on a plan's velocities that lowers it to the requested speed; 1 if none was requested.
 
     Raises:
         InputError: it is not from `LEAST_SPEED` to the plan's.
@@ -39,7 +39,7 @@ def override_of(plan: Plan, asked: float | None) -> float:
     _require(
         asked,
         plan.speed,
-        f"the plan was made for {plan.speed:g}, and an execution only lowers; plan for more",
+        f"the plan was made for {plan.speed:g}, and execution can only lower it; plan again for a higher speed",
     )
     return min(asked / plan.speed, 1.0)
 
@@ -54,7 +54,7 @@ def _require(asked: float, most: float, why: str) -> None:
 
 
 def tool_words(plan: Plan, cell: Cell, override: float = 1.0) -> str:
-    """How fast the tool is at the fastest point of a plan that is executed at an override; empty if nothing moves."""
+    """Maximum tool speed of a plan executed with an override, in words; empty if nothing moves."""
     if not plan.moves:
         return ""
     fastest = override * overview(plan, cell.robot(cell.cube_size), cell.unit).tool

@@ -1,1 +1,1 @@
-"""The simulated cell: bodies, cubes and photographs."""
+"""The simulated cell: bodies, cubes and images."""

@@ -1,7 +1,7 @@
-"""The simulated cell: cubes, boards and jaws as they truly are, seen by a synthetic camera.
+"""The simulated cell: ground truth of cubes, boards and jaws, with a synthetic camera.
 
-It is the emulated controller's plant and the look's frame source. The stack never reads it; the report asks it, at
-the end, how far each cube was from where it should have been.
+It is the plant of the emulated controller and the source of images. Planning never reads it; only the report compares
+each cube with its target at the end.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from render.renderer import PlacedBoard, render, with_noise
 from render.target import TargetSolid
 from vision.camera.model import Camera
 
-GRIP_OFFSET = 3e-3  # a cube is gripped if it stands between the jaws within this, m,
-GRIP_ANGLE = np.radians(3.0)  # and this
+GRIP_OFFSET = 3e-3  # a cube is gripped if it is centred between the jaws within this, m,
+GRIP_ANGLE = np.radians(3.0)  # and aligned within this
 LEAST_GRIP = 5e-3  # depth of the finger tips below the cube's top, m
 CAPTURE_TILT = np.radians(4.0)
 DROP = 0.010  # a released cube falls at most this far and stays upright, m
@@ -43,9 +43,9 @@ class SimulatedCube:
 
     Attributes:
         name: ``cube 1`` ...
-        T_base_cube: of its centre; while held, where it was gripped.
+        T_base_cube: pose of its centre; while held, where it was gripped.
         where: pocket, jaws, table or fallen.
-        T_tool_cube: in the jaws, while held.
+        T_tool_cube: pose in the tool frame while held.
     """
 
     name: str
@@ -56,13 +56,13 @@ class SimulatedCube:
 
 @dataclass(frozen=True)
 class CellEvent:
-    """Something that happened to a cube.
+    """An event of a cube.
 
     Attributes:
         what: gripped, pushed, missed, placed or unseated in a pocket, set down, fallen.
         cube: its name, or "" if the jaws found none.
-        T_base_cube: pose of its centre when it happened.
-        message: one line for a person.
+        T_base_cube: pose of its centre at the event.
+        message: one line for people.
     """
 
     what: str
@@ -73,10 +73,10 @@ class CellEvent:
 
 @dataclass(frozen=True)
 class CellState:
-    """Cubes and jaws from a time on, until the next state; a held cube moves with the tool.
+    """Cubes and jaws from a time until the next state; a held cube moves with the tool.
 
     Attributes:
-        time_ms: emulated.
+        time_ms: emulated time.
         cubes: all of them.
         jaw_opening: distance of the fingers, m.
     """
@@ -87,17 +87,17 @@ class CellState:
 
 
 class SimulatedCell:
-    """Truth, with the jaws acting on it. Thread-safe: the controller's thread and the camera's both use it.
+    """Ground truth, changed by the jaws. Thread-safe: used by the threads of controller and camera.
 
     Args:
-        cell: what the user knows (sizes, fixed bodies, nominal arm).
-        world: what is true.
+        cell: the user's data (sizes, fixed bodies, nominal arm).
+        world: ground truth.
 
     Attributes:
-        in_hand: a calibration target that the gripper carries.
-        events: what happened to cubes, in order.
-        history: states, for whoever judges the run afterwards.
-        now_ms: gives emulated time; set by whoever runs the controller.
+        in_hand: a calibration target held by the gripper.
+        events: of cubes, in order.
+        history: states, to judge a run afterwards.
+        now_ms: returns emulated time; set by the owner of the controller.
     """
 
     def __init__(self, cell: Cell, world: World) -> None:
@@ -124,7 +124,7 @@ class SimulatedCell:
         self.history = [CellState(0, tuple(self._cubes), self._opening)]
 
     def cubes(self, counts: npt.ArrayLike) -> list[SimulatedCube]:
-        """The cubes now, a held one where the arm at `counts` holds it."""
+        """The present cubes, a held one at its pose with the arm at `counts`."""
         with self._lock:
             T_base_tool = self.T_base_tool(counts)
             return [
@@ -135,11 +135,11 @@ class SimulatedCell:
             ]
 
     def hold(self, hand: HandTarget) -> None:
-        """Put a target into the gripper, as well as a person would."""
+        """Put a target into the gripper, with the inaccuracy of a person."""
         self.in_hand = hand.roughly_mounted(self.world.seed)
 
     def true_robot(self, jaw_opening: float) -> Robot:
-        """The arm as it is, jaws at an opening in m."""
+        """The true arm, jaws at an opening in m."""
         return with_link_errors(self.cell.nominal_robot(jaw_opening), A465, self.world.links)
 
     def positions(self, counts: npt.ArrayLike) -> Array:
@@ -151,14 +151,14 @@ class SimulatedCell:
         return self._robot.T_base_tool(self.positions(counts))
 
     def targets(self, counts: npt.ArrayLike) -> list[TargetSolid]:
-        """Calibration targets as they are with the arm at `counts`."""
+        """Calibration targets with the arm at `counts`."""
         if self.in_hand is None:
             return []
         T_base_flange = mul(self.T_base_tool(counts), inverse(self._robot.T_end_tool))
         return [TargetSolid(self.in_hand.target, mul(T_base_flange, self.in_hand.T_flange_target), Light())]
 
     def bodies(self, counts: npt.ArrayLike, robot: Robot) -> list[Body]:
-        """Everything that can be seen with the arm at `counts`."""
+        """All visible bodies with the arm at `counts`."""
         size = self.cell.cube_size
         found = list(self.cell.fixed)
         for b in self.world.boards:
@@ -169,7 +169,7 @@ class SimulatedCell:
         return found + robot.bodies_at(self.positions(counts))
 
     def jaws(self, counts: tuple[int, ...], from_adc: int, to_adc: int) -> int:
-        """The jaws go from one ADC position towards another; returns where they stop (`driver.emulator.Plant`)."""
+        """Move the jaws from one ADC position towards another; return where they stop (`driver.emulator.Plant`)."""
         gripper = self.cell.unit.gripper
         with self._lock:
             T_base_tool = self.T_base_tool(counts)
@@ -181,7 +181,7 @@ class SimulatedCell:
 
     @property
     def jaw_opening(self) -> float:
-        """Distance of the fingers now, m."""
+        """Present distance of the fingers, m."""
         return self._opening
 
     def _close(self, T_base_tool: Array, target: float) -> float:
@@ -199,21 +199,21 @@ class SimulatedCell:
             offset, angle = float(np.hypot(x, y)), angle_to_square(T_tool_cube[:3, :3])
             if offset <= GRIP_OFFSET and angle <= GRIP_ANGLE and depth >= LEAST_GRIP:
                 self._cubes[index] = replace(cube, where="jaws", T_tool_cube=frozen(T_tool_cube))
-                self._tell(
+                self._record(
                     "gripped", cube.name, cube.T_base_cube, f"{1e3 * offset:.2f} mm off the jaws' axis"
                 )
                 return on_cube
             if depth >= 0.0:
                 self._cubes[index] = replace(cube, where="pushed")
-                self._tell(
+                self._record(
                     "pushed",
                     cube.name,
                     cube.T_base_cube,
-                    f"stands {1e3 * offset:.1f} mm and {np.degrees(angle):.1f} deg off the jaws, "
+                    f"{1e3 * offset:.1f} mm and {np.degrees(angle):.1f} deg off the jaws, "
                     f"tips {1e3 * depth:.1f} mm below its top",
                 )
                 return target
-        self._tell("missed", "", None, "the jaws closed on nothing")
+        self._record("missed", "", None, "the jaws closed on nothing")
         return target
 
     def _open(self, T_base_tool: Array, target: float) -> float:
@@ -239,24 +239,24 @@ class SimulatedCell:
                     fault = self._faults.pop(0) if self._faults else "seated"
                     if fault != "seated":
                         return self._unseated(fault, name, T_base_cube, b, T_base_hole, into)
-                    self._tell("placed", name, T_base_cube, into)
+                    self._record("placed", name, T_base_cube, into)
                     return SimulatedCube(name, seat, "pocket")
         bottom = float(apply(T_base_cube, (0.0, 0.0, -half))[2]) - self.cell.table_z
         upright = T_base_cube[2, 2] > np.cos(CAPTURE_TILT)
         if upright and -1e-3 <= bottom <= DROP and not self._over_plate(T_base_cube):
             yaw = float(np.arctan2(T_base_cube[1, 0], T_base_cube[0, 0]))
             x, y = T_base_cube[:2, 3]
-            self._tell("set down", name, T_base_cube, f"on the table from {1e3 * bottom:.1f} mm")
+            self._record("set down", name, T_base_cube, f"on the table from {1e3 * bottom:.1f} mm")
             return SimulatedCube(name, transform(rot_z(yaw), (x, y, self.cell.table_z + half)), "table")
-        self._tell("fallen", name, T_base_cube, f"{1e3 * bottom:.0f} mm above the table, over no free hole")
+        self._record("fallen", name, T_base_cube, f"{1e3 * bottom:.0f} mm above the table, over no free hole")
         return SimulatedCube(name, T_base_cube, "fallen")
 
     def _unseated(
         self, fault: str, name: str, T_base_cube: Array, board: TrueBoard, T_base_hole: Array, into: str
     ) -> SimulatedCube:
-        """A cube that the world file has go wrong."""
+        """A cube released with a fault from the world file."""
         where = frozen(T_base_hole @ T_hole_released(fault, self.cell.cube_size, self.seat))
-        self._tell("placed" if fault == "pushed" else "unseated", name, T_base_cube, f"{fault}, {into}")
+        self._record("placed" if fault == "pushed" else "unseated", name, T_base_cube, f"{fault}, {into}")
         if fault == "pushed":
             push = transform(t=PUSH)
             on = [inverse(board.T_base_board) @ c.T_base_cube for c in self._cubes]
@@ -277,12 +277,12 @@ class SimulatedCell:
                 return True
         return False
 
-    def _tell(self, what: str, cube: str, T_base_cube: Array | None, detail: str) -> None:
+    def _record(self, what: str, cube: str, T_base_cube: Array | None, detail: str) -> None:
         self.events.append(CellEvent(what, cube, T_base_cube, f"{cube or 'no cube'} {what}: {detail}"))
 
 
 def angle_to_square(R: Array) -> float:
-    """Smallest turn that would bring a cube's rotation R (3, 3) to one that looks like no rotation, rad."""
+    """Smallest rotation, rad, from a cube's R (3, 3) to an orientation equivalent to the identity."""
     nearest = np.zeros((3, 3))
     for axis in range(3):
         column = int(np.argmax(np.abs(R[:, axis])))
@@ -291,15 +291,15 @@ def angle_to_square(R: Array) -> float:
 
 
 class SimulatedCamera:
-    """Renders the simulated cell as it is at the moment of each grab (`vision.camera.frame_source.FrameSource`).
+    """Render the simulated cell at the moment of each grab (`vision.camera.frame_source.FrameSource`).
 
     A grab is one exposure: one rendering, `count` draws of noise.
 
     Args:
         simulated: the cell.
         camera: the true camera.
-        counts: gives where the arm is now.
-        dictionary: of the markers that are truly there.
+        counts: returns the present encoder counts of the arm.
+        dictionary: of the true markers.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""The simulated camera that puts its photographs into a folder, for clients of an emulated unit in other programs."""
+"""A simulated camera that writes its images to a folder, for clients of an emulated unit in other programs."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from arm.io.temporary import TemporaryFile, mode_of_new
 from cell.sim.cell import SimulatedCamera, SimulatedCell
 from driver.emulator import Emulator
 
-STILL_S = 1.0  # wall time for which nothing moved before a set is taken: looks that follow a motion then find it new
+STILL_S = 1.0  # wall time without motion before a set is taken, so that a look after a motion finds it new
 EVERY_S = 5.0  # wall time from the end of a set to the next, while nothing moves
 KEEP_SETS = 3
 _NAME = re.compile(r"emulated-(\d+)\.png")
 
 
 class FolderCamera:
-    """Takes sets of photographs while the arm stands, and only then. Somebody has to call `poll` all the time.
+    """Take sets of images, only while the arm is at rest; `poll` must be called continually.
 
-    A set shows one moment. It comes into the folder whole, under names that increase, and only if nothing has moved
-    since that moment: what appears after a look has asked shows the cell that the look asks for.
+    A set shows one moment. It is written completely, under increasing names, and only if nothing has moved since that
+    moment, so images that appear after a look's request show the present cell.
 
     Args:
         simulated: the cell.
         camera: that sees it.
-        emulator: the unit whose plant it is.
-        folder: made if it is not there. Files that are named like its own are deleted, but for the newest sets.
+        emulator: whose plant is `simulated`.
+        folder: created if missing. Older sets of such a camera in it are deleted.
 
     Raises:
-        InputError: the folder cannot be made.
+        InputError: the folder cannot be created.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class FolderCamera:
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise InputError(f"{folder}: cannot be made: {error.strerror}", folder=str(folder)) from error
+            raise InputError(f"{folder}: cannot be created: {error.strerror}", folder=str(folder)) from error
         self.folder = folder
         self._simulated = simulated
         self._camera = camera
@@ -53,10 +53,10 @@ class FolderCamera:
         self._due = 0.0
 
     def poll(self) -> bool:
-        """Take a set if one is due; whether one was put into the folder.
+        """Take a set if one is due; return whether one was written.
 
         Raises:
-            ExecutionStopped: the folder cannot be written any more.
+            ExecutionStopped: the folder can no longer be written.
         """
         now = time.monotonic()
         if self._moved():
@@ -67,15 +67,15 @@ class FolderCamera:
             return self._take()
         except OSError as error:
             raise ExecutionStopped(
-                f"{self.folder}: photographs cannot be put there: {error.strerror}", folder=str(self.folder)
+                f"{self.folder}: images cannot be written: {error.strerror}", folder=str(self.folder)
             ) from error
 
     def _moved(self) -> bool:
-        """Whether anything moves, or did since the last set or motion."""
+        """Whether anything moves, or moved since the last set or motion."""
         return self._emulator.machine.busy or self._state() != self._seen
 
     def _state(self) -> tuple[object, ...]:
-        """Differs where photographs differ: the arm or the jaws are elsewhere, or were meanwhile."""
+        """Changes with every motion of arm or jaws."""
         return self._emulator.counts(), len(self._simulated.history)
 
     def _take(self) -> bool:
@@ -84,23 +84,23 @@ class FolderCamera:
         with contextlib.ExitStack() as held:
             parts = [
                 held.enter_context(TemporaryFile(file)) for file in files
-            ]  # their names end as no image's
+            ]  # their suffix is not an image's
             for part, image in zip(parts, images, strict=True):
                 part.write(image)
             if self._moved():
                 self._due = time.monotonic() + STILL_S
-                return False  # it shows a cell that is no more
+                return False  # it shows an outdated cell
             for part in parts:
                 part.become(mode_of_new())
         self._number += len(files)
         self._due = time.monotonic() + EVERY_S
         for number, file in self._own():
             if number <= self._number - KEEP_SETS * self._count:
-                with contextlib.suppress(FileNotFoundError):  # somebody else tidied up
+                with contextlib.suppress(FileNotFoundError):  # already removed
                     file.unlink()
         return True
 
     def _own(self) -> list[tuple[int, Path]]:
-        """Photographs of this camera, or of one before it, with their numbers."""
+        """Images of this camera, or of an earlier one, with their numbers."""
         found = ((_NAME.fullmatch(file.name), file) for file in self.folder.iterdir())
         return [(int(match[1]), file) for match, file in found if match]

@@ -1,4 +1,4 @@
-"""What can go wrong when the jaws let go of a cube over a hole, for the simulated cell to do."""
+"""Faults when the jaws release a cube over a hole, for the simulated cell."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from arm.board import CUBE_SEAT_DEPTH
 from arm.se3 import Array, frozen, rot_x, rot_z, transform
 from cell.scene.bodies import T_hole_cube
 
-HIGH = 4e-3  # m over a seated one
+HIGH = 4e-3  # m above a seated one
 HALF_TILT = np.radians(8.0)  # one side in its seat, the other up
 ASIDE = 25e-3  # m beside its hole, on the plate
 PUSH = (0.010, -0.0066, 0.0)  # m, of the board with its cubes: 12 mm
 
 
 def T_hole_released(release: str, cube_size: float, depth: float = CUBE_SEAT_DEPTH) -> Array:
-    """Where a cube comes to stand in the frame of the hole that it was let go over.
+    """Final pose of a released cube in the frame of its hole.
 
     Args:
-        release: one of `cell.files.world.RELEASES`: ``seated``; ``high``: straight, but 4 mm too high;
-            ``half``: leaning, one side in its seat and the other up; ``rim``: flat on the plate over the
-            mouth, turned; ``aside``: on the plate 25 mm beside the hole; ``pushed``: seated, but the board
+        release: one of `cell.files.world.RELEASES`: ``seated``; ``high``: upright, but 4 mm too high;
+            ``half``: tilted, one side in its seat and the other up; ``rim``: flat on the plate over the
+            mouth, rotated; ``aside``: on the plate 25 mm beside the hole; ``pushed``: seated, but the board
             with its cubes was pushed by 12 mm.
         cube_size: edge, m.
         depth: of a seated one below the plate's top, m.
@@ -28,7 +28,7 @@ def T_hole_released(release: str, cube_size: float, depth: float = CUBE_SEAT_DEP
     seated, half = T_hole_cube(cube_size, depth), cube_size / 2.0
     if release == "high":
         return frozen(transform(t=(0.0, 0.0, HIGH)) @ seated)
-    if release == "half":  # turns about the edge that sits
+    if release == "half":  # rotated about the seated edge
         edge = transform(t=(0.0, half, -depth))
         return frozen(edge @ transform(rot_x(-HALF_TILT)) @ transform(t=(0.0, -half, half)))
     if release == "rim":

@@ -1,4 +1,4 @@
-"""Photographs of a calibration target held before a simulated camera."""
+"""Images of a calibration target in front of a simulated camera."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from render.target import TargetSolid
 from vision.camera.model import Camera, Image
 from vision.targets.target import Target
 
-LEAST_SEEN = 0.6  # part of the corners that a view shows
+LEAST_SEEN = 0.6  # least fraction of corners in a view
 MARGIN_PX = 5.0
 _MOST_TRIES = 1000
 
 
 @dataclass(frozen=True)
 class Shot:
-    """How a target is photographed.
+    """Imaging conditions of a target.
 
     Attributes:
         bend: see `render.target.TargetSolid`, m.
-        true_marker: edge of the markers as printed, if that is not what the target says, m.
+        true_marker: printed edge of the markers, if it differs from the target's, m.
         psf_px: standard deviation of the blur, px.
         noise_grey: of the camera.
         light: of the room.
@@ -42,7 +42,7 @@ class Shot:
 def photograph_target(
     camera: Camera, target: Target, T_camera_target: Array, rng: np.random.Generator, shot: Shot | None = None
 ) -> Image:
-    """One photograph of a target at a pose, (h, w) uint8."""
+    """One image of a target at a pose, (h, w) uint8."""
     shot = shot or Shot()
     solid = TargetSolid(
         target, camera.T_base_camera @ T_camera_target, shot.light, shot.bend, shot.true_marker
@@ -52,11 +52,11 @@ def photograph_target(
 
 
 def held(camera: Camera, target: Target, pixel: Array, distance: float, turn: Array, roll: float) -> Array:
-    """T_camera_target of a target whose middle is seen at `pixel` (2,), `distance` m along the camera's axis.
+    """T_camera_target of a target with its centre at `pixel` (2,), `distance` m along the camera's axis.
 
     Args:
         turn: rotation vector (2,) rad about the image's x and y.
-        roll: about the target's own z, before that, rad.
+        roll: about the target's own z, applied first, rad.
     """
     R = rotation([*turn, 0.0]) @ rot_z(roll)
     middle = np.append(camera.normalised(pixel), 1.0) * distance
@@ -65,7 +65,7 @@ def held(camera: Camera, target: Target, pixel: Array, distance: float, turn: Ar
 
 
 def corners_in_view(camera: Camera, target: Target, T_camera_target: Array) -> np.ndarray:
-    """Which inner corners (n,) appear in the image."""
+    """Mask (n,) of the inner corners in the image."""
     pixels = camera.project(target.points() @ T_camera_target[:3, :3].T + T_camera_target[:3, 3])
     last = np.array(camera.size) - 1.0 - MARGIN_PX
     return np.asarray(((pixels >= MARGIN_PX) & (pixels <= last)).all(axis=1))
@@ -79,11 +79,11 @@ def random_poses(
     distances: tuple[float, float] = (0.85, 1.25),
     tilt: float = 0.5,
 ) -> list[Array]:
-    """Poses T_camera_target as somebody who was told to fill the image would hold it.
+    """Random poses T_camera_target that together fill the image.
 
     Args:
-        distances: nearest and farthest, m.
-        tilt: most about each axis of the image, rad.
+        distances: smallest and largest, m.
+        tilt: largest about each axis of the image, rad.
 
     Raises:
         ImpossibleError: the image is too small for the target at these distances.
@@ -95,8 +95,8 @@ def random_poses(
             break
         if attempt > _MOST_TRIES * number:
             raise ImpossibleError(
-                f"the target ({target.label()}) does not fit into the camera's image at {distances[0]:g} to "
-                f"{distances[1]:g} m; take a smaller target or larger distances",
+                f"the target ({target.label()}) does not fit into the image at {distances[0]:g} to "
+                f"{distances[1]:g} m; use a smaller target or larger distances",
                 distances_m=list(distances),
             )
         pixel = size * rng.uniform(0.15, 0.85, 2)
@@ -109,8 +109,6 @@ def random_poses(
             rng.uniform(-np.pi, np.pi),
         )
         seen = corners_in_view(camera, target, T).mean()
-        if seen >= (
-            LEAST_SEEN if target.kind == "charuco" else 1.0
-        ):  # a checkerboard is found whole or not at all
+        if seen >= (LEAST_SEEN if target.kind == "charuco" else 1.0):  # a checkerboard is only found whole
             found.append(T)
     return found

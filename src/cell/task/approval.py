@@ -1,8 +1,8 @@
-"""Before a real arm moves: a person is told what will move, and says yes.
+"""Report what a real arm will do, and ask a person for approval.
 
-A plan file is executed with the code of its preview (`Approval`), which stands there alone (`arm.plan_file.Plan.code`):
-nobody runs by accident what nobody has seen. Commands that plan as they go have no preview to be seen before; they are
-told to by the unit's name (`Consent`).
+A plan file is executed only with the code of its preview (`Approval`), which is shown nowhere else
+(`arm.plan_file.Plan.code`), so that no plan runs unseen by accident. Commands that plan as they go have no preview to
+approve; they ask for the unit's name instead (`Consent`).
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from cell.session.overview import overview
 from cell.task.run import TaskRun
 from driver.mars.refusals import is_unhomed
 
-ABOUT_GOING_ON = "nothing is homed: it goes on from where the arm stands; keep clear"
+ABOUT_GOING_ON = "the arm is not homed: it continues from where it stands; keep clear"
 ABOUT_KEPT = (
-    "nothing is homed: --homed says that it was; compare the joint angles with the arm, and keep clear"
+    "the arm is not homed: --homed states that it was; compare the joint angles with the arm, and keep clear"
 )
-ABOUT_HOMING = "first the controller homes the arm: every axis moves, and nothing checks its way; keep clear"
+ABOUT_HOMING = "first the controller homes the arm: every axis moves, without collision checks; keep clear"
 
 
 class Approval:
-    """Asks a person for the code of a plan's preview, unless it was given.
+    """Ask a person for the code of a plan's preview, unless it was given.
 
     Args:
-        plan_file: that is to be executed.
-        code: given on the command line, or None to ask for it at the terminal.
-        console: where it is told and asked.
-        answer: gives a line that was typed, None if there is nobody to type; default: the terminal.
-        resumes: whether only what is left of the plan is done, from where the arm is.
+        plan_file: to be executed.
+        code: given on the command line, or None to ask at the terminal.
+        console: for output and questions.
+        answer: returns a typed line, or None if nobody can type; default: the terminal.
+        resumes: whether only the rest of the plan is executed, from where the arm is.
 
     Raises:
-        InputError: the code is of no preview of this plan, or there is neither a code nor a terminal.
+        InputError: the code is wrong, or there is neither a code nor a terminal.
     """
 
     def __init__(
@@ -56,14 +56,14 @@ class Approval:
         self._known = code is not None
         if code is not None and not self._is_right(code):
             raise InputError(
-                f"--yes {code!r}: is not the code that the preview of {plan_file} shows; {self._where()}",
+                f"--yes {code!r}: is not the code shown by the preview of {plan_file}; {self._where()}",
                 option="--yes",
                 value=code,
             )
         if code is None and answer is None and not at_terminal():
             raise InputError(
-                f"nobody is there to confirm {plan_file} on a real arm: give --yes CODE, the code that its preview "
-                f"shows; {self._where()}",
+                f"no terminal to confirm {plan_file} on a real arm: give --yes CODE, the code shown by its preview; "
+                f"{self._where()}",
                 option="--yes",
             )
 
@@ -76,31 +76,31 @@ class Approval:
         return f"a465 preview {self.plan_file} writes the preview"
 
     def __call__(self, run: TaskRun, plan: Plan) -> None:
-        """Tell what will move, and go on only with the code.
+        """Report what will move, and return only if the code was given.
 
         Args:
-            run: that asks.
-            plan: that it will send; the file may have changed since it was read here.
+            run: that needs the approval.
+            plan: to be sent; the file may have changed since it was read here.
 
         Raises:
-            InputError: it was not given, or the plan is another one; nothing moved.
+            InputError: the code was not given, or the plan differs; nothing moved.
         """
         if plan.code != self.plan.code:
             raise InputError(
-                f"{self.plan_file}: was changed while it was read; see its preview, and try again",
+                f"{self.plan_file}: changed while it was being read; check its preview, and try again",
                 file=str(self.plan_file),
             )
-        self._tell(run)
+        self._report(run)
         if self._known:
             return
-        question = f"the code that the preview of this plan shows ({self._where()}):"
+        question = f"type the code shown by the preview of this plan ({self._where()}):"
         if not asked(self.console, question, "the code of this plan", self._is_right, self._answer):
             raise InputError(
                 f"{self.plan_file}: was not confirmed with the code of its preview; nothing moved",
                 option="--yes",
             )
 
-    def _tell(self, run: TaskRun) -> None:
+    def _report(self, run: TaskRun) -> None:
         plan, cell, say = self.plan, run.task.cell, self.console.say
         of = overview(plan, cell.robot(cell.cube_size), cell.unit)
         factor = run.control.ceiling
@@ -108,18 +108,16 @@ class Approval:
         what = f"{cubes} cube{'' if cubes == 1 else 's'}" if cubes else "no cube"
         if self.resumes:
             say(
-                f"this moves the real arm: what is left of {what}, at most {plan.duration_s / factor:.0f} s of motion"
+                f"this moves the real arm: the rest of {what}, at most {plan.duration_s / factor:.0f} s of motion"
             )
-            say(
-                "the whole plan, of which some was done; what is left is planned anew, within the same limits:"
-            )
+            say("the table is for the whole plan; the rest of it is replanned, within the same limits:")
         else:
             say(f"this moves the real arm: {what}, {plan.duration_s / factor:.0f} s of motion")
         limits = cell.unit.limits(plan.speed_registers, plan.acceleration_registers).velocity
         fastest = factor * of.fastest
         columns = (of.lowest, of.highest, of.travel)
         self.console.table(
-            ("joint", "from deg", "to deg", "way deg", "deg/s at most", "of the limit"),
+            ("joint", "from deg", "to deg", "travel deg", "max deg/s", "of the limit"),
             [
                 (
                     f"J{j + 1}",
@@ -132,7 +130,7 @@ class Approval:
         )
         near = " - ".join(name for name in of.closest if name)
         say(
-            f"tool: {1e3 * factor * of.tool:.0f} mm/s at most; clearance: {1e3 * of.clearance:.1f} mm at least"
+            f"tool: at most {1e3 * factor * of.tool:.0f} mm/s; clearance: at least {1e3 * of.clearance:.1f} mm"
             + (f" ({near})" if near else "")
         )
         say(arm_shape(cell))
@@ -141,32 +139,32 @@ class Approval:
 
 
 class Consent:
-    """Asks a person whether plans that nobody has seen may move a real arm, unless that was said.
+    """Ask a person whether plans without a preview may move a real arm, unless the command line says so.
 
     Args:
-        said: on the command line, by --unseen.
-        console: where it is told and asked.
-        answer: gives a line that was typed, None if there is nobody to type; default: the terminal.
+        said: whether the command line has --unseen.
+        console: for output and questions.
+        answer: returns a typed line, or None if nobody can type; default: the terminal.
     """
 
     def __init__(self, said: bool, console: Console, answer: Callable[[], str | None] | None = None) -> None:
         self.said, self.console, self._answer = said, console, answer
 
     def __call__(self, run: TaskRun) -> None:
-        """Tell what will move, and go on only if a person says so.
+        """Report what will move, and return only with a person's consent.
 
         Raises:
-            InputError: nobody did; nothing moved.
+            InputError: no consent; nothing moved.
         """
         if not self.said and self._answer is None and not at_terminal():
             raise InputError(
-                "nobody is there to let a real arm move by plans that nobody has seen: give --unseen, or look, plan, "
-                "preview and execute, each a command",
+                "no terminal to confirm that a real arm may execute plans without a preview: give --unseen, or use the "
+                "commands look, plan, preview and execute instead",
                 option="--unseen",
             )
         name, say = run.task.cell.unit.name, self.console.say
         say(
-            f"this moves the real arm, {name}, by plans that are made on the way: certified, but seen by nobody before"
+            f"this moves the real arm, {name}, by plans made as the command runs: certified, but without a preview"
         )
         say(f"speed: {100 * run.speed:.0f} % of the cell file's registers; the arm: {_place(run)}")
         say(ABOUT_KEPT if run.homed_before else ABOUT_HOMING)
@@ -180,7 +178,7 @@ class Consent:
             _same_name(name),
             self._answer or typed,
         ):
-            raise InputError("nobody let the arm move; nothing moved", option="--unseen")
+            raise InputError(f"{name!r} was not typed; nothing moved", option="--unseen")
 
 
 def _same_name(name: str) -> Callable[[str], bool]:
@@ -188,21 +186,21 @@ def _same_name(name: str) -> Callable[[str], bool]:
 
 
 def _place(run: TaskRun) -> str:
-    """Where the arm is, by its counters."""
+    """The arm's position, by its counters."""
     counters = run.connection.mars.counters()
     if is_unhomed(run.task.cell.unit, counters):
-        return "not homed since it was switched on, so its place is not known"
+        return "not homed since it was switched on, so its position is not known"
     degrees = ", ".join(
         f"{d:.0f}" for d in np.round(np.degrees(run.task.cell.unit.positions(counters))) + 0.0
     )
-    return f"at [{degrees}] deg by its counters, which are right if it was homed since it was switched on"
+    return f"at [{degrees}] deg by its counters, which are correct if it was homed since it was switched on"
 
 
 def require_a_port(option: str, given: bool, port: str | None) -> None:
-    """What a person says of a real arm is of no use without one.
+    """Refuse an option that confirms the motion of a real arm if there is no port.
 
     Raises:
-        InputError: the option was given, and no port.
+        InputError: the option was given without a port.
     """
     if given and port is None:
-        raise InputError(f"{option} goes with --port: the simulated cell asks for nothing", option=option)
+        raise InputError(f"{option} needs --port: the simulated cell asks for no confirmation", option=option)

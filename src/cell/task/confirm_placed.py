@@ -1,4 +1,4 @@
-"""Is a cube that was let go surely where it should be? What the look after it shows, and nothing else, says so."""
+"""Confirm from the next look, and from nothing else, that a released cube is at its target."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from arm.errors import ExecutionStopped
-from arm.poses import hole_poses
 from arm.se3 import Array, apply, transform
 from cell.files.board_shift import board_shift
 from cell.files.observation import Seen
@@ -20,7 +19,7 @@ from cell.scene.build import T_base_cube_on_table
 from vision.occupancy.cube_top import CubeTop, EmptyPlace
 from vision.occupancy.seated import CubeWidth, Seating, seating, width_of
 
-NO_PHOTOGRAPHS = Seating("unsure", "there are no photographs to measure it in")
+NO_PHOTOGRAPHS = Seating("unsure", "there are no images to measure it in")
 NOT_CONFIRMED = "not confirmed"
 OUT_OF_VIEW = "is out of the camera's view"
 
@@ -30,8 +29,8 @@ class Unconfirmed:
     """Why a cube is not confirmed.
 
     Attributes:
-        reasons: a line each.
-        lost: it may stand where nobody knows, so the arm must not move on.
+        reasons: one line each.
+        lost: its position may be unknown, so the arm must not move on.
     """
 
     reasons: tuple[str, ...]
@@ -41,16 +40,16 @@ class Unconfirmed:
 def confirm(
     task: Task, before: Seen, after: Seen, source: str, target: str, width: CubeWidth | None
 ) -> Unconfirmed | None:
-    """None if a cube surely left its source for its target, and the target's board stands where it was.
+    """Return None if a cube certainly moved from source to target, and the target's board did not move.
+
+    The look before shows the target empty, the look after the source; each gives the surroundings of the cube.
 
     Args:
         task: of the cube.
-        before: the last look at which the cube stood at its source.
+        before: the last look with the cube at its source.
         after: the look to judge by.
         source, target: names of the places.
-        width: of the cube, if it was measured before; None: as the cell file says.
-
-    The look before shows the place empty, and the look after the source: what is seen beside a cube is known by that.
+        width: of the cube, if it was measured before; None: the cell file's.
     """
     reasons = []
     state = after.state(source)
@@ -64,7 +63,7 @@ def confirm(
         reasons.append(f"hole {target} looks {state or 'hidden'}, not cube")
     seen = seated(task, after, target, width, before)
     if seen.state != "seated":
-        reasons.append(f"the cube in {target} does not surely sit: {seen.reason}")
+        reasons.append(f"the cube in {target} is not certainly seated: {seen.reason}")
     if reasons:
         return Unconfirmed(tuple(reasons), True)
     board = target.rpartition("/")[0]
@@ -72,26 +71,26 @@ def confirm(
     if old is not None and new is not None:
         shift = board_shift(old.pose.board, task.cell.cube_size, old.pose.T_base_board, new.pose.T_base_board)
         if shift.beyond(task.cell):
-            return Unconfirmed((f"board {board} moved by {shift} while the cube was brought there",), False)
+            return Unconfirmed((f"board {board} moved by {shift} during the transfer",), False)
     return None
 
 
 def seated(
     task: Task, seen: Seen, place: str, width: CubeWidth | None = None, without: Seen | None = None
 ) -> Seating:
-    """Whether a cube sits at a place, by the size and place of its top; `without` is a look that shows it empty."""
+    """Whether a cube is seated at a place, by size and position of its top; `without`: a look that shows it empty."""
     if seen.sight is None:
         return NO_PHOTOGRAPHS
     return seating(_top(task, seen, place, without), width or seen.sight.cube)
 
 
 def width_at(task: Task, seen: Seen, place: str, without: Seen | None = None) -> CubeWidth | None:
-    """How wide the cube at a place is, as it stands there; None without photographs, or where they do not tell."""
+    """Measure the width of the cube at a place; None without images, or if they do not determine it."""
     return None if seen.sight is None else width_of(_top(task, seen, place, without), seen.sight.cube)
 
 
 def unseen_places(task: Task, seen: Seen, places: Iterable[str]) -> str:
-    """What to tell of those of some places that are on the table and out of view; empty if there are none."""
+    """A warning that names the places on the table that are out of view; empty if there are none."""
     if task.places is None or seen.sight is None:
         return ""
     hidden = [place for place in places if not _in_view(task, seen, place)]
@@ -99,7 +98,7 @@ def unseen_places(task: Task, seen: Seen, places: Iterable[str]) -> str:
         return ""
     return (
         f"out of the camera's view: {', '.join(hidden)}; no look can confirm a cube there, so the run will end as "
-        "not confirmed; give the task file places in view"
+        "not confirmed; choose places in view in the task file"
     )
 
 
@@ -114,7 +113,7 @@ def _top(task: Task, seen: Seen, place: str, without: Seen | None) -> CubeTop | 
 
 
 def _empty(task: Task, seen: Seen, place: str) -> EmptyPlace | None:
-    """A place as a look shows it empty; None if it does not surely."""
+    """The appearance of a place in a look that shows it certainly empty; otherwise None."""
     T_base_place = _T_base_place(task, seen, place)
     if seen.sight is None or T_base_place is None or place in seen.moved_since:
         return None
@@ -128,16 +127,16 @@ def _on_table(task: Task, place: str) -> bool:
 
 
 def _T_base_place(task: Task, seen: Seen, place: str) -> Array | None:
-    """A hole's pose as seen, or that of a place on the table; None for a hole whose board was not found."""
+    """Pose of a hole as seen, or of a place on the table; None for a hole whose board was not found."""
     if _on_table(task, place):
         return _T_base_on_table(task, place)
     name, _, number = place.rpartition("/")
     board = seen.board(name)
-    return None if board is None else hole_poses(board.pose)[int(number) - 1].T_base_hole
+    return None if board is None else board.pose.holes[int(number) - 1].T_base_hole
 
 
 def _T_base_on_table(task: Task, place: str) -> Array:
-    """Pose of a place on the table: at the foot of the cube that is put there."""
+    """Pose of a place on the table, at the bottom of the cube placed there."""
     return np.asarray(T_base_cube_on_table(task, place) @ transform(t=(0.0, 0.0, -task.cell.cube_size / 2.0)))
 
 
@@ -150,22 +149,18 @@ def _in_view(task: Task, seen: Seen, place: str) -> bool:
 
 
 class LetGo:
-    """Cubes that were let go and have not been seen at their places yet.
-
-    Args:
-        task: that moves them.
-    """
+    """Released cubes that no look has confirmed yet."""
 
     def __init__(self, task: Task) -> None:
         self._task = task
         self._waiting: list[tuple[CubeRow, Seen, CubeWidth | None]] = []
 
     def add(self, row: CubeRow, before: Seen, width: CubeWidth | None = None) -> None:
-        """A cube was let go; `before` is the last look at which it was at its source, `width` its width if known."""
+        """Add a released cube; `before`: the last look with it at its source, `width`: its width if known."""
         self._waiting.append((row, before, width))
 
     def judge(self, seen: Seen, picture: Path) -> Iterator[tuple[CubeRow, Unconfirmed]]:
-        """Judge all of them by a look; those that are not confirmed, each with a remark that names the picture."""
+        """Judge all of them by a look; yield those not confirmed, each with a remark that names the picture."""
         waiting, self._waiting = self._waiting, []
         found = [
             (
@@ -183,18 +178,18 @@ class LetGo:
         yield from ((row, why) for row, why in found if why is not None)
 
     def _width(self, row: CubeRow, before: Seen, seen: Seen) -> CubeWidth | None:
-        """Of a cube, by the look at its source and what that looks like without it."""
+        """Width of a cube at its source, given a look that shows the source empty."""
         return None if row.source in before.moved_since else width_at(self._task, before, row.source, seen)
 
 
 def require_confirmed(rows: Iterable[CubeRow], report: dict[str, Any]) -> None:
-    """Refuse to call a run done one of whose cubes was not confirmed.
+    """Require that every cube of a run was confirmed.
 
     Raises:
-        ExecutionStopped: naming them; with the report.
+        ExecutionStopped: names those that were not; with the report.
     """
     rows = list(rows)
     wrong = [row for row in rows if any(remark.startswith(NOT_CONFIRMED) for remark in row.remarks)]
     if wrong:
-        told = "; ".join(f"{row.source} to {row.target} {row.remarks[-1]}" for row in wrong)
-        raise ExecutionStopped(f"{len(wrong)} of {len(rows)} cubes not confirmed: {told}", **report)
+        listed = "; ".join(f"{row.source} to {row.target} {row.remarks[-1]}" for row in wrong)
+        raise ExecutionStopped(f"{len(wrong)} of {len(rows)} cubes not confirmed: {listed}", **report)

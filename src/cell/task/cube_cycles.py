@@ -1,4 +1,4 @@
-"""A plan's steps between the moments at which the jaws act: what is executed at a time, cube by cube."""
+"""The steps of a plan grouped by cube and by gripper action, as they are executed."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from arm.plan_file import GripperStep, LookStep, Move, Plan, Step
 
 
 @dataclass(frozen=True)
-class Visit:
+class CubeCycle:
     """The steps of one cube.
 
     Attributes:
-        fetch: the moves to it, and the jaws closing.
-        carry: the moves with it, and the jaws opening.
-        leave: the moves away from where it was let go; one motion with the next cube's, unless the arm looks first.
-        looks: whether the arm looks then.
+        fetch: the moves to it, and the closing of the jaws.
+        carry: the moves with it, and the opening of the jaws.
+        leave: the moves away from its target; one motion with the next cube's fetch, unless a look comes first.
+        looks: whether a look follows.
     """
 
     fetch: tuple[Step, ...]
@@ -26,12 +26,12 @@ class Visit:
 
     @property
     def approach(self) -> Move:
-        """The move that brings the jaws to the cube."""
+        """The last move to the cube."""
         return next(s for s in reversed(self.fetch) if isinstance(s, Move))
 
 
-def visits(plan: Plan) -> tuple[Visit, ...]:
-    """The visits of a plan that has the shape of `plan.pick_place.grammar.require_shape`, a cube each."""
+def cube_cycles(plan: Plan) -> tuple[CubeCycle, ...]:
+    """Group the steps of a plan that satisfies `plan.pick_place.grammar.require_grammar` by cube."""
     found = []
     for cube in range(len(plan.task["cubes"])):
         indices = [i for i, s in enumerate(plan.steps) if getattr(s, "cube", None) == cube]
@@ -39,7 +39,9 @@ def visits(plan: Plan) -> tuple[Visit, ...]:
         close, release = (1 + _gripping(steps, action) for action in ("close", "open"))
         after = indices[-1] + 1
         looks = after < len(plan.steps) and isinstance(plan.steps[after], LookStep)
-        found.append(Visit(tuple(steps[:close]), tuple(steps[close:release]), tuple(steps[release:]), looks))
+        found.append(
+            CubeCycle(tuple(steps[:close]), tuple(steps[close:release]), tuple(steps[release:]), looks)
+        )
     return tuple(found)
 
 

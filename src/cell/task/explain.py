@@ -1,4 +1,4 @@
-"""Refusals explained to the person at the terminal: the ways that were rejected, and what would help, checked."""
+"""Explain a refusal to plan at the terminal: the rejected candidates, and verified advice."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from plan.advice.search import Advice, advise
 from plan.failure import START_BLOCKED, Failure, Rejected, failure_in
 from plan.pick_place.cause import out_of_reach
 
-# Rows of the table of ways: for each place, and in all.
+# Rows of the table of candidates: per place, and in all.
 _ROWS_A_PLACE, _ROWS = 3, 12
 
 
 @contextmanager
-def explained(
+def explain_failure(
     task: Task,
     seen: Seen,
     q_from: Array,
@@ -37,12 +37,12 @@ def explained(
     skip: Iterable[int] = (),
     every_hole: bool = False,
 ) -> Iterator[None]:
-    """Explain a refusal to plan on standard error, with advice; the error goes on, with `failure` and `advice`.
+    """Explain a refusal to plan on standard error, with advice; re-raise it with `failure` and `advice` as data.
 
     Args:
         task, seen, q_from, speed, done, on_table, skip: as in `cell.task.planning.plan_rest`.
-        wanted: whether advice is.
-        every_hole: whether all holes of the task's boards have to be in reach, used or not.
+        wanted: whether to give advice.
+        every_hole: whether all holes of the task's boards must be in reach, used or not.
     """
     try:
         yield
@@ -64,39 +64,39 @@ def explained(
 
 
 def _keys(task: Task, failure: Failure) -> list[str]:
-    """What of the cell file may be wrong, where its own values are against each other."""
+    """Hints at values of the cell file that contradict each other."""
     cell = task.cell
     if failure.kind != START_BLOCKED:
         return []
     start = f"q_start_deg = [{', '.join(f'{v:g}' for v in np.round(np.degrees(cell.q_start), 3))}]"
-    other = f"the place of {failure.body}" if failure.body else "what is in its way"
+    other = f"the place of {failure.body}" if failure.body else "the obstacle"
     if failure.body == "table":
         other = f"table.top_z_mm = {cell.table_z * 1e3:g}"
     return [f"in {cell.file.name}, {start} or {other} has to change"]
 
 
 def print_failure(console: Console, failure: Failure) -> None:
-    """What rejects the ways, the nearest miss of each place first; ways with the same against them in one row."""
+    """Print why candidates were rejected, the closest miss of each place first; equal reasons share a row."""
     alike: dict[tuple[str, str], list[Rejected]] = {}
-    for way in failure.ways:
-        alike.setdefault((way.where, way.reason), []).append(way)
+    for rejected in failure.ways:
+        alike.setdefault((rejected.where, rejected.reason), []).append(rejected)
     rows, places = [], Counter[str]()
-    for (where, reason), ways in alike.items():
+    for (where, reason), group in alike.items():
         places[where] += 1
         if places[where] <= _ROWS_A_PLACE or len({w.where for w in failure.ways}) == 1:
-            yaw = "" if ways[0].yaw is None else f"yaw {ways[0].yaw}, {ways[0].branch}"
-            rows.append((where, len(ways), yaw, reason))
+            yaw = "" if group[0].yaw is None else f"yaw {group[0].yaw}, {group[0].branch}"
+            rows.append((where, len(group), yaw, reason))
     console.say(f"{failure.kind}: {failure.step}")
     columns = [0, 1, 2, 3] if any(row[2] for row in rows) else [0, 3]
-    header = ("where", "ways", "such as", "what rejects them")
+    header = ("where", "candidates", "for example", "rejected because")
     console.table([header[i] for i in columns], [[row[i] for i in columns] for row in rows[:_ROWS]])
     hidden = len(failure.ways) - sum(row[1] for row in rows[:_ROWS])
     if hidden:
-        console.say(f"and {hidden} more ways; --json lists all")
+        console.say(f"and {hidden} more candidates; --json lists all")
 
 
 def _advice(console: Console, task: Task, request: Request, error: ImpossibleError) -> tuple[Advice, ...]:
-    console.say("what would help (each is planned before it is offered; --no-advice leaves it out):")
+    console.say("what would help (each suggestion was planned; --no-advice skips this):")
     advice = advise(
         request,
         error,
@@ -107,7 +107,7 @@ def _advice(console: Console, task: Task, request: Request, error: ImpossibleErr
         console.say(f"- {piece.text}")
     if not advice:
         console.say(
-            "- nothing was found: boards moved one at a time, single cubes left out, bodies moved away"
+            "- nothing found by moving single boards, leaving out single cubes, or moving bodies away"
         )
     return advice
 
@@ -125,7 +125,7 @@ def _request(
     cell = task.cell
     try:
         left = work_left(task, seen, done, skip, speed)
-    except ImpossibleError:  # more cubes than places that can be reached: then reach alone is looked at
+    except ImpossibleError:  # more cubes than reachable places: then only reach is checked
         left = Work((), ())
     return Request(
         scene_of(task, seen, on_table),
@@ -140,7 +140,7 @@ def _request(
 
 
 def _in_zone(task: Task, changed: Request) -> bool:
-    """Whether all boards stand where the cell file lets them, and the camera sees them."""
+    """Whether all boards are in the cell file's zone."""
     zone = task.cell.zone
     half = np.array(zone.shape.size[:2]) / 2.0 if isinstance(zone.shape, Box) else np.full(2, np.inf)
     plates = [b for b in changed.scene.bodies if b.kind == "board"]

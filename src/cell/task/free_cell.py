@@ -1,4 +1,4 @@
-"""A free cell: a person says so before a real arm homes, and puts the boards in place afterwards."""
+"""Ask a person to clear the cell before a real arm homes, and to put the boards in place afterwards."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ FREE, READY = "free", "ready"
 def before_homing(
     confirm: Callable[..., None], port: str, kept: bool, free: bool, console: Console
 ) -> Callable[..., None]:
-    """An approval that asks for a free cell too, unless nothing is homed."""
+    """Wrap an approval so that it also asks for a clear cell, unless the arm is not homed."""
     return confirm if kept else FreeCell(confirm, port, free, console)
 
 
 class FreeCell:
-    """Asks whether the cell is free before a real arm homes, and for the boards afterwards; wraps another approval.
+    """Ask whether the cell is clear before a real arm homes, and for the boards afterwards; wraps another approval.
 
     Args:
-        confirm: asked first.
+        confirm: the approval that is asked first.
         port: of the arm.
-        said: by --free: whatever homing may reach is away; boards are where they should be.
-        console: where it is told and asked.
-        answer: gives a line that was typed, None if there is nobody to type; default: the terminal.
+        said: whether --free states that the arm can home freely and that boards are in place.
+        console: for output and questions.
+        answer: returns a typed line, or None if nobody can type; default: the terminal.
     """
 
     def __init__(
@@ -47,23 +47,23 @@ class FreeCell:
         self.console, self._answer = console, answer
 
     def __call__(self, run: TaskRun, *plan: Any) -> None:
-        """Go on only if a person says so.
+        """Return only with a person's confirmation.
 
         Raises:
-            InputError: nobody did; nothing moved.
+            InputError: no confirmation; nothing moved.
         """
         if self.said or not may_be_real(self.port):
             self.confirm(run, *plan)
             return
         if self._answer is None and not at_terminal():
             raise InputError(
-                "nobody is there to say that the cell is free for homing, whose way nothing checks: give --free, or "
-                "--homed if the unit was homed since it was switched on",
+                "no terminal to confirm that the cell is clear for homing, which has no collision checks: give --free, "
+                "or --homed if the unit was homed since it was switched on",
                 option="--free",
             )
         self.confirm(run, *plan)
         self._ask(
-            "homing goes its own way: take everything out of the arm's reach, boards too; then type "
+            "homing has no collision checks: remove everything from the arm's reach, boards too; then type "
             f"{FREE} (if the unit was homed since it was switched on, end this and give --homed):",
             FREE,
         )

@@ -1,4 +1,4 @@
-"""Taking photographs and finding out what stands in the cell, with a picture of what was found."""
+"""Take images of the cell, find boards and cubes in them, and save a picture of the detections."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ def look_and_save(
     why: str,
     arm_in_view: bool = False,
 ) -> Seen:
-    """Photograph the cell, find the boards and cubes, and write the first photograph with what was found in it.
+    """Take images of the cell, find boards and cubes, and write the first image with detections drawn in.
 
     Args:
         arm_in_view: see `vision.observe.look`.
 
     Raises:
-        InputError: a photograph has the wrong size, or shows a marker that belongs to no board of the cell.
+        InputError: an image has the wrong size, or shows a marker that belongs to no board of the cell.
     """
     cell = task.cell
     images = frames.grab(cell.photographs)
@@ -52,7 +52,7 @@ def look_and_save(
             arm_in_view,
             cell.tilts,
         )
-    except ImpossibleError:  # what the photograph shows says why, to who looks at it
+    except ImpossibleError:  # the image and its markers help to find the cause
         markers = tuple(detect_markers(images[0], cell.camera, cell.dictionary))
         _complain(images[0], markers, console)
         if picture is not None:
@@ -74,18 +74,18 @@ def look_and_save(
 
 
 def nominal_width(cell: Cell) -> CubeWidth:
-    """Of a cube that nobody has measured: the cell file's, within its tolerance (two standard deviations)."""
+    """Width of an unmeasured cube: the cell file's, within its tolerance (two standard deviations)."""
     return CubeWidth(cell.cube_size, cell.cube_tolerance / 2.0)
 
 
 def _complain(image: Image, markers: Sequence[Marker], console: Console) -> None:
     complaint = exposure_complaint(image, markers)
     if complaint is not None:
-        console.say(f"WARNING: the photographs are {complaint}")
+        console.say(f"WARNING: the images are {complaint}")
 
 
 def seen_of(found: Look, known: Sequence[Board]) -> Seen:
-    """A look of the vision room as the cell's commands pass it on; `known` are all boards of the cell."""
+    """Convert a `vision.observe.Look` for the cell's commands; `known`: all boards of the cell."""
     boards = tuple(
         SeenBoard(b.pose, tuple(o.state for o in b.occupancy), tuple(o.reason for o in b.occupancy))
         for b in found.boards
@@ -96,7 +96,7 @@ def seen_of(found: Look, known: Sequence[Board]) -> Seen:
 
 
 def write_png(path: Path, image: Image) -> None:
-    """Write an image whole or not at all.
+    """Write an image completely or not at all.
 
     Raises:
         InputError: it cannot be encoded or written.

@@ -1,4 +1,4 @@
-"""A run on an open cell: it looks, executes steps, and keeps what the report tells."""
+"""A run on an open cell: take looks, execute steps, and collect the data for the report."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from cell.report.cubes import CubeRow, print_rows
 from cell.report.run_page import KeptPlan, Picture
 from cell.report.run_report import run_report, write_run_report
 from cell.session.connection import Connection
-from cell.session.grasp_monitor import Held
+from cell.session.grasp_monitor import GraspMonitor
 from cell.session.homed import take_into_use
-from cell.session.observer import Watcher
+from cell.session.observer import RunObserver
 from cell.task.confirm_placed import LetGo
 from cell.task.look import look_and_save
 from driver.execution.control import Control
@@ -34,17 +34,17 @@ from vision.occupancy.seated import CubeWidth
 
 
 class OpenRun:
-    """A run of a task on an open cell: its state, and what every stage does.
+    """A run of a task on an open cell: its state, and what all stages share.
 
     Args:
-        task: what is to be done.
+        task: to be done.
         connection: an open cell.
-        console: where progress is told.
+        console: for progress.
         speed: that plans are made for, see `cell.session.speed`.
-        folder: where plans, pictures and the report go.
-        control: what may be asked for while it runs.
-        hint: the end of the status line, for the override of the motion that runs.
-        watcher: is told of plans, steps and motion.
+        folder: for plans, pictures and the report.
+        control: pause, abort and speed override during the run.
+        hint: returns the end of the status line for the override of the present motion.
+        watcher: receives plans, steps and motion.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class OpenRun:
         folder: Path,
         control: Control | None = None,
         hint: Callable[[float], str] = lambda _: "",
-        watcher: Watcher | None = None,
+        watcher: RunObserver | None = None,
     ) -> None:
         self.task = task
         self.connection = connection
@@ -65,32 +65,32 @@ class OpenRun:
         self.folder = folder
         self.control = control or Control()
         self.hint = hint
-        self.watcher = watcher or Watcher()
+        self.watcher = watcher or RunObserver()
         self.watcher.begins(task, self.control)
         self.rows: list[CubeRow] = []
         self.done: dict[str, str] = {}  # cube -> place
         self.on_table: dict[str, Array] = {}
-        self.held: Held | None = None
+        self.held: GraspMonitor | None = None
         self.given_up: set[int] = set()  # holes of the source board
         self.plans: list[Plan] = []
         self.kept: list[KeptPlan] = []
         self.pictures: list[Picture] = []
         self.began = datetime.now().astimezone()
         self.remarks: list[str] = []
-        self.followed: Path | None = None  # the plan file that is executed, once cubes are moved
-        self.homed = False  # in this run: a stop can be gone on from
-        self.homed_before = False  # and stays so: nothing is homed
+        self.followed: Path | None = None  # the plan file being executed, once cubes are moved
+        self.homed = False  # in this run, so a stop can be resumed
+        self.homed_before = False  # before this run, so it is not homed again
         self.preload = False  # motions are verified before they begin
         self.after_homing: Callable[[], None] = lambda: None
         self.write_page: Callable[[Task, Plan, Path], None] = lambda *_: None  # the preview of a plan
         self.budget: SearchBudget | None = None  # of each search for a plan
         self.widths: dict[str, CubeWidth] = {}  # of cubes that were in the jaws at a stop, as measured before
-        self.advice = False  # whether a refusal to plan is followed by advice
+        self.advice = False  # whether to give advice after a refusal to plan
         self._looks = count(1)
         self._let_go = LetGo(task)
 
     def introduce(self) -> None:
-        """Say what is about to happen and where, and make sure that a controller of the right kind listens."""
+        """Report the task, the cell and the speed, and identify the controller."""
         of = f"the simulated cell, time scale {self.connection.time_scale:g}"
         where = "the real cell" if self.connection.simulated is None else of
         speed = f"speed {self.speed * self.control.ceiling:g}"
@@ -105,42 +105,42 @@ class OpenRun:
             refuse_preload(mars)
 
     def look(self, why: str) -> Seen:
-        """Look from where the arm is; the boards of the task must be there.
+        """Look from where the arm is, and require the boards of the task.
 
         Raises:
-            ImpossibleError: one is not, or not where the task allows it.
+            ImpossibleError: one is missing, or not where the task allows it.
         """
         seen = self.see(why)
         seen.require(self.task)
         return seen
 
     def try_look(self, why: str) -> Seen | None:
-        """Look while the arm may stand in view; None if that hides a board."""
+        """Look while the arm may be in view; None if it hides a board."""
         seen = self.see(why)
         if seen.missing_of(self.task) or seen.half_seen:
-            self.console.step("the arm may stand in view: reach is checked from q_start")
+            self.console.step("the arm may be in view: reach is checked from q_start")
             return None
         seen.require(self.task)
         return seen
 
     def see(self, why: str, arm_in_view: bool = False) -> Seen:
-        """Look from where the arm is, whatever is found."""
+        """Look from where the arm is, without requirements."""
         picture = self.folder / f"look-{next(self._looks)}.png"
         self.pictures.append(Picture(why, picture))
         with self.console.doing("looking"):
             return look_and_save(self.task, self.connection.frames, picture, self.console, why, arm_in_view)
 
     def take_into_use(self) -> None:
-        """Home the arm, unless it was and is; open the jaws."""
+        """Home the arm, unless it was homed before; open the jaws."""
         take_into_use(self.connection.mars, self.task.cell, self.console, self.homed_before)
         self.homed = True
 
     def q_now(self) -> Array:
-        """Where the arm stands, (6,) rad."""
+        """Configuration of the arm at rest, (6,) rad."""
         return frozen(self.task.cell.unit.positions(self.connection.mars.settled_counts()))
 
     def keep(self, plan: Plan, name: str) -> None:
-        """Write a plan into the folder, with its preview if it moves cubes."""
+        """Write a plan to the folder, with its preview if it moves cubes."""
         self.plans.append(plan)
         self.kept.append(KeptPlan(name, plan))
         file = self.folder / f"{name}.json"
@@ -154,7 +154,7 @@ class OpenRun:
         self.watcher.plan(plan, name)
 
     def execute(self, steps: Sequence[Step], options: StreamOptions | None = None) -> tuple[StepResult, ...]:
-        """Execute steps, with what may be asked for meanwhile."""
+        """Execute steps under `control`."""
         if not steps:
             return ()
         mars, control = self.connection.mars, self.control
@@ -165,7 +165,7 @@ class OpenRun:
         self._step_name = step.name
         self.watcher.step(step)
         if self.held is not None and isinstance(step, GripperStep):
-            self.held.require(self.connection.mars.jaws(), looks=1)  # at rest a reading is sure
+            self.held.require(self.connection.mars.jaws(), looks=1)  # at rest one reading suffices
 
     def _on_progress(self, progress: Progress) -> None:
         self.watcher.progress(progress)
@@ -176,7 +176,7 @@ class OpenRun:
             self.held.require(progress.jaws)
 
     def tell(self, text: str) -> None:
-        """Say it, and keep it for the report."""
+        """Print a remark, and keep it for the report."""
         self.remarks.append(text)
         self.console.step(text)
 
@@ -185,17 +185,17 @@ class OpenRun:
         self.tell_rows()
         self.write_report({})
         self.console.say(
-            f"\nwhat was seen, planned and sent is in {self.folder}; {self.folder / 'report.html'} tells it"
+            f"\nimages, plans and log are in {self.folder}; open {self.folder / 'report.html'} for the summary"
         )
         return run_report(self)
 
     def tell_rows(self) -> None:
-        """Print a row for each cube that was begun."""
+        """Print a row for each cube that was started."""
         if self.rows:
             print_rows(self.console, self.rows)
 
     def write_report(self, more: dict[str, Any]) -> None:
-        """Write the report; that it could not be written is told, and does not hide how the run ended."""
+        """Write the report; a failure to write it is printed, and does not hide how the run ended."""
         try:
             write_run_report(self, more)
         except InputError as error:

@@ -1,4 +1,4 @@
-"""Does a plan match the cell of now, and does it hold? Asked before anything is executed."""
+"""Check before execution that a plan matches the present cell, and certify it again."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from arm.errors import ImpossibleError
 from arm.io.storage import canonical_json, sha256
 from arm.numerics.products import mul
 from arm.plan_file import Plan
-from arm.poses import BoardPose, hole_poses
+from arm.poses import BoardPose
 from arm.robot.shapes import Body, Shape
 from arm.se3 import Array, apply, frozen, inverse, transform
 from cell.config.cell import Cell
@@ -23,21 +23,21 @@ from cell.files.observation import Seen
 from cell.files.task import Task
 from cell.scene.bodies import T_hole_cube, plate_body
 from cell.scene.build import RELEASE_GAP, T_base_cube_on_table, build_scene, cube_name
-from cell.task.planning import options_of, pose_list_options, provenance
-from plan.pick_place.grammar import require_shape
+from cell.task.planning import options_of, plan_fingerprint, pose_list_options
+from plan.pick_place.grammar import require_grammar
 from plan.scene import Scene, scene_from_json
-from plan.verify import Asked, ReplayedMove, placed, replay
+from plan.verify import ReplayedMove, RequiredClearance, placed_cubes, replay
 
 _FROM_FILES = ("task", "inputs", "seed", "options", "robot_open", "robot_holding")
-PLACED = 5e-4  # from where a place is to where the motion sets its cube down, m; whole counts are 0.03 mm
-SAME = 1e-9  # bodies of one scene written twice differ by less, m
+PLACED = 5e-4  # distance from a place to where the motion releases its cube, m; rounding to counts is 0.03 mm
+SAME = 1e-9  # numerical tolerance for equal bodies, m
 
 
 def require_match(task: Task, plan: Plan) -> None:
-    """All of the plan's provenance must be as it would be stated now: unit, arm, limits, calibration, files, options.
+    """Require that the plan's fingerprint matches the present one: unit, arm, limits, calibration, files, options.
 
     Raises:
-        ImpossibleError: naming each that differs, of task and cell file key by key; nothing moved.
+        ImpossibleError: names each difference, of task and cell file key by key; nothing moved.
     """
     cell = task.cell
     _require_same_job(task, plan)
@@ -54,7 +54,7 @@ def require_match(task: Task, plan: Plan) -> None:
         differing = [*(key for key in differing if key != "limits"), "limits"]
     if differing:
         changed = _changed_inputs(task, plan) if {"task", "inputs"} & set(differing) else {}
-        # a changed file says it all: the rest follows from it
+        # a changed file explains the differences that follow from it
         hashes = [key for key in differing if not (changed and key in _FROM_FILES)]
         shown = [f"{file}: {shortened(words)}" for file, words in changed.items()]
         shown += [
@@ -65,7 +65,7 @@ def require_match(task: Task, plan: Plan) -> None:
             for key in hashes
         ]
         raise ImpossibleError(
-            f"the plan is not for the cell of now: {'; '.join(shown)}; plan again",
+            f"the plan is not for the present cell: {'; '.join(shown)}; plan again",
             differing=differing,
             changed=changed,
             plan={key: then.get(key) for key in differing},
@@ -74,10 +74,10 @@ def require_match(task: Task, plan: Plan) -> None:
 
 
 def _provenance_of_now(task: Task, plan: Plan) -> dict[str, Any]:
-    """What the plan would state if it were made now for its own scene, at its own speed."""
+    """The fingerprint of a plan made now for the same scene, at the same speed."""
     cell = task.cell
     options = pose_list_options(task, plan.speed) if "poses" in plan.task else options_of(task, plan.speed)
-    stated = provenance(task)
+    stated = plan_fingerprint(task)
     del stated["notes"]
     return {
         **stated,
@@ -100,7 +100,7 @@ def _short(value: Any) -> str:
 
 
 def _require_same_job(task: Task, plan: Plan) -> None:
-    """What makes every other difference beside the point: another task, or another unit."""
+    """Require the same task and unit; without them no other difference matters."""
     named = plan.task.get("name", task.name), plan.task.get("kind", task.kind)
     for what, then, now in (
         ("task", f"{named[0]} ({named[1]})", f"{task.name} ({task.kind})"),
@@ -116,17 +116,17 @@ def _require_same_job(task: Task, plan: Plan) -> None:
 
 
 def _changed_inputs(task: Task, plan: Plan) -> dict[str, list[str]]:
-    """Per file, what it said when the plan was made and does not say now; empty where the plan does not tell."""
+    """Differences per file since the plan was made; empty if the plan has no record of its inputs."""
     then = plan.provenance.get("inputs")
     files = (("task", task.file.name, task.inputs), ("cell", task.cell.file.name, task.cell.inputs))
     if not isinstance(then, dict) or not all(isinstance(then.get(key), dict) for key, _, _ in files):
         return {}
-    told = {name: changes(then[key], inputs) for key, name, inputs in files}
-    return {name: words for name, words in told.items() if words}
+    found = {name: changes(then[key], inputs) for key, name, inputs in files}
+    return {name: words for name, words in found.items() if words}
 
 
 def _other_registers(cell: Cell, plan: Plan) -> list[str]:
-    """The speed and acceleration registers that the plan has otherwise than the cell, and by how much."""
+    """Speed and acceleration registers that differ between plan and cell, and by how much."""
     sides = (
         ("speed", plan.speed_registers, cell.speed_registers),
         ("acceleration", plan.acceleration_registers, cell.acceleration_registers),
@@ -140,10 +140,10 @@ def _other_registers(cell: Cell, plan: Plan) -> list[str]:
 
 
 def require_start_at(task: Task, plan: Plan) -> None:
-    """The plan must begin where the cell's work begins, at q_start: that is where the arm goes before it.
+    """Require that the plan starts at q_start, where the arm goes first.
 
     Raises:
-        ImpossibleError: by how much each axis is off; nothing moved.
+        ImpossibleError: the deviation of each axis; nothing moved.
     """
     unit = task.cell.unit
     begin, q_start = next(plan.moves).path.start, unit.counts(task.cell.q_start)
@@ -156,17 +156,17 @@ def require_start_at(task: Task, plan: Plan) -> None:
             if abs(counts) > unit.rest_tolerance
         )
         raise ImpossibleError(
-            f"the plan starts elsewhere than at the cell's q_start: off by {shown}; plan again, "
-            "or go on from where the arm is with --resume",
+            f"the plan does not start at the cell's q_start: off by {shown}; plan again, "
+            "or continue from where the arm is with --resume",
             off_counts=off,
         )
 
 
 def require_scene(cell: Cell, plan: Plan, seen: Seen) -> None:
-    """The boards must stand where the plan has them, within the cell's tolerance, and hold the cubes that it has.
+    """Require boards at their planned poses, within the cell's tolerance, and cubes in the planned holes.
 
     Raises:
-        ImpossibleError: naming each that does not, and by how much; nothing moved.
+        ImpossibleError: names each deviation; nothing moved.
     """
     bodies = {b["name"]: np.array(b["T_base_body"]) for b in plan.scene["bodies"]}
     faults = []
@@ -176,17 +176,17 @@ def require_scene(cell: Cell, plan: Plan, seen: Seen) -> None:
         if planned is None:
             faults.append(f"{plate.name} is not in the plan")
             continue
-        # from where the plate is to where the board is, as in the look
+        # as in the look
         T_plate_board = mul(inverse(plate.T_base_body), pose.T_base_board)
         shift = board_shift(pose.board, cell.cube_size, mul(planned, T_plate_board), pose.T_base_board)
         if shift.beyond(cell):
-            faults.append(f"{plate.name} stands {shift} from the plan's")
+            faults.append(f"{plate.name} is {shift} from its planned pose")
     holding = {c["name"].removeprefix(cube_name("")) for c in plan.scene["cubes"]}
     for board in seen.boards:
         for number, state in enumerate(board.occupancy, start=1):
             planned_state = "cube" if f"{board.name}/{number}" in holding else "empty"
             if state not in (planned_state, "unsure"):
-                faults.append(f"hole {board.name}/{number} looks {state}, the plan has it {planned_state}")
+                faults.append(f"hole {board.name}/{number} looks {state}, planned was {planned_state}")
     faults += [f"{name} of the plan was not seen" for name in bodies if name.startswith(plate_name(""))]
     if faults:
         raise ImpossibleError(
@@ -195,10 +195,10 @@ def require_scene(cell: Cell, plan: Plan, seen: Seen) -> None:
 
 
 def scene_of_now(task: Task, plan: Plan) -> Scene:
-    """The plan's scene as the cell file of now gives it; only where boards stand and which holes hold cubes is its own.
+    """Rebuild the plan's scene from the present cell file; only board poses and cubes come from the plan.
 
     Raises:
-        ImpossibleError: the plan's scene has other bodies, cubes or allowed contacts than that; naming them.
+        ImpossibleError: the plan's scene has other bodies, cubes or allowed collisions; names them.
     """
     cell = task.cell
     stated = scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
@@ -213,11 +213,11 @@ def scene_of_now(task: Task, plan: Plan) -> Scene:
             on_table[cube.name] = T_base_cube_on_table(task, f"{place}/{number}")
         else:
             cubes_in.setdefault(place, []).append(int(number) - 1)
-    final = placed(plan, stated, cell.unit)
+    final = placed_cubes(plan, stated, cell.unit)
     for entry in plan.task.get("cubes", ()):
         if entry["cube"] != cube_name(entry["from"]):
             raise ImpossibleError(
-                f"the plan takes {entry['cube']!r} from {entry['from']!r}, where another cube stands; plan again"
+                f"the plan takes {entry['cube']!r} from {entry['from']!r}, where there is another cube; plan again"
             )
         _require_placed(task, final, poses, entry)
     now = build_scene(cell, poses, cubes_in, on_table)
@@ -228,7 +228,7 @@ def scene_of_now(task: Task, plan: Plan) -> Scene:
     differing = _differing(stated, now)
     if differing:
         raise ImpossibleError(
-            f"the plan's scene is not that of the cell of now: {', '.join(differing)}; plan again",
+            f"the plan's scene is not that of the present cell: {', '.join(differing)}; plan again",
             differing=differing,
         )
     return now
@@ -237,10 +237,10 @@ def scene_of_now(task: Task, plan: Plan) -> Scene:
 def _require_placed(
     task: Task, cubes: Mapping[str, Array], poses: Sequence[BoardPose], entry: Mapping[str, str]
 ) -> None:
-    """The motion must set a cube of the task down where the task says that it does."""
+    """Require that the motion releases a cube at the target that the plan names."""
     place = entry["to"]
     board, _, number = place.rpartition("/")
-    holes = {hole.name: hole.T_base_hole for pose in poses for hole in hole_poses(pose)}
+    holes = {hole.name: hole.T_base_hole for pose in poses for hole in pose.holes}
     if place in holes:
         T_base_place = mul(holes[place], T_hole_cube(task.cell.cube_size))
     elif board == "table" and number.isdigit() and int(number) > 0:
@@ -253,8 +253,8 @@ def _require_placed(
     off = float(np.linalg.norm(cubes[entry["cube"]][:3, 3] - let_go))
     if off > PLACED:
         raise ImpossibleError(
-            f"the plan says that it brings {entry['cube']!r} to {place!r}, but its motion sets it down {1e3 * off:.1f} "
-            "mm from there; plan again",
+            f"the plan brings {entry['cube']!r} to {place!r}, but its motion releases it {1e3 * off:.1f} mm from "
+            "there; plan again",
             cube=entry["cube"],
             place=place,
             off_m=off,
@@ -262,13 +262,13 @@ def _require_placed(
 
 
 def under(place: str) -> str:
-    """The body that a cube at a place stands on or in."""
+    """The body that supports a cube at a place."""
     board = place.rpartition("/")[0]
     return "table" if board == "table" else plate_name(board)
 
 
 def pose_of_plate(cell: Cell, plate: Body) -> BoardPose:
-    """Where the board of a plate stands.
+    """Pose of the board that a plate belongs to.
 
     Raises:
         ImpossibleError: the cell file has no such board.
@@ -293,7 +293,7 @@ def _same_shape(a: Shape, b: Shape) -> bool:
 
 
 def _differing(stated: Scene, now: Scene) -> list[str]:
-    """Names of bodies and contacts that are not the same in both."""
+    """Names of bodies and allowed collisions that differ between the scenes."""
     lists = [{b.name: b for b in (*scene.bodies, *scene.cubes)} for scene in (stated, now)]
     names = sorted(set(lists[0]) ^ set(lists[1]))
     for name in sorted(set(lists[0]) & set(lists[1])):
@@ -309,20 +309,20 @@ def _differing(stated: Scene, now: Scene) -> list[str]:
 
 
 def replayed(task: Task, plan: Plan) -> tuple[ReplayedMove, ...]:
-    """Every move of the plan, judged anew on the scene of now.
+    """Certify every move of the plan again, in the present scene.
 
     Raises:
-        ImpossibleError: the plan does not match the cell of now, cannot be executed as it is, or does not hold.
+        ImpossibleError: the plan does not match the present cell, cannot be executed, or does not hold.
     """
     require_match(task, plan)
-    require_shape(plan)
+    require_grammar(plan)
     cell = task.cell
-    asked = Asked(cell.clearance, options_of(task, plan.speed).line_clearance, cell.offset)
-    return replay(plan, scene_of_now(task, plan), cell.unit, cell.limits, asked)
+    required = RequiredClearance(cell.clearance, options_of(task, plan.speed).line_clearance, cell.offset)
+    return replay(plan, scene_of_now(task, plan), cell.unit, cell.limits, required)
 
 
 def check_plan(task: Task, plan: Plan) -> dict[str, Any]:
-    """What ``a465 check`` prints.
+    """The output of ``a465 check``.
 
     Raises:
         ImpossibleError: see `replayed`.

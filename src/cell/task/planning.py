@@ -1,4 +1,4 @@
-"""From what was seen to a plan: reach of every hole, the whole task, and where the plan's inputs came from."""
+"""From a look to a plan: reach of every hole, the plan of the task, and the fingerprint of its inputs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import Any
 from arm.errors import ImpossibleError
 from arm.io.storage import sha256
 from arm.plan_file import Move, Plan
-from arm.poses import hole_poses
 from arm.se3 import Array
 from cell.config.cell import Cell
 from cell.files.observation import Seen, SeenBoard
@@ -29,15 +28,15 @@ from plan.cartesian.reachability import ReachTable, reach
 from plan.collision.world import World
 from plan.failure import nearness
 from plan.options import PlanOptions
-from plan.pick_place.go_to import plan_way
+from plan.pick_place.go_to import plan_joint_motion
 from plan.pick_place.planner import plan_task, planned_limits
-from plan.pick_place.recovery import plan_back_out
+from plan.pick_place.recovery import plan_retreat
 from plan.scene import Scene, Station
 from vision.occupancy.classify import OTHER
 
 
 def options_of(task: Task, speed: float) -> PlanOptions:
-    """The planner's options of a task at a speed."""
+    """Planner options for a task at a speed."""
     cell = task.cell
     return PlanOptions(
         speed=speed,
@@ -58,20 +57,20 @@ def options_of(task: Task, speed: float) -> PlanOptions:
 
 
 def pose_list_options(task: Task, speed: float) -> PlanOptions:
-    """The planner's options for a list of poses: lines keep as much clearance as transits, and nothing is looked at."""
+    """Planner options for a list of poses: lines keep as much clearance as transits, and there are no looks."""
     return replace(options_of(task, speed), line_clearance=task.cell.clearance, look="never")
 
 
 def limits_digest(cell: Cell) -> str:
-    """Hash of the limits that motion is planned under: unit and registers."""
+    """Hash of the limits for planning: unit and registers."""
     registers = {"speed": list(cell.speed_registers), "acceleration": list(cell.acceleration_registers)}
     return sha256({"unit": cell.unit.digest, **registers})
 
 
-def provenance(task: Task) -> dict[str, Any]:
-    """What a plan rests on: hashes, and task and cell file key by key; execution compares them with those of now.
+def plan_fingerprint(task: Task) -> dict[str, Any]:
+    """Fingerprint of a plan's inputs: hashes, and task and cell file key by key, compared before execution.
 
-    What stands under `notes` is not compared (`arm.plan_file.Plan.notes`).
+    `notes` are not compared (`arm.plan_file.Plan.notes`).
     """
     return {
         "notes": {"a465": version("a465")},
@@ -85,17 +84,17 @@ def provenance(task: Task) -> dict[str, Any]:
 
 
 def require_above_table(task: Task, seen: Seen) -> None:
-    """Holes are in the top of a plate, so where they were seen has to be above the table.
+    """Require that all holes were seen above the table.
 
     Raises:
-        ImpossibleError: naming those that are not, by how much, and the keys of the cell file; data: below_mm.
+        ImpossibleError: names holes that were not, by how much, and the keys of the cell file; data: below_mm.
     """
     cell = task.cell
     below = {
         hole.name: 1e3 * (cell.table_z - float(hole.T_base_hole[2, 3]))
         for board in seen.boards
         if board.name in {b.name for b in task.boards}
-        for hole in hole_poses(board.pose)
+        for hole in board.pose.holes
         if hole.T_base_hole[2, 3] < cell.table_z
     }
     if not below:
@@ -103,32 +102,31 @@ def require_above_table(task: Task, seen: Seen) -> None:
     closest = World(cell.robot(), cell.fixed).distance(cell.q_start)
     start = ""
     if "table" in closest.pair and closest.value < cell.clearance:
-        start = f"; {nearness(closest.pair, closest.value, cell.clearance)} also where the arm starts (q_start_deg)"
+        start = f"; {nearness(closest.pair, closest.value, cell.clearance)} also at the start (q_start_deg)"
     shown = ", ".join(f"{name} by {depth:.1f} mm" for name, depth in below.items())
     raise ImpossibleError(
         f"holes were seen below the table's top, {shown}: table.top_z_mm = {cell.table_z * 1e3:g} in {cell.file.name}, "
-        f"or the camera's place, is wrong{start}",
+        f"or the camera pose, is wrong{start}",
         below_mm=below,
     )
 
 
 def hole_stations(task: Task, seen: Seen) -> tuple[Station, ...]:
-    """Every hole of the task's boards, as the planner serves it: cubes are let go a little above the target's holes."""
+    """All holes of the task's boards as stations; at the target, cubes are released slightly above the hole."""
     gaps = {b.name: 0.0 if b is task.from_board else RELEASE_GAP for b in task.boards}
     return tuple(
         hole_station(task.cell, board.name, hole.name, hole.T_base_hole, gaps[board.name])
         for board in seen.boards
         if board.name in gaps
-        for hole in hole_poses(board.pose)
+        for hole in board.pose.holes
     )
 
 
 def reach_of(task: Task, seen: Seen, speed: float | None = None) -> ReachTable:
-    """Reach of every hole of the task's boards, over all branches and the cube's four yaws: the planner's own table.
+    """The planner's table of reach for all holes of the task's boards, over all branches and the cube's four yaws.
 
     Args:
-        speed: that is planned for, which decides whether joints keep up near singular configurations; default: the
-            cell's.
+        speed: planned for, which matters near singular configurations; default: the cell's.
     """
     return _reach(task, hole_stations(task, seen), speed)
 
@@ -143,7 +141,7 @@ def _reach(task: Task, stations: Iterable[Station], speed: float | None) -> Reac
 
 
 def reachable_places(task: Task, seen: Seen, speed: float | None = None) -> tuple[str, ...]:
-    """Names of the table places that no board covers and the arm can serve (Task 1), in the order of preference."""
+    """Names of the uncovered table places that the arm can reach (Task 1), in order of preference."""
     stations = free_table_stations(task, seen.poses)
     if not stations:
         return ()
@@ -154,13 +152,13 @@ def reachable_places(task: Task, seen: Seen, speed: float | None = None) -> tupl
 def work_left(
     task: Task, seen: Seen, done: Mapping[str, str], skip: Iterable[int] = (), speed: float | None = None
 ) -> Work:
-    """What is left to do.
+    """The remaining transfers.
 
     Args:
         task: the task.
         seen: the last look.
-        done: per cube that was moved, the place where it is now.
-        skip: holes of the source board (0 to 3) whose cube is not to be tried again.
+        done: present place of each moved cube.
+        skip: holes of the source board (0 to 3) whose cube is not tried again.
         speed: see `reach_of`.
 
     Raises:
@@ -178,9 +176,7 @@ def work_left(
     occupied = filled | (set(target.holes("cube", "unsure")) if target is not None else set())
     notes = [] if target is None else [_taken(target, i) for i in sorted(occupied)]
     doubted = target is not None and any(target.occupancy[i] == "unsure" for i in occupied - filled)
-    cure = (
-        "let the camera see the holes that it does not tell, or clear the target board" if doubted else CLEAR
-    )
+    cure = "let the camera see the unsure holes, or clear the target board" if doubted else CLEAR
     return work(
         task,
         seen.poses,
@@ -194,16 +190,16 @@ def work_left(
 
 
 def _require_seat(board: SeenBoard, hole: int) -> None:
-    """Jaws that close around a cube beside its seat push it, and their palm may meet it.
+    """Require a seated cube: jaws that close on a cube beside its seat push it, and the palm may hit it.
 
     Raises:
-        ImpossibleError: something other than a seated cube shows in the hole.
+        ImpossibleError: the hole shows something other than a seated cube.
     """
     if board.occupancy[hole] == "unsure" and board.doubts[hole] == OTHER:
         name = f"{board.name}/{hole + 1}"
         raise ImpossibleError(
-            f"hole {name} cannot be taken from: {OTHER}; seat the cube, clear the hole, or take away what casts "
-            "the shadow, and look again",
+            f"no cube can be taken from hole {name}: {OTHER}; seat the cube, clear the hole, or remove the shadow, and "
+            "look again",
             hole=name,
             reason=OTHER,
         )
@@ -213,11 +209,11 @@ def _taken(board: SeenBoard, hole: int) -> str:
     name = f"hole {board.name}/{hole + 1}"
     if board.occupancy[hole] != "unsure":
         return f"{name} holds a cube"
-    return f"{name} may hold a cube, the image does not say ({board.doubts[hole] or 'no reason is given'})"
+    return f"{name} may hold a cube; it is unsure ({board.doubts[hole] or 'no reason given'})"
 
 
 def scene_of(task: Task, seen: Seen, on_table: Mapping[str, Array]) -> Scene:
-    """The planner's scene of a look; cubes that were set down on the table are not in the image but still there."""
+    """The planner's scene for a look, plus the cubes set down on the table, which a look does not find."""
     return build_scene(task.cell, seen.poses, seen.cubes_in(), on_table)
 
 
@@ -234,7 +230,7 @@ def plan_rest(
     on_table: Mapping[str, Array],
     skip: Iterable[int] = (),
 ) -> Plan | None:
-    """A plan of all that is left of a task, from rest at `q_from`; None if nothing is left.
+    """Plan the rest of a task from rest at `q_from`; None if nothing is left.
 
     Raises:
         ImpossibleError: with step, hole, joint or pair of bodies and how much.
@@ -251,7 +247,7 @@ def plan_rest(
         task.cell.unit,
         task.cell.limits,
         options_of(task, speed),
-        provenance(task),
+        plan_fingerprint(task),
         _named(task),
         left.spare,
     )
@@ -260,33 +256,33 @@ def plan_rest(
 def plan_to_start(
     task: Task, seen: Seen | None, q_from: Array, speed: float, on_table: Mapping[str, Array]
 ) -> Plan | None:
-    """A plan that only goes to q_start, around what was seen or might stand there; None if the arm is there.
+    """Plan a motion to q_start, avoiding what was seen or, without a look, the whole zone; None if the arm is there.
 
     Raises:
-        ImpossibleError: there is no way.
+        ImpossibleError: there is no such motion.
     """
     scene = unseen_scene(task.cell) if seen is None else scene_of(task, seen, on_table)
-    return plan_way(
+    return plan_joint_motion(
         scene,
         q_from,
         task.cell.q_start,
         task.cell.unit,
         task.cell.limits,
         options_of(task, speed),
-        provenance(task),
+        plan_fingerprint(task),
         _named(task),
     )
 
 
-def back_out(
+def plan_retreat_from(
     task: Task, seen: Seen, approach: Move, speed: float, on_table: Mapping[str, Array]
 ) -> tuple[Move, ...]:
-    """The way with empty jaws out of where `approach` has brought them.
+    """Plan the retract with empty jaws from the end of `approach`.
 
     Raises:
-        ImpossibleError: there is none; says what is in the way.
+        ImpossibleError: there is none; names the obstacle.
     """
     cell = task.cell
     q = cell.unit.positions(approach.path.end)
     scene, options = scene_of(task, seen, on_table), options_of(task, speed)
-    return plan_back_out(scene, q, cell.unit, cell.limits, options)
+    return plan_retreat(scene, q, cell.unit, cell.limits, options)

@@ -1,8 +1,7 @@
-"""A list of poses and configurations in a cell, planned and certified as a plan file.
+"""Plan and certify a list of poses and configurations in a cell, as a plan file.
 
-What stands in the cell is table and walls, and boards and cubes if a look is given. Every move keeps the cell's
-clearance from all of it. Between configurations, which are given as they are, poses are planned together
-(`plan.waypoints.planner`).
+The obstacles are table and walls, and boards and cubes if a look is given. Every move keeps the cell's clearance.
+Poses between two configurations are planned together (`plan.waypoints.planner`).
 """
 
 from __future__ import annotations
@@ -25,11 +24,11 @@ from cell.files.observation import Seen
 from cell.files.pose_list import Entry, PoseList
 from cell.files.scene import beyond_limits
 from cell.files.task import Task
-from cell.task.planning import pose_list_options, provenance, scene_of
-from plan.collision.certificate import check_move
+from cell.task.planning import plan_fingerprint, pose_list_options, scene_of
+from plan.collision.certificate import certify_move
 from plan.collision.world import World
 from plan.failure import nearness
-from plan.pick_place.go_to import plan_way
+from plan.pick_place.go_to import plan_joint_motion
 from plan.pick_place.planner import plan_of
 from plan.scene import Scene
 from plan.waypoints.plan import Pause
@@ -41,7 +40,7 @@ _LONGEST_MS = 60_000  # of a segment in a plan file
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """A pose or configuration, and what happens there once the arm is at rest; `entry` None: where the arm starts."""
+    """A pose or configuration with the actions there, arm at rest; `entry` None: the start."""
 
     entry: Entry | None
     actions: tuple[Entry, ...]
@@ -61,7 +60,7 @@ class _Place:
 
 @dataclass(frozen=True, eq=False)
 class _Leg:
-    """Poses on the way to a configuration; `goal` None: the last pose is the end."""
+    """Poses before a configuration; `goal` None: the last pose is the end."""
 
     through: tuple[_Place, ...]
     goal: _Place | None
@@ -71,15 +70,15 @@ def plan_pose_list(task: Task, seen: Seen | None, poses: PoseList, speed: float,
     """Plan from rest at the cell's q_start through the whole list.
 
     Args:
-        task: whose cell; of a cell file alone, see `cell.files.place`.
-        seen: boards and cubes that stand there, or None for table and walls alone.
+        task: with the cell; for a cell file alone, see `cell.files.place`.
+        seen: boards and cubes, or None for table and walls alone.
         poses: the list.
-        speed: factor of velocities.
-        back: whether the arm goes back to q_start in the end.
+        speed: factor on velocities.
+        back: whether the arm returns to q_start at the end.
 
     Raises:
-        InputError: a configuration beyond the joints' limits; a value that `plan.waypoints.target.Target` refuses.
-        ImpossibleError: a pose is out of reach, something is too near, or there is no clear way; names the entry.
+        InputError: a configuration beyond the joint limits; a value that `plan.waypoints.target.Target` refuses.
+        ImpossibleError: a pose is out of reach, a body is too close, or there is no clear path; names the entry.
     """
     return _Planner(task, seen, poses, speed).plan(back)
 
@@ -92,7 +91,7 @@ class _Planner:
         self.scene = Scene(self.cell.robot(), self.cell.robot(self.cell.cube_size), self.cell.fixed, ())
         if seen is not None:
             self.scene = scene_of(task, seen, {})
-        # where jaws close, nothing is known of what they hold, and everywhere counts as finger
+        # if the jaws close, what they hold is unknown: the fingers are extended to meet each other
         self.robot: Robot = with_any_jaws(self.scene.robot_open) if self.closes else self.scene.robot_open
         self.bodies: tuple[Body, ...] = (*self.scene.bodies, *self.scene.cubes)
         self.world = World(self.robot, self.bodies)
@@ -114,7 +113,7 @@ class _Planner:
             self.leg(_Leg((), None), self.cell.q_start)
         if not any(isinstance(step, Move) for step in self.steps):
             raise ImpossibleError(
-                f"{self.poses.file}: nothing moves: the arm is at q_start, where the list leads",
+                f"{self.poses.file}: nothing moves: the list leads to q_start, where the arm is",
                 file=str(self.poses.file),
             )
         task: dict[str, object] = {
@@ -123,14 +122,14 @@ class _Planner:
             "cubes": [],
             "poses": [{"name": name, "q": [round(float(v), 9) + 0.0 for v in q]} for name, q in self.reached],
         }
-        stated = provenance(self.task)
+        stated = plan_fingerprint(self.task)
         stated["notes"]["poses"] = sha256(read_bytes(self.poses.file, "pose list"))
         if self.stopped:
             stated["notes"]["search"] = "; ".join(self.stopped)
         return plan_of(self.scene, self.steps, self.cell.unit, self.cell.limits, self.options, stated, task)
 
     def require(self, entry: Entry | None) -> None:
-        """A configuration must be one where the arm may stand."""
+        """Require that a configuration is within limits and clear."""
         if entry is None or entry.q is None:
             return
         rule = beyond_limits(entry.q, self.cell.unit)
@@ -156,15 +155,15 @@ class _Planner:
             if leg.through:
                 self.through(leg, q, goal)
             elif goal is not None:
-                self.way(q, goal, "q_start" if leg.goal is None else leg.goal.name)
+                self.transit(q, goal, "q_start" if leg.goal is None else leg.goal.name)
         except ImpossibleError as error:
-            raise self.told(error, leg) from error
+            raise self.located(error, leg) from error
         if leg.goal is not None and leg.goal.entry is not None and leg.goal.entry.q is not None:
             self.reached.append((leg.goal.name, self.cell.unit.positions(self.at)))
             self.act(leg.goal)
 
     def through(self, leg: _Leg, q: Array, goal: Array | None) -> None:
-        """Poses, all planned together."""
+        """Plan the poses of a leg together."""
         made = plan_poses(
             self.robot,
             self.bodies,
@@ -186,16 +185,16 @@ class _Planner:
                 self.move(step, step.name.replace("to q_end", f"to {end}"))
         self.reached += [(r.target, r.q) for r in made.reached]
 
-    def way(self, q: Array, goal: Array, name: str) -> None:
+    def transit(self, q: Array, goal: Array, name: str) -> None:
         scene = replace(self.scene, robot_open=self.robot, robot_holding=self.robot)
-        made = plan_way(scene, q, goal, self.cell.unit, self.cell.limits, self.options)
+        made = plan_joint_motion(scene, q, goal, self.cell.unit, self.cell.limits, self.options)
         for move in () if made is None else made.moves:
             self.move(move, f"to {name}")
 
     def target(self, place: _Place) -> Target:
         entry = place.entry
         if entry is None or entry.T is None:
-            raise ImpossibleError(f"{place.name} is no pose; this is a fault of the planner")
+            raise ImpossibleError(f"{place.name} is not a pose; this is a bug of the planner")
         T_base_tool = entry.T if entry.frame == "tool" else frozen(mul(entry.T, self.robot.T_end_tool))
         try:
             return Target(
@@ -206,20 +205,20 @@ class _Planner:
                 approach=entry.approach,
                 retract=entry.retract,
                 speed=entry.speed,
-                within=entry.within,
+                blend_radius=entry.within,
                 dwell_s=max(place.rest_s, self.cell.settle_s, 1e-3) if place.acts else 0.0,
             )
         except InputError as error:
             raise FileInputError(self.poses.file, entry.key, None, str(error)) from error
 
     def move(self, move: Move, name: str) -> None:
-        """As a plan file has it: any move that keeps the cell's clearance is a transit there."""
+        """Append a move; in a plan file any move that keeps the cell's clearance is a transit."""
         opening = self.cell.gripper.width(self.fraction_closed)
         self.steps.append(replace(move, name=name, role="transit", cube=None, jaw_opening=opening))
         self.at = np.array(move.path.end, dtype=np.int64)
 
     def act(self, place: _Place) -> None:
-        """What happens at a place, in the order of the file: the jaws, then the rest."""
+        """Append the actions at a place, in the order of the file; the jaws before the dwell."""
         for action in place.actions:
             if action.jaws is not None:
                 word = "close" if action.jaws > 0.0 else "open"
@@ -231,7 +230,7 @@ class _Planner:
                 self.rest(place.name, action.dwell_s)
 
     def rest(self, name: str, dwell_s: float) -> None:
-        """A segment of no length: the controller stays that long, and it is certified as all others are."""
+        """Append a dwell: segments of zero length, certified like all others."""
         left_ms = round(1e3 * dwell_s)
         zero = ((0,) * len(self.at),) * 3
         path = CountPath(
@@ -242,7 +241,7 @@ class _Planner:
         )
         if not path.segments:
             return
-        check = check_move(self.world, path, self.cell.unit, self.cell.clearance)
+        check = certify_move(self.world, path, self.cell.unit, self.cell.clearance)
         if not check.proved:
             raise ImpossibleError(
                 f"{self.poses.file}: rest at {name}: {nearness(check.pair, check.seen, self.cell.clearance)}",
@@ -267,18 +266,20 @@ class _Planner:
             f"rest at {name}",
         )
 
-    def told(self, error: ImpossibleError, leg: _Leg) -> ImpossibleError:
-        """With the file, and the entry that it is about or those between which it happened."""
+    def located(self, error: ImpossibleError, leg: _Leg) -> ImpossibleError:
+        """The error with the file and its entry, or the entries between which it happened."""
         places = [*leg.through, *([leg.goal] if leg.goal is not None else [])]
         entries = [place.entry for place in places if place.entry is not None]
         about = [e for e in entries if e.name == error.data.get("target")] or entries
-        where = " to ".join(dict.fromkeys(e.key for e in (about[0], about[-1]))) if about else "the way back"
+        where = (
+            " to ".join(dict.fromkeys(e.key for e in (about[0], about[-1]))) if about else "return to q_start"
+        )
         data = {k: v for k, v in error.data.items() if k != "entry"}
         return ImpossibleError(f"{self.poses.file}: {where}: {error}", entry=where, **data)
 
 
 def _places(entries: Sequence[Entry]) -> list[_Place]:
-    """The start, then every pose and configuration, each with what happens there."""
+    """The start, then every pose and configuration, each with its actions."""
     found: list[tuple[Entry | None, list[Entry]]] = [(None, [])]
     for entry in entries:
         if entry.T is not None or entry.q is not None:
@@ -288,7 +289,7 @@ def _places(entries: Sequence[Entry]) -> list[_Place]:
 
 
 def _legs(places: Sequence[_Place]) -> list[_Leg]:
-    """Cut behind every configuration."""
+    """Split the list after every configuration."""
     legs: list[_Leg] = []
     through: list[_Place] = []
     for place in places:

@@ -1,6 +1,6 @@
-"""Going on after a stop: from where the arm is, with what is in the jaws and on the boards now.
+"""Resume after a stop, from where the arm is and with what the jaws and boards hold now.
 
-Nothing of the stopped plan is replayed; it only says what was to be done, and where things stood.
+The stopped plan is never replayed; it only gives the transfers and the planned positions.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from arm.board import plate_name
 from arm.errors import ExecutionStopped, ImpossibleError
 from arm.numerics.products import mul, norm
 from arm.plan_file import GripperStep, Move, Plan
-from arm.poses import hole_poses
 from arm.se3 import Array, frozen, inverse
 from cell.files.observation import Seen, SeenBoard
 from cell.files.task import Task
@@ -23,21 +22,21 @@ from cell.scene.build import RELEASE_GAP, T_base_cube_on_table, cube_name, hole_
 from cell.session.grasp_monitor import grip_of
 from cell.task.confirm_placed import NOT_CONFIRMED, seated
 from cell.task.plan_matches import pose_of_plate, under
-from cell.task.planning import options_of, provenance, scene_of
+from cell.task.planning import options_of, plan_fingerprint, scene_of
 from cell.task.run import TaskRun
-from plan.pick_place.recovery import InJaws, plan_back_out, plan_set_down
+from plan.pick_place.recovery import InJaws, place_held_object, plan_retreat
 from plan.scene import Station, scene_from_json
 
-STANDS = 3e-3  # m, so near to open or shut the jaws are
-NEAR_PATH = np.radians(2.0)  # of a carrying move of the plan, for the cube in the jaws to be known
+STANDS = 3e-3  # m; jaws this close to open or shut count as such
+NEAR_PATH = np.radians(2.0)  # of a carrying move of the plan, to identify the cube in the jaws
 
 
 @dataclass(frozen=True)
 class Carried:
-    """The cube in the jaws, as the plan has it.
+    """The cube in the jaws.
 
     Attributes:
-        transfer: what was to be done with it: cube, from, to.
+        transfer: its entry in the plan: cube, from, to.
         jaws: how it is held.
     """
 
@@ -46,12 +45,12 @@ class Carried:
 
 
 def resume(run: TaskRun, plan: Plan) -> None:
-    """Finish what a stopped plan was to do.
+    """Finish a stopped plan.
 
     Raises:
-        ImpossibleError: the unit lost its positions, or there is no certified way out of where the arm is; nothing
+        ImpossibleError: the unit lost its positions, or there is no certified motion from where the arm is; nothing
             moved.
-        ExecutionStopped: motion stopped again, or a cube stands where nothing sees it.
+        ExecutionStopped: motion stopped again, or the position of a cube is unknown.
     """
     mars, task, cell = run.connection.mars, run.task, run.task.cell
     mars.initialise(home=False)
@@ -66,7 +65,7 @@ def resume(run: TaskRun, plan: Plan) -> None:
     why_not = grip_of(cell).why_not(width)
     if not why_not:
         carried = carried_by(task, plan, counts, look)
-        run.console.step(f"{carried.transfer['cube']} is in the jaws: it goes to {carried.transfer['to']}")
+        run.console.step(f"{carried.transfer['cube']} is in the jaws; its target is {carried.transfer['to']}")
         _set_down(run, plan, seen, carried, closed)
     else:
         if cell.gripper.shut + STANDS < width < cell.gripper.opening - STANDS:
@@ -83,7 +82,7 @@ def resume(run: TaskRun, plan: Plan) -> None:
 
 
 def _known(seen: Seen, task: Task, plan: Plan) -> Seen:
-    """Boards as seen, or as planned where the arm hides them, with a cube wherever one may be."""
+    """Boards as seen, or as planned if the arm hides them, with a cube wherever one may be."""
     cell = task.cell
     scene = scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
     may_hold = {c.name.removeprefix(cube_name("")) for c in scene.cubes}
@@ -103,7 +102,7 @@ def _known(seen: Seen, task: Task, plan: Plan) -> Seen:
 
 
 def _on_table(task: Task, plan: Plan) -> dict[str, Array]:
-    """Cubes that may stand on the table: those that the plan had there, and where it would have put others."""
+    """Cubes that may be on the table: those of the plan's scene, and one at each of its targets."""
     if task.places is None:
         return {}
     had = [c["name"].removeprefix(cube_name("")) for c in plan.scene["cubes"]]
@@ -112,23 +111,23 @@ def _on_table(task: Task, plan: Plan) -> dict[str, Array]:
 
 
 def carried_by(task: Task, plan: Plan, counts: tuple[int, ...], seen: Seen) -> Carried:
-    """Which cube of the plan the jaws hold: told by where the arm is, or else by which hole is empty.
+    """Identify the cube in the jaws by the arm's position on the plan, or else by the hole that is empty.
 
     Args:
-        counts: where the arm stands.
-        seen: from there; what the arm hides is not in it.
+        counts: of the arm.
+        seen: from there, without what the arm hides.
 
     Raises:
-        ImpossibleError: neither tells it.
+        ImpossibleError: neither identifies it.
     """
     cell = task.cell
     q = cell.unit.positions(counts)
     transfer = _carried_near(task, plan, q) or _missing(seen, plan)
     if transfer is None:
         raise ImpossibleError(
-            "something is in the jaws, but which cube it is cannot be told: the arm is not where this plan carries "
-            "one, and not exactly one cube of the plan is missing; take it out of the jaws by hand, put it back into "
-            "its hole, and resume again"
+            "a cube is in the jaws, but it cannot be identified: the arm is not on a move that carries one, and the "
+            "number of missing cubes is not one; take it out of the jaws by hand, put it back into its hole, and "
+            "resume again"
         )
     robot = cell.robot()
     cube = scene_from_json(plan.scene, robot, cell.robot(cell.cube_size)).cube(transfer["cube"])
@@ -139,7 +138,7 @@ def carried_by(task: Task, plan: Plan, counts: tuple[int, ...], seen: Seen) -> C
 
 
 def _carried_near(task: Task, plan: Plan, q: Array) -> dict[str, str] | None:
-    """The transfer that carries its cube along where the arm is."""
+    """The transfer with a carrying move close to the arm's configuration, or None."""
     unit = task.cell.unit
     best: tuple[float, dict[str, str] | None] = (NEAR_PATH, None)
     for move in plan.moves:
@@ -151,7 +150,7 @@ def _carried_near(task: Task, plan: Plan, q: Array) -> dict[str, str] | None:
 
 
 def _missing(seen: Seen, plan: Plan) -> dict[str, str] | None:
-    """The only transfer whose cube surely is at neither of its places; None where there is no such, or two."""
+    """The only transfer whose cube is certainly at neither of its places; None if there is not exactly one."""
     gone = [
         transfer
         for transfer in plan.task["cubes"]
@@ -161,7 +160,7 @@ def _missing(seen: Seen, plan: Plan) -> dict[str, str] | None:
 
 
 def _touched(task: Task, seen: Seen, transfer: dict[str, str], T_base_tool: Array) -> frozenset[str]:
-    """What the held cube may stand in: the board or table of a place that the tool is on the line of."""
+    """What the held cube may touch: the board or table of a place whose approach line the tool is on."""
     reach_m = 1.2 * options_of(task, 1.0).offset
     near = []
     for place in (transfer["from"], transfer["to"]):
@@ -172,15 +171,15 @@ def _touched(task: Task, seen: Seen, transfer: dict[str, str], T_base_tool: Arra
 
 
 def _station(task: Task, seen: Seen, place: str) -> Station:
-    """A place of a plan, where it is now."""
+    """The station of a place, at its present pose."""
     board, _, number = place.rpartition("/")
     if board == "table" and task.places is not None:
         x, y = task.places.centres[int(number) - 1]
         return table_station(task.cell, place, x, y, task.places.yaw)
     found = seen.board(board)
     if found is None:
-        raise ImpossibleError(f"board {board} is not known, so its holes are not", board=board)
-    hole = hole_poses(found.pose)[int(number) - 1]
+        raise ImpossibleError(f"board {board} was not seen, so its holes are not known", board=board)
+    hole = found.pose.holes[int(number) - 1]
     return hole_station(task.cell, board, hole.name, hole.T_base_hole, RELEASE_GAP)
 
 
@@ -201,7 +200,7 @@ def _set_down(run: TaskRun, plan: Plan, seen: Seen, carried: Carried, closed: fl
     others = [t for t in plan.task["cubes"] if t != transfer]
     q = run.q_now()
     touches = _touched(task, seen, transfer, scene.robot_open.T_base_tool(q))
-    made = plan_set_down(
+    made = place_held_object(
         scene,
         q,
         replace(carried.jaws, touches=touches),
@@ -210,7 +209,7 @@ def _set_down(run: TaskRun, plan: Plan, seen: Seen, carried: Carried, closed: fl
         cell.unit,
         cell.limits,
         options_of(task, run.speed),
-        provenance(task),
+        plan_fingerprint(task),
         {"name": task.name, "kind": task.kind, "cubes": [transfer, *others]},
     )
     run.keep(made, "set-down")
@@ -223,47 +222,47 @@ def _set_down(run: TaskRun, plan: Plan, seen: Seen, carried: Carried, closed: fl
 def _back_out_of(
     task: Task, seen: Seen, q: Array, speed: float, on_table: Mapping[str, Array], blocked: ImpossibleError
 ) -> tuple[Move, ...]:
-    """The way with open jaws, back along them, out of where the arm was stopped at `q` (6,) rad.
+    """Plan a retract with open jaws, along the tool, from `q` (6,) rad where the arm was stopped.
 
-    Shorter ways are tried where the whole length of a line is not free: the arm may have been near its end.
+    If the whole length is not clear, shorter ones are tried: the arm may have been near the end of its line.
 
     Raises:
-        ImpossibleError: there is none; says what is in the way, of this and of `blocked`, the way to q_start.
+        ImpossibleError: there is none; names its obstacle and that of `blocked`, the motion to q_start.
     """
     cell, scene, options = task.cell, scene_of(task, seen, on_table), options_of(task, speed)
     refused: ImpossibleError | None = None
     for part in (1.0, 0.6, 0.3):
         try:
-            return plan_back_out(
+            return plan_retreat(
                 scene, q, cell.unit, cell.limits, replace(options, offset=part * options.offset)
             )
         except ImpossibleError as error:
             refused = refused or error
     raise ImpossibleError(
-        f"no certified way from where the arm stands: {blocked}; and out along the jaws: {refused}; "
-        "move the arm clear by hand, then home it by a465 run",
+        f"no certified motion from where the arm stands: {blocked}; and backing out along the jaws: {refused}; "
+        "move the arm clear by hand, then home it with a465 run",
         blocked=str(blocked),
         back_out=str(refused),
     )
 
 
 def _leave(run: TaskRun, seen: Seen) -> None:
-    """To q_start with empty jaws; out of a line first where the arm stands in one."""
+    """Go to q_start with empty jaws, backing out first if the arm is on an approach or retract."""
     try:
         run.go_to_start(seen)
     except ImpossibleError as blocked:
-        run.console.step("the arm stands close to something: it backs out along the jaws first")
+        run.console.step("the arm is close to an obstacle: it backs out along the jaws first")
         run.execute(_back_out_of(run.task, seen, run.q_now(), run.speed, run.on_table, blocked))
         run.go_to_start(seen)
 
 
 def _take_stock(run: TaskRun, plan: Plan, seen: Seen) -> None:
-    """What was done before the stop, as the look shows it; a cube that surely sits where the plan brought it is done.
+    """Mark the cubes that the look shows at their targets as done.
 
-    One that does not surely sit there is left where it is, and the run ends as not confirmed.
+    A cube that is not certainly seated is left where it is, and the run ends as not confirmed.
 
     Raises:
-        ExecutionStopped: a cube surely is neither at its source nor where the plan brought it.
+        ExecutionStopped: a cube is certainly neither at its source nor at its target.
     """
     task = run.task
     run.on_table = {
@@ -278,7 +277,7 @@ def _take_stock(run: TaskRun, plan: Plan, seen: Seen) -> None:
         if task.places is not None:
             run.on_table[cube_name(transfer["to"])] = T_base_cube_on_table(task, transfer["to"])
         if transfer["cube"] in run.done:
-            continue  # let go in this run, so the look has judged it
+            continue  # released in this run, so the look has judged it
         state, sits = (
             seen.state(transfer["to"]),
             seated(task, seen, transfer["to"], run.widths.get(transfer["cube"])),
@@ -286,15 +285,15 @@ def _take_stock(run: TaskRun, plan: Plan, seen: Seen) -> None:
         if state not in (None, "cube") or (state == "cube" and sits.state == "off"):
             why = sits.reason if state == "cube" else f"that hole looks {state}"
             raise ExecutionStopped(
-                f"the cube of {transfer['from']} is not confirmed in {transfer['to']}: {why}; put it right or take it "
-                "away, and run again; the arm is at q_start",
+                f"the cube of {transfer['from']} is not confirmed in {transfer['to']}: {why}; correct or remove it, "
+                "and run again; the arm is at q_start",
                 cube=transfer["cube"],
             )
-        run.done[transfer["cube"]] = transfer["to"]  # where no other may go
+        run.done[transfer["cube"]] = transfer["to"]  # so that no other cube is placed there
         if sits.state != "seated":
             unsure += 1
             row = CubeRow(transfer["from"], transfer["to"])
-            row.remarks.append(f"{NOT_CONFIRMED}: it does not surely sit: {sits.reason}")
+            row.remarks.append(f"{NOT_CONFIRMED}: it is not certainly seated: {sits.reason}")
             run.rows.append(row)
             run.tell(f"{row.source} to {row.target} {row.remarks[-1]}")
     run.console.step(f"{len(run.done) - unsure} of {len(plan.task['cubes'])} cubes are where they should be")

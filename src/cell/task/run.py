@@ -1,4 +1,4 @@
-"""One run of a task on an open cell: its stages, and what became of every cube."""
+"""One run of a task on an open cell: its stages, and the result for every cube."""
 
 from __future__ import annotations
 
@@ -16,53 +16,53 @@ from cell.report.cubes import CubeRow, judge_release
 from cell.report.run_report import TO_START
 from cell.scene.build import T_base_cube_on_table, cube_name
 from cell.session.budget import spending
-from cell.session.grasp_monitor import Held, grip_of
+from cell.session.grasp_monitor import GraspMonitor, grip_of
 from cell.session.speed import tool_words
 from cell.task.confirm_placed import require_confirmed, unseen_places, width_at
-from cell.task.cube_cycles import Visit, visits
-from cell.task.explain import explained
+from cell.task.cube_cycles import CubeCycle, cube_cycles
+from cell.task.explain import explain_failure
 from cell.task.open_run import OpenRun
-from cell.task.planning import back_out, plan_rest, plan_to_start, reach_of
+from cell.task.planning import plan_rest, plan_retreat_from, plan_to_start, reach_of
 from driver.execution.progress import StreamOptions
 from vision.occupancy.seated import CubeWidth
 
 
 class TaskRun(OpenRun):
-    """A run that moves cubes; every public method is one stage. It is made like any `OpenRun`."""
+    """A run that moves cubes; every public method is one stage. Constructed like `OpenRun`."""
 
     def check_reach(self, seen: Seen) -> None:
-        """Every hole of the task's boards must be in reach.
+        """Require that every hole of the task's boards is in reach.
 
         Raises:
-            ImpossibleError: naming each that is not, and by how much.
+            ImpossibleError: names each that is not, and by how much.
         """
         table = reach_of(self.task, seen, self.speed)
         q_start, rest = self.task.cell.q_start, (self.done, self.on_table, self.given_up)
-        with explained(self.task, seen, q_start, self.speed, self.advice, *rest, every_hole=True):
+        with explain_failure(self.task, seen, q_start, self.speed, self.advice, *rest, every_hole=True):
             table.require()
         least = min(float(np.degrees(h.best.margin)) for h in table.holes)
         self.console.step(f"reach: all {len(table.holes)} holes, at least {least:.1f} deg from every limit")
 
     def foresee(self, seen: Seen) -> bool:
-        """Plan the whole task from q_start before anything moves, so that what cannot be done is refused here.
+        """Plan the whole task from q_start before anything moves, so that an impossible task is refused here.
 
         Returns:
             Whether there is anything to do.
 
         Raises:
-            ImpossibleError: with step, hole, joint or pair of bodies and how much.
+            ImpossibleError: names step, hole, joint or pair of bodies and how much.
         """
         self.check_reach(seen)
         q_start = self.task.cell.q_start
-        explaining = explained(self.task, seen, q_start, self.speed, self.advice, every_hole=True)
+        explaining = explain_failure(self.task, seen, q_start, self.speed, self.advice, every_hole=True)
         with self.console.doing("planning"), explaining, spending(self.budget):
             plan = plan_rest(self.task, seen, q_start, self.speed, {}, {})
         if plan is None:
             self.console.step(f"board {self.task.from_board.name} holds no cube: nothing to do")
             return False
-        told = tool_words(plan, self.task.cell, self.control.ceiling)
+        speed = tool_words(plan, self.task.cell, self.control.ceiling)
         self.console.step(
-            f"foreseen: {len(plan.task['cubes'])} cubes in {plan.duration_s:.1f} s of motion, {told}"
+            f"foreseen: {len(plan.task['cubes'])} cubes in {plan.duration_s:.1f} s of motion, {speed}"
         )
         hidden = unseen_places(self.task, seen, [c["to"] for c in plan.task["cubes"]])
         if hidden:
@@ -70,14 +70,14 @@ class TaskRun(OpenRun):
         return True
 
     def go_to_start(self, seen: Seen | None) -> None:
-        """Go to q_start, around what was seen, or around all that may stand there."""
+        """Go to q_start, avoiding what was seen or, without a look, the whole zone for boards."""
         plan = plan_to_start(self.task, seen, self.q_now(), self.speed, self.on_table)
         if plan is not None:
             self.keep(plan, TO_START)
             self.execute(plan.steps)
 
     def move_cubes(self, seen: Seen) -> None:
-        """Plan what is left and follow the plan, until nothing is left."""
+        """Plan the rest and execute it, until nothing is left."""
         plan = self._plan_rest(seen)
         while plan is not None:
             seen, again = self.follow(plan, seen)
@@ -85,7 +85,7 @@ class TaskRun(OpenRun):
 
     def _plan_rest(self, seen: Seen) -> Plan | None:
         q_now, rest = self.q_now(), (self.done, self.on_table, self.given_up)
-        explaining = explained(self.task, seen, q_now, self.speed, self.advice, *rest)
+        explaining = explain_failure(self.task, seen, q_now, self.speed, self.advice, *rest)
         with self.console.doing("planning"), explaining, spending(self.budget):
             plan = plan_rest(self.task, seen, q_now, self.speed, *rest)
         if plan is None:
@@ -99,15 +99,16 @@ class TaskRun(OpenRun):
         return plan
 
     def follow(self, plan: Plan, seen: Seen) -> tuple[Seen, bool]:
-        """Execute a plan cube by cube; ends early, with True, where the rest must be planned anew.
+        """Execute a plan cube by cube; return early, with True, if the rest must be replanned.
 
         Raises:
-            ExecutionStopped: a cube is no longer where it should be and not where it came from, so it stands where
-                nothing sees it; the arm is at q_start.
+            ExecutionStopped: a cube is at neither of its places, so its position is unknown; the arm is at q_start.
         """
         planned = seen
-        behind: tuple[Step, ...] = ()  # away from the last place: one motion with those to the next cube
-        visited = visits(plan)
+        behind: tuple[
+            Step, ...
+        ] = ()  # retract from the last place: one motion with the moves to the next cube
+        visited = cube_cycles(plan)
         for transfer, visit in zip(plan.task["cubes"], visited, strict=True):
             row = CubeRow(transfer["from"], transfer["to"])
             self.rows.append(row)
@@ -133,23 +134,23 @@ class TaskRun(OpenRun):
             self.confirm_placed(seen)
             changes = seen.moved(planned, self.task.cell) + seen.changed(expected)
             for line in changes:
-                self.tell(line + "; the rest is planned anew")
+                self.tell(line + "; the rest is replanned")
             if changes and not last:
                 return seen, True
         return seen, False
 
     def _carry(self, steps: Sequence[Step], cube: str, grip: float) -> None:
-        """Execute the steps of a cube in the jaws; it must be there all the way, and gone after it was let go.
+        """Execute the steps with a cube in the jaws, and monitor that it stays there until it is released.
 
         Raises:
-            ExecutionStopped: it was lost on the way, or stays in the jaws, or a motion stopped.
+            ExecutionStopped: the cube was lost or is not released, or a motion stopped.
         """
-        self.held = Held(cube, grip)
+        self.held = GraspMonitor(cube, grip)
         try:
             opened = self.execute(steps, StreamOptions(watch_jaws=True))[-1].gripper
             if opened is None or opened.stalled:
                 raise ExecutionStopped(
-                    f"the jaws do not open to let go of {cube}; the arm stands at its place", index=0
+                    f"the jaws do not open to release {cube}; the arm is at its target", index=0
                 )
         except ExecutionStopped as error:
             if error.data.get("reason") != "lost":
@@ -161,43 +162,41 @@ class TaskRun(OpenRun):
             self.held = None
 
     def _width(self, transfer: dict[str, Any], seen: Seen) -> CubeWidth | None:
-        """Of a cube, by the last look at its source; None where that does not tell it."""
+        """Width of a cube, by the last look at its source; None if that does not determine it."""
         known = self.widths.get(transfer["cube"])
         if known is None and transfer["from"] not in seen.moved_since:
             known = width_at(self.task, seen, transfer["from"])
         return known
 
-    def _missed(self, visit: Visit, row: CubeRow, seen: Seen, why: str) -> Seen:
-        """The jaws hold no cube: open them where they are, back out the way they came, go to q_start, look."""
+    def _missed(self, visit: CubeCycle, row: CubeRow, seen: Seen, why: str) -> Seen:
+        """The jaws hold no cube: open them on the spot, back out, go to q_start, look."""
         self.tell(f"cube of {row.source} is not gripped: {why}")
         row.remarks.append(why)
         self.given_up.add(int(row.source.rsplit("/", 1)[1]) - 1)
         self.connection.mars.gripper(0.0)
-        self.execute(back_out(self.task, seen, visit.approach, self.speed, self.on_table))
+        self.execute(plan_retreat_from(self.task, seen, visit.approach, self.speed, self.on_table))
         self.go_to_start(seen)
         before, after = seen.state(row.source), self.look("after a missed cube")
         if before == "cube" and after.state(row.source) == "empty":
             self._stop(
-                f"the cube of {row.source} is gone from its hole and was not gripped; it stands where it is not seen: "
-                "take it away"
+                f"the cube of {row.source} is gone from its hole and was not gripped; its position is unknown: "
+                "remove it"
             )
         return after
 
     def confirm_placed(self, seen: Seen) -> None:
-        """Judge the cubes that were let go since the last look by this one.
+        """Judge the cubes released since the last look.
 
         Raises:
-            ExecutionStopped: one may stand where nobody knows.
+            ExecutionStopped: the position of one is unknown.
         """
         for row, found in self._let_go.judge(seen, self.pictures[-1].file):
             self.tell(f"{row.source} to {row.target} {row.remarks[-1]}")
             if found.lost:
-                self._stop(
-                    f"{row.source} to {row.target} {row.remarks[-1]}; put that cube right or take it away"
-                )
+                self._stop(f"{row.source} to {row.target} {row.remarks[-1]}; correct or remove that cube")
 
     def require_confirmed(self) -> dict[str, Any]:
-        """The report of a run all of whose cubes were confirmed.
+        """The report of a run; requires that every cube was confirmed.
 
         Raises:
             ExecutionStopped: one was not; with the report.
@@ -207,14 +206,14 @@ class TaskRun(OpenRun):
         return report
 
     def _stop(self, why: str) -> None:
-        """End the task where a cube is not known to stand where it should; `why` ends in what to do about it."""
+        """End the task because a cube is misplaced or lost; `why` ends in what to do about it."""
         raise ExecutionStopped(
             f"{why}, and run again; the arm is at q_start",
             **self.report(),
         )
 
     def _put_down(self, transfer: dict[str, Any], row: CubeRow, seen: Seen) -> None:
-        """A cube was let go; `seen` is the last look before. Whether it is where it should be, the next one tells."""
+        """Record a released cube, to be confirmed by the next look; `seen`: the last look before."""
         self._let_go.add(row, seen, self.widths.get(transfer["cube"]))
         self.done[transfer["cube"]] = transfer["to"]
         if self.task.places is not None:
@@ -222,7 +221,7 @@ class TaskRun(OpenRun):
         if self.connection.simulated is not None:
             judge_release(self.task, self.connection.simulated, row)
         remarks = "".join(f"; {remark}" for remark in row.remarks)
-        self.console.step(f"{transfer['cube']} let go at {transfer['to']}{remarks}")
+        self.console.step(f"{transfer['cube']} released at {transfer['to']}{remarks}")
 
     def finish_carry(
         self,
@@ -233,7 +232,7 @@ class TaskRun(OpenRun):
         row: CubeRow,
         seen: Seen,
     ) -> None:
-        """Execute steps that begin with a cube in the jaws, closed by `grip`, and those away from where it was put."""
+        """Execute steps that start with a cube in the jaws, closed by `grip`, and then those that leave its target."""
         with width_kept(self.folder, transfer["cube"], partial(self._width, transfer, seen)):
             self._carry(carry, transfer["cube"], grip)
         row.add_motion((*carry, *leave))

@@ -1,4 +1,4 @@
-"""The emulated MARS-8 controller with its arm: what `driver.mars.mars` talks to when there is no hardware."""
+"""The emulated MARS-8 controller with its arm, which `driver.mars.mars` can drive instead of hardware."""
 
 from driver.emulator.emulator import Emulator
 from driver.emulator.faults.model import Fault, FaultEvent, When

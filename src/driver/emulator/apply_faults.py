@@ -1,4 +1,4 @@
-"""Applies faults to an emulated unit: what each kind of `Fault` does, and what ends it."""
+"""Apply faults to an emulated unit: the effect of each kind of `Fault`, and its end."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from driver.emulator.faults.schedule import Schedule
 from driver.emulator.line.ports import Ports
 from driver.emulator.unit.machine import Machine
 
-_NOISE = b"\x00\xff\x80\xfe"  # at power-up, if the options name none
+_NOISE = b"\x00\xff\x80\xfe"  # at power-up, unless the options give another
 
 
 class Trouble:
@@ -25,9 +25,9 @@ class Trouble:
         tell: called with every event.
 
     Attributes:
-        schedule: what is still to come.
-        line: what acts on bytes.
-        events: what has happened; the newest `EmulatorOptions.keep_lines`.
+        schedule: faults still to come.
+        line: present faults of the serial line.
+        events: beginnings and ends of faults; the latest `EmulatorOptions.keep_lines`.
         dark: the unit is switched off.
     """
 
@@ -44,19 +44,19 @@ class Trouble:
         self.watch_segments()
 
     def watch_segments(self) -> None:
-        """Set off what waits for segments that have begun, and let the machine halt at the next."""
+        """Trigger the faults that wait for segments already begun, and make the machine halt at the next one."""
         begun = self.machine.path.begun
         if begun >= self.schedule.next_segment():
             self.schedule.segments(begun, self.machine.now_ms)
         self.machine.halt_at_segment = self.schedule.next_segment()
 
     def apply_due(self, now_ms: float) -> None:
-        """Apply everything that is due."""
+        """Apply all faults that are due."""
         while self.schedule.next_at() <= now_ms:
             self.apply(*self.schedule.take())
 
     def apply(self, fault: Fault, over: bool = False) -> None:
-        """Let a fault happen now, or be over."""
+        """Begin a fault now, or end it."""
         event = FaultEvent(self.machine.now_ms, fault, over)
         self.events.append(event)
         self._tell(event)
@@ -136,10 +136,10 @@ class Trouble:
             self._say(self.machine.options.noise or _NOISE)
 
     def serve_ports(self) -> None:
-        """Lose and restore ports as faults want; only in the thread that waits for their bytes.
+        """Close and restore ports as faults require; only in the thread that waits for their bytes.
 
         Raises:
-            OSError, A465Error: a port cannot be had again.
+            OSError, A465Error: a port cannot be restored.
         """
         for restore in self._port_work:
             if restore:

@@ -1,7 +1,7 @@
-"""Lines to actions and answers. Pure of any transport: a line in, answers out; deferred ones by `ready`.
+"""Interpreter of the unit's lines, independent of the transport: a line in, answers out; deferred ones by `ready`.
 
-Controller's fact sheet, sections 1, 2 and 4.3. A command that succeeds answers nothing; numbers may have decimals
-where whole ones are meant (ctu_crs sends ``REGMSA:7680.0``); what is not understood is answered as the options say.
+Controller's fact sheet, sections 1, 2 and 4.3. A successful command has no answer. Integers may be written with
+decimals (ctu_crs sends ``REGMSA:7680.0``). The options define the answer to an unknown line.
 """
 
 from __future__ import annotations
@@ -13,25 +13,25 @@ from driver.emulator.unit.machine import Machine
 
 _LINE = re.compile(r"([A-Z][A-Z0-9]*?)(\?:?|:)(.*)")
 _INT32 = 2**31
-_MOST_WAITS = 100  # a client that asks for more is out of its mind
+_MOST_WAITS = 100  # outstanding at once; more is a violation
 _AXIS_NAMES = (
     "REGACC", "REGMODE", "REGTYPE", "REGCFG", "REGME", "REGMS", "REGS1", "REGS2", "REGP", "REGI", "REGD",
     "ANAXSETUP", "SPDFG", "SPDT", "SPD", "PWM", "HH", "AP", "ST", "STOP", "RELEASE", "PURGE", "R", "G",
 )  # fmt: skip
-_KEPT = ("IDLEREL", "REGPWRON", "REGPWRFLG", "COORDDISCONT")  # values without an axis, kept as told
+_KEPT = ("IDLEREL", "REGPWRON", "REGPWRFLG", "COORDDISCONT")  # registers without an axis
 
 
 class NotUnderstoodError(Exception):
-    """A line that the unit does not know."""
+    """The unit does not understand a line."""
 
 
 class Interpreter:
-    """Parses lines for one machine, and remembers who waits for ``R!``.
+    """Parses and executes lines for one machine, and keeps the pending waits for ``R!``.
 
     Attributes:
-        echo: characters are sent back; on after power-up.
-        lines: everything received, in order, with its emulated ms; the newest `EmulatorOptions.keep_lines`.
-        ignored: those of them that were not understood, likewise.
+        echo: whether received characters are echoed; on after power-up.
+        lines: lines received, with emulated ms; the latest `EmulatorOptions.keep_lines`.
+        ignored: those that were not understood, likewise.
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -42,7 +42,7 @@ class Interpreter:
         self._waits: list[str] = []
 
     def take(self, line: str) -> list[str]:
-        """Obey one line (without its end); the answers, in order, without their ends."""
+        """Execute one line (without its end). Return the answers, in order, without their ends."""
         text = line.strip()
         if not text:
             return []
@@ -55,17 +55,17 @@ class Interpreter:
         return answers + self.ready()
 
     def power_up(self) -> None:
-        """Switched on: echo on, nobody waits."""
+        """Reset to the state after power-up: echo on, no waits."""
         self.echo = True
         self._waits.clear()
 
     @property
     def waiting(self) -> bool:
-        """Somebody waits for ``R!``."""
+        """Whether a client waits for ``R!``."""
         return bool(self._waits)
 
     def ready(self) -> list[str]:
-        """``R!``, ``Rx!`` or ``FAIL!`` for every wait that is over."""
+        """Return ``R!``, ``Rx!`` or ``FAIL!`` for every wait that has ended."""
         answers, still = [], []
         defects = self.machine.defects
         for axis in self._waits:
@@ -136,7 +136,7 @@ class Interpreter:
         return [f"{name}={machine.actual()[machine.unit.axes.index(axis)]}"]
 
     def _obey_global(self, name: str, rest: str) -> bool:
-        """Commands without an axis, except coordinated motion; False if it is none."""
+        """Execute a command without an axis, except coordinated motion; return False if it is not one."""
         if name == "ECHO":
             self.echo = bool(_numbers(rest, 1)[0])
         elif name == "STAMP":
@@ -231,7 +231,7 @@ class Interpreter:
 
 
 def _split(name: str) -> tuple[str, str]:
-    """Name and axis letter ("" if there is none)."""
+    """Split into name and axis letter ("" if there is none)."""
     if name in ("STOP", "PURGE", "RELEASE", "R"):
         return name, ""
     if name[:-1] in _AXIS_NAMES and "A" <= name[-1] <= "H":

@@ -1,7 +1,7 @@
 """The emulated MARS-8: a thread that serves a pseudo-terminal or a TCP port in a clock's time.
 
-Controller's fact sheet, section 4.3, is what it must do. Nothing runs while nothing moves and nobody speaks. With a
-`driver.line.stepped_clock.SteppedClock` there is no thread: the clock calls `Emulator.step` when something is due.
+Its requirements are in the controller's fact sheet, section 4.3. The thread sleeps while the arm is at rest and no
+bytes come. With a `driver.line.stepped_clock.SteppedClock` there is no thread: the clock calls `Emulator.step`.
 """
 
 from __future__ import annotations
@@ -32,28 +32,27 @@ from driver.line.signals import held
 from driver.line.stepped_clock import SteppedClock
 from driver.line.wire_log import WireLog
 
-_BATCH_WALL_S = 0.004  # how late, in wall time, motion and R! may be seen
+_BATCH_WALL_S = 0.004  # wall time between two updates during a motion
 _STEP_MS = 4  # the same in stepped time,
-_IDLE_STEP_MS = 100  # and while nothing waits for the motion: who asks is told what is true then
-_BATCH_MS = 20  # while somebody waits for R!, look this often
+_IDLE_STEP_MS = 100  # and while nothing waits for the end of the motion; a query updates it at once
+_BATCH_MS = 20  # between two checks for R! while a client waits for it
 _CLOSE_S = 5.0
 
 
 class Emulator:
     """An emulated controller with an arm and a gripper. A context manager; runs in its own thread, or in stepped time.
 
-    What it remembers is bounded by `EmulatorOptions.keep_lines` and `keep_ms`, generously for a test, so that a
-    session may last for days.
+    Its records are bounded by `EmulatorOptions.keep_lines` and `keep_ms`, so that a session may last for days.
 
     Args:
-        unit: which arm and controller.
-        clock: its time; share it with the driver.
+        unit: the arm and controller to emulate.
+        clock: emulated time; share it with the driver.
         plant: what the gripper acts upon.
-        options: behaviour, and faults to come.
-        log: takes every line received and answered, every fault and violation, each with its emulated ``ms``.
+        options: behaviour, and scripted faults.
+        log: records every line received and answered, every fault and violation, each with its emulated ``ms``.
 
     Attributes:
-        failure: why the thread has ended by itself, or None.
+        failure: the error that ended the thread, or None.
     """
 
     def __init__(
@@ -104,13 +103,13 @@ class Emulator:
     # -- ports
 
     def open_pty(self, link: Path | None = None) -> str:
-        """Serve a pseudo-terminal; the path that a driver opens. It survives any number of clients.
+        """Serve a pseudo-terminal and return its path, which a driver opens. Clients may come and go.
 
         Args:
-            link: made a symbolic link to it, removed on closing.
+            link: symbolic link to create to it; removed on closing.
 
         Raises:
-            InputError: `link` cannot be made.
+            InputError: `link` cannot be created.
         """
         self._require_thread()
         with self._lock:
@@ -119,7 +118,7 @@ class Emulator:
         return path
 
     def open_tcp(self, port: int = 0) -> str:
-        """Serve a TCP port of this machine alone (0: any free one); the URL that a driver opens."""
+        """Serve a TCP port on the loopback (0: any free one) and return its URL, which a driver opens."""
         self._require_thread()
         with self._lock:
             url = self._ports.open_tcp(port)
@@ -133,7 +132,7 @@ class Emulator:
     def open_line(
         self, latency_s: float = 0.0, to_unit: Tap | None = None, to_host: Tap | None = None
     ) -> MemoryLine:
-        """A line in memory, for a unit in stepped time; the port that a driver is given in place of a path.
+        """Return a line in memory, for a unit in stepped time; pass it to the driver as its port.
 
         Args:
             latency_s, to_unit, to_host: see `MemoryLine`.
@@ -148,12 +147,12 @@ class Emulator:
         return line
 
     def paths(self) -> tuple[str, ...]:
-        """Of its pseudo-terminals now; another one after `port_gone`."""
+        """Return the paths of the pseudo-terminals; they change after `port_gone`."""
         with self._lock:
             return self._ports.paths()
 
     def close(self) -> None:
-        """Stop serving; what was recorded stays readable."""
+        """Stop serving. Records stay readable."""
         if self._closing:
             return
         self._closing = True
@@ -166,60 +165,59 @@ class Emulator:
         for descriptor in (self._wake_read, self._wake_write):
             os.close(descriptor)
 
-    # -- what a test or a camera may look at, from any thread
+    # -- state for tests and cameras, from any thread
 
     def now_ms(self) -> int:
-        """Emulated time up to which everything is executed."""
+        """Return the emulated time up to which everything is executed."""
         self._catch_up()
         return self._seen[0]
 
     def counts(self) -> tuple[int, ...]:
-        """True position of the arm in the homed convention, also before homing."""
+        """Return the true position of the arm in the homed convention, also before homing."""
         self._catch_up()
         return self._seen[1]
 
     def record(self) -> Record:
-        """Every executed ms in which the arm moved, so far."""
+        """Return the position at every executed ms in which the arm moved, so far."""
         self._catch_up()
         return self.machine.recorder.record()
 
     def _catch_up(self) -> None:
-        """In stepped time motion is executed only when asked for."""
+        """Execute the motion up to now; in stepped time this is done on demand."""
         if isinstance(self.clock, SteppedClock) and not self._closing:
             with self._lock, held():
                 self._advance(self._clock_ms())
 
     @property
     def violations(self) -> tuple[Violation, ...]:
-        """What a careful driver never does, so far."""
+        """Commands so far that a correct driver never sends."""
         with self._lock:
             return tuple(self.machine.violations)
 
     @property
     def lines(self) -> tuple[tuple[int, str], ...]:
-        """Every line received: emulated ms and text."""
+        """Lines received: emulated ms and text."""
         with self._lock:
             return tuple(self.interpreter.lines)
 
     @property
     def ignored(self) -> tuple[tuple[int, str], ...]:
-        """Every line that was not understood: emulated ms and text."""
+        """Lines that were not understood: emulated ms and text."""
         with self._lock:
             return tuple(self.interpreter.ignored)
 
     @property
     def faults(self) -> tuple[FaultEvent, ...]:
-        """Every fault that happened or was over."""
+        """Beginnings and ends of faults."""
         with self._lock:
             return tuple(self._trouble.events)
 
-    # -- faults to order
+    # -- faults
 
     def inject(self, fault: Fault) -> None:
-        """Let a fault happen: at once, `When.after_ms` from now, or at a line or segment to come.
+        """Cause a fault: at once, `When.after_ms` from now, or at a future line or segment.
 
-        One that is to happen at once has happened when this returns, but for ``port_gone``, which is a matter of
-        milliseconds.
+        An immediate fault has happened when this returns, except ``port_gone``, which takes some milliseconds.
         """
         with self._lock:
             self._advance(self._clock_ms())
@@ -229,15 +227,15 @@ class Emulator:
         self._wake()
 
     def set_power(self, on: bool) -> None:
-        """Arm power; off makes the brakes hold at once."""
+        """Switch arm power. Without it the brakes hold at once."""
         self._switch(Fault("power_off"), over=on)
 
     def set_motion_stop(self, pressed: bool) -> None:
-        """The red button."""
+        """Press or release the motion stop (red button)."""
         self._switch(Fault("motion_stop"), over=not pressed)
 
     def fail_axis(self, axis: str) -> None:
-        """An axis goes into error, until PURGE."""
+        """Put an axis into error, until PURGE."""
         self._switch(Fault("axis_error", axis=axis), over=False)
 
     def _switch(self, fault: Fault, over: bool) -> None:
@@ -253,12 +251,12 @@ class Emulator:
     # -- the thread
 
     def _clock_ms(self) -> int:
-        return int(self.clock.now() * 1e3 + 1e-6)  # 1.001 s are 1001 ms
+        return int(self.clock.now() * 1e3 + 1e-6)  # 1.001 s is 1001 ms in spite of rounding
 
     def _wake(self) -> None:
         if not isinstance(self.clock, SteppedClock):
             os.write(self._wake_write, b"x")
-        elif not self._advancing:  # else the step that goes on ends with this
+        elif not self._advancing:  # otherwise the present step does this at its end
             self._trouble.serve_ports()
 
     def _run(self) -> None:
@@ -270,9 +268,9 @@ class Emulator:
             self.failure = error
 
     def step(self) -> None:
-        """Do what is due now: read, move, obey, answer. Called by the thread, or by a stepped clock."""
+        """Do what is due: read, move, execute lines, answer. Called by the thread, or by a stepped clock."""
         with self._lock:
-            self._trouble.serve_ports()  # ordered by another thread
+            self._trouble.serve_ports()  # requested by another thread
             now = self._clock_ms()
             self._ports.accept()
             self._read(now)
@@ -280,7 +278,7 @@ class Emulator:
             self._trouble.serve_ports()
 
     def next_at(self) -> float:
-        """When `step` has something to do in stepped time, s; infinite while it only waits for bytes."""
+        """Return the next time `step` is due in stepped time, s; infinite while it waits for bytes."""
         now, wires = self._clock_ms(), self._ports.wires
         if any(w.waiting() and not w.gone and not w.cut and w.wants_bytes(now) for w in wires):
             return now / 1e3
@@ -295,14 +293,14 @@ class Emulator:
         return self.machine.busy or self.machine.following.active
 
     def _due_ms(self, now: float) -> float:
-        """The ms at which a line is complete, an answer through, a fault due, or room for bytes."""
+        """Emulated ms at which a line is complete, an answer is sent, a fault is due, or there is room for bytes."""
         wires = self._ports.wires
         due = [t for w in wires for t in (w.next_line_at(), w.next_answer_at()) if t is not None]
         due += [w.room_at() for w in wires if not w.gone and not w.wants_bytes(now)]
         return min(*due, self._trouble.schedule.next_at(), math.inf)
 
     def _wait(self) -> None:
-        """Until something arrives, or is due; for ever if nothing is."""
+        """Wait until something arrives or is due."""
         with self._lock:
             now, wires = self.clock.now() * 1e3, self._ports.wires
             due = self._due_ms(now)
@@ -319,7 +317,7 @@ class Emulator:
     def _read(self, now: int) -> None:
         for wire in list(self._ports.wires):
             if not wire.gone and wire.wants_bytes(now) and not wire.receive(now):
-                wire.gone = True  # what it sent before is still obeyed
+                wire.gone = True  # what it sent before is still executed
             if wire.heard and not self._spoken_to:
                 self._spoken_to = True
                 self._trouble.schedule.first_byte(now)
@@ -327,8 +325,8 @@ class Emulator:
                 self._ports.drop(wire)
 
     def _advance(self, now: int) -> None:
-        """Execute everything up to `now`, in order: motion, complete lines, ends of waits, faults."""
-        if self._advancing:  # the plant has ordered a fault
+        """Execute motion, lines, ends of waits and faults up to `now`, in the order of time."""
+        if self._advancing:  # the plant has injected a fault
             return
         self._advancing = True
         try:
@@ -352,13 +350,13 @@ class Emulator:
             else:
                 break
         self._exchange.tell_ready()
-        self._seen = (machine.now_ms, machine.true_counts())  # before anybody learns that it has ended
+        self._seen = (machine.now_ms, machine.true_counts())  # before clients learn that the motion has ended
         self._exchange.log_violations()
         for each in self._ports.wires:
             each.flush(now)
 
     def _move(self, until: float) -> None:
-        """Motion up to a time, or to the segment that sets off a fault."""
+        """Execute motion up to a time, or to the segment that triggers a fault."""
         machine = self.machine
         while machine.now_ms < until and machine.path.begun < machine.halt_at_segment:
             left = int(until) - machine.now_ms

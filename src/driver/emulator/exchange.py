@@ -1,4 +1,4 @@
-"""What is said between clients and the unit: lines as they come out of the line, and answers as they go into it."""
+"""Exchange between clients and the unit: received lines to the interpreter, its answers to the clients."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ _NEVER = 2**62
 
 
 class Exchange:
-    """Takes lines to the interpreter and its answers back. Not thread-safe: the emulator's lock guards it.
+    """Passes lines to the interpreter and its answers back. Not thread-safe: the emulator's lock guards it.
 
     Args:
         interpreter: of the unit.
         ports: with the clients' wires.
-        trouble: what is wrong with the line.
-        log: takes every line, answer and violation, if given.
+        trouble: present faults.
+        log: records every line, answer and violation, if given.
     """
 
     def __init__(self, interpreter: Interpreter, ports: Ports, trouble: Trouble, log: WireLog | None) -> None:
@@ -30,10 +30,10 @@ class Exchange:
         self._trouble = trouble
         self._log = log
         self._logged_violations = 0
-        self._waiting: list[Wire] = []  # to whom ``R!`` is told
+        self._waiting: list[Wire] = []  # that get ``R!``
 
     def next_line(self) -> tuple[Wire | None, int]:
-        """The wire whose next line is complete first, and the ms when it is."""
+        """Return the wire whose next line is complete first, and the ms at which it is."""
         first: Wire | None = None
         due = math.inf
         for wire in self._ports.wires:
@@ -43,7 +43,7 @@ class Exchange:
         return first, math.ceil(due) if first is not None else _NEVER
 
     def arrive(self, wire: Wire) -> None:
-        """The next line of a wire comes out of the line, as far as it does."""
+        """Take the next line of a wire, with the faults of the line applied, and execute it."""
         due, data, treated = wire.take_line()
         if not treated:
             late, data = self._trouble.line.to_unit(data)
@@ -81,7 +81,7 @@ class Exchange:
             self._waiting = [wire]
 
     def tell_ready(self) -> None:
-        """Answer the waits that are over."""
+        """Answer the waits that have ended."""
         for text in self._interpreter.ready():
             for wire in self._waiting:
                 self._answer(wire, text)
@@ -100,7 +100,7 @@ class Exchange:
             wire.answer(piece, now, late)
 
     def log_violations(self) -> None:
-        """Those that are new."""
+        """Log the new violations."""
         new = self._machine.violated - self._logged_violations
         self._logged_violations += new
         if self._log is not None and new:

@@ -1,4 +1,4 @@
-"""What an emulated unit may be told to be: everything that the real one leaves open, and faults to order."""
+"""Options of the emulated unit: everything that is not known of the real one, and scripted faults."""
 
 from __future__ import annotations
 
@@ -14,33 +14,33 @@ class EmulatorOptions:
     """How the emulated unit behaves.
 
     Attributes:
-        power_up_deg: joint positions when it is switched on; the unit does not know them until it is homed. The
-            default stands clear of the table and out of the camera's view.
-        version: text of VER.
+        power_up_deg: joint positions at power-up, which the unit does not know until it is homed. By default the arm
+            is clear of the table and out of the camera's view.
+        version: answer to VER.
         noise: bytes sent when a client's first byte arrives, as some units do after power-up.
-        unknown: answer to a line that it does not understand; silence is what the public clients' history shows
+        unknown: answer to a line that is not understood; silence is what the public clients' history shows
             (fact sheet, section 4.2).
-        echo: after ``ECHO:1`` each line comes back once it is whole, each byte as it arrives, or nothing does; which,
-            is unknown of the real unit.
-        echo_end: what a line feed comes back as.
-        echo_order: a line's echo comes before its answers or after them (an echo of lines); the bytes of echoes and
-            answers take turns (``mixed``, an echo of bytes).
-        adapter_echo: what is between host and unit sends everything back at once, whatever becomes of it.
-        input_buffer: bytes that the unit holds before it has obeyed them; 0 is any number.
-        input_full: what becomes of more: the host is held back, or they are lost.
-        parse_ms: time that each line takes to be obeyed.
-        registers_readable: whether ``REGMSA?`` and the like are answered; unknown of the real unit.
-        vertex_steps: COORDDISCONT after power-up; unknown, 0 stops at every vertex.
-        queue: segments that it holds.
-        overflow: what becomes of a segment beyond: dropped in silence, or answered FAIL!.
+        echo: after ``ECHO:1``, echo each line once it is complete, each byte as it arrives, or nothing; which of these
+            the real unit does is unknown.
+        echo_end: echo of a line feed.
+        echo_order: a line's echo comes before or after its answers (line echo), or bytes of echoes and answers
+            alternate (``mixed``, byte echo).
+        adapter_echo: a device between host and unit echoes everything at once.
+        input_buffer: bytes that the unit holds before it executes them; 0 is unlimited.
+        input_full: effect of a full input buffer: block the host, or drop bytes.
+        parse_ms: execution time of each line.
+        registers_readable: whether ``REGMSA?`` and the like are answered; unknown for the real unit.
+        vertex_steps: COORDDISCONT after power-up; unknown for the real unit, 0 stops at every vertex.
+        queue: number of segments that fit into the queue.
+        overflow: answer to a segment beyond the queue: silently dropped, or FAIL!.
         homing_speed: fraction of REGMS.
-        static_error: most counts that an axis at rest is off its reference, drawn with `seed`; 0 is exact.
-        paced: bytes take their time at 19200 baud.
-        reply_delay_ms: the unit thinks that long before an answer.
-        seed: of everything random but the faults, which have their own.
-        faults: what goes wrong, in any order.
-        keep_lines: how many lines, faults and violations are remembered, the newest each; None remembers all.
-        keep_ms: how many ms of motion are recorded, the newest; the default is 30 min, 60 MB. None records all.
+        static_error: largest error of an axis at rest, counts, drawn with `seed`; 0 is exact.
+        paced: whether bytes take their time at 19200 baud.
+        reply_delay_ms: delay of each answer.
+        seed: of all random choices except those of the faults, which have their own.
+        faults: scripted faults, in any order.
+        keep_lines: number of latest lines, faults and violations kept; None keeps all.
+        keep_ms: latest ms of motion recorded; the default is 30 min, 60 MB. None records all.
     """
 
     power_up_deg: tuple[float, ...] = (-60.0, -20.0, -60.0, 0.0, -60.0, 0.0)
@@ -70,12 +70,14 @@ class EmulatorOptions:
     def __post_init__(self) -> None:
         if self.echo_order == "mixed" and self.echo != "byte":
             raise InputError(
-                "echo_order = 'mixed': only bytes can be mixed; give echo = 'byte'", key="echo_order"
+                "echo_order = 'mixed': must have echo = 'byte', as only bytes can be mixed", key="echo_order"
             )
         if self.echo_order == "after" and self.echo == "byte":
-            raise InputError("echo_order = 'after': bytes come back as they arrive", key="echo_order")
+            raise InputError(
+                "echo_order = 'after': must not have echo = 'byte', which echoes at once", key="echo_order"
+            )
 
     @property
     def echoed_end(self) -> bytes:
-        """What a line feed comes back as."""
+        """Echo of a line feed."""
         return {"LF": b"\n", "CRLF": b"\r\n", "CR": b"\r"}[self.echo_end]

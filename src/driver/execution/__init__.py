@@ -1,1 +1,1 @@
-"""A plan is executed: streamed, watched, paused, slowed down."""
+"""Execution of plans: streaming, monitoring, pausing, slowing down."""

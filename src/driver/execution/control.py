@@ -1,4 +1,4 @@
-"""What may be asked for while an execution runs: pause, go on, abort, slower."""
+"""Requests during an execution: pause, resume, abort, speed override."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ class Control:
     """Requests to a running `driver.execution.execute.execute` or `driver.execution.stream.stream`.
 
     Every method may be called from a signal handler or from another thread: it sets one value and wakes the thread
-    that drives the arm; nothing is locked, nothing waits.
+    that drives the arm, without locks or waiting.
 
     Args:
-        override: factor of velocities to begin with.
-        ceiling: the override never goes above it.
-        tell: called by the thread that drives the arm, with one line, when it pauses, stands, and goes on.
+        override: initial speed override (factor on velocities).
+        ceiling: upper limit of the override.
+        tell: called with one line of text by the thread that drives the arm, when the arm pauses, stops and resumes.
 
     Attributes:
-        ceiling: most that the override can be.
-        paused: whether a pause is asked for.
-        aborted: whether an end is asked for; for good.
-        standing: whether the arm was seen to stand because of the pause. Set by the thread that drives the arm.
+        ceiling: upper limit of the override.
+        paused: whether a pause is requested.
+        aborted: whether an abort is requested; final.
+        standing: whether the arm has come to rest in a pause. Set by the thread that drives the arm.
 
     Raises:
         InputError: ceiling or override out of range.
@@ -37,26 +37,26 @@ class Control:
     ) -> None:
         if not 0.0 < ceiling <= 1.0:
             raise InputError(
-                f"speed override = {ceiling:g}: must be above 0 and at most 1; an override only lowers",
+                f"speed override = {ceiling:g}: must be above 0 and at most 1; an override only slows down",
                 value=ceiling,
             )
         self.ceiling = ceiling
         self.paused = False
         self.aborted = False
         self.standing = False
-        self.tell: Callable[[str], None] = tell or _nobody
+        self.tell: Callable[[str], None] = tell or _ignore
         self._override = ceiling
         self._link: Link | None = None
         self.override = min(override, ceiling) if 0.0 < override <= 1.0 else override
 
     @property
     def least(self) -> float:
-        """The override is never below this."""
+        """Lower limit of the override."""
         return min(LEAST_OVERRIDE, self.ceiling)
 
     @property
     def override(self) -> float:
-        """Factor of velocities, from `least` to `ceiling`, from the next motion on.
+        """Factor on velocities, from `least` to `ceiling`; applies from the next motion on.
 
         Raises:
             InputError: on setting, out of range.
@@ -68,13 +68,13 @@ class Control:
         if not self.least <= factor <= self.ceiling:
             raise InputError(
                 f"speed override = {factor:g}: must be from {self.least:g} to {self.ceiling:g}; "
-                "an override only lowers",
+                "an override only slows down",
                 value=factor,
             )
         self._override = factor
 
     def pause(self) -> None:
-        """Stand as soon as what the unit holds is played out, on the path; between steps at once."""
+        """Stop on the path once the segments that the unit holds are executed; between steps at once."""
         self.paused = True
         self._wake()
 
@@ -84,7 +84,7 @@ class Control:
         self._wake()
 
     def abort(self) -> None:
-        """STOP, at once, wherever the execution is."""
+        """Send STOP at once."""
         self.aborted = True
         link = self._link
         if link is not None:
@@ -97,15 +97,15 @@ class Control:
 
     @contextmanager
     def attached(self, link: Link) -> Iterator[None]:
-        """Inside, requests reach whoever waits on the link; `Aborted` is raised there. Nested uses do it once.
+        """Inside, requests wake the thread that waits on the link; `Aborted` is raised there. May be nested.
 
         Raises:
-            Aborted: an abort was asked for before.
+            Aborted: an abort was requested before.
         """
         if self._link is link:
             yield
             return
-        self._link = link  # first this: an abort that comes now is seen below, or by the link
+        self._link = link  # set first: an abort that comes now is noticed below or by the link
         try:
             self.require()
             yield
@@ -114,7 +114,7 @@ class Control:
             self.standing = False
 
     def require(self) -> None:
-        """Refuse to go on after an abort.
+        """Refuse to continue after an abort.
 
         Raises:
             Aborted: with reason ``aborted``.
@@ -123,5 +123,5 @@ class Control:
             raise Aborted("aborted on request", reason="aborted")
 
 
-def _nobody(text: str) -> None:
-    """Nobody wants to be told."""
+def _ignore(text: str) -> None:
+    """Default of `Control.tell`."""

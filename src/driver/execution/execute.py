@@ -1,7 +1,7 @@
-"""Executing the steps of a plan: motions and gripper steps in order, each watched to its end.
+"""Execute the steps of a plan: motions and gripper steps in order, each monitored to its end.
 
-Consecutive moves are one motion and go as one stream. Which of them runs is read from the controller's own segment
-numbers, never from the clock.
+Consecutive moves form one motion and are sent as one stream. The move being executed is determined from the
+controller's segment numbers, never from the clock.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from arm.controller.segments import CountPath
 from arm.errors import A465Error, ExecutionStopped, ImpossibleError
 from arm.plan_file import GripperStep, LookStep, Motion, Move, Step, motions
 from driver.execution.control import Control
-from driver.execution.pause import hold_between_steps
+from driver.execution.pause import pause_between_steps
 from driver.execution.progress import Progress, Sent, StreamOptions
 from driver.execution.stream import stream
 from driver.mars.gripper import GripperResult
@@ -33,11 +33,11 @@ class StepResult:
     """How one step ended.
 
     Attributes:
-        step: the plan's.
-        sent: of a move: its own part of what was sent. The arm settles only where the motion ends; `end_counts` of
-            a move that is left at speed are those of its path.
+        step: of the plan.
+        sent: of a move: its part of the sent motion. The arm settles only at the end of the motion; for a move that
+            ends at speed, `end_counts` are those of its path.
         gripper: of a gripper step: where the jaws rest.
-        start_s, end_s: controller clock; of a move that is entered or left at speed, when that was seen.
+        start_s, end_s: controller clock; for a move that begins or ends at speed, when that was noticed.
     """
 
     step: Step
@@ -59,27 +59,27 @@ def execute(
     """Run steps in order on an initialised arm.
 
     Args:
-        on_step: called before each step with it, its index and how many there are; for a move that is entered at
-            speed, when its first segment is seen to run.
-        on_progress: called a few times a second while a motion runs, with the progress of the move that runs.
-        on_look: called at each `LookStep`, at rest; looking is the caller's business. False ends the execution
-            there, before the next step. By default look steps are passed over.
+        on_step: called before each step with the step, its index and the number of steps; for a move that begins at
+            speed, when its first segment is found to run.
+        on_progress: called a few times a second during a motion, with the progress of the present move.
+        on_look: called at each `LookStep`, at rest, to take images. False ends the execution before the next step. By
+            default look steps are skipped.
         options: of streaming.
-        control: pauses, slows down or aborts the execution from elsewhere. Its override holds from the next motion
-            on; a pause between steps waits before the next one, and the arm is watched.
+        control: pauses, slows down or aborts the execution from elsewhere. Its override applies from the next motion
+            on. A pause between steps waits before the next step and checks that the arm stays at rest.
 
     Returns:
-        The steps done, look steps included; fewer than `steps` if `on_look` ended it.
+        The steps done, look steps included; fewer than `steps` if `on_look` ended the execution.
 
     Raises:
-        InputError: consecutive moves do not meet to the count; nothing moved.
+        InputError: consecutive moves do not meet exactly, in counts; nothing moved.
         ImpossibleError: the arm is not at the first move's start; nothing moved.
-        ExecutionStopped: a step failed or an abort was asked for; with ``step``, its ``index``, ``steps_done`` and
+        ExecutionStopped: a step failed or an abort was requested; with ``step``, its ``index``, ``steps_done`` and
             the state.
     """
     control = control or Control()
     found = motions(steps)
-    paths = {motion.first: motion.path for motion in found}  # refused here, before anything moves
+    paths = {motion.first: motion.path for motion in found}  # raises InputError before anything moves
     runs = {motion.first: motion for motion in found}
     results: list[StepResult] = []
     with control.attached(mars.link):
@@ -89,7 +89,7 @@ def execute(
             step = steps[index]
             phases = _Phases(mars, steps, index, runs.get(index), on_step, on_progress)
             try:
-                hold_between_steps(mars, control)
+                pause_between_steps(mars, control)
                 phases.enter(index)
                 match step:
                     case Move():
@@ -112,11 +112,11 @@ def execute(
 
 
 class _Phases:
-    """Follows one motion, or one other step, through its phases, and tells of each when it begins.
+    """Follows the moves of one motion, or one other step, and reports each when it begins.
 
     Attributes:
-        index: of the step that runs.
-        entered: controller clock per phase, from the first on.
+        index: of the present step.
+        entered: controller clock at the beginning of each move or step.
     """
 
     def __init__(
@@ -135,7 +135,7 @@ class _Phases:
         self.entered: list[float] = []
 
     def enter(self, index: int) -> None:
-        """Step `index` begins."""
+        """Begin step `index`."""
         self.index = index
         self.entered.append(self.mars.clock.now())
         self.mars.note("step", index=index, name=self.steps[index].name)
@@ -143,7 +143,7 @@ class _Phases:
             self.on_step(self.steps[index], index, len(self.steps))
 
     def take(self, progress: Progress) -> None:
-        """A look at the motion: short moves may have come and gone since the last one."""
+        """Take the progress of the motion. Short moves may have begun and ended since the last poll."""
         running = self.first + bisect_right(self.starts, progress.done) - 1
         while self.index < running:
             self.enter(self.index + 1)
@@ -159,20 +159,20 @@ class _Phases:
             )
 
     def results(self, sent: Sent) -> list[StepResult]:
-        """The motion has ended: every move with its part of what was sent."""
+        """Return the result of every move at the end of the motion."""
         while self.index < self.first + len(self.moves) - 1:
             self.enter(self.index + 1)
         ends = [*self.entered[1:], self.mars.clock.now()]
-        # where the arm left one move for the next; what was seen during the dwell counts from its end
-        seen = [max(time, sent.start_s) for time in self.entered]
-        times = [*seen, max(sent.start_s + sent.duration_s, seen[-1])]
+        # times between moves; one noticed during the dwell counts from the end of the dwell
+        begins = [max(time, sent.start_s) for time in self.entered]
+        times = [*begins, max(sent.start_s + sent.duration_s, begins[-1])]
         return [
             StepResult(move, self._part(sent, k, times[k + 1] - times[k]), None, self.entered[k], ends[k])
             for k, move in enumerate(self.moves)
         ]
 
     def _part(self, sent: Sent, k: int, duration_s: float) -> Sent:
-        """What was sent of move k."""
+        """Part of the sent motion that is move k."""
         path, start = self.moves[k].path, self.starts[k]
         return replace(
             sent,
@@ -184,7 +184,7 @@ class _Phases:
 
 
 def _stopped(mars: Mars, error: A465Error, steps: Sequence[Step], index: int) -> ExecutionStopped:
-    """The error of a step, told as the end of the execution, with the state in it."""
+    """Turn the error of a step into that of the execution, with the state of the arm."""
     data = dict(error.data)
     if "state" not in data:
         data["state"] = mars.stop().to_json()
@@ -193,10 +193,10 @@ def _stopped(mars: Mars, error: A465Error, steps: Sequence[Step], index: int) ->
 
 
 def require_start(mars: Mars, steps: Sequence[Step]) -> None:
-    """Refuse to start anywhere else than where the first move begins.
+    """Refuse to start unless the arm is at the start of the first move.
 
     Raises:
-        ImpossibleError: by how much each joint is off, in counts and degrees; nothing moved.
+        ImpossibleError: with the deviation of each joint in counts and degrees; nothing moved.
     """
     first = next((s for s in steps if isinstance(s, Move)), None)
     if first is None:
@@ -207,9 +207,8 @@ def require_start(mars: Mars, steps: Sequence[Step]) -> None:
     off = [h - s for h, s in zip(here, start, strict=True)]
     off_deg = np.degrees(mars.unit.positions(here) - mars.unit.positions(start))
     raise ImpossibleError(
-        f"the arm is not where {first.name!r} starts: {off_by(mars.unit, here, start)}; at most "
-        f"{mars.unit.rest_tolerance} counts are allowed; "
-        "plan again from where the arm is",
+        f"the arm is not at the start of {first.name!r}: {off_by(mars.unit, here, start)}; must be within "
+        f"{mars.unit.rest_tolerance} counts; plan again from where the arm is",
         counts=list(here),
         start=list(start),
         off_counts=off,

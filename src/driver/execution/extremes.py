@@ -1,4 +1,4 @@
-"""How far a path of cubic segments goes, between its knots too."""
+"""Extreme counts of a path of cubic segments, between its knots too."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from arm.controller.unit import Counts
 
 
 def extremes(path: CountPath) -> tuple[Counts, Counts]:
-    """Lowest and highest counts of every axis over the whole path, (6,) each; exact up to rounding outwards."""
+    """Return the lowest and highest counts of every axis over the path, (6,) each, rounded outwards."""
     knots = path.knots()
     low, high = knots.min(axis=0).astype(float), knots.max(axis=0).astype(float)
     for begin, segment in zip(knots[:-1], path.segments, strict=True):
@@ -22,14 +22,14 @@ def extremes(path: CountPath) -> tuple[Counts, Counts]:
 
 
 def _turning_points(segment: Segment) -> list[float]:
-    """Parameters strictly inside a segment where some axis turns: roots of a1 + 2 a2 u + 3 a3 u^2."""
+    """Parameters strictly inside a segment where an axis reverses: roots of a1 + 2 a2 u + 3 a3 u^2."""
     a1, a2, a3 = (*segment.coefficients, *([(0,) * len(segment.coefficients[0])] * 2))[:3]
     roots: list[float] = []
     for c, half_b, a in zip(a1, a2, (3 * v for v in a3), strict=True):
         discriminant = half_b * half_b - a * c
         if discriminant < 0:
             continue
-        # the form without cancellation: w is as far from zero as it can be, and a = 0 needs no case of its own
+        # quadratic formula without cancellation; also covers a = 0
         w = -(half_b + math.copysign(math.sqrt(discriminant), half_b))
         roots += [w / a] if a else []
         roots += [c / w] if w else []

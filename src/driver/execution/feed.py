@@ -1,4 +1,4 @@
-"""Feeding segments to the unit, each early enough that a damaged one can still be stopped."""
+"""Send segments to the unit, each early enough that the arm can be stopped before a damaged one begins."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ from driver.line.protocol import BYTES_PER_SECOND, MAX_LINE, encode_dwell
 from driver.mars.lookahead import BUSY_HOST_S, JITTER_S, JITTER_WALL_S, Needs, Timeline, braking_s, dwell_for
 from driver.mars.mars import Mars
 
-AHEAD_S = 0.3  # beyond what is needed, and the age of a look
-BLIND_POLL_S = 0.1  # where damage shows by the arm's place alone
-LEARNING_LOOKS = 4
-LONGEST_POLL_S = 1.2  # a unit that is not heard for 2 s counts as silent
-ANSWER_S = 0.05  # that the answers of a look take on the line
-DWELLS = 4  # in a row in which nothing could be sent, each twice as long: the host is asleep
-QUERY_BYTES = 15  # of a look
-LOADING_S = 1.5  # beyond what the line needs to load a motion: it may be dead for a second when STOP is sent
-LATE_S = 0.2  # beyond what an echo takes, for one of what is loaded
-LOOKS = 1.1  # queries take a tenth of the line
+AHEAD_S = 0.3  # reserve of motion beyond the time needed and the age of a poll
+BLIND_POLL_S = 0.1  # longest poll period if damage shows only by the arm's position
+LEARNING_LOOKS = 4  # polls during a dwell in which the parameter's scale is learnt
+LONGEST_POLL_S = 1.2  # a unit that does not answer for 2 s counts as silent
+ANSWER_S = 0.05  # transmission time of the answers to a poll
+DWELLS = 4  # dwells in a row without a segment sent, each twice as long: the host is not running
+QUERY_BYTES = 15  # length of the queries of a poll
+LOADING_S = 1.5  # reserve for loading a motion: the line may be dead for a second when STOP is sent
+LATE_S = 0.2  # tolerance for the echo of a preloaded segment
+LOOKS = 1.1  # factor on line time: queries take a tenth of it
 
 
 class Feed:
     """Sends the lines of one motion.
 
-    Attributes:
-        sent: segments.
-        dwells: how often the unit was told to stand before what follows.
-        dwell_s: how long the last time, s.
-        stood: segments sent before that.
-        stands_until: when that is over at the earliest, controller clock.
-        timeline: when segments can begin.
-        load_end: segments before this one are loaded, and come back, before any of them begins.
-
     Args:
-        slower: than it should be, the line is so many times; for what is loaded before it begins.
+        slower: factor by which the line is assumed slower than nominal when preloading.
+
+    Attributes:
+        sent: number of segments sent.
+        dwells: number of dwells sent.
+        dwell_s: length of the last dwell, s.
+        stood: segments sent before the last dwell.
+        stands_until: earliest end of the last dwell, controller clock.
+        timeline: earliest time at which each segment can begin.
+        load_end: segments before this one are loaded and verified before any of them begins.
     """
 
     def __init__(self, mars: Mars, options: StreamOptions, slower: float = 1.0) -> None:
@@ -51,35 +51,35 @@ class Feed:
         self.stood = 0
         self.stands_until = 0.0
         self._idle_dwells = 0
-        self._dwell = 0  # number of its line
-        self._numbers: list[int] = []  # of the lines sent, for the echo,
-        self._left_s: list[float] = []  # and when their last bytes leave
-        self._verified = 0  # segments
+        self._dwell = 0  # line number of the last dwell
+        self._numbers: list[int] = []  # line numbers of the segments, for the echo
+        self._left_s: list[float] = []  # when the last bytes of the segments leave
+        self._verified = 0  # number of verified segments
         self._late_since: float | None = None
-        self._stamps: deque[str] = deque()  # behind segments, where nothing is echoed
+        self._stamps: deque[str] = deque()  # pending stamps behind segments, if nothing is echoed
 
     def plan(self, lines: Sequence[str], durations: Sequence[float]) -> None:
-        """Segments are these; those that were sent are the same as before."""
+        """Set the segments. Those already sent must be the same as before."""
         self._lines = list(lines)
         self.timeline.change(durations)
         self._durations = list(durations)
 
     @property
     def needs(self) -> Needs:
-        """What noticing and stopping takes now."""
+        """Present times needed to notice a damaged segment and to stop."""
         link = self._link
         braking = braking_s(self._mars.speed_registers, self._mars.acceleration_registers)
         return Needs(link.trip_s, link.stop_delivery_s, braking)
 
     @property
     def _turn_s(self) -> float:
-        """How long a look keeps the line from segments."""
+        """How long a poll blocks the line for segments."""
         return 3.0 * (self._link.trip_s + ANSWER_S) if self._link.takes_turns else 0.0
 
     @property
     def poll_s(self) -> float:
-        """Between two looks; longer where the line has to be empty for them, shorter where they are all there is."""
-        if not self._link.echoes and not self._mars.manners.adapter:  # whose echo tears answers apart
+        """Poll period; longer if polls need an empty line, shorter if damage shows by the arm's position only."""
+        if not self._link.echoes and not self._mars.manners.adapter:  # an adapter's echo breaks up answers
             return min(self._options.poll_s, BLIND_POLL_S)
         return max(self._options.poll_s, min(2.0 * self._turn_s, LONGEST_POLL_S))
 
@@ -91,14 +91,14 @@ class Feed:
         return max(self._options.ahead_s, needs.whole_s + age_s + self._turn_s + AHEAD_S)
 
     def dwell(self) -> None:
-        """Let the unit stand until what follows can be verified.
+        """Send a dwell that is long enough to verify what follows.
 
         Raises:
-            NoAnswer: nothing could be sent in `DWELLS` of them.
+            NoAnswer: no segment could be sent in `DWELLS` dwells.
         """
         self._idle_dwells = self._idle_dwells + 1 if self.dwells and self.stood == self.sent else 0
         if self._idle_dwells >= DWELLS:
-            raise NoAnswer(f"nothing could be sent in time in {DWELLS} dwells", reason="dwell")
+            raise NoAnswer(f"no segment could be sent in time in {DWELLS} dwells", reason="dwell")
         link = self._link
         sizes = [round(LOOKS * (len(line) + 1)) for line in self._lines[self.sent :]]
         begins = len(encode_dwell(1000, len(self._mars.unit.axes))) + QUERY_BYTES
@@ -124,27 +124,27 @@ class Feed:
 
     @property
     def _looks_s(self) -> float:
-        """What a unit that does not echo is looked at for while it stands: its numbers, and what they count to."""
+        """Time to poll a unit that does not echo during a dwell: for its segment number and its parameter's scale."""
         look_s = max(self._link.trip_s + ANSWER_S, BLIND_POLL_S) + ANSWER_S
         return look_s * (LEARNING_LOOKS if self._mars.parameters.to_learn else 1)
 
     def in_time(self) -> bool:
-        """Whether the next segment can still be verified before it could begin, and the unit has room for its line."""
+        """Whether the next segment can be verified before it could begin, and the unit has room for its line."""
         link = self._link
         if not link.echoes:
             return True
         needs, now = self.needs, link.clock.now()
         if link.echo.verified < self._dwell or link.echo.unechoed_bytes >= needs.window_bytes:
-            return False  # a dwell that was lost, or joined with what follows, lets that begin at once
+            return False  # without the dwell, what follows would begin at once
         if self.sent < self.load_end:
-            return True  # `require_loaded` and `require_verified` watch over all of it together
+            return True  # `require_loaded` and `require_verified` check all of these together
         size = len(self._lines[self.sent]) + 1
         decided = max(now, link.line_free_at) + size / BYTES_PER_SECOND
         decided += needs.echo_s(size, link.echo.unechoed_bytes)
         return self._due(self.sent) >= decided
 
     def send(self) -> None:
-        """The next segment."""
+        """Send the next segment."""
         self._numbers.append(self._link.send(self._lines[self.sent]))
         self._left_s.append(self._link.line_free_at)
         if not self._link.echoes and not self._mars.manners.adapter:
@@ -152,18 +152,18 @@ class Feed:
         self.sent += 1
 
     def stamped(self, text: str) -> None:
-        """A stamp was answered: where nothing is echoed, those behind segments are answered one by one.
+        """Take the answer to a stamp. Without an echo a stamp follows each segment; all must be answered in order.
 
         Raises:
-            LineDamaged: one was not.
+            LineDamaged: an answer is missing.
         """
         if text not in self._stamps:
             return
         if self._stamps.popleft() != text:
-            raise LineDamaged("a stamp behind a segment was not answered: the line is damaged", reason="line")
+            raise LineDamaged("transmission error: a stamp after a segment was not answered", reason="line")
 
     def decide_at(self) -> float:
-        """The last moment at which STOP keeps the oldest segment that was not verified from beginning."""
+        """Return the latest time at which STOP still prevents the oldest unverified segment."""
         if not self._link.echoes:
             return inf
         while self._verified < self.sent and self._numbers[self._verified] <= self._link.echo.verified:
@@ -175,36 +175,36 @@ class Feed:
         if self._verified >= self.load_end:
             return due
         late = self._left_s[self._verified] + self.needs.echo_s(MAX_LINE, self._link.echo.unechoed_bytes)
-        return min(due, late + LATE_S)  # the sooner it is sent again, the more time is left for that STOP
+        return min(due, late + LATE_S)  # an early STOP leaves time to send the motion again
 
     def _due(self, segment: int) -> float:
-        """The last moment at which STOP keeps a segment, or all that is loaded together with it, from beginning."""
+        """Latest time at which STOP still prevents a segment and all that are preloaded with it."""
         first = self.stood if segment < self.load_end else segment
         return self.timeline.begins(first) - self.needs.last_s(self.timeline.moving(first))
 
     @property
     def most_loaded(self) -> int:
-        """Segments that the unit holds beside a dwell."""
+        """Number of segments that the unit holds besides a dwell."""
         return self._options.queue - 1
 
     def end_loading(self) -> None:
-        """What was not sent by now is not loaded before what was begins."""
+        """Stop preloading: only segments already sent are verified before the motion begins."""
         self.load_end = min(self.load_end, self.sent)
 
     def require_loaded(self) -> None:
-        """Refuse to let a motion begin that is to be loaded first and is not.
+        """Refuse to let a motion begin before it is preloaded.
 
         Raises:
-            LineDamaged: the line carries less than it should.
+            LineDamaged: the line is slower than expected.
         """
         if self.dwells and self.sent < self.load_end and self._link.clock.now() >= self._due(self.stood):
             raise LineDamaged(
-                f"{self.sent} of {self.load_end} segments were loaded in time: the line is slower than it should be",
+                f"only {self.sent} of {self.load_end} segments were loaded in time: the serial line is too slow",
                 reason="line",
             )
 
     def require_verified(self) -> None:
-        """Refuse to go on with a segment that has not come back and is about to begin.
+        """Refuse to continue if a segment without an echo is about to begin.
 
         Raises:
             LineDamaged: with the line.
@@ -218,7 +218,7 @@ class Feed:
             return
         segment, line = self._verified, self._lines[self._verified]
         raise LineDamaged(
-            f"segment {segment + 1} of {len(self._lines)} has not come back and would begin in "
+            f"transmission error: no echo of segment {segment + 1} of {len(self._lines)}, which would begin in "
             f"{self.timeline.begins(segment) - now:.2f} s: sent {line!r}",
             sent=line,
             received="",

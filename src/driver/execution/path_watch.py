@@ -1,9 +1,10 @@
-"""Whether the arm is where its path is: the last means of noticing that what it executes is not what was sent.
+"""Check that the arm is on its path: the last means of noticing that the unit executes something else than was sent.
 
-Where the unit echoes, this only has to see an arm that does not follow: a box around what is executed. Where it does
-not, it is all there is. Then each axis must be where the path has it at some time from `LAG_MOST_S` ago to now, and
-these lags must agree from sample to sample: a regulator lags by about the same time all along (a set-membership
-estimate: the lags that every sample so far allows are kept, widened by how far a lag may change).
+If the unit echoes, this only has to detect an arm that does not follow: each axis must be inside the box around the
+segments being executed. If it does not echo, nothing else detects a damaged segment. Then each axis must be where the
+path was at some time from `LAG_MOST_S` ago to now, and this lag must be consistent from sample to sample, as a servo
+lags by about the same time throughout (a set-membership estimate: the lags that every sample so far allows are kept,
+widened by the most that a lag may change).
 """
 
 from __future__ import annotations
@@ -17,27 +18,28 @@ from arm.controller.segments import CountPath
 from arm.errors import ExecutionStopped
 from arm.se3 import Array
 
-LAG_SEGMENTS = 3  # the arm follows its reference by regulators that lag
-ASTRAY = 2  # samples in a row: one may have a digit lost on the line
-LAG_MOST_S = 0.15  # what real regulators lag is not known
-LAG_CHANGE_S = 0.02  # by which an axis' lag may differ from one sample to another
+LAG_SEGMENTS = 3  # segments by which the servos may lag behind the reference
+ASTRAY = 2  # samples in a row that are off the path: a single one may be damaged on the line
+LAG_MOST_S = 0.15  # longest servo lag; that of the real servos is not known
+LAG_CHANGE_S = 0.02  # largest change of an axis' lag between two samples
 _STEP_S = 0.005
-_EARLY_STEPS = 2  # the position may be read a little later than the parameter
+_EARLY_STEPS = 2  # negative lags, as the unit may read the position slightly later than the parameter
 _CHANGE_STEPS = round(LAG_CHANGE_S / _STEP_S)
 
 
 class PathWatch:
-    """Compares samples of the position with what runs.
+    """Compares position samples with the path.
 
     Args:
-        path: planned, with as many segments as are sent.
-        axes: letters, for the message.
-        box_counts: how far any axis may be outside the box around all that is sent from `LAG_SEGMENTS` before.
-        tube_counts: how far any axis may be from where the path has it within the lag, where the line itself cannot be
-            checked; None: only the box.
+        path: planned path, with as many segments as are sent.
+        axes: axis letters, for the message.
+        box_counts: how far any axis may be outside the box around the sent segments, from `LAG_SEGMENTS` before the
+            present one.
+        tube_counts: how far any axis may be from the path within the lag, if the unit does not echo; None: check the
+            box only.
 
     Attributes:
-        doubtful: the last sample was off; the next one decides.
+        doubtful: the last sample was off the path; the next one decides.
     """
 
     def __init__(
@@ -51,7 +53,7 @@ class PathWatch:
         self._astray = 0
         steps = round(LAG_MOST_S / _STEP_S)
         self._lags = np.arange(-_EARLY_STEPS, steps + 1) * _STEP_S
-        self._possible = np.ones((len(self._lags) - 1, len(axes)), dtype=bool)  # steps that all samples allow
+        self._possible = np.ones((len(self._lags) - 1, len(axes)), dtype=bool)  # lags that all samples allow
 
     @property
     def doubtful(self) -> bool:
@@ -60,11 +62,11 @@ class PathWatch:
     def take(
         self, counts: tuple[int, ...], begun: int, sent: int, share: float | None = None, sure: bool = True
     ) -> None:
-        """A sample, while segment `begun` (from 1; 0 is the dwell) runs and `sent` have been sent.
+        """Take a sample while segment `begun` (from 1; 0 is the dwell) runs and `sent` have been sent.
 
         Args:
-            share: of that segment which is done, 0 to 1; None if the unit does not tell.
-            sure: that it is that segment; else only the box counts.
+            share: fraction of that segment that is done, 0 to 1; None if not known.
+            sure: the segment is certain; if not, only the box is checked.
 
         Raises:
             ExecutionStopped: the arm is off its path, twice in a row; reason ``following``.
@@ -77,7 +79,7 @@ class PathWatch:
         self._astray = self._astray + 1 if outside[worst] > most else 0
         if self._astray >= ASTRAY:
             raise ExecutionStopped(
-                f"axis {self._axes[worst]} is {int(outside[worst])} counts off its path, at most {most}",
+                f"axis {self._axes[worst]} is {int(outside[worst])} counts off its path, must be at most {most}",
                 axis=self._axes[worst],
                 counts=list(counts),
                 reason="following",
@@ -88,7 +90,7 @@ class PathWatch:
         return np.asarray(np.maximum(window.min(axis=0) - counts, counts - window.max(axis=0)), dtype=float)
 
     def _off_tube(self, counts: tuple[int, ...], begun: int, share: float | None, most: int) -> Array:
-        """How far each axis is from the path within the lags that are possible; keeps those that this one allows."""
+        """Distance of each axis from the path over the possible lags. Keep only the lags that this sample allows."""
         off = self._off_by_lag(np.array(counts), begun, share)
         near = off <= most
         if share is not None and (near & self._possible).any(axis=0).all():
@@ -96,7 +98,7 @@ class PathWatch:
         return np.asarray(np.where(self._possible, off, np.inf).min(axis=0), dtype=float)
 
     def _off_by_lag(self, counts: npt.NDArray[np.int64], begun: int, share: float | None) -> Array:
-        """Counts from the path by step of lag and axis, (steps, 6); at best, if its place is not known."""
+        """Distance from the path for each lag and axis, (steps, 6) counts; the least one if `share` is not known."""
         segment = min(max(begun, 0), len(self._path.segments))
         start, end = self._begins[[max(segment - 1, 0), segment]]
         if begun == segment > 0 and share is None:
@@ -106,9 +108,7 @@ class PathWatch:
                 [start + share * (end - start) if begun == segment and share is not None else end]
             )
         if nows[-1] >= end:
-            nows = np.append(
-                nows, end + LAG_MOST_S
-            )  # it may have been over for a while: nothing else is sent
+            nows = np.append(nows, end + LAG_MOST_S)  # the last segment may have ended some time ago
         times = np.minimum(nows[:, None] - self._lags[None, :], end)
         at = self._path.at(times.ravel()).reshape(*times.shape, -1)
         low, high = np.minimum(at[:, 1:], at[:, :-1]), np.maximum(at[:, 1:], at[:, :-1])
@@ -117,7 +117,7 @@ class PathWatch:
 
 
 def _widened(near: npt.NDArray[np.bool_], steps: int) -> npt.NDArray[np.bool_]:
-    """True also up to so many rows before and after."""
+    """Extend True entries by `steps` rows before and after."""
     wide = near.copy()
     for k in range(1, steps + 1):
         wide[k:] |= near[:-k]

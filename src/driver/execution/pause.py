@@ -1,7 +1,7 @@
-"""A pause: the arm stands where it ran out of motion, and goes on only if it still stands there.
+"""A pause: the arm stops on its path, and resumes only if it is still there.
 
-Inside a stream nothing more is sent, so the unit brings the arm to rest on the path, at the last point that it was
-given (fact sheet, section 2, row 13). Between steps the arm stands already.
+During a stream no more segments are sent, so the unit brings the arm to rest on the path, at the end of the last
+segment that it has (fact sheet, section 2, row 13). Between steps the arm is already at rest.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from driver.mars.refusals import off_by
 from driver.mars.stopping import STILL_COUNTS, farthest
 
 POLL_S = 0.25
-LOOKS = 2  # samples in a row that tell that the arm was displaced: one may be a digit lost on the line
+LOOKS = 2  # samples in a row that show a displaced arm: a single one may be damaged on the line
 
 
-class Hold:
-    """One pause, as samples of the position tell of it.
+class Pause:
+    """One pause, followed by samples of the position.
 
     Args:
         mars: the arm.
-        control: that asked for it.
-        here: where the arm is about, (6,) counts; only to begin with.
+        control: the control that requested the pause.
+        here: rough position of the arm, (6,) counts, to compare the first sample with.
 
     Attributes:
-        stood: where the arm was first seen to stand, (6,) counts.
+        stood: where the arm first came to rest, (6,) counts.
     """
 
     def __init__(self, mars: Mars, control: Control, here: tuple[int, ...]) -> None:
@@ -36,20 +36,22 @@ class Hold:
         self.stood: tuple[int, ...] | None = None
         self._last = here
         self._away = 0
-        self._since: float | None = None  # when the unit had run out of motion
-        self._asked_on: float | None = None  # when the pause was seen to be over
-        self._sound: float | None = None  # when the arm was last seen at its place
+        self._since: float | None = None  # when the unit had executed all its segments
+        self._resumed_at: float | None = None  # when the resume was noticed
+        self._in_place_at: float | None = None  # when the arm was last found at its place
 
     def begin(self, ahead_s: float) -> None:
-        """Say that the pause begins; the unit still holds so much motion."""
+        """Report the beginning of the pause; the unit still holds `ahead_s` seconds of motion."""
         self.mars.note("pause", ahead_s=round(ahead_s, 3))
-        self.control.tell(f"paused: the arm plays out {ahead_s:.1f} s of motion" if ahead_s else "paused")
+        self.control.tell(
+            f"pausing: the arm keeps moving for about {ahead_s:.1f} s" if ahead_s else "pausing"
+        )
 
     def take(self, counts: tuple[int, ...], place: tuple[int, ...]) -> None:
-        """A sample after the unit has run out of motion; the arm should come to stand at `place`.
+        """Take a sample after the unit has executed all its segments. The arm should come to rest at `place`.
 
         Raises:
-            ExecutionStopped: it is elsewhere, or moves; or the pause lasts so long that the unit would release the arm.
+            ExecutionStopped: the arm is elsewhere, or moves; or the pause is so long that the unit would release it.
         """
         now = self.mars.clock.now()
         since = self._since = now if self._since is None else self._since
@@ -63,16 +65,16 @@ class Hold:
         if self._away >= LOOKS:
             unit = self.mars.unit
             raise ExecutionStopped(
-                f"pause: the arm is {off} counts from where it should stand, at most {unit.rest_tolerance} are "
-                f"allowed ({off_by(unit, counts, place)}): was it pushed?",
+                f"pause: the arm is {off} counts from where it should be, must be at most {unit.rest_tolerance} "
+                f"({off_by(unit, counts, place)}); was it pushed?",
                 counts=list(counts),
                 expected=list(place),
                 reason="displaced",
             )
         if self._away == 0:
-            self._sound = now
+            self._in_place_at = now
             if self.stood is None:
-                self._stands(counts)
+                self._settle(counts)
         release_s = self.mars.unit.idle_release_s
         if release_s and now > since + release_s - RELEASE_MARGIN_S:
             raise ExecutionStopped(
@@ -81,30 +83,32 @@ class Hold:
                 reason="idle",
             )
 
-    def _stands(self, counts: tuple[int, ...]) -> None:
+    def _settle(self, counts: tuple[int, ...]) -> None:
         self.stood = counts
         self.control.standing = True
         self.mars.note("standing", counts=list(counts))
-        self.control.tell("paused: the arm stands, under power")
+        self.control.tell("paused: the arm has stopped and is still under power")
 
     def over(self, dry: bool) -> bool:
-        """Whether motion may go on: asked for, and the arm seen at its place since, if it had run out of motion."""
+        """Whether to resume: it is requested, and an arm that has stopped was found at its place since."""
         if self.control.paused:
-            self._asked_on = None
+            self._resumed_at = None
             return False
         now = self.mars.clock.now()
-        asked = self._asked_on = now if self._asked_on is None else self._asked_on
-        return not dry or (self.stood is not None and self._sound is not None and self._sound > asked)
+        requested = self._resumed_at = now if self._resumed_at is None else self._resumed_at
+        return not dry or (
+            self.stood is not None and self._in_place_at is not None and self._in_place_at > requested
+        )
 
     def end(self, segments_sent: int) -> None:
-        """Say that motion goes on."""
+        """Report that the motion resumes."""
         self.control.standing = False
         self.mars.note("go_on", segments_sent=segments_sent)
-        self.control.tell("goes on")
+        self.control.tell("resuming: the arm moves again")
 
 
-def hold_between_steps(mars: Mars, control: Control) -> None:
-    """Wait while a pause is asked for; the arm stands, and is watched.
+def pause_between_steps(mars: Mars, control: Control) -> None:
+    """Wait while a pause is requested, and check that the arm stays at rest.
 
     Raises:
         ExecutionStopped: aborted, a fault, displaced, or too long; with the state.
@@ -114,7 +118,7 @@ def hold_between_steps(mars: Mars, control: Control) -> None:
         return
     with mars.guarded("pause"):
         place = mars.settled_counts()
-        hold = Hold(mars, control, place)
+        hold = Pause(mars, control, place)
         hold.begin(0.0)
         while not hold.over(dry=True):
             refuse_failure(mars.link, mars.status(), "pause")

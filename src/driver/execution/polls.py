@@ -1,7 +1,7 @@
-"""Looks at a running stream: which were asked for, and what the statuses that came back mean together.
+"""Polls of a running stream: which are pending, and how to interpret the statuses received.
 
-One answer may have a digit changed on the line, so a status that tells of a fault, or of a unit that is done, counts
-when the next one says so too.
+An answer may have a digit damaged on the line, so a status that shows a fault, or an idle unit, counts only if the next
+one confirms it.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from driver.line.protocol import Status
 
 
 @dataclass(frozen=True)
-class Look:
-    """One that was asked for.
+class Poll:
+    """One poll.
 
     Attributes:
-        sent, dwells: how many segments and dwells had been sent before.
-        asked_s: when.
+        sent, dwells: how many segments and dwells had been sent before the poll.
+        asked_s: when it was sent.
     """
 
     sent: int
@@ -27,13 +27,13 @@ class Look:
     asked_s: float
 
 
-class Looks:
-    """Position and status, asked for together and answered in order.
+class Polls:
+    """Polls of position and status, asked together and answered in order.
 
     Attributes:
-        asked_at: when the last was asked for, whatever became of it; minus infinity lets the next one be now.
-        idle: the last two statuses told of a unit that generates no motion.
-        doubtful: the last status told of a fault; the next one decides.
+        asked_at: when the last poll was sent, answered or not; minus infinity makes the next one due now.
+        idle: the last two statuses show a unit that generates no motion.
+        doubtful: the last status shows a fault; the next one decides.
     """
 
     def __init__(self) -> None:
@@ -41,32 +41,32 @@ class Looks:
         self.idle = False
         self.doubtful = False
         self._was_idle = False
-        self._open: deque[Look] = deque()
+        self._open: deque[Poll] = deque()
 
     @property
-    def oldest(self) -> Look | None:
-        """That whose status has not come."""
+    def oldest(self) -> Poll | None:
+        """Oldest poll without a status, or None."""
         return self._open[0] if self._open else None
 
     def begin(self) -> None:
-        """The unit was told to stand: what it was asked before tells nothing of now."""
+        """Forget all polls: a dwell was sent, so earlier ones no longer apply."""
         self._open.clear()
         self.idle = self._was_idle = False
 
-    def ask(self, look: Look) -> None:
-        """A look is asked for."""
-        self._open.append(look)
-        self.asked_at = look.asked_s
+    def ask(self, poll: Poll) -> None:
+        """Record a poll that is sent."""
+        self._open.append(poll)
+        self.asked_at = poll.asked_s
 
     def next_at(self, every_s: float, repeat_s: float, at_once: bool) -> float:
-        """When to look again: after the one before was answered, or after `repeat_s` for it was lost."""
+        """Return when to poll again: after the last poll is answered, or after `repeat_s` as it may be lost."""
         if self._open:
             return self.asked_at + repeat_s
         return self.asked_at + (0.0 if at_once or self.doubtful else every_s)
 
-    def take(self, status: Status) -> tuple[Look, Status]:
-        """A status came: the look that it answers, and what to believe of it."""
+    def take(self, status: Status) -> tuple[Poll, Status]:
+        """Take a status. Return the poll that it answers, and the status without an unconfirmed fault."""
         self.idle, self._was_idle = self._was_idle and not status.busy, not status.busy
         self.doubtful = status.fault and not self.doubtful
-        look = self._open.popleft() if self._open else Look(0, 0, 0.0)
-        return look, Status(0) if self.doubtful else status
+        poll = self._open.popleft() if self._open else Poll(0, 0, 0.0)
+        return poll, Status(0) if self.doubtful else status

@@ -1,7 +1,7 @@
-"""Motions that are loaded and verified before any of them begins: for lines that damage much.
+"""Load and verify a whole motion before it begins: for serial lines with many transmission errors.
 
-The unit stands in a dwell that is long enough for all segments to come back. What does not come back as it was sent is
-flushed by STOP, at rest, and the whole motion is sent again.
+The unit waits in a dwell that is long enough for the echo of all segments. If an echo differs, STOP clears the unit's
+queue while the arm is at rest, and the whole motion is sent again.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from driver.line.link import LineDamaged
 from driver.mars.mars import Mars
 from driver.mars.stopping import farthest
 
-PRELOADS = 3  # times that a motion is sent,
-SLOWER = 1.5  # and each time with so much more time for it
+PRELOADS = 3  # attempts to send a motion
+SLOWER = 1.5  # factor on the time allowed, from one attempt to the next
 
 
 class Loading(Protocol):
@@ -26,37 +26,37 @@ class Loading(Protocol):
 
     @property
     def stands(self) -> bool:
-        """Nothing that was sent can have begun."""
+        """Whether no segment sent can have begun."""
         ...
 
     @property
     def at_once(self) -> tuple[int, int]:
-        """How many segments are loaded before any begins, and how many there are."""
+        """Number of segments loaded before any begins, and the total number."""
         ...
 
     def run(self) -> Sent:
-        """Send it, and wait for its end."""
+        """Send the motion, and wait for its end."""
         ...
 
 
 def refuse_preload(mars: Mars) -> None:
-    """Refuse to load motions before they begin where nothing tells whether they arrived.
+    """Refuse to preload on a unit that does not echo, as nothing can be verified there.
 
     Raises:
         ImpossibleError: the unit does not echo.
     """
     if not mars.link.echoes:
         raise ImpossibleError(
-            "preload: the unit sends nothing back, so nothing can be verified before it moves; leave the option out",
+            "preload: the unit does not echo, so nothing can be verified before the arm moves; omit the option",
             option="preload",
         )
 
 
 def preloaded(mars: Mars, begin: Callable[[float], Loading], path: CountPath, control: Control) -> Sent:
-    """Load a motion while the arm stands, again if it was damaged, `PRELOADS` times in all; then let it run.
+    """Load a motion while the arm is at rest, in up to `PRELOADS` attempts, then let it run.
 
     Args:
-        begin: makes the stream; is told how many times slower than it should be the line is taken to be.
+        begin: creates the stream, given the factor by which the line is assumed slower than nominal.
 
     Raises:
         ExecutionStopped: as the stream; LineDamaged of the last attempt, with ``attempts``.
@@ -66,7 +66,7 @@ def preloaded(mars: Mars, begin: Callable[[float], Loading], path: CountPath, co
         loaded, total = stream.at_once
         if attempt == 1 and loaded < total:
             control.tell(
-                f"the motion has {total} segments: {loaded}, which the unit holds, are verified before it moves, "
+                f"the motion has {total} segments: {loaded} fit into the unit and are verified before the arm moves, "
                 "each of the others before it begins"
             )
         try:
@@ -80,6 +80,6 @@ def preloaded(mars: Mars, begin: Callable[[float], Loading], path: CountPath, co
             if not rest.at_rest or away is None or away > mars.unit.rest_tolerance:
                 raise
             mars.note("sent_again", attempt=attempt, why=str(error))
-            control.tell(f"{error}; nothing has moved: the motion is sent again")
+            control.tell(f"{error}; the arm has not moved, so the motion is sent again")
         mars.anchor(path.start)
     raise A465Error("the last attempt returns or raises")

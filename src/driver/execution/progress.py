@@ -1,4 +1,4 @@
-"""What a stream is told, what it tells while it runs, and what it leaves."""
+"""Options, progress and result of a stream."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ class StreamOptions:
     """How a path is streamed.
 
     Attributes:
-        dwell_ms: the unit stands at least this long first, while segments are loaded; longer where a damaged one could
-            not be stopped otherwise (`driver.mars.lookahead`).
-        ahead_s: most motion that the unit holds, and what it plays out if the link is lost; more on a slow line.
-        queue: most segments that the unit holds; it takes 200.
-        poll_s: between two looks at position and status, controller seconds.
-        following_counts: how far any axis may be outside the stretch of path it should be on.
-        tube_counts: the same from where the path has it within the time that its regulator lags, where the unit echoes
-            nothing (`driver.execution.path_watch`), beside what the unit allows at rest; what a real arm
-            needs is not known.
-        preload: the unit stands until the whole motion is loaded and verified; for bad lines, and short motions.
-        watch_jaws: look at the jaws too, with every look at the position.
+        dwell_ms: shortest initial dwell, in which segments are loaded; longer if needed to stop before a damaged
+            segment (`driver.mars.lookahead`).
+        ahead_s: most motion that the unit holds, which it still executes if the link is lost; more on a slow line.
+        queue: most segments that the unit holds; its capacity is 200.
+        poll_s: between two polls of position and status, controller seconds.
+        following_counts: how far any axis may be outside the part of the path that is being executed.
+        tube_counts: how far any axis may be from the path within the time that its servo lags, if the unit does not
+            echo (`driver.execution.path_watch`); the unit's rest tolerance is added. The value that a real arm needs is
+            not known.
+        preload: load and verify the whole motion before the arm moves; for bad lines and short motions.
+        watch_jaws: poll the jaws too, with every position.
     """
 
     dwell_ms: int = 300
@@ -39,16 +39,16 @@ class StreamOptions:
 
 @dataclass(frozen=True)
 class Progress:
-    """One look at a running motion.
+    """One sample of a running motion.
 
     Attributes:
         done: segments finished.
         total: segments of the path.
-        planned_s: time of the finished ones, as sent.
-        position: the unit's own sample.
-        override: factor of velocities that is sent now.
+        planned_s: total duration of the finished segments, as sent.
+        position: sample read from the unit.
+        override: present speed override.
         durations_s: of all segments, as they were sent or will be.
-        jaws: how far the jaws were closed at the last look, 0 open to 1 closed; None where they are not watched.
+        jaws: how far the jaws were closed at the last poll, 0 open to 1 closed; None if they are not polled.
     """
 
     done: int
@@ -62,15 +62,15 @@ class Progress:
 
 @dataclass(frozen=True)
 class Sent:
-    """What was really sent, and how it ended.
+    """The motion as sent, and its end.
 
     Attributes:
-        path: the segments as sent (without the dwell): those that were asked for, longer under an override.
+        path: the segments as sent (without the dwell): those requested, with longer durations under an override.
         start_s: end of the dwell, controller clock.
-        duration_s: from there until the unit was ready, controller seconds.
+        duration_s: from `start_s` until the unit was ready, controller seconds.
         end_counts: where the arm settled, (6,).
-        ahead_s: most motion that the unit held at any time.
-        samples: looks at position and status.
+        ahead_s: most motion that the unit held at any time, s.
+        samples: number of position samples.
     """
 
     path: CountPath

@@ -1,4 +1,4 @@
-"""The velocity override: the same path, to the count, in more time."""
+"""The speed override: exactly the same path, in more time."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from arm.controller.segments import CountPath
 
 
 def stretched_ms(duration_ms: int, override: float) -> int:
-    """Duration of a segment at `override` (0 to 1) of its planned speed, whole ms, never shorter than asked for."""
+    """Return the duration of a segment at `override` (0 to 1) of its planned speed, rounded up to whole ms."""
     return math.ceil(duration_ms / override - 1e-9)
 
 
 def stretched(path: CountPath, override: float) -> CountPath:
-    """The path at `override` (0 to 1) of its planned speed: longer segments of the same coefficients.
+    """Return the path at `override` (0 to 1) of its planned speed: longer segments with the same coefficients.
 
-    So the counts that are passed are those of the certificate. Velocities are lower by the factor or more, and
-    accelerations inside segments by its square or more. Rounding each segment up to whole ms on its own changes the
-    speed at a vertex by less than one part in the segment's ms; the unit slows down there itself if that is too much.
+    So the arm passes the same counts as certified. Velocities decrease by at least the factor, and accelerations inside
+    segments by at least its square. Rounding each segment up to whole ms changes the speed at a vertex by less than one
+    part in the segment's ms; if that is too much, the unit slows down there by itself.
     """
     if override >= 1.0:
         return path

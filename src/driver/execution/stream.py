@@ -1,7 +1,7 @@
-"""Streaming a path of integer segments to the controller, and watching it while it moves.
+"""Stream a path of integer segments to the controller, and monitor the motion.
 
-What is sent is what was certified, to the count. The controller keeps the path exactly and only stretches time, so
-progress is read from its own segment numbers, never from the clock (fact sheet, sections 2 and 3).
+Exactly the certified counts are sent. The controller keeps the path and only stretches time, so progress is read from
+its segment numbers, never from the clock (fact sheet, sections 2 and 3).
 """
 
 from __future__ import annotations
@@ -27,28 +27,27 @@ def stream(
     options: StreamOptions | None = None,
     control: Control | None = None,
 ) -> Sent:
-    """Send a path from where the arm is, and wait until it has settled at its end.
+    """Send a path that starts where the arm is, and wait until the arm has settled at its end.
 
-    A segment of order 1 goes as a straight one (COORDMVT), any other as COORDSPLINET.
+    A segment of order 1 is sent as a straight one (COORDMVT), any other as COORDSPLINET.
 
     Args:
-        on_progress: called at every look, also while the arm stands in a pause.
-        control: its override now stretches the segments in time, the path stays; a pause ends the feeding, so that
-            the arm comes to rest on the path at most the look-ahead later, and what is left goes when the pause ends,
-            with the override of then.
+        on_progress: called at every poll, also during a pause.
+        control: its present override stretches the segments in time; the path stays the same. In a pause no more
+            segments are sent, so the arm comes to rest on the path at most the look-ahead later. The remaining segments
+            are sent when the pause ends, with the override of that time.
 
     Raises:
         InputError: a segment cannot be sent (duration 0, order above 3, line too long); nothing moved.
-        ImpossibleError: the path leaves the unit's limits, or starts more than 25 counts from the arm; or it is to be
-            preloaded by a unit that does not echo; nothing moved.
+        ImpossibleError: the path leaves the unit's limits; it starts further from the arm than `Unit.rest_tolerance`;
+            or preloading is requested on a unit that does not echo; nothing moved.
         ExecutionStopped: a fault, a silent or lost link, an interrupt, an abort, an axis that does not follow, an arm
-            that was displaced in a pause, an end that is not the path's; with the state and how many segments were
-            done.
+            displaced during a pause, or an end away from the path's; with the state and the number of segments done.
     """
     if not path.segments:
-        raise InputError("a path without segments moves nothing")
+        raise InputError("path has no segments, must have at least 1")
     control = control or Control()
-    encoded(stretched(path, control.least), path.knots())  # whatever the override becomes, it can be sent
+    encoded(stretched(path, control.least), path.knots())  # raises InputError here, before anything moves
     options = options or StreamOptions()
     if options.preload:
         refuse_preload(mars)
@@ -61,7 +60,8 @@ def stream(
             here = mars.require_ready()
         if farthest(here, path.start) > mars.unit.rest_tolerance:
             raise ImpossibleError(
-                f"the path starts {farthest(here, path.start)} counts from the arm, at most {mars.unit.rest_tolerance}",
+                f"the path starts {farthest(here, path.start)} counts from the arm, must be at most "
+                f"{mars.unit.rest_tolerance}",
                 counts=list(here),
                 start=list(path.start),
             )

@@ -1,4 +1,4 @@
-"""One run of a stream: what is due next, what the unit's answers say, and the deadlines."""
+"""One run of a stream: choose the next action, interpret the unit's answers, and enforce the deadlines."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from arm.errors import ExecutionStopped
 from driver.execution.control import Control
 from driver.execution.feed import Feed
 from driver.execution.path_watch import PathWatch
-from driver.execution.pause import Hold
-from driver.execution.polls import Look, Looks
+from driver.execution.pause import Pause
+from driver.execution.polls import Poll, Polls
 from driver.execution.progress import Progress, Sent, StreamOptions
 from driver.execution.speed_override import stretched
 from driver.line.link import ANSWER_S, NoAnswer
@@ -38,22 +38,22 @@ from driver.mars.ready import refuse_failure
 from driver.mars.running import Running
 
 STALL_S = 5.0  # a segment may take this much longer than planned
-REPEAT_S = 0.5  # a sample that was asked for and lost on the line is asked for again after this,
-REPEAT_WALL_S = 0.1  # and not before this much wall time
-IDLE_S = 1.0  # an idle unit that has not said R! is asked again after this,
-IDLE_LOOKS = 2  # and no sooner than this many looks
-UNLOCATED = 3  # answers to ST without one to COORDAP
-STEP_S = 0.25  # longest wait for anything,
-LEAST_STEP_S = 0.001  # and shortest
+REPEAT_S = 0.5  # repeat a poll that is not answered after this,
+REPEAT_WALL_S = 0.1  # but not before this much wall time
+IDLE_S = 1.0  # send R again to an idle unit that has not answered R! after this,
+IDLE_LOOKS = 2  # but not before this many polls
+UNLOCATED = 3  # answers to ST in a row without one to COORDAP: the group is gone
+STEP_S = 0.25  # longest wait
+LEAST_STEP_S = 0.001  # shortest wait
 
 
 def encoded(path: CountPath, knots: Counts) -> list[str]:
-    """A line for each segment; `knots` (m + 1, 6) are where they begin and end."""
+    """Return the line of each segment; `knots` (m + 1, 6) are where the segments begin and end."""
     return [encode_segment(s, end) for s, end in zip(path.segments, knots[1:].tolist(), strict=True)]
 
 
 class StreamRun:
-    """One run. Counting is of segments behind the dwell; the segment being executed is not done."""
+    """One run of a stream. Segments are counted without dwells; the segment being executed is not done."""
 
     def __init__(
         self,
@@ -74,26 +74,26 @@ class StreamRun:
         self.on_progress = on_progress
         self.options = options
         self.control = control
-        self.hold: Hold | None = None  # while paused
+        self.hold: Pause | None = None  # while paused
         self.durations = [s.duration_ms / 1e3 for s in self.path.segments]
         self.feed = Feed(mars, options, slower)
         self.feed.plan(self.lines, self.durations)
         tube = None if self.link.echoes else options.tube_counts + mars.unit.rest_tolerance
         self.watch = PathWatch(planned, mars.unit.axes, options.following_counts, tube)
-        self.begun = 0  # 0 while the first dwell runs, then the number of segments begun
+        self.begun = 0  # number of segments begun; 0 during the first dwell
         self.started: float | None = None
         self.most_ahead = 0.0
         self.samples = 0
         self.jaws: float | None = None
         self.running = Running()
-        self.looks = Looks()
+        self.looks = Polls()
         self.unlocated = 0  # answers to ST since the last one to COORDAP
         self.heard_at = self.begun_at = self.link.clock.now()
-        self.waiting = False  # R: is sent
+        self.waiting = False  # R is sent
         self.ready_at: float | None = None
         self.idle = False
-        self.idle_looks = 0  # in a row, without R!,
-        self.idle_since = 0.0  # the first of them
+        self.idle_looks = 0  # idle polls in a row without R!
+        self.idle_since = 0.0  # time of the first of them
 
     @property
     def total(self) -> int:
@@ -113,13 +113,13 @@ class StreamRun:
 
     @property
     def stands(self) -> bool:
-        """Nothing that was sent can have begun."""
+        """Whether no segment sent can have begun."""
         feed = self.feed
         return feed.dwells == 1 and feed.stood == 0 and self.link.clock.now() < feed.stands_until
 
     @property
     def at_once(self) -> tuple[int, int]:
-        """How many segments are loaded before any begins, and how many there are."""
+        """Number of segments loaded before any begins, and the total number."""
         return min(self.feed.most_loaded, self.total), self.total
 
     def run(self) -> Sent:
@@ -146,7 +146,7 @@ class StreamRun:
         )
 
     def _step(self) -> None:
-        """Do the next thing that is due: take what has arrived, look, send, or wait a little."""
+        """Take what has arrived, then do the next action that is due: dwell, poll, send, or wait briefly."""
         link, feed, now = self.link, self.feed, self.link.clock.now()
         while (reply := link.receive(now)) is not None:
             self._take(reply)
@@ -175,7 +175,7 @@ class StreamRun:
         return self.link.clock.at_least(repeat_s, REPEAT_WALL_S)
 
     def _needs_dwell(self) -> bool:
-        """A motion begins with a dwell; so does what follows after the unit ran out of motion."""
+        """Whether a dwell is due: at the beginning, and after the unit has executed all segments that it had."""
         return not self._holds() and self.sent < self.total and (not self.feed.dwells or self._dry)
 
     def _dwell(self) -> None:
@@ -190,7 +190,7 @@ class StreamRun:
         self._poll(self.begun_at)
 
     def _ahead(self) -> float:
-        """Motion that the unit holds, the dwell included, s; by the earliest times that are possible."""
+        """Least motion that the unit still holds, the dwell included, s."""
         if not self.feed.dwells:
             return 0.0
         return max(self.feed.timeline.begins(self.sent) - self.link.clock.now(), 0.0)
@@ -201,7 +201,7 @@ class StreamRun:
         if not self.running.known and (
             not self.link.echoes or self.link.clock.now() > self.feed.stands_until
         ):
-            return False  # where its numbers begin is not known: let it run dry, and stand again
+            return False  # the unit's segment number is not known: let it run dry, then dwell again
         held = self.sent - self.done + self._dwelling  # the running one or the dwell included
         if held >= self.options.queue:
             return False
@@ -210,13 +210,13 @@ class StreamRun:
 
     @property
     def _dry(self) -> bool:
-        """All that was sent is done, and more is to come."""
+        """Whether the unit has executed all that was sent although there are more segments."""
         return self.sent < self.total and self.begun > self.sent
 
     def _holds(self) -> bool:
         """Whether a pause holds the next segment back."""
         if self.hold is None and self.control.paused:
-            self.hold = Hold(self.mars, self.control, self.path.start)
+            self.hold = Pause(self.mars, self.control, self.path.start)
             self.hold.begin(self._ahead())
             self.feed.end_loading()
         elif self.hold is not None and self.hold.over(self._dry):
@@ -228,7 +228,7 @@ class StreamRun:
         return self.hold is not None
 
     def _restretch(self) -> None:
-        """What is left goes with the override of now: the arm stands, so its speed does not jump."""
+        """Apply the present override to the remaining segments. The arm is at rest, so its speed does not jump."""
         if self.control.override == self.override:
             return
         self.override = self.control.override
@@ -241,7 +241,7 @@ class StreamRun:
         self.mars.note("override", factor=self.override, segments_sent=self.sent)
 
     def _poll(self, now: float) -> None:
-        self.looks.ask(Look(self.sent, self.feed.dwells, now))
+        self.looks.ask(Poll(self.sent, self.feed.dwells, now))
         self.link.send(encode_query("COORDAP"))
         self.link.send(encode_query("ST"))
         if self.options.watch_jaws:
@@ -262,15 +262,15 @@ class StreamRun:
                 case Ready(""):
                     if self.waiting and self.ready_at is None:
                         self.ready_at, self.idle = self.link.clock.now(), False
-                        self.looks.asked_at = -math.inf  # a look now tells whether it is idle
+                        self.looks.asked_at = -math.inf  # poll at once whether it is idle
                 case _:
                     pass
-        except MalformedAnswer as error:  # the next look will tell; too long without one is an error
+        except MalformedAnswer as error:  # the next poll counts; too long without one is an error
             self.mars.note("damaged", text=str(error))
 
     def _take_status(self, status: Status) -> None:
         self.unlocated += 1
-        if self.unlocated > UNLOCATED:  # it answers, but knows of no group
+        if self.unlocated > UNLOCATED:  # it answers, but has no group
             self.link.restarted = True
         poll, believed = self.looks.take(status)
         refuse_failure(self.link, believed, f"segment {self.begun} of {self.total}")
@@ -278,10 +278,10 @@ class StreamRun:
         self.idle = not status.busy and poll.sent == self.total and poll.dwells == self.feed.dwells
         self._ask_again()
         if self.looks.idle and poll.dwells == self.feed.dwells and poll.sent + 1 > self.begun:
-            self._begin(poll.sent + 1)  # all that it had been sent is done
+            self._begin(poll.sent + 1)  # all that was sent before the poll is done
 
     def _ask_again(self) -> None:
-        """R: or its answer was lost on the line: an idle unit that says nothing is asked once more."""
+        """Send R again to an idle unit that does not answer: R or its answer was lost on the line."""
         unanswered = self.idle and self.waiting and self.ready_at is None
         now = self.link.clock.now()
         self.idle_looks = self.idle_looks + 1 if unanswered else 0
@@ -299,11 +299,11 @@ class StreamRun:
         poll = self.looks.oldest
         current = poll is not None and poll.dwells == self.feed.dwells
         feed, running = self.feed, self.running
-        sound = True
+        plausible = True
         if current and now < feed.stands_until:
-            sound = running.stands(position.segment, feed.stood)
+            plausible = running.stands(position.segment, feed.stood)
             self.mars.parameters.stands(position, round(1e3 * feed.dwell_s))
-        elif sound := running.take(position.segment, self.sent, feed.timeline, now):
+        elif plausible := running.take(position.segment, self.sent, feed.timeline, now):
             if poll is not None and current and running.counted < self.sent:
                 feed.timeline.not_before(running.counted, poll.asked_s)
             if running.counted > self.begun:
@@ -311,7 +311,7 @@ class StreamRun:
         self.samples += 1
         if self.hold is not None and self._dry:
             self.hold.take(position.counts, tuple(int(c) for c in self.knots[self.sent]))
-        self.watch.take(position.counts, self.begun, self.sent, self._share(position), sound)
+        self.watch.take(position.counts, self.begun, self.sent, self._share(position), plausible)
         if self.on_progress is not None:
             planned_s = sum(self.durations[: self.done])
             self.on_progress(
@@ -319,11 +319,11 @@ class StreamRun:
             )
 
     def _share(self, position: Position) -> float | None:
-        """How far the segment `begun` is done."""
+        """Fraction of the segment `begun` that is done, or None if not known."""
         if self._dwelling or self.begun > self.running.counted:
             return 1.0 if self._dwelling else 0.0
         if position.parameter == 0 and self.begun == self.sent:
-            return None  # it has just begun, or is over: a unit that stands tells 0
+            return None  # just begun, or over: a unit at rest reports 0
         return self.mars.parameters.share(position)
 
     def _begin(self, begun: int) -> None:
@@ -331,7 +331,7 @@ class StreamRun:
         self.begun_at = self.link.clock.now()
 
     def _watch(self) -> None:
-        """Deadlines: an answer at least every ANSWER_S, a new segment when the running one should be over."""
+        """Enforce the deadlines: an answer every ANSWER_S, and the end of the present segment."""
         link, now = self.link, self.link.clock.now()
         failed = any(isinstance(e, Failed) for e in link.events)
         link.events.clear()
@@ -341,14 +341,14 @@ class StreamRun:
             )
         silent_s = max(ANSWER_S, 3.0 * self.feed.poll_s + 4.0 * link.trip_s)
         if now > self.heard_at + link.patience(silent_s):
-            raise NoAnswer(f"no sound answer from the unit for {silent_s:g} s", reason="silent")
+            raise NoAnswer(f"no valid answer from the unit for {silent_s:g} s", reason="silent")
         if self.hold is not None and self._dry:
-            return  # it waits for us, and its own deadline is the hold's
+            return  # the pause has its own deadline
         running = self.feed.dwell_s if self._dwelling else 0.0
         if self.begun <= self.total and not self._dwelling:
             running = self.durations[self.begun - 1]
         if now > self.begun_at + link.patience(running + STALL_S):
             raise NoAnswer(
-                f"segment {self.begun} of {self.total} is not over {STALL_S:g} s after its time",
+                f"segment {self.begun} of {self.total} has not ended {STALL_S:g} s after its planned end",
                 reason="deadline",
             )

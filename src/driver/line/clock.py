@@ -1,8 +1,7 @@
-"""Time as the controller lives it. With a real arm it is wall time; an emulated one may live faster.
+"""Controller time. It is wall time with a real arm; an emulated one may run faster.
 
-All waiting of the driver goes through its clock, so that `driver.line.stepped_clock.SteppedClock` can take
-the place of this
-one: there time passes only while the driver waits.
+The driver waits through its clock only, so `driver.line.stepped_clock.SteppedClock` can replace this one: there time
+passes only while the driver waits.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ _T = TypeVar("_T")
 
 
 class Clock:
-    """A steady clock in controller seconds.
+    """A monotonic clock in controller seconds.
 
     Args:
         time_scale: controller seconds per wall second; 1 for hardware.
@@ -26,24 +25,24 @@ class Clock:
         self._start = time.monotonic()
 
     def now(self) -> float:
-        """Controller seconds since this clock was made."""
+        """Controller seconds since this clock was created."""
         return (time.monotonic() - self._start) * self.time_scale
 
     def sleep(self, seconds: float) -> None:
-        """Wait that many controller seconds."""
+        """Wait for that many controller seconds."""
         if seconds > 0.0:
             time.sleep(seconds / self.time_scale)
 
     def wall(self, seconds: float) -> float:
-        """Wall seconds of that many controller seconds, for timeouts of system calls."""
+        """Convert controller seconds to wall seconds, for timeouts of system calls."""
         return seconds / self.time_scale
 
     def at_least(self, seconds: float, wall_s: float) -> float:
-        """That many controller seconds, but never less than `wall_s` of wall time: a busy host may sleep so long."""
+        """Return `seconds`, but at least `wall_s` of wall time, as a busy host may not run for so long."""
         return max(seconds, wall_s * self.time_scale)
 
     def next_of(self, items: queue.SimpleQueue[_T], until: float) -> _T:
-        """The next item, waited for until that controller time.
+        """Return the next item; wait for it until controller time `until`.
 
         Raises:
             queue.Empty: none came.
@@ -52,5 +51,5 @@ class Clock:
         return items.get(timeout=wait) if wait > 0.0 else items.get_nowait()
 
     def unique_ms(self) -> int:
-        """Milliseconds of a counter that an earlier program on this host has left behind."""
+        """Milliseconds of a counter that is higher than for any earlier program on this host."""
         return time.monotonic_ns() // 1_000_000

@@ -1,13 +1,13 @@
-"""A unit's echo as the checksum of the line: what of the lines sent has come back exactly, and what has not.
+"""Use the unit's echo as a checksum: determine which lines sent were echoed exactly, and which were not.
 
-With ``ECHO:1`` the unit sends back what it has received. The protocol has no checksum and segments are relative, so
-this is the only thing that tells that a line arrived as it was sent. `EchoWatch` takes lines as they are sent and
-lines as they are received; it has no clock and no port of its own.
+With ``ECHO:1`` the unit sends back what it receives. The protocol has no checksum and segments are relative, so only
+the echo shows that a line arrived as sent. `EchoWatch` takes the lines sent and the lines received; it has no clock and
+no port of its own.
 
-Lines that are sent have no ``=`` and no ``!``; sound answers have one. So where the unit mixes nothing, each received
-line is one or the other. What is neither is judged by what comes next: the echo that was awaited (then an answer was
-damaged), or a later one (then the awaited one was). But a command that was never sent means that the unit has received
-one: that stops at once, whatever comes next.
+Lines sent contain neither ``=`` nor ``!``; undamaged answers contain one of them. So if the unit does not interleave
+echoes and answers, each received line is one or the other. A line that is neither is judged by the next line: if that
+is the awaited echo, an answer was damaged; if it is a later echo, the awaited one was damaged. But the echo of a
+command that was never sent means that the unit has received such a command: the arm is stopped at once.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ from enum import Enum
 
 from driver.line.protocol import Answer, Failed, Ready, parse_reply
 
-_RECENT = 32  # lines whose echo is known when it comes late or twice
-_LATEST_TRIPS = 24  # echoes that the round trip is of
-_SHORT = 20  # characters of a line whose echo takes next to no time
-_RESEMBLANCE = 0.6  # of a line, at its two ends: the rest was damaged
-_FEWEST = 6  # characters that tell that a line was cut; answers share the first five, COORD
+_RECENT = 32  # latest lines, whose echo is recognised if it comes late or twice
+_LATEST_TRIPS = 24  # latest echoes, of which the round trip is computed
+_SHORT = 20  # characters; the echo of a shorter line takes next to no time
+_RESEMBLANCE = 0.6  # fraction of a line that must agree at its two ends if the rest was damaged
+_FEWEST = 6  # characters by which a cut line is recognised; answers share the first five, COORD
 _REGISTERS = re.compile(r"REG[A-Z0-9]*|ANAXSETUP[A-H]|IDLEREL|COORDGRP|COORDDISCONT")
 _QUERIES = re.compile(r"STAMP|ECHO|R[A-H]?|STOP|PURGE")
 _WAIT = re.compile(r"R[A-H]?:")
-_COMMAND = re.compile(r"[A-Z][A-Z0-9]*:|.*COORD[A-Z0-9]+:", re.DOTALL)  # begins like one, or ends in one
+_COMMAND = re.compile(r"[A-Z][A-Z0-9]*:|.*COORD[A-Z0-9]+:", re.DOTALL)  # begins as a command or contains one
 _ANSWER_HEAD = re.compile(r"(?:[A-Z][A-Z0-9]*=|R[A-H]?!|FAIL!)[^:?]*")
 
 
 class Kind(Enum):
-    """What a damaged line means.
+    """Kind of a line, which determines the reaction if it is damaged.
 
     Attributes:
-        MOTION: the arm may do something else than it was told: stop.
-        REGISTER: may be sent again.
-        QUERY: is asked again, or repeated until its effect is seen (STOP).
+        MOTION: the arm may move differently than commanded: stop.
+        REGISTER: send it again.
+        QUERY: ask again, or repeat it until it has effect (STOP).
     """
 
     MOTION = "motion"
@@ -46,7 +46,7 @@ class Kind(Enum):
 
 
 def kind_of(line: str) -> Kind:
-    """What a line (without its end) is; what is not known counts as motion."""
+    """Classify a line (without its end). An unknown line counts as motion."""
     name, mark, _ = line.partition(":")
     if not mark and line.endswith("?"):
         return Kind.QUERY
@@ -57,12 +57,12 @@ def kind_of(line: str) -> Kind:
 
 @dataclass(frozen=True)
 class Mismatch:
-    """A line that did not come back as it was sent.
+    """A line whose echo differs.
 
     Attributes:
-        sent: the line; "" if none was.
-        received: what came in its place, or "" if nothing did.
-        twice: it was sent once.
+        sent: the line; "" if none was sent.
+        received: the echo; "" if there was none.
+        twice: the echo came twice although the line was sent once.
         column: of the first character that differs, from 1.
     """
 
@@ -75,17 +75,14 @@ class Mismatch:
         return _common(self.sent, self.received) + 1
 
     def describe(self) -> str:
-        """One phrase for a person."""
+        """Describe the mismatch in one phrase for the operator."""
         if self.twice:
-            return f"the line was damaged: {self.received[:200]!r} came back twice, and was sent once"
+            return f"transmission error: echo {self.received[:200]!r} came twice, but the line was sent once"
         if not self.sent:
-            return f"the line was damaged: {self.received[:200]!r} came back, and was never sent"
+            return f"transmission error: echo {self.received[:200]!r} of a line that was never sent"
         if not self.received:
-            return f"the line was damaged: sent {self.sent!r}, nothing came back"
-        return (
-            f"the line was damaged: sent {self.sent!r}, came back as {self.received[:200]!r}, which differs at "
-            f"column {self.column}"
-        )
+            return f"transmission error: sent {self.sent!r}, no echo"
+        return f"transmission error: sent {self.sent!r}, echo {self.received[:200]!r} differs at column {self.column}"
 
 
 @dataclass(frozen=True)
@@ -97,21 +94,20 @@ class _Awaited:
 
 
 class EchoWatch:
-    """Follows the echo of everything that is sent. Not for two threads.
+    """Follows the echo of everything that is sent. Not thread-safe.
 
-    While `strict` is False nothing is judged: lines that came back are passed over, whatever their order. So it is
-    before the unit's manners are known, after a stop, and with a unit that does not echo.
+    While `strict` is False nothing is checked and echoes are skipped in any order: before it is known how the unit
+    echoes, after a stop, and with a unit that does not echo.
 
     Attributes:
-        strict: every line is awaited.
-        verified: number of the newest line that came back, or that need not come back, with all before it; it stays
-            where a mismatch was.
-        mismatch: the first motion line that did not come back exactly.
-        lost: register lines that did not come back exactly, and as what; whoever sent them sends them again.
-        round_trip_s: between the last byte of a short line and its echo; of the latest ones the lower quartile, for the
+        strict: the echo of every line is checked.
+        verified: number of the latest line up to which all are echoed or need no echo; it stays at a mismatch.
+        mismatch: the first motion line whose echo differs.
+        lost: register lines whose echo differs; the sender sends them again.
+        round_trip_s: from the last byte of a short line to its echo; the lower quartile of the latest ones, as the
             others waited behind answers and longer echoes.
-        mixed: an answer was seen in the middle of an echo.
-        stops: how many echoes of STOP have come since `forget`.
+        mixed: an answer has come in the middle of an echo.
+        stops: number of STOP echoes since `forget`.
     """
 
     def __init__(self) -> None:
@@ -125,13 +121,13 @@ class EchoWatch:
         self._awaited: deque[_Awaited] = deque()
         self._recent: deque[str] = deque(maxlen=_RECENT)
         self._trips: deque[float] = deque(maxlen=_LATEST_TRIPS)
-        self._odd = ""  # a line that is neither an answer nor an echo, not yet judged
-        self._head = ""  # of an echo that an answer has interrupted
-        self._begun = ""  # of an answer that the end of an echo has interrupted
-        self._asked: deque[str] = deque(maxlen=_RECENT)  # keys of answers to come
-        self._ready = ""  # what ends the newest wait
-        self._answered = False  # the line before was an answer
-        self._passed: deque[str] = deque(maxlen=_RECENT)  # echoes that came while nothing was judged
+        self._odd = ""  # an unjudged line that is neither an answer nor an echo
+        self._head = ""  # beginning of an echo that an answer has interrupted
+        self._begun = ""  # beginning of an answer that the end of an echo has interrupted
+        self._asked: deque[str] = deque(maxlen=_RECENT)  # keys of pending answers
+        self._ready = ""  # answer that ends the latest wait
+        self._answered = False  # the previous line was an answer
+        self._passed: deque[str] = deque(maxlen=_RECENT)  # echoes that came while nothing was checked
 
     @property
     def round_trip_s(self) -> float:
@@ -145,11 +141,11 @@ class EchoWatch:
 
     @property
     def unanswered(self) -> bool:
-        """A query's answer is still to come."""
+        """Whether an answer is pending."""
         return bool(self._asked)
 
     def forget(self) -> None:
-        """A stop was sent, or the line was broken: what was awaited may never come, and nothing is judged."""
+        """Stop checking: after a STOP or a broken line, pending echoes may never come."""
         self.strict = False
         self.verified = self.sent_lines
         self.mismatch, self.stops = None, 0
@@ -159,14 +155,14 @@ class EchoWatch:
         self._odd = self._head = self._begun = ""
 
     def resume(self) -> None:
-        """Everything that was sent before has been obeyed: from now on every line is awaited."""
+        """Check every echo from now on: everything sent before has been executed."""
         self.forget()
         self.strict = True
 
     def sent(self, line: str, left_s: float) -> int:
-        """A line (without its end) was sent, its last byte leaves at that time; its number."""
+        """Record a sent line (without its end) whose last byte leaves at `left_s`. Return its number."""
         if not line:
-            return self.sent_lines  # an empty line comes back as an end of line alone
+            return self.sent_lines  # the echo of an empty line is a line end alone
         self.sent_lines += 1
         self._recent.append(line)
         if line.endswith("?"):
@@ -182,14 +178,14 @@ class EchoWatch:
         return self.sent_lines
 
     def forgive_answers(self) -> None:
-        """Answers that have not come by now will not come."""
+        """Give up all pending answers."""
         self._asked.clear()
 
     def take(self, line: str, now_s: float, torn: bool = False) -> str | None:
-        """What of a received line (without its end; also an empty one) is an answer, or None: an echo, or damaged.
+        """Take a received line and return the part of it that is an answer, or None if it is an echo or damaged.
 
         Args:
-            line: the line.
+            line: without its end; may be empty.
             now_s: when it came.
             torn: see `driver.line.splitter.Received`.
         """
@@ -233,7 +229,7 @@ class EchoWatch:
         if awaited is not None and self._interrupts(line, awaited.text):
             return line[len(self._head) :]
         if isinstance(parse_reply(line), Answer):
-            return line  # to a question that was given up
+            return line  # to a query that was given up
         self._judge(line, awaited)
         return None
 
@@ -253,10 +249,10 @@ class EchoWatch:
         return line or None
 
     def _woven(self, line: str, sent: str) -> bool:
-        """Whether a line is the echo of a query and the beginning of its answer, which the echo's end has cut off.
+        """Whether a line is the echo of a query and then the beginning of its answer, cut off by the echo's line end.
 
-        So it is with a unit that mixes bytes and ends lines in two of them: ``STAMP:5 S CR T LF AMP=5``. The beginning
-        is kept, to be joined with what follows.
+        A unit that interleaves bytes and ends lines in CR LF sends ``STAMP:5 S CR T LF AMP=5``. The beginning is kept
+        and joined with the next line.
         """
         if line.startswith(sent) and kind_of(sent) is Kind.QUERY and self._begins_answer(line[len(sent) :]):
             self._begun = line[len(sent) :]
@@ -264,7 +260,7 @@ class EchoWatch:
         return False
 
     def _begins_answer(self, text: str) -> bool:
-        """Whether it is the beginning of an answer that was asked for, before its value."""
+        """Whether `text` is the beginning of a pending answer, before its value."""
         heads = [f"{key}=" for key in self._asked] + ([self._ready[:-1]] if self._ready else [])
         return bool(text) and any(head.startswith(text) for head in heads)
 
@@ -275,32 +271,32 @@ class EchoWatch:
         )
 
     def came(self, line: str) -> bool:
-        """Whether a line came back while nothing was judged."""
+        """Whether a line was echoed while nothing was checked."""
         return line in self._passed
 
     def _answers(self, line: str) -> bool:
-        """Whether a line is an answer that was asked for, or one that comes when it likes."""
+        """Whether a line is a pending answer, or one that may come at any time."""
         reply = parse_reply(line)
         self._answered = isinstance(reply, Answer | Ready | Failed)
         if isinstance(reply, Answer) and reply.key in self._asked:
             while reply.key == "STAMP" and self._asked[0] != "STAMP":
-                self._asked.popleft()  # answered in order, so these have no answer
+                self._asked.popleft()  # answers come in order, so these have none
             self._asked.remove(reply.key)
             return True
         return isinstance(reply, Ready | Failed)
 
     def _ends_an_answer(self, before: str, torn: bool) -> bool:
-        """Whether what stands before an echo, in the same line, is an answer whose end was damaged.
+        """Whether the text before an echo, in the same line, is an answer whose line end was damaged.
 
-        A byte alone is that only where the end of the answer lacks one: else it was put before the line on its way
-        there, and the unit has ignored that.
+        A single byte counts only if it differs from LF in one bit and the answer's end lacks its LF. Otherwise it was
+        added on the way to the unit, which has ignored it.
         """
         if _ANSWER_HEAD.fullmatch(before):
             return True
         return torn and self._answered and len(before) == 1 and (ord(before) ^ ord("\n")).bit_count() == 1
 
     def _came(self, lines: int, now_s: float) -> None:
-        """The oldest awaited lines have come back."""
+        """Record the echo of the oldest awaited lines."""
         for _ in range(lines):
             line = self._awaited.popleft()
             if self.mismatch is None:
@@ -310,7 +306,7 @@ class EchoWatch:
         self._odd = ""
 
     def _skip(self, lines: int) -> None:
-        """The oldest awaited lines have not come back, for a later one has."""
+        """Record that the oldest awaited lines have no echo, as that of a later line has come."""
         for _ in range(lines):
             self._failed(self._awaited.popleft(), self._odd)
             self._odd = ""
@@ -324,7 +320,7 @@ class EchoWatch:
             self.verified = line.number
 
     def _interrupts(self, line: str, awaited: str) -> bool:
-        """Whether the line is the beginning of the awaited one, or all but its end, and then an answer asked for."""
+        """Whether the line is the beginning of the awaited one (up to all but its end) and then a pending answer."""
         for size in range(_common(line, awaited), 0, -1):
             reply = parse_reply(line[size:])
             if isinstance(reply, Answer) and reply.key in self._asked:
@@ -334,12 +330,10 @@ class EchoWatch:
         return False
 
     def _judge(self, line: str, awaited: _Awaited | None) -> None:
-        """A line that is neither."""
+        """Judge a line that is neither an echo nor an answer."""
         if line in self._recent:
             if kind_of(line) is Kind.MOTION and self.mismatch is None:
-                self.mismatch = Mismatch(
-                    "", line, twice=True
-                )  # obeyed twice; a query or a register does no harm twice
+                self.mismatch = Mismatch("", line, twice=True)  # a query or a register twice does no harm
             return
         if awaited is not None and _resembles(line, awaited.text):
             self._failed(self._awaited.popleft(), line)
@@ -351,20 +345,20 @@ class EchoWatch:
             self._odd = line  # noise, or a damaged answer
 
     def _judge_joined(self, rest: str) -> None:
-        """What followed a line whose end was lost: the unit took both for one."""
+        """Judge what follows a line whose end was lost: the unit took both for one line."""
         if rest and self._awaited and _resembles(rest, self._awaited[0].text):
             self._failed(self._awaited.popleft(), rest)
 
 
 def _common(a: str, b: str) -> int:
-    """Length of the common beginning."""
+    """Length of the common prefix."""
     return next((k for k, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), min(len(a), len(b)))
 
 
 def _resembles(line: str, awaited: str) -> bool:
-    """Whether a line is the awaited one with some of it damaged, lost or added."""
+    """Whether a line is the awaited one with a part damaged, lost or added."""
     begins = _common(line, awaited)
     if begins == len(awaited) or (begins == len(line) and begins >= _FEWEST):
-        return True  # joined with another, or cut
+        return True  # joined with another line, or cut
     ends = _common(line[begins:][::-1], awaited[begins:][::-1])
     return begins + ends >= _RESEMBLANCE * len(awaited)

@@ -1,4 +1,4 @@
-"""A line-by-line link to a controller: questions and answers, a deadline on every wait."""
+"""A line-based link to a controller: queries and answers, with a deadline on every wait."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from driver.line.transport import NoAnswer as NoAnswer
 from driver.line.transport import PortLink
 from driver.line.wire_log import WireLog
 
-TELLS = 3  # attempts
-ASKS = 2
-ASKED_AT_ONCE = 12  # queries before a stamp
+TELLS = 3  # attempts to set a register
+ASKS = 2  # attempts to query
+ASKED_AT_ONCE = 12  # queries before each stamp
 
 
 class Link(PortLink):
-    """An open port to a controller, and what can be asked of it. See `PortLink`."""
+    """An open port to a controller, with queries and answers. See `PortLink`."""
 
     def __init__(self, port: str | Port, clock: Clock, log: WireLog | None = None) -> None:
         super().__init__(port, clock, log)
-        self._stamp = clock.unique_ms() % STAMP_RANGE  # a stale answer of an earlier user differs
-        self._told: dict[str, str] = {}  # by name: the newest line of each register
+        self._stamp = clock.unique_ms() % STAMP_RANGE  # differs from stale answers to an earlier program
+        self._told: dict[str, str] = {}  # by name: the latest line of each register
 
     def tell(self, *lines: str) -> None:
-        """Send lines that may be sent twice, registers above all, and see that the unit has them.
+        """Send lines that may be sent twice, such as registers, and repeat those without a correct echo.
 
         Raises:
             NoAnswer, LinkLost: as `synchronise`.
-            LineDamaged: one did not come back `TELLS` times.
+            LineDamaged: a line has no correct echo after `TELLS` attempts.
         """
         self._told.update((line.partition(":")[0], line) for line in lines)
         left = list(lines)
@@ -46,20 +46,22 @@ class Link(PortLink):
             lost = list(self.echo.lost)
             if not lost:
                 return
-            # what came in a line's place may be another register, which the unit has now: that is told again too
+            # a damaged line may have set another register: set that one again too
             left = [
                 *(line for found in lost for line in self._overwritten(found)),
                 *(found.sent for found in lost),
             ]
         raise LineDamaged(
-            f"sent {TELLS} times, never came back right: {lost[0].sent!r}", sent=lost[0].sent, reason="line"
+            f"transmission error: sent {lost[0].sent!r} {TELLS} times, no correct echo",
+            sent=lost[0].sent,
+            reason="line",
         )
 
     def _overwritten(self, found: Mismatch) -> list[str]:
-        """What to tell again of a register that a damaged line has set in place of its own.
+        """Lines that restore a register which a damaged line has overwritten.
 
         Raises:
-            LineDamaged: nobody knows what it held.
+            LineDamaged: the previous value of the register is not known.
         """
         name, mark, _ = found.received.partition(":")
         if not mark or name == found.sent.partition(":")[0] or kind_of(found.received) is not Kind.REGISTER:
@@ -67,8 +69,8 @@ class Link(PortLink):
         if name in self._told:
             return [self._told[name]]
         raise LineDamaged(
-            f"{found.describe()}: register {name} was overwritten, and what it held is not known; switch the unit off "
-            "and on",
+            f"{found.describe()}: register {name} was overwritten and its old value is not known; switch the unit "
+            "off and on",
             sent=found.sent,
             received=found.received,
             column=found.column,
@@ -76,7 +78,7 @@ class Link(PortLink):
         )
 
     def wait(self, seconds: float) -> None:
-        """Let that many controller seconds pass; what is received meanwhile is dropped, `events` kept.
+        """Wait for that many controller seconds. Lines received meanwhile are dropped, except for `events`.
 
         Raises:
             Aborted, LinkLost: at once, as `receive`.
@@ -86,10 +88,10 @@ class Link(PortLink):
             self.receive(until)
 
     def await_answer(self, key: str, timeout: float = ANSWER_S) -> str:
-        """The text of the next answer with that key; other lines are passed over, `events` kept.
+        """Return the text of the next answer with that key. Other lines are dropped, except for `events`.
 
         Raises:
-            NoAnswer: none came in `timeout` controller seconds.
+            NoAnswer: none came within `timeout` controller seconds.
             LinkLost: the port is gone.
         """
         deadline = self.deadline(timeout)
@@ -106,7 +108,7 @@ class Link(PortLink):
                 )
 
     def ask(self, name: str, axis: str = "", timeout: float = ANSWER_S) -> str:
-        """The answer to ``NAMEaxis?``.
+        """Ask ``NAMEaxis?`` and return the answer.
 
         Raises:
             NoAnswer: none came in time.
@@ -116,7 +118,7 @@ class Link(PortLink):
         return self.await_answer(name + axis, timeout)
 
     def ask_optional(self, name: str, axis: str = "") -> str | None:
-        """The answer to a query that the unit may not know; None if it answers the stamp behind it only.
+        """Ask a query that the unit may not know. Return None if only the following stamp is answered.
 
         Raises:
             NoAnswer, LinkLost: as `synchronise`.
@@ -124,7 +126,7 @@ class Link(PortLink):
         return self.ask_all([name + axis])[name + axis]
 
     def ask_all(self, keys: Sequence[str]) -> dict[str, str | None]:
-        """The answers to queries that the unit may not know, by their names with axis; None where it is silent.
+        """Ask queries that the unit may not know. Return name with axis to answer, or to None without one.
 
         Raises:
             NoAnswer, LinkLost: as `synchronise`.
@@ -138,23 +140,23 @@ class Link(PortLink):
                 try:
                     self._stamp_round(ANSWER_S, found)
                     break
-                except NoAnswer:  # the stamp was lost on the line, and answers may be
+                except NoAnswer:  # the stamp was lost on the line, and maybe answers too
                     if attempt == ASKS:
                         raise
                 left = [key for key in left if found[key] is None]
         return found
 
     def synchronise(self, timeout: float = ANSWER_S, attempts: int = 1) -> None:
-        """Wait until the unit has parsed every line sent so far, by a fresh stamp.
+        """Wait for the answer to a new stamp: the unit has then parsed every line sent before it.
 
-        Afterwards no earlier answer is still on its way.
+        No earlier answer can come afterwards.
 
         Args:
             timeout: of each attempt, controller seconds.
             attempts: how many stamps to try; more than one only where noise is expected (power-up, after a stop).
 
         Raises:
-            NoAnswer: no stamp came back.
+            NoAnswer: no stamp was answered.
             LinkLost: the port is gone.
         """
         for attempt in range(1, attempts + 1):
@@ -167,18 +169,18 @@ class Link(PortLink):
                 self.send("")
 
     def fresh_stamp(self) -> str:
-        """The line of a stamp that was not sent before."""
+        """Return the line of a new stamp."""
         self._stamp = (self._stamp + 1) % STAMP_RANGE
         return self.stamped
 
     def stamp(self) -> str:
-        """Send a fresh stamp; its line."""
+        """Send a new stamp. Return its line."""
         self.send(self.fresh_stamp())
         return self.stamped
 
     @property
     def stamped(self) -> str:
-        """The line of the newest stamp."""
+        """Line of the latest stamp."""
         return encode("STAMP", self._stamp)
 
     def _stamp_round(self, timeout: float, found: dict[str, str | None]) -> None:

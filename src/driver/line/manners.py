@@ -1,7 +1,7 @@
-"""How a unit speaks: whether it echoes what it receives, and whether its answers come in the middle of that.
+"""How a unit echoes ("manners"): whether it sends back what it receives, and whether its answers interrupt the echo.
 
-Which of these a MARS-8 does is not known (fact sheet, section 1), so it is learnt anew at every opening, by ECHO and
-STAMP alone.
+Which of these a MARS-8 does is not known (fact sheet, section 1), so it is measured at every opening, by ECHO and STAMP
+alone.
 """
 
 from __future__ import annotations
@@ -12,18 +12,19 @@ from driver.line.link import Link
 from driver.line.protocol import Answer, Echoed, encode
 
 ATTEMPTS = 3  # a bad line may lose ECHO or a stamp
-BURST = 4  # stamps sent together, so that answers fall between echoes
+BURST = 4  # stamps sent together, so that answers come while lines are echoed
 
 
 @dataclass(frozen=True)
 class Manners:
-    """What was learnt.
+    """How the unit echoes.
 
     Attributes:
-        echoes: lines come back after ``ECHO:1`` and only then.
-        adapter: they come back after ``ECHO:0`` too: from what is between host and unit, so they prove nothing.
-        takes_turns: echoes and answers come mixed.
-        round_trip_s: between the last byte of a stamp and its echo, or its answer where nothing is echoed.
+        echoes: lines are echoed after ``ECHO:1`` and only then.
+        adapter: lines are echoed after ``ECHO:0`` too. Then a device between host and unit echoes, which proves
+            nothing.
+        takes_turns: echoes and answers come interleaved, so the host has to wait for each in turn.
+        round_trip_s: from the last byte of a stamp to its echo, or to its answer if nothing is echoed.
     """
 
     echoes: bool
@@ -32,26 +33,26 @@ class Manners:
     round_trip_s: float
 
     def describe(self) -> str:
-        """One line for a person."""
+        """Describe the echo in one line for the operator."""
         if self.echoes:
-            mixed = ", mixed with its answers" if self.takes_turns else ""
-            return f"the unit sends back what it receives{mixed}: damaged lines are noticed before they are executed"
+            mixed = ", interleaved with its answers" if self.takes_turns else ""
+            return f"the unit echoes what it receives{mixed}: a damaged line is noticed before it is executed"
         why = (
-            "something between here and the unit sends everything back"
+            "a device between this computer and the unit echoes instead"
             if self.adapter
-            else "the unit does not"
+            else "the unit does not echo"
         )
         return (
-            f"NO ECHO ({why}): a damaged line is noticed only when the arm is off its path, so clearances are "
-            "not certain; a better line helps"
+            f"NO ECHO ({why}): a damaged line is noticed only once the arm has left its path, so the arm may hit "
+            "something; use a better serial line"
         )
 
 
 def learn_manners(link: Link) -> Manners:
-    """Find out, and set the link to it.
+    """Measure how the unit echoes, and configure the link for it.
 
     Raises:
-        NoAnswer, LinkLost: the unit says nothing any more.
+        NoAnswer, LinkLost: the unit no longer answers.
     """
     link.echoes, link.takes_turns, link.echo.mixed = False, False, False
     link.echo.forget()
@@ -60,15 +61,15 @@ def learn_manners(link: Link) -> Manners:
         link.answer_trip_s = min(_set_echo(link, 0) for _ in range(ATTEMPTS))
         return Manners(False, adapter, False, link.answer_trip_s)
     link.echoes = True
-    mixes = all(_mixes(link) for _ in range(2))  # a bad line spoils one
-    link.takes_turns = mixes or link.echo.mixed  # by chance, one burst may come back whole
-    link.synchronise(attempts=ATTEMPTS)  # from here on every line is awaited
+    mixes = all(_mixes(link) for _ in range(2))  # a bad line may damage one burst
+    link.takes_turns = mixes or link.echo.mixed  # a burst may come back whole by chance
+    link.synchronise(attempts=ATTEMPTS)  # from here on every echo is checked
     link.synchronise(attempts=ATTEMPTS)
     return Manners(True, False, link.takes_turns, link.echo.round_trip_s)
 
 
 def _set_echo(link: Link, on: int) -> float:
-    """Set it; the time from there to the answer of a stamp, s."""
+    """Switch the echo on or off. Return the time from there to the answer of a stamp, s."""
     link.send(encode("ECHO", on))
     sent_s = link.line_free_at
     link.synchronise(attempts=ATTEMPTS)
@@ -76,7 +77,7 @@ def _set_echo(link: Link, on: int) -> float:
 
 
 def _echoed(link: Link, on: int) -> bool:
-    """Whether a stamp comes back. The next one's answer proves that all of it is here, in whatever order."""
+    """Whether a stamp is echoed. After the answer to the next one all of it has come, in whatever order."""
     _set_echo(link, on)
     line = link.stamped
     link.synchronise(attempts=ATTEMPTS)
@@ -84,7 +85,7 @@ def _echoed(link: Link, on: int) -> bool:
 
 
 def _mixes(link: Link) -> bool:
-    """Whether of a burst of stamps not every echo and every answer comes back as a whole line."""
+    """Whether any echo or answer to a burst of stamps does not come as a whole line."""
     lines = [link.stamp() for _ in range(BURST)]
     wanted: set[object] = {Echoed(line) for line in lines}
     wanted |= {Answer("STAMP", line.partition(":")[2]) for line in lines}

@@ -1,4 +1,4 @@
-"""Ports: what a link sends and receives by. A serial one fails with one clear line, and has one user."""
+"""Ports that a link sends and receives by. A serial port is opened exclusively."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ _WHY = {
 
 
 class Port(Protocol):
-    """Bytes to and from a controller. Used by the one thread that writes; bytes may be delivered by another."""
+    """Bytes to and from a controller. Only one thread uses it; another may deliver received bytes."""
 
     url: str
 
     def listen(self, deliver: Callable[[bytes], None], lose: Callable[[OSError], None]) -> None:
-        """Hand over everything that arrives from now on, and tell once if the port is gone.
+        """Pass everything received from now on to `deliver`, and call `lose` once if the port is gone.
 
-        What `deliver` raises as an OSError ends the listening, and is told by `lose`.
+        An OSError raised by `deliver` ends the listening and is passed to `lose`.
         """
         ...
 
     @property
     def out_waiting(self) -> int:
-        """Bytes written that have not left this host, as far as the port can tell."""
+        """Bytes written that have not left this host; 0 if unknown."""
         ...
 
     def write(self, data: bytes) -> object:
@@ -58,18 +58,18 @@ class Port(Protocol):
         ...
 
     def close(self) -> None:
-        """Listen no more and let the port go. Whatever is still unsent is dropped."""
+        """Stop listening and close the port. Unsent bytes are dropped."""
         ...
 
 
 class SerialPort:
-    """A device or a socket, with a thread that reads it.
+    """A device or a socket, with a reader thread.
 
     Args:
         url, write_timeout_s: see `open_port`.
 
     Raises:
-        InputError: it cannot be opened.
+        InputError: the port cannot be opened.
     """
 
     def __init__(self, url: str, write_timeout_s: float) -> None:
@@ -101,7 +101,7 @@ class SerialPort:
 
     @property
     def out_waiting(self) -> int:
-        """Bytes that the system still holds; 0 where it cannot tell (sockets)."""
+        """Bytes still in the system's buffer; 0 if unknown (sockets)."""
         try:
             return self.serial.out_waiting
         except (AttributeError, *PORT_ERRORS):
@@ -112,7 +112,7 @@ class SerialPort:
         self.serial.write(data)
 
     def reset_output_buffer(self) -> None:
-        """Drop what the system still holds; raises one of PORT_ERRORS."""
+        """Drop what is in the system's buffer; raises one of PORT_ERRORS."""
         self.serial.reset_output_buffer()
 
     def close(self) -> None:
@@ -126,18 +126,18 @@ class SerialPort:
 
 
 def open_port(url: str, write_timeout_s: float) -> serial.Serial:
-    """An exclusive port with the unit's line settings: 19200 8N1, RTS/CTS.
+    """Open a port exclusively with the unit's line settings: 19200 8N1, RTS/CTS.
 
-    Two programs that both use this refuse each other by a lock on the file; a program that does not ask is kept
-    out of a real tty by TIOCEXCL. (A pseudo-terminal whose other side keeps it open would stay closed for ever
-    after a killed program, so it has the lock only.)
+    A lock on the file keeps out other programs that use this function; TIOCEXCL keeps all others out of a real tty.
+    A pseudo-terminal has the lock only: after a killed program, TIOCEXCL would stay set as long as its other side is
+    open.
 
     Args:
-        url: a device path, or a URL that pyserial knows and that has a file behind it (``socket://host:port``).
+        url: a device path, or ``socket://host:port``.
         write_timeout_s: wall seconds after which a write fails.
 
     Raises:
-        InputError: not there, no serial line, in use, or not permitted.
+        InputError: the port does not exist, is not a serial line, is in use, or is not permitted.
     """
     if url.startswith("socket://") and not re.fullmatch(r"socket://[^/:]+:\d{1,5}/?(\?.*)?", url):
         raise InputError(f"port {url}: must be socket://HOST:PORT, such as socket://127.0.0.1:4650", port=url)
@@ -154,7 +154,7 @@ def open_port(url: str, write_timeout_s: float) -> serial.Serial:
     except (AttributeError, OSError) as error:
         port.close()
         raise InputError(
-            f"port {url}: has no file behind it; use a device or socket://host:port", port=url
+            f"port {url}: has no file descriptor; use a device or socket://host:port", port=url
         ) from error
     if url.startswith("/") and not os.path.realpath(url).startswith("/dev/pts/"):
         with contextlib.suppress(OSError):
@@ -163,19 +163,19 @@ def open_port(url: str, write_timeout_s: float) -> serial.Serial:
 
 
 def close_port(port: serial.Serial) -> None:
-    """Close a port, whatever state it is in. Unsent bytes are dropped: a unit that is off would hold the close."""
+    """Close a port in any state. Unsent bytes are dropped, as closing would otherwise wait for a unit that is off."""
     connection = getattr(port, "_socket", None)
     with contextlib.suppress(*PORT_ERRORS):
         port.reset_output_buffer()
     with contextlib.suppress(*PORT_ERRORS):
         port.close()
     if connection is not None:
-        connection.close()  # pyserial forgets to, when the other side has gone first
+        connection.close()  # pyserial does not, if the other side closed first
 
 
 def _why(error: BaseException) -> str:
     number = getattr(error, "errno", None)
-    if number is None and "Inappropriate ioctl" in str(error):  # pyserial keeps the number in the text
+    if number is None and "Inappropriate ioctl" in str(error):  # pyserial drops the number
         number = errno.ENOTTY
     if number in _WHY:
         return _WHY[number]

@@ -1,7 +1,7 @@
-"""The MARS-8 line protocol as data: one table of commands, and pure functions between values and lines.
+"""The MARS-8 line protocol: a table of commands, and pure functions that encode and parse lines.
 
-Source: the controller's fact sheet, sections 1 and 2. ``NAME[axis]:v,v..`` commands, ``NAME[axis]?`` asks; lines
-end in a line feed; a command that succeeds answers nothing; an answer is ``NAME[axis]=value`` and CR LF.
+Source: the controller's fact sheet, sections 1 and 2. ``NAME[axis]:v,v..`` is a command and ``NAME[axis]?`` a query;
+lines end in a line feed; a successful command has no answer; an answer is ``NAME[axis]=value`` and CR LF.
 Evidence: D documented by the vendor, C client code, U records from a unit, I inferred.
 """
 
@@ -16,8 +16,8 @@ from arm.errors import ExecutionStopped, InputError
 
 BAUD = 19200
 BYTES_PER_SECOND = BAUD / 10.0  # 8N1: ten bits a byte
-MAX_LINE = 149  # the longest line known to work publicly is about 150 characters [I]
-QUEUE_LENGTH = 200  # coordinated segments that the unit holds [D]
+MAX_LINE = 149  # characters; the longest line known to work has about 150 [I]
+QUEUE_LENGTH = 200  # coordinated segments that fit into the unit's queue [D]
 VERTEX_STEPS = (
     5  # COORDDISCONT: "best performance" of the vendor's toolbox, in acceleration steps of 1 ms [D]
 )
@@ -32,13 +32,13 @@ class Command:
     """One row of the command table.
 
     Attributes:
-        name: as sent, case matters.
-        axis: whether a name takes an axis letter: "" never, "x" always, "?" it may.
-        values: how many values at least and at most; None if it is only asked.
+        name: as sent, case-sensitive.
+        axis: whether the name takes an axis letter: "" never, "x" always, "?" optionally.
+        values: lowest and highest number of values; None for a query only.
         asked: whether ``NAME?`` is answered (None: unknown, never relied upon).
         unit: of its values.
-        answer: form of what comes back, or "".
-        meaning: what it does.
+        answer: form of the answer, or "".
+        meaning: what the command does.
         evidence: D, C, U, I.
     """
 
@@ -121,24 +121,24 @@ COMMANDS: dict[str, Command] = {
     )
 }
 
-# What may be sent to something that has not yet said what it is: none of these moves or changes anything.
+# May be sent before the other side is identified: none of these moves or changes anything.
 HARMLESS = frozenset({"ECHO", "STAMP", "VER"})
 
 
 def encode(name: str, *values: int | str, axis: str = "") -> str:
-    """The line (without its end) of a command such as ``REGMSA:7680``.
+    """Return the line (without its end) of a command such as ``REGMSA:7680``.
 
     Raises:
-        InputError: the command is unknown, the axis or the count of values is wrong, a value is not a whole
-            number of 32 bits (axis letters for COORDGRP), or the line is longer than MAX_LINE.
+        InputError: the command is unknown, the axis or the number of values is wrong, a value is not a 32-bit integer
+            (axis letters for COORDGRP), or the line is longer than MAX_LINE.
     """
     command = _command(name, axis)
     if command.values is None:
-        raise InputError(f"{name} is only asked, never set", command=name)
+        raise InputError(f"{name} can only be asked, not set", command=name)
     least, most = command.values
     if not least <= len(values) <= most:
         raise InputError(
-            f"{name}: takes {least} to {most} values, not {len(values)}", command=name, values=list(values)
+            f"{name}: {len(values)} values, must be {least} to {most}", command=name, values=list(values)
         )
     for value in values:
         if isinstance(value, str):
@@ -146,12 +146,12 @@ def encode(name: str, *values: int | str, axis: str = "") -> str:
                 raise InputError(f"{name} value {value!r}: must be a whole number", command=name, value=value)
         elif isinstance(value, bool) or int(value) != value or not -_INT32 <= value < _INT32:
             raise InputError(
-                f"{name} value {value}: must be a whole number of 32 bits", command=name, value=value
+                f"{name} value {value}: must be a 32-bit whole number", command=name, value=value
             )
     line = f"{name}{axis}:" + ",".join(v if isinstance(v, str) else str(int(v)) for v in values)
     if len(line) > MAX_LINE:
         raise InputError(
-            f"{name} line of {len(line)} characters: at most {MAX_LINE}; use shorter segments",
+            f"{name} line of {len(line)} characters: must be at most {MAX_LINE}; use shorter segments",
             command=name,
             line=line,
         )
@@ -159,7 +159,7 @@ def encode(name: str, *values: int | str, axis: str = "") -> str:
 
 
 def encode_query(name: str, axis: str = "") -> str:
-    """The line (without its end) that asks, such as ``ST?`` or ``APG?``.
+    """Return the line (without its end) of a query such as ``ST?`` or ``APG?``.
 
     Raises:
         InputError: the command is unknown, cannot be asked, or the axis is wrong.
@@ -170,18 +170,18 @@ def encode_query(name: str, axis: str = "") -> str:
 
 
 def encode_segment(segment: Segment, end: Sequence[int]) -> str:
-    """The line of one segment that ends at absolute counts `end` (6,).
+    """Return the line of one segment that ends at absolute counts `end` (6,).
 
-    A polynomial goes as COORDSPLINET, relative to the end of the segment before; a straight segment as COORDMVT,
-    absolute and shorter.
+    A polynomial is sent as COORDSPLINET, relative to the end of the segment before; a straight segment as COORDMVT,
+    which is absolute and shorter.
 
     Raises:
-        InputError: a duration below 1 ms, more than cubic, or the line is too long.
+        InputError: a duration below 1 ms, an order above 3, or the line is too long.
     """
     order = len(segment.coefficients)
     if segment.duration_ms < 1 or not 1 <= order <= 3:
         raise InputError(
-            f"segment of {segment.duration_ms} ms and order {order}: needs at least 1 ms and order 1 to 3",
+            f"segment of {segment.duration_ms} ms and order {order}: must have at least 1 ms and order 1 to 3",
             duration_ms=segment.duration_ms,
             order=order,
         )
@@ -192,7 +192,7 @@ def encode_segment(segment: Segment, end: Sequence[int]) -> str:
 
 
 def encode_dwell(duration_ms: int, axes: int) -> str:
-    """A zero-length timed cubic: the arm stands for that long while segments are loaded behind it [C]."""
+    """Return a zero-length timed cubic: the arm waits at rest while segments are loaded behind it [C]."""
     return encode("COORDSPLINET", duration_ms, 3, *([0] * (3 * axes)))
 
 
@@ -200,7 +200,7 @@ def _command(name: str, axis: str) -> Command:
     command = COMMANDS.get(name)
     if command is None:
         raise InputError(
-            f"{name!r} is not a command of the MARS-8; known: {', '.join(COMMANDS)}", command=name
+            f"{name!r} is not a command of the MARS-8; must be one of {', '.join(COMMANDS)}", command=name
         )
     if (axis and not _is_axis(axis)) or (axis and not command.axis) or (command.axis == "x" and not axis):
         rule = {"": "takes no axis", "x": "needs an axis A to H", "?": "may take an axis A to H"}[
@@ -224,27 +224,26 @@ class Answer:
 
 @dataclass(frozen=True)
 class Ready:
-    """``R!`` or ``Rx!``: the awaited axes generate no motion any more. `axis` is "" for all."""
+    """``R!`` or ``Rx!``: the awaited axes no longer generate motion. `axis` is "" for all."""
 
     axis: str
 
 
 @dataclass(frozen=True)
 class Failed:
-    """``FAIL!``: an awaited axis is in error, or power is off."""
+    """``FAIL!``: an awaited axis is in error, or arm power is off."""
 
 
 @dataclass(frozen=True)
 class Other:
-    """Anything else: noise, half a line."""
+    """Anything else: noise, or part of a line."""
 
     text: str
 
 
 @dataclass(frozen=True)
 class Echoed:
-    """A line that came back, or one that was damaged and is passed over; what became of it,
-    `driver.line.echo` knows."""
+    """The echo of a line, or a damaged line; `driver.line.echo` has judged it."""
 
     text: str
 
@@ -256,7 +255,7 @@ _READY = re.compile(r"R([A-H]?)!")
 
 
 def parse_reply(line: str) -> Reply:
-    """What one received line (without its end) is. Never raises: any text is at least `Other`."""
+    """Classify one received line (without its end). Never raises: anything unknown is `Other`."""
     if match := _ANSWER.fullmatch(line):
         return Answer(match[1], match[2])
     if match := _READY.fullmatch(line):
@@ -266,23 +265,23 @@ def parse_reply(line: str) -> Reply:
 
 @dataclass(frozen=True)
 class Status:
-    """The status word. Bits are masked, never compared whole: others may be set (fact sheet 1.1)."""
+    """The status word. Bits are tested one by one, as unknown ones may be set (fact sheet 1.1)."""
 
     word: int
 
     @property
     def axis_error(self) -> bool:
-        """Some axis is in error."""
+        """An axis is in error."""
         return bool(self.word & 0x8)
 
     @property
     def busy(self) -> bool:
-        """Some axis still generates motion."""
+        """An axis still generates motion."""
         return bool(self.word & 0x10)
 
     @property
     def queue_nearly_full(self) -> bool:
-        """At most 50 segments fit into the queue."""
+        """At most 50 more segments fit into the queue."""
         return bool(self.word & 0x80)
 
     @property
@@ -297,11 +296,11 @@ class Status:
 
     @property
     def fault(self) -> bool:
-        """Anything that forbids motion."""
+        """Any of the states that forbid motion."""
         return self.axis_error or self.arm_power_off or self.motion_stop
 
     def faults(self) -> tuple[str, ...]:
-        """The faults in words; empty if there is none."""
+        """Name the faults; empty if there is none."""
         named = (
             (self.axis_error, "an axis is in error"),
             (self.arm_power_off, "arm power is off"),
@@ -310,11 +309,11 @@ class Status:
         return tuple(text for on, text in named if on)
 
     def remedy(self) -> str:
-        """What clears the faults (fact sheet, section 6)."""
+        """Say how to clear the faults (fact sheet, section 6)."""
         return (
-            "see what stopped the axis, and that nothing touches it; press Motion Stop, then Arm Power"
+            "find what stopped the axis and make sure that nothing touches it; press Motion Stop, then Arm Power"
             if self.axis_error
-            else "unlock the stop, close the cage, press Motion Stop, then Arm Power"
+            else "unlock the emergency stop, close the cage, press Motion Stop, then Arm Power"
         )
 
 
@@ -324,8 +323,8 @@ class Position:
 
     Attributes:
         time_ms: the unit's clock, modulo CLOCK_RANGE_MS.
-        segment: number of the segment being executed; it wraps at 2^15 or 2^16 (unknown which).
-        parameter: place inside it, scale unknown; above 0 only while moving [C].
+        segment: number of the segment being executed; wraps at 2^15 or 2^16 (unknown which).
+        parameter: progress inside the segment, scale unknown; above 0 only while moving [C].
         counts: actual positions in the group's order.
     """
 
@@ -340,10 +339,10 @@ class MalformedAnswer(ExecutionStopped):
 
 
 def parse_integer(text: str) -> int:
-    """A whole number in decimal.
+    """Parse a decimal integer.
 
     Raises:
-        MalformedAnswer: it is not one, or has more digits than any answer of the unit.
+        MalformedAnswer: not an integer, or more than 12 digits.
     """
     if not re.fullmatch(r"[+-]?[0-9]{1,12}", text):
         raise MalformedAnswer(f"{text[:40]!r} is not a whole number")
@@ -351,26 +350,26 @@ def parse_integer(text: str) -> int:
 
 
 def parse_status(text: str) -> Status:
-    """The value of ST.
+    """Parse the value of ST.
 
     Raises:
-        MalformedAnswer: not a whole number below 2^18.
+        MalformedAnswer: not an integer from 0 to below 2^18.
     """
     word = parse_integer(text)
     if not 0 <= word < 2**18:
-        raise MalformedAnswer(f"status {word} is outside 0 to 2^18")
+        raise MalformedAnswer(f"status {word}: must be from 0 to below 2^18")
     return Status(word)
 
 
 def parse_position(text: str, axes: int) -> Position:
-    """The value of COORDAP for a group of that many axes.
+    """Parse the value of COORDAP for a group of that many axes.
 
     Raises:
-        MalformedAnswer: other than 3 + axes whole numbers, or a position beyond the unit's 24 bits.
+        MalformedAnswer: other than 3 + axes integers, or a position beyond the unit's 24 bits.
     """
     values = [parse_integer(v) for v in text.split(",")]
     if len(values) != 3 + axes:
-        raise MalformedAnswer(f"COORDAP has {len(values)} values, not {3 + axes}")
+        raise MalformedAnswer(f"COORDAP has {len(values)} values, must be {3 + axes}")
     if any(not -(2**23) <= v < 2**23 for v in values[3:]):
-        raise MalformedAnswer(f"COORDAP position outside 24 bits: {values[3:]}")
+        raise MalformedAnswer(f"COORDAP positions {values[3:]}: must be 24-bit integers")
     return Position(values[0], values[1], values[2], tuple(values[3:]))

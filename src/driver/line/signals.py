@@ -1,10 +1,10 @@
 """Interrupts while an arm may move: SIGINT, SIGTERM, SIGHUP and SIGQUIT become one KeyboardInterrupt.
 
-A shell that starts a program in the background makes it deaf to SIGINT, and the others (a kill, a closed terminal)
-would end it without a word to the arm; neither may be while something moves. Signals come in pairs: a terminal that
-closes is told by the kernel and by the shell, a service is ended by SIGTERM and then SIGHUP, and people press Ctrl-C
-twice. The first is heard; those that follow at once must not cut off what it sets going. Once a program that ends by it
-has caught it (`caught`), no other is heard until the end: a burst of signals ends as one signal does.
+By default a program in the background ignores SIGINT, and the other signals (a kill, a closed terminal) end it without
+stopping the arm. Neither may happen while the arm moves. Signals also come in pairs: kernel and shell both send SIGHUP
+when a terminal closes, a service gets SIGTERM and then SIGHUP, and people press Ctrl-C twice. The first signal counts;
+others shortly after it are ignored, so that they do not interrupt the stop. Once a program that ends by a signal has
+caught it (`caught`), all others are ignored until it exits.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from types import FrameType
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
-# Wall time after a signal in which others do nothing. Not for ever: Python drops an interrupt that is raised where
-# nobody can catch it (a finaliser, a callback), and Ctrl-C must work again then.
+# Wall time after a signal in which others are ignored. Limited because Python drops an interrupt raised where it cannot
+# be caught (a finaliser, a callback); Ctrl-C must then work again.
 QUIET_S = 1.0
 
 _armed = False
 _held = False
 _waits: KeyboardInterrupt | None = None  # while held
 _ends = False  # whether the program ends by a signal
-# Wall time after `caught` in which signals do nothing: stopping the arm and writing the report take less. Not for ever:
-# if they should hang, Ctrl-C must work again.
+# Wall time after `caught` in which signals are ignored: stopping the arm and writing the report take less. Limited so
+# that Ctrl-C works again if they hang.
 ENDING_S = 60.0
 
 _heard_at = -QUIET_S
@@ -37,13 +37,13 @@ _signalled = False
 
 @contextmanager
 def interruptible(ends: bool = False) -> Iterator[None]:
-    """Inside, a signal of `SIGNALS` raises KeyboardInterrupt in the main thread; others do nothing for `QUIET_S`.
+    """Inside, a signal of `SIGNALS` raises KeyboardInterrupt in the main thread; others are ignored for `QUIET_S`.
 
-    In other threads, and nested, this does nothing.
+    Does nothing in other threads, or when nested.
 
     Args:
-        ends: the program ends by a signal, so `hear_again` is of no use: what is told at the end is to be told. After
-            `caught`, signals are ignored also behind the block, where the program has nothing left to do but to leave.
+        ends: the program ends by a signal. Then `hear_again` does nothing, and after `caught` signals are ignored even
+            behind the block, so that the final output is complete.
     """
     global _armed, _ends, _heard_at, _signalled, _deaf_until
     if _armed or threading.current_thread() is not threading.main_thread():
@@ -57,14 +57,14 @@ def interruptible(ends: bool = False) -> Iterator[None]:
     finally:
         over = time.monotonic() < _deaf_until
         for number, handler in before.items():
-            # what is left to do is to leave: an exit code that says what was done is not to be lost for one more signal
+            # the program only has to exit: a further signal must not replace its exit code
             signal.signal(number, signal.SIG_IGN if over else handler)
         _armed = False
 
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Inside, an `interruptible` signal waits for the end: what is begun is not left half done. For short work only."""
+    """Inside, an `interruptible` signal is deferred to the end of the block. For short work only."""
     global _held, _waits
     if _held:
         yield
@@ -74,20 +74,20 @@ def held() -> Iterator[None]:
         yield
     finally:
         _held = False
-        told, _waits = _waits, None
-        if told is not None:
-            raise told
+        interrupt, _waits = _waits, None
+        if interrupt is not None:
+            raise interrupt
 
 
 def hear_again() -> None:
-    """What the last signal set going is done, the arm stands: the next one is heard at once."""
+    """Stop ignoring signals: the last one has been handled and the arm is at rest."""
     global _heard_at
     if not _ends:
         _heard_at = time.monotonic() - QUIET_S
 
 
 def caught() -> None:
-    """The last signal is being dealt with, and the program ends by it, if it is one that does: no other is heard."""
+    """Ignore further signals while the last one ends the program (see `interruptible`)."""
     global _deaf_until
     if _ends and _signalled:
         _deaf_until = time.monotonic() + ENDING_S
@@ -98,7 +98,7 @@ def _raise(number: int, frame: FrameType | None) -> None:
     now = time.monotonic()
     if now - _heard_at >= QUIET_S and now >= _deaf_until:
         _heard_at, _signalled = now, True
-        told = KeyboardInterrupt(signal.Signals(number).name)
+        interrupt = KeyboardInterrupt(signal.Signals(number).name)
         if not _held:
-            raise told
-        _waits = told
+            raise interrupt
+        _waits = interrupt

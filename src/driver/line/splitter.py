@@ -1,4 +1,4 @@
-"""Received bytes to lines, whatever ends them: line feed, carriage return, or both."""
+"""Split received bytes into lines that end in line feed, carriage return, or both."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ class Received:
     """A line without its end.
 
     Attributes:
-        text: one character a byte.
-        torn: the line before ended in a carriage return alone, and lines of this unit end in line feeds.
+        text: one character per byte.
+        torn: the line before ended in a carriage return alone, although this unit ends lines in line feeds.
     """
 
     text: str
@@ -22,25 +22,25 @@ class Received:
 
 
 class LineSplitter:
-    """Takes bytes as they come.
+    """Splits a stream of bytes into lines.
 
     Args:
-        longest: bytes; a line that is longer is dropped as far as it has come.
+        longest: bytes; what has come of a longer line is dropped.
     """
 
     def __init__(self, longest: int) -> None:
         self._longest = longest
-        self._rest = b""  # of a line that is not complete
+        self._rest = b""  # of an incomplete line
         self._after_return = False  # the last byte was a carriage return
-        self._feeds = False  # lines end in line feeds, after a carriage return or without
+        self._feeds = False  # lines end in LF or CR LF
         self._torn = False
 
     def take(self, data: bytes) -> list[Received]:
-        """The lines that are complete by now."""
+        """Take bytes and return the lines that they complete."""
         if not data:
             return []
         if self._after_return and data.startswith(b"\n"):
-            data = data[1:]  # the second half of one end
+            data = data[1:]  # second half of CR LF
             self._feeds, self._torn = True, False
         self._after_return = data.endswith(b"\r")
         *parts, self._rest = _ENDS.split(self._rest + data)

@@ -1,8 +1,8 @@
-"""Time that is stepped from event to event: driver and emulated unit in one thread, whatever the host does.
+"""Simulated time that advances from event to event: driver and emulated unit run in one thread.
 
-A discrete-event simulation (next-event time advance). Time stands still while anything is computed. When the driver
-waits, the clock goes from one event to the next, letting each happen, until what is waited for is there or the time
-is over. So a run depends on nothing but its inputs, and takes as long as its computing.
+A discrete-event simulation (next-event time advance). Time does not pass during computation. When the driver waits, the
+clock executes one event after the other until the awaited item is there or the wait is over. So a run depends on its
+inputs alone, not on the host, and takes only the time to compute it.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from driver.line.signals import held
 
 _T = TypeVar("_T")
 
-_LEAST_S = 1e-6  # of a wait: what is left of one by rounding would not move the time at all
-_SLICE_S = 0.02  # of wall time between two looks at what other threads have sent
-_LATE_S = 0.05  # of wall time that is caught up with; after more the pace begins anew
-_MOST_EVENTS = 100_000  # at one instant: something asks to be called again without an end
+_LEAST_S = 1e-6  # shortest wait: a remainder from rounding would not advance the time
+_SLICE_S = 0.02  # wall time between two checks for what other threads have sent
+_LATE_S = 0.05  # wall time: a longer delay is not caught up with
+_MOST_EVENTS = 100_000  # at one instant: more means an endless loop of events
 
 
 class Actor(Protocol):
-    """Something that lives in stepped time, such as an emulated unit."""
+    """Something that acts in simulated time, such as an emulated unit."""
 
     def next_at(self) -> float:
-        """The time, s, at which it has something to do; infinite while it only waits for others."""
+        """Return the time, s, of its next action; infinite while it waits for others."""
         ...
 
     def step(self) -> None:
@@ -40,20 +40,20 @@ class Actor(Protocol):
 
 
 class SteppedClock(Clock):
-    """A clock that its user's waiting moves, from 0 s on. For one thread, but for what others put into a queue.
+    """A clock that starts at 0 s and advances while its user waits. For one thread; others may only put into a queue.
 
-    Hand it to `driver.emulator.Emulator` and `driver.mars.mars.Mars` alike, and connect them by
-    `Emulator.open_line`. What an event raises comes out of the wait that let it happen: a `KeyboardInterrupt` by
-    `call_at` strikes the driver where a real one would. A signal waits for the end of the event (`interrupt.held`).
+    Pass it to `driver.emulator.Emulator` and to `driver.mars.mars.Mars`, and connect them by `Emulator.open_line`. What
+    an event raises is raised by the wait that executes it, so a `KeyboardInterrupt` scheduled by `call_at` reaches the
+    driver where a real one would. A signal is deferred to the end of the event (`driver.line.signals.held`).
 
     Args:
-        time_scale: most seconds per wall second, for somebody who watches; None: as fast as it can be computed.
+        time_scale: most seconds per wall second, to watch a run; None: as fast as possible.
     """
 
     def __init__(self, time_scale: float | None = None) -> None:
         super().__init__(time_scale or 1.0)
         self._paced = time_scale is not None
-        self._wall_due = time.monotonic()  # when the wall's time has come for `_now`
+        self._wall_due = time.monotonic()  # wall time at which `_now` is due
         self._now = 0.0
         self._actors: list[Actor] = []
         self._events: list[tuple[float, int, Callable[[], object]]] = []
@@ -61,20 +61,20 @@ class SteppedClock(Clock):
         self._stepping = False
 
     def now(self) -> float:
-        """Seconds stepped so far."""
+        """Simulated seconds so far."""
         return self._now
 
     def sleep(self, seconds: float) -> None:
-        """Let everything happen that comes within that many seconds, a microsecond at least."""
+        """Execute all events within that many seconds, a microsecond at least."""
         if seconds > 0.0:
             self._run(self._now + max(seconds, _LEAST_S), _never)
 
     def at_least(self, seconds: float, wall_s: float) -> float:
-        """That many seconds: no host is too busy for stepped time."""
+        """Return `seconds`: simulated time does not depend on the host."""
         return seconds
 
     def next_of(self, items: queue.SimpleQueue[_T], until: float) -> _T:
-        """The next item; time passes until it is there, or until `until`.
+        """Return the next item. Time passes until it is there, or until `until`.
 
         Raises:
             queue.Empty: none came.
@@ -84,35 +84,35 @@ class SteppedClock(Clock):
         return items.get_nowait()
 
     def unique_ms(self) -> int:
-        """Not unique: runs are to repeat themselves."""
+        """Not unique, so that runs are repeatable."""
         return int(self._now * 1e3)
 
     def call_at(self, at: float, action: Callable[[], object]) -> None:
-        """Let something happen at that time, or at the next wait if that is over. Equal times keep their order."""
+        """Schedule an action, at the next wait if that time is over. Equal times keep their order."""
         heapq.heappush(self._events, (at, next(self._order), action))
 
     def call_after(self, seconds: float, action: Callable[[], object]) -> None:
-        """Let something happen in that many seconds."""
+        """Schedule an action in that many seconds."""
         self.call_at(self._now + seconds, action)
 
     def add(self, actor: Actor) -> None:
-        """Let an actor live in this time."""
+        """Add an actor."""
         self._actors.append(actor)
 
     def remove(self, actor: Actor) -> None:
-        """It lives no more."""
+        """Remove an actor."""
         self._actors.remove(actor)
 
     def _run(self, until: float, done: Callable[[], bool]) -> None:
-        """Event after event, in the order of time, until `done` or the time is over.
+        """Execute events in the order of time until `done`, or until the time is over.
 
-        At equal times what was ordered by `call_at` comes before the actors, these in the order of `add`.
+        At equal times, events of `call_at` come before the actors, and actors in the order of `add`.
 
         Raises:
-            A465Error: called from within an event, or events without an end at one instant.
+            A465Error: called from within an event, or an endless loop of events at one instant.
         """
         if self._stepping:
-            raise A465Error("an event of a stepped clock may not wait")
+            raise A465Error("an event of a stepped clock must not wait")
         self._stepping = True
         try:
             here = 0
@@ -127,7 +127,9 @@ class SteppedClock(Clock):
                     return
                 here = here + 1 if at <= self._now else 0
                 if here > _MOST_EVENTS:
-                    raise A465Error(f"{_MOST_EVENTS} events at {self._now:g} s: stepped time does not go on")
+                    raise A465Error(
+                        f"{_MOST_EVENTS} events at {self._now:g} s: stepped time does not advance"
+                    )
                 self._now = max(self._now, at)
                 with held():
                     if event_at <= actor_at:
@@ -138,7 +140,7 @@ class SteppedClock(Clock):
             self._stepping = False
 
     def _pace(self, at: float, done: Callable[[], bool]) -> bool:
-        """Wait until the wall's time has come for `at`; False if another thread has ended the waiting before."""
+        """Wait for the wall time at which `at` is due. Return False if another thread ends the wait before."""
         if not self._paced:
             return True
         begin = max(self._wall_due, time.monotonic() - _LATE_S)
@@ -151,7 +153,7 @@ class SteppedClock(Clock):
         return True
 
     def _next_actor(self) -> tuple[Actor | None, float]:
-        """Who acts first, and when."""
+        """Return the actor that acts first, and when."""
         first, at = None, math.inf
         for actor in self._actors:
             if (due := actor.next_at()) < at:

@@ -1,7 +1,7 @@
-"""Lines to and from a port: one writer, a port that delivers what arrives, each line's echo followed.
+"""Send lines to a port, receive lines from it, and follow the echo of each line sent.
 
-The thread that uses a link is the only one that writes; the port's reader thread only splits lines and hands them
-over through a queue. So no lock exists that an interrupt could leave behind, and a stop can always be sent.
+Only the thread that uses a link writes. The port's reader thread splits lines and passes them on through a queue. So
+there is no lock that an interrupt could leave held, and STOP can always be sent.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from driver.line.splitter import LineSplitter, Received
 from driver.line.unit_time import UnitTime
 from driver.line.wire_log import WireLog
 
-ANSWER_S = 2.0  # an answer comes within this, or never
-LEAST_WALL_S = 1.0  # a busy host may sleep this long, whatever the controller's time scale
-UNSENT_BYTES = 64  # never more are on their way, so that a stop is never behind more
+ANSWER_S = 2.0  # time limit of an answer
+LEAST_WALL_S = 1.0  # wall time: least time limit, as a busy host may not run for so long
+UNSENT_BYTES = 64  # most bytes ahead of a STOP
 CHUNK_BYTES = 32
-LONGEST_LINE = 1024  # received without a line end: noise
-UNREAD_LINES = 1000  # noise beyond this is dropped if nobody reads
-TURN_S = 0.2  # beyond the round trip, for an answer to be said
+LONGEST_LINE = 1024  # bytes received without a line end: noise
+UNREAD_LINES = 1000  # unread lines, beyond which noise is dropped
+TURN_S = 0.2  # time limit of an answer that is waited for before sending, beyond the round trip
 _STOP = f"\n{encode('STOP')}\n".encode()
-UNREAD_ANSWERS = 10_000  # a unit that sends more lines than that which nobody asked for is no MARS
+UNREAD_ANSWERS = 10_000  # unread lines, beyond which the other side is not a MARS
 
 
 class NoAnswer(ExecutionStopped):
@@ -51,16 +51,16 @@ class LinkLost(ExecutionStopped):
 
 
 class LineDamaged(ExecutionStopped):
-    """A line did not arrive as it was sent: the unit's echo tells. With ``sent``, ``received`` and ``column``."""
+    """The echo shows that a line did not arrive as sent. With ``sent``, ``received`` and ``column``."""
 
 
 class Aborted(ExecutionStopped):
-    """Whoever drives the arm was asked to end at once (`driver.execution.control.Control`)."""
+    """An abort was requested (`driver.execution.control.Control`)."""
 
 
 @dataclass(frozen=True)
 class _Line:
-    """A received line without its end, and when it came: whoever reads it may be late."""
+    """A received line without its end, and when it came, as it may be read later."""
 
     received: Received
     at_s: float
@@ -68,31 +68,31 @@ class _Line:
 
 @dataclass(frozen=True)
 class _Wake:
-    """Put among the received lines, so that a waiting thread looks up."""
+    """Put into the queue of received lines to wake a waiting thread."""
 
 
 class PortLink:
     """An open port to a controller.
 
-    Until `identified` is set, only harmless lines (ECHO, STAMP, VER) can be sent: what is on the other side may not
-    be a MARS at all. Not for use from two threads.
+    Until `identified` is set, only harmless lines (ECHO, STAMP, VER) can be sent, as the other side may not be a MARS.
+    Not thread-safe.
 
     Args:
-        port: a device such as ``/dev/mars``, a pseudo-terminal, or ``socket://host:port``; or a port that is open.
-        clock: the controller's time; all deadlines are in it.
-        log: takes every byte, if given.
+        port: a device such as ``/dev/mars``, a pseudo-terminal, or ``socket://host:port``; or an open port.
+        clock: controller time, used for all deadlines.
+        log: records every byte, if given.
 
     Attributes:
-        events: received `Ready` and `Failed`, oldest first; the newest 64 are kept.
-        echo: what of the lines sent has come back.
-        echoes: the unit sends back what it receives (`driver.line.manners`); without, damaged lines are not
-            noticed here.
-        takes_turns: nothing is sent while an answer is to come, and no query while an echo is: the unit mixes them.
-        answer_trip_s: from a question to its answer, of a unit that does not echo.
+        events: received `Ready` and `Failed`, oldest first; the latest 64 are kept.
+        echo: state of the echo of each line sent.
+        echoes: whether the unit echoes (`driver.line.manners`); if not, damaged lines are not noticed here.
+        takes_turns: whether the unit interleaves echoes and answers. Then nothing is sent while an answer is pending,
+            and no query while an echo is.
+        answer_trip_s: from a query to its answer, for a unit that does not echo.
         restarted: the unit was switched off and on since it was identified, and has lost its positions.
 
     Raises:
-        InputError: the port is not there, is no serial line, or is in use.
+        InputError: the port does not exist, is not a serial line, or is in use.
     """
 
     def __init__(self, port: str | Port, clock: Clock, log: WireLog | None = None) -> None:
@@ -106,7 +106,7 @@ class PortLink:
         self.takes_turns = False
         self.answer_trip_s = 0.0
         self.unit_time = UnitTime()
-        self._put_off: deque[Reply] = deque()  # received while a turn was waited for
+        self._put_off: deque[Reply] = deque()  # received while waiting to send
         if isinstance(port, str):
             port = SerialPort(port, write_timeout_s=clock.wall(self.patience(ANSWER_S)))
         self._port = port
@@ -121,21 +121,21 @@ class PortLink:
     # -- time
 
     def patience(self, seconds: float) -> float:
-        """That many controller seconds, but never less than LEAST_WALL_S of wall time: the host may be busy."""
+        """Return that many controller seconds, but at least LEAST_WALL_S of wall time: the host may be busy."""
         return self.clock.at_least(seconds, LEAST_WALL_S)
 
     def deadline(self, seconds: float) -> float:
-        """The controller time when `patience(seconds)` from now is over."""
+        """Return the controller time `patience(seconds)` from now."""
         return self.clock.now() + self.patience(seconds)
 
     # -- requests of another thread or a signal handler
 
     def wake(self) -> None:
-        """Let a waiting `receive` return now. May be called from anywhere: the queue's put is reentrant."""
+        """Make a waiting `receive` return now. May be called from anywhere: the queue's put is reentrant."""
         self._inbox.put(_Wake())
 
     def interrupt(self) -> None:
-        """Let `send` or `receive`, running or next, raise `Aborted` once. May be called from anywhere."""
+        """Make the running or next `send` or `receive` raise `Aborted`, once. May be called from anywhere."""
         self._interrupted = True
         self.wake()
 
@@ -147,16 +147,16 @@ class PortLink:
     # -- writing
 
     def send(self, line: str) -> int:
-        """Send one line, in pieces, as fast as the line carries them and no faster; its number for `echo`.
+        """Send one line in chunks, no faster than the baud rate. Return its number for `echo`.
 
         Raises:
-            Aborted: `interrupt` was called; a piece of the line may have gone, `send_stop` ends it.
+            Aborted: `interrupt` was called; part of the line may be sent, `send_stop` ends it.
             LinkLost: the port is gone, or takes no bytes (a unit that is off holds CTS low).
             ExecutionStopped: the wire log cannot be written.
         """
         name = re.match("[A-Z0-9]*", line)
         if line and not self.identified and (name is None or name[0] not in HARMLESS):
-            raise A465Error(f"{line!r} refused: the unit on {self.url} has not identified itself", line=line)
+            raise A465Error(f"{line!r} not sent: the unit on {self.url} is not identified", line=line)
         if self.log is not None:
             self.log.check()
         if self.takes_turns:
@@ -170,7 +170,7 @@ class PortLink:
         return self.echo.sent(line, self._line_free_at)
 
     def _await_turn(self, line: str) -> None:
-        """Let the unit say what it has to, so that answers and echoes are never on their way together."""
+        """Wait for pending answers and echoes, so that answers and echoes never come together."""
         asks = line.endswith("?") or line.startswith("STAMP:")
         deadline = self.clock.now() + self.clock.at_least(2.0 * self.trip_s + TURN_S, TURN_S)
         while self.echo.unanswered or (asks and self.echo.unechoed_bytes):
@@ -183,41 +183,41 @@ class PortLink:
 
     @property
     def trip_s(self) -> float:
-        """From a byte sent to what it brings back, on an empty line, s."""
+        """Time from a byte sent to its echo or answer, on an empty line, s."""
         return self.echo.round_trip_s if self.echoes else self.answer_trip_s
 
     @property
     def line_free_at(self) -> float:
-        """When the last byte that was written leaves."""
+        """When the last written byte leaves."""
         return max(self._line_free_at, self.clock.now())
 
     @property
     def blocked(self) -> bool:
-        """The unit takes no bytes at the moment."""
+        """Whether the unit takes no bytes at the moment."""
         return self._port.out_waiting >= UNSENT_BYTES
 
     @property
     def stop_delivery_s(self) -> float:
-        """How long a STOP takes to the unit, at most: behind what was written before, and as long as an echo."""
+        """Longest time for a STOP to reach the unit, behind the bytes already written."""
         return (UNSENT_BYTES + len(_STOP)) / BYTES_PER_SECOND + self.trip_s / 2.0
 
     def send_stop(self, again: bool = False) -> None:
-        """Send STOP before anything else: what the system still holds back is dropped, half a line is ended.
+        """Send STOP ahead of everything else: drop unsent bytes and end a partial line.
 
-        Does nothing on a unit that has not identified itself: nothing can have been started there. From here on no echo
-        is judged until `synchronise` has succeeded.
+        Does nothing if the unit is not identified: nothing can have been started there. Afterwards echoes are not
+        checked until `synchronise` has succeeded.
 
         Args:
-            again: it was sent a moment before; what was written since is not dropped.
+            again: STOP was sent a moment ago; keep what was written since.
 
         Raises:
             LinkLost: the port is gone.
         """
-        self._interrupted = False  # this is what it asked for
+        self._interrupted = False
         if not self.identified:
             return
         if self.log is not None and self.log.failed:
-            self.log = None  # that has been told; stopping goes on without
+            self.log = None  # already reported; stop without it
         if not again:
             self.echo.forget()
             self._put_off.clear()
@@ -254,14 +254,14 @@ class PortLink:
     # -- reading
 
     def receive(self, until: float) -> Reply | None:
-        """The next received line, or None when controller time `until` has come, or before that on `wake`.
+        """Return the next received line, or None at controller time `until` or on `wake`.
 
         `Ready` and `Failed` are also kept in `events`.
 
         Raises:
             Aborted: `interrupt` was called.
-            LineDamaged: a motion line did not come back as it was sent; so at every call until `send_stop`.
-            LinkLost: the port is gone and every line received before has been handed out.
+            LineDamaged: the echo of a motion line differs; raised at every call until `send_stop`.
+            LinkLost: the port is gone and every line received before has been returned.
         """
         return self._put_off.popleft() if self._put_off else self._next(until)
 
@@ -300,13 +300,13 @@ class PortLink:
         return reply
 
     def _arrived(self, data: bytes) -> None:
-        """What the port delivers: bytes to lines. Raises OSError when flooded, which ends the link."""
+        """Split received bytes into lines. Raises OSError, which ends the link, if too many lines are unread."""
         if self.log is not None:
             self.log.received(data)
         for line in self._splitter.take(data):
             self._hand_over(line)
         if self._inbox.qsize() > UNREAD_ANSWERS:
-            raise OSError(f"more than {UNREAD_ANSWERS} lines that nobody asked for")
+            raise OSError(f"flooded by more than {UNREAD_ANSWERS} unexpected lines")
 
     def _gone(self, error: OSError) -> None:
         self._inbox.put(LinkLost(f"{self.url}: the link is lost: {error}", url=self.url, reason="link"))
@@ -316,5 +316,5 @@ class PortLink:
             self._inbox.put(_Line(line, self.clock.now()))
 
     def close(self) -> None:
-        """Close the port. Whatever is still unsent is dropped."""
+        """Close the port. Unsent bytes are dropped."""
         self._port.close()

@@ -1,7 +1,7 @@
-"""The wire log: every byte of a link, and what the driver made of it, with time stamps, as JSON lines.
+"""The wire log: every byte of a link and every event of the driver, with time stamps, as JSON lines.
 
-Each record is one write to a file opened for appending, so records of two threads never mix and a crash loses at
-most none that was written.
+Each record is one write to a file opened for appending, so records of two threads never mix and a crash loses no
+written record.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from driver.line.clock import Clock
 class WireLog:
     """A log file of one session with a controller.
 
-    Bytes are stored as text with one character a byte (Latin-1), so that any byte survives and ASCII stays
-    readable. Kinds of record: ``open``, ``sent``, ``received``, and those of `note`.
+    Bytes are stored as Latin-1 text, one character per byte, so that any byte survives and ASCII stays readable. Kinds
+    of record: ``open``, ``sent``, ``received``, and those of `note`.
 
     Args:
-        path: the file; an older one is replaced.
-        clock: gives the time stamps, controller seconds.
+        path: the file; an existing one is replaced.
+        clock: of the time stamps, controller seconds.
 
     Raises:
-        InputError: the file cannot be made or the disk is full.
+        InputError: the file cannot be created or the disk is full.
     """
 
     def __init__(self, path: Path, clock: Clock) -> None:
@@ -44,15 +44,15 @@ class WireLog:
             raise InputError(f"log {path}: cannot be written: {self._failure.strerror}", file=str(path))
 
     def sent(self, data: bytes) -> None:
-        """Bytes given to the port."""
+        """Record bytes given to the port."""
         self._write("sent", {"data": data.decode("latin-1")})
 
     def received(self, data: bytes) -> None:
-        """Bytes taken from the port."""
+        """Record bytes taken from the port."""
         self._write("received", {"data": data.decode("latin-1")})
 
     def note(self, kind: str, **data: Any) -> None:
-        """An event of the driver: a segment, a position sample, a stop, the hash of a plan (JSON types)."""
+        """Record an event of the driver, such as a step or a stop, with data of JSON types."""
         self._write(kind, data)
 
     @property
@@ -61,7 +61,7 @@ class WireLog:
         return self._failure is not None
 
     def check(self) -> None:
-        """Refuse to go on with a log that lost something.
+        """Refuse to continue with a log that has lost a record.
 
         Raises:
             ExecutionStopped: a record could not be written.
@@ -74,7 +74,7 @@ class WireLog:
             )
 
     def close(self) -> None:
-        """Close the file; the log takes no more."""
+        """Close the file. Later records are dropped."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
@@ -91,7 +91,7 @@ class WireLog:
         record = json.dumps({"t": round(self._clock.now(), 6), "kind": kind, **data}, separators=(",", ":"))
         line = record.encode() + b"\n"
         try:
-            # A short write only happens when the disk fills; the reader of the log then sees a torn last line.
+            # A short write happens only when the disk is full; it leaves a torn last line.
             if os.write(self._file, line) != len(line):
                 self._failure = OSError(28, "no space left on the device")
         except OSError as error:

@@ -1,1 +1,1 @@
-"""A log is read: sessions, motions, samples."""
+"""Read a wire log: sessions, motions, samples."""

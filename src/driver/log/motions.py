@@ -1,4 +1,4 @@
-"""Motions of a wire log: which segments were sent, as parts of which motion, and what was sampled of them."""
+"""Motions of a wire log: the segments sent for each, and the position samples taken during it."""
 
 from __future__ import annotations
 
@@ -10,30 +10,31 @@ from arm.controller.segments import CountPath, Segment
 from driver.line.protocol import SEQUENCE_RANGE
 from driver.log.samples import AXES, LoggedSample
 
-# What ends a stream, and makes the controller's own reference unknown but for STOP's own axis letters of the gripper.
+# Commands that end a stream, unless they address a gripper axis,
 _ENDS = re.compile(r"(R|STOP|RELEASE|PURGE|HH|COORDMV|G|SPDT|COORDGRP)([A-H]?):")
+# and those of them after which the end of the controller's path generator is not known.
 _LOSES = ("STOP", "RELEASE", "PURGE", "HH", "G", "SPDT")
 _GRIPPERS = ("G", "H")
 
 
 @dataclass(frozen=True)
 class LoggedMotion:
-    """What was sent between two rests, and where the arm was seen meanwhile.
+    """What was sent between two rests, and the positions sampled meanwhile.
 
     Attributes:
-        sent_s: when its first line was sent, s of the log's clock.
+        sent_s: when the first line was sent, s on the log's clock.
         target: of an absolute motion (COORDMV), (6,) counts; None for a stream of segments.
-        start: where it begins, (6,) counts, or None if nothing in the log tells.
-        start_exact: `start` follows from what was sent; else it was sampled, and is as exact as the arm follows.
-        dwell_ms: the stand that goes before the first segment, while segments are loaded.
-        dwell_s: when that was sent.
-        segments: that were sent, in order.
+        start: (6,) counts, or None if the log does not contain it.
+        start_exact: `start` follows from what was sent; if False it was sampled, with the arm's following error.
+        dwell_ms: length of the dwell before the first segment.
+        dwell_s: when that dwell was sent.
+        segments: the segments sent, in order.
         segments_sent_s: when each was sent.
-        stands: how many segments were sent before each later dwell: the unit had run out of motion.
-        ready_s: when the unit said that it was done; None if it never did.
-        stopped_s: when STOP was sent while it ran; None if it was not.
-        number: the unit's own number of the segment before the first; None if it was not seen.
-        samples: taken while it ran.
+        stands: number of segments sent before each later dwell, where the unit had run out of segments.
+        ready_s: when the unit answered R!; None if it never did.
+        stopped_s: when STOP was sent during the motion; None if it was not.
+        number: the unit's number of the segment before the first; None if it was not read.
+        samples: taken during the motion.
     """
 
     sent_s: float
@@ -52,18 +53,18 @@ class LoggedMotion:
 
     @property
     def path(self) -> CountPath | None:
-        """The segments from their start; None if that is not known or there are none."""
+        """The segments from their start; None without segments or without a known start."""
         if self.start is None or not self.segments:
             return None
         return CountPath(self.start, self.segments)
 
     @property
     def begin_s(self) -> float:
-        """When the first segment could begin."""
+        """Earliest time at which the first segment could begin."""
         return self.dwell_s + self.dwell_ms / 1e3
 
     def segment_of(self, sample: LoggedSample) -> int | None:
-        """Index of the segment that ran when a sample was taken; -1 in the dwell, None if that is not known."""
+        """Return the index of the segment that ran at a sample; -1 in the dwell, None if not known."""
         if self.number is None:
             return None
         advance = (sample.position.segment - self.number) % SEQUENCE_RANGE
@@ -75,13 +76,13 @@ class LoggedMotion:
 
 @dataclass
 class _Open:
-    """A motion that is being read. Straight segments have absolute ends, so they need the one before."""
+    """A motion that is being read."""
 
     motion: LoggedMotion
     segments: list[Segment] = field(default_factory=list)
     times: list[float] = field(default_factory=list)
     stands: list[int] = field(default_factory=list)
-    waits: bool = False  # R: was sent
+    waits: bool = False  # R was sent
 
     def closed(self) -> LoggedMotion:
         return replace(
@@ -93,20 +94,20 @@ class _Open:
 
 
 class MotionReader:
-    """Collects motions from the lines sent and the moments when the unit was ready.
+    """Collects motions from the lines sent and the answers R!.
 
     Attributes:
-        damaged: segments that are not understood; what follows them in their motion is left out.
+        damaged: number of unreadable segments; the rest of their motion is left out.
     """
 
     def __init__(self) -> None:
         self.damaged = 0
         self._done: list[LoggedMotion] = []
         self._open: _Open | None = None
-        self._at: tuple[int, ...] | None = None  # the controller's own reference, as far as lines tell
+        self._at: tuple[int, ...] | None = None  # end of the controller's path generator, None if not known
 
     def sent(self, time_s: float, line: str, cut: bool) -> None:
-        """A line that was sent."""
+        """Take a sent line."""
         name, _, rest = line.partition(":")
         if name in ("COORDSPLINET", "COORDMVT"):
             if not cut:
@@ -120,7 +121,7 @@ class MotionReader:
             return
         behind = self._open is not None and self._open.motion.target is None and not self._open.segments
         if match[1] == "COORDMV" and behind:
-            self._open = None  # only the dwell in which the absolute move was verified
+            self._open = None  # only the dwell before a verified absolute move
         if self._open is not None and self._open.motion.ready_s is None and match[1] == "STOP":
             self._open.motion = replace(self._open.motion, stopped_s=time_s)
         self._close()
@@ -145,12 +146,12 @@ class MotionReader:
             return
         if self._open is None:
             self._open = _Open(LoggedMotion(time_s, None, self._at, self._at is not None, 0, time_s))
-        stands = not any(any(row) for row in segment.coefficients)
-        if stands and not self._open.segments:
+        is_dwell = not any(any(row) for row in segment.coefficients)
+        if is_dwell and not self._open.segments:
             dwell_ms = segment.duration_ms
             self._open.motion = replace(self._open.motion, dwell_ms=dwell_ms, dwell_s=time_s)
             return
-        if stands and len(segment.coefficients) == 3:
+        if is_dwell and len(segment.coefficients) == 3:
             self._open.stands.append(len(self._open.segments))
             return
         self._open.segments.append(segment)
@@ -173,7 +174,7 @@ class MotionReader:
         return Segment(values[0], rows)
 
     def ready(self, time_s: float, axis: str) -> None:
-        """R! or Rx! was received."""
+        """Take R! or Rx!."""
         if self._open is not None and self._open.waits and not axis:
             self._open.motion = replace(self._open.motion, ready_s=time_s)
             self._close()
@@ -184,7 +185,7 @@ class MotionReader:
         self._open = None
 
     def finish(self, samples: Sequence[LoggedSample]) -> tuple[LoggedMotion, ...]:
-        """All motions, each with its part of the samples, which come in the order in which they were heard."""
+        """Return all motions, each with its samples; `samples` are in the order in which they were received."""
         self._close()
         motions, index = [], 0
         followings = [*(m.sent_s for m in self._done[1:]), float("inf")][: len(self._done)]
@@ -200,7 +201,7 @@ class MotionReader:
 
 
 def _sampled(motion: LoggedMotion, samples: tuple[LoggedSample, ...]) -> LoggedMotion:
-    """The motion with its samples; the one of the dwell gives the unit's number, and a start if none is known."""
+    """Add samples to a motion. One taken in the dwell gives the unit's number, and the start if it is not known."""
     standing = (
         [s for s in samples if motion.dwell_s <= s.heard_s <= motion.begin_s] if motion.dwell_ms else []
     )
@@ -216,7 +217,7 @@ def _sampled(motion: LoggedMotion, samples: tuple[LoggedSample, ...]) -> LoggedM
 
 
 def _integers(text: str) -> list[int] | None:
-    """Whole numbers of 32 bits with commas, or None."""
+    """Comma-separated integers of up to 10 digits, or None."""
     parts = text.split(",")
     if not all(re.fullmatch(r"[+-]?[0-9]{1,10}", part) for part in parts):
         return None

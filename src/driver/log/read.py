@@ -1,8 +1,7 @@
-"""Reading a wire log: records in JSON lines to what they say of a session, `Session`.
+"""Read a wire log (JSON lines) into a `Session`.
 
-Nothing but the bytes is trusted: lines are put together again from what was given to and taken from the port, and
-commands, answers, motions and samples are read from those. What the driver noted is added. A record or a sample that
-is damaged is counted and left out.
+Commands, answers, motions and samples are reconstructed from the bytes sent and received alone. The driver's notes are
+added. Damaged records and samples are counted and left out.
 """
 
 from __future__ import annotations
@@ -29,15 +28,15 @@ from driver.line.protocol import (
 from driver.log.motions import LoggedMotion, MotionReader
 from driver.log.samples import LoggedSample, SampleReader
 
-LONGEST_RECEIVED = 1024  # without a line end: noise, as the link takes it
+LONGEST_RECEIVED = 1024  # bytes without a line end: noise, as in the link
 
 
 @dataclass(frozen=True)
 class LoggedLine:
-    """A line of the wire without its end, and when its last byte passed, s of the log's clock.
+    """A sent or received line without its end, and when its last byte passed, s on the log's clock.
 
     Attributes:
-        cut: a STOP was sent before it was whole, so the unit may have had less of it.
+        cut: a STOP was sent before the line was complete, so the unit may have received less of it.
     """
 
     time_s: float
@@ -47,7 +46,7 @@ class LoggedLine:
 
 @dataclass(frozen=True)
 class LoggedStatus:
-    """A status word that is not the one before it."""
+    """A status word that differs from the one before it."""
 
     time_s: float
     status: Status
@@ -55,7 +54,7 @@ class LoggedStatus:
 
 @dataclass(frozen=True)
 class LoggedJaws:
-    """Where the gripper's axis was, ADC counts."""
+    """Position of the gripper's axis, ADC counts."""
 
     time_s: float
     adc: int
@@ -63,7 +62,7 @@ class LoggedJaws:
 
 @dataclass(frozen=True)
 class LoggedNote:
-    """What the driver noted: ``step``, ``stop``, ``plan``, ``run`` .., with its data in JSON types."""
+    """An event noted by the driver (``step``, ``stop``, ``plan``, ``run`` ..), with data of JSON types."""
 
     time_s: float
     kind: str
@@ -72,7 +71,7 @@ class LoggedNote:
 
 @dataclass(frozen=True)
 class Session:
-    """A session with a controller as its log tells it. Times are controller seconds since the log was opened.
+    """A session with a controller, read from its log. Times are controller seconds since the log was opened.
 
     Attributes:
         file: the log.
@@ -85,10 +84,10 @@ class Session:
         notes: of the driver.
         ready: times of ``R!``.
         failures: times of ``FAIL!``.
-        version: what the unit answered to VER, or "".
-        records: read.
-        damaged: records, status words, segments and samples that cannot be read, and a torn last line.
-        noise: received lines that are no answer, echoes among them.
+        version: the unit's answer to VER, or "".
+        records: number of records read.
+        damaged: number of unreadable records, status words, segments and samples, and of a torn last line.
+        noise: number of received lines that are not answers, echoes included.
     """
 
     file: Path
@@ -113,20 +112,20 @@ class Session:
 
     @property
     def homed_s(self) -> float:
-        """When the last homing had ended: positions of before are counted from elsewhere.
+        """End of the last homing: earlier positions have another origin.
 
-        Minus infinity if the log holds no homing, infinity if the last one did not end.
+        Minus infinity if the log contains no homing, infinity if the last one did not end.
         """
         last_s = max((line.time_s for line in self.sent if line.text.startswith("HH")), default=-math.inf)
         return min((t for t in self.ready if t > last_s), default=math.inf) if last_s > -math.inf else last_s
 
     @property
     def faults(self) -> tuple[LoggedStatus, ...]:
-        """Status words that tell of a fault."""
+        """Status words with a fault."""
         return tuple(s for s in self.statuses if s.status.fault)
 
     def noted(self, kind: str) -> tuple[LoggedNote, ...]:
-        """The notes of one kind."""
+        """Return the notes of one kind."""
         return tuple(note for note in self.notes if note.kind == kind)
 
 
@@ -134,7 +133,7 @@ def read_log(path: Path) -> Session:
     """Read a wire log. Memory is bounded by the file's size.
 
     Raises:
-        FileInputError: it cannot be read, or its first line is not the record that opens a log.
+        FileInputError: the file cannot be read, or its first line is not the record that opens a log.
     """
     try:
         with open_file(path, "log") as stream:
@@ -144,10 +143,10 @@ def read_log(path: Path) -> Session:
 
 
 def is_log(path: Path) -> bool:
-    """Whether a file begins as a wire log does; nothing else of it is looked at.
+    """Whether a file begins as a wire log does. Only its first line is read.
 
     Raises:
-        FileInputError: it cannot be read.
+        FileInputError: the file cannot be read.
     """
     try:
         with open_file(path, "log") as stream:
@@ -157,14 +156,14 @@ def is_log(path: Path) -> bool:
     return record is not None and record["kind"] == "open"
 
 
-MOST_S = 2e9  # seconds that fit the formats that a log is exported to; 63 years
+MOST_S = 2e9  # seconds; larger times do not fit the export formats; 63 years
 
 
 def _record(line: bytes) -> dict[str, Any] | None:
-    """A record, or None if the line is none."""
+    """Parse a record; None if the line is not one."""
     try:
         value = json.loads(line)
-    except (ValueError, RecursionError):  # no UTF-8, no JSON, nested too deeply
+    except (ValueError, RecursionError):  # not UTF-8, not JSON, nested too deeply
         return None
     if not isinstance(value, dict) or not isinstance(value.get("kind"), str):
         return None
@@ -175,7 +174,7 @@ def _record(line: bytes) -> dict[str, Any] | None:
 
 
 def _bytes(record: dict[str, Any]) -> bytes | None:
-    """The bytes of a ``sent`` or ``received`` record."""
+    """Bytes of a ``sent`` or ``received`` record; None if it is damaged."""
     data = record.get("data")
     try:
         return data.encode("latin-1") if isinstance(data, str) else None
@@ -185,7 +184,7 @@ def _bytes(record: dict[str, Any]) -> bytes | None:
 
 @dataclass
 class _Reader:
-    """Collects what `Session` holds."""
+    """Collects the content of a `Session`."""
 
     path: Path
     time_scale: float = 1.0
@@ -215,7 +214,7 @@ class _Reader:
             if record is not None:
                 self._take(record)
         if not self.records:
-            raise FileInputError(self.path, "", None, "line 1: is empty, so it is no wire log")
+            raise FileInputError(self.path, "", None, "line 1: is empty, so this is not a wire log")
         samples = self.samples.finish()
         return Session(
             file=self.path,
@@ -268,7 +267,7 @@ class _Reader:
                 self._received(time_s, text.rstrip(b"\r").decode("latin-1"))
 
     def _sent_lines(self, time_s: float, data: bytes) -> Iterator[LoggedLine]:
-        cut = data.startswith(b"\nSTOP")  # the link ends whatever half line it had begun
+        cut = data.startswith(b"\nSTOP")  # the link has ended a partial line
         *lines, self.unsent = (self.unsent + data).split(b"\n")
         for number, line in enumerate(lines):
             if line:

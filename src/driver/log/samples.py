@@ -1,4 +1,4 @@
-"""Position samples of a wire log, on one clock that does not wrap."""
+"""Position samples of a wire log, on one clock without wraps."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from driver.line.protocol import CLOCK_RANGE_MS, MalformedAnswer, Position, parse_position
 
 AXES = 6
-SLACK_S = 1.0  # by which an answer may be later than the one before it,
-SLACK_WALL_S = 1.0  # and the same of a busy host, wall time
+SLACK_S = 1.0  # tolerance for the delay of an answer relative to the one before,
+SLACK_WALL_S = 1.0  # plus this much wall time for a busy host
 
 
 @dataclass(frozen=True)
@@ -16,10 +16,10 @@ class LoggedSample:
     """One answer to COORDAP.
 
     Attributes:
-        time_s: when the unit took it, on the log's clock: the unit's own milliseconds, shifted so that the quickest
-            answer took no time. Free of the line's and the host's delays.
-        heard_s: when its last byte was received.
-        position: as answered.
+        time_s: when the unit took the sample, on the log's clock: the unit's milliseconds, shifted so that the fastest
+            answer has no delay. Free of delays of the line and the host.
+        heard_s: when the last byte of the answer was received.
+        position: the answer.
     """
 
     time_s: float
@@ -28,13 +28,13 @@ class LoggedSample:
 
 
 class SampleReader:
-    """Collects samples. The unit's clock wraps every 65.536 s; the host's tells how often.
+    """Collects samples. The unit's clock wraps every 65.536 s; the host's clock determines how often.
 
-    A sample whose clock does not fit the host's is damaged if the next one fits again; else the unit was switched off
-    and on in between, and its clock is taken anew.
+    A sample whose clock does not fit the host's is damaged if the next one fits again. If it does not, the unit was
+    switched off and on in between, and its clock starts again.
 
     Attributes:
-        damaged: samples left out.
+        damaged: number of samples left out.
     """
 
     def __init__(self) -> None:
@@ -42,20 +42,20 @@ class SampleReader:
         self._axes = AXES
         self._slack_s = SLACK_S
         self._done: list[LoggedSample] = []
-        self._epoch: list[LoggedSample] = []  # time_s is the unit's clock, unwrapped, until it is over
+        self._epoch: list[LoggedSample] = []  # one power cycle; time_s is the unit's, unwrapped
         self._doubted: LoggedSample | None = None
 
     def open(self, time_scale: float) -> None:
-        """The log's clock runs that much faster than the wall's."""
+        """Set how much faster than wall time the log's clock runs."""
         self._slack_s = SLACK_S + SLACK_WALL_S * time_scale
 
     def sent(self, line: str) -> None:
-        """A line that was sent: it may change how many axes are told."""
+        """Take a sent line: it may change the number of axes in an answer."""
         if line.startswith("COORDGRP:") and (letters := line[9:]):
             self._axes = len(letters.split(","))
 
     def answer(self, heard_s: float, text: str) -> None:
-        """The text of an answer to COORDAP."""
+        """Take the text of an answer to COORDAP."""
         try:
             position = parse_position(text, self._axes)
         except MalformedAnswer:
@@ -73,7 +73,7 @@ class SampleReader:
         self._epoch.append(sample)
 
     def _fitting(self, before: LoggedSample, sample: LoggedSample) -> LoggedSample | None:
-        """The sample with its clock unwrapped, if that fits the one before it."""
+        """Return the sample with its clock unwrapped, or None if it does not fit the one before it."""
         wrap_s = CLOCK_RANGE_MS / 1e3
         passed_s = sample.heard_s - before.heard_s
         unit_s = sample.position.time_ms / 1e3
@@ -84,7 +84,7 @@ class SampleReader:
         return replace(sample, time_s=time_s)
 
     def _doubt(self, sample: LoggedSample) -> None:
-        """A sample that does not fit: with another like it before, the unit's clock has been set anew."""
+        """Take a sample that does not fit. If it fits the last such sample, the unit's clock was reset."""
         fitting = None if self._doubted is None else self._fitting(self._doubted, sample)
         if self._doubted is None or fitting is None:
             self.damaged += self._doubted is not None
@@ -100,7 +100,7 @@ class SampleReader:
         self._epoch = []
 
     def finish(self) -> tuple[LoggedSample, ...]:
-        """All samples that were sound."""
+        """Return all undamaged samples."""
         self.damaged += self._doubted is not None
         self._doubted = None
         self._end_epoch()

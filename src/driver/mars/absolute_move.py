@@ -1,7 +1,7 @@
-"""An absolute move that is verified before it begins: it waits in the unit behind a dwell while it comes back.
+"""An absolute move that is verified before it begins: it is queued behind a dwell until its echo has come.
 
-Needs a path generator that stands where the unit's next segment is to begin (`Mars.reference`): a dwell is a relative
-segment of no length, and would jump otherwise.
+The end of the unit's path generator must be known (`Mars.reference`): a dwell is a relative segment of zero length, so
+the arm would jump otherwise.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from driver.mars.lookahead import BUSY_HOST_S, JITTER_S, Needs
 
 
 def send_verified(link: Link, axes: int, line: str) -> None:
-    """Send a line of motion behind a dwell of `axes`, and let it come back before that is over.
+    """Send a dwell of `axes` axes and then a motion line, and verify the echoes of both before the dwell ends.
 
     Raises:
-        LineDamaged: it came back otherwise, or not in time; it has not begun, and a STOP now keeps it from that.
+        LineDamaged: an echo differs or is late. The motion has not begun; a STOP sent now prevents it.
         NoAnswer, LinkLost: as `Link.receive`.
     """
     needs = Needs(link.trip_s, link.stop_delivery_s, 0.0)
@@ -26,16 +26,15 @@ def send_verified(link: Link, axes: int, line: str) -> None:
     dwell = encode_dwell(dwell_ms, axes)
     number = link.send(dwell)
     decide_at = link.line_free_at + dwell_ms / 1e3 - needs.last_s(0.0)
-    _come_back(link, dwell, number, decide_at - size / BYTES_PER_SECOND - needs.echo_s(size, size))
-    _come_back(link, line, link.send(line), decide_at)
+    _await_echo(link, dwell, number, decide_at - size / BYTES_PER_SECOND - needs.echo_s(size, size))
+    _await_echo(link, line, link.send(line), decide_at)
 
 
-def _come_back(link: Link, line: str, number: int, until: float) -> None:
-    """Wait for an echo."""
+def _await_echo(link: Link, line: str, number: int, until: float) -> None:
     while link.echo.verified < number:
         if link.clock.now() >= until:
             raise LineDamaged(
-                f"the line was damaged: sent {line!r}, nothing came back before it would begin",
+                f"transmission error: sent {line!r}, no echo before the motion would begin",
                 sent=line,
                 received="",
                 column=1,

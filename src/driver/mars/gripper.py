@@ -11,10 +11,10 @@ from driver.mars.ready import wait_ready
 from driver.mars.stopping import ask_again
 
 GRIPPER_S = 10.0
-SAMPLE_S = 0.2  # two readings this far apart,
-REREAD_S = 0.02  # of jaws that are not told to move
-STILL_ADC = 50  # and less than this apart mean rest (vendor's toolbox)
-STALLED_FRACTION = 0.05  # of the stroke short of the target: something is between the jaws
+SAMPLE_S = 0.2  # between two readings during a gripper move
+REREAD_S = 0.02  # between two readings when no move was commanded
+STILL_ADC = 50  # ADC counts: two readings closer than this mean rest (vendor's toolbox)
+STALLED_FRACTION = 0.05  # of the stroke: jaws that rest further from their target hold an object
 
 
 @dataclass(frozen=True)
@@ -22,8 +22,8 @@ class GripperResult:
     """How a gripper move ended.
 
     Attributes:
-        adc: where the jaws rest, ADC counts.
-        fraction_closed: the same, 0 open to 1 closed.
+        adc: jaw position at rest, ADC counts.
+        fraction_closed: the same position, 0 open to 1 closed.
         stalled: the jaws rest short of their target, so something is between them.
     """
 
@@ -33,10 +33,10 @@ class GripperResult:
 
 
 def read_jaws(link: Link, gripper: GripperAxis) -> float:
-    """Where the jaws are, 0 open to 1 closed, at rest: by two readings that agree, for one may be damaged.
+    """Return the position of resting jaws, 0 open to 1 closed. Two readings must agree, as one may be damaged.
 
     Raises:
-        NoAnswer: they do not rest.
+        NoAnswer: the jaws do not come to rest.
     """
     return gripper.fraction_closed(_rest(link, gripper.axis, REREAD_S))
 
@@ -44,10 +44,10 @@ def read_jaws(link: Link, gripper: GripperAxis) -> float:
 def move_gripper(link: Link, gripper: GripperAxis, fraction_closed: float) -> GripperResult:
     """Move the jaws, 0 open to 1 closed, and wait until they rest, at the target or on an object.
 
-    An object never lets the jaws reach their target, yet ``Rx!`` comes; so the position is read until it rests.
+    ``Rx!`` comes even if an object blocks the jaws, so their position is read until it no longer changes.
 
     Raises:
-        ExecutionStopped: a fault, or not at rest in time.
+        ExecutionStopped: a fault, or the jaws do not come to rest in time.
     """
     axis, target = gripper.axis, gripper.adc(fraction_closed)
     link.send(encode("RELEASE", axis=axis))

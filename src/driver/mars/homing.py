@@ -1,4 +1,4 @@
-"""Homing: every axis to its mark, in the unit's groups, and proof that each was really there."""
+"""Homing: move every axis to its mark, in the unit's groups, and verify that each axis reached it."""
 
 from __future__ import annotations
 
@@ -11,41 +11,41 @@ from driver.line.protocol import encode
 from driver.mars.ready import wait_ready
 from driver.mars.stopping import STILL_COUNTS, read_position
 
-HOMING_TOLERANCE = 2000  # counts from 0 after homing that still pass for the mark
-HOMING_S = 120.0  # of one group
+HOMING_TOLERANCE = 2000  # counts: largest reading at the mark after homing
+HOMING_S = 120.0  # time limit of one group
 
 
 def home_all(link: Link, unit: Unit, settled: Callable[[], tuple[int, ...]]) -> None:
     """Home all axes, one group after the other.
 
     Args:
-        settled: waits until the arm stands, and gives its counts.
+        settled: waits until the arm is at rest and returns its counts.
 
     Raises:
-        ExecutionStopped: an axis is not at its mark afterwards (reason ``homing``), also one that left it again while
-            others were homed, or it takes longer than HOMING_S.
+        ExecutionStopped: an axis is not at its mark after its group, or at the end of all groups (reason ``homing``);
+            or a group takes longer than HOMING_S.
     """
     for group in unit.homing:
         unmoved = _home_axes(link, unit, group)
-        if unmoved:  # at its mark before, or its line was lost: to tell, home it once more
+        if unmoved:  # already at the mark, or the command was lost: homing again covers both
             _home_axes(link, unit, unmoved)
     _require_at_marks(unit, [axis for group in unit.homing for axis in group], settled())
 
 
 def _home_axes(link: Link, unit: Unit, group: Sequence[str]) -> tuple[str, ...]:
-    """Home some axes together; those whose counts were not seen to change."""
+    """Home some axes together. Return those whose counts did not change."""
 
-    def look() -> None:
+    def sample() -> None:
         seen.append(read_position(link, len(unit.axes)).counts)
 
     seen: list[tuple[int, ...]] = []
-    look()
+    sample()
     for axis in group:
         link.send(encode("HH", axis=axis))
-    wait_ready(link, f"axes {', '.join(group)}", HOMING_S, on_look=look)
-    look()
+    wait_ready(link, f"axes {', '.join(group)}", HOMING_S, on_look=sample)
+    sample()
     if not _at_marks(unit, group, seen[-1]):
-        look()  # one answer may be damaged on the line
+        sample()  # one answer may be damaged on the line
     _require_at_marks(unit, group, seen[-1])
     places = {axis: unit.axes.index(axis) for axis in group}
     return tuple(
@@ -64,7 +64,7 @@ def _require_at_marks(unit: Unit, axes: Sequence[str], counts: tuple[int, ...]) 
         found = counts[unit.axes.index(axis)]
         if abs(found) > HOMING_TOLERANCE:
             raise ExecutionStopped(
-                f"axis {axis} reads {found} counts at its mark, expected 0",
+                f"axis {axis} reads {found} counts at its mark, must be about 0",
                 axis=axis,
                 counts=list(counts),
                 reason="homing",

@@ -1,4 +1,4 @@
-"""What is on the other side of a link, learnt without touching it; and what it admits to hold."""
+"""Identify what a link is connected to, without changing anything there."""
 
 from __future__ import annotations
 
@@ -12,28 +12,31 @@ from driver.line.protocol import encode
 
 
 def identify(link: Link, firmware: str) -> tuple[str, Manners]:
-    """Learn by ECHO, STAMP and VER alone that a controller with this firmware answers: its full text, and its manners.
+    """Check by ECHO, STAMP and VER alone that a controller with this firmware answers.
 
     Sets ``link.identified``, without which the link sends nothing else.
 
+    Returns:
+        The full firmware text, and how the unit echoes (`Manners`).
+
     Raises:
-        InputError: nothing answers like a MARS, or the firmware is another's.
+        InputError: nothing answers like a MARS, or the firmware differs.
     """
     try:
-        link.send("")  # ends whatever half line an earlier user left
+        link.send("")  # ends a partial line of an earlier program
         link.send(encode("ECHO", 0))
-        link.synchronise(attempts=3)  # after power-up the unit sends noise that can spoil an answer
+        link.synchronise(attempts=3)  # noise of the unit after power-up can damage an answer
         version = link.ask("VER")
         manners = learn_manners(link)
     except ExecutionStopped as error:
         raise InputError(
-            f"port {link.url}: does not answer like a {firmware}; is it one, and is it on?",
+            f"port {link.url}: does not answer like a {firmware}; is the controller connected and switched on?",
             port=link.url,
             reason=error.data.get("reason"),
         ) from error
     if version.split()[:1] != [firmware]:
         raise InputError(
-            f"port {link.url}: firmware {version!r} is not {firmware}; other controllers have other units of speed",
+            f"port {link.url}: firmware {version!r} is not {firmware}; other controllers use other units of speed",
             port=link.url,
             version=version,
         )
@@ -41,36 +44,35 @@ def identify(link: Link, firmware: str) -> tuple[str, Manners]:
     return version, manners
 
 
-GRIPPER_AXES = ("G", "H")  # where the units' grippers hang
+GRIPPER_AXES = ("G", "H")  # axes that the units' grippers are connected to
 
 
 def gripper_answers(link: Link) -> dict[str, str | None]:
-    """What the unit answers about the position of each axis that a gripper may hang on; None: nothing.
+    """Ask for the position of each possible gripper axis; None where the unit does not answer.
 
-    In the emulator an axis without a gripper stands at 0, which no gripper's converter reads. Of real units that is
-    assumed.
+    An axis without a gripper reads 0, which a gripper's converter never does (true of the emulator, assumed of units).
     """
     return {axis: link.ask_optional("AP", axis) for axis in GRIPPER_AXES}
 
 
 def refuse_another(unit: Unit, answers: Mapping[str, str | None]) -> None:
-    """Refuse a unit whose gripper is on another axis than it should be. Anything else proves nothing.
+    """Refuse a unit whose gripper is on another axis than expected. Any other answer proves nothing.
 
     Args:
-        unit: that it should be.
+        unit: the expected unit.
         answers: of `gripper_answers`.
 
     Raises:
-        InputError: the unit's own gripper axis has none, and another has.
+        InputError: there is no gripper on the expected axis, but one on another.
     """
     own = unit.gripper.axis
     others = [axis for axis, text in answers.items() if axis != own and _has_gripper(text)]
     if others and not _has_gripper(answers.get(own)):
-        said = {axis: "nothing" if text is None else f"AP{axis} = {text}" for axis, text in answers.items()}
+        read = [f"AP{axis} {'unanswered' if text is None else f'= {text}'}" for axis, text in answers.items()]
         raise InputError(
-            f"unit = {unit.name}: its gripper is on axis {own}, but here it is axis {others[0]} that has one "
-            f"({', '.join(said.values())}): this is another arm, whose zeros and registers differ. Correct unit in the "
-            "cell file; if it is right, the unit was used as another's: switch it off and on",
+            f"unit = {unit.name}: its gripper is on axis {own}, but this arm has it on axis {others[0]} "
+            f"({', '.join(read)}): this is another arm, with other zeros and registers. Correct unit in the "
+            "cell file; if unit is right, the controller was set up for another arm: switch it off and on",
             unit=unit.name,
             answers=dict(answers),
         )

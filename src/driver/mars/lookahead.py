@@ -1,8 +1,8 @@
-"""How early a segment must be on the unit so that a damaged one never begins: time to its echo, time to a stop.
+"""How early a segment must be sent so that a damaged one never begins: time for its echo and time for a stop.
 
-The unit only ever takes longer than it is told (fact sheet, section 2), so the earliest time at which a segment can
-begin follows from what was sent. A segment whose echo has not come by the last moment at which STOP would still be in
-time stops the arm.
+The unit may take longer than commanded but never less (fact sheet, section 2), so the earliest time at which a segment
+can begin follows from what was sent. The driver sends STOP if a segment's echo has not come by the last moment at which
+STOP still prevents that segment.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ from itertools import accumulate
 
 from driver.line.protocol import BYTES_PER_SECOND, MAX_LINE
 
-MARGIN_S = 0.05  # for one STOP that is lost
-JITTER_S = 0.05  # that a host may be late with the first segments,
-JITTER_WALL_S = 0.01  # and no less than this much wall time
-BUSY_HOST_S = 0.1  # wall time that an emulated unit whose time runs faster may be late with an echo
-LEAST_WINDOW = 160  # bytes that may be sent without an echo
-LINE_BYTES = 100  # of a long segment
-ANSWERS_BYTES = 80  # of a look
+MARGIN_S = 0.05  # for one lost STOP
+JITTER_S = 0.05  # delay of the host with the first segments,
+JITTER_WALL_S = 0.01  # but at least this much wall time
+BUSY_HOST_S = 0.1  # wall time: delay of an echo from an emulated unit that runs faster than real time
+LEAST_WINDOW = 160  # bytes that may be on their way without an echo
+LINE_BYTES = 100  # length of a long segment's line
+ANSWERS_BYTES = 80  # length of the answers to one status poll
 
 
 @dataclass(frozen=True)
 class Needs:
-    """What noticing and stopping takes.
+    """Times needed to notice a damaged segment and to stop.
 
     Attributes:
         trip_s: from a byte sent to its echo, on an empty line.
-        stop_s: from the decision to a STOP that the unit has.
-        braking_s: slowest axis from its full speed to rest, by the registers in force.
+        stop_s: from the decision to stop until the unit has received STOP.
+        braking_s: of the slowest axis from full speed to rest, under the registers in force.
     """
 
     trip_s: float
@@ -38,47 +38,47 @@ class Needs:
     braking_s: float
 
     def echo_s(self, line_bytes: int, unechoed_bytes: int) -> float:
-        """From a line's last byte to the end of its echo, behind echoes that wait there and a look's answers."""
+        """Time from a line's last byte to the end of its echo, behind earlier echoes and the answers to one poll."""
         waiting = max(unechoed_bytes - self.trip_s * BYTES_PER_SECOND, 0.0)
         return self.trip_s + (line_bytes + waiting + ANSWERS_BYTES) / BYTES_PER_SECOND
 
     @property
     def whole_s(self) -> float:
-        """Of a segment in full motion, at most."""
+        """Longest time to verify a segment and stop before it, at full speed."""
         return self.echo_s(MAX_LINE, round(self.window_bytes)) + self.last_s(self.braking_s)
 
     def last_s(self, moving_s: float) -> float:
-        """How long before a segment begins STOP must be decided on, if the arm moves for that long before it.
+        """How long before a segment begins STOP must be decided, if the arm has been moving for `moving_s` by then.
 
-        It brakes at least as hard as it has accelerated: the registers are the same.
+        The arm brakes at least as hard as it accelerated: the registers are the same.
         """
         return self.stop_s + min(self.braking_s, max(moving_s, 0.0)) + MARGIN_S
 
     @property
     def window_bytes(self) -> float:
-        """A line begins only while fewer bytes than this are sent without an echo."""
+        """The next line is sent only while fewer bytes than this await their echo."""
         return max(LEAST_WINDOW, 2.0 * self.trip_s * BYTES_PER_SECOND + 2.0 * LINE_BYTES)
 
 
 def braking_s(speed: Sequence[int], acceleration: Sequence[int]) -> float:
-    """Time of the slowest axis from its full speed to rest, s; REGMS and REGACC."""
+    """Return the time, s, of the slowest axis from full speed to rest, given REGMS and REGACC."""
     return max(v / a for v, a in zip(speed, acceleration, strict=True)) / 1e3
 
 
 def dwell_for(
     needs: Needs, sizes: Sequence[int], durations: Sequence[float], first_bytes: int, preload: bool
 ) -> float:
-    """Shortest stand after which every segment can be verified in time, by playing the line through, s.
+    """Return the shortest dwell, s, after which every segment can be verified in time, by simulating the line.
 
     Args:
-        sizes: bytes of the segments' lines, sent one behind the other as the line carries them.
+        sizes: bytes of the segments' lines, which are sent one after the other.
         durations: of the segments, s.
-        first_bytes: that are sent before them, the dwell's among them, and come back first.
-        preload: all are to be verified before the first begins.
+        first_bytes: bytes sent before the segments, the dwell's included; their echo comes first.
+        preload: verify all segments before the first begins.
     """
     back = (2 * first_bytes + ANSWERS_BYTES) / BYTES_PER_SECOND
     sent = back + needs.trip_s
-    on_way: deque[tuple[float, int]] = deque()  # when an echo is here, bytes
+    on_way: deque[tuple[float, int]] = deque()  # arrival time of an echo, its bytes
     moving = longest = 0.0
     for size, duration in zip(sizes, durations, strict=True):
         while on_way and sum(n for _, n in on_way) >= needs.window_bytes:
@@ -92,7 +92,7 @@ def dwell_for(
 
 
 class Timeline:
-    """The earliest time at which each segment can begin. Segments are numbered from 0."""
+    """Earliest time at which each segment can begin. Segments are numbered from 0."""
 
     def __init__(self, durations: Sequence[float]) -> None:
         self._ends: list[float] = []
@@ -101,23 +101,23 @@ class Timeline:
         self.change(durations)
 
     def change(self, durations: Sequence[float]) -> None:
-        """Segments last that long, s."""
+        """Set the durations of the segments, s."""
         self._ends = list(accumulate(durations, initial=0.0))
 
     def stands(self, segment: int, until_s: float) -> None:
-        """The unit stands at the beginning of a segment until that time."""
+        """Record that the unit waits at the beginning of a segment until that time."""
         self._base, self._base_s = segment, until_s
         self._rest, self._rest_s = segment, until_s
 
     def not_before(self, segment: int, at_s: float) -> None:
-        """A segment was seen not to have begun at that time."""
+        """Record that a segment had not begun at that time."""
         if at_s > self.begins(segment):
             self._base, self._base_s = segment, at_s
 
     def begins(self, segment: int) -> float:
-        """When it can begin at the earliest."""
+        """Return the earliest time at which a segment can begin."""
         return self._base_s + self._ends[segment] - self._ends[self._base]
 
     def moving(self, segment: int) -> float:
-        """For how long the arm then has moved since it stood, at least as asked for, s."""
+        """Return how long the arm has moved since its last rest when a segment begins, as planned, s."""
         return self.begins(segment) - self._rest_s

@@ -1,8 +1,7 @@
 """A CRS A465 on a MARS-8 controller: identify, initialise, move, grip, stop.
 
-Every wait ends by a deadline in controller seconds. Whatever ends a motion early (a fault, a silent line, an
-interrupt, an error in the caller's own code), the arm is told STOP first, and the error carries the state it was
-left in.
+Every wait has a deadline in controller seconds. Whatever ends a motion early (a fault, a silent line, an interrupt, an
+error in the caller's code), STOP is sent first, and the error carries the state of the arm after that.
 """
 
 from __future__ import annotations
@@ -39,31 +38,30 @@ from driver.mars.running import ParameterScale
 from driver.mars.stopping import STILL_COUNTS, RestState, bring_to_rest, farthest, read_position, read_status
 
 ENGAGE_S = 5.0
-RELEASE_MARGIN_S = 60.0  # before IDLEREL would release the arm
+RELEASE_MARGIN_S = 60.0  # engage again this long before IDLEREL would release the arm
 
 
 class Mars:
-    """One arm on one controller. A context manager; leaving it by an exception stops the arm, never releases it.
+    """One arm on one controller. A context manager: leaving it by an exception stops the arm but never releases it.
 
-    Inside the context, in the main thread, a signal that would end the program (`driver.line.signals`) is an exception.
-
-    Call `identify`, then `initialise`, then move. Not for use from two threads.
+    Inside the context, in the main thread, a signal that would end the program (`driver.line.signals`) raises an
+    exception. Call `identify`, then `initialise`, then move. Not thread-safe.
 
     Args:
         port: see `Link`.
-        unit: which arm and controller it must be.
+        unit: the expected arm and controller.
         clock: controller time; default wall time.
-        log: takes every byte and event.
+        log: records every byte and event.
 
     Attributes:
-        reference: where the controller's own path generator stands, (6,) counts, or None if that is not known
-            (after opening, after a stop): a relative segment may then not be sent.
-        manners: how the unit speaks, once it is identified.
-        registers: tells them, and reads them back.
-        parameters: what its parameter of a segment counts to, learnt while it stands.
+        reference: end of the controller's path generator, (6,) counts, or None if it is not known (after opening,
+            after a stop); relative segments must not be sent then.
+        manners: how the unit echoes, once it is identified.
+        registers: sets registers and reads them back.
+        parameters: scale of the unit's segment parameter, learnt during dwells.
 
     Raises:
-        InputError: the port is not there, is no serial line, or is in use.
+        InputError: the port does not exist, is not a serial line, or is in use.
     """
 
     def __init__(
@@ -94,7 +92,7 @@ class Mars:
     ) -> None:
         try:
             if not self.link.identified:
-                pass  # nothing moves, and nothing may be sent that could
+                pass  # nothing moves, and no command may be sent
             elif isinstance(error, ExecutionStopped):
                 if "state" not in error.data:
                     error.data["state"] = self.stop().to_json()
@@ -104,10 +102,10 @@ class Mars:
             self.link.close()
             self._signals.close()
 
-    # -- taking into use
+    # -- start-up
 
     def identify(self) -> str:
-        """Learn what is on the other side, by ECHO, STAMP and VER alone; the firmware's text.
+        """Identify the controller by ECHO, STAMP and VER alone. Return the firmware text.
 
         Raises:
             InputError: nothing answers like a MARS, or its firmware is not the unit's.
@@ -117,27 +115,27 @@ class Mars:
         return version
 
     def initialise(self, home: bool = True, soft_home: bool = True) -> None:
-        """Registers, coordinated group, and homing.
+        """Set the registers, form the coordinated group, and home.
 
         Args:
-            home: False if the unit kept its positions since it was last homed (it stayed powered): nothing moves.
-            soft_home: go on from the marks to the unit's soft home, straight in joint space; False leaves the arm at
-                its marks, for a planner that knows what stands in the way.
+            home: False if the unit was homed and has stayed powered since; nothing moves then.
+            soft_home: after homing, move to the unit's soft home, straight in joint space. False leaves the arm at its
+                marks, so that a planner can move it around obstacles.
 
         Raises:
-            InputError: `identify` was not called; or the gripper answers on another unit's axis: nothing was set.
+            InputError: `identify` was not called, or the gripper is on the axis of another unit; nothing was set.
             ImpossibleError: arm power off, motion stop or an axis error; or positions that cannot be right.
-            ExecutionStopped: something failed while homing; with the state.
+            ExecutionStopped: homing failed; with the state.
         """
         if not self.link.identified:
-            raise InputError("identify() comes before initialise()")
+            raise InputError("initialise: call identify() first")
         self._initialised = False
         answers = gripper_answers(self.link)
         self.note("whose_arm", unit=self.unit.name, gripper_axes=answers)
         refuse_another(self.unit, answers)
         with self.guarded("initialise"):
             self._send(encode("PURGE"))
-            self.link.synchronise(attempts=2)  # a stop drops what is still on its way
+            self.link.synchronise(attempts=2)  # a stop drops unsent bytes
             rest = self.stop()
         if not rest.at_rest:
             raise ExecutionStopped(f"initialise: {rest.describe(self.unit)}", state=rest.to_json())
@@ -161,45 +159,45 @@ class Mars:
             self.move_to([int(c) for c in self.unit.counts(self.unit.soft_home)])
 
     def refuse_outside(self, counts: Sequence[int], what: str) -> None:
-        """Refuse counts outside the unit's joint limits; `what` begins the message.
+        """Refuse counts outside the unit's joint limits. `what` begins the message.
 
         Raises:
-            ImpossibleError: with axis and excess in rad.
+            ImpossibleError: with the axis and the excess in rad.
         """
         refuse_outside(self.unit, counts, what)
 
     def status(self) -> Status:
-        """The status word now."""
+        """Read the status word."""
         return read_status(self.link)
 
     def position(self) -> Position:
-        """Time, segment and counts now.
+        """Read time, segment and counts.
 
         Raises:
-            InputError: before `initialise`, which forms the coordinated group: the unit then does not answer.
+            InputError: before `initialise`, which forms the coordinated group; without it the unit does not answer.
         """
         if not self._group_formed:
             raise InputError(
-                "position: initialise() comes first; home=False moves nothing, if the unit is homed"
+                "position: call initialise() first; on a unit that is homed, home=False moves nothing"
             )
         return read_position(self.link, len(self.unit.axes))
 
     def counters(self) -> tuple[int, ...]:
-        """What the axes' counters say, (6,), also before `initialise`: positions if the arm was homed since power-up.
+        """Read the axes' counters, (6,), also before `initialise`. They are positions once the arm is homed.
 
         Raises:
             InputError: `identify` was not called.
         """
         if not self.link.identified:
-            raise InputError("identify() comes before counters()")
+            raise InputError("counters: call identify() first")
         return tuple(parse_integer(self.link.ask("AP", axis)) for axis in self.unit.axes)
 
     def counts(self) -> tuple[int, ...]:
-        """Encoder counts now, (6,)."""
+        """Read the encoder counts, (6,)."""
         return self.position().counts
 
     def settled_counts(self, tolerance: int = STILL_COUNTS) -> tuple[int, ...]:
-        """Counts once two samples 0.1 s apart differ by at most `tolerance` on every axis.
+        """Wait until two samples 0.1 s apart differ by at most `tolerance` counts on every axis. Return the counts.
 
         Raises:
             NoAnswer: still moving after `driver.mars.ready.SETTLE_S`.
@@ -209,54 +207,56 @@ class Mars:
     # -- moving
 
     def set_registers(self, speed: Sequence[int], acceleration: Sequence[int]) -> None:
-        """Speed and acceleration limits of the six axes, from now on. Only while nothing moves.
+        """Set the speed and acceleration limits of the six axes. Only while the arm is at rest.
 
         Raises:
             InputError: a register is above its cap.
-            ExecutionStopped: the arm is moving (what queued segments would do is not known).
+            ExecutionStopped: the arm is moving (the effect on queued segments is unknown).
         """
         lines = startup.limit_lines(self.unit, tuple(speed), tuple(acceleration))
         if self.status().busy:
-            raise ExecutionStopped("registers may only change while the arm stands", reason="busy")
+            raise ExecutionStopped("registers can change only while the arm is at rest", reason="busy")
         self.registers.tell(*lines)
         self.speed_registers, self.acceleration_registers = tuple(speed), tuple(acceleration)
 
     def move_to(self, counts: Sequence[int]) -> tuple[int, ...]:
-        """Go straight in joint space to absolute counts; where the arm settled.
+        """Move straight in joint space to absolute counts. Return the counts at which the arm settled.
 
         Raises:
-            InputError: not one count for each axis.
+            InputError: not one count per axis.
             ImpossibleError: outside the unit's limits; nothing moved.
-            ExecutionStopped: did not arrive, or settled more than 25 counts away; with the state.
+            ExecutionStopped: did not arrive, or settled further from the target than `Unit.rest_tolerance`; with the
+                state.
         """
         target = tuple(int(c) for c in counts)
         if len(target) != len(self.unit.axes):
             raise InputError(
-                f"counts = {list(target)}: {len(target)} values, must be {len(self.unit.axes)}, one an axis",
+                f"counts = {list(target)}: {len(target)} values, must be {len(self.unit.axes)}, one per axis",
                 counts=list(target),
             )
         self.refuse_outside(target, "target")
         with self.guarded("move"):
             if self.reference is None and self.link.echoes:
-                self.anchor(self.require_ready())  # slowly, where it is; then what follows can be verified
+                self.anchor(self.require_ready())  # slow, to where it is; the move itself is then verified
             return self._go(target)
 
     def anchor(self, counts: Sequence[int]) -> None:
-        """Make the controller's path generator start from exactly these counts, a few counts from the arm.
+        """Set the start of the controller's path generator to these counts, which must be close to the arm's.
 
-        After a stop, a release or a push the generator's own end may be elsewhere, and a relative segment would
-        jump. So an absolute move to the measured pose goes first, slowly (fact sheet, section 6).
+        After a stop, a release or a push the end of the generator may be elsewhere, so a relative segment would jump.
+        Therefore the arm first makes a slow absolute move to its measured position (fact sheet, section 6).
 
         Raises:
-            ImpossibleError: the arm is further than 25 counts from `counts`; nothing moved.
-            ExecutionStopped: it did not arrive; with the state.
+            ImpossibleError: the arm is further than `Unit.rest_tolerance` from `counts`; nothing moved.
+            ExecutionStopped: the arm did not arrive; with the state.
         """
         target = tuple(int(c) for c in counts)
         with self.guarded("anchor"):
             here = self.require_ready()
         if farthest(here, target) > self.unit.rest_tolerance:
             raise ImpossibleError(
-                f"the arm is {farthest(here, target)} counts from {list(target)}: go there by a planned motion",
+                f"the arm is {farthest(here, target)} counts from {list(target)}, must be at most "
+                f"{self.unit.rest_tolerance}; move there by a planned motion",
                 counts=list(here),
                 target=list(target),
             )
@@ -284,10 +284,10 @@ class Mars:
         return self.arrived(target)
 
     def arrived(self, target: Sequence[int]) -> tuple[int, ...]:
-        """Settle after a motion to `target` and make that the reference; where the arm settled.
+        """Wait until the arm settles after a motion to `target`, the new reference. Return the settled counts.
 
         Raises:
-            ExecutionStopped: more than 25 counts away, or it does not settle.
+            ExecutionStopped: further from `target` than `Unit.rest_tolerance`, or it does not settle.
         """
         goal = tuple(int(c) for c in target)
         end = self.settled_counts()
@@ -297,23 +297,23 @@ class Mars:
         return end
 
     def require_ready(self) -> tuple[int, ...]:
-        """Check that the arm may start to move, and is where the last motion left it; its counts.
+        """Check that the arm may move and is where the last motion left it. Return its counts.
 
         Raises:
-            ExecutionStopped: not initialised, a fault, moving, or displaced since (pushed, or power-cycled).
+            ExecutionStopped: not initialised, a fault, moving, or displaced (pushed, or power-cycled).
         """
         if not self._initialised:
-            raise ExecutionStopped("initialise() comes before any motion", reason="order")
+            raise ExecutionStopped("call initialise() before any motion", reason="order")
         idle_s = self.clock.now() - self._last_motion
         if self.unit.idle_release_s and idle_s > self.unit.idle_release_s - RELEASE_MARGIN_S:
-            self._engage()  # the unit has released the arm, or is about to
+            self._engage()  # IDLEREL has released the arm, or is about to
         status = self.status()
         if status.fault or status.busy:
             why = " and ".join(status.faults()) or "it is still moving"
-            raise ExecutionStopped(f"the arm cannot start: {why}", status=status.word, reason="fault")
+            raise ExecutionStopped(f"the arm cannot move: {why}", status=status.word, reason="fault")
         here = self.counts()
         if self.reference is not None and farthest(here, self.reference) > self.unit.rest_tolerance:
-            here = self.counts()  # one answer may be damaged on the line
+            here = self.counts()  # the answer may have been damaged on the line
         if self.reference is not None:
             refuse_displaced(self.unit, here, self.reference)
         return here
@@ -327,8 +327,8 @@ class Mars:
         """Move the jaws, 0 open to 1 closed, and wait until they rest, at the target or on an object.
 
         Raises:
-            InputError: not from 0 to 1.
-            ExecutionStopped: a fault, or they do not come to rest in time; with the state.
+            InputError: `fraction_closed` is not from 0 to 1.
+            ExecutionStopped: a fault, or the jaws do not come to rest in time; with the state.
         """
         if not 0.0 <= fraction_closed <= 1.0:
             raise InputError(
@@ -336,13 +336,13 @@ class Mars:
             )
         with self.guarded("gripper"):
             if not self._initialised:
-                raise ExecutionStopped("initialise() comes before any motion", reason="order")
+                raise ExecutionStopped("call initialise() before any motion", reason="order")
             result = move_gripper(self.link, self.unit.gripper, fraction_closed)
-            self.position()  # a unit that was switched off meanwhile has let go, though its jaws rest
+            self.position()  # raises if the unit was switched off meanwhile: it has lost its grip then
             return result
 
     def jaws(self) -> float:
-        """How far the jaws are closed now, 0 open to 1 closed; nothing moves.
+        """Read how far the jaws are closed, 0 open to 1 closed. Nothing moves.
 
         Raises:
             ExecutionStopped: no answer; with the state.
@@ -353,7 +353,7 @@ class Mars:
     # -- stopping
 
     def stop(self) -> RestState:
-        """STOP at once, wait until the arm stands, and say where. Never raises for anything the link does."""
+        """Send STOP at once and wait until the arm is at rest. Return its state. Never raises for a failing link."""
         self.reference = None
         state = bring_to_rest(self.link, self.unit.axes if self._group_formed else ())
         self.note("stop", **state.to_json())
@@ -361,9 +361,9 @@ class Mars:
 
     @contextmanager
     def guarded(self, what: str) -> Iterator[None]:
-        """Whatever goes wrong inside, the arm is stopped before the error goes on, with its state in ``data``.
+        """Stop the arm before any error inside is passed on, with the arm's state in its ``data``.
 
-        An interrupt (SIGINT) becomes `ExecutionStopped` with ``reason="interrupted"``. Nested uses do it once.
+        An interrupt (SIGINT) becomes `ExecutionStopped` with ``reason="interrupted"``. Nested uses stop once.
         """
         if self._guarded:
             yield
@@ -395,6 +395,6 @@ class Mars:
             self.link.send(line)
 
     def note(self, kind: str, **data: object) -> None:
-        """Put an event into the log, if there is one."""
+        """Record an event in the log, if there is one."""
         if self.log is not None:
             self.log.note(kind, **data)

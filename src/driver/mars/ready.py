@@ -1,4 +1,4 @@
-"""Waiting until the controller generates no motion any more, and until the arm stands."""
+"""Waiting until the controller generates no motion, and until the arm is at rest."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from driver.mars.stopping import SAMPLE_S, farthest, read_status, refuse_restart
 
 POLL_S = 0.25
 SETTLE_S = 3.0
-IDLE_POLLS = 4  # looks in a row at an idle unit that has not said R!
+IDLE_POLLS = 4  # polls in a row that find the unit idle though R! has not come
 
 
 def wait_ready(
     link: Link, what: str, timeout: float, axis: str = "", on_look: Callable[[], None] | None = None
 ) -> None:
-    """Wait for ``R!`` (or ``Rx!``) and for the status to agree.
+    """Wait for ``R!`` (or ``Rx!``) and a status that is not busy.
 
-    ``R!`` alone is not trusted: one that an earlier, abandoned wait asked for may still be on its way. Nor does it
-    mean that the arm stands: its path generator has finished (fact sheet, section 1), so settle afterwards.
+    ``R!`` alone proves nothing: it may answer an earlier wait that was given up. Nor does it mean that the arm is at
+    rest, only that its path generator has finished (fact sheet, section 1), so let the arm settle afterwards.
 
     Args:
-        what: is waited for, for the message.
+        what: name of the action waited for, for the message.
         timeout: controller seconds.
-        axis: to wait for, or "" for all.
-        on_look: called at each look at the status, four times a second.
+        axis: the axis to wait for, or "" for all.
+        on_look: called at each status poll, four times a second.
 
     Raises:
-        ExecutionStopped: FAIL!, a fault in the status, no end in time, or the link is lost.
+        ExecutionStopped: FAIL!, a fault in the status, not finished in time, or the link is lost.
     """
-    link.synchronise(attempts=2)  # noise may spoil one
+    link.synchronise(attempts=2)  # noise may damage one stamp
     link.events.clear()
     link.send(encode("R", axis=axis))
     deadline = link.deadline(timeout)
@@ -49,7 +49,7 @@ def wait_ready(
         if ready and not status.busy:
             return
         idle = 0 if status.busy else idle + 1
-        if idle == IDLE_POLLS:  # the question or its answer was lost on the line: asking again costs nothing
+        if idle == IDLE_POLLS:  # R or its answer was lost on the line: asking again does no harm
             idle = 0
             link.send(encode("R", axis=axis))
         if link.clock.now() >= deadline:
@@ -57,10 +57,10 @@ def wait_ready(
 
 
 def wait_settled(link: Link, read: Callable[[], tuple[int, ...]], tolerance: int) -> tuple[int, ...]:
-    """Counts once two samples 0.1 s apart differ by at most `tolerance` on every axis.
+    """Wait until two samples SAMPLE_S apart differ by at most `tolerance` counts on every axis. Return the counts.
 
     Args:
-        read: gives the counts now.
+        read: returns the present counts.
 
     Raises:
         NoAnswer: still moving after SETTLE_S.
@@ -77,7 +77,7 @@ def wait_settled(link: Link, read: Callable[[], tuple[int, ...]], tolerance: int
 
 
 def refuse_failure(link: Link, status: Status, what: str) -> None:
-    """Refuse to go on when the status has a fault, ``FAIL!`` has come, or the unit was switched off and on.
+    """Refuse to continue after a fault in the status, ``FAIL!``, or a power cycle of the unit.
 
     Raises:
         ExecutionStopped: with the reason ``fault`` or ``restarted``.
@@ -87,7 +87,7 @@ def refuse_failure(link: Link, status: Status, what: str) -> None:
         if not status.fault:
             raise ExecutionStopped(f"{what}: the unit answered FAIL!", status=status.word, reason="fault")
         raise ExecutionStopped(
-            f"{what}: {' and '.join(status.faults())}; to go on: {status.remedy()}",
+            f"{what}: {' and '.join(status.faults())}; to continue: {status.remedy()}",
             status=status.word,
             reason="fault",
         )

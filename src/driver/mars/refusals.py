@@ -1,4 +1,4 @@
-"""States of a unit in which nothing is to move: faults, lost positions, counts outside the limits."""
+"""States of a unit in which the arm must not move: faults, lost positions, counts outside the limits."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from driver.mars.stopping import farthest
 
 
 def refuse_faults(status: Status) -> None:
-    """Refuse what forbids motion.
+    """Refuse a status with a fault.
 
     Raises:
-        ImpossibleError: with the faults, and what clears them.
+        ImpossibleError: with the faults and how to clear them.
     """
     if status.fault:
         raise ImpossibleError(
@@ -27,25 +27,25 @@ def refuse_faults(status: Status) -> None:
 
 
 def refuse_unhomed(unit: Unit, counts: Sequence[int]) -> None:
-    """Refuse positions that a homed arm would not tell.
+    """Refuse positions that a homed arm cannot have.
 
     Raises:
-        ImpossibleError: all about 0, as after power-up, or outside the limits.
+        ImpossibleError: all close to 0, as after power-up, or outside the limits.
     """
     if is_unhomed(unit, counts):
         raise ImpossibleError(
             f"positions are {list(counts)}, as after power-up: the unit must be homed", counts=list(counts)
         )
-    refuse_outside(unit, counts, "the arm stands at")
+    refuse_outside(unit, counts, "the arm is at")
 
 
 def is_unhomed(unit: Unit, counts: Sequence[int]) -> bool:
-    """Whether counters stand as after power-up."""
+    """Whether the counters are close to 0, as after power-up."""
     return max(abs(c) for c in counts) <= unit.rest_tolerance
 
 
 def off_by(unit: Unit, here: Sequence[int], there: Sequence[int]) -> str:
-    """What was read, of each axis that is further from where it should be than the unit's tolerance at rest."""
+    """Describe each axis that is further from its expected position than the unit's rest tolerance."""
     off_deg = np.degrees(unit.positions(here) - unit.positions(there))
     return ", ".join(
         f"{axis} reads {h}, {h - t:+d} ({degrees:+.2f} deg)"
@@ -55,15 +55,15 @@ def off_by(unit: Unit, here: Sequence[int], there: Sequence[int]) -> str:
 
 
 def refuse_displaced(unit: Unit, here: tuple[int, ...], expected: tuple[int, ...]) -> None:
-    """Refuse to start from elsewhere than the last motion ended.
+    """Refuse to start away from the end of the last motion.
 
     Raises:
-        ExecutionStopped: with the counts, and which axes are off.
+        ExecutionStopped: with the counts and the axes that are off.
     """
     if farthest(here, expected) > unit.rest_tolerance:
         raise ExecutionStopped(
             f"the arm is {farthest(here, expected)} counts from where the last motion ended "
-            f"({off_by(unit, here, expected)}): was it pushed, or the unit switched off? initialise it again",
+            f"({off_by(unit, here, expected)}); was it pushed, or the unit switched off? Initialise it again",
             counts=list(here),
             expected=list(expected),
             reason="displaced",
@@ -71,14 +71,14 @@ def refuse_displaced(unit: Unit, here: tuple[int, ...], expected: tuple[int, ...
 
 
 def refuse_not_arrived(unit: Unit, end: tuple[int, ...], goal: tuple[int, ...]) -> None:
-    """Refuse an end of a motion that is not its target.
+    """Refuse a motion that has ended away from its target.
 
     Raises:
-        ExecutionStopped: with the counts, and which axes are off.
+        ExecutionStopped: with the counts and the axes that are off.
     """
     if farthest(end, goal) > unit.rest_tolerance:
         raise ExecutionStopped(
-            f"settled {farthest(end, goal)} counts from the target, at most {unit.rest_tolerance} are allowed "
+            f"the arm settled {farthest(end, goal)} counts from the target, must be at most {unit.rest_tolerance} "
             f"(rest_tolerance_counts): {off_by(unit, end, goal)}",
             counts=list(end),
             target=list(goal),
@@ -87,10 +87,10 @@ def refuse_not_arrived(unit: Unit, end: tuple[int, ...], goal: tuple[int, ...]) 
 
 
 def refuse_outside(unit: Unit, counts: Sequence[int], what: str) -> None:
-    """Refuse counts outside the unit's joint limits; `what` begins the message.
+    """Refuse counts outside the unit's joint limits. `what` begins the message.
 
     Raises:
-        ImpossibleError: with axis and excess in rad.
+        ImpossibleError: with the axis and the excess in rad.
     """
     q = unit.positions(counts)
     rounding = 1.5 / np.abs(unit.counts_per_rad)

@@ -1,6 +1,6 @@
-"""Registers that are told to the unit, and read back where it answers: an echo tells of the line, not of the unit.
+"""Set registers of the unit and read them back where it answers: an echo proves the line, not the register.
 
-Which registers a MARS-8 answers is not known (fact sheet, section 6), so silence proves nothing; a wrong value does.
+Which registers a MARS-8 answers is not known (fact sheet, section 6), so silence proves nothing. A wrong value does.
 """
 
 from __future__ import annotations
@@ -12,23 +12,23 @@ from arm.errors import ExecutionStopped
 from driver.line.link import Link
 
 _REGISTER = re.compile(r"(REG[A-Z0-9]+|IDLEREL|COORDDISCONT):(-?\d+)")
-LOOKS = 2  # one answer may be damaged on the line
+LOOKS = 2  # read-back attempts: an answer may be damaged on the line
 
 
 class Registers:
-    """Tells registers over one link.
+    """Sets registers over one link and reads them back.
 
     Attributes:
-        answers: what the unit answers, of all that were told since `learn`: name to text; None where it says nothing.
+        answers: register name to the unit's answer, or to None where it does not answer; since the last `forget`.
     """
 
     def __init__(self, link: Link) -> None:
         self._link = link
-        self._answered: dict[str, bool] = {}  # by kind of register
+        self._answered: dict[str, bool] = {}  # by kind of register: whether the unit answers
         self.answers: dict[str, str | None] = {}
 
     def forget(self) -> None:
-        """What the unit answers is asked anew: it may be another one."""
+        """Forget all answers: the unit may be another one."""
         self._answered = {}
         self.answers = {}
 
@@ -37,34 +37,34 @@ class Registers:
 
         Raises:
             NoAnswer, LinkLost, LineDamaged: as `Link.tell`.
-            ExecutionStopped: a register holds another value than was told; reason ``register``.
+            ExecutionStopped: a register holds another value than was set; reason ``register``.
         """
         self._link.tell(*lines)
-        told = {found[1]: int(found[2]) for line in lines if (found := _REGISTER.fullmatch(line))}
-        for look in range(LOOKS):
-            wrong = self._wrong(told)
+        values = {found[1]: int(found[2]) for line in lines if (found := _REGISTER.fullmatch(line))}
+        for attempt in range(LOOKS):
+            wrong = self._wrong(values)
             if not wrong:
                 return
-            told = {name: told[name] for name in wrong}
-            if look + 1 == LOOKS:
+            values = {name: values[name] for name in wrong}
+            if attempt + 1 == LOOKS:
                 name = wrong[0]
                 raise ExecutionStopped(
-                    f"register {name} reads {self.answers[name]} after {told[name]} was set, though the line came back "
-                    "right: the unit does not hold what it is told; switch it off and on",
+                    f"register {name} reads {self.answers[name]} after {values[name]} was set, though the echo was "
+                    "right: the unit does not keep its registers; switch it off and on",
                     register=name,
-                    value=told[name],
+                    value=values[name],
                     answer=self.answers[name],
                     reason="register",
                 )
 
-    def _wrong(self, told: Mapping[str, int]) -> list[str]:
-        """Names whose answers are other values."""
-        self._ask(told)
-        texts = {name: self.answers.get(name) for name in told}
-        return [name for name, text in texts.items() if text is not None and not _is(text, told[name])]
+    def _wrong(self, values: Mapping[str, int]) -> list[str]:
+        """Names of the registers that read another value."""
+        self._ask(values)
+        texts = {name: self.answers.get(name) for name in values}
+        return [name for name, text in texts.items() if text is not None and not _is(text, values[name])]
 
     def _ask(self, names: Iterable[str]) -> None:
-        """One of each kind that was not asked yet, then all of those kinds that are answered."""
+        """Ask for one register of each new kind, then for the others of the kinds that are answered."""
         left = list(names)
         first = {_kind(name): name for name in reversed(left) if _kind(name) not in self._answered}
         for name, text in self._link.ask_all(list(first.values())).items():
@@ -75,7 +75,7 @@ class Registers:
 
 
 def _kind(name: str) -> str:
-    """REGMS of REGMSA."""
+    """Register name without its axis: REGMS for REGMSA."""
     return name[:-1] if name.startswith("REG") else name
 
 

@@ -1,6 +1,6 @@
-"""Which of the segments sent the unit executes, and how far it is in it: from its own numbers in COORDAP.
+"""Which of the sent segments the unit executes, and its progress in it, from the numbers in COORDAP.
 
-An answer may be damaged on the line, so no number is believed that the unit could not have reached by then.
+An answer may be damaged on the line, so a number that the unit cannot have reached yet is rejected.
 """
 
 from __future__ import annotations
@@ -10,39 +10,39 @@ from itertools import pairwise
 from driver.line.protocol import CLOCK_RANGE_MS, SEQUENCE_RANGE, Position
 from driver.mars.lookahead import Timeline
 
-EARLY_S = 0.05  # by which a unit may be ahead of what the line's rate allows
-STRANGE = 2  # numbers in a row that cannot be: then the one that they were counted from was damaged
-LEAST_STEP_MS = 40  # between two samples that tell the parameter's scale
-ATTEMPTS = 3  # dwells, after which a unit does not tell
-AGREE = 0.1  # between two such scales
+EARLY_S = 0.05  # tolerance by which a segment may begin early
+STRANGE = 2  # impossible numbers in a row: then the reference number was damaged
+LEAST_STEP_MS = 40  # between two samples that the parameter's scale is computed from
+ATTEMPTS = 3  # dwells, after which the scale counts as unavailable
+AGREE = 0.1  # largest relative difference of two such scales
 
 
 class Running:
-    """Counts segments by the unit's numbers.
+    """Counts the segments that have begun, from the unit's segment numbers.
 
     Attributes:
-        known: the number of some segment is known.
-        counted: how many of the segments sent have begun.
+        known: whether the unit's number of any segment is known.
+        counted: how many of the sent segments have begun.
     """
 
     def __init__(self) -> None:
         self.counted = 0
         self._sequence: int | None = None  # the unit's number of the segment `counted`
         self._strange = 0
-        self._other: int | None = None  # told last in a dwell
+        self._other: int | None = None  # last number read during a dwell
 
     @property
     def known(self) -> bool:
         return self._sequence is not None
 
     def forget(self) -> None:
-        """What runs next has a number that is not known."""
+        """Forget the reference number: the number of the next segment is not known."""
         self._sequence, self._strange, self._other = None, 0, None
 
     def stands(self, number: int, stood: int) -> bool:
-        """The unit stands behind `stood` segments, in a dwell of that number; whether that is what it told before.
+        """Take the number of a dwell that follows `stood` segments. Return whether it agrees with the last one.
 
-        Of two numbers one is damaged; that which comes twice in a row is right.
+        If two numbers differ, one is damaged; the one read twice in a row is right.
         """
         if self._sequence is None or number == self._other:
             self._sequence, self.counted, self._strange = number, stood, 0
@@ -50,7 +50,10 @@ class Running:
         return number == self._sequence
 
     def take(self, number: int, sent: int, timeline: Timeline, now_s: float) -> bool:
-        """A number that was told; whether it can be that of a segment sent. Else nothing changes, at first."""
+        """Take a number that was read. Return whether it can belong to a sent segment.
+
+        The first impossible number changes nothing; `STRANGE` in a row discard the reference.
+        """
         if self._sequence is None:
             return False
         counted = self.counted + (number - self._sequence) % SEQUENCE_RANGE
@@ -67,10 +70,10 @@ class Running:
 
 
 class ParameterScale:
-    """What the unit's parameter of a segment counts to. Its scale is not documented, so it is learnt in dwells.
+    """Scale of the unit's segment parameter. It is not documented, so it is learnt during dwells.
 
     Attributes:
-        full: the parameter at the end of a segment, or None while that is not known.
+        full: the parameter at the end of a segment, or None while it is not known.
     """
 
     def __init__(self) -> None:
@@ -80,16 +83,16 @@ class ParameterScale:
 
     @property
     def to_learn(self) -> bool:
-        """It may be learnt from a dwell that is long enough."""
+        """Whether to learn the scale during the next dwell."""
         return self.full is None and self._dwells < ATTEMPTS
 
     def begin(self) -> None:
-        """A dwell begins."""
+        """Begin a dwell."""
         self._dwell = []
         self._dwells += 1
 
     def stands(self, position: Position, dwell_ms: int) -> None:
-        """A sample from within a dwell of that length: its parameter rises evenly."""
+        """Take a sample from a dwell of that length, in which the parameter rises linearly."""
         if self.full is not None:
             return
         self._dwell.append(position)
@@ -105,7 +108,7 @@ class ParameterScale:
         return (b.parameter - a.parameter) / step_ms * dwell_ms
 
     def share(self, position: Position) -> float | None:
-        """How far the segment that runs is done, 0 to 1, or None if that cannot be told."""
+        """Return the fraction of the current segment that is done, 0 to 1, or None if it cannot be determined."""
         if self.full is None:
             return None
         share = position.parameter / self.full

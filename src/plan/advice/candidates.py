@@ -1,6 +1,6 @@
-"""What might help when a task cannot be planned: families of changes, the cheapest for a person first.
+"""Candidate changes for a task that cannot be planned, in families, the least work for the user first.
 
-Nothing here is checked; that is what `plan.advice.search` does.
+`plan.advice.search` checks them.
 """
 
 from __future__ import annotations
@@ -13,28 +13,37 @@ import numpy as np
 from arm.numerics.angles import arccos
 from arm.numerics.products import norm
 from arm.se3 import Array
-from plan.advice.changes import Asked, Change, Displaced, Elsewhere, Groups, Removed, Request, Skipped
+from plan.advice.changes import (
+    AddPlaces,
+    Change,
+    ChangeOptions,
+    Groups,
+    MoveBodies,
+    RemoveBodies,
+    Request,
+    SkipCubes,
+)
 from plan.failure import AFTER_TIMING, LINE_BLOCKED, NO_WAY_ACROSS, OUT_OF_REACH, START_BLOCKED, Failure
 from plan.options import PlanOptions
 from plan.scene import Station
 
-STEP, STEPS = 0.010, 12  # m, of moves that are tried, and how many
+STEP, STEPS = 0.010, 12  # m between displacements of a body, and their number
 TURNS = tuple(float(np.radians(d)) for d in (15.0, -15.0, 30.0, -30.0, 45.0, -45.0, 90.0, -90.0))
-FIXED = ("table", "post")  # kinds of bodies that nobody moves: cameras and tables are calibrated
-_ASLANT = tuple(float(np.radians(d)) for d in (20.0, 45.0))  # off the way to the base
-_TILTED = np.radians(3.0)  # boards that lean more can also be turned about their own normal
+FIXED = ("table", "post")  # kinds of bodies to leave in place: cameras and tables are calibrated
+_ASLANT = tuple(float(np.radians(d)) for d in (20.0, 45.0))  # off the direction to the base
+_TILTED = np.radians(3.0)  # boards that are tilted more can also be rotated about their normal
 _UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
 class Family:
-    """Changes of one sort, the smallest first.
+    """Changes of one kind, the smallest first.
 
     Attributes:
-        rank: families of a lower rank cost a person less.
-        changes: of growing size.
-        anchors: where more of a change helps more surely: numbers of the changes to begin with, in this order; the
-            smallest change that helps is then looked for by halving.
+        rank: families of a lower rank are less work for the user.
+        changes: changes of growing size.
+        anchors: indices of the changes to try first, in this order, if a larger change always helps more; bisection
+            then finds the smallest one that helps.
     """
 
     rank: int
@@ -45,13 +54,13 @@ class Family:
 def families(
     request: Request, failure: Failure, groups: Groups, spare: Sequence[Station]
 ) -> Iterator[Family]:
-    """All families for a failure, in order of rank.
+    """Yield all families for a failure, in order of rank.
 
     Args:
-        request: that failed.
-        failure: why.
+        request: the request that failed.
+        failure: the reason.
         groups: names of boards to the names of the bodies that move with them.
-        spare: places that could be given to the task too.
+        spare: places that the task could use too.
     """
     yield from _options(request, failure, spare)
     yield from _obstacle(request, failure, groups)
@@ -65,28 +74,28 @@ def _options(request: Request, failure: Failure, spare: Sequence[Station]) -> It
     options = request.options
     if failure.kind in (LINE_BLOCKED, NO_WAY_ACROSS, OUT_OF_REACH):
         if options.order == "given" and failure.kind != OUT_OF_REACH:
-            yield Family(0, (Asked("let the order of the cubes be chosen", (("order", "free"),)),))
+            yield Family(0, (ChangeOptions("let the planner choose the order", (("order", "free"),)),))
         if options.assignment == "given":
-            text = "let the places of the cubes be chosen"
-            yield Family(0, (Asked(text, (("assignment", "free"), ("order", "free"))),))
+            text = "let the planner choose the destinations of the cubes"
+            yield Family(0, (ChangeOptions(text, (("assignment", "free"), ("order", "free"))),))
         known = {s.name for s in request.stations()}
         more = tuple(s for s in spare if s.name not in known)
         if more:
             names = ", ".join(s.name for s in more)
-            yield Family(0, (Elsewhere(f"let cubes go to {names} too", more),))
+            yield Family(0, (AddPlaces(f"let cubes go to {names} too", more),))
     racing = any(w.joint and w.excess_deg is None for w in failure.ways)
     if racing and options.speed < 1.0:
-        # lines are refused where a joint could not keep up at the slowest tool speed
+        # a joint was too slow for a line at the slowest tool speed
         speeds = [s for s in (0.25, 0.5, 0.75, 1.0) if s > options.speed]
-        yield Family(0, tuple(Asked(f"ask for speed {s:g}", (("speed", s),)) for s in speeds))
+        yield Family(0, tuple(ChangeOptions(f"raise the speed to {s:g}", (("speed", s),)) for s in speeds))
     if failure.kind in (NO_WAY_ACROSS, START_BLOCKED, AFTER_TIMING):
         yield from _less_clearance(options, failure)
 
 
 def _less_clearance(options: PlanOptions, failure: Failure) -> Iterator[Family]:
-    """Whole millimetres below what is asked.
+    """Yield clearances in whole millimetres below the required one.
 
-    First what was seen, if no way can keep more: where a way across begins or ends. Then the default, then the least.
+    Try first the distance at an end of a transit, if an end is too near; then the default; then the minimum.
     """
     now, usual = options.clearance * 1e3, round(PlanOptions.clearance * 1e3)
     least = int(np.ceil(options.least_clearance * 1e3 - 1e-9))
@@ -97,21 +106,21 @@ def _less_clearance(options: PlanOptions, failure: Failure) -> Iterator[Family]:
         w.distance_mm for w in failure.ways if w.distance_mm is not None and not w.where.startswith("from ")
     ]
     first = [int(max(ends))] if ends else []
-    text = "ask for {:g} mm of clearance instead of {:g} mm"
+    text = "require {:g} mm of clearance instead of {:g} mm"
     yield Family(
         0,
-        tuple(Asked(text.format(c, now), (("clearance", c / 1e3),)) for c in sizes),
+        tuple(ChangeOptions(text.format(c, now), (("clearance", c / 1e3),)) for c in sizes),
         tuple(dict.fromkeys(sizes.index(c) for c in (*first, usual, least) if c in sizes)),
     )
 
 
 def _obstacle(request: Request, failure: Failure, groups: Groups) -> Iterator[Family]:
-    """The body in the way: moved off, or taken away."""
+    """Yield motions and the removal of the body in the way."""
     scene, name = request.scene, failure.body
     if name is None:
         return
     if name in {c.name for c in scene.cubes} - {t.cube for t in request.transfers}:
-        yield Family(1, (Removed(f"take {name} away", name),))
+        yield Family(1, (RemoveBodies(f"take {name} away", name),))
     body = next((b for b in scene.bodies if b.name == name), None)
     if body is None or body.kind in FIXED:
         return
@@ -121,13 +130,13 @@ def _obstacle(request: Request, failure: Failure, groups: Groups) -> Iterator[Fa
         if at is not None and not _on(request, groups[board], failure.stations):
             yield _moves(1, board, groups[board], _away(body.T_base_body[:3, 3], at), _from(failure))
         return
-    for direction, words in _ways_off(np.array(body.T_base_body[:3, 3]), at, failure):
+    for direction, words in _directions(np.array(body.T_base_body[:3, 3]), at, failure):
         yield _moves(1, name, frozenset({name}), direction, words)
-    yield Family(2, (Removed(f"take {name} away", name),))
+    yield Family(2, (RemoveBodies(f"take {name} away", name),))
 
 
 def _boards(request: Request, failure: Failure, groups: Groups) -> Iterator[Family]:
-    """The boards that hold the places that fail: moved, turned, raised, lowered."""
+    """Yield motions and rotations of the boards with the places that fail."""
     for board, names in groups.items():
         on = _on(request, names, failure.stations)
         if not on:
@@ -135,7 +144,7 @@ def _boards(request: Request, failure: Failure, groups: Groups) -> Iterator[Fami
         at = np.mean([s.T_base_tool[0][:3, 3] for s in on], axis=0)
         out = _level(at)
         side = np.array([-out[1], out[0], 0.0])
-        # what the links cannot reach has to come nearer by that much at least
+        # a place out of reach has to come nearer by this distance at least
         beyond = min((w.outside_mm for w in failure.ways if w.outside_mm is not None), default=0.0)
         steps = STEPS + int(np.ceil(beyond / 1e3 / STEP))
         yield _moves(3, board, names, -out, "towards the base", steps)
@@ -156,18 +165,18 @@ def _turns(request: Request, board: str, names: frozenset[str], station: Station
         return
     about = tuple(float(v) for v in plates[0].T_base_body[:3, 3])
     normal = -station.T_base_tool[0][:3, 2]
-    ways = [("about the vertical, seen from above", _UP, names)]
+    rotations = [("about the vertical, seen from above", _UP, names)]
     if arccos(abs(normal[2])) > _TILTED:
-        # turned on its stand, which stays where it is
+        # on its stand, which stays in place
         stands = {b.name for b in request.scene.bodies if b.kind == "stand"}
-        ways.append(("about its own normal, seen from its front", normal, names - stands))
-    for words, axis, bodies in ways:
+        rotations.append(("about its own normal, seen from its front", normal, names - stands))
+    for words, axis, bodies in rotations:
         along = tuple(float(v) for v in np.round(axis, 12))
         yield Family(
             4,
             tuple(
-                Displaced(
-                    f"turn {board} by {abs(np.degrees(turn)):.0f} deg {_hand(turn)} {words}",
+                MoveBodies(
+                    f"turn {board} by {abs(np.degrees(turn)):.0f} deg {_sense(turn)} {words}",
                     board,
                     bodies,
                     turn=turn,
@@ -179,18 +188,20 @@ def _turns(request: Request, board: str, names: frozenset[str], station: Station
         )
 
 
-def _hand(turn: float) -> str:
+def _sense(turn: float) -> str:
     return "counter-clockwise" if turn > 0.0 else "clockwise"
 
 
-def skipped_for(request: Request, failure: Failure, already: frozenset[str] = frozenset()) -> Skipped | None:
-    """Cubes that need the places that fail, left where they are; None if no others remain."""
+def skipped_for(
+    request: Request, failure: Failure, already: frozenset[str] = frozenset()
+) -> SkipCubes | None:
+    """Return the change that skips the cubes of the places that fail; None if no others remain."""
     failing = frozenset(failure.stations)
     cubes = already | {t.cube for t in request.transfers if {t.pick.name, t.place.name} & failing}
     if not cubes - already or len(cubes) >= len(request.transfers):
         return None
     names = ", ".join(t.cube for t in request.transfers if t.cube in cubes)
-    return Skipped(f"leave {names} out", cubes)
+    return SkipCubes(f"leave {names} out", cubes)
 
 
 def _moves(
@@ -202,11 +213,11 @@ def _moves(
         by = np.round(size * direction, 4) + 0.0
         axes = ", ".join(f"{a} {v * 1e3:+.0f}" for a, v in zip("xyz", by, strict=True) if abs(v) >= 5e-4)
         text = f"move {name} by {size * 1e3:.0f} mm {words} ({axes} mm)"
-        changes.append(Displaced(text, name, bodies, (float(by[0]), float(by[1]), float(by[2]))))
+        changes.append(MoveBodies(text, name, bodies, (float(by[0]), float(by[1]), float(by[2]))))
     return Family(rank, tuple(changes))
 
 
-def _ways_off(body: Array, at: Array | None, failure: Failure) -> list[tuple[Array, str]]:
+def _directions(body: Array, at: Array | None, failure: Failure) -> list[tuple[Array, str]]:
     away = _away(body, at) if at is not None else _level(body)
     side = np.array([-away[1], away[0], 0.0])
     words = _from(failure)
@@ -218,7 +229,7 @@ def _from(failure: Failure) -> str:
 
 
 def _away(body: Array, at: Array) -> Array:
-    """Level unit vector from `at` to the body; away from the base where one is above the other."""
+    """Return the horizontal unit vector from `at` to the body; away from the base if one is above the other."""
     apart = np.array([body[0] - at[0], body[1] - at[1], 0.0])
     return _level(apart) if norm(apart) > 5e-3 else _level(body)
 
@@ -235,5 +246,5 @@ def _centre(request: Request, names: Sequence[str]) -> Array | None:
 
 
 def _on(request: Request, bodies: frozenset[str], names: Sequence[str]) -> list[Station]:
-    """The places of those names that are on a board."""
+    """Return the places with these names that are on a board with these bodies."""
     return [s for s in request.stations() if s.name in names and s.touches & bodies]

@@ -1,6 +1,6 @@
-"""What was asked of the planner, and ways to change it: a body or board moved or turned, a cube skipped, an option.
+"""Planning requests and changes of them: move or rotate a body or board, skip a cube, change an option.
 
-A board is moved with all that belongs to it (`groups_of`): its plate, its stand, the cubes in it and the places on it.
+A board moves with all that belongs to it (`groups_of`): its plate, its stand, its cubes and its places.
 """
 
 from __future__ import annotations
@@ -22,8 +22,7 @@ from plan.pick_place.planner import Planner, plan_task
 from plan.scene import Scene, Station, Transfer
 
 Groups = Mapping[str, frozenset[str]]
-# A stand that would be left lower than this is taken away, m.
-_LEAST_STAND = 2e-3
+_LEAST_STAND = 2e-3  # m; a lower stand is removed
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class Request:
 
     Attributes:
         scene, transfers, q_start, unit, limits, options, places: as there.
-        required: places that must be in reach too, whatever the transfers use.
+        required: places that must be in reach too, even if no transfer uses them.
     """
 
     scene: Scene
@@ -45,7 +44,7 @@ class Request:
     required: tuple[Station, ...] = ()
 
     def plan(self) -> Plan | None:
-        """The plan; None where there is nothing to move.
+        """Return the plan; None if there is nothing to move.
 
         Raises:
             ImpossibleError, InputError: as `plan.pick_place.planner.plan_task`.
@@ -63,17 +62,17 @@ class Request:
         )
 
     def planner(self) -> Planner:
-        """A planner for it."""
+        """Return a planner for the request."""
         return Planner(self.scene, self.q_start, self.unit, self.limits, self.options)
 
     def stations(self) -> tuple[Station, ...]:
-        """All places, each once."""
+        """Return all places, each once."""
         every = [s for t in self.transfers for s in (t.pick, t.place)]
         return tuple({s.name: s for s in (*every, *self.places, *self.required)}.values())
 
 
 def groups_of(scene: Scene, stations: Sequence[Station]) -> dict[str, frozenset[str]]:
-    """What moves together: each ``plate X`` that a place touches, with ``stand X`` and the cubes that touch it."""
+    """Group bodies that move together: each ``plate X`` that a place touches, its ``stand X`` and its cubes."""
     known = {b.name for b in scene.bodies}
     plates = sorted({n for s in stations for n in s.touches if n.startswith("plate ") and n in known})
     cubes = {c.name for c in scene.cubes}
@@ -90,31 +89,31 @@ class Change(ABC):
     """One change of a request.
 
     Attributes:
-        text: what a person is to do.
+        text: what the user has to do.
     """
 
     text: str
 
     @abstractmethod
     def apply(self, request: Request) -> Request:
-        """The request with the change made."""
+        """Return the changed request."""
 
     @abstractmethod
     def to_json(self) -> dict[str, Any]:
-        """JSON types; lengths in mm, angles in deg."""
+        """Return the change as JSON types; lengths in mm, angles in deg."""
 
 
 @dataclass(frozen=True)
-class Displaced(Change):
-    """Bodies moved together as one rigid thing, with the places on them.
+class MoveBodies(Change):
+    """Bodies moved together as one rigid body, with the places on them.
 
-    An upright stand keeps its foot on the table: raised bodies get a taller one.
+    An upright stand keeps its foot on the table, so raised bodies get a taller one.
 
     Attributes:
-        name: of what is moved.
-        bodies: names.
-        by: (3,) m.
-        turn: rad about `axis` (3,) through the point `about` (3,) m.
+        name: name of the body or board.
+        bodies: names of all its bodies.
+        by: (3,) translation, m.
+        turn: rotation about `axis` (3,) through the point `about` (3,) m, rad.
     """
 
     name: str
@@ -125,7 +124,7 @@ class Displaced(Change):
     about: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def motion(self) -> Array:
-        """The displacement, (4, 4) in the base frame."""
+        """Return the displacement, (4, 4) in the base frame."""
         R, centre = rotation(self.turn * np.array(self.axis)), np.array(self.about)
         return transform(R, centre - mul(R, centre) + self.by)
 
@@ -135,7 +134,7 @@ class Displaced(Change):
         def moved(body: Body) -> Body | None:
             if body.name not in self.bodies:
                 return body
-            return _restood(body, M) if _upright_stand(body) else body.at(mul(M, body.T_base_body))
+            return _adjusted_stand(body, M) if _upright_stand(body) else body.at(mul(M, body.T_base_body))
 
         def displaced(station: Station) -> Station:
             if not station.touches & self.bodies:
@@ -171,8 +170,8 @@ def _upright_stand(body: Body) -> bool:
     return body.kind == "stand" and isinstance(body.shape, Box) and abs(body.T_base_body[2, 2]) > 1.0 - 1e-9
 
 
-def _restood(stand: Body, M: Array) -> Body | None:
-    """An upright stand under what was moved by M, its foot where it was; None if there is no room for one."""
+def _adjusted_stand(stand: Body, M: Array) -> Body | None:
+    """Return an upright stand moved by M with its foot at the same height; None if it would be too low."""
     size = stand.shape.size if isinstance(stand.shape, Box) else (0.0, 0.0, 0.0)
     T = np.array(mul(M, stand.T_base_body))
     foot = float(stand.T_base_body[2, 3]) - size[2] / 2.0
@@ -184,8 +183,8 @@ def _restood(stand: Body, M: Array) -> Body | None:
 
 
 @dataclass(frozen=True)
-class Removed(Change):
-    """A body or cube taken away."""
+class RemoveBodies(Change):
+    """Remove a body or cube."""
 
     name: str
 
@@ -206,8 +205,8 @@ class Removed(Change):
 
 
 @dataclass(frozen=True)
-class Asked(Change):
-    """Other options."""
+class ChangeOptions(Change):
+    """Change options."""
 
     options: tuple[tuple[str, str | float], ...]
 
@@ -219,8 +218,8 @@ class Asked(Change):
 
 
 @dataclass(frozen=True)
-class Elsewhere(Change):
-    """More places to choose from."""
+class AddPlaces(Change):
+    """Add places to choose from."""
 
     stations: tuple[Station, ...]
 
@@ -233,8 +232,8 @@ class Elsewhere(Change):
 
 
 @dataclass(frozen=True)
-class Skipped(Change):
-    """Cubes left where they are."""
+class SkipCubes(Change):
+    """Leave cubes where they are."""
 
     cubes: frozenset[str]
 

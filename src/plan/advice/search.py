@@ -1,8 +1,8 @@
-"""What would help where a task cannot be planned, each piece of advice tried with the planner before it is offered.
+"""Search for changes that make a task possible; the planner verifies each before it is offered.
 
-Candidates come from the cause (`plan.advice.candidates`). Cheap looks sort out those that cannot help: reach
-of all places, lines sampled at the place that failed, bodies that would overlap. What is left is planned,
-whole, until the budget of plans is used up. Budgets are counted, never timed: the same request gives the same advice.
+Candidates follow from the cause (`plan.advice.candidates`). Cheap checks discard those that cannot help: reachability
+of all places, samples of the lines at the place that failed, bodies that would overlap. The whole task is planned with
+the others until the budget of plans is spent. The budget is a count, so the same request gives the same advice.
 """
 
 from __future__ import annotations
@@ -19,29 +19,27 @@ from arm.errors import ImpossibleError, InputError
 from arm.numerics.products import mul
 from arm.robot.shapes import Body, Box
 from plan.advice.candidates import Family, families, skipped_for
-from plan.advice.changes import Change, Displaced, Groups, Request, Skipped, groups_of
-from plan.cartesian.reachability import LineChoice, ReachTable
+from plan.advice.changes import Change, Groups, MoveBodies, Request, SkipCubes, groups_of
+from plan.cartesian.reachability import GraspCandidate, ReachTable
 from plan.collision.world import World, coal_shape
 from plan.failure import AFTER_TIMING, LINE_BLOCKED, NO_WAY_ACROSS, START_BLOCKED, Failure, failure_in
 from plan.pick_place.cause import worlds_at
 from plan.scene import Scene, Station
 
 BUDGET, WANTED = 12, 3
-# Overlap that is let pass: bodies that stand on each other touch, m.
-_TOUCHING = 5e-4
-# Plans that the changes of one rank may cost, so that the others have their turn.
-_PLANS_A_RANK = 4
+_TOUCHING = 5e-4  # m, accepted overlap of bodies that stand on each other
+_PLANS_A_RANK = 4  # most plans for the changes of one rank
 
 
 @dataclass(frozen=True)
 class Advice:
-    """One change that was tried, and with which the task can be planned.
+    """A change with which the task can be planned.
 
     Attributes:
-        change: what to do; ``change.apply(request)`` is the request that was planned.
-        motion_s: duration of that plan's motion, s; 0 where there was nothing to move.
-        left: how many cubes it moves.
-        whole: whether these are all that were asked for.
+        change: the change; ``change.apply(request)`` was planned.
+        motion_s: duration of that plan's motion, s; 0 if there was nothing to move.
+        left: number of cubes that it moves.
+        whole: whether these are all cubes of the request.
     """
 
     change: Change
@@ -51,14 +49,14 @@ class Advice:
 
     @property
     def text(self) -> str:
-        """What to do, and what was checked."""
+        """What to do, and what was verified."""
         if not self.left:
             return f"{self.change.text} (checked: all holes are then in reach)"
-        what = "the whole task then plans" if self.whole else _others(self.left)
+        what = "the whole task can then be planned" if self.whole else _others(self.left)
         return f"{self.change.text} (checked: {what}, {self.motion_s:.1f} s of motion)"
 
     def to_json(self) -> dict[str, Any]:
-        """JSON types."""
+        """Return the advice as JSON types."""
         return {
             "text": self.text,
             **self.change.to_json(),
@@ -77,20 +75,20 @@ def advise(
     tell: Callable[[str], None] | None = None,
     wanted: int = WANTED,
 ) -> tuple[Advice, ...]:
-    """Changes that make the task possible, the cheapest for a person first; none if none was found in the budget.
+    """Return changes that make the task possible, the least work for the user first; none if the budget finds none.
 
     Args:
-        request: that was refused.
-        error: with which `plan.pick_place.planner.plan_task` refused it.
-        budget: how many plans may be tried.
-        groups: per name, the bodies that move together; default: `plan.advice.changes.groups_of`.
-        spare: places that could be given to the task too.
-        fits: the caller's own rule for a changed request, such as where boards may stand.
-        tell: called before each plan with what is tried.
-        wanted: how many pieces of advice are enough.
+        request: the request that failed.
+        error: the error of `plan.pick_place.planner.plan_task`.
+        budget: largest number of plans.
+        groups: names to the bodies that move together; default: `plan.advice.changes.groups_of`.
+        spare: places that the task could use too.
+        fits: returns whether a changed request is acceptable, such as where boards may stand; or None.
+        tell: called before each plan with the text of the change; or None.
+        wanted: number of changes after which the search ends.
 
     Returns:
-        at most one for each sort of change.
+        At most one change of each rank.
     """
     failure = failure_in(error)
     if failure is None or budget < 1:
@@ -119,11 +117,11 @@ class _Trial:
     ) -> None:
         self.request, self.failure, self.budget = request, failure, budget
         self.fits, self.tell = fits, tell
-        # where a cheap look cannot tell a small change from one that helps
+        # for these failures cheap checks do not show whether a change is large enough
         self.blind = failure.kind in (NO_WAY_ACROSS, AFTER_TIMING)
 
     def rank(self, some: Sequence[Family]) -> Advice | None:
-        """The smallest change of these families that plans, as far as a few tries tell."""
+        """Return the smallest change of these families that plans, found with a few attempts."""
         left = min(_PLANS_A_RANK, self.budget)
         firsts = [(self.next_good(family, 0), family) for family in some]
         for first, family in sorted(((i, f) for i, f in firsts if i is not None), key=lambda x: x[0]):
@@ -135,15 +133,15 @@ class _Trial:
         return None
 
     def next_good(self, family: Family, index: int) -> int | None:
-        """Number of the first change from `index` on that no cheap look speaks against."""
+        """Return the index of the first change from `index` on that passes the cheap checks."""
         changes = family.changes
         return next((i for i in range(index, len(changes)) if self.looks_good(changes[i])), None)
 
     def looks_good(self, change: Change) -> bool:
-        if isinstance(change, Skipped):
+        if isinstance(change, SkipCubes):
             return True
         changed, kind = change.apply(self.request), self.failure.kind
-        if isinstance(change, Displaced) and not _stands_free(
+        if isinstance(change, MoveBodies) and not _stands_free(
             self.request.scene, changed.scene, change.bodies
         ):
             return False
@@ -158,13 +156,13 @@ class _Trial:
         if len(changed.places) > len(self.request.places):
             failing = ()
         lines = [*failing]
-        if isinstance(change, Displaced):  # what moves may be in the way elsewhere
+        if isinstance(change, MoveBodies):  # what moves may be in the way elsewhere
             on_it = [s.name for s in changed.stations() if s.touches & change.bodies]
             lines += [*on_it, *(s.name for s in changed.stations())]
-        return all(_line_open(changed, table[name].serving(), name) for name in dict.fromkeys(lines))
+        return all(_line_open(changed, table[name].feasible(), name) for name in dict.fromkeys(lines))
 
     def reaches(self, request: Request, table: ReachTable) -> bool:
-        """Whether the cubes' places are in reach, or as many places as there are cubes where they may be chosen."""
+        """Return whether the cubes' places are in reach, or enough places if the planner may choose them."""
         required = {s.name for s in request.required} | {t.pick.name for t in request.transfers}
         places = {t.place.name for t in request.transfers}
         if request.options.assignment != "free":
@@ -175,9 +173,9 @@ class _Trial:
         )
 
     def family(self, family: Family, first: int, most: int) -> Advice | None:
-        """The smallest change that plans, from number `first` on, by at most so many plans."""
+        """Return the smallest change that plans, from index `first` on, with at most `most` plans."""
         changes = family.changes
-        if isinstance(changes[first], Skipped):
+        if isinstance(changes[first], SkipCubes):
             return self.skipping(changes[first])
         if family.anchors:
             return self.by_halves(family, first, most)
@@ -194,7 +192,7 @@ class _Trial:
         return None
 
     def by_halves(self, family: Family, first: int, most: int) -> Advice | None:
-        """The smallest change that plans, if more of it always helps more: an anchor that does, then halving."""
+        """Bisect for the smallest change that plans, from the first anchor that does; larger changes help more."""
         best: Advice | None = None
         fails, plans = first - 1, len(family.changes)
         trials = [i for i in family.anchors if i >= first] or [len(family.changes) - 1]
@@ -218,7 +216,7 @@ class _Trial:
         return best
 
     def from_the_largest(self, changes: Sequence[Change], first: int, most: int) -> Advice | None:
-        """The largest change shows whether the sort helps at all; then smaller ones are tried."""
+        """Try the largest change to see whether this kind helps at all, then smaller ones."""
         good = [i for i in range(first, len(changes)) if self.looks_good(changes[i])]
         best = self.plan(changes[good[-1]])
         if best is None:
@@ -231,8 +229,8 @@ class _Trial:
         return best
 
     def skipping(self, change: Change | None) -> Advice | None:
-        """Cubes left out, and more of them where that shows another place that fails."""
-        while isinstance(change, Skipped):
+        """Skip cubes, and more of them if the plan then fails at another place."""
+        while isinstance(change, SkipCubes):
             advice, failure = self.tried(change)
             if advice is not None or failure is None:
                 return advice
@@ -243,7 +241,7 @@ class _Trial:
         return self.tried(change)[0]
 
     def tried(self, change: Change) -> tuple[Advice | None, Failure | None]:
-        """The advice if the changed request plans, or why it does not."""
+        """Plan the changed request; return the advice, or the failure."""
         if self.budget <= 0:
             return None, None
         self.budget -= 1
@@ -256,7 +254,7 @@ class _Trial:
             plan = changed.plan()
         except ImpossibleError as error:
             return None, failure_in(error)
-        except InputError:  # the change leaves what a request may be, such as another start
+        except InputError:  # the changed request is invalid
             return None, None
         left = len(changed.transfers)
         whole = left == len(self.request.transfers)
@@ -264,7 +262,7 @@ class _Trial:
 
 
 def _others(count: int) -> str:
-    return "the other cube then plans" if count == 1 else f"the other {count} cubes then plan"
+    return "the other cube can then be moved" if count == 1 else f"the other {count} cubes can then be moved"
 
 
 def _start_free(request: Request) -> bool:
@@ -272,11 +270,11 @@ def _start_free(request: Request) -> bool:
     return not world.in_collision(request.q_start, request.options.clearance)
 
 
-def _line_open(request: Request, choices: Sequence[LineChoice], station: str) -> bool:
-    """Whether some way to serve a place keeps its clearance at the samples of reach, and at its outer end."""
+def _line_open(request: Request, choices: Sequence[GraspCandidate], station: str) -> bool:
+    """Return whether some grasp of a place has its clearance at the samples of its line and at the outer end."""
     worlds, options = worlds_at(request.scene, request.transfers, station), request.options
 
-    def keeps(choice: LineChoice) -> bool:
+    def keeps(choice: GraspCandidate) -> bool:
         outer = any(w.in_collision(choice.q_offset, options.clearance) for w in worlds)
         return not outer and not any(
             w.in_collision(q, options.line_clearance) for w in worlds for q in choice.q_line
@@ -286,7 +284,7 @@ def _line_open(request: Request, choices: Sequence[LineChoice], station: str) ->
 
 
 def _stands_free(before: Scene, after: Scene, moved: frozenset[str]) -> bool:
-    """Whether bodies that were moved overlap nothing that they did not overlap before, and still stand on a table."""
+    """Return whether moved bodies have no new overlap and still stand on a table."""
     fixed = [
         b for b in after.robot_open.bodies_at(np.zeros(after.robot_open.model.nq)) if b.name in _base(after)
     ]
@@ -319,7 +317,7 @@ def _parts(body: Body) -> tuple[Any, Any]:
 
 
 def _on_a_table(body: Body, scene: Scene) -> bool:
-    """Whether the body's centre is above a table."""
+    """Return whether the body's centre is above a table."""
     for table in scene.bodies:
         if table.kind == "table" and isinstance(table.shape, Box):
             at = mul(table.T_base_body[:3, :3].T, body.T_base_body[:3, 3] - table.T_base_body[:3, 3])

@@ -1,1 +1,1 @@
-"""Lines of the tool: differential inverse kinematics, reachability, and the barrier beside bodies."""
+"""Cartesian lines of the tool: differential inverse kinematics, reachability, and collision barriers."""

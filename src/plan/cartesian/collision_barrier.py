@@ -1,13 +1,13 @@
-"""Collision barriers for lines: rows that keep pairs of bodies apart, from the witness points of their distance.
+"""Collision barriers for lines: constraints that keep pairs of bodies apart, from witness points.
 
-With n the unit vector from the second body's witness point to the first's, the distance d of two bodies changes as
-n . (J_1 - J_2) dq, J being the Jacobians of the witness points as points of their bodies (F. Kanehiro et al., "A local
-collision avoidance method for non-strictly convex polyhedra", RSS 2008). So
+Let n be the unit vector from the second body's witness point to the first's, and J_1, J_2 the Jacobians of the witness
+points as points of their bodies. The distance d changes by n . (J_1 - J_2) dq (F. Kanehiro et al., "A local collision
+avoidance method for non-strictly convex polyhedra", RSS 2008). So
 
     -n . (J_1 - J_2) dq <= d - clearance
 
-keeps the clearance to first order. Witness points of flat faces jump; the follower's steps are repeated until the
-true distance keeps it.
+keeps the clearance to first order. Witness points of flat faces jump, so steps are repeated until the true distance
+keeps it too.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ from arm.se3 import Array
 from plan.cartesian.differential_ik import Barrier
 from plan.collision.world import DISTANCE_ERROR, Distance, World
 
-_DIFFERENCE = 1e-5  # rad or m, of the central differences for bodies that touch
+_DIFFERENCE = 1e-5  # rad or m, step of central differences for bodies that touch
 
 
 def collision_barrier(world: World, clearance: float, near: float) -> Callable[[Array], Barrier]:
-    """Rows that keep every pair of `world` at least `clearance` apart, for `LineOptions.barrier`.
+    """Return constraints that keep every pair of `world` at least `clearance` apart, for `LineOptions.barrier`.
 
-    Where bodies overlap, the witness points are the deepest ones and n points from the first to the second. Where they
-    touch (within `plan.collision.world.DISTANCE_ERROR`) n has no meaning; the row then comes from central
-    differences of the distance. Neither is exact for bodies that overlap deeply: a line must begin at the clearance.
+    If bodies overlap, the witness points are the deepest ones and n points from the first to the second. If they touch
+    (within `plan.collision.world.DISTANCE_ERROR`), n is undefined and the row comes from central differences of the
+    distance. Neither is exact for a deep overlap, so a line must begin with the clearance.
 
     Args:
         world: the arm and all bodies.
         clearance: m.
-        near: m, above `clearance`: pairs further apart give no row, so a step must not bring them closer than
-            the difference.
+        near: m, above `clearance`. Pairs further apart give no row, so a step must be shorter than the difference.
 
     Returns:
-        q (n,) to rows of the pairs nearer than `near`, closest first; names such as ``finger_l / plate 01-02``.
+        A function from q (n,) to the rows of pairs nearer than `near`, the closest first, with names such as
+        ``finger_l / plate 01-02``.
 
     Raises:
         InputError: `near` is not above `clearance`.
@@ -66,14 +66,14 @@ def collision_barrier(world: World, clearance: float, near: float) -> Callable[[
 
 
 def _gradient(world: World, distance: Distance, q: Array, J: Array) -> Array:
-    """Change of a pair's distance per joint (n,), m/rad; J (6, n) base axes at the base's origin, linear rows first."""
+    """Return the gradient (n,) of a pair's distance, m/rad; J (6, n) is in base axes at the base origin."""
     first, second = distance.points
     apart = first - second
     signed = distance.value + world.padding_of(distance.pair)
     if not np.isfinite(apart).all() or min(abs(signed), float(norm(apart))) <= DISTANCE_ERROR:
         return _differences(world, distance.pair, q)
     normal = apart / norm(apart) * np.sign(signed)
-    # joints that move both bodies do not move them against each other
+    # joints that move both bodies cause no relative motion
     outer, inner = (world.joint_of(name) for name in distance.pair)
     moving = slice(min(outer, inner), max(outer, inner))
     point, sign = (first, 1.0) if outer >= inner else (second, -1.0)

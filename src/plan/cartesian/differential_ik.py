@@ -1,16 +1,16 @@
-"""One way-point of a line after the other, by differential inverse kinematics as a quadratic program.
+"""Way-points of a line by differential inverse kinematics as a quadratic program.
 
-At each way-point of the line, from a configuration q near it, steps dq are taken that solve
+For each way-point of the line, steps dq from a nearby configuration q solve
 
     minimise   |J dq - e|^2 + small |dq|^2        e: twist from the tool to the way-point, tool axes
     subject to lower <= q + dq <= upper           joint limits
-               |dq since the last way-point| <= velocity * (time at the slowest speed that is allowed)
-               G dq <= h                          what the caller adds, such as
+               |dq since the last way-point| <= velocity * (time at the slowest allowed tool speed)
+               G dq <= h                          barriers of the caller, such as
                `plan.cartesian.collision_barrier.collision_barrier`
 
-until e vanishes (S. Caron's "Inverse kinematics" notes and pink use the same form). Where the minimum without
-constraints keeps all of them it is the answer, and no solver is asked. A way-point that cannot be met is an error
-that names the constraint which holds it back; a shorter line is never returned.
+until e vanishes (S. Caron's "Inverse kinematics" notes and pink use the same form). If the unconstrained minimum
+satisfies all constraints, it is the step, and no solver runs. A way-point that cannot be reached is an error that names
+the constraint which prevents it; the result is never a shorter line.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ from arm.se3 import Array, rotation_vector
 from plan.kinematics.straight_line import AXES, Line, LineDeviation
 
 SOLVERS = ("daqp", "osqp")
-ACTIVE = 1e-7  # rad from a bound that counts as lying on it
+ACTIVE = 1e-7  # rad, distance to a bound that counts as active
 _ROTATION_SCALE = 0.2  # m per rad: weighs the tool's rotation against its translation
 _DAMPING = 1e-10
 _FREE_DAMPING = 1e-6  # with a free axis: keeps the quadratic program well conditioned
 _CONVERGED = 1e-10  # m and rad
 _MAX_STEPS = 40
-_TRUST = 0.1  # rad (m for a sliding joint), of a step along barriers
-_BARRIER_SLACK = 1e-9  # of a barrier's h at a way-point
-_BARRIER_AIM = 1e-7  # what a step keeps away from a barrier, so that its curvature leaves it kept
-# daqp is exact up to its tolerance on bounds; osqp needs tight ones to be any use here
+_TRUST = 0.1  # rad (m for a prismatic joint), largest step with barriers
+_BARRIER_SLACK = 1e-9  # m, by which a way-point may violate a barrier
+_BARRIER_AIM = 1e-7  # m, distance of a step from a barrier, for the barrier's curvature
+# daqp is exact up to its tolerance on bounds; osqp needs tight tolerances
 _SETTINGS: dict[str, dict[str, float | int]] = {
     "daqp": {"primal_tol": 1e-9},
     "osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 20000, "raise_error": False},
@@ -49,10 +49,10 @@ _SETTINGS: dict[str, dict[str, float | int]] = {
 
 @dataclass(frozen=True)
 class Barrier:
-    """Rows G dq <= h that a step must keep, with a name each for messages; (k, n), (k,).
+    """Constraints G dq <= h of a step, (k, n) and (k,), with names for messages.
 
-    h is what is left of each constraint at q: at no way-point may it be negative. `distance` (k,) is what is
-    reported, m: how far the bodies of a row are apart, where it stands for bodies.
+    h is the margin of each constraint at q; at a way-point it is not negative. `distance` (k,) m, for messages, is that
+    of the bodies of each row, or None.
     """
 
     G: Array
@@ -60,8 +60,8 @@ class Barrier:
     names: tuple[str, ...]
     distance: Array | None = None
 
-    def told(self, row: int) -> str:
-        """Name of a row, with its distance."""
+    def label(self, row: int) -> str:
+        """Return the name of a row, with its distance."""
         if self.distance is None:
             return self.names[row]
         return f"{self.names[row]} ({self.distance[row] * 1e3:.2f} mm apart)"
@@ -72,17 +72,17 @@ _NO_BARRIER = Barrier(np.zeros((0, 0)), np.zeros(0), ())
 
 @dataclass(frozen=True)
 class LineOptions:
-    """How a line is followed.
+    """Options for following a line.
 
     Attributes:
-        step: distance of way-points at most, m; `step_angle` the same for rotation, rad. Both are halved until the
-            spline through the way-points keeps the tolerances too.
+        step, step_angle: largest distance of way-points, m and rad; halved until the spline through the way-points is
+            within the tolerances.
         tolerance, angle_tolerance: of the tool, at way-points and between them, m and rad.
-        slowest: the tool may have to go as slowly as this for the joints to keep up, m/s; slower is refused.
+        slowest: tool speed that the joints must allow everywhere on the line, m/s.
         solver: one of `SOLVERS`.
-        barrier: called with q (n,), gives further rows; or None.
-        free_axis: the tool may turn about this axis of its own as it likes (one of `AXES`), or None. It turns as
-            little as it can.
+        barrier: called with q (n,); returns additional constraints; or None.
+        free_axis: tool axis (one of `AXES`) about which the tool may rotate freely, or None. It rotates as little as
+            possible.
     """
 
     step: float = 0.005
@@ -96,9 +96,9 @@ class LineOptions:
 
 
 def _twist(T: Array, goal: Array, free_axis: str | None) -> Array:
-    """From the tool at T to the goal: metres and rad in the tool's axes (6,), exact to first order.
+    """Return the twist (6,) from the tool at T to the goal, m and rad in tool axes, exact to first order.
 
-    With a free axis its rotation is 0, and the other two bring the axis onto the goal's.
+    With a free axis, the rotation about it is 0 and the other two align it with the goal's.
     """
     R = T[:3, :3]
     apart = mul(R.T, goal[:3])
@@ -107,7 +107,7 @@ def _twist(T: Array, goal: Array, free_axis: str | None) -> Array:
     if free_axis is not None:
         axis = AXES.index(free_axis)
         twist[3:] = np.cross(np.eye(3)[axis], apart[:, axis])
-    elif apart[0, 0] + apart[1, 1] + apart[2, 2] > 2.98:  # below 0.15 rad the sine does
+    elif apart[0, 0] + apart[1, 1] + apart[2, 2] > 2.98:  # below 0.15 rad the sine is near enough
         twist[3] = 0.5 * (apart[2, 1] - apart[1, 2])
         twist[4] = 0.5 * (apart[0, 2] - apart[2, 0])
         twist[5] = 0.5 * (apart[1, 0] - apart[0, 1])
@@ -121,7 +121,13 @@ _WEIGHT = np.array([1.0, 1.0, 1.0, _ROTATION_SCALE, _ROTATION_SCALE, _ROTATION_S
 
 @dataclass(frozen=True, eq=False)
 class Follower:
-    """Meets one way-point after the other. `reach`: how far a joint may turn from one to the next, rad."""
+    """Finds the configurations at successive way-points.
+
+    Attributes:
+        robot, limits, options, line: as in `plan.cartesian.line.follow_line`.
+        reach: (n,) largest motion of each joint between way-points, rad.
+        length: length of the line, m, or rad for a pure rotation.
+    """
 
     robot: Robot
     limits: Limits
@@ -131,11 +137,17 @@ class Follower:
     length: float
 
     def meet(self, goal: Array, before: Array, guess: Array, done: float) -> Array:
-        """The configuration near `guess` with the tool at `goal`, inside all constraints."""
+        """Return a configuration near `guess` with the tool at `goal` that satisfies all constraints.
+
+        `before` is the previous way-point, and `done` the length of the line up to there, for messages.
+
+        Raises:
+            ImpossibleError: see `stopped`.
+        """
         lower = np.maximum(self.limits.lower, before - self.reach)
         upper = np.minimum(self.limits.upper, before + self.reach)
         q = np.minimum(np.maximum(guess, lower), upper)
-        # barriers cost far more than the rest: they are asked for first where the line would go without them
+        # barriers are expensive: first search without them, then check the result
         careful, trust, worst, length = False, np.inf, np.inf, np.inf
         for _ in range(_MAX_STEPS):
             twist = _twist(self.robot.T_base_tool(q), goal, self.options.free_axis)
@@ -147,7 +159,7 @@ class Follower:
             if there and not careful:
                 careful, q, trust, worst = True, before.copy(), _TRUST, np.inf
                 continue
-            # a step that made nothing better was too long: out of reach, or a witness point jumped to another face
+            # a step without progress was too long: the goal is out of reach, or a witness point jumped to another face
             bad = max(float(np.abs(_WEIGHT * twist).max()), -left)
             trust, worst = (trust if bad < 0.7 * worst else min(trust, length) / 2.0), bad
             step = self.step(q, twist, np.maximum(lower - q, -trust), np.minimum(upper - q, trust), barrier)
@@ -171,11 +183,11 @@ class Follower:
         return self.stopped(goal, before, q, lower, upper, done)
 
     def line_error(self, q: Array, goal: Array) -> LineDeviation:
-        """How far the tool at q is off a goal."""
+        """Return the deviation of the tool at q from a goal."""
         return Line(goal, goal).deviation(self.robot.T_base_tool(q)[None], self.options.free_axis)
 
     def program(self, q: Array, twist: Array) -> tuple[Array, Array, float]:
-        """J, e and damping of the step at q."""
+        """Return J, e and damping of the quadratic program at q."""
         J, e = _WEIGHT[:, None] * self.robot.jacobian(q), _WEIGHT * twist
         if self.options.free_axis is None:
             return J, e, _DAMPING
@@ -183,7 +195,7 @@ class Follower:
         return J[rows], e[rows], _FREE_DAMPING
 
     def step(self, q: Array, twist: Array, lower: Array, upper: Array, barrier: Barrier) -> Array | None:
-        """The step that the program of the module's head gives, or None where none keeps its constraints."""
+        """Solve the quadratic program; return the step, or None if it is infeasible."""
         J, e, damping = self.program(q, twist)
         free: Array = mul(J.T, solve_positive(mul(J, J.T) + damping * np.eye(len(J)), e))
         kept = not len(barrier.h) or (mul(barrier.G, free) <= barrier.h - _BARRIER_AIM).all()
@@ -195,7 +207,11 @@ class Follower:
     def stopped(
         self, goal: Array, before: Array, q: Array, lower: Array, upper: Array, done: float
     ) -> NoReturn:
-        """Raise the error that says which constraint stopped the line at q, by its multiplier where several do."""
+        """Raise an error for the constraint that stops the line at q, the one with the largest multiplier.
+
+        Raises:
+            ImpossibleError: always; data as in `plan.cartesian.line.follow_line`.
+        """
         limits = self.limits
         barrier = self.options.barrier(q) if self.options.barrier else _NO_BARRIER
         twist = _twist(self.robot.T_base_tool(q), goal, self.options.free_axis)
@@ -210,17 +226,17 @@ class Follower:
         row: int | None = None
         if not solution.found:
             constraint, name = "barrier", None
-            text = "no step keeps all of " + (", ".join(barrier.names) or "the joint limits")
+            text = "no step satisfies all of " + (", ".join(barrier.names) or "the joint limits")
             if len(barrier.h):
                 row = int(np.argmin(barrier.h))
-                text += f"; {barrier.told(row)} is the tightest"
+                text += f"; {barrier.label(row)} is the tightest"
         elif rows.max(initial=0.0) > blocking[joint]:
             row = int(np.argmax(rows))
             constraint, name = barrier.names[row], None
-            text = f"{barrier.told(row)} is in the way"
+            text = f"{barrier.label(row)} is in the way"
         elif blocking[joint] == 0.0:
             constraint, name = "workspace", None
-            text = "the pose is out of the arm's reach or singular there"
+            text = "the pose there is out of the arm's reach or singular"
         elif on_limit[joint]:
             at_lower = q[joint] - limits.lower[joint] < ACTIVE
             side, value = ("lower", limits.lower[joint]) if at_lower else ("upper", limits.upper[joint])
@@ -229,7 +245,7 @@ class Follower:
         else:
             constraint = f"{name} speed"
             text = (
-                f"joint {name} cannot turn fast enough ({np.degrees(limits.velocity[joint]):.3g} deg/s) even at "
+                f"joint {name} cannot move fast enough ({np.degrees(limits.velocity[joint]):.3g} deg/s) even at "
                 f"{self.options.slowest * 1e3:g} mm/s; the arm passes close to a singular configuration"
             )
         shown = f"{done * 1e3:.1f} of {self.length * 1e3:.1f} mm"
@@ -237,7 +253,7 @@ class Follower:
             shown = f"{np.degrees(done):.2f} of {np.degrees(self.length):.2f} deg"
         apart = None if row is None or barrier.distance is None else float(barrier.distance[row])
         raise ImpossibleError(
-            f"line stops after {shown}: {text}; another configuration, turn of the tool or place may do",
+            f"line stops after {shown}: {text}; try another configuration, rotation of the tool or place",
             constraint=constraint,
             joint=name,
             distance_m=apart,

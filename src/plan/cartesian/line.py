@@ -1,7 +1,6 @@
-"""Straight lines of the tool as joint paths: way-points by `plan.cartesian.differential_ik`, a cubic spline
-between them.
+"""Straight lines of the tool as joint paths: a cubic spline through way-points by `plan.cartesian.differential_ik`.
 
-The spline is held against the line, and the step is halved until it keeps the tolerances everywhere.
+The spline is compared with the line, and the step is halved until it is within the tolerances everywhere.
 """
 
 from __future__ import annotations
@@ -19,22 +18,21 @@ from arm.robot.model import Robot
 from arm.se3 import Array, frozen
 from plan.budget import LINE_LOOKS, spend
 from plan.cartesian.differential_ik import ACTIVE, SOLVERS, Barrier, Follower, LineOptions
-from plan.kinematics.product_of_exponentials import screw_arm
+from plan.kinematics.product_of_exponentials import product_of_exponentials
 from plan.kinematics.straight_line import AXES, Line, LineDeviation
 
 __all__ = ["SOLVERS", "Barrier", "JointPath", "Line", "LineDeviation", "LineOptions", "follow_line"]
 
-_MAX_HALVINGS = 5  # of the step, where the spline between way-points is not near enough to the line
+_MAX_HALVINGS = 5  # of the step
 
 
 @dataclass(frozen=True)
 class JointPath:
-    """Configurations along a path; between them it is the cubic spline through them
-    (`plan.trajectory.joint_path.smooth_path`).
+    """Configurations along a path, connected by a cubic spline (`plan.trajectory.joint_path.smooth_path`).
 
     Attributes:
-        q: (n, 6) rad.
-        s: (n,) strictly increasing from 0; m of tool travel for a line.
+        q: (m, n) rad.
+        s: (m,) strictly increasing from 0; m of tool travel for a line.
     """
 
     q: Array
@@ -49,22 +47,22 @@ def follow_line(
     limits: Limits,
     options: LineOptions | None = None,
 ) -> JointPath:
-    """Joint path that moves the tool straight from `T_start` to `T_end`, starting at `q_start`.
+    """Return the joint path that moves the tool straight from `T_start` to `T_end`, starting at `q_start`.
 
     Args:
         robot: the arm.
         q_start: (n,) rad, with the tool at `T_start`.
         T_start, T_end: (4, 4) in the base frame.
-        limits: of position and velocity.
+        limits: limits of position and velocity.
         options: see `LineOptions`.
 
     Returns:
-        way-points of which the first is `q_start` itself and the last at `T_end`; they and the spline through them are
-        within the options' tolerances of the line; s in metres (of tool travel; for a pure rotation in rad).
-        Barriers hold at the way-points.
+        Way-points from `q_start` to a configuration at `T_end`. They and the spline through them are within the
+        tolerances of the line, and barriers hold at the way-points. s is the tool travel in m, or in rad for a pure
+        rotation.
 
     Raises:
-        InputError: `q_start` is not at `T_start`, is outside limits, or the solver or axis is not known.
+        InputError: `q_start` is not at `T_start` or beyond limits, or the solver or axis is not known.
         ImpossibleError: a limit or barrier stops the line; data: constraint, joint, distance_m (of a barrier's
             bodies), done_m, length_m (as s).
     """
@@ -81,7 +79,7 @@ def follow_line(
     q = np.array(q_start, dtype=float)
     _check_start(robot, q, line, limits, options)
     angle = float(norm(line.turn))
-    # without travel the turn is what is measured along the path
+    # s is the angle if the tool does not travel
     length = line.length if line.length > options.tolerance else angle
     if length == 0.0:
         raise InputError("a line needs two different poses", length_m=0.0)
@@ -98,7 +96,7 @@ def follow_line(
         f"line cannot be kept after {done * 1e3:.1f} of {length * 1e3:.1f} mm: between way-points "
         f"{path.s[1] * 1e3:.2g} mm apart the tool is {off.distance[worst] * 1e6:.1f} um and "
         f"{np.degrees(off.angle[worst]):.2g} deg off; the arm is close to a singular configuration there, or a "
-        "barrier bends its way sharply; another configuration, or the tool turned otherwise, may do",
+        "barrier bends the path sharply; try another configuration or another rotation of the tool",
         constraint="smoothness",
         joint=None,
         done_m=done,
@@ -106,13 +104,13 @@ def follow_line(
     )
 
 
-_BETWEEN = np.array([0.25, 0.5, 0.75])  # of the way from one way-point to the next
+_BETWEEN = np.array([0.25, 0.5, 0.75])  # places between way-points where the spline is compared with the line
 
 
 def _between(robot: Robot, path: JointPath, line: Line, free_axis: str | None) -> LineDeviation:
-    """How far the spline through the way-points is off the line between them."""
+    """Return the deviation of the spline from the line between way-points."""
     places = (path.s[:-1, None] + np.diff(path.s)[:, None] * _BETWEEN).ravel()
-    poses = screw_arm(robot).tool_poses(CubicSpline(path.s, path.q)(places))
+    poses = product_of_exponentials(robot).tool_poses(CubicSpline(path.s, path.q)(places))
     on_the_spot = line.length < 0.5 * path.s[-1]
     return line.deviation(poses, free_axis, places / path.s[-1] if on_the_spot else None)
 
@@ -124,15 +122,15 @@ def _followed(
     follower = Follower(robot, limits, options, limits.velocity * (s[1] / options.slowest), line, length)
     path = [q]
     for done, goal in zip(s[:-1], line.poses(s[1:] / length), strict=True):
-        # the line goes on much as before: begin the search there, the bounds keep it honest. Where the tool may turn
-        # freely it begins at the last way-point instead, or the turning would go on by itself
+        # start the search from an extrapolation of the path. With a free axis start from the last way-point, because
+        # extrapolation would continue a rotation about that axis
         guess = path[-1] if options.free_axis else _extrapolated(path)
         path.append(follower.meet(goal, path[-1], guess, float(done)))
     return JointPath(frozen(path), frozen(s))
 
 
 def _extrapolated(path: list[Array]) -> Array:
-    """The polynomial through the last four way-points, one step on."""
+    """Extrapolate the polynomial through the last four way-points by one step."""
     match path[-4:]:
         case [a, b, c, d]:
             return np.asarray(4.0 * (d + b) - 6.0 * c - a)
@@ -151,7 +149,7 @@ def _check_start(robot: Robot, q: Array, line: Line, limits: Limits, options: Li
     if distance > options.tolerance or angle > options.angle_tolerance:
         raise InputError(
             f"the line starts {distance * 1e3:.3g} mm and {np.degrees(angle):.3g} deg "
-            f"from where q_start puts the tool (at most {options.tolerance * 1e3:g} mm)",
+            f"from the tool at q_start (at most {options.tolerance * 1e3:g} mm)",
             distance_m=distance,
         )
     excess = np.maximum(limits.lower - q, q - limits.upper)

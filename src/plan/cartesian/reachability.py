@@ -1,42 +1,45 @@
-"""Which holes the arm can serve, before anything moves: every yaw, every branch, over the whole approach line.
+"""Reachability of holes: every yaw and every branch, over the whole approach line.
 
-A branch serves a hole only if it stays within limits, on one branch and with no joint racing, all the way from the
-hole to the offset point above it. Where none does, the table says which came nearest and what stops it.
+A branch serves a hole only if it stays within limits, on one branch and with no joint too fast, from the hole to the
+offset point above it. If none does, the table contains the nearest miss and what stops it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from arm.arguments import finite, rigid
 from arm.controller.unit import Limits
 from arm.errors import ImpossibleError, InputError
+from arm.former import FormerNames
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen
 from plan.cartesian.line import LineOptions
 from plan.kinematics.configuration import require_limits
 from plan.kinematics.ik import BRANCH_NAMES, RawBranches, all_branches, nearest_turns
 
-# m between poses tried along a line; joints move smoothly in between, away from singularities
-_SAMPLE_STEP = 0.005
+_SAMPLE_STEP = (
+    0.005  # m between poses along a line; away from singularities, joints move smoothly between them
+)
 
 
 @dataclass(frozen=True)
-class LineChoice:
-    """One way to serve a hole: a yaw and a branch, and how it fares along the line.
+class GraspCandidate:
+    """A yaw and a branch to serve a hole with, and the result along the line.
 
     Attributes:
         hole: its name.
         yaw: index into the hole's poses.
         branch: see `plan.kinematics.ik.BRANCH_NAMES`.
         q_line: (m, 6) rad at even distances from the hole to the offset point, continuous.
-        margin: rad that the joint nearest to its limits keeps; negative is how far it goes beyond.
+        margin: least distance of a joint to its limits, rad; negative beyond a limit.
         joint: that joint.
-        outside: m by which the line leaves what the links reach; 0 if it does not.
-        racing: name of a joint that would have to turn faster than it can even at the slowest tool speed, or "".
+        outside: largest distance of the line beyond the reach of the links, m; 0 within reach.
+        racing: name of a joint that would exceed its velocity limit even at the slowest tool speed, or "".
     """
 
     hole: str
@@ -60,45 +63,45 @@ class LineChoice:
 
     @property
     def ok(self) -> bool:
-        """Whether this choice serves the hole."""
+        """Whether this candidate serves the hole."""
         return self.margin >= 0.0 and self.outside == 0.0 and not self.racing
 
     def reason(self) -> str:
-        """What stands against this choice, in words."""
+        """Return in words why the candidate fails, or its margin."""
         if self.outside > 0.0:
             return f"the line leaves the workspace by {self.outside * 1e3:.1f} mm"
         if self.margin < 0.0:
             return f"joint {self.joint} goes {np.degrees(-self.margin):.1f} deg beyond its limit"
         if self.racing:
-            return f"joint {self.racing} cannot turn fast enough near a singular configuration"
+            return f"joint {self.racing} cannot move fast enough near a singular configuration"
         return f"joint {self.joint} keeps {np.degrees(self.margin):.1f} deg to its limit"
 
 
 @dataclass(frozen=True)
 class HoleReach:
-    """All choices for one hole; those that serve it first, largest margin first, then the nearest misses."""
+    """All candidates for one hole: those that serve it, by falling margin, then the nearest misses."""
 
     hole: str
-    choices: tuple[LineChoice, ...]
+    choices: tuple[GraspCandidate, ...]
 
     @property
     def ok(self) -> bool:
-        """Whether some choice serves the hole."""
+        """Whether some candidate serves the hole."""
         return self.choices[0].ok
 
     @property
-    def best(self) -> LineChoice:
-        """The choice with the largest margin, or the nearest miss."""
+    def best(self) -> GraspCandidate:
+        """The candidate with the largest margin, or the nearest miss."""
         return self.choices[0]
 
-    def serving(self) -> tuple[LineChoice, ...]:
-        """The choices that serve the hole, largest margin first."""
+    def feasible(self) -> tuple[GraspCandidate, ...]:
+        """Return the candidates that serve the hole, by falling margin."""
         return tuple(c for c in self.choices if c.ok)
 
 
 @dataclass(frozen=True)
 class ReachTable:
-    """Reach of every hole, in the order they were given."""
+    """Reachability of every hole, in the given order."""
 
     holes: tuple[HoleReach, ...]
 
@@ -116,10 +119,10 @@ class ReachTable:
         )
 
     def require(self) -> None:
-        """Do nothing if every hole can be served.
+        """Require that every hole can be served.
 
         Raises:
-            ImpossibleError: with every hole that cannot, its best branch and what stops it; data: holes, a list of
+            ImpossibleError: names every hole that cannot, its best branch and what stops it; data: holes, a list of
                 hole, branch, yaw, and joint with excess_deg, or outside_mm, or racing.
         """
         failing = [hole.best for hole in self.holes if not hole.ok]
@@ -132,7 +135,7 @@ class ReachTable:
         )
 
 
-def _failure(choice: LineChoice) -> dict[str, object]:
+def _failure(choice: GraspCandidate) -> dict[str, object]:
     entry: dict[str, object] = {"hole": choice.hole, "branch": choice.branch, "yaw": choice.yaw}
     if choice.outside > 0.0:
         entry["outside_mm"] = choice.outside * 1e3
@@ -154,16 +157,18 @@ def reach(
 
     Args:
         robot: the arm.
-        limits: of position, and of velocity for joints that race near a singularity.
+        limits: limits of position, and of velocity for joints near a singularity.
         grasps: hole name to T_base_tool (4, 4) at the hole, one per yaw.
-        offset_m: length of the line; it runs from the hole along the tool's -z.
-        slowest: tool speed at which joints must still keep up, m/s.
+        offset_m: length of the line, which runs from the hole along the tool's -z, m.
+        slowest: tool speed that the joints must allow, m/s.
 
     Raises:
         InputError: no holes, a hole without poses or with one that is not rigid, or an offset that is not positive.
     """
     if not grasps or not all(len(poses) for poses in grasps.values()):
-        raise InputError("reach needs holes with a pose each", holes=list(grasps))
+        raise InputError(
+            "grasps: must have one or more holes, each with one or more poses", holes=list(grasps)
+        )
     finite("offset", offset_m, "m")
     if not offset_m > 0.0:
         raise InputError(f"offset = {offset_m:g} m: must be positive", offset_m=offset_m)
@@ -188,8 +193,8 @@ def reach(
     return ReachTable(tuple(holes))
 
 
-def _rank(choice: LineChoice) -> tuple[float, ...]:
-    """Serving first, by margin; then misses: within reach before beyond it, by how much; last by index for order."""
+def _rank(choice: GraspCandidate) -> tuple[float, ...]:
+    """Sort key: candidates that serve by margin, then misses within reach, then those beyond by distance."""
     return (
         float(not choice.ok),
         choice.outside,
@@ -200,26 +205,26 @@ def _rank(choice: LineChoice) -> tuple[float, ...]:
 
 
 class _Steps:
-    """Joint positions along every line, pose by pose continuous, and their verdict."""
+    """Continuous joint positions along every line, and the candidates made of them."""
 
     def __init__(self, robot: Robot, limits: Limits, raw: RawBranches, samples: int, fastest: Array) -> None:
         self.names, self.limits, self.fastest = robot.joint_names, limits, fastest
         shape = (-1, samples, len(BRANCH_NAMES))
         q = raw.q.reshape(*shape, len(self.names))
         q = np.unwrap(q, axis=1)
-        # whole turns: as the middle of the line suits the middle of the limits, so that a line that fits is found
+        # shift by whole revolutions, so that the middle of the line is nearest to the middle of the limits
         middle = (q.min(axis=1) + q.max(axis=1)) / 2
         turned = nearest_turns(middle, (limits.lower + limits.upper) / 2)
         self.q = q + (turned - middle)[:, None]
         self.outside = np.where(raw.reached, 0.0, np.maximum(raw.outside, 1e-9)).reshape(shape)
 
-    def choice(self, hole: str, line: int, yaw: int, branch: int) -> LineChoice:
+    def choice(self, hole: str, line: int, yaw: int, branch: int) -> GraspCandidate:
         q = self.q[line, :, branch]
         room = np.minimum(q - self.limits.lower, self.limits.upper - q).min(axis=0)
         joint = int(np.argmin(room))
         hurry = (np.abs(np.diff(q, axis=0)).max(axis=0)) / self.fastest
         fastest = int(np.argmax(hurry))
-        return LineChoice(
+        return GraspCandidate(
             hole=hole,
             yaw=yaw,
             branch=BRANCH_NAMES[branch],
@@ -229,3 +234,7 @@ class _Steps:
             outside=float(self.outside[line, :, branch].max()),
             racing=self.names[fastest] if hurry[fastest] > 1.0 else "",
         )
+
+
+if not TYPE_CHECKING:
+    __getattr__ = FormerNames(__name__, __name__, LineChoice="GraspCandidate")

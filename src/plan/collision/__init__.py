@@ -1,1 +1,1 @@
-"""Distances between bodies, and the certificate that a whole motion keeps clear."""
+"""Distances between bodies, and certificates of clearance over whole motions."""

@@ -1,6 +1,6 @@
-"""Joint motions as chains of cubics, in the form that can be proved: by their Bernstein control points.
+"""Joint motions as chains of Bézier cubics, the form in which clearance is certified.
 
-A cubic stays within the hull of its four control points (G. Farin, "Curves and Surfaces for CAGD", 2002,
+A cubic stays in the convex hull of its four Bernstein control points (G. Farin, "Curves and Surfaces for CAGD", 2002,
 chapters 4 and 5).
 """
 
@@ -24,7 +24,7 @@ class Curve:
 
     Attributes:
         control: Bernstein control points of each cubic, (m, 4, n) rad.
-        ends: time at the end of each, (m,) s; or path parameter where the motion is not timed.
+        ends: time at the end of each cubic, (m,) s; the path parameter if the motion is not timed.
     """
 
     control: Array
@@ -32,7 +32,7 @@ class Curve:
 
 
 def curve_of_counts(path: CountPath, unit: Unit) -> Curve:
-    """The motion that the controller makes from integer segments."""
+    """Return the motion that the controller executes for integer segments."""
     knots = path.knots()
     control = [_bernstein(start, segment) for start, segment in zip(knots, path.segments, strict=False)]
     points = np.array(control or [np.repeat(knots[:1], 4, axis=0)], dtype=float)
@@ -41,16 +41,16 @@ def curve_of_counts(path: CountPath, unit: Unit) -> Curve:
 
 
 def curve_of_waypoints(waypoints: npt.ArrayLike) -> Curve:
-    """Straight joint lines between way-points (m, n) rad; line i ends at parameter i + 1.
+    """Connect way-points (m, n) rad by straight lines in joint space; line i ends at parameter i + 1.
 
     Raises:
-        InputError: fewer than two way-points, not of shape (m, n), or not finite.
+        InputError: fewer than two way-points, another shape than (m, n), or a number that is not finite.
     """
     q = numbers(waypoints)
     if q is None or q.ndim != 2 or len(q) < 2 or not q.shape[1]:
         of = shown(waypoints) if q is None else f"array of shape {q.shape}"
         raise InputError(
-            f"waypoints = {of}: must be (m, n), two or more rows of one number per joint, rad; to look at one "
+            f"waypoints = {of}: must be (m, n), two or more rows of one number per joint, rad; for a single "
             "configuration use World.distance",
             name="waypoints",
         )
@@ -67,7 +67,7 @@ def curve_of_waypoints(waypoints: npt.ArrayLike) -> Curve:
 
 
 def _bernstein(start: npt.NDArray[np.int64], segment: Segment) -> Array:
-    """Control points (4, 6) in counts of a segment of order 1 to 3."""
+    """Return the control points (4, 6) in counts of a segment of order 1 to 3."""
     rows = np.zeros((3, len(start)))
     rows[: len(segment.coefficients)] = segment.coefficients
     a1, a2, a3 = rows

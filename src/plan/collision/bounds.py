@@ -1,12 +1,12 @@
-"""Cheap bounds for many configurations at once: how far bodies can move, and how far apart they are at least.
+"""Cheap bounds on motion and distance of bodies, for many configurations at once.
 
-What is asked of a pair of bodies again and again is whether they can come nearer than some clearance while the joints
-move a little. For most pairs that is settled by balls around the moving bodies and boxes around the still ones, in
-numpy, for a whole batch of configurations; only what these leave open is asked of coal.
+A certificate needs to know whether two bodies can come nearer than some clearance while the joints move a little. For
+most pairs, balls around the moving bodies and boxes around the fixed ones decide that, in numpy, for a whole batch of
+configurations. coal computes exact distances only for the remaining pairs.
 
-Everything is written in the base frame at q = 0: with the product of exponentials E_k(q) = exp(S_1 q_1) ..
-exp(S_k q_k), a point p of a body on joint k is at E_k(q) p, and the axis of joint k is the image under E_k(q) of
-where it is at q = 0 (K. Lynch, F. Park, "Modern Robotics", 2017, section 4.1.1).
+Geometry is stored in the base frame at q = 0. With the product of exponentials E_k(q) = exp(S_1 q_1) .. exp(S_k q_k),
+a point p of a body on joint k is at E_k(q) p, and E_k(q) maps the axis of joint k from its place at q = 0 to its place
+at q (K. Lynch, F. Park, "Modern Robotics", 2017, section 4.1.1).
 """
 
 from __future__ import annotations
@@ -27,15 +27,13 @@ from arm.se3 import Array, cross, skew
 Indices = npt.NDArray[np.intp]
 Flags = npt.NDArray[np.bool_]
 
-# Radii and bounds of distance are worsened by this, for rounding, m.
-ROUNDING = 1e-7
-# A long body is covered by at most this many balls.
-_MOST_BALLS = 4
+ROUNDING = 1e-7  # m, safety for rounding errors on radii and distance bounds
+_MOST_BALLS = 4  # that cover a long body
 
 
 @dataclass(frozen=True)
 class Part:
-    """A body by the joint that it moves with (0: none), its pose there, and its padding, m."""
+    """A body: the joint that moves it (0 if none does), its pose in the joint's frame, and its padding, m."""
 
     name: str
     joint: int
@@ -44,13 +42,13 @@ class Part:
     padding: float = 0.0
 
 
-class Volumes:
-    """Balls, boxes and hulls of the bodies of one world.
+class DistanceBounds:
+    """Bounds on motion and distance of the pairs of one world, from balls, boxes and hulls of its bodies.
 
     Args:
-        axes: of the arm.
-        parts: all bodies; the moving ones have joints above 0.
-        pairs: (p, 2) indices into `parts`, the one with the lower joint first.
+        axes: axes of the arm.
+        parts: all bodies; moving ones have a joint above 0.
+        pairs: (p, 2) indices into `parts`; the body with the lower joint comes first.
     """
 
     def __init__(self, axes: Axes, parts: Sequence[Part], pairs: Indices) -> None:
@@ -61,56 +59,58 @@ class Volumes:
         poses = mul(at_zero[[part.joint for part in parts]], placed)
         self._hulls = _Hulls([(parts[i], poses[i]) for i in moving], self._axes.turning)
         joints = np.array([part.joint for part in parts], dtype=np.intp)
-        row = np.cumsum(joints > 0) - 1  # of each moving body among the moving ones
+        row = np.cumsum(joints > 0) - 1  # index among the moving bodies
         self._outer = row[pairs[:, 1]]
         self._shared, self._joints = joints[pairs].T
         self._pairs = pairs
         self._supports = _Supports(parts, poses)
-        self._apart = _Apart(parts, poses, pairs)
+        self._separation = _Separation(parts, poses, pairs)
 
     @property
     def turning(self) -> Flags:
-        """Whether each joint turns (or slides), (n,)."""
+        """Flags (n,): True for a revolute joint, False for a prismatic one."""
         return self._axes.turning
 
     def placed(self, q: Array) -> Placed:
-        """Everything at configurations q (m, n) rad."""
+        """Place bodies and axes at configurations q (m, n) rad."""
         R, t = self._axes.place(q)
         point, axis = self._axes.lines(R, t)
         return Placed(q, R, t, point, axis, self._hulls)
 
     def motion(self, at: Placed, delta: Array) -> Array:
-        """Bound (m, p) m on how far the bodies of each pair move against each other.
+        """Return upper bounds (m, p) m on the relative motion of each pair.
 
         Args:
             at: m configurations.
-            delta: (m, n) how far each joint moves at most from there, rad, not negative.
+            delta: (m, n) largest motion of each joint from there, rad, not negative.
         """
         steps = np.zeros((*at.radii.shape[:2], at.radii.shape[2] + 1))
         np.cumsum(at.radii * delta[:, None, :], axis=2, out=steps[:, :, 1:])
         return np.asarray(steps[:, self._outer, -1] - steps[:, self._outer, self._shared])
 
     def motion_of(self, at: Placed, delta: Array, rows: Indices, pairs: Indices) -> Array:
-        """`motion` of some pairs (k,) at some of the configurations, rows (k,); (k,) m."""
+        """Return `motion` (k,) m of the given pairs (k,) at the configurations with indices `rows` (k,)."""
         own = np.arange(at.radii.shape[2]) >= self._shared[pairs][:, None]
         return np.asarray((at.radii[rows, self._outer[pairs]] * delta[rows] * own).sum(axis=1))
 
     def distances(self, at: Placed) -> Array:
-        """Lower bound (m, p) m of the distance of each pair; -inf where nothing is known."""
-        return self._apart.distances(at.R, at.t)
+        """Return lower bounds (m, p) m on the distance of each pair; -inf if nothing is known."""
+        return self._separation.distances(at.R, at.t)
 
     def plane_distances(
         self, at: Placed, rows: Indices, pairs: Indices, normals: Array, hulls: Array, spread: Array
     ) -> Array:
-        """Lower bounds (k,) m of distance over a whole motion, by planes that stay between two bodies.
+        """Return lower bounds (k,) m on distance over a whole motion, from separating planes.
 
-        Derived in `plan.collision.certificate`. Any unit normal gives a bound, the nearest points' a good one.
+        `plan.collision.certificate` derives the bound. It holds for any unit normal; the normal of the nearest points
+        gives a tight one.
 
         Args:
             at: m configurations.
-            rows, pairs: (k,) which configuration and which pair.
+            rows, pairs: (k,) indices of configurations and pairs.
             normals: (k, 3) from the body with the lower joint to the other.
-            hulls: (m, c, n) configurations around whose hull the motion stays, each joint within `spread` (m, n).
+            hulls: (m, c, n) configurations; the motion stays in their convex hull to within `spread`.
+            spread: (m, n) largest deviation of each joint from the hull.
         """
         n = at.axis.shape[1]
         joints = np.arange(n)
@@ -120,7 +120,7 @@ class Volumes:
         turning = self._axes.turning
         lever = np.where((between & turning)[..., None], cross(normals[:, None], axis), 0.0)
         moves = hulls[rows] - at.q[rows, None]
-        # n . motion of a point p for a small turn is lever . (p - o), and for a slide n . axis
+        # n . (motion of a point p) is lever . (p - o) for a small rotation and n . axis for a prismatic joint
         at_zero = np.where(
             turning, -(lever * point).sum(-1), np.where(between, (axis * normals[:, None]).sum(-1), 0.0)
         )
@@ -129,24 +129,24 @@ class Volumes:
         outer = -self._supports.of(self._pairs[pairs, 1], -tilted, at.R, at.t, rows)
         inner = self._supports.of(self._pairs[pairs, 0], normals[:, None], at.R, at.t, rows)[:, 0]
         first_order = (outer + shift).min(axis=1) - inner
-        # what the linear form leaves out: points run on circles, and inner joints turn what outer ones moved
+        # the remainder of the linear form: points move on circles, and inner joints rotate the motion of outer ones
         radius = np.where(between, at.radii[rows, self._outer[pairs]], 0.0)
-        stray = spread[rows]
-        delta = np.where(between, np.abs(moves).max(axis=1) + stray, 0.0)
+        deviation = spread[rows]
+        delta = np.where(between, np.abs(moves).max(axis=1) + deviation, 0.0)
         inside = np.cumsum(delta, axis=1) - 0.5 * delta
         second_order = (radius * delta * inside).sum(axis=1)
-        return np.asarray(first_order - (radius * stray).sum(axis=1) - second_order - ROUNDING)
+        return np.asarray(first_order - (radius * deviation).sum(axis=1) - second_order - ROUNDING)
 
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """Bodies and axes at m configurations, base frame.
+    """Bodies and axes at m configurations, in the base frame.
 
     Attributes:
         q: (m, n) rad.
-        R, t: of the product of exponentials up to each joint, (m, n + 1, 3, 3) and (m, n + 1, 3) m.
-        point, axis: a point (m, n, 3) m and the direction (m, n, 3) of each joint's axis.
-        hulls: of the moving bodies.
+        R, t: product of exponentials up to each joint, (m, n + 1, 3, 3) and (m, n + 1, 3) m.
+        point, axis: a point (m, n, 3) m on each joint's axis, and its direction (m, n, 3).
+        hulls: hulls of the moving bodies.
     """
 
     q: Array
@@ -158,20 +158,20 @@ class Placed:
 
     @cached_property
     def radii(self) -> Array:
-        """Farthest point of each moving body from each axis, (m, bodies, n) m; see `plan.collision.certificate`."""
+        """Largest distance of each moving body from each axis, (m, bodies, n) m; see `plan.collision.certificate`."""
         return self.hulls.radii(self.R, self.t, self.point, self.axis)
 
 
 class Axes:
-    """An arm's axes at q = 0, and where the product of exponentials takes them.
+    """Joint axes of an arm at q = 0, and its product of exponentials.
 
     Args:
-        model: Pinocchio model of a chain; every joint turns about or slides along one axis.
+        model: Pinocchio model of a chain of revolute and prismatic joints.
     """
 
     def __init__(self, model: Any) -> None:
         data = model.createData()
-        # of an arm with one joint Pinocchio makes a plain vector
+        # Pinocchio returns a vector for an arm with one joint
         J = pin.computeJointJacobians(model, data, np.zeros(model.nq)).reshape(6, -1)
         self.count = int(model.nq)
         self.poses_at_zero = np.stack([M.homogeneous for M in data.oMi])
@@ -188,7 +188,7 @@ class Axes:
         self._slide = np.where(turning[:, None], 0.0, velocity)
 
     def place(self, q: Array) -> tuple[Array, Array]:
-        """Rotations (m, n + 1, 3, 3) and translations (m, n + 1, 3) of E_0 .. E_n."""
+        """Return rotations (m, n + 1, 3, 3) and translations (m, n + 1, 3) of E_0 .. E_n."""
         m, n = q.shape
         cosine, sine = np.cos(q)[..., None, None], np.sin(q)[..., None, None]
         step = self._along + cosine * self._across + sine * self._turn
@@ -201,14 +201,14 @@ class Axes:
         return R, t
 
     def lines(self, R: Array, t: Array) -> tuple[Array, Array]:
-        """A point (m, n, 3) and the direction (m, n, 3) of each axis."""
+        """Return a point (m, n, 3) on each axis and its direction (m, n, 3)."""
         direction = (mul(R[:, 1:], self.direction[..., None]))[..., 0]
         point = (mul(R[:, 1:], self.point[..., None]))[..., 0] + t[:, 1:]
         return point, direction
 
 
 class _Hulls:
-    """Each moving body lies in the hull of equal balls: its corners, or the ends of its axis."""
+    """Hulls of equal balls that contain the moving bodies: balls about their corners or the ends of their axes."""
 
     def __init__(self, bodies: Sequence[tuple[Part, Array]], turning: Flags) -> None:
         hulls = [hull(part.shape) for part, _ in bodies]
@@ -217,7 +217,7 @@ class _Hulls:
             mul(corners, T[:3, :3].T) + T[:3, 3] for (corners, _), (_, T) in zip(hulls, bodies, strict=True)
         ]
         self.points = np.concatenate(points) if points else np.zeros((0, 3))
-        # types and shapes are stated because an arm may have no bodies
+        # explicit types and shapes, because an arm may have no bodies
         counts = np.array([len(p) for p in points], dtype=np.intp)
         joints = np.array([part.joint for part, _ in bodies], dtype=np.intp)
         self.joint = np.repeat(joints, counts)
@@ -226,9 +226,9 @@ class _Hulls:
         self.turning = turning
 
     def radii(self, R: Array, t: Array, axis_point: Array, axis: Array) -> Array:
-        """(m, bodies, n) m; a sliding joint moves all points alike: 1."""
+        """Return distances (m, bodies, n) m from the axes; 1 for a prismatic joint, which moves all points alike."""
         points = (mul(R[:, self.joint], self.points[..., None]))[..., 0] + t[:, self.joint]
-        # |(p - o) x d|^2 = |p - o|^2 - ((p - o) . d)^2, written out so that all are matrix products
+        # |(p - o) x d|^2 = |p - o|^2 - ((p - o) . d)^2, expanded into matrix products
         along = mul(points, np.swapaxes(axis, 1, 2)) - (axis_point * axis).sum(-1)[:, None]
         square = (
             (points * points).sum(-1)[..., None]
@@ -240,15 +240,15 @@ class _Hulls:
         return np.asarray(np.where(self.turning, reach, 1.0) * self.moves)
 
 
-class _Apart:
-    """Lower bounds of distance: balls around moving bodies against boxes around still ones, and against balls."""
+class _Separation:
+    """Lower bounds on distance: balls around moving bodies against each other and against boxes around fixed ones."""
 
     def __init__(self, parts: Sequence[Part], poses: Array, pairs: Indices) -> None:
         joints = np.array([part.joint for part in parts], dtype=np.intp)
         moving, still = np.flatnonzero(joints > 0), np.flatnonzero(joints == 0)
         covers = [cover(parts[i].shape) for i in moving.tolist()]
         counts = np.array([len(points) for points, _ in covers], dtype=np.intp)
-        body = np.repeat(moving, counts)  # that each ball is of
+        body = np.repeat(moving, counts)  # of each ball
         local = np.concatenate([points for points, _ in covers]) if covers else np.zeros((0, 3))
         self.centres = (mul(poses[body, :3, :3], local[..., None]))[..., 0] + poses[body, :3, 3]
         self.joint = joints[body]
@@ -261,7 +261,7 @@ class _Apart:
         self.half = np.array([B[1] + (B[2], B[2], 0.0) for B in boxes]).reshape(-1, 3)
         extra = np.array([B[3] for B in boxes])
 
-        # for each pair, a body's row of balls against a box, or of all its balls against all
+        # for each pair: the balls of one body against a box, or every ball of one against every ball of the other
         first_ball, ball_count, column, row = (np.zeros(len(parts), dtype=np.intp) for _ in range(4))
         first_ball[moving], ball_count[moving] = np.cumsum(counts) - counts, counts
         column[still], row[moving] = np.arange(len(still)), np.arange(len(moving))
@@ -300,13 +300,13 @@ class _Apart:
             rows = np.sqrt(np.einsum("mbi,mbi->mb", between, between)) - self.ball_gap
             out[:, self.ball_pairs] = np.minimum.reduceat(rows, self.first_ball, axis=1)
         out -= ROUNDING
-        # inside each other, balls and boxes say nothing of the depth
+        # balls and boxes that overlap bound no depth
         out[out <= 0.0] = -np.inf
         return out
 
 
 class _Supports:
-    """How far each body reaches in a direction: the largest d . p over its points p."""
+    """Support functions of the bodies: the largest d . p over the points p of a body."""
 
     def __init__(self, parts: Sequence[Part], poses: Array) -> None:
         sizes = [_rounded_box(part.shape) for part in parts]
@@ -318,7 +318,7 @@ class _Supports:
         self.tube, self.ball = np.array([size[2] for size in sizes]), np.array([size[3] for size in sizes])
 
     def of(self, bodies: Indices, directions: Array, R: Array, t: Array, rows: Indices) -> Array:
-        """(k, c) m for bodies (k,) and directions (k, c, 3), at configurations `rows` (k,) of R and t."""
+        """Return supports (k, c) m of bodies (k,) in directions (k, c, 3), at configurations `rows` (k,) of R and t."""
         joint = self.joint[bodies]
         turn = R[rows, joint]
         middle = (mul(turn, self.middle[bodies][..., None]))[..., 0] + t[rows, joint]
@@ -330,7 +330,7 @@ class _Supports:
 
 
 def _runs(first: Indices, counts: Indices) -> tuple[Indices, Indices]:
-    """`counts` numbers from each `first` on, one run behind the other, and where each run begins."""
+    """Concatenate the runs first, first + 1, .. of `counts` numbers each; return them and where each run begins."""
     begin = np.cumsum(counts) - counts
     total = int(counts.sum())
     return np.arange(total) - np.repeat(begin, counts) + np.repeat(first, counts), begin
@@ -338,7 +338,7 @@ def _runs(first: Indices, counts: Indices) -> tuple[Indices, Indices]:
 
 @lru_cache(maxsize=1024)
 def hull(shape: Shape) -> tuple[Array, float]:
-    """Points (n, 3) and a radius: the body lies in the hull of balls of that radius about the points."""
+    """Return points (n, 3) and a radius; the hull of balls of that radius about the points contains the body."""
     match shape:
         case Box(size):
             signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
@@ -353,7 +353,7 @@ def hull(shape: Shape) -> tuple[Array, float]:
 
 @lru_cache(maxsize=1024)
 def cover(shape: Shape) -> tuple[Array, float]:
-    """Centres (n, 3) and a radius of equal balls that cover the body."""
+    """Return centres (n, 3) and the radius of equal balls that cover the body."""
     match shape:
         case Sphere(radius):
             return np.zeros((1, 3)), radius
@@ -370,7 +370,7 @@ def cover(shape: Shape) -> tuple[Array, float]:
 
 
 def _row(size: Array, radius: float | None) -> tuple[Array, float]:
-    """Balls along the longest edge of a box, or along the axis of a cylinder of that radius."""
+    """Place balls along the longest edge of a box (radius None) or along the axis of a cylinder."""
     axis = int(np.argmax(size)) if radius is None else 2
     across = float(norm(np.delete(size, axis))) / 2.0 if radius is None else radius
     count = int(np.clip(np.ceil(size[axis] / max(2.0 * across, 1e-9)), 1, _MOST_BALLS))
@@ -382,7 +382,7 @@ def _row(size: Array, radius: float | None) -> tuple[Array, float]:
 
 @lru_cache(maxsize=1024)
 def _rounded_box(shape: Shape) -> tuple[Array, Array, float, float]:
-    """Middle and half sizes (3,) of a box, a radius across z and one all round: their sum is or holds the body."""
+    """Return a box (middle, half sizes), the radius of a disc across z and of a ball; their sum contains the body."""
     middle = np.zeros(3)
     match shape:
         case Box(size):

@@ -1,4 +1,4 @@
-"""Room that ways are searched with beyond the clearance that is asked, for what timing and rounding change."""
+"""Extra clearance during the search, because time parametrisation and rounding still change the path."""
 
 from __future__ import annotations
 
@@ -7,18 +7,19 @@ from collections.abc import Iterable
 from arm.se3 import Array
 from plan.collision.world import World
 
-MARGIN = 1e-3  # m, of ways across
+MARGIN = 1e-3  # m, for transits
 
 
 def searched_clearance(world: World, ends: Iterable[Array], asked: float, margin: float = MARGIN) -> float:
-    """The asked clearance and a margin, or half of what the ends leave of it, m.
+    """Return the clearance to search a path with, m: the required one plus a margin.
 
-    The ends of a way are where the arm stands or has to go: only the asked clearance is asked of them.
+    The ends of the path are given and have to keep the required clearance only. Where an end does not keep the margin
+    too, the margin is half of what the end has beyond the required clearance.
 
     Args:
-        world: that the way is in.
+        world: world of the path.
         ends: configurations (n,) rad.
-        asked: m.
+        asked: required clearance, m.
         margin: m.
     """
     for q in ends:

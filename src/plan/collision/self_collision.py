@@ -1,4 +1,4 @@
-"""Links of an arm that overlap by themselves, as they do where no SRDF says which pairs are not to be checked."""
+"""Links of an arm that overlap in every configuration, as they do without an SRDF that disables their collisions."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from arm.robot.model import Robot
 from arm.se3 import Array
 from plan.collision.world import World
 
-_LOOKS = 20  # configurations within the arm's range; what overlaps in all of them always does
+_LOOKS = 20  # configurations within the joint limits; links that overlap in all of them always overlap
 _SHOWN = 6
 
 
-def own_overlaps(world: World, q: Array, clearance: float) -> tuple[tuple[str, str], ...]:
-    """Pairs of links too near at q (n,) that nobody could plan with: neighbours, and such as overlap everywhere.
+def self_collisions(world: World, q: Array, clearance: float) -> tuple[tuple[str, str], ...]:
+    """Return pairs of links too near at q (n,) that need a disabled collision: neighbours, or always overlapping.
 
     Args:
-        world: of the arm.
-        q: rad (m for sliding joints).
-        clearance: asked for, m.
+        world: world of the arm.
+        q: rad (m for prismatic joints).
+        clearance: required clearance, m.
     """
     robot = world.robot
     link = {b.name: b.link or b.name for b in robot.bodies}
@@ -37,9 +37,9 @@ def own_overlaps(world: World, q: Array, clearance: float) -> tuple[tuple[str, s
     return tuple(sorted(found, key=lambda pair: (order[pair[0]], order[pair[1]])))
 
 
-def told_own_overlaps(world: World, q: Array, clearance: float) -> str:
-    """What to do about them, to be put behind a refusal; "" where there are none."""
-    pairs = own_overlaps(world, q, clearance)
+def self_collision_help(world: World, q: Array, clearance: float) -> str:
+    """Return advice on `self_collisions` to append to an error message; "" if there are none."""
+    pairs = self_collisions(world, q, clearance)
     if not pairs:
         return ""
     listed = ", ".join(f"{a} / {b}" for a, b in pairs[:_SHOWN]) + (
@@ -48,13 +48,14 @@ def told_own_overlaps(world: World, q: Array, clearance: float) -> str:
     a, b = pairs[0]
     return (
         f'; the arm needs its SRDF (srdf=, or beside the URDF) with <disable_collisions link1="{a}" link2="{b}" '
-        f'reason="Adjacent"/> and so on, or `arm.robot.tool.ignoring`, for links that are near by themselves: {listed}'
+        f'reason="Adjacent"/> and so on, or `arm.robot.tool.with_disabled_collisions`, '
+        f"for links that are always near each other: {listed}"
     )
 
 
 @lru_cache(maxsize=8)
 def _everywhere(robot: Robot) -> frozenset[frozenset[str]]:
-    """Pairs of bodies of the arm that overlap at each of some configurations."""
+    """Return pairs of the arm's bodies that overlap at every one of `_LOOKS` random configurations."""
     world = World(robot, [])
     low = np.maximum(np.asarray(robot.model.lowerPositionLimit), -np.pi)
     high = np.minimum(np.asarray(robot.model.upperPositionLimit), np.pi)

@@ -1,4 +1,4 @@
-"""Stretches of a chain of cubics, cut finer and finer until each is settled (see `plan.collision.certificate`)."""
+"""Subdivision of a chain of cubics into ever shorter intervals (see `plan.collision.certificate`)."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from plan.collision.world import Indices
 
 Flags = npt.NDArray[np.bool_]
 
-# A curve is first cut into pieces of about this travel, rad summed over the joints, and at most so many.
+# The first pieces have about this travel, rad summed over the joints; there are at most _FIRST_PIECES.
 _FIRST_TRAVEL = 0.4
 _FIRST_PIECES = 16
-# A cubic, or a part of one, that is not proved is cut into so many: fewer rounds of more pieces each are faster.
+# Parts that an unproved cubic, or part of one, is cut into; four are faster than two, because there are fewer rounds.
 _PARTS_OF_A_CUBIC = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Pieces:
-    """Stretches of the curve that are looked at together, (m): runs of whole cubics, and parts of one cubic.
+class CurveIntervals:
+    """m intervals (pieces) of the curve: runs of whole cubics, and parts of one cubic.
 
     Attributes:
-        first, last: cubics that each covers, `last` excluded.
-        begin, end: where it begins and ends, in cubics from the start of the curve.
-        middle: (m, n) on the curve in the middle of each.
-        reach: (m, n) how far each joint goes from there.
-        control: control points (m, 4, n) of a part; of a run its ends, twice.
-        spread: (m, n) how far each joint strays from the hull of `control`; 0 for a part.
-        bound: (m,) proved of the pairs that are open, m.
-        open: (m, p) pairs that are not proved yet.
+        first, last: (m,) indices of the cubics that each interval covers, `last` excluded.
+        begin, end: (m,) where each begins and ends, in cubics from the start of the curve.
+        middle: (m, n) configuration in the middle of each.
+        reach: (m, n) largest motion of each joint from the middle.
+        control: (m, 4, n) control points of a part; the two ends of a run, twice.
+        spread: (m, n) largest deviation of each joint from the hull of `control`; 0 for a part.
+        bound: (m,) lower bound on the distance of the open pairs, m.
+        open: (m, p) True for pairs that are not proved yet.
     """
 
     first: Indices
@@ -55,31 +55,33 @@ class Pieces:
         return np.asarray(self.last - self.first > 1)
 
     def cuts(self) -> Array:
-        """Where the middle of each is, in cubics from the start of the curve."""
+        """Return where the middle of each is, in cubics from the start of the curve."""
         run = self.first + (self.last - self.first) // 2
         return np.where(self.runs(), run, (self.begin + self.end) / 2.0)
 
-    def where(self, rows: Flags) -> Pieces:
-        """Those with a flag in `rows` (m,)."""
-        return Pieces(*(getattr(self, name)[rows] for name in _PARTS))
+    def where(self, rows: Flags) -> CurveIntervals:
+        """Return the intervals with a flag in `rows` (m,)."""
+        return CurveIntervals(*(getattr(self, name)[rows] for name in _PARTS))
 
-    def and_(self, more: Pieces) -> Pieces:
-        """These and those."""
-        return Pieces(*(np.concatenate([getattr(self, name), getattr(more, name)]) for name in _PARTS))
+    def and_(self, more: CurveIntervals) -> CurveIntervals:
+        """Return these intervals followed by `more`."""
+        return CurveIntervals(
+            *(np.concatenate([getattr(self, name), getattr(more, name)]) for name in _PARTS)
+        )
 
 
-_PARTS = tuple(field.name for field in fields(Pieces))
+_PARTS = tuple(field.name for field in fields(CurveIntervals))
 
 
-class Chain:
-    """The curve's cubics, and pieces made of them."""
+class CurveSubdivision:
+    """Cuts a curve into intervals."""
 
     def __init__(self, curve: Curve) -> None:
         self.control = curve.control
         self.low, self.high = curve.control.min(axis=1), curve.control.max(axis=1)
 
-    def first_pieces(self, pairs: int) -> Pieces:
-        """The whole curve in a few pieces of about the same motion."""
+    def first_pieces(self, pairs: int) -> CurveIntervals:
+        """Return the whole curve as a few pieces of about the same travel; all of the `pairs` pairs are open."""
         count = len(self.control)
         travel = float((self.high - self.low).sum())
         wanted = int(np.clip(np.ceil(travel / _FIRST_TRAVEL), 1, _FIRST_PIECES))
@@ -90,12 +92,12 @@ class Chain:
             return pieces
         return _split(pieces, 1 << ((wanted // count).bit_length() - 1))
 
-    def covering(self, first: Indices, last: Indices, bound: Array, open_: Flags) -> Pieces:
-        """Pieces of whole cubics."""
+    def covering(self, first: Indices, last: Indices, bound: Array, open_: Flags) -> CurveIntervals:
+        """Return runs of whole cubics."""
         made = [self._covering(i, j) for i, j in zip(first.tolist(), last.tolist(), strict=True)]
         middle, reach, control, spread = (np.stack(parts) for parts in zip(*made, strict=True))
         begin, end = first.astype(float), last.astype(float)
-        return Pieces(first, last, begin, end, middle, reach, control, spread, bound, open_)
+        return CurveIntervals(first, last, begin, end, middle, reach, control, spread, bound, open_)
 
     def _covering(self, first: int, last: int) -> tuple[Array, Array, Array, Array]:
         if last - first == 1:
@@ -105,13 +107,13 @@ class Chain:
         middle = self.control[first + (last - first) // 2, 0]
         low, high = self.low[first:last].min(axis=0), self.high[first:last].max(axis=0)
         begin, end = self.control[first, 0], self.control[last - 1, 3]
-        points, way = self.control[first:last].reshape(-1, len(middle)), end - begin
-        along = np.clip(mul(points - begin, way) / max(float(mul(way, way)), 1e-18), 0.0, 1.0)
-        spread = np.abs(points - begin - along[:, None] * way).max(axis=0)
+        points, chord = self.control[first:last].reshape(-1, len(middle)), end - begin
+        along = np.clip(mul(points - begin, chord) / max(float(mul(chord, chord)), 1e-18), 0.0, 1.0)
+        spread = np.abs(points - begin - along[:, None] * chord).max(axis=0)
         return middle, np.maximum(high - middle, middle - low), np.stack([begin, end, begin, end]), spread
 
-    def finer(self, pieces: Pieces) -> Pieces:
-        """Runs cut in their middle, and single cubics (or parts of one) in equal parts."""
+    def finer(self, pieces: CurveIntervals) -> CurveIntervals:
+        """Cut runs in two, and single cubics (or parts of one) into equal parts."""
         runs = pieces.runs()
         made = []
         if not runs.all():
@@ -126,14 +128,14 @@ class Chain:
         return made[0] if len(made) == 1 else made[0].and_(made[1])
 
 
-def _split(parts: Pieces, count: int) -> Pieces:
-    """Parts of single cubics, each cut into `count`, a power of 2."""
+def _split(parts: CurveIntervals, count: int) -> CurveIntervals:
+    """Cut parts of single cubics into `count` each, a power of 2."""
     control = (mul(_split_matrix(count), parts.control[:, None])).reshape(-1, *parts.control.shape[1:])
     middle = (control[:, 0] + 3.0 * (control[:, 1] + control[:, 2]) + control[:, 3]) / 8.0
     reach = np.abs(control - middle[:, None]).max(axis=1)
     edges = parts.begin[:, None] + (parts.end - parts.begin)[:, None] * (np.arange(count + 1) / count)
     first, last = np.repeat(parts.first, count), np.repeat(parts.last, count)
-    return Pieces(
+    return CurveIntervals(
         first,
         last,
         edges[:, :-1].ravel(),
@@ -149,7 +151,7 @@ def _split(parts: Pieces, count: int) -> Pieces:
 
 @lru_cache(maxsize=8)
 def _split_matrix(count: int) -> Array:
-    """(count, 4, 4): from the control points of a cubic to those of its equal parts."""
+    """Return matrices (count, 4, 4) from the control points of a cubic to those of its equal parts."""
     if count == 1:
         return np.eye(4)[None]
     left = (

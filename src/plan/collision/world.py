@@ -1,8 +1,8 @@
-"""The collision world: distances between an arm, what it holds, and everything around it, on coal.
+"""The collision world: distances between an arm, the body it holds, and the bodies around it, computed by coal.
 
-Each pair of bodies that may not touch is one collision pair of a Pinocchio geometry model, so forward kinematics,
-broadphase and distances run in C++. Two bodies on the same joint do not move against each other and make no pair,
-nor do two that stand still.
+Each pair of bodies that must not touch is a collision pair of a Pinocchio geometry model, so forward kinematics,
+broadphase and distances run in C++. Two bodies on the same joint, or two fixed bodies, have no relative motion and
+make no pair.
 """
 
 from __future__ import annotations
@@ -25,30 +25,30 @@ from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere
 from arm.se3 import Array, cross, frozen
 from plan.budget import DISTANCE_LOOKS, spend
-from plan.collision.bounds import Axes, Part, Volumes
+from plan.collision.bounds import Axes, DistanceBounds, Part
 
 Indices = npt.NDArray[np.intp]
 
 _FLOAT = np.dtype(float)
 
 GJK_TOLERANCE = 1e-7
-# What a distance may be wrong by, m: fifty times what GJK at this tolerance was seen to differ from MuJoCo on the
-# same primitives. Lower bounds of distance subtract it.
+# Largest error of a distance, m, which lower bounds subtract: 50 times the largest difference measured between GJK at
+# this tolerance and MuJoCo on the same primitives.
 DISTANCE_ERROR = 1e-5
-# In a few of a million configurations coal cannot tell how deep two bodies overlap; that counts as this deep, m.
+# Distance in the few of a million configurations where coal cannot compute the depth of an overlap, m.
 UNKNOWN_DEPTH = -1.0
-# Up to so many bodies, boxes around all of them are compared faster than they are sorted; a tree is slower than either.
+# Up to this many bodies, comparing all bounding boxes is faster than sorting them; a tree is slower than either.
 _FEW_BODIES = 60
 
 
 @dataclass(frozen=True)
 class Witnesses:
-    """Distances of k pairs, and between which points they are.
+    """Distances of k pairs, with normals and witness points.
 
     Attributes:
-        distance: (k,) m, negative by the depth where the bodies overlap.
-        normal: (k, 3) unit vectors from the body nearer to the base to the other.
-        point: (k, 3) m, on the other.
+        distance: (k,) m; minus the depth if the bodies overlap.
+        normal: (k, 3) unit vectors from the inner body (nearer to the base in the chain) to the outer one.
+        point: (k, 3) m, on the outer body.
     """
 
     distance: Array
@@ -58,13 +58,13 @@ class Witnesses:
 
 @dataclass(frozen=True)
 class Near:
-    """Pairs that are near each other at some of several configurations; r of them.
+    """r pairs of bodies near each other at some of several configurations.
 
     Attributes:
-        row: (r,) which configuration.
-        pair: (r,) which pair.
+        row: (r,) index of the configuration.
+        pair: (r,) index of the pair.
         distance: (r,) m.
-        gradient: (r, n) of the distance by the joints, m/rad (1 for a sliding joint along the normal).
+        gradient: (r, n) of the distance with respect to the joints, m/rad (1 for a prismatic joint along the normal).
     """
 
     row: Indices
@@ -78,7 +78,7 @@ class Distance:
     """Smallest distance between two bodies.
 
     Attributes:
-        value: m, negative by the depth where they overlap.
+        value: m; minus the depth if they overlap.
         pair: their names, the one nearer to the tool first.
         points: witness points on the first and second body, (2, 3) m in the base frame.
     """
@@ -89,28 +89,27 @@ class Distance:
 
 
 class World:
-    """One arm with or without a body in its jaws, among bodies that stand still.
+    """One arm, with or without a held body, among fixed bodies.
 
-    Not for use from two threads at once (Pinocchio's workspace is inside).
+    Not thread-safe: it contains Pinocchio's workspace.
 
     Args:
-        robot: the arm, jaws where they are.
-        bodies: that stand still; overlaps between them are no concern of this world.
+        robot: the arm, with its jaws in place.
+        bodies: fixed bodies; overlaps between them are not checked.
         held: a body that moves with the tool, or None.
         T_tool_held: its pose in the tool frame, 4x4; required with `held`.
-        allowed: pairs of names that may touch.
-        padding: taken off every distance, besides the paddings of the two bodies, m.
+        allowed: allowed collisions, pairs of names.
+        padding: subtracted from every distance in addition to the paddings of the two bodies, m.
 
     Raises:
         InputError: `held` without `T_tool_held`, two bodies of one name, a pose that is not rigid, `allowed` that are
-            not pairs, or a padding that is negative. Methods raise it where a configuration has not one finite number
-            for each joint.
+            not pairs, or a negative padding. Methods raise it for a configuration without one finite number per joint.
 
     Attributes:
         robot: the arm.
         padding: m.
-        paddings: of each pair, (p,) m: `padding` and those of its two bodies.
-        names: of all bodies; the arm's own first, then the held one, then the still ones.
+        paddings: of each pair, (p,) m: `padding` plus those of its two bodies.
+        names: of all bodies: the arm's, then the held one, then the fixed ones.
         pairs: indices into `names` of each checked pair, (p, 2); the body nearer to the base first.
         volumes: bounds on motion and distance of the pairs, for many configurations at once.
     """
@@ -125,12 +124,12 @@ class World:
         padding: float = 0.0,
     ) -> None:
         if held is not None and T_tool_held is None:
-            raise InputError(f"held body {held.name!r} needs its pose in the tool frame", name=held.name)
+            raise InputError(f"held = {held.name!r}: T_tool_held must be given as well", name=held.name)
         for body in (*bodies, *([] if held is None else [held])):
             if not isinstance(body, Body):
                 raise InputError(f"bodies: {given.shown(body)}: must be a Body", value=given.shown(body))
         self.robot = robot
-        self.padding = given.number("padding", padding, 0.0, 100.0, "m", "it is taken off every distance")
+        self.padding = given.number("padding", padding, 0.0, 100.0, "m", "distances are reduced by it")
         given.rigid("robot.T_end_tool", robot.T_end_tool)
         n = int(robot.model.nq)
         self._shape = (n,)
@@ -144,35 +143,35 @@ class World:
         parts += [Part(b.name, 0, b.shape, b.T_base_body, b.padding) for b in bodies]
         self.names = tuple(p.name for p in parts)
         if len(set(self.names)) != len(parts):
-            raise InputError(f"two bodies of one name among {', '.join(self.names)}", names=list(self.names))
+            raise InputError(f"bodies: names must differ: {', '.join(self.names)}", names=list(self.names))
 
-        self.pairs = _pairs(parts, robot.touching | given.pairs("allowed", allowed))
+        self.pairs = _pairs(parts, robot.disabled_collisions | given.pairs("allowed", allowed))
         self.paddings = frozen(self.padding + np.array([p.padding for p in parts])[self.pairs].sum(axis=1))
         self._joint = np.array([p.joint for p in parts], dtype=np.intp)
-        # which joints move the bodies of a pair against each other
+        # joints that move the bodies of a pair relative to each other
         joint = np.arange(1, n + 1)
         inner, outer = self._joint[self.pairs].T[..., None]
         self._between = (joint > inner) & (joint <= outer)
         self._geometry = _geometry_model(parts, self.pairs)
         self._data = robot.model.createData()
         self._distances = pin.GeometryData(self._geometry)
-        # fresh requests, because Pinocchio's own start GJK from the answer before: then the last digits of a distance
-        # would depend on what was asked earlier
+        # fresh requests: Pinocchio's own start GJK from the previous result, so that the last digits of a distance
+        # would depend on earlier calls
         request = coal.DistanceRequest()
         request.gjk_tolerance = request.epa_tolerance = GJK_TOLERANCE
         requests = self._distances.distanceRequests
         for i in range(len(self.pairs)):
             requests[i] = request
-        self.volumes = Volumes(_axes(robot), parts, self.pairs)
+        self.volumes = DistanceBounds(_axes(robot), parts, self.pairs)
         self._too_near: dict[float, Callable[[Array], bool]] = {}
 
     def pair_names(self, index: int) -> tuple[str, str]:
-        """The two bodies of pair `index`, the one that moves more (nearer to the tool) first."""
+        """Return the two bodies of pair `index`, the one nearer to the tool first."""
         inner, outer = self.pairs[index]
         return self.names[outer], self.names[inner]
 
     def pair_distances(self, q: npt.ArrayLike, pairs: Indices) -> Array:
-        """Signed distances (k,) m of the pairs `pairs` (k,) at configuration q (n,), less their paddings."""
+        """Return signed distances (k,) m, less paddings, of the pairs `pairs` (k,) at configuration q (n,)."""
         self._place(q)
         geometry, data, compute = self._geometry, self._distances, pin.computeDistance
         values = [compute(geometry, data, i).min_distance for i in pairs.tolist()]
@@ -182,12 +181,12 @@ class World:
     def witnesses(
         self, q: npt.ArrayLike, rows: Indices, pairs: Indices, stop_below: float = -np.inf
     ) -> Witnesses:
-        """Signed distances, less their paddings, of pairs at some of several configurations.
+        """Return signed distances, less paddings, of pairs at some of several configurations.
 
         Args:
             q: (m, n) rad.
-            rows, pairs: (k,) which configuration, in order, and which pair.
-            stop_below: the first distance below this, m, is the last that is looked at.
+            rows, pairs: (k,) indices of configurations, in ascending order, and of pairs.
+            stop_below: stop after the first distance below this, m.
         """
         q = np.asarray(q, dtype=float)
         geometry, data, results = self._geometry, self._distances, self._distances.distanceResults
@@ -198,7 +197,7 @@ class World:
                 self._place(q[row])
                 placed = row
             compute(geometry, data, pair)
-            # copied: the result's memory is written over when the pair is looked at again
+            # copied, because the next call for this pair overwrites the result
             result = results[pair]
             normals[i], points[i] = result.normal, result.getNearestPoint2()
             values.append(result.min_distance)
@@ -210,41 +209,41 @@ class World:
         return Witnesses(np.asarray(distances), normals[:count], points[:count])
 
     def padding_of(self, pair: tuple[str, str]) -> float:
-        """What is taken off the distance of two bodies, m.
+        """Return the padding subtracted from the distance of two bodies, m.
 
         Raises:
-            InputError: they are no pair that is checked.
+            InputError: the pair is not checked.
         """
         wanted = {self.names.index(name) for name in pair if name in self.names}
         for index, indices in enumerate(self.pairs.tolist()):
             if set(indices) == wanted:
                 return float(self.paddings[index])
-        raise InputError(f"{' and '.join(pair)}: are no pair that is checked", pair=list(pair))
+        raise InputError(f"{' and '.join(pair)}: this pair is not checked", pair=list(pair))
 
     def joint_of(self, name: str) -> int:
-        """Index of the joint that a body moves with, 1 to n; 0 for a body that stands still."""
+        """Return the index of the joint that moves a body, 1 to n; 0 for a fixed body."""
         return int(self._joint[self.names.index(name)])
 
     def motion_radii(self, q: npt.ArrayLike) -> Array:
-        """How far each moving body can move per joint: (bodies, n), m/rad (1 for a sliding joint).
+        """Return bounds (bodies, n) on the motion of each moving body per joint, m/rad (1 for a prismatic joint).
 
         Entry (b, k) is the largest distance of a point of body b from the axis of joint k at configuration q, and 0
-        for joints beyond the body. See `plan.collision.certificate` for what is proved with it.
+        for joints beyond the body. `plan.collision.certificate` states what it proves.
         """
         return np.asarray(self.volumes.placed(self._configuration(q)[None]).radii[0])
 
     def distance(self, q: npt.ArrayLike) -> Distance:
-        """The smallest distance over all pairs at configuration q (n,) rad; infinite where there is no pair."""
+        """Return the smallest distance over all pairs at configuration q (n,) rad; infinite if there is no pair."""
         values = self.pair_distances(q, np.arange(len(self.pairs)))
         if not len(values):
             return Distance(float("inf"), ("", ""), frozen(np.full((2, 3), np.nan)))
         return self._witness(int(np.argmin(values)), float(values.min()))
 
     def distances_below(self, q: npt.ArrayLike, limit: float) -> list[Distance]:
-        """Every pair closer than `limit` m at configuration q (n,) rad, the closest first.
+        """Return every pair closer than `limit` m at configuration q (n,) rad, the closest first.
 
         Raises:
-            InputError: q has not one finite number for each joint, or `limit` is NaN.
+            InputError: q does not have one finite number per joint, or `limit` is NaN.
         """
         limit = given.number("limit", limit, -np.inf, np.inf, "m")
         values = self.pair_distances(q, np.arange(len(self.pairs)))
@@ -252,10 +251,10 @@ class World:
         return [self._witness(i, float(values[i])) for i in order]
 
     def near(self, q: npt.ArrayLike, limit: float) -> Near:
-        """Every pair closer than `limit` m at configurations q (m, n) rad, with the gradient of its distance.
+        """Return every pair closer than `limit` m at configurations q (m, n) rad, with the gradient of its distance.
 
-        The distance changes by the normal's share of the motion of the outer body's witness point against the inner
-        body (what the bodies' curvature adds is of second order).
+        The gradient is the velocity of the outer body's witness point relative to the inner body, along the normal;
+        the bodies' curvature adds terms of second order only.
         """
         q = np.asarray(q, dtype=float)
         if q.ndim != 2 or q.shape[1:] != self._shape or not np.isfinite(q).all():
@@ -264,8 +263,8 @@ class World:
                 shape=q.shape,
             )
         at = self.volumes.placed(q)
-        asked = self.volumes.distances(at) - self.paddings < limit
-        row, pair = np.nonzero(asked)
+        open_ = self.volumes.distances(at) - self.paddings < limit
+        row, pair = np.nonzero(open_)
         found = self.witnesses(q, row, pair)
         close = found.distance < limit
         row, pair = row[close], pair[close]
@@ -276,17 +275,17 @@ class World:
         return Near(row, pair, found.distance[close], gradient)
 
     def in_collision(self, q: npt.ArrayLike, clearance: float = 0.0) -> bool:
-        """Whether some pair is closer than `clearance` m at configuration q (n,) rad. Fast: coal's broadphase."""
+        """Return whether some pair is closer than `clearance` m at configuration q (n,) rad; uses coal's broadphase."""
         return self.too_near(clearance)(self._configuration(q))
 
     def too_near(self, clearance: float) -> Callable[[Array], bool]:
-        """`in_collision` for searches, which ask thousands of times: q has to be an array (n,) of finite floats.
+        """Return `in_collision` as a fast function of q for searches; q must be an array (n,) of finite floats.
 
         Raises:
             InputError: `clearance` is not a finite number.
         """
         test = self._too_near.get(clearance)
-        if test is None:  # NaN, which is not even equal to itself, always comes by here
+        if test is None:  # always so for NaN, which is not equal to itself
             given.finite("clearance", clearance, "m")
             test = self._too_near[clearance] = self._tester(clearance)
         return test
@@ -323,7 +322,7 @@ class World:
         )
 
     def _configuration(self, q: npt.ArrayLike) -> Array:
-        """q (n,), checked; in the usual case in half a microsecond, because searches ask a million times."""
+        """Return q (n,) after a check, which takes 0.5 us in the usual case; a search calls this a million times."""
         if (
             type(q) is np.ndarray
             and q.dtype is _FLOAT
@@ -369,7 +368,7 @@ def _geometry_model(parts: Sequence[Part], pairs: Indices) -> Any:
 
 
 def distance_of(first: Body, second: Body) -> Distance:
-    """The distance of two bodies where they are."""
+    """Return the distance of two bodies at their poses."""
     request, result = coal.DistanceRequest(), coal.DistanceResult()
     request.gjk_tolerance = request.epa_tolerance = GJK_TOLERANCE
     placed = [
@@ -384,7 +383,7 @@ def distance_of(first: Body, second: Body) -> Distance:
 
 
 def coal_shape(shape: Shape) -> Any:
-    """The shape as coal has it, in its own frame."""
+    """Return the shape as a coal geometry, in its own frame."""
     match shape:
         case Box(size):
             return coal.Box(*size)

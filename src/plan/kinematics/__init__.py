@@ -1,1 +1,1 @@
-"""Inverse kinematics: in closed form, numeric, and with a free axis."""
+"""Inverse kinematics: closed form, numerical, and with a free rotation axis."""

@@ -1,4 +1,4 @@
-"""Whether the arm may stand where a caller says: one number per joint, finite, within the limits."""
+"""Checks of configurations: one finite number per joint, within the limits."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from arm.controller.unit import Limits
 from arm.errors import InputError
 from arm.robot.model import Robot
 from arm.se3 import Array
-from plan.kinematics.product_of_exponentials import screw_arm
+from plan.kinematics.product_of_exponentials import product_of_exponentials
 
 
 def require_limits(robot: Robot, limits: Limits) -> None:
-    """Refuse limits of another arm.
+    """Require one limit per joint.
 
     Raises:
-        InputError: there is not one for each joint.
+        InputError: the limits have another number of joints than the arm.
     """
     n = len(robot.joint_names)
     if limits.lower.shape != (n,):
@@ -27,16 +27,20 @@ def require_limits(robot: Robot, limits: Limits) -> None:
         )
 
 
-def standing(name: str, q: npt.ArrayLike, robot: Robot, limits: Limits, slack: float = 0.0) -> Array:
-    """A configuration (n,) rad (m for sliding joints) that the arm may stand in.
+def check_configuration(
+    name: str, q: npt.ArrayLike, robot: Robot, limits: Limits, slack: float = 0.0
+) -> Array:
+    """Return a configuration (n,) rad (m for prismatic joints) after a check of shape and limits.
 
     Args:
-        name: of the argument, for the message.
+        name: name of the argument for the message.
         q: (n,), or (1, n).
-        slack: what it may lie beyond a limit, rad or m.
+        robot: the arm.
+        limits: its limits.
+        slack: tolerance on the limits, rad or m.
 
     Raises:
-        InputError: of another shape, not finite, or beyond a limit; data: joint, value, low, high (rad or m).
+        InputError: wrong shape, not finite, or beyond a limit; data: joint, value, low, high (rad or m).
     """
     require_limits(robot, limits)
     at = joints(name, q, robot.joint_names)
@@ -46,8 +50,8 @@ def standing(name: str, q: npt.ArrayLike, robot: Robot, limits: Limits, slack: f
     k = int(beyond[0])
     joint, value = robot.joint_names[k], float(at[k])
     low, high = float(limits.lower[k]), float(limits.upper[k])
-    help = "move the arm back inside, or give another configuration"
-    if screw_arm(robot).axes[k].slides:
+    help = "move the arm back within its limits, or give another configuration"
+    if product_of_exponentials(robot).axes[k].slides:
         scale, unit = 1e3, "mm"
     else:
         scale, unit = float(np.degrees(1.0)), "deg"

@@ -1,9 +1,9 @@
-"""Poses whose turn about one tool axis is free: for every branch the intervals of angles in which it can be had.
+"""Inverse kinematics with a free rotation about one tool axis: the intervals of feasible angles for every branch.
 
-Branches are followed over samples of the whole circle, which are refined where joints turn fast or a limit is grazed;
-then every end of an interval is narrowed down to about 1e-8 rad. An interval, or a gap, that opens and closes between
-two samples 1 deg apart is found only if the joints' rates there say that it may (a limit grazed by a curve's bend
-alone can be missed by less than 0.1 mrad of joint angle).
+Branches are followed over samples of the whole circle, refined where joints move fast or come near a limit. Each end of
+an interval is then narrowed down to about 1e-8 rad. An interval or a gap between two samples 1 deg apart is found only
+if the slopes of the joints there indicate it; a joint that crosses its limit between samples through curvature alone,
+by less than 0.1 mrad, may be missed.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ from plan.kinematics.ik import BRANCH_NAMES, Indices, RawBranches, all_branches,
 from plan.kinematics.straight_line import AXES
 
 _SAMPLES = 360
-_JUMP = 0.3  # rad: a joint that turns further from one sample to the next has not been followed
+_JUMP = 0.3  # rad: a larger step of a joint between samples counts as a discontinuity
 _REFINEMENTS = 3
-_PARTS = 12  # of a gap between samples, when it is refined or narrowed
+_PARTS = 12  # parts that a gap between samples is divided into
 _NARROWINGS = 6
-_SLACK = 1e-12  # rad, of limits
+_SLACK = 1e-12  # rad, on limits
 
 
 @dataclass(frozen=True)
 class FreeInterval:
-    """Angles over which one branch, with certain whole turns, moves continuously and within limits.
+    """Angles over which one branch, in one choice of revolutions, is continuous and within limits.
 
     Attributes:
         branch: see `plan.kinematics.ik.BRANCH_NAMES`.
-        angles: (s,) increasing, rad; the first in [-pi, pi), the last at most a turn later. The pose at an angle is
-            T_base_tool turned about the free axis by it.
-        q: (s, 6) rad, at each of them.
-        stops: what ends the interval at its start and at its end, such as "J4 upper limit"; "reach" where the links
-            end; "singular" where a joint jumps; "" where a whole circle closes in itself.
-        singular: angles of singular configurations; they are ends, because two branches meet there.
-        least_sine: the smallest `RawBranches.sine` over the samples; 0 if it is singular throughout.
+        angles: (s,) increasing, rad; the first in [-pi, pi), the last at most 2 pi later. The pose at an angle is
+            T_base_tool rotated by it about the free axis.
+        q: (s, 6) rad, at these angles.
+        stops: what ends the interval at its start and at its end, such as "J4 upper limit"; "reach" at the end of the
+            links' reach; "singular" where a joint jumps; "" for a full circle.
+        singular: angles of singular configurations; these are ends, because two branches meet there.
+        least_sine: the smallest `RawBranches.sine` over the samples; 0 if singular throughout.
     """
 
     branch: str
@@ -55,29 +55,29 @@ class FreeInterval:
 
     @property
     def start(self) -> float:
-        """rad."""
+        """First angle, rad."""
         return float(self.angles[0])
 
     @property
     def end(self) -> float:
-        """rad."""
+        """Last angle, rad."""
         return float(self.angles[-1])
 
     @property
     def length(self) -> float:
-        """rad."""
+        """Length, rad."""
         return self.end - self.start
 
 
 @dataclass(frozen=True)
 class FreeSamples:
-    """Poses out of free intervals.
+    """k poses from free intervals.
 
     Attributes:
         T_base_tool: (k, 4, 4).
-        q: (k, 6) rad, one configuration that reaches each.
+        q: (k, 6) rad, the configurations.
         angle: (k,) rad.
-        interval: (k,) index of the interval of each.
+        interval: (k,) index of the interval.
         singular: (k,) whether the configuration is singular.
     """
 
@@ -89,10 +89,10 @@ class FreeSamples:
 
 
 def turned_poses(T_base_tool: npt.ArrayLike, axis: str, angles: npt.ArrayLike) -> Array:
-    """The pose (4, 4) turned about its own `axis` by angles (k,) rad: (k, 4, 4).
+    """Rotate a pose (4, 4) about its own `axis` by angles (k,) rad; return (k, 4, 4).
 
     Raises:
-        InputError: not one of `AXES`.
+        InputError: `axis` is not one of `AXES`.
     """
     if axis not in AXES:
         raise InputError(f"axis = {axis!r}: must be one of {', '.join(AXES)}", axis=axis)
@@ -105,19 +105,19 @@ def turned_poses(T_base_tool: npt.ArrayLike, axis: str, angles: npt.ArrayLike) -
     return turned
 
 
-def free_sets(
+def feasible_intervals(
     robot: Robot, T_base_tool: npt.ArrayLike, lower: npt.ArrayLike, upper: npt.ArrayLike, axis: str = "z"
 ) -> tuple[FreeInterval, ...]:
-    """Every interval of the free angle about `axis`, in order of branch, start, whole turns.
+    """Return every interval of the free angle about `axis`, ordered by branch, start, revolutions.
 
     Args:
-        robot: an arm that `plan.kinematics.ik.inverse_kinematics` solves.
+        robot: an arm with closed-form inverse kinematics.
         T_base_tool: (4, 4), the pose at angle 0.
         lower, upper: (6,) rad.
-        axis: of the tool.
+        axis: free axis of the tool, one of `AXES`.
 
     Raises:
-        InputError: the arm is of another kind, or the axis is not known.
+        InputError: the arm has another geometry, or the axis is not known.
     """
     circle = _Circle(
         robot,
@@ -134,15 +134,17 @@ def free_sets(
 def sample_free(
     robot: Robot, T_base_tool: npt.ArrayLike, intervals: Sequence[FreeInterval], count: int, axis: str = "z"
 ) -> FreeSamples:
-    """About `count` poses out of intervals of `free_sets`, by their lengths; at least one of each, none at an end.
+    """Sample about `count` poses from `feasible_intervals` in proportion to their lengths.
+
+    Each interval has at least one sample, and no sample is at an end.
 
     Raises:
-        InputError: as `free_sets`.
+        InputError: as `feasible_intervals`.
     """
     total = sum(i.length for i in intervals)
     angles, guess, which = [np.zeros(0)], [np.zeros((0, robot.model.nq))], [np.zeros(0, dtype=np.intp)]
     for index, interval in enumerate(intervals):
-        # a share is rounded before it is counted, so that it does not hang on the last bits
+        # rounded twice, so that the number does not depend on the last bits
         share = max(1, round(round(count * interval.length / total, 6))) if total > 0.0 else 1
         at = interval.start + interval.length * (np.arange(share) + 0.5) / share
         angles.append(at)
@@ -159,12 +161,12 @@ def sample_free(
 
 Result = TypeVar("Result")
 _Search = Generator[Array, RawBranches, Result]
-"""A search that asks for the branches at angles, is sent them, and returns what it found."""
+"""A generator that yields angles, receives the branches there, and returns its result."""
 
 
 @dataclass(frozen=True)
 class _Piece:
-    """Samples of one curve within limits, and what lies beyond: the angles and reasons of its two ends."""
+    """Samples of one curve within limits, and what ends it on both sides (see `FreeInterval.stops`)."""
 
     angles: Array
     q: Array
@@ -172,7 +174,7 @@ class _Piece:
 
 
 class _Circle:
-    """One pose turned all the way round: samples of all branches, fine enough to follow them."""
+    """Samples of all branches over the full circle of the free angle, fine enough to follow them."""
 
     def __init__(self, robot: Robot, T: Array, axis: str, lower: Array, upper: Array) -> None:
         self.robot, self.T, self.axis, self.lower, self.upper = robot, T, axis, lower, upper
@@ -201,7 +203,7 @@ class _Circle:
         )
 
     def curves(self, branch: int) -> Iterator[tuple[slice, Array]]:
-        """Runs of samples over which a branch is reached and continuous, with every choice of whole turns: q (s, 6)."""
+        """Yield runs of samples in which a branch is reached and continuous, with q (s, 6) in every revolution."""
         reached, q = self.raw.reached[:, branch], self.raw.q[:, branch]
         jumps = np.abs(nearest_turns(np.diff(q, axis=0), np.zeros(q.shape[1]))).max(axis=1) > _JUMP
         linked = reached[1:] & reached[:-1] & ~jumps
@@ -213,11 +215,11 @@ class _Circle:
                 yield slice(start, stop), curve + 2 * np.pi * np.array(turns)
 
     def margin(self, q: Array) -> Array:
-        """rad to the nearest limit (s,); negative beyond."""
+        """Return the distance (s,) to the nearest limit, rad; negative beyond."""
         return np.asarray(np.minimum(q - self.lower, self.upper - q).min(axis=-1)) + _SLACK
 
     def unclear(self, branch: int) -> Indices:
-        """Gaps between samples in which a joint turns far, or a limit may be crossed to and fro."""
+        """Return gaps between samples in which a joint moves far, or may cross a limit and come back."""
         reached, q = self.raw.reached[:, branch], self.raw.q[:, branch]
         jumps = np.abs(nearest_turns(np.diff(q, axis=0), np.zeros(q.shape[1]))).max(axis=1) > _JUMP
         gaps = [np.flatnonzero(jumps & reached[1:] & reached[:-1])]
@@ -225,7 +227,7 @@ class _Circle:
             m = self.margin(curve)
             ahead = np.abs(np.diff(m))
             side = np.sign(m[1:]) == np.sign(m[:-1])
-            # by the steeper of the neighbouring slopes, could the margin pass zero and come back within the gap?
+            # by the steeper of the neighbouring slopes, the margin could pass zero and come back within the gap
             slope = np.maximum(np.r_[0.0, ahead[:-1]], np.r_[ahead[1:], 0.0]) if len(ahead) else ahead
             graze = side & (np.minimum(np.abs(m[1:]), np.abs(m[:-1])) < np.maximum(slope, ahead))
             rising = np.diff(np.abs(m))
@@ -235,36 +237,36 @@ class _Circle:
         return np.concatenate(gaps)
 
     def run(self, searches: Sequence[_Search[Result]]) -> list[Result]:
-        """The results of searches, run side by side: the angles that all of them ask for are solved at once."""
+        """Run searches in parallel and return their results; the angles of all searches are solved together."""
         results: dict[int, Result] = {}
-        asked: dict[int, Array] = {}
+        wanted: dict[int, Array] = {}
         answers: dict[int, RawBranches | None] = dict.fromkeys(range(len(searches)))
         while answers:
             for k, answer in answers.items():
                 try:
-                    asked[k] = next(searches[k]) if answer is None else searches[k].send(answer)
+                    wanted[k] = next(searches[k]) if answer is None else searches[k].send(answer)
                 except StopIteration as done:
                     results[k] = done.value
             answers = {}
-            if asked:
-                raw = self.solved(np.concatenate(list(asked.values())))
-                stops = np.cumsum([len(a) for a in asked.values()])
+            if wanted:
+                raw = self.solved(np.concatenate(list(wanted.values())))
+                stops = np.cumsum([len(a) for a in wanted.values()])
                 answers = {
-                    k: _rows(raw, slice(stop - len(asked[k]), stop))
-                    for k, stop in zip(asked, stops.tolist(), strict=True)
+                    k: _rows(raw, slice(stop - len(wanted[k]), stop))
+                    for k, stop in zip(wanted, stops.tolist(), strict=True)
                 }
-                asked = {}
+                wanted = {}
         return [results[k] for k in range(len(searches))]
 
     def pieces(self, branch: int) -> Iterator[_Search[tuple[int, _Piece]]]:
-        """Searches for the parts within limits of all curves of a branch, ends narrowed down."""
+        """Yield searches for the parts of a branch within limits."""
         for run, curve in self.curves(branch):
             inside = self.margin(curve) >= 0.0
             for start, stop in _runs(inside, inside[1:] & inside[:-1]):
                 yield self.piece(branch, run.start + start, curve[start:stop])
 
     def piece(self, branch: int, start: int, q: Array) -> _Search[tuple[int, _Piece]]:
-        """Samples from `start` on, with their ends narrowed down."""
+        """Narrow down both ends of the samples q from index `start` on."""
         stop = start + len(q)
         first = yield from self.end(branch, start, q[0], -1)
         last = yield from self.end(branch, stop - 1, q[-1], +1)
@@ -275,7 +277,7 @@ class _Circle:
         )
 
     def end(self, branch: int, sample: int, q: Array, side: int) -> _Search[tuple[Array, Array, str]]:
-        """Beyond a last sample inside: the furthest angle and q still inside, if further, and what stops it there."""
+        """Search beyond the last feasible sample: return the furthest feasible angle and q, if any, and the stop."""
         beyond = sample + side
         if not 0 <= beyond < len(self.angles):
             return np.zeros(0), np.zeros((0, len(q))), ""
@@ -299,7 +301,7 @@ class _Circle:
         return np.array([inner]), q[None], stop
 
     def stop(self, q: Array, before: Array, reached: bool) -> str:
-        """Why q is not the continuation of `before` within limits, or ""."""
+        """Return why q does not continue `before` within limits, or ""."""
         if not reached:
             return "reach"
         if np.abs(q - before).max() > _JUMP:
@@ -312,7 +314,7 @@ class _Circle:
         return f"{self.robot.joint_names[joint]} {side} limit"
 
     def interval(self, branch: int, piece: _Piece) -> FreeInterval:
-        """A piece with its singular angles: where two branches meet, both end."""
+        """Convert a piece to an interval with its singular angles."""
         inside = (self.angles >= piece.angles[0]) & (self.angles <= piece.angles[-1])
         ends = zip(piece.angles[[0, -1]].tolist(), piece.stops, strict=True)
         return FreeInterval(
@@ -330,7 +332,7 @@ def _rows(raw: RawBranches, rows: slice) -> RawBranches:
 
 
 def _runs(on: npt.NDArray[np.bool_], linked: npt.NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
-    """First and one past the last of each run of samples that are `on` and linked to the next."""
+    """Yield the start and stop indices of each run of samples that are `on` and linked to the next."""
     start: int | None = None
     for k, is_on in enumerate(on):
         if not is_on:
@@ -342,7 +344,7 @@ def _runs(on: npt.NDArray[np.bool_], linked: npt.NDArray[np.bool_]) -> Iterator[
 
 
 def _joined(intervals: list[FreeInterval]) -> list[FreeInterval]:
-    """Where one interval ends at pi in the configuration in which another begins at -pi, they are one."""
+    """Join an interval that ends at pi with one that begins at -pi in the same configuration."""
     for a in intervals:
         for b in intervals:
             closes = a.end == np.pi and b.start == -np.pi and np.abs(a.q[-1] - b.q[0]).max() < 1e-6

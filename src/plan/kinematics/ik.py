@@ -1,7 +1,7 @@
 """Inverse kinematics of spherical-wrist arms: every solution within limits, or why a pose has none.
 
-The branches come from `plan.kinematics.closed_form` in closed form; here whole turns and limits are applied.
-`plan.kinematics.numeric_ik` has the front door for arms of any kind.
+`plan.kinematics.closed_form` computes the branches; this module applies whole revolutions and limits.
+`plan.kinematics.numeric_ik.solve_ik` works for any arm.
 """
 
 from __future__ import annotations
@@ -43,16 +43,16 @@ __all__ = [
 
 Indices = npt.NDArray[np.intp]
 
-_LIMIT_SLACK = 1e-12  # rad, so that a solution on its limit is not lost to rounding
+_LIMIT_SLACK = 1e-12  # rad, so that rounding loses no solution on a limit
 
 
 @dataclass(frozen=True)
 class Branches:
-    """Solutions inside joint limits of one or more poses, flat; in order of pose, branch, turns.
+    """k solutions of one or more poses within joint limits, ordered by pose, branch, revolutions.
 
     Attributes:
         q: (k, 6) rad.
-        pose: (k,) index of the pose that each belongs to.
+        pose: (k,) index of the pose.
         branch: (k,) index into `BRANCH_NAMES`.
         singular: (k,) see `RawBranches`.
     """
@@ -69,11 +69,11 @@ class Branches:
         return iter(self.q)
 
     def names(self) -> tuple[str, ...]:
-        """Branch name of every solution."""
+        """Return the branch name of every solution."""
         return tuple(BRANCH_NAMES[b] for b in self.branch)
 
     def of(self, pose: int) -> Branches:
-        """The solutions of one pose."""
+        """Return the solutions of one pose."""
         rows = self.pose == pose
         return Branches(self.q[rows], self.pose[rows], self.branch[rows], self.singular[rows])
 
@@ -84,11 +84,11 @@ class BranchReport:
 
     Attributes:
         branch: its name.
-        q: (6,) rad, with the whole turns that suit the limits best.
+        q: (6,) rad, with each joint in the revolution nearest to the middle of its range.
         inside: whether q reaches the pose within limits.
         joint: name of the joint furthest beyond its limits (or nearest to them, if inside).
-        excess: rad by which that joint is beyond its limit; negative is the margin left.
-        outside: m by which the wrist centre is beyond what the links reach (then q is only the nearest).
+        excess: amount by which that joint exceeds its limit, rad; negative within the limit.
+        outside: distance of the wrist centre beyond the reach of the links, m (q is then the nearest configuration).
     """
 
     branch: str
@@ -102,24 +102,24 @@ class BranchReport:
 def inverse_kinematics(
     robot: Robot, T_base_tool: npt.ArrayLike, lower: npt.ArrayLike, upper: npt.ArrayLike
 ) -> Branches:
-    """Every configuration within [lower, upper] that puts the tool at the pose(s), whole turns included.
+    """Return every configuration within [lower, upper] that reaches the pose(s), including whole revolutions.
 
     Args:
-        robot: a six-axis arm with a spherical wrist and joints 2 and 3 parallel.
+        robot: a six-axis arm with a spherical wrist and parallel joints 2 and 3.
         T_base_tool: (4, 4) or (m, 4, 4).
         lower, upper: (6,) rad.
 
     Raises:
-        InputError: the arm is of another kind, a pose is not 4x4 and rigid to 1e-6, or limits are not six numbers.
+        InputError: the arm has another geometry, a pose is not 4x4 and rigid to 1e-6, or limits are not six numbers.
     """
     raw = all_branches(robot, poses("T_base_tool", T_base_tool))
     lower, upper = joints("lower", lower, robot.joint_names), joints("upper", upper, robot.joint_names)
     first = np.ceil((lower - _LIMIT_SLACK - raw.q) / (2 * np.pi))
-    turns = np.floor((upper + _LIMIT_SLACK - raw.q) / (2 * np.pi)) - first + 1
-    rows = np.argwhere(raw.reached & (turns > 0).all(axis=-1))
+    revolutions = np.floor((upper + _LIMIT_SLACK - raw.q) / (2 * np.pi)) - first + 1
+    rows = np.argwhere(raw.reached & (revolutions > 0).all(axis=-1))
     pose, branch = rows[:, 0], rows[:, 1]
     q = np.clip(raw.q[pose, branch] + 2 * np.pi * first[pose, branch], lower, upper)
-    repeat = turns[pose, branch]
+    repeat = revolutions[pose, branch]
     if (repeat > 1).any():
         more = [np.array(list(product(*(range(int(c)) for c in counts)))) for counts in repeat]
         which = np.repeat(np.arange(len(rows)), [len(m) for m in more])
@@ -131,7 +131,7 @@ def inverse_kinematics(
 def explain_pose(
     robot: Robot, T_base_tool: npt.ArrayLike, lower: npt.ArrayLike, upper: npt.ArrayLike
 ) -> tuple[BranchReport, ...]:
-    """What every one of the 8 branches would need for one pose (4, 4); order of `BRANCH_NAMES`.
+    """Report for one pose (4, 4) what each of the 8 branches needs, in the order of `BRANCH_NAMES`.
 
     Raises:
         InputError: as `inverse_kinematics`.
@@ -160,5 +160,5 @@ def explain_pose(
 
 
 def nearest_turns(q: Array, reference: Array) -> Array:
-    """Angles (..., 6) rad moved by whole turns to be nearest to `reference` (broadcast)."""
+    """Shift angles (..., 6) rad by whole revolutions to be nearest to `reference` (broadcast)."""
     return q - 2 * np.pi * np.rint((q - reference) / (2 * np.pi))

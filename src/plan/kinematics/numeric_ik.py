@@ -1,10 +1,10 @@
-"""Inverse kinematics of any arm: the closed form where there is one, else damped least squares from many starts.
+"""Inverse kinematics of any arm: closed form if there is one, else damped least squares from many starts.
 
-The numerical way is Levenberg-Marquardt with limits by projection (joints that press against a limit are held;
-C. Kanzow, N. Yamashita, M. Fukushima, "Levenberg-Marquardt methods with strong local convergence properties for
-solving nonlinear equations with convex constraints", 2004), from starts of a Halton sequence, all at once in numpy.
-It is no proof: a solution whose basin holds no start is missed. Where the arm has more joints than the task has
-directions the solutions are a continuum, and what comes back are points of it.
+The numerical method is Levenberg-Marquardt with projection onto the limits (joints that press against a limit are
+fixed; C. Kanzow, N. Yamashita, M. Fukushima, "Levenberg-Marquardt methods with strong local convergence properties for
+solving nonlinear equations with convex constraints", 2004). It starts from a Halton sequence, all starts at once in
+numpy. It misses solutions whose basin contains no start. For redundant arms the solutions form a continuum, and the
+result is a set of points on it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from arm.numerics.products import mul, solve_positive
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen
 from plan.budget import START_LOOKS, spend
-from plan.kinematics.free_axis import free_sets, sample_free
+from plan.kinematics.free_axis import feasible_intervals, sample_free
 from plan.kinematics.ik import (
     POSE_TOLERANCE,
     Flags,
@@ -33,26 +33,26 @@ from plan.kinematics.ik import (
     inverse_kinematics,
     nearest_turns,
 )
-from plan.kinematics.product_of_exponentials import ScrewArm, screw_arm
+from plan.kinematics.product_of_exponentials import ProductOfExponentials, product_of_exponentials
 
 FREE = ("x", "y", "z", "rx", "ry", "rz")
-"""What may be free of a tool's pose: translation along, or rotation about, an axis of the tool frame at the pose."""
+"""Directions of a pose that may be free: translation along or rotation about an axis of the tool frame there."""
 
 _ROTATION_SCALE = 0.2  # m per rad
 _SINGULAR = 1e-6  # smallest singular value of the task's Jacobian, rotation scaled
 _SAME = 1e-4  # rad or m between solutions that count as one
-_BATCH = 4096  # configurations at a time
+_BATCH = 4096  # configurations computed together
 
 
 @dataclass(frozen=True)
 class SearchOptions:
-    """Budget of the numerical way, never in seconds.
+    """Budget of the numerical method, in counts instead of seconds.
 
     Attributes:
-        starts: per pose.
-        iterations: of every start at most.
-        seed: of the starts.
-        samples: with a free direction and the closed form: poses tried out of the free intervals.
+        starts: starts for each pose.
+        iterations: most iterations of each start.
+        seed: seed of the starts.
+        samples: number of poses from the free intervals, with one free rotation and a closed form.
     """
 
     starts: int = 128
@@ -63,13 +63,13 @@ class SearchOptions:
 
 @dataclass(frozen=True)
 class Solutions:
-    """Configurations that reach poses, in order of pose, then branch or joint values.
+    """k configurations that reach poses, ordered by pose, then branch or joint values.
 
     Attributes:
-        q: (k, n) rad, m for sliding joints.
-        pose: (k,) index of the pose that each belongs to.
-        branch: name of the branch of each, "" where the arm has none.
-        singular: (k,) whether the task's Jacobian has lost rank.
+        q: (k, n) rad, m for prismatic joints.
+        pose: (k,) index of the pose.
+        branch: (k,) names of the branches, "" without closed form.
+        singular: (k,) whether the task's Jacobian loses rank.
     """
 
     q: Array
@@ -81,7 +81,7 @@ class Solutions:
         return len(self.q)
 
     def of(self, pose: int) -> Solutions:
-        """The solutions of one pose."""
+        """Return the solutions of one pose."""
         rows = np.flatnonzero(self.pose == pose)
         return Solutions(
             self.q[rows], self.pose[rows], tuple(self.branch[r] for r in rows), self.singular[rows]
@@ -96,28 +96,30 @@ def solve_ik(
     free: str | Sequence[str] | None = None,
     options: SearchOptions | None = None,
 ) -> Solutions:
-    """Configurations within [lower, upper] that put the tool at the pose(s), but for what is free.
+    """Return configurations within [lower, upper] that reach the pose(s) except in free directions.
 
     Args:
-        robot: any arm of turning and sliding joints.
+        robot: any arm of revolute and prismatic joints.
         T_base_tool: (4, 4) or (m, 4, 4).
         lower, upper: (n,) rad or m.
-        free: names out of `FREE`. With two rotations free, the third is the component of the rotation vector from
-            the pose to the tool, in the axes of the pose.
+        free: names from `FREE`. With two free rotations, the third is the component of the rotation vector from the
+            pose to the tool, in the axes of the pose.
         options: see `SearchOptions`.
 
     Returns:
-        all solutions, whole turns included, by the closed form where the arm has one and nothing is free; with one
-        free rotation, samples of every interval of `plan.kinematics.free_axis.free_sets`; else what `numeric_ik` finds.
+        If the arm has a closed form: all solutions with whole revolutions if nothing is free, or samples of every
+        interval of `plan.kinematics.free_axis.feasible_intervals` for one free rotation. Else the result of
+        `numeric_ik`.
 
     Raises:
-        InputError: unknown names in `free`, limits of another length than the arm's, a pose that is not finite.
+        InputError: unknown names in `free`, limits with another number of joints than the arm, or a pose that is not
+            rigid.
     """
     options = options or SearchOptions()
     names = _free_names(free)
     T = poses("T_base_tool", T_base_tool)
-    turning = [name for name in names if name.startswith("r")]
-    if not has_closed_form(robot) or (names and names != tuple(turning)) or len(turning) > 1:
+    rotations = [name for name in names if name.startswith("r")]
+    if not has_closed_form(robot) or (names and names != tuple(rotations)) or len(rotations) > 1:
         return numeric_ik(robot, T, lower, upper, names, options)
     if not names:
         found = inverse_kinematics(robot, T, lower, upper)
@@ -125,7 +127,7 @@ def solve_ik(
     axis = names[0][1:]
     parts = []
     for pose, one in enumerate(T):
-        intervals = free_sets(robot, one, lower, upper, axis)
+        intervals = feasible_intervals(robot, one, lower, upper, axis)
         some = sample_free(robot, one, intervals, options.samples, axis)
         branch = tuple(intervals[i].branch for i in some.interval)
         parts.append(Solutions(some.q, np.full(len(some.q), pose, dtype=np.intp), branch, some.singular))
@@ -140,22 +142,22 @@ def numeric_ik(
     free: str | Sequence[str] | None = None,
     options: SearchOptions | None = None,
 ) -> Solutions:
-    """As `solve_ik`, numerically for every arm; branches have no names.
+    """Solve as `solve_ik`, but numerically for every arm; branches have no names.
 
     Raises:
         InputError: as `solve_ik`.
     """
-    options, arm = options or SearchOptions(), screw_arm(robot)
+    options, arm = options or SearchOptions(), product_of_exponentials(robot)
     T = poses("T_base_tool", T_base_tool)
     low, high = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
     if low.shape != (len(arm.axes),) or high.shape != low.shape or not (low <= high).all():
         raise InputError(
-            f"limits need a lower value not above the upper one for each of {len(arm.axes)} joints",
+            f"lower, upper: must be {len(arm.axes)} numbers each, one per joint, lower not above upper",
             lower=low.tolist(),
             upper=high.tolist(),
         )
     if not np.isfinite(T).all():
-        raise InputError("a pose to reach holds a number that is not finite", poses=len(T))
+        raise InputError("T_base_tool: a pose has a number that is not finite", poses=len(T))
     task = _Task(arm, low, high, _free_names(free))
     sequence = qmc.Halton(len(low), scramble=True, rng=np.random.default_rng(options.seed))
     starts = low + (high - low) * sequence.random(options.starts)
@@ -198,25 +200,25 @@ def _together(parts: Sequence[Solutions]) -> Solutions:
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """An arm, its limits, and which directions of a pose are asked for."""
+    """An arm, its limits, and the free directions of its poses."""
 
-    arm: ScrewArm
+    arm: ProductOfExponentials
     lower: Array
     upper: Array
     free: tuple[str, ...]
 
     @property
     def rows(self) -> list[int]:
-        """Directions that are asked for, of the 6 of `FREE`."""
+        """Indices into `FREE` of the directions that are not free."""
         return [k for k, name in enumerate(FREE) if name not in self.free]
 
     @property
-    def turning(self) -> npt.NDArray[np.bool_]:
-        """Which joints turn (n,)."""
+    def revolute(self) -> npt.NDArray[np.bool_]:
+        """Flags (n,) of the revolute joints."""
         return np.array([not axis.slides for axis in self.arm.axes])
 
     def error(self, q: Array, T: Array) -> tuple[Array, Array, Array]:
-        """From the tool to the pose in the pose's axes: masked and scaled (N, r), its true size (N,), tips (N, 3)."""
+        """Return the error from tool to pose in the pose's axes, scaled (N, r); its true size (N,); tips (N, 3)."""
         columns = self.arm.tool_columns(q)
         goal = np.moveaxis(T[:, :3], 0, -1)
         tips = columns[:, 3].T
@@ -238,23 +240,23 @@ class _Task:
         angle = arctan2(sine, cosine)
         scale = np.where(sine > 1e-9, angle / np.maximum(sine, 1e-9), 1.0)
         e[:, 3:] = np.einsum("jin,jn->ni", goal[:, :3], turn * scale)
-        # at half a turn the direction is lost, and with it the size
+        # a rotation by pi has no unique axis
         lost = (sine <= 1e-9) & (cosine < 0.0) & (len(held) > 0)
         size = np.where(lost, np.pi, np.abs(e[:, self.rows]).max(axis=1, initial=0.0))
         e[:, 3:] *= _ROTATION_SCALE
         return e[:, self.rows], size, tips
 
     def jacobian(self, q: Array, T: Array, tips: Array) -> Array:
-        """Rows of `error`, per joint: (N, r, n)."""
+        """Return the Jacobian of `error`, (N, r, n)."""
         J = self.arm.jacobians(q, tips)
         R = np.swapaxes(T[:, :3, :3], -1, -2)
         J[:, :3], J[:, 3:] = mul(R, J[:, :3]), _ROTATION_SCALE * (mul(R, J[:, 3:]))
         return np.ascontiguousarray(J[:, self.rows])
 
     def search(self, starts: Array, T: Array, iterations: int) -> tuple[Array, Flags]:
-        """Where each start (N, n) ends, and whether it meets its pose (N, 4, 4)."""
-        # a joint that can turn all the way round has no limits to press against: whole turns are taken off later
-        around = self.turning & (self.upper - self.lower >= 2 * np.pi - 1e-9)
+        """Return where each start (N, n) ends, and whether it reaches its pose (N, 4, 4)."""
+        # ignore the limits of joints with a full circle; `distinct` shifts by whole revolutions
+        around = self.revolute & (self.upper - self.lower >= 2 * np.pi - 1e-9)
         q, lower = starts.copy(), np.where(around, -np.inf, self.lower)
         upper = np.where(around, np.inf, self.upper)
         error, size, tips = self.error(q, T)
@@ -283,29 +285,29 @@ class _Task:
         return q, size <= POSE_TOLERANCE
 
     def distinct(self, q: Array) -> Array:
-        """Solutions (k, n) without repetitions, with all whole turns within limits, sorted."""
-        # the first of each cluster stays, whole turns apart being the same
+        """Return solutions (k, n) without duplicates, in every revolution within limits, sorted."""
+        # keep the first of each cluster, modulo whole revolutions
         chosen: list[Array] = []
         for one in q:
             apart = [
-                np.where(self.turning, nearest_turns(one - c, np.zeros(len(c))), one - c) for c in chosen
+                np.where(self.revolute, nearest_turns(one - c, np.zeros(len(c))), one - c) for c in chosen
             ]
             if not any(np.abs(a).max() < _SAME for a in apart):
                 chosen.append(one)
-        turned: list[Array] = []
+        shifted: list[Array] = []
         for one in chosen:
-            first = np.where(self.turning, np.ceil((self.lower - 1e-12 - one) / (2 * np.pi)), 0.0)
-            last = np.where(self.turning, np.floor((self.upper + 1e-12 - one) / (2 * np.pi)), 0.0)
-            for turns in product(*(np.arange(a, b + 1) for a, b in zip(first, last, strict=True))):
-                turned.append(np.clip(one + 2 * np.pi * np.array(turns), self.lower, self.upper))
-        if not turned:
+            first = np.where(self.revolute, np.ceil((self.lower - 1e-12 - one) / (2 * np.pi)), 0.0)
+            last = np.where(self.revolute, np.floor((self.upper + 1e-12 - one) / (2 * np.pi)), 0.0)
+            for revolutions in product(*(np.arange(a, b + 1) for a, b in zip(first, last, strict=True))):
+                shifted.append(np.clip(one + 2 * np.pi * np.array(revolutions), self.lower, self.upper))
+        if not shifted:
             return np.zeros((0, q.shape[1]))
-        found = np.array(turned)
+        found = np.array(shifted)
         ranks = np.stack([_ranks(column) for column in found.T])
         return found[np.lexsort(ranks[::-1])]
 
     def singular(self, q: Array, T: Array) -> Flags:
-        """Whether the task's Jacobian at solutions (k, n) of one pose has lost rank."""
+        """Return whether the task's Jacobian loses rank at solutions (k, n) of one pose."""
         if not len(q) or not self.rows:
             return np.zeros(len(q), dtype=bool)
         J = self.jacobian(q, np.broadcast_to(T, (len(q), 4, 4)), self.arm.tool_columns(q)[:, 3].T)
@@ -313,7 +315,7 @@ class _Task:
 
 
 def _ranks(values: Array) -> Indices:
-    """Ranks of values, equal for those that differ by rounding only."""
+    """Return ranks of values, equal for values that differ only by rounding."""
     order = np.argsort(values, kind="stable")
     ranks = np.zeros(len(values), dtype=np.intp)
     ranks[order[1:]] = np.cumsum(np.diff(values[order]) > 1e-7)

@@ -1,21 +1,23 @@
 """An arm as a product of exponentials: tool poses and Jacobians of many configurations at once, in numpy.
 
-T_base_tool(q) = exp(S1 q1) .. exp(Sn qn) T_base_tool(0), every joint a turn about a line or a slide along a
-direction, both fixed in the base (R. W. Brockett 1984; K. Lynch, F. Park, "Modern Robotics", 2017, section 4.1.1).
-The lines are taken from the Robot's own Jacobian at q = 0, so a calibrated model is followed as it is.
+T_base_tool(q) = exp(S1 q1) .. exp(Sn qn) T_base_tool(0); each joint rotates about a line or moves along a direction
+fixed in the base (R. W. Brockett 1984; K. Lynch, F. Park, "Modern Robotics", 2017, section 4.1.1). The lines come from
+the Robot's Jacobian at q = 0, so calibrated models are included.
 
-Inside, many vectors are kept as columns (3, ..., N): then one product of a 3x3 matrix with all of them does.
+Internally vectors are columns (3, ..., N), so that one product with a 3x3 matrix handles all of them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from arm.errors import InputError
+from arm.former import FormerNames
 from arm.numerics.products import mul, norm
 from arm.poses import adjoint
 from arm.robot.model import Robot
@@ -24,13 +26,13 @@ from arm.se3 import Array, frozen, skew
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """A joint's line at q = 0, in the base frame.
+    """A joint axis at q = 0, in the base frame.
 
     Attributes:
         direction: unit vector (3,).
-        point: the point of the line nearest to the base's origin (3,), m; zero for a sliding joint.
+        point: the point of the axis nearest to the base's origin (3,), m; zero for a prismatic joint.
         along, across, turn: the 3x3 parts of Rodrigues' formula, R(angle) = along + cos across + sin turn.
-        slides: whether the joint slides along the direction; q is then in m.
+        slides: whether the joint is prismatic; q is then in m.
     """
 
     direction: Array
@@ -42,24 +44,24 @@ class Axis:
 
     @cached_property
     def parts(self) -> Array:
-        """`along`, `across` and `turn` over one another, (9, 3)."""
+        """`along`, `across` and `turn` stacked, (9, 3)."""
         return frozen(np.concatenate([self.along, self.across, self.turn]))
 
     def turned(self, columns: Array, cosine: Array, sine: Array) -> Array:
-        """Columns (3, ..., N) turned by N angles; a negative `sine` turns them back."""
+        """Rotate columns (3, ..., N) by N angles; a negated `sine` rotates them back."""
         parts = (mul(self.parts, columns.reshape(3, -1))).reshape(3, *columns.shape)
         return np.asarray(parts[0] + cosine * parts[1] + sine * parts[2])
 
 
 @dataclass(frozen=True, eq=False)
-class ScrewArm:
+class ProductOfExponentials:
     """Axes of all joints, in order, and the tool's pose (4x4) at q = 0."""
 
     axes: tuple[Axis, ...]
     T_base_tool_0: Array
 
     def tool_columns(self, q: Array) -> Array:
-        """The upper three rows of the tool's pose for configurations (N, n), as (3, 4, N)."""
+        """Return the upper three rows of the tool pose at configurations (N, n), as (3, 4, N)."""
         columns = np.empty((3, 4, len(q)))
         columns[...] = self.T_base_tool_0[:3, :, None]
         cosine, sine = np.cos(q.T), np.sin(q.T)
@@ -74,7 +76,7 @@ class ScrewArm:
         return columns
 
     def tool_poses(self, q: npt.ArrayLike) -> Array:
-        """Tool poses (..., 4, 4) of configurations (..., n) in rad (m for a sliding joint)."""
+        """Return the tool poses (..., 4, 4) at configurations (..., n) in rad (m for a prismatic joint)."""
         q = np.asarray(q, dtype=float)
         T = np.zeros((*q.shape[:-1], 4, 4))
         columns = self.tool_columns(q.reshape(-1, len(self.axes)))
@@ -83,17 +85,17 @@ class ScrewArm:
         return T
 
     def jacobians(self, q: npt.ArrayLike, tip: Array | None = None) -> Array:
-        """Jacobians (..., 6, n) of the tool's origin (rows 0-2, m) and of its rotation (rows 3-5, rad), base axes.
+        """Return the Jacobians (..., 6, n) of tool position (rows 0-2, m) and rotation (rows 3-5, rad), in base axes.
 
         Args:
             q: (..., n).
-            tip: the tool's origin (..., 3) in the base, if it is known already.
+            tip: position of the tool (..., 3) in the base, if already known.
         """
         q = np.asarray(q, dtype=float)
         flat = q.reshape(-1, len(self.axes))
         at = (self.tool_columns(flat)[:, 3] if tip is None else tip.reshape(-1, 3).T)[:, None]
         cosine, sine = np.cos(flat.T), np.sin(flat.T)
-        # of each axis its direction and its point, carried along by the joints before it
+        # direction and point of each axis, moved by the joints before it
         count = len(self.axes)
         lines = np.empty((3, count, 2, len(flat)))
         for k in reversed(range(count)):
@@ -118,11 +120,11 @@ class ScrewArm:
 
 
 @lru_cache(maxsize=32)
-def screw_arm(robot: Robot) -> ScrewArm:
-    """The robot as a product of exponentials (kept: building it costs about 0.1 ms).
+def product_of_exponentials(robot: Robot) -> ProductOfExponentials:
+    """Return the robot as a product of exponentials; cached, because it takes about 0.1 ms.
 
     Raises:
-        InputError: a joint is neither a turn nor a slide.
+        InputError: a joint is neither revolute nor prismatic.
     """
     zero = np.zeros(robot.model.nq)
     T_base_tool = robot.T_base_tool(zero)
@@ -134,7 +136,7 @@ def screw_arm(robot: Robot) -> ScrewArm:
         if slides:
             direction, velocity = velocity, np.zeros(3)
         if abs(norm(direction) - 1.0) > 1e-9 or abs(mul(velocity, direction)) > 1e-9:
-            raise InputError(f"joint {name} is neither a rotation about an axis nor a slide", joint=name)
+            raise InputError(f"joint {name}: must be revolute or prismatic", joint=name)
         along = np.outer(direction, direction)
         axes.append(
             Axis(
@@ -146,4 +148,10 @@ def screw_arm(robot: Robot) -> ScrewArm:
                 slides,
             )
         )
-    return ScrewArm(tuple(axes), T_base_tool)
+    return ProductOfExponentials(tuple(axes), T_base_tool)
+
+
+if not TYPE_CHECKING:
+    __getattr__ = FormerNames(
+        __name__, __name__, screw_arm="product_of_exponentials", ScrewArm="ProductOfExponentials"
+    )

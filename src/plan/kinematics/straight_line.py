@@ -1,4 +1,4 @@
-"""A straight line of the tool as geometry, and how far a pose is off it."""
+"""Straight lines of the tool as geometry, and the deviation of poses from them."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ class Line:
 
     @property
     def length(self) -> float:
-        """m."""
+        """Distance between the ends, m."""
         return float(norm(self.T_end[:3, 3] - self.T_start[:3, 3]))
 
     @property
     def turn(self) -> Array:
-        """Rotation vector (3,) from start to end, rad, in the tool's axes at the start."""
+        """Rotation vector (3,) from start to end, rad, in the tool frame at the start."""
         return rotation_vector(mul(self.T_start[:3, :3].T, self.T_end[:3, :3]))
 
     def poses(self, fraction: Array) -> Array:
-        """Poses (m, 4, 4) at fractions (m,) of the way."""
+        """Return the poses (m, 4, 4) at fractions (m,) of the line."""
         turn = self.turn
         angle = float(norm(turn))
         T = np.tile(np.eye(4), (len(fraction), 1, 1))
@@ -50,12 +50,12 @@ class Line:
     def deviation(
         self, T_base_tool: Array, free_axis: str | None = None, fraction: Array | None = None
     ) -> LineDeviation:
-        """How far poses (m, 4, 4) are off the line, wherever along it they are.
+        """Return the deviation of poses (m, 4, 4) from the line.
 
         Args:
             T_base_tool: the poses.
-            free_axis: one of `AXES`: then the angle is that between the tool's axis and the line's.
-            fraction: (m,) where along the line they should be, for a turn on the spot.
+            free_axis: one of `AXES`, whose direction alone defines the angle; or None for the whole rotation.
+            fraction: (m,) places on the line to compare with; default: the nearest ones. A pure rotation needs them.
         """
         along = self.T_end[:3, 3] - self.T_start[:3, 3]
         offset = T_base_tool[:, :3, 3] - self.T_start[:3, 3]
@@ -64,7 +64,7 @@ class Line:
         wanted = self.poses(fraction)
         lateral = np.linalg.norm(T_base_tool[:, :3, 3] - wanted[:, :3, 3], axis=-1)
         apart = T_base_tool[:, :3, :3] - wanted[:, :3, :3]
-        # lengths of differences, not products: they keep their digits at small angles
+        # norms of differences keep their digits at small angles, unlike products
         if free_axis is not None:
             chord = np.linalg.norm(apart[:, :, AXES.index(free_axis)], axis=-1) / 2.0
         else:
@@ -74,7 +74,7 @@ class Line:
 
 @dataclass(frozen=True)
 class LineDeviation:
-    """Distance from a line (m,) in m, and from its orientation (m,) in rad."""
+    """Distances (m,) from a line in m, and angles (m,) from its rotation in rad."""
 
     distance: Array
     angle: Array

@@ -1,8 +1,8 @@
-"""One motion from rest to rest, as it will be sent: a line away, a way across, a line in, joined without a stop.
+"""One motion from rest to rest, as it will be sent: retract, transit and approach, joined without a stop.
 
-The joined path is timed, turned into integer segments and proved phase by phase, each in its own world and with its
-own clearance. Rounding the corners more saves time but comes nearer to things: the roundest that is proved is taken;
-if none is, the arm stops at the way-points.
+The joined path is timed, converted to integer segments and certified phase by phase, each in its own world and with its
+own clearance. Longer blends save time but come nearer to bodies, so the longest ones that are certified are used. If
+none are, the arm stops at the way-points.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from arm.robot.model import Robot
 from arm.robot.shapes import Box
 from arm.se3 import Array, frozen
 from plan.cartesian.line import JointPath, Line
-from plan.collision.certificate import MoveCheck, check_move
+from plan.collision.certificate import ClearanceCertificate, certify_move
 from plan.collision.world import World
 from plan.options import PlanOptions
 from plan.trajectory.integer_segments import LineTolerance, MarksTooNear, to_marked_segments, to_segments
@@ -27,22 +27,21 @@ from plan.trajectory.jerk_limited import time_joined, time_smooth
 from plan.trajectory.joint_path import joined, polyline, smooth_path
 from plan.trajectory.timing import time_line, time_path
 
-# Parts of a full blend that are tried, the fastest first.
-_BLENDS = (1.0, 0.4, 0.15)
+_BLENDS = (1.0, 0.4, 0.15)  # factors on the duration of blends, in the order of the attempts
 
 
 @dataclass(frozen=True, eq=False)
-class Phase:
-    """A stretch of a motion.
+class MotionPhase:
+    """A phase of a motion.
 
     Attributes:
-        name: of the step, for people.
+        name: name of the step.
         role: home, transit, approach or retract.
         cube: index of the cube that it serves, or None.
-        world: that it is made in.
-        clearance: asked for, m.
+        world: its collision world.
+        clearance: required clearance, m.
         held: name of the body in the jaws, or None.
-        touching: names of bodies that the held one may touch.
+        allowed_collisions: names of bodies that the held one may touch.
     """
 
     name: str
@@ -51,62 +50,62 @@ class Phase:
     world: World
     clearance: float
     held: str | None = None
-    touching: frozenset[str] = frozenset()
+    allowed_collisions: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
-class Grip:
-    """A line at a station, followed by the arm from the station outwards."""
+class ApproachLine:
+    """A line at a station; `path` runs from the station outwards."""
 
     line: Line
     path: JointPath
 
     def inwards(self) -> JointPath:
-        """The arm's path towards the station."""
+        """Return the path towards the station."""
         return JointPath(frozen(self.path.q[::-1]), frozen(self.path.s[-1] - self.path.s[::-1]))
 
 
 @dataclass(frozen=True)
-class Leg:
-    """What a motion is made of.
+class RestToRestPath:
+    """The parts of a motion.
 
     Attributes:
-        retract: phase and grip that it begins with, or None.
-        transit: phase across.
-        waypoints: (m, n) rad of it.
-        approach: phase and grip that it ends with, or None.
+        retract: first phase and its line, or None.
+        transit: transit phase.
+        waypoints: (m, n) rad, of the transit.
+        approach: last phase and its line, or None.
     """
 
-    retract: tuple[Phase, Grip] | None
-    transit: Phase
+    retract: tuple[MotionPhase, ApproachLine] | None
+    transit: MotionPhase
     waypoints: Array
-    approach: tuple[Phase, Grip] | None
+    approach: tuple[MotionPhase, ApproachLine] | None
 
-    def phases(self) -> list[Phase]:
-        """All phases in order."""
+    def phases(self) -> list[MotionPhase]:
+        """Return all phases in order."""
         ends = [self.retract[0]] if self.retract else [], [self.approach[0]] if self.approach else []
         return [*ends[0], self.transit, *ends[1]]
 
 
-class Mover:
-    """Makes legs into moves.
+class MotionBuilder:
+    """Converts paths to certified moves.
 
     Args:
         robot: the arm, for the tool on lines.
-        unit: whose counts.
-        planned: limits that motion is timed with.
-        sent: limits that hold on what is sent.
+        unit: unit that defines the counts.
+        planned: limits for time parametrisation.
+        sent: limits of the segments that are sent.
         options: clearances, speeds.
     """
 
     def __init__(self, robot: Robot, unit: Unit, planned: Limits, sent: Limits, options: PlanOptions) -> None:
         self.robot, self.unit, self.planned, self.sent, self.options = robot, unit, planned, sent, options
 
-    def run(self, leg: Leg) -> list[Move]:
-        """The leg's moves; none where it goes nowhere.
+    def run(self, leg: RestToRestPath) -> list[Move]:
+        """Return the moves of a leg; none if it goes nowhere.
 
         Raises:
-            ImpossibleError: it cannot be proved; data: step, role, pair, distance_m, time_s.
+            ImpossibleError: it cannot be certified; data: step, role, pair, distance_m, time_s.
         """
         for blend in () if self.options.jerk_time else _BLENDS:
             moves = self.flowing(leg, blend)
@@ -114,8 +113,8 @@ class Mover:
                 return moves
         return self.stopping(leg)
 
-    def flowing(self, leg: Leg, blend: float) -> list[Move] | None:
-        """The moves without a stop between them, or None where that cannot be proved."""
+    def flowing(self, leg: RestToRestPath, blend: float) -> list[Move] | None:
+        """Return the moves without stops between them, or None if they cannot be certified."""
         if np.abs(leg.waypoints[-1] - leg.waypoints[0]).max() < 1e-6:
             return None
         before, after = leg.retract, leg.approach
@@ -138,7 +137,7 @@ class Mover:
                 marks=marks,
                 lines=(self.tolerance(before), self.tolerance(after)),
             )
-        except MarksTooNear:  # a way across of next to nothing, as out of a hole and into it again
+        except MarksTooNear:  # a very short transit, such as out of a hole and back into it
             return None
         edges = [0, *sent.first, len(sent.path.segments)]
         moves = []
@@ -152,13 +151,13 @@ class Mover:
             moves.append(_move(phase, part, check))
         return moves
 
-    def stopping(self, leg: Leg) -> list[Move]:
-        """The moves with a stop at every way-point.
+    def stopping(self, leg: RestToRestPath) -> list[Move]:
+        """Return the moves with a stop at every way-point.
 
         Raises:
-            ImpossibleError: one of them cannot be proved.
+            ImpossibleError: one of them cannot be certified.
         """
-        parts: list[tuple[Phase, CountPath]] = []
+        parts: list[tuple[MotionPhase, CountPath]] = []
         if leg.retract:
             parts.append((leg.retract[0], self.line(leg.retract[1].path, leg.retract[1])))
         q = self.unit.positions(self.unit.counts(leg.waypoints))
@@ -180,8 +179,8 @@ class Mover:
             moves.append(_move(phase, path, check))
         return moves
 
-    def line(self, path: JointPath, grip: Grip) -> CountPath:
-        """A line alone, from rest to rest."""
+    def line(self, path: JointPath, grip: ApproachLine) -> CountPath:
+        """Convert a single line, from rest to rest."""
         trajectory = (
             time_line(path, self.planned, self.tool_speed)
             if self.jerk is None
@@ -195,27 +194,27 @@ class Mover:
             line=LineTolerance(self.robot, grip.line),
         )
 
-    def check(self, phase: Phase, path: CountPath) -> MoveCheck:
-        """The certificate of a phase as it will be sent."""
+    def check(self, phase: MotionPhase, path: CountPath) -> ClearanceCertificate:
+        """Certify a phase as it will be sent."""
         tight = self.options.certificate == "tight"
-        return check_move(phase.world, path, self.unit, phase.clearance, tight)
+        return certify_move(phase.world, path, self.unit, phase.clearance, tight)
 
     @property
     def jerk(self) -> Array | None:
-        """Limits (n,) rad/s^3, or None."""
+        """Jerk limits (n,) rad/s^3, or None."""
         time = self.options.jerk_time
         return self.planned.acceleration / time if time else None
 
     @property
     def tool_speed(self) -> float:
-        """Cap on lines, m/s."""
+        """Cap on the tool speed on lines, m/s."""
         return self.options.approach_speed * self.options.speed
 
-    def tolerance(self, end: tuple[Phase, Grip] | None) -> LineTolerance | None:
+    def tolerance(self, end: tuple[MotionPhase, ApproachLine] | None) -> LineTolerance | None:
         return LineTolerance(self.robot, end[1].line) if end else None
 
 
-def _move(phase: Phase, path: CountPath, check: MoveCheck) -> Move:
+def _move(phase: MotionPhase, path: CountPath, check: ClearanceCertificate) -> Move:
     clearances = tuple(_rounded_down(min(bound, check.seen)) for bound in check.bounds)
     return Move(
         name=phase.name,
@@ -227,16 +226,16 @@ def _move(phase: Phase, path: CountPath, check: MoveCheck) -> Move:
         clearance=_rounded_down(check.clearance),
         closest=check.pair,
         certified=True,
-        touching=tuple(sorted(phase.touching)),
+        allowed_collisions=tuple(sorted(phase.allowed_collisions)),
         clearances=clearances,
     )
 
 
-def _unproved(phase: Phase, check: MoveCheck) -> ImpossibleError:
+def _unproved(phase: MotionPhase, check: ClearanceCertificate) -> ImpossibleError:
     return ImpossibleError(
-        f"step {phase.name!r}: {check.pair[0]} comes to {check.seen * 1e3:.2f} mm of {check.pair[1]} after "
-        f"{check.time:.2f} s, {phase.clearance * 1e3:g} mm are asked for (proved: {check.clearance * 1e3:.2f} mm); "
-        "ask for less clearance or move the bodies apart",
+        f"step {phase.name!r}: {check.pair[0]} comes within {check.seen * 1e3:.2f} mm of {check.pair[1]} after "
+        f"{check.time:.2f} s (required: {phase.clearance * 1e3:g} mm, proved: {check.clearance * 1e3:.2f} mm); "
+        "lower the required clearance or move the bodies apart",
         step=phase.name,
         role=phase.role,
         pair=list(check.pair),
@@ -248,12 +247,12 @@ def _unproved(phase: Phase, check: MoveCheck) -> ImpossibleError:
 
 
 def _rounded_down(clearance: float) -> float:
-    """To a tenth of a micrometre: the last bits differ between processors, and the files must not."""
+    """Round down to 0.1 um: the last bits differ between processors and must not change the file."""
     return float(np.floor(clearance * 1e7)) / 1e7
 
 
 def _jaw_opening(robot: Robot) -> float:
-    """Distance of the inner faces of the bodies finger_l and finger_r, m; 0 for an arm without them."""
+    """Return the distance of the inner faces of finger_l and finger_r, m; 0 for an arm without them."""
     fingers = {b.name: b for b in robot.bodies if b.name in ("finger_l", "finger_r")}
     if len(fingers) < 2:
         return 0.0

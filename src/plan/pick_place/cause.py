@@ -28,11 +28,11 @@ from plan.failure import (
     short_of,
 )
 from plan.options import PlanOptions
-from plan.pick_place.worlds import Stages, Standing
+from plan.pick_place.worlds import CubePlacement, TaskWorlds
 from plan.scene import Scene, Transfer
 
 
-def explained(
+def find_cause(
     error: ImpossibleError,
     scene: Scene,
     transfers: Sequence[Transfer],
@@ -88,7 +88,7 @@ class _Cause:
         for with_cubes in (False, True):
             entries = {h.hole: self._blocked_at(h.hole, with_cubes) for h in self.table.holes if h.ok}
             closed = [
-                h for h in entries if set(entries[h]) >= {(c.yaw, c.branch) for c in self.table[h].serving()}
+                h for h in entries if set(entries[h]) >= {(c.yaw, c.branch) for c in self.table[h].feasible()}
             ]
             open_places = set(entries) - set(closed) - picks
             enough = self.options.assignment == "free" and len(open_places) >= len(self.transfers)
@@ -117,7 +117,7 @@ class _Cause:
         hole, asked = self.table[name], self.options.line_clearance
         worlds = self._worlds_at(name)
         ways = []
-        for choice in hole.serving():
+        for choice in hole.feasible():
             entry = entries[choice.yaw, choice.branch]
             pair, value = _nearest(worlds, choice.q_line, (tuple(entry["pair"]), entry["distance_m"]))
             way = self._blocked(f"line at {name}", pair, value, asked)
@@ -175,7 +175,7 @@ class _Cause:
         """The ways to serve a place, if at the outer end of every one that is open the clearance is not kept."""
         closed = self._blocked_at(name, True)
         rows = []
-        for choice in self.table[name].serving():
+        for choice in self.table[name].feasible():
             if (choice.yaw, choice.branch) in closed:
                 continue
             pair, value = _nearest(self._worlds_at(name), choice.q_line[-1:], (("", ""), float("inf")))
@@ -190,7 +190,7 @@ class _Cause:
         way = self._blocked(entry["step"], pair, entry["distance_m"], entry["clearance_m"])
         if entry["distance_m"] >= entry["clearance_m"]:
             proved = short_of(entry["proved_m"], entry["clearance_m"])
-            asked = f"(asked: {entry['clearance_m'] * 1e3:g} mm)"
+            asked = f"(required: {entry['clearance_m'] * 1e3:g} mm)"
             way = replace(way, reason=f"only {proved} mm between {pair[0]} and {pair[1]} are proved {asked}")
         headline = (
             f"step {entry['step']!r}, as it would be sent: {way.reason}; ask for less clearance or move the "
@@ -259,8 +259,8 @@ def worlds_at(scene: Scene, transfers: Sequence[Transfer], station: str) -> tupl
             left = replace(
                 scene, cubes=tuple(c for c in scene.cubes if c.name not in others), allowed=frozenset()
             )
-            stages = Stages(left, [t], [t.place])
-            pick, place = Standing(False, 0), Standing(True, 0)
+            stages = TaskWorlds(left, [t], [t.place])
+            pick, place = CubePlacement(False, 0), CubePlacement(True, 0)
             if station == t.pick.name:
                 return stages.empty(frozenset([pick])), stages.holding(0, frozenset(), t.pick.touches)
             return stages.holding(0, frozenset(), t.place.touches), stages.empty(frozenset([place]))

@@ -15,15 +15,15 @@ import numpy as np
 from arm.controller.unit import Limits
 from arm.errors import ImpossibleError
 from arm.se3 import Array, frozen
-from plan.cartesian.reachability import LineChoice
+from plan.cartesian.reachability import GraspCandidate
 from plan.collision.bezier import curve_of_waypoints
-from plan.collision.certificate import MoveCheck, check_curve
+from plan.collision.certificate import ClearanceCertificate, certify_curve
 from plan.collision.margin import MARGIN, searched_clearance
 from plan.collision.world import Indices, World
 from plan.options import PlanOptions
-from plan.pick_place.worlds import Stages, Standing
+from plan.pick_place.worlds import CubePlacement, TaskWorlds
 from plan.transit.optimise import Ends
-from plan.transit.planner import Detours
+from plan.transit.planner import TransitPlanner
 
 # Part of the margin that the proof of a way may lack: it is searched by samples.
 _SLACK = 0.5
@@ -37,7 +37,7 @@ _UNCHANGED = 1e-5  # m
 # Where nothing leads around with the whole margin, this much of it is tried, m.
 _LEAST_MARGIN = 1e-4
 
-Moment = frozenset[Standing]
+Moment = frozenset[CubePlacement]
 
 
 @dataclass(frozen=True)
@@ -51,13 +51,13 @@ class Blocked:
             alone has to pass there.
     """
 
-    by: Standing | None
-    check: MoveCheck
+    by: CubePlacement | None
+    check: ClearanceCertificate
     end: bool = False
 
 
 @dataclass(frozen=True)
-class Crossing:
+class TransitQuery:
     """A way across to be had: between two configurations, with or without a cube.
 
     Attributes:
@@ -71,10 +71,10 @@ class Crossing:
     q_to: Array
     ends: Ends
     pick: int | None
-    own: frozenset[Standing]
+    own: frozenset[CubePlacement]
 
 
-class Proofs:
+class EdgeChecks:
     """What was proved of a task, and what was found in the way.
 
     Args:
@@ -83,14 +83,14 @@ class Proofs:
         options: clearances, seed, budgets.
     """
 
-    def __init__(self, stages: Stages, limits: Limits, options: PlanOptions) -> None:
+    def __init__(self, stages: TaskWorlds, limits: Limits, options: PlanOptions) -> None:
         self.stages, self.limits, self.options = stages, limits, options
-        places = (Standing(True, j) for j in range(len(stages.places)))
-        self.everywhere: Moment = frozenset(Standing(False, i) for i in range(len(stages.cubes))) | frozenset(
-            places
-        )
+        places = (CubePlacement(True, j) for j in range(len(stages.places)))
+        self.everywhere: Moment = frozenset(
+            CubePlacement(False, i) for i in range(len(stages.cubes))
+        ) | frozenset(places)
         self._clear_lines: set[tuple[object, ...]] = set()
-        self._straight: dict[tuple[object, ...], MoveCheck | Blocked] = {}
+        self._straight: dict[tuple[object, ...], ClearanceCertificate | Blocked] = {}
         self._ways: dict[tuple[object, ...], Array] = {}
         self._corners: dict[bool, list[Array]] = {False: [], True: []}
         self.margin = MARGIN
@@ -100,7 +100,7 @@ class Proofs:
         self.margin = _LEAST_MARGIN
         self._straight.clear()
 
-    def line(self, choice: LineChoice, station: Standing, pick: int, now: Moment) -> Blocked | None:
+    def line(self, choice: GraspCandidate, station: CubePlacement, pick: int, now: Moment) -> Blocked | None:
         """What is in the way of a line that is run with the cube of `pick` and without it; None if nothing is.
 
         A line is short and its samples are near each other: they are enough to choose by. What is sent is proved.
@@ -129,11 +129,11 @@ class Proofs:
                 return blocked
         return blocked
 
-    def _line_worlds(self, station: Standing, pick: int, moment: Moment) -> Iterator[World]:
+    def _line_worlds(self, station: CubePlacement, pick: int, moment: Moment) -> Iterator[World]:
         stages = self.stages
         touches = stages.places[station.number] if station.placed else stages.transfers[pick].pick
         yield stages.empty(moment)
-        without = moment - {station, Standing(False, pick)}
+        without = moment - {station, CubePlacement(False, pick)}
         yield stages.holding(pick, without, touches.touches)
 
     def _moments(self, now: Moment, absent: Moment) -> Iterator[Moment]:
@@ -143,9 +143,9 @@ class Proofs:
         if widest != now:
             yield now
 
-    def straight(self, key: object, crossing: Crossing, now: Moment) -> Array | Blocked:
+    def straight(self, key: object, crossing: TransitQuery, now: Moment) -> Array | Blocked:
         """The straight way (2, n), or what is in it; for every moment if it is blocked by what always stands."""
-        found: MoveCheck | Blocked | None = None
+        found: ClearanceCertificate | Blocked | None = None
         for moment in self._moments(now, self._absent(crossing)):
             known = (key, moment)
             if known in self._ways:
@@ -153,7 +153,7 @@ class Proofs:
             found = self._straight.get(known)
             if found is None:
                 found = self._straight[known] = self._straight_check(crossing, moment)
-            if isinstance(found, MoveCheck):
+            if isinstance(found, ClearanceCertificate):
                 self._ways[known] = frozen([crossing.q_from, crossing.q_to])
                 return self._ways[known]
             if found.by is None:
@@ -162,7 +162,7 @@ class Proofs:
             raise ImpossibleError("a way across was asked for at no moment", key=str(key))
         return found
 
-    def around(self, key: object, crossing: Crossing, now: Moment, thorough: bool) -> Array | None:
+    def around(self, key: object, crossing: TransitQuery, now: Moment, thorough: bool) -> Array | None:
         """A way around what is in the straight one, or None."""
         for moment in self._moments(now, self._absent(crossing)):
             known = (key, moment)
@@ -177,20 +177,20 @@ class Proofs:
                 return self._ways[known]
         return None
 
-    def clearance(self, crossing: Crossing, world: World) -> float:
+    def clearance(self, crossing: TransitQuery, world: World) -> float:
         """What a way is searched with, m: the asked clearance and a margin, or half of what the ends leave of it."""
         ends = (crossing.q_from, crossing.q_to)
         return searched_clearance(world, ends, self.options.clearance, self.margin)
 
-    def _absent(self, crossing: Crossing) -> Moment:
-        return frozenset() if crossing.pick is None else frozenset((Standing(False, crossing.pick),))
+    def _absent(self, crossing: TransitQuery) -> Moment:
+        return frozenset() if crossing.pick is None else frozenset((CubePlacement(False, crossing.pick),))
 
-    def _world(self, crossing: Crossing, moment: Moment) -> World:
+    def _world(self, crossing: TransitQuery, moment: Moment) -> World:
         if crossing.pick is None:
             return self.stages.empty(moment)
         return self.stages.holding(crossing.pick, moment)
 
-    def _straight_check(self, crossing: Crossing, moment: Moment) -> MoveCheck | Blocked:
+    def _straight_check(self, crossing: TransitQuery, moment: Moment) -> ClearanceCertificate | Blocked:
         world = self._world(crossing, moment)
         q_from, q_to = crossing.q_from, crossing.q_to
         others = moment - crossing.own
@@ -199,19 +199,21 @@ class Proofs:
                 seen = _seen(world, q, u)
                 return Blocked(self._by(seen, others), seen, end=True)
         clearance = self.clearance(crossing, world)
-        check: MoveCheck | None = None
+        check: ClearanceCertificate | None = None
         for u in _FIRST_LOOKS:
             q = q_from + u * (q_to - q_from)
             if check is None and world.in_collision(q, clearance):
                 check = _seen(world, q, u)
-        check = check or check_curve(world, curve_of_waypoints([q_from, q_to]), clearance)
+        check = check or certify_curve(world, curve_of_waypoints([q_from, q_to]), clearance)
         if check.proved:
             return check
         by = self._by(check, others)
         passed = None if by is not None else self._passed(crossing, world, check)
         return Blocked(by, check) if passed is None else Blocked(None, passed, end=True)
 
-    def _passed(self, crossing: Crossing, world: World, check: MoveCheck) -> MoveCheck | None:
+    def _passed(
+        self, crossing: TransitQuery, world: World, check: ClearanceCertificate
+    ) -> ClearanceCertificate | None:
         """Where every way is blocked: a body that only the first joint moves has to pass by what stands.
 
         The first joint goes through all values between its two, whatever the others do. A body behind the second
@@ -231,7 +233,7 @@ class Proofs:
             world, crossing.q_from + at * way, pairs, worst
         ):
             return None
-        return MoveCheck(worst, worst, check.pair, at, False, 1)
+        return ClearanceCertificate(worst, worst, check.pair, at, False, 1)
 
     def _whatever_the_others(self, world: World, q: Array, pairs: Indices, distance: float) -> bool:
         """Whether a distance stays the same as the joints behind the first turn."""
@@ -242,13 +244,15 @@ class Proofs:
                 return False
         return True
 
-    def _around(self, crossing: Crossing, moment: Moment, blocked: Blocked, thorough: bool) -> Array | None:
+    def _around(
+        self, crossing: TransitQuery, moment: Moment, blocked: Blocked, thorough: bool
+    ) -> Array | None:
         world = self._world(crossing, moment)
         budget = self.options.transit
         if not thorough:
             budget = replace(budget, rrt=min(budget.rrt, _FEW_SAMPLES))
         clearance = self.clearance(crossing, world)
-        detours = Detours(
+        detours = TransitPlanner(
             world,
             self.limits,
             clearance,
@@ -260,20 +264,20 @@ class Proofs:
         )
         return detours.around(crossing.q_from, crossing.q_to, blocked.check.time)
 
-    def _by(self, check: MoveCheck, others: Moment) -> Standing | None:
+    def _by(self, check: ClearanceCertificate, others: Moment) -> CubePlacement | None:
         for standing in sorted(others):
             if self.stages.body(standing).name in check.pair:
                 return standing
         return None
 
 
-def _blocking(world: World, q_line: Array, clearance: float) -> MoveCheck | None:
+def _blocking(world: World, q_line: Array, clearance: float) -> ClearanceCertificate | None:
     """What is too near at samples (m, n) rad of a line, where that begins or ends; None where nothing is."""
     hits = [i for i, q in enumerate(q_line) if world.in_collision(q, clearance)]
     found = [_seen(world, q_line[i], float(i)) for i in sorted({*hits[:1], *hits[-1:]})]
     return min(found, key=lambda check: check.seen, default=None)
 
 
-def _seen(world: World, q: Array, at: float) -> MoveCheck:
+def _seen(world: World, q: Array, at: float) -> ClearanceCertificate:
     closest = world.distance(q)
-    return MoveCheck(closest.value, closest.value, closest.pair, at, False, 1)
+    return ClearanceCertificate(closest.value, closest.value, closest.pair, at, False, 1)

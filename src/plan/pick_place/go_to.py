@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from arm.controller.unit import Limits, Unit
 from arm.errors import ImpossibleError
+from arm.former import FormerNames
 from arm.plan_file import Plan
 from plan.collision.margin import searched_clearance
 from plan.collision.world import World
 from plan.failure import nearness
-from plan.kinematics.configuration import standing
-from plan.motion.builder import Leg, Mover, Phase
+from plan.kinematics.configuration import check_configuration
+from plan.motion.builder import MotionBuilder, MotionPhase, RestToRestPath
 from plan.options import PlanOptions
 from plan.pick_place.planner import ROUNDING, Planner, plan_of
 from plan.scene import Scene
 from plan.transit.planner import plan_transit
 
 
-def plan_way(
+def plan_joint_motion(
     scene: Scene,
     q_from: npt.ArrayLike,
     q_to: npt.ArrayLike,
@@ -42,7 +43,11 @@ def plan_way(
     options = options or PlanOptions()
     limits = limits or unit.limits()
     planner = Planner(
-        scene, standing("q_from", q_from, scene.robot_open, limits, ROUNDING), unit, limits, options
+        scene,
+        check_configuration("q_from", q_from, scene.robot_open, limits, ROUNDING),
+        unit,
+        limits,
+        options,
     )
     planner.check_standing("q_from", planner.q_start)
     world = World(scene.robot_open, (*scene.bodies, *scene.cubes))
@@ -66,16 +71,20 @@ def plan_way(
         )
     except ImpossibleError as error:  # it was asked for more than the caller asked for
         raise _refused(error.data["pair"], error.data["distance_m"], asked, None) from error
-    mover = Mover(scene.robot_open, unit, planner.planned, planner.sent, options)
-    phase = Phase("arm: to the start", "home", None, world, options.clearance)
-    moves = mover.run(Leg(None, phase, waypoints, None))
+    mover = MotionBuilder(scene.robot_open, unit, planner.planned, planner.sent, options)
+    phase = MotionPhase("arm: to the start", "home", None, world, options.clearance)
+    moves = mover.run(RestToRestPath(None, phase, waypoints, None))
     return plan_of(scene, moves, unit, limits, options, provenance, {**(task or {}), "cubes": []})
 
 
 def _refused(pair: Sequence[str], distance: float, asked: float, end: str | None) -> ImpossibleError:
     near = nearness(pair, distance, asked)
     if end is None:
-        text = f"no way around {pair[1]} was found; on the straight one {near}; less clearance may help"
+        text = f"no path around {pair[1]} was found; on the straight one {near}; less clearance may help"
     else:
         text = f"the {'start' if end == 'from' else 'end'} of the way is itself too near: {near}"
     return ImpossibleError(text, pair=list(pair), distance_m=distance, clearance_m=asked, end=end)
+
+
+if not TYPE_CHECKING:
+    __getattr__ = FormerNames(__name__, __name__, plan_way="plan_joint_motion")

@@ -15,7 +15,7 @@ _ORDER = ("transit", "approach", "close", "retract", "transit", "approach", "ope
 _OPTIONAL = ("transit", "home")
 
 
-def require_shape(plan: Plan) -> None:
+def require_grammar(plan: Plan) -> None:
     """Refuse a plan whose steps are not those of its cubes, in order.
 
     Raises:

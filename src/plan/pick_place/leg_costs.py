@@ -15,8 +15,8 @@ from arm.controller.unit import Limits
 from arm.se3 import Array
 from plan.options import PlanOptions
 from plan.pick_place.leg_times import LineEnds, leg_bounds, leg_times
-from plan.pick_place.sequencing import Costs, Done
-from plan.pick_place.worlds import Standing
+from plan.pick_place.sequencing import Costs, Progress
+from plan.pick_place.worlds import CubePlacement
 from plan.trajectory.time_estimates import path_time
 
 # Kinds of legs.
@@ -31,12 +31,12 @@ _POOR = 0.1
 # A way around that takes this much longer than was thought, in parts, is not a reason to ask again.
 _NEAR = 0.03
 
-Moment = frozenset[Standing]
+Moment = frozenset[CubePlacement]
 Table = dict[str, list[list[Array]]]
 
 
 @dataclass(frozen=True)
-class Leg:
+class TransitEdge:
     """A way across: its kind, the numbers of pick and place that it joins, and the choice at each end (or 0)."""
 
     kind: str
@@ -44,7 +44,7 @@ class Leg:
     ways: tuple[int, int]
 
 
-class LegCosts:
+class TransitCosts:
     """Times of all legs of a task, and what is known to be in their way.
 
     Args:
@@ -70,11 +70,11 @@ class LegCosts:
         self.free = self._table(leg_times)
         # per leg and what is in its way: the time of a way around, or None where none was made yet
         self._blocked: dict[
-            tuple[str, tuple[int, ...]], dict[tuple[int, int, Standing | None], float | None]
+            tuple[str, tuple[int, ...]], dict[tuple[int, int, CubePlacement | None], float | None]
         ] = {}
-        self._forbidden: set[tuple[str, tuple[int, ...], tuple[int, int, Standing | None]]] = set()
+        self._forbidden: set[tuple[str, tuple[int, ...], tuple[int, int, CubePlacement | None]]] = set()
         self._excess: dict[tuple[str, tuple[int, ...]], float] = {}
-        self._lines: dict[Standing, set[tuple[int, Standing | None]]] = {}
+        self._lines: dict[CubePlacement, set[tuple[int, CubePlacement | None]]] = {}
 
     def now(self) -> Costs:
         """Estimates with all that is known to be in the way."""
@@ -88,12 +88,12 @@ class LegCosts:
         """Lower bounds, whatever is in the way."""
         return self._costs(self._table(leg_bounds), None)
 
-    def there(self, done: Done) -> Moment:
+    def there(self, done: Progress) -> Moment:
         """Which cubes stand, and where."""
-        left = (Standing(False, i) for i in range(len(self.picks)) if i not in done.picks)
-        return frozenset(left) | frozenset(Standing(True, j) for j in done.places)
+        left = (CubePlacement(False, i) for i in range(len(self.picks)) if i not in done.picks)
+        return frozenset(left) | frozenset(CubePlacement(True, j) for j in done.places)
 
-    def ends(self, leg: Leg) -> tuple[LineEnds, LineEnds]:
+    def ends(self, leg: TransitEdge) -> tuple[LineEnds, LineEnds]:
         """The two ends of a leg, one row each."""
         a, b = leg.ways
         match leg.kind:
@@ -105,28 +105,28 @@ class LegCosts:
                 return self.places[leg.numbers[0]].row(a), self.picks[leg.numbers[1]].row(b)
         return self.places[leg.numbers[0]].row(a), self.home
 
-    def close_line(self, station: Standing, way: int, by: Standing | None) -> None:
+    def close_line(self, station: CubePlacement, way: int, by: CubePlacement | None) -> None:
         """A choice's line is blocked: always, or as long as `by` stands."""
         self._lines.setdefault(station, set()).add((way, by))
 
-    def block(self, leg: Leg, by: Standing | None, time: float | None) -> None:
+    def block(self, leg: TransitEdge, by: CubePlacement | None, time: float | None) -> None:
         """The straight form of a leg is blocked; a way around takes `time` s (inf: there is none; None: unknown)."""
         self._blocked.setdefault((leg.kind, leg.numbers), {})[(*leg.ways, by)] = time
 
-    def forbid(self, leg: Leg, by: Standing | None) -> None:
+    def forbid(self, leg: TransitEdge, by: CubePlacement | None) -> None:
         """Never use a leg again, or not as long as `by` stands: its way was found and could not be proved as sent."""
         self.block(leg, by, np.inf)
         self._forbidden.add((leg.kind, leg.numbers, (*leg.ways, by)))
 
-    def is_blocked(self, leg: Leg, by: Standing | None) -> bool:
+    def is_blocked(self, leg: TransitEdge, by: CubePlacement | None) -> bool:
         """Whether that is known already."""
         return (*leg.ways, by) in self._blocked.get((leg.kind, leg.numbers), {})
 
-    def time(self, leg: Leg, by: Standing | None) -> float | None:
+    def time(self, leg: TransitEdge, by: CubePlacement | None) -> float | None:
         """What a way around is known to take, s; None where none was made yet."""
         return self._blocked[leg.kind, leg.numbers][(*leg.ways, by)]
 
-    def found(self, leg: Leg, by: Standing | None, way: Array) -> bool:
+    def found(self, leg: TransitEdge, by: CubePlacement | None, way: Array) -> bool:
         """Put down what a way around takes; whether that is about what it was taken to take."""
         out, into = self.ends(leg)
         group = (leg.kind, leg.numbers)
@@ -139,7 +139,7 @@ class LegCosts:
         self._excess[group] = min(self._excess.get(group, np.inf), max(time - straight, 0.0))
         return time <= assumed * (1.0 + _NEAR)
 
-    def is_poor(self, leg: Leg) -> bool:
+    def is_poor(self, leg: TransitEdge) -> bool:
         """Whether ways around between the stations of a leg cost much more than the straight one."""
         out, into = self.ends(leg)
         straight = float(leg_times(out, into, self.limits)[0, 0])
@@ -166,33 +166,36 @@ class LegCosts:
     ) -> Costs:
         """Times of a table for `plan.pick_place.sequencing`, changed by what stands where."""
 
-        def begin(pick: int, done: Done) -> Array:
+        def begin(pick: int, done: Progress) -> Array:
             time = table[BEGIN][pick][0]
             return np.asarray(
                 (time if changed is None else changed(BEGIN, (pick,), time, self.there(done)))[0]
             )
 
-        def carry(pick: int, place: int, done: Done) -> Array:
+        def carry(pick: int, place: int, done: Progress) -> Array:
             time = table[CARRY][pick][place]
             if changed is None:
                 return time
             there = self.there(done)
-            time = changed(CARRY, (pick, place), time, there - {Standing(False, pick)})
-            after = (there - {Standing(False, pick)}) | {Standing(True, place)}
-            closed = self._closed(Standing(False, pick), there), self._closed(Standing(True, place), after)
+            time = changed(CARRY, (pick, place), time, there - {CubePlacement(False, pick)})
+            after = (there - {CubePlacement(False, pick)}) | {CubePlacement(True, place)}
+            closed = (
+                self._closed(CubePlacement(False, pick), there),
+                self._closed(CubePlacement(True, place), after),
+            )
             if not any(closed):
                 return time
             time = np.array(time)
             time[closed[0], :], time[:, closed[1]] = np.inf, np.inf
             return time
 
-        def go_on(place: int, pick: int, done: Done) -> Array:
+        def go_on(place: int, pick: int, done: Progress) -> Array:
             if self.options.looks_after(len(done.picks)):
                 return np.asarray(end(place, done)[:, None] + begin(pick, done)[None])
             time = table[GO_ON][place][pick]
             return time if changed is None else changed(GO_ON, (place, pick), time, self.there(done))
 
-        def end(place: int, done: Done) -> Array:
+        def end(place: int, done: Progress) -> Array:
             time = table[END][place][0]
             return np.asarray(
                 (time if changed is None else changed(END, (place,), time, self.there(done)))[:, 0]
@@ -216,7 +219,7 @@ class LegCosts:
         """What a way around, not made yet, is taken to cost more than the straight one, s."""
         return max(_OVERHEAD * time + _OVERHEAD_S, _ALIKE * self._excess.get((kind, numbers), 0.0))
 
-    def _closed(self, station: Standing, there: Moment) -> list[int]:
+    def _closed(self, station: CubePlacement, there: Moment) -> list[int]:
         """Choices of a station whose line is blocked."""
         known = self._lines.get(station, set())
         return sorted({way for way, by in known if by is None or by in there})

@@ -11,16 +11,16 @@ from arm.plan_file import GripperStep, Move, Step
 from arm.robot.shapes import Body
 from arm.se3 import Array, frozen, inverse
 from plan.cartesian.line import Line, LineOptions, follow_line
-from plan.cartesian.reachability import LineChoice
+from plan.cartesian.reachability import GraspCandidate
 from plan.collision.world import World
-from plan.motion.builder import Grip, Leg, Mover, Phase
+from plan.motion.builder import ApproachLine, MotionBuilder, MotionPhase, RestToRestPath
 from plan.options import PlanOptions
 from plan.pick_place.search import Stop
-from plan.pick_place.worlds import Stages
+from plan.pick_place.worlds import TaskWorlds
 from plan.scene import Scene, Station
 
 
-class Unprovable(A465Error):
+class ClearanceLost(A465Error):
     """A leg of a sequence does not keep its clearance once it is timed.
 
     Args:
@@ -34,7 +34,7 @@ class Unprovable(A465Error):
         self.stop, self.which, self.why = stop, which, why
 
 
-class Script:
+class MotionWriter:
     """Where things stand while steps are written.
 
     Args:
@@ -49,12 +49,14 @@ class Script:
         self, scene: Scene, unit: Unit, planned: Limits, sent: Limits, options: PlanOptions, q_home: Array
     ) -> None:
         self.scene, self.unit, self.planned, self.options, self.q_home = scene, unit, planned, options, q_home
-        self.mover = Mover(scene.robot_open, unit, planned, sent, options)
+        self.mover = MotionBuilder(scene.robot_open, unit, planned, sent, options)
         self.cubes = {cube.name: cube for cube in scene.cubes}
-        self.left: tuple[Phase, Grip] | None = None  # the line away from the last place, not run yet
+        self.left: tuple[MotionPhase, ApproachLine] | None = (
+            None  # the line away from the last place, not run yet
+        )
         self.world = World(scene.robot_open, (*scene.bodies, *scene.cubes))
 
-    def stop(self, index: int, stop: Stop, stages: Stages) -> list[Step]:
+    def stop(self, index: int, stop: Stop, stages: TaskWorlds) -> list[Step]:
         """Steps of one cube.
 
         Raises:
@@ -73,9 +75,9 @@ class Script:
             bodies = (*self.scene.bodies, *others)
             return World(self.scene.robot_holding, bodies, held, T_tool_held, allowed)
 
-        def line(role: str, text: str, world: World, touching: frozenset[str] | None = None) -> Phase:
+        def line(role: str, text: str, world: World, touching: frozenset[str] | None = None) -> MotionPhase:
             held = None if touching is None else name
-            return Phase(
+            return MotionPhase(
                 f"{name}: {text}", role, index, world, options.line_clearance, held, touching or frozenset()
             )
 
@@ -84,9 +86,9 @@ class Script:
         steps += self.leg(
             index,
             "out",
-            Leg(
+            RestToRestPath(
                 self.left,
-                Phase(f"{name}: to {transfer.pick.name}", "transit", index, free, options.clearance),
+                MotionPhase(f"{name}: to {transfer.pick.name}", "transit", index, free, options.clearance),
                 stop.out,
                 (line("approach", f"approach {transfer.pick.name}", free), pick),
             ),
@@ -99,9 +101,11 @@ class Script:
         steps += self.leg(
             index,
             "across",
-            Leg(
+            RestToRestPath(
                 (line("retract", f"lift off {transfer.pick.name}", lifting, transfer.pick.touches), pick),
-                Phase(f"{name}: to {target.name}", "transit", index, moving(cube), options.clearance, name),
+                MotionPhase(
+                    f"{name}: to {target.name}", "transit", index, moving(cube), options.clearance, name
+                ),
                 stop.across,
                 (line("approach", f"approach {target.name}", lowering, target.touches), place),
             ),
@@ -111,18 +115,18 @@ class Script:
         self.world = World(self.scene.robot_open, (*self.scene.bodies, *self.cubes.values()))
         self.left = (line("retract", f"retract from {target.name}", self.world), place)
         if stop.home is not None:
-            home = Phase(f"{name}: home", "home", index, self.world, options.clearance)
-            steps += self.leg(index, "home", Leg(self.left, home, stop.home, None))
+            home = MotionPhase(f"{name}: home", "home", index, self.world, options.clearance)
+            steps += self.leg(index, "home", RestToRestPath(self.left, home, stop.home, None))
             self.left = None
         return steps
 
-    def leg(self, index: int, which: str, leg: Leg) -> list[Move]:
+    def leg(self, index: int, which: str, leg: RestToRestPath) -> list[Move]:
         try:
             return self.mover.run(leg)
         except ImpossibleError as error:
-            raise Unprovable(index, which, error) from error
+            raise ClearanceLost(index, which, error) from error
 
-    def grip(self, station: Station, choice: LineChoice) -> Grip:
+    def grip(self, station: Station, choice: GraspCandidate) -> ApproachLine:
         """The line of a choice, followed from the station outwards."""
         T_start = station.T_base_tool[choice.yaw]
         T_end = np.array(T_start)
@@ -135,8 +139,8 @@ class Script:
             self.planned,
             LineOptions(slowest=self.options.slowest),
         )
-        return Grip(Line(frozen(T_start), frozen(T_end)), path)
+        return ApproachLine(Line(frozen(T_start), frozen(T_end)), path)
 
-    def executed(self, grip: Grip) -> Array:
+    def executed(self, grip: ApproachLine) -> Array:
         """Pose of the tool at the station as whole counts give it."""
         return self.scene.robot_open.T_base_tool(self.unit.positions(self.unit.counts(grip.path.q[0])))

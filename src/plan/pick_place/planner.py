@@ -15,14 +15,14 @@ from arm.controller.unit import Limits, Unit
 from arm.errors import ImpossibleError, InputError
 from arm.plan_file import GripperStep, LookStep, Plan, Step
 from arm.se3 import Array
-from plan.budget import BudgetSpent, Meter, PlanningInterrupted, SearchBudget, allowed, told_by
+from plan.budget import BudgetSpent, Meter, PlanningInterrupted, SearchBudget, allowed, budget_words
 from plan.cartesian.reachability import ReachTable, reach
-from plan.kinematics.configuration import standing
+from plan.kinematics.configuration import check_configuration
 from plan.options import PlanOptions
-from plan.pick_place.cause import explained
-from plan.pick_place.motions import Script, Unprovable
+from plan.pick_place.cause import find_cause
+from plan.pick_place.motions import ClearanceLost, MotionWriter
 from plan.pick_place.search import Found, TaskSearch
-from plan.pick_place.worlds import Stages
+from plan.pick_place.worlds import TaskWorlds
 from plan.scene import Scene, Station, Transfer
 
 _LIBRARIES = ("pin", "coal", "numpy", "scipy")
@@ -85,14 +85,14 @@ def plan_task(
         except ImpossibleError as error:
             with meter.lifted():
                 table = planner.reach((*(t.pick for t in transfers), *planner.stations(transfers, places)))
-                raise explained(error, scene, transfers, planner.q_start, options, table) from error
+                raise find_cause(error, scene, transfers, planner.q_start, options, table) from error
         except (BudgetSpent, KeyboardInterrupt) as stop:
             raise _ended(stop, search) from stop
     stated = dict(provenance or {})
     told = ""
     if search.stopped is not None:
         told = (
-            f"{told_by(search.stopped)}: this is the best sequence that was complete by then; "
+            f"{budget_words(search.stopped)}: this is the best sequence that was complete by then; "
             f"no plan takes less than {_rounded_down(found.bound):.1f} s"
         )
         stated["notes"] = {**stated.get("notes", {}), "search": told}
@@ -128,7 +128,7 @@ def _ended(stop: BudgetSpent | KeyboardInterrupt, search: TaskSearch | None) -> 
     """What to raise where a search ended before a sequence was complete."""
     rejected = [] if search is None else list(search.rejected)
     seen = f"; so far: {'; '.join(rejected[:2])}" if rejected else ""
-    text = f"{told_by(stop)}: no sequence that moves all cubes was complete{seen}"
+    text = f"{budget_words(stop)}: no sequence that moves all cubes was complete{seen}"
     if isinstance(stop, KeyboardInterrupt):
         return PlanningInterrupted(text)
     return ImpossibleError(
@@ -221,7 +221,7 @@ class Planner:
     ) -> None:
         self.scene, self.unit, self.options = scene, unit, options
         # a configuration that is a whole number of counts, so that moves meet to the count
-        at = standing("q_start", q_start, scene.robot_open, limits, ROUNDING)
+        at = check_configuration("q_start", q_start, scene.robot_open, limits, ROUNDING)
         if unit.counts_per_rad.shape != at.shape:
             raise InputError(
                 f"unit {unit.name}: has {len(unit.counts_per_rad)} axes, the arm has {len(at)} joints",
@@ -244,11 +244,11 @@ class Planner:
         """A configuration (n,) rad as counts have it, refused beyond limits.
 
         Raises:
-            InputError: as `plan.kinematics.configuration.standing`.
+            InputError: as `plan.kinematics.configuration.check_configuration`.
         """
         robot, limits = self.scene.robot_open, self.planned
-        at = standing(name, q, robot, limits, ROUNDING)
-        return standing(name, self.unit.positions(self.unit.counts(at)), robot, limits)
+        at = check_configuration(name, q, robot, limits, ROUNDING)
+        return check_configuration(name, self.unit.positions(self.unit.counts(at)), robot, limits)
 
     def search(self, transfers: Sequence[Transfer], more: Sequence[Station]) -> TaskSearch:
         """The search for the task; refused here if a pick, or too many places, cannot be served."""
@@ -258,11 +258,11 @@ class Planner:
         served = [station for station in stations if places[station.name].ok]
         if self.options.assignment != "free" or len(served) < len(transfers):
             ReachTable((*picks.holes, *places.holes)).require()
-        stages = Stages(self.scene, transfers, served)
+        stages = TaskWorlds(self.scene, transfers, served)
         return TaskSearch(
             stages,
-            [picks[t.pick.name].serving() for t in transfers],
-            [places[station.name].serving() for station in served],
+            [picks[t.pick.name].feasible() for t in transfers],
+            [places[station.name].feasible() for station in served],
             self.q_start,
             self.planned,
             self.options,
@@ -296,7 +296,7 @@ class Planner:
             try:
                 with meter.lifted():
                     return self.written(search, found), found
-            except Unprovable as error:
+            except ClearanceLost as error:
                 left -= 1
                 if left <= 0 or search.stopped is not None:
                     raise error.why from error
@@ -309,7 +309,7 @@ class Planner:
             Unprovable: a leg of it does not keep its clearance once it is timed.
         """
         options = self.options
-        script = Script(self.scene, self.unit, self.planned, self.sent, options, self.q_start)
+        script = MotionWriter(self.scene, self.unit, self.planned, self.sent, options, self.q_start)
         steps: list[Step] = [GripperStep("open the gripper", "open", None, 0.0, options.settle_s)]
         # home again and a look where they are asked for
         for index, stop in enumerate(found.stops):

@@ -20,10 +20,10 @@ from arm.numerics.products import mul
 from arm.plan_file import GripperStep, Move, Plan
 from arm.se3 import Array, frozen
 from plan.cartesian.line import Line, LineOptions, follow_line
-from plan.cartesian.reachability import LineChoice
+from plan.cartesian.reachability import GraspCandidate
 from plan.collision.margin import searched_clearance
 from plan.collision.world import World
-from plan.motion.builder import Grip, Leg, Mover, Phase
+from plan.motion.builder import ApproachLine, MotionBuilder, MotionPhase, RestToRestPath
 from plan.options import PlanOptions
 from plan.pick_place.planner import Planner, plan_of
 from plan.scene import Scene, Station
@@ -51,7 +51,7 @@ class InJaws:
     touches: frozenset[str] = frozenset()
 
 
-def plan_set_down(
+def place_held_object(
     scene: Scene,
     q: npt.ArrayLike,
     held: InJaws,
@@ -85,7 +85,7 @@ def plan_set_down(
     failures: list[ImpossibleError] = []
     for out in carry.ways_out():
         for choice in sorted(
-            table[target.name].serving(), key=lambda c: float(np.abs(c.q_offset - out[1]).max())
+            table[target.name].feasible(), key=lambda c: float(np.abs(c.q_offset - out[1]).max())
         ):
             try:
                 steps = carry.steps(*out, choice)
@@ -117,7 +117,7 @@ class _Carry:
     def __init__(self, planner: Planner, scene: Scene, held: InJaws, target: Station, home: Array) -> None:
         self.planner, self.scene, self.held, self.target, self.home = planner, scene, held, target, home
         self.options, self.unit, self.robot = planner.options, planner.unit, scene.robot_open
-        self.mover = Mover(self.robot, planner.unit, planner.planned, planner.sent, planner.options)
+        self.mover = MotionBuilder(self.robot, planner.unit, planner.planned, planner.sent, planner.options)
         self.failures: list[ImpossibleError] = []
 
     def world(self, touching: frozenset[str] = frozenset()) -> World:
@@ -129,15 +129,15 @@ class _Carry:
         bodies = (*self.scene.bodies, *others)
         return World(self.scene.robot_holding, bodies, cube, self.held.T_tool_cube, allowed)
 
-    def ways_out(self) -> list[tuple[tuple[Phase, Grip] | None, Array]]:
+    def ways_out(self) -> list[tuple[tuple[MotionPhase, ApproachLine] | None, Array]]:
         """Lines out of where the cube is, and where they end; where it is free it needs none."""
         at = self.planner.q_start
         if not self.world().in_collision(at, self.options.clearance):
             return [(None, at)]
-        found: list[tuple[tuple[Phase, Grip] | None, Array]] = []
+        found: list[tuple[tuple[MotionPhase, ApproachLine] | None, Array]] = []
         touches, name = self.held.touches, self.held.cube
         clearance = max(self.options.line_clearance - BESIDE, 0.0)
-        phase = Phase(f"{name}: out", "retract", 0, self.world(touches), clearance, name, touches)
+        phase = MotionPhase(f"{name}: out", "retract", 0, self.world(touches), clearance, name, touches)
         for part in _PARTS:
             try:
                 grip = self.grip(at, self.robot.T_base_tool(at), part)
@@ -147,14 +147,14 @@ class _Carry:
             found.append(((phase, grip), np.asarray(grip.path.q[-1])))
         return found
 
-    def grip(self, q: Array, T_start: Array, part: float = 1.0) -> Grip:
+    def grip(self, q: Array, T_start: Array, part: float = 1.0) -> ApproachLine:
         """A line back along the tool's axis."""
         T_end = np.array(T_start)
         T_end[:3, 3] -= part * self.options.offset * T_start[:3, 2]
         path = follow_line(
             self.robot, q, T_start, T_end, self.planner.planned, LineOptions(slowest=self.options.slowest)
         )
-        return Grip(Line(frozen(T_start), frozen(T_end)), path)
+        return ApproachLine(Line(frozen(T_start), frozen(T_end)), path)
 
     def across(self, world: World, q_from: Array, q_to: Array) -> Array:
         options = self.options
@@ -164,13 +164,13 @@ class _Carry:
         )
 
     def steps(
-        self, out: tuple[Phase, Grip] | None, q_from: Array, choice: LineChoice
+        self, out: tuple[MotionPhase, ApproachLine] | None, q_from: Array, choice: GraspCandidate
     ) -> list[Move | GripperStep]:
         """All steps by one way of standing at the target."""
         options, name, touches = self.options, self.held.cube, self.target.touches
         free = self.world()
         place = self.grip(choice.q_hole, self.target.T_base_tool[choice.yaw])
-        lowering = Phase(
+        lowering = MotionPhase(
             f"{name}: approach {self.target.name}",
             "approach",
             0,
@@ -179,24 +179,26 @@ class _Carry:
             name,
             touches,
         )
-        carrying = Phase(f"{name}: to {self.target.name}", "transit", 0, free, options.clearance, name)
+        carrying = MotionPhase(f"{name}: to {self.target.name}", "transit", 0, free, options.clearance, name)
         way = self.across(free, q_from, choice.q_offset)
-        steps: list[Move | GripperStep] = [*self.mover.run(Leg(out, carrying, way, (lowering, place)))]
+        steps: list[Move | GripperStep] = [
+            *self.mover.run(RestToRestPath(out, carrying, way, (lowering, place)))
+        ]
         steps.append(GripperStep(f"{name}: let go", "open", 0, 0.0, options.settle_s))
         at = self.robot.T_base_tool(self.unit.positions(self.unit.counts(place.path.q[0])))
         stands = self.scene.cube(name).at(mul(at, self.held.T_tool_cube))
         others = tuple(c for c in self.scene.cubes if c.name != name)
         world = World(self.robot, (*self.scene.bodies, *others, stands))
-        leaving = Phase(
+        leaving = MotionPhase(
             f"{name}: retract from {self.target.name}", "retract", 0, world, options.line_clearance
         )
-        homing = Phase(f"{name}: home", "home", 0, world, options.clearance)
+        homing = MotionPhase(f"{name}: home", "home", 0, world, options.clearance)
         back = self.across(world, choice.q_offset, self.home)
-        steps += self.mover.run(Leg((leaving, place), homing, back, None))
+        steps += self.mover.run(RestToRestPath((leaving, place), homing, back, None))
         return steps
 
 
-def plan_back_out(
+def plan_retreat(
     scene: Scene, q: npt.ArrayLike, unit: Unit, limits: Limits, options: PlanOptions
 ) -> tuple[Move, ...]:
     """The way from rest at `q` (6,) rad, `options.offset` back along the tool's axis, with open jaws.
@@ -221,7 +223,7 @@ def plan_back_out(
         robot, q, line.T_start, line.T_end, planner.planned, LineOptions(slowest=options.slowest)
     )
     world = World(robot, (*scene.bodies, *scene.cubes))
-    phase = Phase("back out", "retract", None, world, max(options.line_clearance - BESIDE, 0.0))
+    phase = MotionPhase("back out", "retract", None, world, max(options.line_clearance - BESIDE, 0.0))
     stay = np.stack([followed.q[-1], followed.q[-1]])
-    mover = Mover(robot, unit, planner.planned, planner.sent, options)
-    return tuple(mover.stopping(Leg((phase, Grip(line, followed)), phase, stay, None)))
+    mover = MotionBuilder(robot, unit, planner.planned, planner.sent, options)
+    return tuple(mover.stopping(RestToRestPath((phase, ApproachLine(line, followed)), phase, stay, None)))

@@ -21,15 +21,15 @@ from arm.controller.unit import Limits
 from arm.errors import ImpossibleError
 from arm.se3 import Array
 from plan.budget import BudgetSpent
-from plan.cartesian.reachability import LineChoice
-from plan.collision.certificate import MoveCheck
+from plan.cartesian.reachability import GraspCandidate
+from plan.collision.certificate import ClearanceCertificate
 from plan.failure import nearness, short_of
 from plan.options import PlanOptions
-from plan.pick_place.edge_checks import Blocked, Crossing, Proofs
-from plan.pick_place.leg_costs import BEGIN, CARRY, END, GO_ON, NOT_NOW, Leg, LegCosts
+from plan.pick_place.edge_checks import Blocked, EdgeChecks, TransitQuery
+from plan.pick_place.leg_costs import BEGIN, CARRY, END, GO_ON, NOT_NOW, TransitCosts, TransitEdge
 from plan.pick_place.leg_times import line_ends, standing
-from plan.pick_place.sequencing import Costs, Done, Freedom, Ordered, Visit, best_order, best_ways
-from plan.pick_place.worlds import Stages, Standing
+from plan.pick_place.sequencing import Choices, Costs, Ordered, Progress, Visit, best_grasps, best_order
+from plan.pick_place.worlds import CubePlacement, TaskWorlds
 from plan.transit.optimise import Ends
 
 # Ways around that are made between one pick and one place (and more where there is none yet).
@@ -55,9 +55,9 @@ class Stop:
     """
 
     visit: Visit
-    pick: LineChoice
-    place: LineChoice
-    before: frozenset[Standing]
+    pick: GraspCandidate
+    place: GraspCandidate
+    before: frozenset[CubePlacement]
     out: Array
     across: Array
     home: Array | None
@@ -85,9 +85,9 @@ class TaskSearch:
 
     def __init__(
         self,
-        stages: Stages,
-        picks: Sequence[Sequence[LineChoice]],
-        places: Sequence[Sequence[LineChoice]],
+        stages: TaskWorlds,
+        picks: Sequence[Sequence[GraspCandidate]],
+        places: Sequence[Sequence[GraspCandidate]],
         q_home: Array,
         limits: Limits,
         options: PlanOptions,
@@ -97,7 +97,7 @@ class TaskSearch:
         self.picks, self.places = (
             [sorted(choices, key=lambda c: (c.yaw, c.branch)) for choices in side] for side in (picks, places)
         )
-        self.freedom = Freedom(
+        self.freedom = Choices(
             len(self.picks),
             len(self.places),
             order=options.order == "free",
@@ -108,10 +108,10 @@ class TaskSearch:
             [line_ends([c.q_line for c in choices], options.offset, limits, tool_speed) for choices in side]
             for side in (self.picks, self.places)
         ]
-        self.costs = LegCosts(ends[0], ends[1], standing(q_home), limits, options)
-        self.detours: dict[tuple[str, tuple[int, ...], Standing | None], int] = {}
+        self.costs = TransitCosts(ends[0], ends[1], standing(q_home), limits, options)
+        self.detours: dict[tuple[str, tuple[int, ...], CubePlacement | None], int] = {}
         self.most_detours = _DETOURS
-        self.proofs = Proofs(stages, limits, options)
+        self.proofs = EdgeChecks(stages, limits, options)
         self.rejected: dict[str, ImpossibleError] = {}
         self.stopped: BudgetSpent | KeyboardInterrupt | None = None
 
@@ -161,7 +161,7 @@ class TaskSearch:
             stops = self._stops(current)
             if stops is not None:
                 return Found(stops, current.time, bound)
-            current = best_ways(pairs, costs)
+            current = best_grasps(pairs, costs)
         return best
 
     def forbid(self, stops: Sequence[Stop], index: int, which: str, error: ImpossibleError) -> None:
@@ -173,17 +173,19 @@ class TaskSearch:
         stop, before = stops[index], stops[index - 1] if index else None
         visit, role = stop.visit, error.data.get("role")
         by = self._in_the_way(stops, index, which, error.data.get("pair", ()))
-        pick = Standing(False, visit.pick), visit.pick_way
-        place = Standing(True, visit.place), visit.place_way
+        pick = CubePlacement(False, visit.pick), visit.pick_way
+        place = CubePlacement(True, visit.place), visit.place_way
         went_on = before is not None and before.home is None
-        came = (Standing(True, before.visit.place), before.visit.place_way) if before and went_on else place
+        came = (
+            (CubePlacement(True, before.visit.place), before.visit.place_way) if before and went_on else place
+        )
         lines = {"out": (came, pick), "across": (pick, place), "home": (place, place)}
         legs = {
-            "across": Leg(CARRY, (visit.pick, visit.place), (visit.pick_way, visit.place_way)),
-            "home": Leg(END, (visit.place,), (visit.place_way, 0)),
-            "out": Leg(GO_ON, (came[0].number, visit.pick), (came[1], visit.pick_way))
+            "across": TransitEdge(CARRY, (visit.pick, visit.place), (visit.pick_way, visit.place_way)),
+            "home": TransitEdge(END, (visit.place,), (visit.place_way, 0)),
+            "out": TransitEdge(GO_ON, (came[0].number, visit.pick), (came[1], visit.pick_way))
             if went_on
-            else Leg(BEGIN, (visit.pick,), (0, visit.pick_way)),
+            else TransitEdge(BEGIN, (visit.pick,), (0, visit.pick_way)),
         }
         if role in ("retract", "approach"):
             station, way = lines[which][role == "approach"]
@@ -194,14 +196,14 @@ class TaskSearch:
 
     def _in_the_way(
         self, stops: Sequence[Stop], index: int, which: str, pair: Sequence[str]
-    ) -> Standing | None:
+    ) -> CubePlacement | None:
         """The cube of a pair that stands there only for a while; None where neither is one.
 
         Cubes at the leg's own stations stand there whenever it is used.
         """
         stop, cubes = stops[index], self.stages.cubes
         at = {cubes[s.number].name: s for s in stop.before if not s.placed}
-        at |= {cubes[s.visit.pick].name: Standing(True, s.visit.place) for s in stops[:index]}
+        at |= {cubes[s.visit.pick].name: CubePlacement(True, s.visit.place) for s in stops[:index]}
         own = {cubes[stop.visit.pick].name}
         if which == "out" and index and stops[index - 1].home is None:
             own.add(cubes[stops[index - 1].visit.pick].name)
@@ -210,27 +212,27 @@ class TaskSearch:
     def _stops(self, ordered: Ordered) -> tuple[Stop, ...] | None:
         """The sequence with all that it uses proved, or None where something of it turned out to be blocked."""
         stops: list[Stop] = []
-        done, last, whole = Done(frozenset(), frozenset()), None, True
+        done, last, whole = Progress(frozenset(), frozenset()), None, True
         for count, visit in enumerate(ordered.visits, start=1):
             there = self.costs.there(done)
-            carrying = there - {Standing(False, visit.pick)}
-            done = Done(done.picks | {visit.pick}, done.places | {visit.place})
+            carrying = there - {CubePlacement(False, visit.pick)}
+            done = Progress(done.picks | {visit.pick}, done.places | {visit.place})
             after = self.costs.there(done)
             if not self._lines_proved(visit, there, after):
                 whole, last = False, None
                 continue
             across = self._across(
-                Leg(CARRY, (visit.pick, visit.place), (visit.pick_way, visit.place_way)), carrying
+                TransitEdge(CARRY, (visit.pick, visit.place), (visit.pick_way, visit.place_way)), carrying
             )
             out = None
             if count == 1 or self.options.looks_after(count - 1):
-                out = self._across(Leg(BEGIN, (visit.pick,), (0, visit.pick_way)), there)
+                out = self._across(TransitEdge(BEGIN, (visit.pick,), (0, visit.pick_way)), there)
             elif last is not None:
-                leg = Leg(GO_ON, (last.place, visit.pick), (last.place_way, visit.pick_way))
+                leg = TransitEdge(GO_ON, (last.place, visit.pick), (last.place_way, visit.pick_way))
                 out = self._across(leg, there)
             home, goes_home = None, count == len(ordered.visits) or self.options.looks_after(count)
             if goes_home:
-                home = self._across(Leg(END, (visit.place,), (visit.place_way, 0)), after)
+                home = self._across(TransitEdge(END, (visit.place,), (visit.place_way, 0)), after)
             last = None if goes_home else visit
             if out is None or across is None or (goes_home and home is None):
                 whole = False
@@ -242,24 +244,26 @@ class TaskSearch:
             stops.append(Stop(visit, pick, place, there, out, across, home))
         return tuple(stops) if whole else None
 
-    def _lines_proved(self, visit: Visit, there: frozenset[Standing], after: frozenset[Standing]) -> bool:
+    def _lines_proved(
+        self, visit: Visit, there: frozenset[CubePlacement], after: frozenset[CubePlacement]
+    ) -> bool:
         proved = True
         for placed, number, way, now in (
             (False, visit.pick, visit.pick_way, there),
             (True, visit.place, visit.place_way, after),
         ):
             choice = (self.places if placed else self.picks)[number][way]
-            blocked = self.proofs.line(choice, Standing(placed, number), visit.pick, now)
+            blocked = self.proofs.line(choice, CubePlacement(placed, number), visit.pick, now)
             if blocked is not None:
-                self.costs.close_line(Standing(placed, number), way, blocked.by)
+                self.costs.close_line(CubePlacement(placed, number), way, blocked.by)
                 self._reject(_line_blocked(choice, blocked.check, self.options.line_clearance))
                 proved = False
         return proved
 
-    def _across(self, leg: Leg, now: frozenset[Standing]) -> Array | None:
+    def _across(self, leg: TransitEdge, now: frozenset[CubePlacement]) -> Array | None:
         """Way-points of a leg's way across, proved; None where it costs more than was thought, which is noted."""
         out, into = self.costs.ends(leg)
-        crossing = Crossing(
+        crossing = TransitQuery(
             out.offset[0],
             into.offset[0],
             Ends(out.velocity[0], -into.velocity[0]),
@@ -288,20 +292,20 @@ class TaskSearch:
             return None
         return way if self.costs.found(leg, by, way) else None
 
-    def _give_up(self, leg: Leg, blocked: Blocked) -> None:
+    def _give_up(self, leg: TransitEdge, blocked: Blocked) -> None:
         """There is no way for a leg."""
         self.costs.block(leg, blocked.by, np.inf)
         self._reject(_leg_blocked(leg, blocked, self.options.clearance, self.stages))
 
-    def _own(self, leg: Leg) -> frozenset[Standing]:
+    def _own(self, leg: TransitEdge) -> frozenset[CubePlacement]:
         """Cubes that stand wherever the leg is used: at its own stations."""
         match leg.kind:
             case "begin":
-                return frozenset((Standing(False, leg.numbers[0]),))
+                return frozenset((CubePlacement(False, leg.numbers[0]),))
             case "go on":
-                return frozenset((Standing(True, leg.numbers[0]), Standing(False, leg.numbers[1])))
+                return frozenset((CubePlacement(True, leg.numbers[0]), CubePlacement(False, leg.numbers[1])))
             case "end":
-                return frozenset((Standing(True, leg.numbers[0]),))
+                return frozenset((CubePlacement(True, leg.numbers[0]),))
         return frozenset()
 
     def _reject(self, error: ImpossibleError) -> None:
@@ -318,7 +322,7 @@ class TaskSearch:
         )
 
 
-def _line_blocked(choice: LineChoice, check: MoveCheck, clearance: float) -> ImpossibleError:
+def _line_blocked(choice: GraspCandidate, check: ClearanceCertificate, clearance: float) -> ImpossibleError:
     return ImpossibleError(
         f"on the line at {choice.hole} (yaw {choice.yaw}, {choice.branch}) "
         f"{nearness(check.pair, check.seen, clearance)}",
@@ -330,7 +334,7 @@ def _line_blocked(choice: LineChoice, check: MoveCheck, clearance: float) -> Imp
     )
 
 
-def _leg_blocked(leg: Leg, blocked: Blocked, clearance: float, stages: Stages) -> ImpossibleError:
+def _leg_blocked(leg: TransitEdge, blocked: Blocked, clearance: float, stages: TaskWorlds) -> ImpossibleError:
     check = blocked.check
     picks, places = [t.pick.name for t in stages.transfers], [p.name for p in stages.places]
     match leg.kind:
@@ -346,7 +350,7 @@ def _leg_blocked(leg: Leg, blocked: Blocked, clearance: float, stages: Stages) -
     data: dict[str, object] = {"from": origin, "to": goal}
     if not blocked.end:
         near = f"is {seen} from it" if check.seen > 0.0 else "would go through it"
-        text = f"no way around {names[1]} from {origin} to {goal}: {names[0]} {near} on the straight move"
+        text = f"no path around {names[1]} from {origin} to {goal}: {names[0]} {near} on the straight move"
     elif 0.0 < check.time < 1.0:
         near = f"is {seen} from" if check.seen > 0.0 else "is inside"
         text = (
@@ -357,7 +361,7 @@ def _leg_blocked(leg: Leg, blocked: Blocked, clearance: float, stages: Stages) -
         near = f"are {seen} apart" if check.seen > 0.0 else "overlap"
         text = f"{at} is itself too near for a move from or to it: {names[0]} and {names[1]} {near} there"
     return ImpossibleError(
-        f"{text} (asked: {clearance * 1e3:g} mm)",
+        f"{text} (required: {clearance * 1e3:g} mm)",
         **data,
         ways=list(leg.ways),
         pair=list(names),

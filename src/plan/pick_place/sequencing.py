@@ -37,7 +37,7 @@ class Visit:
 
 
 @dataclass(frozen=True)
-class Done:
+class Progress:
     """What was done before a step: picks that are empty now, and places that are filled."""
 
     picks: frozenset[int]
@@ -55,14 +55,14 @@ class Costs:
         end: (place, done) -> (ways,) to the end.
     """
 
-    begin: Callable[[int, Done], Array]
-    carry: Callable[[int, int, Done], Array]
-    go_on: Callable[[int, int, Done], Array]
-    end: Callable[[int, Done], Array]
+    begin: Callable[[int, Progress], Array]
+    carry: Callable[[int, int, Progress], Array]
+    go_on: Callable[[int, int, Progress], Array]
+    end: Callable[[int, Progress], Array]
 
 
 @dataclass(frozen=True)
-class Freedom:
+class Choices:
     """What may be chosen.
 
     Attributes:
@@ -107,7 +107,7 @@ class Ordered:
     bound: float
 
 
-def best_order(freedom: Freedom, costs: Costs) -> Ordered | None:
+def best_order(freedom: Choices, costs: Costs) -> Ordered | None:
     """The visits with the least sum of times, or None where every one is infinite."""
     if freedom.states() <= _MOST_STATES:
         return _exactly(freedom, costs)
@@ -130,11 +130,11 @@ class _Node:
     way: tuple[int, ...]
 
 
-def _exactly(freedom: Freedom, costs: Costs) -> Ordered | None:
-    nothing = Done(frozenset(), frozenset())
-    layer: dict[Done, dict[int, _Node]] = {nothing: {}}
+def _exactly(freedom: Choices, costs: Costs) -> Ordered | None:
+    nothing = Progress(frozenset(), frozenset())
+    layer: dict[Progress, dict[int, _Node]] = {nothing: {}}
     for count in range(freedom.picks):
-        following: dict[Done, dict[int, _Node]] = {}
+        following: dict[Progress, dict[int, _Node]] = {}
         for done, places in layer.items():
             for pick in freedom.next_picks(done.picks):
                 over = _to_pick(pick, done, places, costs, first=count == 0)
@@ -142,7 +142,7 @@ def _exactly(freedom: Freedom, costs: Costs) -> Ordered | None:
                     continue
                 for place in freedom.places_of(pick, done.places):
                     carried = over.time[:, None] + costs.carry(pick, place, done)
-                    after = Done(done.picks | {pick}, done.places | {place})
+                    after = Progress(done.picks | {pick}, done.places | {place})
                     node = _reached(place, [(over, carried)])
                     known = following.setdefault(after, {})
                     known[place] = _better(known.get(place), node)
@@ -160,7 +160,7 @@ def _exactly(freedom: Freedom, costs: Costs) -> Ordered | None:
     return Ordered(_traced(best), time, time)
 
 
-def _to_pick(pick: int, done: Done, places: dict[int, _Node], costs: Costs, first: bool) -> _Node | None:
+def _to_pick(pick: int, done: Progress, places: dict[int, _Node], costs: Costs, first: bool) -> _Node | None:
     if first:
         time = costs.begin(pick, done)
         return _Node(pick, time, (None,) * len(time), (0,) * len(time))
@@ -205,16 +205,16 @@ def _traced(end: _Node) -> tuple[Visit, ...]:
     )
 
 
-def best_ways(pairs: Sequence[tuple[int, int]], costs: Costs) -> Ordered | None:
+def best_grasps(pairs: Sequence[tuple[int, int]], costs: Costs) -> Ordered | None:
     """The best ways for a given order and assignment: pairs of pick and place; None where all are infinite."""
-    done = Done(frozenset(), frozenset())
+    done = Progress(frozenset(), frozenset())
     node: _Node | None = None
     for pick, place in pairs:
         over = _to_pick(pick, done, {} if node is None else {node.at: node}, costs, first=node is None)
         if over is None:
             return None
         node = _reached(place, [(over, over.time[:, None] + costs.carry(pick, place, done))])
-        done = Done(done.picks | {pick}, done.places | {place})
+        done = Progress(done.picks | {pick}, done.places | {place})
     if node is None:
         return None
     end = _reached(-1, [(node, (node.time + costs.end(node.at, done))[:, None])])
@@ -222,7 +222,7 @@ def best_ways(pairs: Sequence[tuple[int, int]], costs: Costs) -> Ordered | None:
     return Ordered(_traced(end), time, time) if np.isfinite(time) else None
 
 
-def _improved(freedom: Freedom, costs: Costs) -> Ordered | None:
+def _improved(freedom: Choices, costs: Costs) -> Ordered | None:
     """Exchanges of order and places, from the assignment with the shortest carries."""
     costs = _finite(costs)
     table = _Least(freedom, costs)
@@ -236,9 +236,9 @@ def _improved(freedom: Freedom, costs: Costs) -> Ordered | None:
     return None
 
 
-def _exchanged(pairs: list[tuple[int, int]], freedom: Freedom, costs: Costs, table: _Least) -> Ordered | None:
+def _exchanged(pairs: list[tuple[int, int]], freedom: Choices, costs: Costs, table: _Least) -> Ordered | None:
     """Order and places after every exchange that helps."""
-    best = best_ways(pairs, costs)
+    best = best_grasps(pairs, costs)
     improving = best is not None
     while improving:
         improving = False
@@ -246,7 +246,7 @@ def _exchanged(pairs: list[tuple[int, int]], freedom: Freedom, costs: Costs, tab
             # the table has every leg at its best: what it finds too slow is
             if best is None or table.time(trial) >= best.time - 1e-6:
                 continue
-            found = best_ways(trial, costs)
+            found = best_grasps(trial, costs)
             if found is not None and found.time < best.time - 1e-6:
                 best, pairs, improving = found, trial, True
                 break
@@ -270,16 +270,16 @@ def _finite(costs: Costs) -> Costs:
 class _Least:
     """Least times of each leg over all ways, with no other cube in the way: what ranks orders, and bounds them."""
 
-    def __init__(self, freedom: Freedom, costs: Costs) -> None:
+    def __init__(self, freedom: Choices, costs: Costs) -> None:
         self.freedom = freedom
         picks, places = range(freedom.picks), range(freedom.places)
         nothing: frozenset[int] = frozenset()
         every = frozenset(picks)
-        self.begin = np.array([costs.begin(i, Done(nothing, nothing)).min() for i in picks])
+        self.begin = np.array([costs.begin(i, Progress(nothing, nothing)).min() for i in picks])
         self.carry = np.array(
             [
                 [
-                    costs.carry(i, j, Done(every - {i}, nothing)).min()
+                    costs.carry(i, j, Progress(every - {i}, nothing)).min()
                     if freedom.assignment or i == j
                     else _BLOCKED
                     for j in places
@@ -291,13 +291,13 @@ class _Least:
         self.go_on = np.array(
             [[min(costs.go_on(j, i, d).min() for d in self._before(i, j)) for i in picks] for j in places]
         )
-        self.end = np.array([costs.end(j, Done(every, frozenset((j,)))).min() for j in places])
+        self.end = np.array([costs.end(j, Progress(every, frozenset((j,)))).min() for j in places])
 
-    def _before(self, pick: int, place: int) -> Iterator[Done]:
+    def _before(self, pick: int, place: int) -> Iterator[Progress]:
         """One case for each number of cubes that may have been moved when `place` is left for `pick`."""
         others = [i for i in range(self.freedom.picks) if i != pick]
         for count in range(1, len(others) + 1):
-            yield Done(frozenset(others[:count]), frozenset((place,)))
+            yield Progress(frozenset(others[:count]), frozenset((place,)))
 
     def time(self, pairs: Sequence[tuple[int, int]]) -> float:
         total = self.begin[pairs[0][0]] + self.end[pairs[-1][1]]
@@ -335,7 +335,7 @@ class _Least:
         return float(self.carry[rows, columns].sum() + ways[back_rows, back_columns].sum())
 
 
-def _exchanges(pairs: Sequence[tuple[int, int]], freedom: Freedom) -> Iterator[list[tuple[int, int]]]:
+def _exchanges(pairs: Sequence[tuple[int, int]], freedom: Choices) -> Iterator[list[tuple[int, int]]]:
     if freedom.assignment:
         for a, b in combinations(range(len(pairs)), 2):
             trial = list(pairs)

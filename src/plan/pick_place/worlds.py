@@ -19,14 +19,14 @@ _GRASP_REACH = 0.05
 
 
 @dataclass(frozen=True, order=True)
-class Standing:
+class CubePlacement:
     """A cube that stands: where it was (number of its transfer), or where it was brought (number of the place)."""
 
     placed: bool
     number: int
 
 
-class Stages:
+class TaskWorlds:
     """Worlds of a task, built when first asked for.
 
     Ways of gripping are numbers of the stations' tool poses (yaws).
@@ -67,7 +67,7 @@ class Stages:
             for transfer, cube in zip(self.transfers, self.cubes, strict=True)
         )
 
-    def body(self, standing: Standing) -> Body:
+    def body(self, standing: CubePlacement) -> Body:
         """The cube that stands there."""
         if not standing.placed:
             return self.cubes[standing.number]
@@ -81,7 +81,7 @@ class Stages:
             )
         return self._placed[standing.number]
 
-    def empty(self, standing: frozenset[Standing]) -> World:
+    def empty(self, standing: frozenset[CubePlacement]) -> World:
         """Jaws open and empty."""
         key = ("empty", standing)
         if key not in self._worlds:
@@ -89,7 +89,7 @@ class Stages:
         return self._worlds[key]
 
     def holding(
-        self, pick: int, standing: frozenset[Standing], touches: frozenset[str] = frozenset()
+        self, pick: int, standing: frozenset[CubePlacement], touches: frozenset[str] = frozenset()
     ) -> World:
         """Jaws on the cube of that transfer, which may touch the bodies named in `touches`."""
         key = ("holding", pick, standing, touches)
@@ -101,7 +101,7 @@ class Stages:
             self._worlds[key] = World(self.scene.robot_holding, self._bodies(standing), cube, held, allowed)
         return self._worlds[key]
 
-    def _bodies(self, standing: Iterable[Standing]) -> tuple[Body, ...]:
+    def _bodies(self, standing: Iterable[CubePlacement]) -> tuple[Body, ...]:
         return (*self.still, *(self.body(s) for s in sorted(standing)))
 
 

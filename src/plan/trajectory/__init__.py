@@ -1,1 +1,1 @@
-"""Timing: joint paths, TOPP-RA, jerk limits, and integer segments for the controller."""
+"""Time parametrisation: joint paths, TOPP-RA, jerk limits, and integer segments for the controller."""

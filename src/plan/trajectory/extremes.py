@@ -1,7 +1,7 @@
-"""What an integer motion does at its worst: exact extremes of polynomial segments, not samples of them.
+"""Exact extremes of position, velocity and acceleration of integer polynomial segments, without sampling.
 
-For cubics, positions are extreme at the segment's ends or where the derivative (a quadratic) vanishes, velocities at
-the ends or where the second derivative (linear) vanishes, accelerations at the ends.
+In a cubic, the position is extreme at an end or where the first derivative (a quadratic) vanishes, the velocity at an
+end or where the second derivative (linear) vanishes, and the acceleration at an end.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from arm.se3 import Array
 
 @dataclass(frozen=True)
 class SegmentExtremes:
-    """Of every segment (k) and joint (n), in the joints' units.
+    """Extremes of k segments of n joints.
 
     Attributes:
         lower, upper: (k, n) smallest and largest position, rad.
         velocity: (k, n) largest magnitude, rad/s.
         acceleration: (k, n) largest magnitude, rad/s^2.
-        jumps: (k - 1, n) magnitude of the velocity's jump where segments join, rad/s.
+        jumps: (k - 1, n) magnitude of the jump of velocity where segments join, rad/s.
     """
 
     lower: Array
@@ -35,10 +35,10 @@ class SegmentExtremes:
 
 
 def segment_extremes(path: CountPath, unit: Unit) -> SegmentExtremes:
-    """Extremes of every segment of a motion at its planned durations.
+    """Return the extremes of every segment of a motion at its planned durations.
 
     Raises:
-        InputError: a segment is of higher order than 3, or lasts no time.
+        InputError: a segment has an order above 3, or no duration.
     """
     count = len(path.segments)
     a = np.zeros((3, count, len(path.start)))
@@ -46,7 +46,7 @@ def segment_extremes(path: CountPath, unit: Unit) -> SegmentExtremes:
         if len(segment.coefficients) > 3 or segment.duration_ms <= 0:
             raise InputError(
                 f"segment {k}: order {len(segment.coefficients)}, {segment.duration_ms} ms; must be of order 1 to 3 "
-                "and last",
+                "and longer than 0 ms",
                 segment=k,
             )
         a[: len(segment.coefficients), k] = segment.coefficients
@@ -70,8 +70,8 @@ def segment_extremes(path: CountPath, unit: Unit) -> SegmentExtremes:
 
 
 def cubic_position_range(a: Array) -> Array:
-    """Smallest and largest of a1 u + a2 u^2 + a3 u^3 over u in [0, 1]; a (3, ...) gives (2, ...)."""
-    # roots of a1 + 2 a2 u + 3 a3 u^2; nan where there is none
+    """Return the smallest and largest a1 u + a2 u^2 + a3 u^3 over u in [0, 1], (2, ...), for a (3, ...)."""
+    # roots of a1 + 2 a2 u + 3 a3 u^2; nan if there is none
     half = -(a[1] + np.copysign(np.sqrt(np.maximum(a[1] ** 2 - 3 * a[2] * a[0], 0.0)), a[1]))
     with np.errstate(divide="ignore", invalid="ignore"):
         roots = np.stack([half / (3 * a[2]), a[0] / half])
@@ -82,7 +82,7 @@ def cubic_position_range(a: Array) -> Array:
 
 
 def cubic_speed(a: Array) -> Array:
-    """Largest |a1 + 2 a2 u + 3 a3 u^2| over u in [0, 1]; a (3, ...)."""
+    """Return the largest |a1 + 2 a2 u + 3 a3 u^2| over u in [0, 1], (...), for a (3, ...)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         turn = -a[1] / (3 * a[2])
     turn = np.where(np.isfinite(turn), np.clip(turn, 0.0, 1.0), 0.0)
@@ -91,5 +91,5 @@ def cubic_speed(a: Array) -> Array:
 
 
 def cubic_acceleration(a: Array) -> Array:
-    """Largest |2 a2 + 6 a3 u| over u in [0, 1]; a (3, ...)."""
+    """Return the largest |2 a2 + 6 a3 u| over u in [0, 1], (...), for a (3, ...)."""
     return np.asarray(np.maximum(np.abs(2 * a[1]), np.abs(2 * a[1] + 6 * a[2])))

@@ -1,12 +1,12 @@
-"""From a timed motion to what the controller executes: integer cubics, one ``COORDSPLINET`` each.
+"""Conversion of a trajectory to the integer cubics that the controller executes, one ``COORDSPLINET`` each.
 
-Every segment is near the cubic with the planned positions and velocities at both ends (Hermite), rounded so that
-limits hold exactly (`plan.trajectory.rounding`); its coefficients are integers, so the end of a chain of
-segments is known to the count.
+Every segment approximates the Hermite cubic with the planned positions and velocities at both ends. It is rounded such
+that limits hold exactly (`plan.trajectory.rounding`). Because coefficients are integers, the end of a chain of segments
+is known to the count.
 
-Segments begin where the acceleration switches, else every ~100 ms, and are halved where the executed curve would
-leave the planned one. Where no rounding keeps the limits, the motion is made a little longer, and segments longer, on
-which counts weigh less. What is still exceeded then is timed anew with that limit a little lower.
+Knots lie where the acceleration switches, and about every 100 ms between switches. A segment is halved if the executed
+curve would leave the planned one. If no rounding keeps the limits, the motion is made slightly longer, with longer
+segments, in which one count weighs less. If a limit is exceeded even then, the path is timed again with a lower limit.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from arm.errors import ImpossibleError, InputError
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen
 from plan.cartesian.line import Line
-from plan.kinematics.product_of_exponentials import screw_arm
+from plan.kinematics.product_of_exponentials import product_of_exponentials
 from plan.trajectory.extremes import cubic_acceleration, cubic_speed
 from plan.trajectory.rounding import round_chain
 from plan.trajectory.timing import Trajectory
 
 SHORTEST_MS = 40  # the serial line sends about 25 cubics a second (fact sheet of the controller, section 3)
-_LONGEST = 16  # times the asked duration, for segments on which rounding would weigh too much
-_ROUNDING = 8.0  # counts/T^2, about what nearest rounding adds to an acceleration at the worst
-# Times the duration, times the segments' duration, and times the least distance of knots from switches, tried one
-# after the other; the first, as asked, is for plans that leave room for rounding.
+_LONGEST = 16  # times segment_ms, the longest segment where rounding weighs too much
+_ROUNDING = 8.0  # counts/T^2, about the most that nearest rounding adds to an acceleration
+# Factors on the duration, on segment_ms, and on the least distance of knots, in the order of the attempts. The first
+# attempt changes nothing; it is for plans that leave room for rounding.
 _TRIES = (
     (1.0, 1.0, 1.0),
     (1.0005, 2.0, 1.0),
@@ -45,18 +45,18 @@ _TRIES = (
     (1.012, 1.0, 1.0),
     (1.02, 2.0, 2.0),
 )
-_ROUNDS = 12  # of slowing down before giving up
-_SAMPLES = np.arange(1, 8) / 8.0  # of a segment, where it is compared with the plan
+_ROUNDS = 12  # slower timings before giving up
+_SAMPLES = np.arange(1, 8) / 8.0  # places in a segment where it is compared with the plan
 
 
 @dataclass(frozen=True)
 class LineTolerance:
-    """Keeps the executed tool on a line.
+    """Tolerance of the executed tool motion on a line.
 
     Attributes:
-        robot: whose tool.
+        robot: the arm.
         line: the line.
-        distance, angle: largest deviation from it, m and rad.
+        distance, angle: largest deviation from the line, m and rad.
     """
 
     robot: Robot
@@ -67,11 +67,11 @@ class LineTolerance:
 
 @dataclass(frozen=True)
 class Marked:
-    """Segments of a motion with marks on it.
+    """Segments of a motion with joins at marks.
 
     Attributes:
         path: the segments.
-        first: for every mark, the index of the first segment after it.
+        first: for each mark, the index of the first segment after it.
     """
 
     path: CountPath
@@ -79,7 +79,7 @@ class Marked:
 
 
 class MarksTooNear(InputError):
-    """Parts of a motion so short that no join has room between them; data: marks_ms."""
+    """Marks on a motion are closer in time than the shortest segment; data: marks_ms."""
 
 
 def to_segments(
@@ -91,19 +91,19 @@ def to_segments(
     deviation: float = 2e-4,
     line: LineTolerance | None = None,
 ) -> CountPath:
-    """Integer cubic segments of a motion from rest to rest.
+    """Convert a trajectory from rest to rest to integer cubic segments.
 
     Args:
-        trajectory: what was planned.
-        unit: whose counts.
-        segment_ms: duration that segments have where nothing asks for less.
-        limits: that the segments must keep, exactly and everywhere; default: those the trajectory was timed under.
-            Give the registers' limits to leave the planned fractions as room for rounding.
-        deviation: of any joint from the planned motion at the same time, rad; also 1 count is always allowed.
+        trajectory: planned trajectory.
+        unit: unit that defines the counts.
+        segment_ms: duration of a segment unless a shorter one is needed, ms.
+        limits: limits that the segments keep exactly and everywhere; default: those of the trajectory. With the
+            registers' limits, the part that the plan does not use is available for rounding.
+        deviation: largest deviation of any joint from the planned motion at the same time, rad, in addition to 1 count.
         line: tolerance of the tool on its line, or None.
 
     Returns:
-        a chain that starts at rest at ``unit.counts`` of the first configuration and ends so at the last.
+        A chain from rest at ``unit.counts`` of the first configuration to rest at those of the last.
 
     Raises:
         InputError: `segment_ms` is below `SHORTEST_MS`.
@@ -132,19 +132,19 @@ def to_marked_segments(
     deviation: float = 2e-4,
     late: Sequence[bool] | None = None,
 ) -> Marked:
-    """`to_segments` of a motion that begins and ends with lines, with a join where each mark is passed.
+    """`to_segments` for a motion that begins and ends with lines, with a join of segments at each mark.
 
     Args:
         trajectory, unit, segment_ms, limits, deviation: see `to_segments`.
-        marks: values of the path parameter, increasing, such as `plan.trajectory.joint_path.Joined.marks`.
-            The join is within 1 ms of travel of the mark; of the last of several marks after it, of the
-            others before it, so that nothing of a transit is in a line. At an end of the path there is nothing to join.
+        marks: increasing values of the path parameter, such as `plan.trajectory.joint_path.Joined.marks`. Each join is
+            within 1 ms of its mark. Marks at the ends of the path need no join.
         lines: tolerance of the tool before the first mark, and after the last.
-        late: for every mark, whether its join is not before it; default: of the last of several.
+        late: for each mark, True if its join is at or after the mark, False if at or before it. Default: True for the
+            last of several marks, so that lines contain nothing of a transit.
 
     Raises:
         InputError: `segment_ms` is below `SHORTEST_MS`.
-        MarksTooNear: marks are passed within less than that of each other or of an end; data: marks_ms.
+        MarksTooNear: marks are less than `SHORTEST_MS` from each other or from an end; data: marks_ms.
         ImpossibleError: limits so small that rounding to counts alone exceeds them; data: axis.
     """
     if segment_ms < SHORTEST_MS:
@@ -170,7 +170,7 @@ def to_marked_segments(
 
 
 def _roomy(planned: Limits, sent: Limits) -> bool:
-    """Whether what was planned leaves a thousandth of what may be sent, so that plain rounding can do."""
+    """Return whether the planned limits leave 0.1 % of the sent ones, so that plain rounding may do."""
     return bool(
         (planned.velocity < 0.999 * sent.velocity).all()
         and (planned.acceleration < 0.999 * sent.acceleration).all()
@@ -179,14 +179,14 @@ def _roomy(planned: Limits, sent: Limits) -> bool:
 
 def _too_slow(unit: Unit, joint: int) -> ImpossibleError:
     return ImpossibleError(
-        f"axis {unit.axes[joint]} exceeds its limits when the motion is rounded to counts, however slow; "
+        f"axis {unit.axes[joint]} exceeds its limits after rounding to counts, however slow the motion; "
         "raise the speed factor or the acceleration registers",
         axis=unit.axes[joint],
     )
 
 
 def _slower(trajectory: Trajectory, fit: _Fit) -> Trajectory:
-    """The path timed anew, with the limits that its segments exceed lowered by what they exceed."""
+    """Time the path again, with each exceeded limit lowered by the excess."""
     velocity = np.maximum(1.0, fit.velocity.max(axis=0) * 1.001)
     acceleration = np.maximum(1.0, fit.acceleration.max(axis=0) * 1.01)
     limits = trajectory.limits
@@ -201,14 +201,14 @@ def _slower(trajectory: Trajectory, fit: _Fit) -> Trajectory:
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Segments of one choice of knots.
+    """Segments for one choice of knots.
 
     Attributes:
         knots_ms: (k + 1,) int.
         coefficients: (3, k, n) int.
-        velocity, acceleration: (k, n) largest over their limits.
-        off: (k,) deviation over what is allowed.
-        first: for every mark, the index of the segment after it.
+        velocity, acceleration: (k, n) largest values, relative to their limits.
+        off: (k,) deviation relative to its tolerance.
+        first: for each mark, the index of the segment after it.
     """
 
     knots_ms: Counts
@@ -246,7 +246,7 @@ class _Fitter:
     lines: tuple[LineTolerance | None, LineTolerance | None]
 
     def fit(self, timed: Trajectory, total_ms: int, segment_ms: int, apart: float, careful: bool) -> _Fit:
-        """Halve segments that are off the plan or over a limit, while they may be halved."""
+        """Halve segments that deviate too much or exceed a limit, while they are long enough."""
         calm = max(SHORTEST_MS, self.calm_ms(0.25))
         fixed = self.mark_ms(timed, total_ms)
         knots = _first_knots(
@@ -257,7 +257,7 @@ class _Fitter:
             if not careful and fit.excess() > 1.0:
                 return fit
             length = np.diff(knots)
-            # where a limit is exceeded, halving helps only while rounding weighs little in the halves
+            # halving lowers an exceeded limit only while rounding weighs little in the halves
             split = (fit.off > 1.0) & (length >= 2 * SHORTEST_MS)
             split |= (fit.load().max(axis=1) > 1.05) & (length >= 2 * calm)
             if not split.any():
@@ -265,16 +265,16 @@ class _Fitter:
             knots = np.sort(np.concatenate([knots, knots[:-1][split] + length[split] // 2]))
 
     def calm_ms(self, share: float) -> float:
-        """Duration from which on nearest rounding adds at most this share of any acceleration limit."""
+        """Return the duration above which nearest rounding adds at most this fraction of any acceleration limit."""
         return float(1e3 * np.sqrt(_ROUNDING / (share * self.acceleration().min())))
 
     def acceleration(self) -> Array:
         return np.asarray(self.limits.acceleration * np.abs(self.unit.counts_per_rad))
 
     def mark_ms(self, timed: Trajectory, total_ms: int) -> tuple[int, ...]:
-        """Where to join for each mark, ms; on the side of the nearer end of the motion."""
+        """Return the time of the join for each mark, ms."""
         s = np.array(self.marks)
-        # at rest at an end, the time of a place hangs on its last digits
+        # near an end, where the motion is at rest, the time depends on the last digits of s
         near = 1e-9 * (timed.s[-1] - timed.s[0])
         times = np.where(s >= timed.s[-1] - near, total_ms, 1e3 * timed.passed(s))
         times = np.where(s <= timed.s[0] + near, 0.0, times)
@@ -285,7 +285,7 @@ class _Fitter:
         stops = [0, *(m for m in found if 0 < m < total_ms), total_ms]
         if min(np.diff(stops)) < SHORTEST_MS:
             raise MarksTooNear(
-                f"marks are passed at {found} ms of {total_ms}: must be {SHORTEST_MS} ms apart",
+                f"marks are at {found} ms of {total_ms} ms: must be {SHORTEST_MS} ms apart",
                 marks_ms=found,
             )
         return tuple(found)
@@ -313,7 +313,9 @@ class _Fitter:
         parts = (slice(0, first[0] if first else len(off)), slice(first[-1] if first else 0, len(off)))
         for line, part in zip(self.lines, parts, strict=True):
             if line is not None and part.start < part.stop:
-                poses = screw_arm(line.robot).tool_poses(unit.positions(executed[:, part]).reshape(-1, 6))
+                poses = product_of_exponentials(line.robot).tool_poses(
+                    unit.positions(executed[:, part]).reshape(-1, 6)
+                )
                 away = line.line.deviation(poses)
                 worst = np.maximum(away.distance / line.distance, away.angle / line.angle)
                 off[part] = np.maximum(off[part], worst.reshape(len(_SAMPLES), -1).max(axis=0))
@@ -321,16 +323,16 @@ class _Fitter:
 
 
 def _first_knots(timed: Trajectory, fixed: Sequence[int], segment_ms: int, apart_ms: float) -> Counts:
-    """Knots at the fixed ones, at the acceleration's switches and evenly between them.
+    """Return knots at the fixed times, at switches of the acceleration, and evenly between them, in ms.
 
-    Knots are at least `apart_ms` apart.
+    Knots at switches are at least `apart_ms` from the others.
     """
     switches = np.rint(timed.switches() * 1e3).astype(int)
     knots = [0]
     for begin, end in pairwise(fixed):
         stops, apart = [begin], min(apart_ms, segment_ms)
         for switch in switches[(switches > begin) & (switches < end)]:
-            # a switch too near to another knot has its own as near as may be: a short segment for it alone
+            # a switch too near to another knot gets a knot as near as allowed
             knot = int(min(max(switch, np.ceil(stops[-1] + apart)), np.floor(end - apart)))
             if knot - stops[-1] >= apart:
                 stops.append(knot)

@@ -1,16 +1,15 @@
-"""Jerk-limited timing of joint paths, from rest to rest: slower, gentler on gears.
+"""Jerk-limited time parametrisation of joint paths, from rest to rest: slower, but gentler on gears.
 
-Along a straight piece in joint space all joints run in proportion, so the fastest jerk-limited motion is one scalar
-profile along the piece, under the tightest of the joints' limits: Ruckig's with one degree of freedom (L. Berscheid,
-T. Kroeger, "Jerk-limited real-time trajectory generation with arbitrary target states", RSS 2021). It cannot leave
-the piece; that is the phase synchronisation of all joints, and as fast.
+On a straight piece in joint space all joints move in proportion (phase synchronisation). The fastest jerk-limited
+motion is then one scalar profile under the tightest of the joints' limits: Ruckig's with one degree of freedom
+(L. Berscheid, T. Kroeger, "Jerk-limited real-time trajectory generation with arbitrary target states", RSS 2021).
 
-Along a curve, jerk is q' s''' + 3 q'' s' s'' + q''' s'^3. A scalar profile is made under limits that hold on a straight
-piece and stretched in time until they hold on the curve: valid, not optimal.
+On a curve, jerk is q' s''' + 3 q'' s' s'' + q''' s'^3. The scalar profile under the limits of a straight piece is
+stretched in time until limits hold on the curve. The result is valid, not optimal.
 
-**Where the path's second derivative jumps** - a corner, each end of a parabolic blend, the end of a line - acceleration
-would jump too at any speed, so the motion rests there. A joined path is therefore best made with a small `blend` if it
-is timed so: it then rests once at each corner, near enough.
+**The motion stops wherever the path's second derivative jumps** (at a corner, at each end of a parabolic blend, at the
+end of a line), because the acceleration would jump there at any speed. So make a joined path with a small `blend` if it
+is timed with a jerk limit: it then stops about once at each corner.
 """
 
 from __future__ import annotations
@@ -29,16 +28,16 @@ from arm.se3 import Array, frozen
 from plan.trajectory.joint_path import Joined, Path
 from plan.trajectory.timing import Caps, State, Trajectory, rate_caps, time_curve
 
-_SAMPLES = 400  # between knots, where limits are measured
-_ROOM = 1.001  # times a load that was found by sampling; between samples it may be a little larger
+_SAMPLES = 400  # places between knots where limits are checked
+_ROOM = 1.001  # factor on sampled loads, which may be slightly larger between samples
 
 
 @dataclass(frozen=True, eq=False)
 class JerkTrajectory(Trajectory):
-    """A trajectory whose s moves with constant jerk between knots.
+    """A trajectory with constant third derivative of s between knots.
 
     Attributes:
-        drive: (k,) second derivative of s by time at the knots.
+        drive: (k,) second derivative of s with respect to time at the knots.
         jerk: (n,) limits, rad/s^3.
     """
 
@@ -54,14 +53,14 @@ class JerkTrajectory(Trajectory):
         return State(self.path(s), first * rate, second * rate**2 + first * drive)
 
     def jerks(self, times: npt.ArrayLike) -> Array:
-        """Third derivatives (m, n) rad/s^3 at times (m,) in s."""
+        """Return the jerk (m, n) rad/s^3 at times (m,) in s."""
         s, rate, drive, jerk = self._scalars(np.asarray(times, dtype=float))
         return np.asarray(
             self.path(s, 1) * jerk + 3 * self.path(s, 2) * rate * drive + self.path(s, 3) * rate**3
         )
 
     def stretched(self, factor: float) -> Trajectory:
-        """The same path in `factor` times the time."""
+        """See `Trajectory.stretched`."""
         return replace(
             self,
             times=frozen(self.times * factor),
@@ -71,15 +70,15 @@ class JerkTrajectory(Trajectory):
         )
 
     def under(self, limits: Limits) -> Trajectory:
-        """The same path timed anew under other limits."""
+        """See `Trajectory.under`."""
         return time_smooth(self.path, limits, self.jerk, self.rate_cap)
 
     def switches(self) -> Array:
-        """Times (k,) in s at which jerk jumps; without both ends."""
+        """Return the times (k,) in s at which the jerk jumps, without both ends."""
         return np.asarray(self.times[1:-1])
 
     def passed(self, s: npt.ArrayLike) -> Array:
-        """See `Trajectory.passed`; to a nanosecond, by bisection."""
+        """See `Trajectory.passed`; by bisection, to 1 ns."""
         places = np.clip(np.atleast_1d(np.asarray(s, dtype=float)), self.s[0], self.s[-1])
         low, high = np.zeros(len(places)), np.full(len(places), self.duration)
         while (high - low).max(initial=0.0) > 1e-9:
@@ -89,7 +88,7 @@ class JerkTrajectory(Trajectory):
         return np.asarray(high)
 
     def loads(self) -> tuple[Array, Array]:
-        """Velocity and acceleration over their limits, the largest of samples between knots; (k - 1,) each."""
+        """See `Trajectory.loads`; the largest of samples between knots."""
         state = self.at(self._samples().ravel())
         shape = (len(self.times) - 1, -1)
         return (
@@ -98,7 +97,7 @@ class JerkTrajectory(Trajectory):
         )
 
     def jerk_peak(self) -> float:
-        """Largest jerk over its limit, of samples between knots and on both sides of the path's breaks."""
+        """Return the largest jerk relative to its limit, sampled between knots and at both sides of path breaks."""
         inside = self.path.x[(self.path.x > self.s[0]) & (self.path.x < self.s[-1])]
         breaks = self.passed(inside)[:, None] + 1e-8 * np.array([-1.0, 1.0])
         times = np.concatenate([self._samples().ravel(), breaks.ravel()])
@@ -109,7 +108,7 @@ class JerkTrajectory(Trajectory):
         return np.asarray(self.times[:-1, None] + inside * np.diff(self.times)[:, None])
 
     def _scalars(self, t: Array) -> tuple[Array, Array, Array, Array]:
-        """s (m,), and its rate, second and third derivative by time (m, 1)."""
+        """Return s (m,) and its first, second and third derivative with respect to time, (m, 1) each."""
         i = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2)
         jerk = (np.diff(self.drive) / np.diff(self.times))[i]
         tau = t - self.times[i]
@@ -121,16 +120,16 @@ class JerkTrajectory(Trajectory):
 
 
 def time_smooth(path: Path, limits: Limits, jerk: npt.ArrayLike, rate_cap: Caps = None) -> JerkTrajectory:
-    """Jerk-limited motion along a path, from rest to rest; at rest too wherever its second derivative jumps.
+    """Time a path from rest to rest under jerk limits, with a stop wherever its second derivative jumps.
 
     Args:
-        path: of `plan.trajectory.joint_path`.
-        limits: of velocity and acceleration.
+        path: see `plan.trajectory.joint_path`.
+        limits: limits of velocity and acceleration.
         jerk: limits (n,), rad/s^3.
         rate_cap: see `plan.trajectory.timing.time_curve`.
 
     Raises:
-        InputError: a jerk limit or cap that is not positive.
+        InputError: a jerk limit or cap is not positive.
         ImpossibleError: Ruckig finds no profile; data: result.
     """
     jerks = np.broadcast_to(np.asarray(jerk, dtype=float), limits.velocity.shape)
@@ -159,7 +158,7 @@ def time_smooth(path: Path, limits: Limits, jerk: npt.ArrayLike, rate_cap: Caps 
 
 
 def _rests(path: Path) -> list[float]:
-    """Both ends of a path, and where its first or second derivative jumps."""
+    """Return both ends of a path, and the places where its first or second derivative jumps."""
     x = path.x
     inside, length = x[1:-1], np.diff(x)
     power = np.arange(len(path.c) - 1, -1, -1.0)[:, None, None]
@@ -174,7 +173,7 @@ def _rests(path: Path) -> list[float]:
 
 
 def _stretch(path: Path, begin: float, end: float, limits: Limits, jerk: Array, cap: float) -> Array:
-    """Knots (4, k) after the first one, with times from 0, of the motion from rest to rest between two places."""
+    """Return the knots (4, k), without the first, of the motion from rest to rest between two places."""
     places = np.linspace(begin, end, _SAMPLES + 2)[1:-1]
     slope = np.abs(path(places, 1)).max(axis=0)
     with np.errstate(divide="ignore"):
@@ -196,16 +195,16 @@ def _stretch(path: Path, begin: float, end: float, limits: Limits, jerk: Array, 
 
 
 def _profile(length: float, velocity: float, acceleration: float, jerk: float) -> Array:
-    """Times, s, rate and second derivative (4, k) of Ruckig's fastest profile over a length."""
-    # in units in which the length is 1 and so is the limit on the rate: Ruckig's tolerances are absolute
+    """Return times, s, rate and second derivative (4, k) of Ruckig's fastest profile over a length."""
+    # Ruckig's tolerances are absolute, so scale length and velocity limit to 1
     second = length / velocity
-    given = ruckig.InputParameter(1)
-    given.current_position, given.target_position = [0.0], [1.0]
-    given.max_velocity = [1.0]
-    given.max_acceleration = [acceleration * second**2 / length]
-    given.max_jerk = [jerk * second**3 / length]
+    scaled = ruckig.InputParameter(1)
+    scaled.current_position, scaled.target_position = [0.0], [1.0]
+    scaled.max_velocity = [1.0]
+    scaled.max_acceleration = [acceleration * second**2 / length]
+    scaled.max_jerk = [jerk * second**3 / length]
     found = ruckig.Trajectory(1)
-    result = ruckig.Ruckig(1).calculate(given, found)
+    result = ruckig.Ruckig(1).calculate(scaled, found)
     if result not in (ruckig.Result.Working, ruckig.Result.Finished):
         raise ImpossibleError(
             f"Ruckig finds no jerk-limited profile ({result.name}); limits may be too far apart",
@@ -222,13 +221,12 @@ def _profile(length: float, velocity: float, acceleration: float, jerk: float) -
 
 
 def time_joined(joined: Joined, limits: Limits, jerk: Array | None = None) -> Trajectory:
-    """Fastest motion along lines and transits joined by `plan.trajectory.joint_path.joined`, from rest to rest.
+    """Time the lines and transits joined by `plan.trajectory.joint_path.joined`, from rest to rest.
 
     Args:
         joined: the path.
-        limits: of velocity and acceleration.
-        jerk: limits (n,) in rad/s^3 for a motion that rests where lines and blends begin, see this module's
-            head; or None.
+        limits: limits of velocity and acceleration.
+        jerk: limits (n,) in rad/s^3, with which the motion stops where lines and blends begin; or None.
     """
     if jerk is not None:
         return time_smooth(joined.path, limits, jerk, joined.caps)

@@ -1,7 +1,7 @@
-"""Geometry of joint paths, with no time: piecewise polynomials q(s) with continuous direction.
+"""Geometry of joint paths, without time: piecewise polynomials q(s) with continuous direction.
 
-All are `scipy.interpolate.PPoly` over s, with values (6,): `path(s)`, `path(s, 1)`, `path(s, 2)`; `path.x` are the
-places where the second derivative may jump.
+A path is a `scipy.interpolate.PPoly` over s with values (n,): `path(s)`, `path(s, 1)`, `path(s, 2)`. The second
+derivative may jump at `path.x`.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from arm.errors import InputError
 from arm.se3 import Array, frozen
 
 if TYPE_CHECKING:
-    from plan.cartesian.line import JointPath  # which itself needs `smooth_path`
+    from plan.cartesian.line import JointPath  # it imports `smooth_path` from here
 
-Path = Any  # scipy.interpolate.PPoly; the library has no types
+Path = Any  # scipy.interpolate.PPoly; scipy has no types
 
-_SAME = 1e-9  # rad between way-points that count as one
-_ROUNDS = 60  # in which blends and the corners that they move settle
+_SAME = 1e-9  # rad, distance below which way-points count as one
+_ROUNDS = 60  # iterations in which blend durations and the corners that they move converge
 
 
 @dataclass(frozen=True, eq=False)
 class Joined:
-    """Line, transit and line as one path, over tau: nominal time, see `joined`.
+    """A line, a transit and a line as one path over nominal time tau, see `joined`.
 
     Attributes:
-        path: over tau, s, with continuous first derivative.
-        marks: tau where the first line ends and where the last begins; the path's own ends where there is none.
-        caps: (pieces,) largest d tau/dt that the tool's speed allows in each piece of the path; inf elsewhere.
+        path: over tau in s, with continuous first derivative.
+        marks: tau where the first line ends and where the last begins; an end of the path if there is no line.
+        caps: (pieces,) largest d tau/dt that the tool speed allows in each piece of the path; inf without a cap.
         deviation: largest distance of the transit from the straight lines through its way-points, rad (Euclidean).
     """
 
@@ -47,13 +47,13 @@ class Joined:
 
 @dataclass(frozen=True, eq=False)
 class Chained:
-    """Lines and transits in turn as one path, over tau as in `joined`.
+    """Alternating lines and transits as one path over tau, as in `joined`.
 
     Attributes:
-        path: over tau, s, with continuous first derivative.
+        path: over tau in s, with continuous first derivative.
         edges: (parts + 1,) tau where each part begins, and the end.
-        caps: (pieces,) as of `Joined`.
-        deviation: as of `Joined`, the largest of all transits.
+        caps: (pieces,) as in `Joined`.
+        deviation: as in `Joined`, the largest of all transits.
     """
 
     path: Path
@@ -64,19 +64,19 @@ class Chained:
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """A line that is part of a chain, and the cap on the speed along it (its unit of s per s), or None."""
+    """A line in a chain, and the cap on its speed (unit of the line's s, per s), or None."""
 
     path: JointPath
     tool_speed: float | None = None
 
 
 def smooth_path(q: npt.ArrayLike, s: npt.ArrayLike) -> Path:
-    """The cubic spline through way-points q (n, 6) at s (n,); for dense samples of a smooth curve."""
+    """Return the cubic spline through dense samples q (m, n) of a smooth curve at s (m,)."""
     return CubicSpline(np.asarray(s, dtype=float), np.asarray(q, dtype=float), bc_type="not-a-knot")
 
 
 def polyline(q: npt.ArrayLike) -> Path:
-    """Straight pieces between way-points q (n, 6), s being the distance in joint space in rad; corners stay sharp.
+    """Connect way-points q (m, n) by straight pieces with sharp corners; s is the distance in joint space, rad.
 
     Raises:
         InputError: fewer than two different way-points.
@@ -88,17 +88,18 @@ def polyline(q: npt.ArrayLike) -> Path:
 
 
 def blended(q: npt.ArrayLike, deviation: float) -> Path:
-    """Straight pieces joined by parabolas, at most `deviation` rad (Euclidean, in joint space) off each corner.
+    """Connect way-points q (m, n) by straight pieces and parabolas at most `deviation` rad (Euclidean) off the corners.
 
-    In a parabola that begins and ends a distance l from its corner, the direction turns at a constant rate from d0
-    to d1, and the curve passes |d1 - d0| l / 4 from the corner.
+    In a parabola that begins and ends at a distance l from its corner, the direction changes at a constant rate from
+    d0 to d1, and the curve passes the corner at a distance of |d1 - d0| l / 4.
 
     Raises:
         InputError: fewer than two different way-points, or a deviation that is not positive.
     """
     if not deviation > 0.0:
         raise InputError(
-            f"blend = {deviation:g} rad: must be positive; a sharp corner needs a stop", value=deviation
+            f"blend = {deviation:g} rad: must be positive; use corners='stop' for sharp corners",
+            value=deviation,
         )
     points = _distinct(q)
     steps = np.diff(points, axis=0)
@@ -145,21 +146,22 @@ def joined(
     tool_speed: float | None = None,
     blend: float = 1.0,
 ) -> Joined:
-    """A line, a transit through way-points, and a line, as one path without stops.
+    """Join a line, a transit through way-points, and a line into one path without stops.
 
-    The parameter tau is nominal time: at rate 1 every straight piece has its fastest joint at its velocity limit, and
-    a line runs at `tool_speed` or what its joints can. Corners are rounded by parabolas in tau (linear segments with
-    parabolic blends: J. Craig, "Introduction to Robotics", 2005, section 7.3), each of the duration in which the
-    change of velocity takes some joint's acceleration limit. A line is kept as it is: it is prolonged along its end's
-    tangent by half of a blend, so that the blend begins where the line ends.
+    The parameter tau is nominal time. At rate 1, the fastest joint moves at its velocity limit on every straight piece,
+    and a line is followed at `tool_speed` or as fast as its joints allow. Parabolas in tau round the corners (linear
+    segments with parabolic blends: J. Craig, "Introduction to Robotics", 2005, section 7.3); each is as long as the
+    change of velocity takes under the acceleration limits. Lines stay unchanged: the corner at the end of a line is
+    moved along its tangent by half a blend, so that the blend begins where the line ends.
 
     Args:
-        before: the line that comes first, or None to start at rest in the first way-point.
+        before: first line, or None to start at rest at the first way-point.
         waypoints: (m, n) rad, from the end of `before` to the start of `after`.
-        after: the line that comes last, or None.
-        limits: of velocity and acceleration.
-        tool_speed: cap on the speed along both lines, their unit of s per s, or None.
-        blend: in (0, 1]: what part of each blend's duration is taken; less is nearer to the way-points and slower.
+        after: last line, or None.
+        limits: limits of velocity and acceleration.
+        tool_speed: cap on the speed along both lines (unit of their s, per s), or None.
+        blend: in (0, 1], factor on the duration of each blend; a smaller one stays nearer to the way-points and is
+            slower.
 
     Raises:
         InputError: fewer than two different way-points, lines that do not meet them, `blend` or `tool_speed` out of
@@ -183,7 +185,7 @@ def joined(
 
 
 def chained(parts: Sequence[Stretch | npt.ArrayLike], limits: Limits, blend: float = 1.0) -> Chained:
-    """Lines and way-points (m, n) rad of transits in turn, as one path without stops; see `joined`.
+    """Join alternating lines and transits (way-points (m, n) rad) into one path without stops; see `joined`.
 
     Raises:
         InputError: two lines or two transits follow each other, or as `joined`.
@@ -192,8 +194,8 @@ def chained(parts: Sequence[Stretch | npt.ArrayLike], limits: Limits, blend: flo
         raise InputError(f"blend = {blend:g}: must be above 0 and at most 1", value=blend)
     straight = [isinstance(part, Stretch) for part in parts]
     if any(a == b for a, b in pairwise(straight)) or not parts:
-        raise InputError("a chain is made of lines and transits in turn", parts=len(parts))
-    ways = [None if isinstance(part, Stretch) else _distinct(part) for part in parts]
+        raise InputError("a chain must alternate between lines and transits", parts=len(parts))
+    transits = [None if isinstance(part, Stretch) else _distinct(part) for part in parts]
     made: list[_Part | None] = [None] * len(parts)
     for i, part in enumerate(parts):
         if isinstance(part, Stretch):
@@ -201,22 +203,22 @@ def chained(parts: Sequence[Stretch | npt.ArrayLike], limits: Limits, blend: flo
                 raise InputError(
                     f"speed cap = {part.tool_speed:g}: must be positive", value=float(part.tool_speed)
                 )
-            ends = (ways[i - 1] if i else None), (ways[i + 1] if i + 1 < len(parts) else None)
+            ends = (transits[i - 1] if i else None), (transits[i + 1] if i + 1 < len(parts) else None)
             meets = (None if ends[0] is None else ends[0][-1], None if ends[1] is None else ends[1][0])
             made[i] = _line(part.path, meets, limits, part.tool_speed)
     deviation = 0.0
-    for i, points in enumerate(ways):
+    for i, points in enumerate(transits):
         if points is not None:
             before, after = made[i - 1] if i else None, made[i + 1] if i + 1 < len(parts) else None
-            way = _transit(
+            transit = _transit(
                 points,
                 None if before is None else before.path(before.path.x[-1], 1),
                 None if after is None else after.path(after.path.x[0], 1),
                 limits,
                 blend,
             )
-            deviation = max(deviation, _farthest(way.path, points))
-            made[i] = way
+            deviation = max(deviation, _farthest(transit.path, points))
+            made[i] = transit
     found = [part for part in made if part is not None]
     starts = np.concatenate([[0.0], np.cumsum([float(part.path.x[-1]) for part in found])])
     x = np.concatenate([[0.0], *(b + part.path.x[1:] for b, part in zip(starts, found, strict=False))])
@@ -238,12 +240,13 @@ def _cubic(c: Array) -> Array:
 def _line(
     line: JointPath, meets: tuple[Array | None, Array | None], limits: Limits, tool_speed: float | None
 ) -> _Part:
-    """A line over its nominal time; it `meets` way-points of transits before and after it."""
+    """Return a line over its nominal time; it must meet the way-points `meets` of the transits around it."""
     for name, end, point in (("after", 0, meets[0]), ("before", -1, meets[1])):
         off = 0.0 if point is None else float(np.abs(line.q[end] - point).max())
         if off > 1e-6:
             raise InputError(
-                f"line {name}: ends {off:.3g} rad from the transit's way-point; must meet it", off_rad=off
+                f"line {name}: ends {off:.3g} rad from the transit's way-point: must meet it to 1e-6 rad",
+                off_rad=off,
             )
     path = smooth_path(line.q, line.s - line.s[0])
     x = path.x
@@ -257,40 +260,43 @@ def _line(
 
 
 def _transit(points: Array, enter: Array | None, leave: Array | None, limits: Limits, blend: float) -> _Part:
-    """Straight pieces and blends through points, from velocity `enter` to velocity `leave` (None: along the piece)."""
-    time = np.zeros(len(points))  # of the blend at every point, s; at the ends it is where a line is joined
+    """Return straight pieces and blends through points, from velocity `enter` to `leave` (None: along the piece)."""
+    time = np.zeros(len(points))  # of the blend at each point, s; those at the ends join the lines
     for turn in range(_ROUNDS):
-        wire = _wire(points, enter, leave, limits, time)
-        asked = blend * (np.abs(wire.change) / limits.acceleration).max(axis=1)
-        asked[1:] = np.minimum(asked[1:], wire.span)
-        asked[:-1] = np.minimum(asked[:-1], wire.span)
-        asked[asked < 1e-9] = 0.0
-        if np.abs(asked - time).max() <= 1e-12 * wire.span.max():
+        lines = _lines(points, enter, leave, limits, time)
+        wanted = blend * (np.abs(lines.change) / limits.acceleration).max(axis=1)
+        wanted[1:] = np.minimum(wanted[1:], lines.span)
+        wanted[:-1] = np.minimum(wanted[:-1], lines.span)
+        wanted[wanted < 1e-9] = 0.0
+        if np.abs(wanted - time).max() <= 1e-12 * lines.span.max():
             break
-        # what does not settle by itself does so by shrinking
-        time = asked if turn < _ROUNDS // 2 else np.minimum(asked, time)
-    wire = _wire(points, enter, leave, limits, time)
-    while (wire.room(time) < -1e-12 * wire.span).any():
+        # durations that do not converge may only shrink in the second half
+        time = wanted if turn < _ROUNDS // 2 else np.minimum(wanted, time)
+    lines = _lines(points, enter, leave, limits, time)
+    while (lines.room(time) < -1e-12 * lines.span).any():
         time = 0.9 * time
-        wire = _wire(points, enter, leave, limits, time)
+        lines = _lines(points, enter, leave, limits, time)
     pieces: list[tuple[float, Array]] = []
     for i, (corner, velocity, change) in enumerate(
-        zip(wire.corners, wire.velocities[:-1], wire.change, strict=True)
+        zip(lines.corners, lines.velocities[:-1], lines.change, strict=True)
     ):
         if time[i] > 0.0:
             start = corner - velocity * (time[i] / 2)
             pieces.append((float(time[i]), np.stack([change / (2 * time[i]), velocity, start])))
-        if i < len(wire.span) and wire.room(time)[i] > 1e-9:
-            onward = wire.velocities[i + 1]
+        if i < len(lines.span) and lines.room(time)[i] > 1e-9:
+            onward = lines.velocities[i + 1]
             start = corner + onward * (time[i] / 2)
-            pieces.append((float(wire.room(time)[i]), np.stack([0.0 * onward, onward, start])))
+            pieces.append((float(lines.room(time)[i]), np.stack([0.0 * onward, onward, start])))
     x = np.concatenate([[0.0], np.cumsum([length for length, _ in pieces])])
     return _Part(PPoly(np.stack([c for _, c in pieces], axis=1), x), np.inf)
 
 
 @dataclass(frozen=True, eq=False)
-class _Wire:
-    """Straight lines through corners (m, n), `span` (m - 1,) s long; velocities (m + 1, n) with those of both lines."""
+class _Lines:
+    """Straight lines through corners (m, n) with durations `span` (m - 1,) s, and velocities (m + 1, n).
+
+    The first and last velocity are those before and after the transit.
+    """
 
     corners: Array
     span: Array
@@ -298,16 +304,16 @@ class _Wire:
 
     @property
     def change(self) -> Array:
-        """Of velocity at every corner (m, n)."""
+        """Change of velocity at each corner, (m, n)."""
         return np.asarray(np.diff(self.velocities, axis=0))
 
     def room(self, time: Array) -> Array:
-        """What blends leave of every straight line, s."""
+        """Return the duration of each straight line that is left between blends, s."""
         return np.asarray(self.span - (time[:-1] + time[1:]) / 2)
 
 
-def _wire(points: Array, enter: Array | None, leave: Array | None, limits: Limits, time: Array) -> _Wire:
-    """The lines that blends of this duration round off: the end corners lie on the prolonged lines."""
+def _lines(points: Array, enter: Array | None, leave: Array | None, limits: Limits, time: Array) -> _Lines:
+    """Return the lines whose corners are rounded by blends of these durations; enter and leave move the end corners."""
     corners = points.copy()
     if enter is not None:
         corners[0] = points[0] + enter * (time[0] / 2)
@@ -317,11 +323,11 @@ def _wire(points: Array, enter: Array | None, leave: Array | None, limits: Limit
     span = np.maximum((np.abs(steps) / limits.velocity).max(axis=1), 1e-9)
     velocity = steps / span[:, None]
     ends = (velocity[0] if enter is None else enter, velocity[-1] if leave is None else leave)
-    return _Wire(corners, span, np.concatenate([ends[0][None], velocity, ends[1][None]]))
+    return _Lines(corners, span, np.concatenate([ends[0][None], velocity, ends[1][None]]))
 
 
 def _farthest(path: Path, points: Array) -> float:
-    """Largest distance of a path from the straight lines through points."""
+    """Return the largest distance of a path from the straight lines through points."""
     places = np.linspace(path.x[:-1], path.x[1:], 33).T.ravel()
     at = int(np.argmax(_distance(path(places), points)))
     near = np.linspace(places[max(at - 1, 0)], places[min(at + 1, len(places) - 1)], 65)
@@ -329,7 +335,7 @@ def _farthest(path: Path, points: Array) -> float:
 
 
 def _distance(q: Array, points: Array) -> Array:
-    """Distance (m,) of q (m, n) from the straight lines through points."""
+    """Return the distances (m,) of q (m, n) from the straight lines through points."""
     step = np.diff(points, axis=0)
     offset = q[:, None] - points[:-1]
     along = np.clip((offset * step).sum(-1) / (step * step).sum(-1), 0.0, 1.0)

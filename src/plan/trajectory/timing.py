@@ -1,11 +1,11 @@
-"""Timing of joint paths under velocity and acceleration limits, from rest to rest.
+"""Time parametrisation of joint paths under velocity and acceleration limits, from rest to rest.
 
-A straight piece in joint space has constant limits along it, so its fastest timing is a trapezoid, exact and
-without iteration. Any other path is timed by reachability analysis (`plan.trajectory.topp_ra`).
+On a straight piece in joint space the limits are constant, so the fastest timing is a trapezoid, exact and without
+iteration. Any other path is timed by reachability analysis (`plan.trajectory.topp_ra`).
 
-Between grid points acceleration can exceed its limit a little where the path is of third order. So every answer is
-measured inside every interval; where it exceeds by much, that interval is timed with a lower limit, and what is left
-is stretched in time as a whole.
+On a path of third order, the acceleration can slightly exceed its limit between grid points. So every result is
+measured inside every interval. Intervals with a large excess are timed again with a lower limit; a small excess is
+removed by stretching the whole trajectory in time.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from arm.errors import InputError
 from arm.se3 import Array, frozen
 from plan.cartesian.line import JointPath
 from plan.trajectory.joint_path import Path, blended, polyline, smooth_path
-from plan.trajectory.topp_ra import fastest, stages
+from plan.trajectory.topp_ra import gridpoints, parametrise
 
 CORNERS = ("blend", "stop")
-Caps = float | Array | None  # on the rate of the path parameter, for all of a path or for each piece of it
+Caps = float | Array | None  # on the rate of the path parameter, for a whole path or for each piece of it
 
-GRID = 200  # intervals along all that is not straight; fewer lose motion time
-_BEND_GRID = 12  # intervals in a bend, however short; where it is a parabola, limits hold between them too
-_INSIDE = np.array([1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6])  # of an interval, where limits are measured
-_EASINGS = 4  # attempts at most
-_WORTH_EASING = 1.0005  # times an acceleration limit; what is less is left to stretching the whole
-_ROOM = 1.1  # times an excess, to be rid of it
-_SWITCH = 0.2  # of the acceleration limit: a jump this large is a place to start a new segment
+GRID = 200  # intervals over all curved pieces; fewer give slower motions
+_BEND_GRID = 12  # intervals in a bend, however short; in a parabola, limits hold between them too
+_INSIDE = np.array([1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6])  # places in an interval where limits are measured
+_EASINGS = 4  # timings at most
+_WORTH_EASING = 1.0005  # excess of an acceleration limit above which intervals are timed again
+_ROOM = 1.1  # factor on an excess to remove it
+_SWITCH = 0.2  # of the acceleration limit: jumps this large should start a new segment
 
 
 @dataclass(frozen=True)
 class State:
-    """Positions (m, n) rad, velocities rad/s and accelerations rad/s^2 at m times."""
+    """Positions (m, n) rad, velocities (m, n) rad/s and accelerations (m, n) rad/s^2 at m times."""
 
     q: Array
     qd: Array
@@ -45,15 +45,15 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """A timed path: s moves along it with constant acceleration between knots.
+    """A timed path, with constant second derivative of s between knots.
 
     Attributes:
         path: geometry, see `plan.trajectory.joint_path`.
-        times, s, rate: (k,) knots: time s, path parameter, and its rate per s.
-        limits: that it was timed under.
+        times, s, rate: (k,) knots: time in s, path parameter, and its rate per s.
+        limits: limits that it was timed under.
         method: ``trapezoid``, ``topp`` or ``ruckig`` (`plan.trajectory.jerk_limited`).
         rate_cap: cap on the rate that it was timed under, or None.
-        stretch: by which time was lengthened after timing, to keep limits; 1 if it was not.
+        stretch: factor on time after timing, to keep the limits; 1 if not needed.
     """
 
     path: Path
@@ -67,11 +67,11 @@ class Trajectory:
 
     @property
     def duration(self) -> float:
-        """s."""
+        """Duration, s."""
         return float(self.times[-1])
 
     def at(self, times: npt.ArrayLike) -> State:
-        """State at times (m,) in s, clamped to the motion."""
+        """Return the state at times (m,) in s, clamped to the motion."""
         t = np.clip(np.atleast_1d(np.asarray(times, dtype=float)), 0.0, self.times[-1])
         i = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2)
         tau = t - self.times[i]
@@ -82,16 +82,16 @@ class Trajectory:
         return State(self.path(s), first * rate, second * rate**2 + first * drive[:, None])
 
     def passed(self, s: npt.ArrayLike) -> Array:
-        """Times (m,) in s at which the motion passes places s (m,) of its path, clamped to it."""
+        """Return the times (m,) in s at which the motion passes path parameters s (m,), clamped to the path."""
         places = np.clip(np.atleast_1d(np.asarray(s, dtype=float)), self.s[0], self.s[-1])
         i = np.clip(np.searchsorted(self.s, places, side="right") - 1, 0, len(self.s) - 2)
-        way = places - self.s[i]
-        rate = np.sqrt(np.maximum(self.rate[i] ** 2 + 2.0 * self._drive()[i] * way, 0.0))
+        past = places - self.s[i]
+        rate = np.sqrt(np.maximum(self.rate[i] ** 2 + 2.0 * self._drive()[i] * past, 0.0))
         sum_ = np.maximum(self.rate[i] + rate, 1e-300)
-        return np.asarray(np.minimum(self.times[i] + 2.0 * way / sum_, self.times[i + 1]))
+        return np.asarray(np.minimum(self.times[i] + 2.0 * past / sum_, self.times[i + 1]))
 
     def stretched(self, factor: float) -> Trajectory:
-        """The same path in `factor` times the time."""
+        """Return the same path in `factor` times the time."""
         return replace(
             self,
             times=frozen(self.times * factor),
@@ -100,13 +100,13 @@ class Trajectory:
         )
 
     def under(self, limits: Limits) -> Trajectory:
-        """The same path timed anew under other limits, by the same method."""
+        """Time the same path under other limits, by the same method."""
         if self.method == "trapezoid":
             return _trapezoids(self.path, limits)
         return time_curve(self.path, limits, self.rate_cap)
 
     def switches(self) -> Array:
-        """Times (k,) in s at which the acceleration jumps by a fifth of a joint's limit or more; without both ends."""
+        """Return the times (k,) in s, without both ends, where an acceleration jumps by over 20 % of its limit."""
         drive = self._drive()
         gap = np.diff(self.s)
         before = self._acceleration(self.s[1:-1] - 1e-9 * gap[:-1], self.rate[1:-1], drive[:-1])
@@ -115,10 +115,10 @@ class Trajectory:
         return np.asarray(self.times[1:-1][jumps])
 
     def loads(self) -> tuple[Array, Array]:
-        """Velocity and acceleration over their limits, the largest in every interval between knots; (k - 1,) each.
+        """Return the largest velocity and acceleration, relative to their limits, between knots; (k - 1,) each.
 
-        The rate's square is linear in s between knots, so on a path of order 3 acceleration is a quadratic in s: its
-        extreme follows from three values. Velocity is measured at five places.
+        Between knots the square of the rate is linear in s. So on a path of order 3 the acceleration is quadratic in s,
+        and its extreme follows from three values. The velocity is measured at five places.
         """
         s = self.s[:-1, None] + _INSIDE * np.diff(self.s)[:, None]
         drive = self._drive()[:, None]
@@ -135,12 +135,12 @@ class Trajectory:
         return velocity.max(axis=(1, 2)), every.max(axis=(0, 2))
 
     def peaks(self) -> Peaks:
-        """The largest of `loads`."""
+        """Return the largest of `loads`."""
         velocity, acceleration = self.loads()
         return Peaks(float(velocity.max()), float(acceleration.max()))
 
     def _drive(self) -> Array:
-        """Second derivative of s by time in every interval (k - 1,)."""
+        """Return the second derivative of s with respect to time between knots, (k - 1,)."""
         return np.asarray(np.diff(self.rate**2) / (2 * np.diff(self.s)))
 
     def _acceleration(self, s: Array, rate: Array, drive: Array) -> Array:
@@ -149,23 +149,24 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Peaks:
-    """Largest ratio of a joint's velocity and acceleration to its limit; 1 is on the limit."""
+    """Largest ratios of a joint's velocity and acceleration to its limits."""
 
     velocity: float
     acceleration: float
 
     def stretch(self) -> float:
-        """The factor on time that brings both to at most 1."""
+        """Return the factor on time that brings both to at most 1."""
         return max(1.0, self.velocity, float(np.sqrt(self.acceleration)))
 
 
 def time_path(q: npt.ArrayLike, limits: Limits, corners: str = "blend", blend: float = 0.02) -> Trajectory:
-    """Fastest motion through straight pieces of joint space, from rest to rest.
+    """Time the straight joint-space pieces between way-points, from rest to rest.
 
     Args:
-        q: way-points (n, 6) rad, n >= 2.
-        limits: of velocity and acceleration.
-        corners: ``stop`` at each, on the path exactly; or ``blend``: go round each, at most `blend` off it.
+        q: way-points (m, n) rad, m >= 2.
+        limits: limits of velocity and acceleration.
+        corners: ``stop``: exactly on the pieces, with a stop at each corner; ``blend``: round each corner, at most
+            `blend` off it.
         blend: rad, Euclidean in joint space.
 
     Raises:
@@ -180,49 +181,49 @@ def time_path(q: npt.ArrayLike, limits: Limits, corners: str = "blend", blend: f
 
 
 def time_line(path: JointPath, limits: Limits, tool_speed: float | None = None) -> Trajectory:
-    """Fastest motion along a followed line, from rest to rest.
+    """Time a Cartesian line, from rest to rest.
 
     Args:
         path: from `plan.cartesian.line.follow_line`.
-        limits: of velocity and acceleration.
-        tool_speed: cap on the tool's speed, m/s (rad/s if the line is a turn on the spot), or None.
+        limits: limits of velocity and acceleration.
+        tool_speed: cap on the tool's speed, m/s (rad/s for a pure rotation), or None.
     """
     return time_curve(smooth_path(path.q, path.s), limits, tool_speed)
 
 
 def time_curve(path: Path, limits: Limits, rate_cap: Caps = None) -> Trajectory:
-    """Fastest motion along any path of `plan.trajectory.joint_path`, from rest to rest, by TOPP-RA.
+    """Time any path of `plan.trajectory.joint_path`, from rest to rest, by TOPP-RA.
 
     Args:
-        path: with continuous first derivative.
-        limits: of velocity and acceleration.
-        rate_cap: cap on the path parameter's rate, its unit per s; one for all, one for each piece of the path
-            (inf where there is none), or None.
+        path: path with continuous first derivative.
+        limits: limits of velocity and acceleration.
+        rate_cap: cap on the rate of the path parameter, its unit per s: one for the path, or one for each piece (inf
+            for no cap), or None.
 
     Raises:
-        InputError: a cap that is not positive, or a path along which no joint moves.
+        InputError: a cap is not positive, or no joint moves along the path.
     """
-    stage = stages(path, _counts(path), rate_caps(path, rate_cap))
+    stage = gridpoints(path, _counts(path), rate_caps(path, rate_cap))
     ease = np.ones(len(stage.s) - 1)
     for _ in range(_EASINGS):
-        s, rate = fastest(stage, limits, ease)
+        s, rate = parametrise(stage, limits, ease)
         trajectory = Trajectory(path, _times(s, rate), frozen(s), frozen(rate), limits, "topp", rate_cap)
         velocity, acceleration = trajectory.loads()
         if acceleration.max() <= _WORTH_EASING:
             break
         which = np.clip(np.searchsorted(stage.s, s[:-1], side="right") - 1, 0, len(ease) - 1)
         np.maximum.at(ease, which, ease[which] * (1.0 + _ROOM * np.maximum(0.0, acceleration - 1.0)))
-    # a speed found too high at `_INSIDE` may be a little higher between
+    # a velocity that is too high at `_INSIDE` may be slightly higher between these places
     velocity = 1.0 + _ROOM * (velocity - 1.0)
     excess = Peaks(float(velocity.max()), float(acceleration.max())).stretch()
     return trajectory if excess <= 1.0 + 1e-12 else trajectory.stretched(excess * (1.0 + 1e-12))
 
 
 def rate_caps(path: Path, rate_cap: Caps) -> Array:
-    """The cap in every piece of a path, inf where there is none.
+    """Return the cap on the rate in each piece of a path, inf for no cap.
 
     Raises:
-        InputError: one is not positive.
+        InputError: a cap is not positive.
     """
     caps = np.broadcast_to(np.asarray(np.inf if rate_cap is None else rate_cap, dtype=float), len(path.x) - 1)
     if not (caps > 0.0).all():
@@ -231,11 +232,11 @@ def rate_caps(path: Path, rate_cap: Caps) -> Array:
 
 
 def _counts(path: Path) -> npt.NDArray[np.int64]:
-    """Intervals for each piece: one where it is straight, which is exact; several in each bend, however short."""
+    """Return the number of intervals of each piece: one if it is straight, which is exact; else several."""
     straight = ~(path.c[:-2] != 0.0).any(axis=(0, 2))
     length = np.diff(path.x)
     step = max(float(length[~straight].sum()), 1e-12) / GRID
-    least = _BEND_GRID if path.c.shape[0] < 4 else 1  # a spline's pieces are many already
+    least = _BEND_GRID if path.c.shape[0] < 4 else 1  # a spline has many pieces
     return np.where(straight, 1, np.maximum(least, np.ceil(length / step - 1e-9))).astype(np.int64)
 
 
@@ -244,7 +245,7 @@ def _times(s: Array, rate: Array) -> Array:
 
 
 def _trapezoids(path: Path, limits: Limits) -> Trajectory:
-    """A trapezoid for every straight piece; at rest between them."""
+    """Time each straight piece by a trapezoid, with stops between them."""
     times, s, rate = [0.0], [float(path.x[0])], [0.0]
     for begin, end, slope in zip(path.x[:-1], path.x[1:], np.abs(path.c[0]), strict=True):
         with np.errstate(divide="ignore"):

@@ -1,19 +1,19 @@
-"""Time-optimal rates along a path under symmetric velocity and acceleration limits, by reachability analysis.
+"""Time-optimal path parametrisation under symmetric velocity and acceleration limits, by reachability analysis.
 
 After H. Pham, Q.-C. Pham, "A new approach to time-optimal path parameterization based on reachability analysis",
-IEEE T-RO 2018, specialised to boxes that are symmetric about zero. With the path q(s), x = (ds/dt)^2 and u = d2s/dt2,
-a joint's acceleration is q' u + q'' x. In an interval of length d, u is constant and x grows by 2 d u. Limits are
-asked for at both ends of the interval with the same u (the paper's interpolation scheme), with the derivatives that
-the path has inside the interval, so that its second derivative may jump between intervals. Every joint and end gives
+IEEE T-RO 2018, specialised to limits that are symmetric about zero. With the path q(s), x = (ds/dt)^2 and
+u = d2s/dt2, a joint's acceleration is q' u + q'' x. In an interval of length d, u is constant and x grows by 2 d u.
+Limits hold at both ends of the interval with the same u (the paper's interpolation scheme). The derivatives of the path
+are taken from inside the interval, so its second derivative may jump between intervals. Each joint and end gives
 
-    |A u + B x| <= a,      x at the interval's beginning,
+    |A u + B x| <= a,      x at the interval's beginning.
 
-which, with the next x' = x + 2 d u, g = 1 - 2 d B / A and p = 2 d a / |A|, reads g x - p <= x' <= g x + p.
+With the next x' = x + 2 d u, g = 1 - 2 d B / A and p = 2 d a / |A|, this is g x - p <= x' <= g x + p.
 
-Rest (x = 0, u = 0) keeps all of these, so the rates from which the end can be reached are [0, K] at every place:
-one number, found from the end backwards by K = min(cap, (K' + p) / g). Greedy from the beginning, x' = min(K',
-g x + p), is then optimal. What does not depend on the next interval is in the cap, for all intervals at once: speeds,
-every two rows together (which covers zero inertia, A = 0), and x' >= 0.
+Rest (x = 0, u = 0) satisfies all constraints. So the x from which the end can be reached form an interval [0, K] at
+every grid point, found backwards from the end by K = min(cap, (K' + p) / g). The greedy forward pass
+x' = min(K', g x + p) is then optimal. The cap collects, for all intervals at once, the constraints that do not depend
+on the next interval: velocities, every two rows together (which covers zero inertia, A = 0), and x' >= 0.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ from arm.se3 import Array
 
 Flags = npt.NDArray[np.bool_]
 
-# Of an interval, where speed between its ends is compared with what both ends allow. Between these the excess, a
-# parabola nearly, can be a sixteenth larger; a tenth is added.
+# Places in an interval where the velocity is checked. Between them the excess, nearly a parabola, can be 1/16 larger;
+# the factor adds 1/10.
 _BETWEEN = np.array([0.25, 0.5, 0.75])
 _ROOM = 1.1
 _STEEP = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Stages:
+class Gridpoints:
     """Intervals of a path, each inside one polynomial piece.
 
     Attributes:
-        s: (n + 1,) where they begin and end.
+        s: (n + 1,) grid points.
         first, second: (n, 5, joints) derivatives at 0, 1/4, 1/2, 3/4 and 1 of each interval, from inside it.
-        straight: (n,) whether the path is straight there.
-        cap: (n,) largest ds/dt allowed, inf where there is none.
+        straight: (n,) whether the path is straight in the interval.
+        cap: (n,) largest ds/dt, inf for no cap.
     """
 
     s: Array
@@ -55,13 +55,13 @@ class Stages:
     cap: Array
 
 
-def stages(path: Any, counts: Any, caps: Array) -> Stages:
+def gridpoints(path: Any, counts: Any, caps: Array) -> Gridpoints:
     """Cut the pieces of a path (scipy PPoly of order at most 3) into equal intervals.
 
     Args:
-        path: values (joints,).
-        counts: (pieces,) int, intervals in each.
-        caps: (pieces,) largest ds/dt, inf where there is none.
+        path: with values (joints,).
+        counts: (pieces,) int, number of intervals in each piece.
+        caps: (pieces,) largest ds/dt, inf for no cap.
     """
     piece = np.repeat(np.arange(len(counts)), counts)
     length = np.diff(path.x)[piece] / counts[piece]
@@ -72,7 +72,7 @@ def stages(path: Any, counts: Any, caps: Array) -> Stages:
     c = np.zeros((4, *path.c.shape[1:]))
     c[4 - path.c.shape[0] :] = path.c
     cubic, square, slope, _ = c[:, piece][:, :, None]
-    return Stages(
+    return Gridpoints(
         s=s,
         first=slope + at * (2.0 * square + at * 3.0 * cubic),
         second=2.0 * square + at * 6.0 * cubic,
@@ -81,15 +81,15 @@ def stages(path: Any, counts: Any, caps: Array) -> Stages:
     )
 
 
-def fastest(stage: Stages, limits: Limits, ease: Array | None = None) -> tuple[Array, Array]:
-    """Places s and rates ds/dt, from rest to rest, between which d2s/dt2 is constant.
+def parametrise(stage: Gridpoints, limits: Limits, ease: Array | None = None) -> tuple[Array, Array]:
+    """Return path parameters s and rates ds/dt, from rest to rest, between which d2s/dt2 is constant.
 
-    In a straight interval the limits are the same everywhere; there, places are added where a trapezoid switches.
+    Limits are constant in a straight interval; the result has additional points there where a trapezoid switches.
 
     Args:
         stage: the path.
-        limits: of velocity and acceleration.
-        ease: (n,) by which acceleration limits are divided in each interval, or None.
+        limits: limits of velocity and acceleration.
+        ease: (n,) divisors of the acceleration limits in each interval, or None.
 
     Raises:
         InputError: no joint moves.
@@ -105,7 +105,7 @@ def fastest(stage: Stages, limits: Limits, ease: Array | None = None) -> tuple[A
         g = np.where(A != 0.0, 1.0 - step[:, None] * B / A, 1.0)
         inside = np.minimum((limits.velocity / np.abs(stage.first)).min(axis=-1), stage.cap[:, None]) ** 2
         speed = _speed_caps(inside)
-        # x' >= 0 must be within reach
+        # x' >= 0 must be reachable
         stop = np.where(g < 0.0, p / -g, np.inf).min(axis=1)
         cap = np.minimum(speed, np.append(np.minimum(_pair_caps(A, B, a, stage.straight), stop), np.inf))
     if not np.isfinite(cap).any():
@@ -117,13 +117,13 @@ def fastest(stage: Stages, limits: Limits, ease: Array | None = None) -> tuple[A
 
 
 def _speed_caps(inside: Array) -> Array:
-    """Largest x at every place (n + 1,) with which speeds are kept there and, x being linear, between them too.
+    """Return the largest x at the grid points (n + 1,) that keeps velocity limits there and, x being linear, between.
 
-    `inside` (n, 5) holds what speeds allow x to be at the five places of every interval.
+    `inside` (n, 5) is the largest x under the velocity limits at the five places of every interval.
     """
     ends = np.append(inside[:, 0], np.inf)
     ends[1:] = np.minimum(ends[1:], inside[:, -1])
-    # in a place where no joint moves speed has no limit: there it is bound by that nearby
+    # where no joint moves, the velocity has no limit; use that of the interval's middle
     ends[:-1] = np.minimum(ends[:-1], _STEEP * inside[:, 2])
     ends[1:] = np.minimum(ends[1:], _STEEP * inside[:, 2])
     between = ends[:-1, None] + _BETWEEN * np.diff(ends)[:, None]
@@ -135,7 +135,7 @@ def _speed_caps(inside: Array) -> Array:
 
 
 def _pair_caps(A: Array, B: Array, a: Array, straight: Flags) -> Array:
-    """Largest x (n,) for which some u keeps each two of the rows |A u + B x| <= a."""
+    """Return the largest x (n,) for which some u satisfies every two of the rows |A u + B x| <= a."""
     caps = np.full(len(A), np.inf)
     bent = np.flatnonzero(~straight)
     A, B, a = A[bent], B[bent], a[bent]
@@ -150,7 +150,7 @@ def _pair_caps(A: Array, B: Array, a: Array, straight: Flags) -> Array:
 
 
 def _passes(p: Array, g: Array, cap: Array) -> list[float]:
-    """x at every place: backwards what can still stop, then forwards as fast as that allows."""
+    """Return x at the grid points: the controllable x in a backward pass, then the fastest in a forward pass."""
     reach = cap.tolist()
     rows = [list(zip(*row, strict=True)) for row in zip(p.tolist(), g.tolist(), strict=True)]
     for i in range(len(rows) - 1, -1, -1):
@@ -170,8 +170,8 @@ def _passes(p: Array, g: Array, cap: Array) -> list[float]:
     return x
 
 
-def _with_switches(stage: Stages, x: Array, push: Array, most: Array) -> tuple[Array, Array]:
-    """Rates, with the places added at which a trapezoid with these end rates switches in the straight intervals."""
+def _with_switches(stage: Gridpoints, x: Array, push: Array, most: Array) -> tuple[Array, Array]:
+    """Return s and rates, with points added where a trapezoid between these rates switches in straight intervals."""
     s, length = stage.s, np.diff(stage.s)
     top = np.minimum((x[:-1] + x[1:]) / 2.0 + push * length, most)
     with np.errstate(invalid="ignore"):

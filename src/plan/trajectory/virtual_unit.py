@@ -1,8 +1,8 @@
-"""A grid of counts for arms without a known controller, so fine that it does not matter.
+"""A unit with very fine counts, for arms without a known controller.
 
-Timing ends in whole counts, because only those can be sent, stored and proved to the bit. An arm without a `Unit` gets
-counts of 1 urad (1 um for sliding joints), far below what any arm repeats. Nothing made on them can be streamed.
-The same inputs make the same bytes.
+Timing ends in whole counts, because only these can be sent, stored and proved to the bit. An arm without a `Unit` gets
+counts of 1 urad (1 um for prismatic joints), far below any arm's repeatability. Such plans cannot be streamed. The same
+inputs give the same bytes.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from arm.se3 import frozen
 PER_RAD = 1e6
 
 
-def fine_grid(robot: Robot, limits: Limits) -> Unit:
-    """Counts of 1e-6 rad or m for every joint of an arm; axes are called as its joints."""
+def virtual_unit(robot: Robot, limits: Limits) -> Unit:
+    """Return a unit with counts of 1e-6 rad or m for every joint of an arm; axes have the names of its joints."""
     n = len(robot.joint_names)
     at_zero = np.zeros(n, dtype=np.int64)
     at_zero.flags.writeable = False

@@ -1,16 +1,8 @@
-"""Ways around bodies: RRT-Connect, and the way made shorter."""
+"""Transits around bodies: RRT-Connect and path optimisation."""
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
-_FORMER = (
-    "plan_transit",
-    "Detours",
-)  # of the module that this package was, for one version
+from arm.former import FormerNames
 
 if not TYPE_CHECKING:
-
-    def __getattr__(name: str) -> object:
-        if name in _FORMER:
-            return getattr(import_module("plan.transit.planner"), name)
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    __getattr__ = FormerNames(__name__, "plan.transit.planner", "plan_transit", Detours="TransitPlanner")

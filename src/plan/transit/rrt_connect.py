@@ -1,4 +1,4 @@
-"""RRT-Connect (J. Kuffner, S. LaValle, ICRA 2000) in joint space scaled by speed; every edge is proved."""
+"""RRT-Connect (J. Kuffner, S. LaValle, ICRA 2000) in joint space scaled by the velocity limits."""
 
 from __future__ import annotations
 
@@ -9,18 +9,17 @@ import numpy as np
 from arm.controller.unit import Limits
 from arm.se3 import Array
 
-# Extension of a tree, in seconds of travel at full speed.
-_STEP = 2.0
+_STEP = 2.0  # s of travel at full velocity, longest edge of a tree
 
 
 class RrtConnect:
-    """Two trees that grow towards random configurations and each other.
+    """Two trees that grow towards random configurations and towards each other.
 
     Args:
-        limits: of the joints; nearness is in seconds of travel of the slowest joint.
-        free: whether a configuration keeps its clearance.
-        clear: whether the straight joint line between two does, proved.
-        rng: of all random choices.
+        limits: joint limits; distances are the largest travel time of a joint.
+        free: returns whether a configuration has the clearance.
+        clear: returns whether the straight joint line between two configurations is certified.
+        rng: source of all random choices.
     """
 
     def __init__(
@@ -33,7 +32,7 @@ class RrtConnect:
         self.limits, self.free, self.clear, self.rng = limits, free, clear, rng
 
     def search(self, start: Array, goal: Array, samples: int) -> Array | None:
-        """Way-points (m, n) from start to goal, or None after that many samples."""
+        """Return way-points (m, n) from start to goal, or None after `samples` samples."""
         trees = (_Tree(start, self.limits.velocity), _Tree(goal, self.limits.velocity))
         for _ in range(samples):
             target = self.rng.uniform(self.limits.lower, self.limits.upper)
@@ -51,7 +50,7 @@ class RrtConnect:
         return None
 
     def extend(self, tree: _Tree, target: Array) -> int | None:
-        """One step from the nearest node towards `target`; index of the new node, or None where it is blocked."""
+        """Extend the nearest node by one step towards `target`; return the new node, or None if it is blocked."""
         near = tree.nearest(target)
         step = target - tree.nodes[near]
         reach = float((np.abs(step) / self.limits.velocity).max())
@@ -61,7 +60,7 @@ class RrtConnect:
         return tree.add(q, near)
 
     def connect(self, tree: _Tree, target: Array) -> int | None:
-        """Steps towards `target` until it is reached (index of its node) or something is in the way (None)."""
+        """Extend towards `target` until it is reached (return its node) or blocked (return None)."""
         while True:
             grown = self.extend(tree, target)
             if grown is None or np.array_equal(tree.nodes[grown], target):
@@ -69,7 +68,7 @@ class RrtConnect:
 
 
 class _Tree:
-    """Configurations with their parents; nearness is in seconds of travel of the slowest joint."""
+    """Configurations with their parents; distances are the largest travel time of a joint."""
 
     def __init__(self, root: Array, velocity: Array) -> None:
         self.nodes = [root]
@@ -91,8 +90,8 @@ class _Tree:
         return int(np.argmin(away))
 
     def back_to_root(self, index: int) -> list[Array]:
-        way = []
+        nodes = []
         while index >= 0:
-            way.append(self.nodes[index])
+            nodes.append(self.nodes[index])
             index = self._parent[index]
-        return way
+        return nodes

@@ -21,7 +21,7 @@ _POINT = 1e-6  # m, radius of a ball that stands for a point
 
 
 @dataclass(frozen=True, eq=False)
-class Situation:
+class AttachmentState:
     """What moves with the tool, and where bodies stand that were moved.
 
     Attributes:
@@ -48,7 +48,7 @@ def _rounded(T: Array) -> tuple[float, ...]:
     return tuple((np.round(T[:3], 9) + 0.0).ravel().tolist())
 
 
-class Worlds:
+class AttachmentWorlds:
     """Worlds of one list of poses, built when first asked for.
 
     Args:
@@ -77,7 +77,9 @@ class Worlds:
         for target in targets:
             unknown = sorted({name for pair in target.pairs for name in pair} - names)
             if unknown:
-                raise target.error("touching", unknown[0], f"must be one of {', '.join(sorted(names))}")
+                raise target.error(
+                    "allowed_collisions", unknown[0], f"must be one of {', '.join(sorted(names))}"
+                )
             if target.attach is not None:
                 if target.attach not in self.bodies:
                     raise target.error(
@@ -93,29 +95,31 @@ class Worlds:
                     raise target.error("detach", True, "nothing moves with the tool there")
                 held = None
         self.movable = {t.attach for t in targets if t.attach is not None}
-        self.start = Situation(None, None, ())
+        self.start = AttachmentState(None, None, ())
         self._worlds: dict[tuple[object, ...], World] = {}
 
-    def world(self, situation: Situation, touching: Pairs = frozenset()) -> World:
+    def world(self, situation: AttachmentState, allowed_collisions: Pairs = frozenset()) -> World:
         """The world of a situation, in which some pairs may touch."""
-        key = (situation.key, touching)
+        key = (situation.key, allowed_collisions)
         if key not in self._worlds:
             moved = dict(situation.moved)
             bodies = [b.at(moved.get(b.name, b.T_base_body)) for b in self.bodies.values()]
             still = [b for b in bodies if b.name != situation.held]
             held = None if situation.held is None else self.bodies[situation.held]
-            self._worlds[key] = World(self.robot, still, held, situation.T_tool_held, touching, self.padding)
+            self._worlds[key] = World(
+                self.robot, still, held, situation.T_tool_held, allowed_collisions, self.padding
+            )
         return self._worlds[key]
 
-    def at_least(self, touching: Pairs = frozenset()) -> World:
+    def at_least(self, allowed_collisions: Pairs = frozenset()) -> World:
         """The world without anything that is ever moved: what hits something here does so in every situation."""
-        key = ("least", touching)
+        key = ("least", allowed_collisions)
         if key not in self._worlds:
             still = [b for b in self.bodies.values() if b.name not in self.movable]
-            self._worlds[key] = World(self.robot, still, None, None, touching, self.padding)
+            self._worlds[key] = World(self.robot, still, None, None, allowed_collisions, self.padding)
         return self._worlds[key]
 
-    def gap(self, situation: Situation, target: Target, T_base_tool: Array) -> Distance:
+    def gap(self, situation: AttachmentState, target: Target, T_base_tool: Array) -> Distance:
         """How far the body that a target attaches is from the hand, or from the tool frame's origin if that is nearer.
 
         The hand is all that moves with the last joint. With the tool at `T_base_tool` it stands where the tool does,
@@ -133,15 +137,15 @@ class Worlds:
         tool = Body("the tool frame", Sphere(_POINT), T_base_tool, "robot")
         return min((distance_of(part, body) for part in (*hand, tool)), key=lambda d: d.value)
 
-    def after(self, situation: Situation, target: Target, T_base_tool: Array) -> Situation:
+    def after(self, situation: AttachmentState, target: Target, T_base_tool: Array) -> AttachmentState:
         """The situation once the tool was at a target."""
         moved = dict(situation.moved)
         if target.attach is not None:
             body = self.bodies[target.attach]
             T_base_body = moved.pop(target.attach, body.T_base_body)
             rest = tuple(sorted(moved.items(), key=lambda item: item[0]))
-            return Situation(target.attach, frozen(mul(inverse(T_base_tool), T_base_body)), rest)
+            return AttachmentState(target.attach, frozen(mul(inverse(T_base_tool), T_base_body)), rest)
         if target.detach and situation.held is not None and situation.T_tool_held is not None:
             moved[situation.held] = frozen(mul(T_base_tool, situation.T_tool_held))
-            return Situation(None, None, tuple(sorted(moved.items(), key=lambda item: item[0])))
+            return AttachmentState(None, None, tuple(sorted(moved.items(), key=lambda item: item[0])))
         return situation

@@ -8,7 +8,7 @@ import numpy as np
 
 from arm.numerics.angles import arccos
 from arm.numerics.products import mul
-from plan.waypoints.line_chains import LineStep
+from plan.waypoints.line_chains import LinearMove
 from plan.waypoints.target import Target
 
 _MOST = 0.4  # of a line that a cut may take at each end
@@ -16,7 +16,7 @@ _BACK = -0.98  # cosine of a change of direction that is a way back, where there
 _FLATTEST = 0.05  # sine of half the change of direction below which a corner is taken for one of this
 
 
-def cut_length(before: LineStep, after: LineStep, targets: Sequence[Target]) -> float:
+def blend_distance(before: LinearMove, after: LinearMove, targets: Sequence[Target]) -> float:
     """How far from the corner of two lines a straight way across passes it at its target's `within`; m, 0 for none.
 
     From a points' distance r before the corner to one r after it the way passes the corner at r sin(turn / 2).
@@ -28,7 +28,7 @@ def cut_length(before: LineStep, after: LineStep, targets: Sequence[Target]) -> 
     at_target = after.role == "retract" or after.role == "line"
     if before.role == "retract":
         at_target = False
-    if target.within == 0.0 or (at_target and target.stops):
+    if target.blend_radius == 0.0 or (at_target and target.stops):
         return 0.0
     if targets[before.target].pairs != targets[after.target].pairs:
         return 0.0
@@ -40,5 +40,5 @@ def cut_length(before: LineStep, after: LineStep, targets: Sequence[Target]) -> 
         return 0.0
     sine = float(np.sin(0.5 * arccos(mul(one, two))))
     return float(
-        min(target.within / max(sine, _FLATTEST), _MOST * before.line.length, _MOST * after.line.length)
+        min(target.blend_radius / max(sine, _FLATTEST), _MOST * before.line.length, _MOST * after.line.length)
     )

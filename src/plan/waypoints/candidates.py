@@ -13,12 +13,12 @@ from arm.controller.unit import Limits
 from arm.errors import ImpossibleError
 from arm.robot.model import Robot
 from arm.se3 import Array
-from plan.collision.self_collision import told_own_overlaps
+from plan.collision.self_collision import self_collision_help
 from plan.kinematics.ik import explain_pose, has_closed_form
 from plan.kinematics.numeric_ik import SearchOptions, solve_ik
 from plan.options import PlanOptions
 from plan.trajectory.time_estimates import straight_time
-from plan.waypoints.attachments import Worlds
+from plan.waypoints.attachments import AttachmentWorlds
 from plan.waypoints.target import Target
 
 
@@ -43,7 +43,7 @@ class Candidates:
     def __init__(
         self,
         robot: Robot,
-        worlds: Worlds,
+        worlds: AttachmentWorlds,
         targets: Sequence[Target],
         groups: Sequence[range],
         limits: Limits,
@@ -141,14 +141,14 @@ class Candidates:
         best = max(misses, key=lambda miss: round(miss.value, 9))
         listed = ", ".join(f"{a} / {b} ({count} x)" for (a, b), count in sorted(pairs.items()))
         at = solutions[misses.index(best)].q
-        own = told_own_overlaps(world, at, clearance)
+        own = self_collision_help(world, at, clearance)
         help = own or (
             f"; all: {listed}; turn the pose, let more of it free, or come to it by an approach that may touch "
-            "(touching)"
+            "(allowed_collisions)"
         )
         raise ImpossibleError(
             f"target {target.name!r}: all {len(solutions)} solutions are too near to something; at best "
-            f"{best.pair[0]} is {best.value * 1e3:.1f} mm from {best.pair[1]} (asked: {clearance * 1e3:g} mm){help}",
+            f"{best.pair[0]} is {best.value * 1e3:.1f} mm from {best.pair[1]} (required: {clearance * 1e3:g} mm){help}",
             target=target.name,
             solutions=len(solutions),
             pair=list(best.pair),

@@ -26,7 +26,7 @@ _NOWHERE = 1e-9  # m or rad: a line of this length is none
 
 
 @dataclass(frozen=True, eq=False)
-class LineStep:
+class LinearMove:
     """A straight line of the tool.
 
     Attributes:
@@ -47,7 +47,7 @@ class LineStep:
 
 
 @dataclass(frozen=True, eq=False)
-class At:
+class TargetReached:
     """The arm at a target: its index, q (n,) rad and the pose of the tool (4, 4), both as whole counts give them."""
 
     target: int
@@ -56,7 +56,7 @@ class At:
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
+class LineChain:
     """One candidate: lines and targets in order.
 
     Attributes:
@@ -65,15 +65,15 @@ class Chain:
         q_in, q_out: (n,) rad at its ends.
     """
 
-    items: tuple[LineStep | At, ...]
+    items: tuple[LinearMove | TargetReached, ...]
     branch: str
     q_in: Array
     q_out: Array
 
     @property
-    def lines(self) -> list[LineStep]:
+    def lines(self) -> list[LinearMove]:
         """Its lines in order."""
-        return [item for item in self.items if isinstance(item, LineStep)]
+        return [item for item in self.items if isinstance(item, LinearMove)]
 
 
 def groups(targets: Sequence[Target]) -> list[range]:
@@ -82,7 +82,7 @@ def groups(targets: Sequence[Target]) -> list[range]:
     return [range(a, b) for a, b in zip(starts, [*starts[1:], len(targets)], strict=True)]
 
 
-class Chains:
+class LineChains:
     """Follows the lines of a list.
 
     Args:
@@ -106,13 +106,13 @@ class Chains:
         self.robot, self.unit, self.targets, self.limits = robot, unit, targets, limits
         self.tool_speed, self.slowest = tool_speed, slowest
 
-    def chain(self, group: range, q_first: Array, branch: str) -> Chain:
+    def chain(self, group: range, q_first: Array, branch: str) -> LineChain:
         """The chain of a group from a solution `q_first` (n,) for its first target.
 
         Raises:
             ImpossibleError: a line cannot be followed; data: target and those of `plan.cartesian.line.follow_line`.
         """
-        items: list[LineStep | At] = []
+        items: list[LinearMove | TargetReached] = []
         q = q_first
         for index in group:
             target = self.targets[index]
@@ -122,17 +122,17 @@ class Chains:
                     items.append(_reversed(outwards))
             else:
                 items += self.to(index, q)
-                q = items[-1].path.q[-1] if items and isinstance(items[-1], LineStep) else q
+                q = items[-1].path.q[-1] if items and isinstance(items[-1], LinearMove) else q
             executed = self.unit.positions(self.unit.counts(q))
-            items.append(At(index, frozen(executed), self.robot.T_base_tool(executed)))
+            items.append(TargetReached(index, frozen(executed), self.robot.T_base_tool(executed)))
             if target.retract > 0.0:
                 retract = self.along_axis("retract", index, q, -target.retract)
                 items.append(retract)
                 q = retract.path.q[-1]
-        begin = items[0].path.q[0] if isinstance(items[0], LineStep) else q_first
-        return Chain(tuple(items), branch, frozen(begin), frozen(q))
+        begin = items[0].path.q[0] if isinstance(items[0], LinearMove) else q_first
+        return LineChain(tuple(items), branch, frozen(begin), frozen(q))
 
-    def to(self, index: int, q: Array) -> list[LineStep]:
+    def to(self, index: int, q: Array) -> list[LinearMove]:
         """The lines from q to a target that is reached by a line."""
         target = self.targets[index]
         goal = _nearest(self.robot.T_base_tool(q), target)
@@ -157,7 +157,7 @@ class Chains:
                 q = step.path.q[-1]
         return steps
 
-    def along_axis(self, role: str, index: int, q: Array, length: float) -> LineStep:
+    def along_axis(self, role: str, index: int, q: Array, length: float) -> LinearMove:
         """The line from q along the tool's own z axis."""
         start = self.robot.T_base_tool(q)
         end = np.array(start)
@@ -169,7 +169,7 @@ class Chains:
 
     def follow(
         self, role: str, index: int, q: Array, start: Array, end: Array, axis: str | None
-    ) -> LineStep | None:
+    ) -> LinearMove | None:
         target = self.targets[index]
         line = Line(frozen(start), end)
         if line.length < _NOWHERE and norm(line.turn) < _NOWHERE:
@@ -182,13 +182,13 @@ class Chains:
             raise ImpossibleError(
                 f"{role} at {target.name!r}: {error}", target=target.name, **data
             ) from error
-        return LineStep(role, index, line, path, axis, target.speed or self.tool_speed)
+        return LinearMove(role, index, line, path, axis, target.speed or self.tool_speed)
 
 
-def _reversed(step: LineStep) -> LineStep:
+def _reversed(step: LinearMove) -> LinearMove:
     path = JointPath(frozen(step.path.q[::-1]), frozen(step.path.s[-1] - step.path.s[::-1]))
     line = Line(step.line.T_end, step.line.T_start)
-    return LineStep(step.role, step.target, line, path, step.free_axis, step.speed)
+    return LinearMove(step.role, step.target, line, path, step.free_axis, step.speed)
 
 
 def _nearest(T_now: Array, target: Target) -> Array:

@@ -21,16 +21,16 @@ from arm.plan_file import Move
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen
 from plan.cartesian.line import JointPath
-from plan.collision.certificate import check_move
+from plan.collision.certificate import certify_move
 from plan.collision.world import World
-from plan.kinematics.product_of_exponentials import screw_arm
+from plan.kinematics.product_of_exponentials import product_of_exponentials
 from plan.options import PlanOptions
 from plan.trajectory.integer_segments import MarksTooNear, to_marked_segments, to_segments
 from plan.trajectory.joint_path import Stretch, chained, smooth_path
 from plan.trajectory.timing import time_curve, time_line, time_path
 from plan.trajectory.virtual_unit import PER_RAD
-from plan.waypoints.blending import cut_length
-from plan.waypoints.line_chains import LineStep
+from plan.waypoints.blending import blend_distance
+from plan.waypoints.line_chains import LinearMove
 from plan.waypoints.target import Target
 
 _BLENDS = (1.0, 0.4, 0.15, 0.05)  # parts of a full blend, the fastest first
@@ -41,7 +41,7 @@ _LEAST_WAY = 1e-6  # rad: less is no way
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class PoseMotionPhase:
     """A stretch of the arm's way with one purpose.
 
     Attributes:
@@ -50,7 +50,7 @@ class Piece:
         world: it is made in.
         clearance: asked for, m.
         held: name of the body that moves with the tool, or None.
-        touching: names of bodies that the held one may touch.
+        allowed_collisions: names of bodies that the held one may touch.
         way: (m, n) rad, way-points of a transit; or
         line: what it follows.
     """
@@ -60,9 +60,9 @@ class Piece:
     world: World
     clearance: float
     held: str | None
-    touching: frozenset[str]
+    allowed_collisions: frozenset[str]
     way: Array | None = None
-    line: LineStep | None = None
+    line: LinearMove | None = None
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class _Part:
     via: tuple[tuple[int, Array], ...] = ()  # targets that way-points lead past, with their places
 
 
-class PoseMover:
+class PoseMotionBuilder:
     """Makes pieces into moves.
 
     Args:
@@ -107,7 +107,7 @@ class PoseMover:
         # on a fine grid the motion is followed to what lines are asked to keep
         self.deviation = 1e-6 if unit.counts_per_rad[0] == PER_RAD else 5e-5
 
-    def run(self, pieces: Sequence[Piece], joins: Sequence[Join]) -> list[list[Move]]:
+    def run(self, pieces: Sequence[PoseMotionPhase], joins: Sequence[Join]) -> list[list[Move]]:
         """Moves of each motion, from rest to rest; `joins` (k - 1) are between the k pieces.
 
         Raises:
@@ -118,7 +118,7 @@ class PoseMover:
             motions += self.motion(pieces[first:last], joins[first : last - 1])
         return motions
 
-    def motion(self, pieces: Sequence[Piece], joins: Sequence[Join]) -> list[list[Move]]:
+    def motion(self, pieces: Sequence[PoseMotionPhase], joins: Sequence[Join]) -> list[list[Move]]:
         """Moves without a stop between them; with stops everywhere where that cannot be proved."""
         for blend in _BLENDS if len(pieces) > 1 or _corners(pieces) else ():
             moves = self.flowing(pieces, joins, blend)
@@ -126,7 +126,7 @@ class PoseMover:
                 return [moves]
         return [[self.alone(piece)] for piece in pieces]
 
-    def motions(self, pieces: Sequence[Piece], joins: Sequence[Join]) -> list[tuple[int, int]]:
+    def motions(self, pieces: Sequence[PoseMotionPhase], joins: Sequence[Join]) -> list[tuple[int, int]]:
         """First and one past the last piece of each motion."""
         stops = [0]
         for i, (join, (a, b)) in enumerate(zip(joins, pairwise(pieces), strict=True)):
@@ -134,16 +134,18 @@ class PoseMover:
                 stops.append(i + 1)
         return list(pairwise([*stops, len(pieces)]))
 
-    def flows(self, a: Piece, b: Piece, join: Join) -> bool:
+    def flows(self, a: PoseMotionPhase, b: PoseMotionPhase, join: Join) -> bool:
         """Whether two pieces may meet at speed."""
         if a.line is not None and b.line is not None:
-            return cut_length(a.line, b.line, self.targets) > 0.0 and a.world is b.world
+            return blend_distance(a.line, b.line, self.targets) > 0.0 and a.world is b.world
         if a.way is not None and b.way is not None:
-            within = 0.0 if join.target is None else self.targets[join.target].within
+            within = 0.0 if join.target is None else self.targets[join.target].blend_radius
             return within > 0.0 and a.world is b.world
         return True
 
-    def flowing(self, pieces: Sequence[Piece], joins: Sequence[Join], blend: float) -> list[Move] | None:
+    def flowing(
+        self, pieces: Sequence[PoseMotionPhase], joins: Sequence[Join], blend: float
+    ) -> list[Move] | None:
         """Moves of a motion, or None where it cannot be proved as fast as this."""
         parts = self.parts(pieces, joins)
         if parts is None:
@@ -151,8 +153,10 @@ class PoseMover:
         chain = chained([part.shape for part in parts], self.planned, blend)
         for part, begin, end in zip(parts, chain.edges, chain.edges[1:], strict=False):
             for target, place in part.via:
-                passed = screw_arm(self.robot).tool_poses(chain.path(np.linspace(begin, end, 400)))
-                if np.linalg.norm(passed[:, :3, 3] - place, axis=1).min() > self.targets[target].within:
+                passed = product_of_exponentials(self.robot).tool_poses(
+                    chain.path(np.linspace(begin, end, 400))
+                )
+                if np.linalg.norm(passed[:, :3, 3] - place, axis=1).min() > self.targets[target].blend_radius:
                     return None
         changes = [i for i, (a, b) in enumerate(pairwise(parts), start=1) if a.phase != b.phase]
         try:
@@ -179,7 +183,7 @@ class PoseMover:
             moves.append(move if len(some) == 1 else replace(move, name=f"{some[0].name} .. {some[-1].name}"))
         return moves
 
-    def alone(self, piece: Piece) -> Move:
+    def alone(self, piece: PoseMotionPhase) -> Move:
         """One piece from rest to rest."""
         if piece.line is not None:
             trajectory = time_line(piece.line.path, self.planned, piece.line.speed)
@@ -191,9 +195,9 @@ class PoseMover:
         )
         move = self.proved(piece, path)
         if move is None:
-            check = check_move(piece.world, path, self.unit, piece.clearance, tight=True)
+            check = certify_move(piece.world, path, self.unit, piece.clearance, tight=True)
             raise ImpossibleError(
-                f"{piece.name}: {check.pair[0]} comes to {check.seen * 1e3:.2f} mm of {check.pair[1]} after "
+                f"{piece.name}: {check.pair[0]} comes within {check.seen * 1e3:.2f} mm of {check.pair[1]} after "
                 f"{check.time:.2f} s, {piece.clearance * 1e3:g} mm are asked for (proved: "
                 f"{check.clearance * 1e3:.2f} mm); ask for less clearance or move the bodies apart",
                 piece=piece.name,
@@ -203,10 +207,10 @@ class PoseMover:
             )
         return move
 
-    def proved(self, piece: Piece, path: CountPath) -> Move | None:
+    def proved(self, piece: PoseMotionPhase, path: CountPath) -> Move | None:
         """The move with its certificate, or None."""
         tight = self.options.certificate == "tight"
-        check = check_move(piece.world, path, self.unit, piece.clearance, tight)
+        check = certify_move(piece.world, path, self.unit, piece.clearance, tight)
         if not check.proved:
             return None
         bounds = tuple(_rounded_down(min(bound, check.seen)) for bound in check.bounds)
@@ -220,11 +224,11 @@ class PoseMover:
             clearance=_rounded_down(check.clearance),
             closest=check.pair,
             certified=True,
-            touching=tuple(sorted(piece.touching)),
+            allowed_collisions=tuple(sorted(piece.allowed_collisions)),
             clearances=bounds,
         )
 
-    def parts(self, pieces: Sequence[Piece], joins: Sequence[Join]) -> list[_Part] | None:
+    def parts(self, pieces: Sequence[PoseMotionPhase], joins: Sequence[Join]) -> list[_Part] | None:
         """What a motion is timed from; None where a corner cannot be cut as closely as asked."""
         parts: list[_Part] = []
         phase = 0
@@ -258,11 +262,11 @@ class PoseMover:
                 parts.append(_Part(phase, across))
         return parts
 
-    def cut(self, before: LineStep, after: LineStep) -> tuple[float, Array] | None:
+    def cut(self, before: LinearMove, after: LinearMove) -> tuple[float, Array] | None:
         """How far from its corner two lines are cut, and the way across (2, n); None where it passes too far."""
         corner = before.line.T_end[:3, 3]
         target = self.targets[before.target if after.role != "approach" else after.target]
-        length = cut_length(before, after, self.targets)
+        length = blend_distance(before, after, self.targets)
         for _ in range(_CUTS):
             ends = np.stack(
                 [
@@ -271,28 +275,32 @@ class PoseMover:
                 ]
             )
             way = ends[0] + np.linspace(0.0, 1.0, 33)[:, None] * (ends[1] - ends[0])
-            away = np.linalg.norm(screw_arm(self.robot).tool_poses(way)[:, :3, 3] - corner, axis=1).min()
-            if away <= target.within:
+            away = np.linalg.norm(
+                product_of_exponentials(self.robot).tool_poses(way)[:, :3, 3] - corner, axis=1
+            ).min()
+            if away <= target.blend_radius:
                 return length, frozen(ends)
             length *= _SMALLER
         return None
 
-    def off_lines(self, pieces: Sequence[Piece], path: CountPath) -> float:
+    def off_lines(self, pieces: Sequence[PoseMotionPhase], path: CountPath) -> float:
         """Largest distance of the tool as it is sent from the lines it follows, over what is allowed."""
         lines = [piece.line for piece in pieces if piece.line is not None]
         if not lines:
             return 0.0
-        poses = screw_arm(self.robot).tool_poses(self.unit.positions(path.sample(0.01)))
+        poses = product_of_exponentials(self.robot).tool_poses(self.unit.positions(path.sample(0.01)))
         away = np.stack([line.line.deviation(poses, line.free_axis).distance for line in lines])
-        cuts = [self.targets[line.target].within for line in lines] if len(lines) > 1 else [0.0]
+        cuts = [self.targets[line.target].blend_radius for line in lines] if len(lines) > 1 else [0.0]
         return float(away.min(axis=0).max()) / (_OFF_LINE + max(cuts))
 
 
-def _corners(pieces: Sequence[Piece]) -> bool:
+def _corners(pieces: Sequence[PoseMotionPhase]) -> bool:
     return any(piece.way is not None and len(piece.way) > 2 for piece in pieces)
 
 
-def _of_phase(pieces: Sequence[Piece], parts: Sequence[_Part], index: int) -> list[tuple[Piece, bool]]:
+def _of_phase(
+    pieces: Sequence[PoseMotionPhase], parts: Sequence[_Part], index: int
+) -> list[tuple[PoseMotionPhase, bool]]:
     """The pieces, and whether each belongs to a phase."""
     phases: list[int] = []
     for i, piece in enumerate(pieces):

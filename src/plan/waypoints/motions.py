@@ -7,15 +7,15 @@ from collections.abc import Sequence
 from arm.errors import ImpossibleError
 from arm.plan_file import Move
 from plan.options import PlanOptions
-from plan.waypoints.attachments import Worlds
-from plan.waypoints.line_chains import At
-from plan.waypoints.motion_builder import Join, Piece, PoseMover
+from plan.waypoints.attachments import AttachmentWorlds
+from plan.waypoints.line_chains import TargetReached
+from plan.waypoints.motion_builder import Join, PoseMotionBuilder, PoseMotionPhase
 from plan.waypoints.plan import Pause
 from plan.waypoints.search import Found, PoseSearch
 from plan.waypoints.target import Target
 
 
-class Unproved(ImpossibleError):
+class PoseClearanceLost(ImpossibleError):
     """A leg of a sequence does not keep its clearance once it is timed.
 
     Args:
@@ -28,7 +28,7 @@ class Unproved(ImpossibleError):
         self.leg, self.why = leg, why
 
 
-class PoseScript:
+class PoseMotionWriter:
     """Makes sequences into motions.
 
     Args:
@@ -37,7 +37,11 @@ class PoseScript:
     """
 
     def __init__(
-        self, worlds: Worlds, targets: Sequence[Target], options: PlanOptions, mover: PoseMover
+        self,
+        worlds: AttachmentWorlds,
+        targets: Sequence[Target],
+        options: PlanOptions,
+        mover: PoseMotionBuilder,
     ) -> None:
         self.worlds, self.targets, self.options, self.mover = worlds, targets, options, mover
 
@@ -49,7 +53,7 @@ class PoseScript:
         """
         motions: list[list[Move]] = []
         pauses: list[tuple[int, Pause]] = []
-        stretch: list[tuple[int, Piece]] = []
+        stretch: list[tuple[int, PoseMotionPhase]] = []
         joins: list[Join] = []
 
         def write() -> None:
@@ -59,7 +63,7 @@ class PoseScript:
                 except ImpossibleError as error:
                     name = error.data.get("piece")
                     leg = next((leg for leg, piece in stretch if piece.name == name), stretch[0][0])
-                    raise Unproved(leg, error) from error
+                    raise PoseClearanceLost(leg, error) from error
             stretch.clear()
             joins.clear()
 
@@ -70,7 +74,7 @@ class PoseScript:
             counts = self.mover.unit.counts(leg.waypoints)
             if (counts != counts[0]).any():  # else the arm stands there already
                 world = self.worlds.world(situation)
-                piece = Piece(
+                piece = PoseMotionPhase(
                     f"to {layer.name}", "transit", world, self.options.clearance, situation.held, frozenset(),
                     way=leg.waypoints,
                 )  # fmt: skip
@@ -79,7 +83,7 @@ class PoseScript:
                 stretch.append((number, piece))
                 at = None
             for item in leg.chain.items:
-                if isinstance(item, At):
+                if isinstance(item, TargetReached):
                     at, target = item.target, self.targets[item.target]
                     if target.stops:
                         write()
@@ -91,16 +95,16 @@ class PoseScript:
                     continue
                 target = self.targets[item.target]
                 world = self.worlds.world(situation, target.pairs)
-                touching = frozenset(
+                allowed_collisions = frozenset(
                     name
                     for pair in target.pairs
                     if situation.held in pair
                     for name in pair - {situation.held}
                 )
                 preposition = "from" if item.role == "retract" else "to"
-                piece = Piece(
+                piece = PoseMotionPhase(
                     f"{item.role} {preposition} {target.name}", item.role, world, self.options.line_clearance,
-                    situation.held, touching, line=item,
+                    situation.held, allowed_collisions, line=item,
                 )  # fmt: skip
                 if stretch:
                     joins.append(Join(at, False))

@@ -51,7 +51,7 @@ class PosePlan:
 
     Attributes:
         robot: the arm.
-        unit: whose counts the moves are in; `plan.trajectory.virtual_unit.fine_grid` where no controller was given.
+        unit: whose counts the moves are in; `plan.trajectory.virtual_unit.virtual_unit` where no controller was given.
         q_start: (n,) rad.
         steps: moves (`arm.plan_file.Move`) and pauses, in order. Moves with no pause between them may meet at speed.
         reached: every target.

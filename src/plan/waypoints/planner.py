@@ -21,17 +21,17 @@ from arm.plan_file import Move
 from arm.robot.model import Robot
 from arm.robot.shapes import Body
 from arm.se3 import frozen
-from plan.budget import BudgetSpent, Meter, PlanningInterrupted, SearchBudget, allowed, told_by
-from plan.collision.self_collision import told_own_overlaps
-from plan.kinematics.configuration import require_limits, standing
+from plan.budget import BudgetSpent, Meter, PlanningInterrupted, SearchBudget, allowed, budget_words
+from plan.collision.self_collision import self_collision_help
+from plan.kinematics.configuration import check_configuration, require_limits
 from plan.kinematics.numeric_ik import SearchOptions
 from plan.options import PlanOptions
-from plan.trajectory.virtual_unit import fine_grid
-from plan.waypoints.attachments import Worlds
+from plan.trajectory.virtual_unit import virtual_unit
+from plan.waypoints.attachments import AttachmentWorlds
 from plan.waypoints.candidates import Candidates
-from plan.waypoints.line_chains import At, Chain, Chains, groups
-from plan.waypoints.motion_builder import PoseMover
-from plan.waypoints.motions import PoseScript, Unproved
+from plan.waypoints.line_chains import LineChain, LineChains, TargetReached, groups
+from plan.waypoints.motion_builder import PoseMotionBuilder
+from plan.waypoints.motions import PoseClearanceLost, PoseMotionWriter
 from plan.waypoints.plan import Pause, PosePlan, Reached
 from plan.waypoints.search import Found, Layer, PoseSearch
 from plan.waypoints.target import Target
@@ -98,10 +98,10 @@ def plan_poses(
     """
     options, effort = options or PlanOptions(), effort or SearchEffort()
     problem = _Problem(
-        robot, bodies, targets, limits, unit or fine_grid(robot, limits), options, effort, padding
+        robot, bodies, targets, limits, unit or virtual_unit(robot, limits), options, effort, padding
     )
-    start = problem.standing("q_start", q_start)
-    end = None if q_end is None else problem.standing("q_end", q_end)
+    start = problem.check_configuration("q_start", q_start)
+    end = None if q_end is None else problem.check_configuration("q_end", q_end)
     with allowed(budget) as meter:
         try:
             return problem.solved(start, end, meter)
@@ -153,20 +153,20 @@ class _Problem:
             frozen(self.sent.velocity * options.velocity_fraction),
             frozen(self.sent.acceleration * options.acceleration_fraction),
         )
-        self.worlds = Worlds(robot, bodies, self.targets, padding)
+        self.worlds = AttachmentWorlds(robot, bodies, self.targets, padding)
         self.groups = groups(self.targets)
         self.search: PoseSearch | None = None
-        self.followed: dict[tuple[int, int], Chain | ImpossibleError] = {}
+        self.followed: dict[tuple[int, int], LineChain | ImpossibleError] = {}
         tool_speed = options.approach_speed * options.speed
-        mover = PoseMover(robot, unit, self.planned, self.sent, options, self.targets)
-        self.script = PoseScript(self.worlds, self.targets, options, mover)
-        self.chains = Chains(robot, unit, self.targets, self.planned, tool_speed, options.slowest)
+        mover = PoseMotionBuilder(robot, unit, self.planned, self.sent, options, self.targets)
+        self.script = PoseMotionWriter(self.worlds, self.targets, options, mover)
+        self.chains = LineChains(robot, unit, self.targets, self.planned, tool_speed, options.slowest)
 
-    def standing(self, name: str, q: npt.ArrayLike) -> Layer:
+    def check_configuration(self, name: str, q: npt.ArrayLike) -> Layer:
         """A layer of one place to stand."""
-        at = standing(name, q, self.robot, self.limits, _ROUNDING)
-        at = standing(name, self.unit.positions(self.unit.counts(at)), self.robot, self.limits)
-        chain = Chain((), "", frozen(at), frozen(at))
+        at = check_configuration(name, q, self.robot, self.limits, _ROUNDING)
+        at = check_configuration(name, self.unit.positions(self.unit.counts(at)), self.robot, self.limits)
+        chain = LineChain((), "", frozen(at), frozen(at))
         return Layer(name, (chain,), (standing_time(at),))
 
     def solved(self, start: Layer, end: Layer | None, meter: Meter) -> PosePlan:
@@ -204,9 +204,9 @@ class _Problem:
         world = self.worlds.world(self.worlds.start)
         seen = world.distance(start.q_out[0])
         if seen.value < self.options.clearance:
-            own = told_own_overlaps(world, start.q_out[0], self.options.clearance)
+            own = self_collision_help(world, start.q_out[0], self.options.clearance)
             raise ImpossibleError(
-                f"q_start: {seen.pair[0]} is {seen.value * 1e3:.1f} mm from {seen.pair[1]} (asked: "
+                f"q_start: {seen.pair[0]} is {seen.value * 1e3:.1f} mm from {seen.pair[1]} (required: "
                 f"{self.options.clearance * 1e3:g} mm){own or '; start elsewhere, or ask for less clearance'}",
                 pair=list(seen.pair),
                 distance_m=seen.value,
@@ -216,7 +216,7 @@ class _Problem:
     def layer(self, candidates: Candidates, number: int, width: int) -> Layer:
         """The chains of the first `width` solutions of a group that can be followed."""
         group = self.groups[number]
-        made: list[Chain] = []
+        made: list[LineChain] = []
         why: list[ImpossibleError] = []
         for rank, solution in enumerate(candidates.ranked(number)):
             if len(made) == width:
@@ -227,7 +227,7 @@ class _Problem:
                 except ImpossibleError as error:
                     self.followed[number, rank] = error
             chain = self.followed[number, rank]
-            if isinstance(chain, Chain):
+            if isinstance(chain, LineChain):
                 made.append(chain)
             else:
                 why.append(chain)
@@ -242,7 +242,7 @@ class _Problem:
         names = [] if search is None else [layer.name for layer in search.layers[1:]]
         proved = names[: search.proved_to] if search is not None else []
         miss = None if search is None else search.nearest_miss()
-        by = told_by(stop)
+        by = budget_words(stop)
         far = (
             f"the way is proved as far as {proved[-1]} ({len(proved)} of {len(names)})"
             if proved
@@ -275,7 +275,7 @@ class _Problem:
             try:
                 with meter.lifted():
                     return found, *self.script.motions(search, found)
-            except Unproved as error:
+            except PoseClearanceLost as error:
                 if attempt + 1 == _ROUNDS:
                     raise error.why from error
                 before = found.legs[error.leg - 1].index if error.leg else 0
@@ -295,7 +295,7 @@ class _Problem:
             Reached(self.targets[item.target].name, item.q, item.T_base_tool, leg.chain.branch)
             for leg in found.legs
             for item in leg.chain.items
-            if isinstance(item, At)
+            if isinstance(item, TargetReached)
         )
         for before, after in pairwise([s for s in steps if isinstance(s, Move)]):
             if before.path.end != after.path.start:
@@ -318,6 +318,6 @@ class _Problem:
 
 def _told_stop(stop: BudgetSpent, plan: PosePlan) -> str:
     return (
-        f"{told_by(stop)}: this is a complete way that was found by then, {plan.duration_s:.1f} s; none takes less "
-        f"than {plan.lower_bound_s:.1f} s"
+        f"{budget_words(stop)}: this is a complete way that was found by then, {plan.duration_s:.1f} s; none takes "
+        f"less than {plan.lower_bound_s:.1f} s"
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from arm.errors import ImpossibleError
-from plan.collision.certificate import MoveCheck
+from plan.collision.certificate import ClearanceCertificate
 from plan.waypoints.target import Target
 
 
@@ -14,7 +14,7 @@ def end_blocked(
     where = before if end == "leaves" else name
     return ImpossibleError(
         f"the way from {before} to {name} {end} too near: at {where}, {pair[0]} is {distance * 1e3:.1f} mm from "
-        f"{pair[1]} (asked: {clearance * 1e3:g} mm); a longer approach or retract, or less clearance, may help",
+        f"{pair[1]} (required: {clearance * 1e3:g} mm); a longer approach or retract, or less clearance, may help",
         reason=f"{end} with {pair[0]} too near to {pair[1]}",
         pair=list(pair),
         distance_m=distance,
@@ -36,11 +36,13 @@ def out_of_hand(target: Target, pair: tuple[str, str], distance: float) -> Impos
     )
 
 
-def way_blocked(before: str, name: str, check: MoveCheck, clearance: float, tried: bool) -> ImpossibleError:
+def way_blocked(
+    before: str, name: str, check: ClearanceCertificate, clearance: float, tried: bool
+) -> ImpossibleError:
     """The straight way comes too near; another was `tried` or not."""
-    more = "no way around was found" if tried else "as many ways around as allowed were made"
+    more = "no path around was found" if tried else "as many paths around as allowed were tried"
     return ImpossibleError(
-        f"on the straight way from {before} to {name} {check.pair[0]} comes to {check.seen * 1e3:.1f} mm of "
+        f"on the straight way from {before} to {name} {check.pair[0]} comes within {check.seen * 1e3:.1f} mm of "
         f"{check.pair[1]} ({_asked(check, clearance)}), and {more}",
         reason=f"{check.pair[1]} in the way of {check.pair[0]}" + ("" if tried else ", way around not tried"),
         pair=list(check.pair),
@@ -49,11 +51,11 @@ def way_blocked(before: str, name: str, check: MoveCheck, clearance: float, trie
     )
 
 
-def line_blocked(role: str, name: str, check: MoveCheck, clearance: float) -> ImpossibleError:
+def line_blocked(role: str, name: str, check: ClearanceCertificate, clearance: float) -> ImpossibleError:
     """A line comes too near."""
     return ImpossibleError(
-        f"on the {role} at {name} {check.pair[0]} comes to {check.seen * 1e3:.1f} mm of {check.pair[1]} "
-        f"({_asked(check, clearance)}); allow that contact (touching), or turn the pose",
+        f"on the {role} at {name} {check.pair[0]} comes within {check.seen * 1e3:.1f} mm of {check.pair[1]} "
+        f"({_asked(check, clearance)}); allow that contact (allowed_collisions), or turn the pose",
         reason=f"{role} with {check.pair[0]} too near to {check.pair[1]}",
         pair=list(check.pair),
         distance_m=check.seen,
@@ -61,6 +63,6 @@ def line_blocked(role: str, name: str, check: MoveCheck, clearance: float) -> Im
     )
 
 
-def _asked(check: MoveCheck, clearance: float) -> str:
+def _asked(check: ClearanceCertificate, clearance: float) -> str:
     more = ", and some room for what timing changes" if check.seen >= clearance else ""
-    return f"asked: {clearance * 1e3:g} mm{more}"
+    return f"required: {clearance * 1e3:g} mm{more}"

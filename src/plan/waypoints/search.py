@@ -24,16 +24,16 @@ from arm.errors import ImpossibleError
 from arm.se3 import Array
 from plan.budget import BudgetSpent, Meter
 from plan.collision.bezier import Curve, curve_of_waypoints
-from plan.collision.certificate import MoveCheck, check_curve
+from plan.collision.certificate import ClearanceCertificate, certify_curve
 from plan.collision.margin import searched_clearance
 from plan.collision.world import World
 from plan.options import PlanOptions
 from plan.trajectory.joint_path import Path, smooth_path
 from plan.trajectory.time_estimates import path_time
 from plan.transit.optimise import Ends
-from plan.transit.planner import Detours
-from plan.waypoints.attachments import Situation, Worlds
-from plan.waypoints.line_chains import At, Chain
+from plan.transit.planner import TransitPlanner
+from plan.waypoints.attachments import AttachmentState, AttachmentWorlds
+from plan.waypoints.line_chains import LineChain, TargetReached
 from plan.waypoints.rejections import end_blocked, line_blocked, out_of_hand, way_blocked
 from plan.waypoints.target import Target
 from plan.waypoints.times import ChainTime, way_bounds, way_estimates
@@ -54,7 +54,7 @@ class Layer:
     """
 
     name: str
-    chains: tuple[Chain, ...]
+    chains: tuple[LineChain, ...]
     times: tuple[ChainTime, ...]
 
     @property
@@ -67,7 +67,7 @@ class Layer:
 
 
 @dataclass(frozen=True, eq=False)
-class Leg:
+class SequenceStep:
     """One step of the sequence found: the way to a chain, and the chain.
 
     Attributes:
@@ -78,16 +78,16 @@ class Leg:
     """
 
     index: int
-    chain: Chain
+    chain: LineChain
     waypoints: Array
-    before: Situation
+    before: AttachmentState
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
     """What the search found: its legs in order, their estimated time and the bound, s."""
 
-    legs: tuple[Leg, ...]
+    legs: tuple[SequenceStep, ...]
     time: float
     bound: float
 
@@ -109,9 +109,9 @@ class _State:
 
     layer: int
     index: int
-    situation: Situation
+    situation: AttachmentState
     cost: float
-    legs: tuple[Leg, ...]
+    legs: tuple[SequenceStep, ...]
 
 
 class PoseSearch:
@@ -128,7 +128,7 @@ class PoseSearch:
 
     def __init__(
         self,
-        worlds: Worlds,
+        worlds: AttachmentWorlds,
         targets: Sequence[Target],
         layers: Sequence[Layer],
         limits: Limits,
@@ -247,7 +247,9 @@ class PoseSearch:
         if way is None:
             return None
         cost = state.cost + way[0] + layer.times[index].inner
-        return _State(number, index, after, cost, (*state.legs, Leg(index, chain, way[1], state.situation)))
+        return _State(
+            number, index, after, cost, (*state.legs, SequenceStep(index, chain, way[1], state.situation))
+        )
 
     def _way(self, state: _State, number: int, index: int) -> tuple[float, Array] | None:
         """Cost and way-points of the way to a chain, proved; None where there is none."""
@@ -278,7 +280,7 @@ class PoseSearch:
         self.effort.detours += 1
         ends = Ends(before.times[state.index].leave, layer.times[index].enter)
         rng = np.random.default_rng(self.options.seed)
-        detours = Detours(world, self.limits, clearance, rng, self.options.transit, ends, self._known)
+        detours = TransitPlanner(world, self.limits, clearance, rng, self.options.transit, ends, self._known)
         way = detours.around(a, b, check.time)
         if way is None:
             self._refuse(number, way_blocked(before.name, layer.name, check, asked, tried=True))
@@ -286,10 +288,12 @@ class PoseSearch:
         # a way around never counts as less than the straight one, so that the search stays exact
         return max(straight, path_time(way, self.limits, ends.enter, ends.leave)), way
 
-    def _through(self, situation: Situation, number: int, index: int, chain: Chain) -> Situation | None:
+    def _through(
+        self, situation: AttachmentState, number: int, index: int, chain: LineChain
+    ) -> AttachmentState | None:
         """The situation after a chain whose lines are proved; None where one is not."""
         for at, item in enumerate(chain.items):
-            if isinstance(item, At):
+            if isinstance(item, TargetReached):
                 target = self.targets[item.target]
                 if target.attach is not None:
                     gap = self.worlds.gap(situation, target, item.T_base_tool)
@@ -306,7 +310,7 @@ class PoseSearch:
                 asked = self.options.line_clearance
                 ends = (item.path.q[0], item.path.q[-1])
                 clearance = searched_clearance(world, ends, asked, LINE_MARGIN)
-                check = check_curve(world, curve_of_path(smooth_path(item.path.q, item.path.s)), clearance)
+                check = certify_curve(world, curve_of_path(smooth_path(item.path.q, item.path.s)), clearance)
                 self._proofs[key] = check.proved
                 if not check.proved:
                     self._refuse(number, line_blocked(item.role, target.name, check, asked))
@@ -364,10 +368,10 @@ def _miss(error: ImpossibleError) -> float:
     return float(data["clearance_m"] - data["distance_m"])
 
 
-def _straight(world: World, a: Array, b: Array, clearance: float) -> MoveCheck:
+def _straight(world: World, a: Array, b: Array, clearance: float) -> ClearanceCertificate:
     for u in _LOOKS:
         q = a + u * (b - a)
         if world.in_collision(q, clearance):
             seen = world.distance(q)
-            return MoveCheck(seen.value, seen.value, seen.pair, u, False, 1)
-    return check_curve(world, curve_of_waypoints([a, b]), clearance)
+            return ClearanceCertificate(seen.value, seen.value, seen.pair, u, False, 1)
+    return certify_curve(world, curve_of_waypoints([a, b]), clearance)

@@ -9,6 +9,7 @@ import numpy as np
 
 from arm.arguments import pairs as checked_pairs
 from arm.errors import A465Error, InputError
+from arm.former import renamed_arguments
 from arm.se3 import Array, orthonormalised
 from plan.kinematics.numeric_ik import FREE
 
@@ -16,6 +17,7 @@ WAYS = ("transit", "line")
 ATTACH_WITHIN = 0.010  # m
 
 
+@renamed_arguments(within="blend_radius", touching="allowed_collisions")
 @dataclass(frozen=True, eq=False)
 class Target:
     """One pose of a list.
@@ -31,14 +33,14 @@ class Target:
         approach, retract: lengths of straight lines along the tool's own z axis, into the pose and out of it, m.
         speed: cap on the tool's speed on the lines that lead to the target and out of it, m/s (rad/s for a turn on
             the spot); default: the options' `approach_speed` times `speed`.
-        within: the tool may cut the corner at this target: it passes the pose at this distance at most, m. With 0 it
-            goes through the pose, and stops there unless the way goes on without a corner.
+        blend_radius: the tool may cut the corner at this target: it passes the pose at this distance at most, m. With
+            0 it goes through the pose, and stops there unless the path goes on without a corner.
         dwell_s: time at rest there, s.
         attach: name of a body that moves with the tool from here on.
         attach_within: that body may be so far at most from the hand (all that moves with the last joint) or from the
             tool frame's origin, m.
         detach: whether the body that moves with the tool stays here.
-        touching: pairs of names that may touch on the lines that lead to the target and out of it.
+        allowed_collisions: pairs of names that may touch on the lines that lead to the target and out of it.
     """
 
     name: str
@@ -48,12 +50,12 @@ class Target:
     approach: float = 0.0
     retract: float = 0.0
     speed: float | None = None
-    within: float = 0.0
+    blend_radius: float = 0.0
     dwell_s: float = 0.0
     attach: str | None = None
     attach_within: float = ATTACH_WITHIN
     detach: bool = False
-    touching: Iterable[Iterable[str]] = field(default_factory=frozenset)
+    allowed_collisions: Iterable[Iterable[str]] = field(default_factory=frozenset)
 
     def __post_init__(self) -> None:
         names = tuple(self.free.replace(",", " ").split()) if isinstance(self.free, str) else tuple(self.free)
@@ -62,7 +64,7 @@ class Target:
             raise self.error("free", wrong[0], f"must be of {', '.join(FREE)}")
         if self.by not in WAYS:
             raise self.error("by", self.by, f"must be one of {', '.join(WAYS)}")
-        for key in ("approach", "retract", "within", "dwell_s", "attach_within"):
+        for key in ("approach", "retract", "blend_radius", "dwell_s", "attach_within"):
             if not 0.0 <= getattr(self, key) < 100.0:
                 raise self.error(key, getattr(self, key), "must not be negative, and below 100")
         if self.speed is not None and not 0.0 < self.speed < 100.0:
@@ -73,18 +75,18 @@ class Target:
             T = orthonormalised(self.T_base_tool, tolerance=1e-6)
         except (A465Error, ValueError) as error:
             raise self.error("T_base_tool", np.shape(self.T_base_tool), str(error)) from error
-        pairs = checked_pairs(f"target {self.name!r}: touching", self.touching)
+        pairs = checked_pairs(f"target {self.name!r}: allowed_collisions", self.allowed_collisions)
         for key, value in (
             ("free", tuple(n for n in FREE if n in names)),
             ("T_base_tool", T),
-            ("touching", pairs),
+            ("allowed_collisions", pairs),
         ):
             object.__setattr__(self, key, value)
 
     @property
     def pairs(self) -> frozenset[frozenset[str]]:
-        """`touching`, as a set of sets."""
-        return frozenset(frozenset(pair) for pair in self.touching)
+        """`allowed_collisions`, as a set of sets."""
+        return frozenset(frozenset(pair) for pair in self.allowed_collisions)
 
     @property
     def stops(self) -> bool:

@@ -11,8 +11,8 @@ from scipy.interpolate import CubicSpline
 from arm.controller.unit import Limits
 from arm.se3 import Array, frozen
 from plan.trajectory.time_estimates import path_times
-from plan.waypoints.blending import cut_length
-from plan.waypoints.line_chains import At, Chain, LineStep
+from plan.waypoints.blending import blend_distance
+from plan.waypoints.line_chains import LinearMove, LineChain, TargetReached
 from plan.waypoints.target import Target
 
 _MIDDLE = 33  # samples of a line that is cut
@@ -50,7 +50,7 @@ class _Run:
     exact: bool
 
 
-def chain_time(chain: Chain, targets: Sequence[Target], limits: Limits) -> ChainTime:
+def chain_time(chain: LineChain, targets: Sequence[Target], limits: Limits) -> ChainTime:
     """Estimates and bounds of one chain."""
     still = np.zeros(len(limits.velocity))
     runs = [_Run(chain.q_in[None], 0.0, True)]
@@ -58,10 +58,10 @@ def chain_time(chain: Chain, targets: Sequence[Target], limits: Limits) -> Chain
     velocity: Array | None = None
     items = chain.items
     for number, item in enumerate(items):
-        if isinstance(item, At):
+        if isinstance(item, TargetReached):
             target = targets[item.target]
             # a target between transits is stopped at too, unless its corner may be cut
-            alone = len(items) == 1 and target.within == 0.0
+            alone = len(items) == 1 and target.blend_radius == 0.0
             if target.stops or alone:
                 inner += target.dwell_s + (0.0 if velocity is None else _half(velocity, limits))
                 dwell += target.dwell_s
@@ -71,15 +71,15 @@ def chain_time(chain: Chain, targets: Sequence[Target], limits: Limits) -> Chain
         start, end = _velocities(item, limits)
         before, after = _neighbour(items, number, -1), _neighbour(items, number, +1)
         if velocity is not None:
-            corner = before is not None and cut_length(before, item, targets) > 0.0
+            corner = before is not None and blend_distance(before, item, targets) > 0.0
             inner += (
                 _half(start - velocity, limits) if corner else _half(velocity, limits) + _half(start, limits)
             )
             if before is not None and not corner and np.abs(velocity).max() > 0.0:
                 runs.append(_Run(runs[-1].points[-1:], 0.0, True))
         cuts = (
-            0.0 if before is None else cut_length(before, item, targets),
-            0.0 if after is None else cut_length(item, after, targets),
+            0.0 if before is None else blend_distance(before, item, targets),
+            0.0 if after is None else blend_distance(item, after, targets),
         )
         least = _line_least(item, cuts, limits)
         inner += least
@@ -92,7 +92,7 @@ def chain_time(chain: Chain, targets: Sequence[Target], limits: Limits) -> Chain
         velocity = end
     lines = chain.lines
     first = items[0]
-    at_rest = not lines or (isinstance(first, At) and targets[first.target].stops)
+    at_rest = not lines or (isinstance(first, TargetReached) and targets[first.target].stops)
     enter = still if at_rest else _velocities(lines[0], limits)[0]
     leave = velocity if lines and velocity is not None else still
     only = len(runs) == 1
@@ -152,23 +152,23 @@ def rest_to_rest(points: Array, limits: Limits) -> float:
     return worst
 
 
-def _neighbour(items: Sequence[LineStep | At], number: int, step: int) -> LineStep | None:
+def _neighbour(items: Sequence[LinearMove | TargetReached], number: int, step: int) -> LinearMove | None:
     """The next line in a direction, unless the arm has to stop before it comes."""
     other = number + step
-    if 0 <= other < len(items) and isinstance(items[other], At):
+    if 0 <= other < len(items) and isinstance(items[other], TargetReached):
         other += step
     found = items[other] if 0 <= other < len(items) else None
-    return found if isinstance(found, LineStep) else None
+    return found if isinstance(found, LinearMove) else None
 
 
-def _velocities(item: LineStep, limits: Limits) -> tuple[Array, Array]:
+def _velocities(item: LinearMove, limits: Limits) -> tuple[Array, Array]:
     """At both ends of a line, at the full speed of its slowest joint or the tool."""
     steps, along = np.diff(item.path.q, axis=0), np.diff(item.path.s)
     times = np.maximum((np.abs(steps) / limits.velocity).max(axis=1), along / item.speed)
     return steps[0] / times[0], steps[-1] / times[-1]
 
 
-def _line_least(item: LineStep, cuts: tuple[float, float], limits: Limits) -> float:
+def _line_least(item: LinearMove, cuts: tuple[float, float], limits: Limits) -> float:
     """Least time of a line, its cut ends replaced by straight ways; s."""
     s, q = item.path.s, item.path.q
     if max(cuts) > 0.0:

@@ -1,1 +1,1 @@
-"""Boards: their markers' arrangement, their pose, and how certain it is."""
+"""Boards: arrangement of their markers, pose, and uncertainty of the pose."""

@@ -1,7 +1,4 @@
-"""Why a board's markers do not fit: changed places, one turned when it was glued, or one of another board.
-
-Only asked where the corners fit no pose of the board as its file has it.
-"""
+"""Explain corners that fit no pose of a board: markers swapped, one rotated when glued, or one of another board."""
 
 from __future__ import annotations
 
@@ -18,7 +15,7 @@ _STEPS = 12
 
 
 def arrangement(board: Board, corners: Corners, camera: Camera, limit_px: float) -> str | None:
-    """What was found instead, for a person; None where nothing explains the corners to within `limit_px` (rms)."""
+    """Describe the arrangement found, for a person; None if none explains the corners to within `limit_px` (rms)."""
     seen = corners.median()
     for words, order in _orders(board):
         start = planar_poses(seen[order], corners.points, camera)[0]
@@ -32,24 +29,24 @@ def arrangement(board: Board, corners: Corners, camera: Camera, limit_px: float)
     x, y = 1e3 * place
     expected = 1e3 * board.marker_corners()[1].mean(axis=0)
     return (
-        f"marker {high} stands {x:.0f}, {y:.0f} mm from marker {low}, not {expected[0]:g}, {expected[1]:g} mm: it is "
-        "of another board, or glued elsewhere"
+        f"marker {high} is at {x:.0f}, {y:.0f} mm from marker {low}, not {expected[0]:g}, {expected[1]:g} mm: it "
+        "belongs to another board, or was glued elsewhere"
     )
 
 
 def _orders(board: Board) -> Iterator[tuple[str, list[int]]]:
-    """Other ways in which the eight corners may belong to the markers: words, and their order."""
+    """Other assignments of the eight corners to the markers: a description, and their order."""
     low, high = board.marker_ids
     first, second = [0, 1, 2, 3], [4, 5, 6, 7]
-    yield f"markers {low} and {high} have changed places", [*second, *first]
+    yield f"markers {low} and {high} are swapped", [*second, *first]
     for quarters in (1, 2, 3):
         turned = [(i + quarters) % 4 for i in range(4)]
-        yield f"marker {low} is turned by {90 * quarters} deg", [*turned, *second]
-        yield f"marker {high} is turned by {90 * quarters} deg", [*first, *(4 + i for i in turned)]
+        yield f"marker {low} is rotated by {90 * quarters} deg", [*turned, *second]
+        yield f"marker {high} is rotated by {90 * quarters} deg", [*first, *(4 + i for i in turned)]
 
 
 def _second_place(seen: Array, points: Array, camera: Camera, limit_px: float) -> Array | None:
-    """Where the second marker stands on the plate, (2,) m from the first, if that explains all corners."""
+    """Position of the second marker on the plate, (2,) m from the first, if that explains all corners."""
     shift = np.zeros(3)
     T = planar_poses(seen[:4], points[:4], camera)[0]
     second = np.arange(8) >= 4

@@ -1,4 +1,4 @@
-"""What speaks against a board's pose: each doubt with its figures, its limit and what would help."""
+"""Doubts about a board's pose: each with its values, its limit and a remedy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from arm.board import Board
 from arm.errors import ImpossibleError
-from arm.poses import BoardPose, hole_poses
+from arm.poses import BoardPose
 from vision.boards.arrangement import arrangement
 from vision.boards.marker_size import fit_marker_size
 from vision.boards.pose_fit import Corners, Fit
@@ -19,23 +19,23 @@ from vision.camera.model import Camera
 
 @dataclass(frozen=True)
 class BoardLimits:
-    """What a board's corners may do before they are refused.
+    """Limits for accepting a board's pose.
 
-    The last three are standard deviations; what a task can bear lies three of them away: a cube finds its pocket
-    from 2 mm beside it, the palm meets a cube that stands 8 mm higher than thought (fact sheet of the cell), and jaws
-    that are 3 deg askew push a cube.
+    The last three are standard deviations, a third of what a task tolerates: a cube slides into its pocket from 2 mm
+    aside, the palm hits a cube that is 8 mm higher than expected (fact sheet of the cell), and jaws that are 3 deg off
+    push a cube.
 
     Attributes:
-        residual_px: largest root mean square residual of the mean corners, px per coordinate.
-        moved_px: most that a frame's markers may be off the median of all frames, px.
-        size_m: largest deviation of the marker size that fits best from the stated one, m; more if the board's
-            tolerance allows it.
-        size_sigmas: and this many of its standard deviations.
-        log_odds: a second solution counts as excluded from these odds on (4.6: 100 to 1).
-        flip_rad: second solutions turned by less than this do not matter.
+        residual_px: largest rms residual of the mean corners, px per coordinate.
+        moved_px: largest deviation of a frame's markers from the median of all frames, px.
+        size_m: largest deviation of the best-fitting marker size from the stated one, m; more if the board's tolerance
+            allows it.
+        size_sigmas: the same in its standard deviations.
+        log_odds: from which a second solution is excluded (4.6: 100 to 1).
+        flip_rad: a second solution that is rotated by less does not matter.
         sideways_m: of the least certain hole, in the plate's plane, m.
         height_m: of the least certain hole, along the plate's normal, m.
-        turn_rad: of the board's turn about its least certain axis, rad.
+        turn_rad: of the board's rotation about its least certain axis, rad.
     """
 
     residual_px: float = 1.0
@@ -51,7 +51,7 @@ class BoardLimits:
 
 @dataclass(frozen=True)
 class Spread:
-    """Standard deviations of a board's pose: of its least certain hole in and across the plate, m, and turn, rad."""
+    """Standard deviations of a board's pose: least certain hole in and across the plate, m; rotation, rad."""
 
     sideways: float
     height: float
@@ -59,8 +59,8 @@ class Spread:
 
     @classmethod
     def of(cls, pose: BoardPose) -> Spread:
-        """From the pose's covariance."""
-        holes = [hole.covariance for hole in hole_poses(pose)]
+        """Compute from the pose's covariance."""
+        holes = [hole.covariance for hole in pose.holes]
         return cls(
             float(np.sqrt(max(np.linalg.eigvalsh(C[:2, :2])[-1] for C in holes))),
             float(np.sqrt(max(C[2, 2] for C in holes))),
@@ -69,7 +69,7 @@ class Spread:
 
 
 def moved(board: Board, corners: Corners, limits: BoardLimits) -> ImpossibleError | None:
-    """The board stands elsewhere in one of the frames: all corners of a marker are off to the same side."""
+    """Doubt that the board moved between frames: all corners of a marker are off in the same direction."""
     off = (corners.pixels - corners.median()).reshape(len(corners.pixels), 2, 4, 2)
     seen: npt.NDArray[np.bool_] = np.asarray(np.isfinite(off).all(axis=(2, 3)))
     shift = np.where(seen[..., None], np.median(off, axis=2), 0.0)  # (frames, markers, 2)
@@ -79,8 +79,7 @@ def moved(board: Board, corners: Corners, limits: BoardLimits) -> ImpossibleErro
     if distance[worst] > max(limits.moved_px, 3.0 * float(np.median(noise))):
         return ImpossibleError(
             f"board {board.name}: photograph {worst + 1} of {len(off)} shows it {distance[worst]:.1f} px off the "
-            f"others, more than {limits.moved_px:g} px; it moved while it was photographed: look again once it "
-            "stands still",
+            f"others, more than {limits.moved_px:g} px; it moved between photographs: look again once it is at rest",
             board=board.name,
             photograph=worst + 1,
             off_px=float(distance[worst]),
@@ -98,9 +97,9 @@ def misfit(
     floor_px: float,
     limits: BoardLimits,
 ) -> ImpossibleError | None:
-    """Another marker size fits, the markers are arranged otherwise, or they fit no pose at all."""
+    """Doubt that the marker size or the arrangement of the markers is right, or that any pose fits."""
     other = fit_marker_size(board, fit, camera, floor_px) if np.isfinite(residual_px) else None
-    allowed = max(limits.size_m, 1.5 * SAME_PRINT * board.tolerance)  # three deviations of what prints do
+    allowed = max(limits.size_m, 1.5 * SAME_PRINT * board.tolerance)  # three standard deviations of prints
     if (
         other is not None
         and other.rms_px < limits.residual_px
@@ -109,18 +108,17 @@ def misfit(
         return ImpossibleError(
             f"board {board.name}: marker size = {1e3 * board.marker_size:g} mm does not fit its photographs "
             f"(residual {residual_px:.2f} px); {1e3 * other.size:.2f} mm does (+-{1e3 * other.sigma:.2f} mm, "
-            f"residual {other.rms_px:.2f} px): "
-            "measure the black square's edge; 1 mm puts the board's height 24 mm off",
+            f"residual {other.rms_px:.2f} px): measure the black square's edge; 1 mm puts the board's height 24 mm off",
             board=board.name,
             marker_size=board.marker_size,
             fitting_size=other.size,
             residual_px=residual_px,
         )
-    if not residual_px <= limits.residual_px:  # NaN where no pose in front of the camera fits
+    if not residual_px <= limits.residual_px:  # NaN if no pose in front of the camera fits
         low, high = board.marker_ids
         found = arrangement(board, corners, camera, limits.residual_px)
         why = found or (
-            f"are markers {low} and {high} both on this board, {low} at its origin, and turned alike?"
+            f"are markers {low} and {high} both on this board, {low} at its origin, and in the same orientation?"
         )
         return ImpossibleError(
             f"board {board.name}: its markers' corners do not fit (residual {residual_px:.2f} px, allowed "
@@ -136,12 +134,12 @@ def misfit(
 def ambiguous(
     board: Board, angle: float, log_odds: float, ratio: float, limits: BoardLimits
 ) -> ImpossibleError | None:
-    """The mirrored solution, turned by `angle`, is too likely."""
+    """Doubt that the mirrored solution, rotated by `angle`, is excluded."""
     if angle > limits.flip_rad and log_odds < limits.log_odds:
         return ImpossibleError(
-            f"board {board.name}: its tilt cannot be told from one turned by {np.degrees(angle):.1f} "
-            f"deg (odds {np.exp(log_odds):.0f} to 1, errors differ by a factor of {ratio:.2f} only); more "
-            "photographs, larger markers or more tilt would help",
+            f"board {board.name}: its tilt cannot be distinguished from one rotated by {np.degrees(angle):.1f} deg "
+            f"(odds {np.exp(log_odds):.0f} to 1, errors differ only by a factor of {ratio:.2f}); take more "
+            "photographs, or use larger markers or more tilt",
             board=board.name,
             hypothesis_ratio=ratio,
             odds=float(np.exp(log_odds)),
@@ -151,7 +149,7 @@ def ambiguous(
 
 
 def uncertain(pose: BoardPose | None, limits: BoardLimits) -> ImpossibleError | None:
-    """The pose's own covariance says that it may be off by more than a grasp can bear."""
+    """Doubt that the pose is certain enough to grasp, by its own covariance."""
     if pose is None:
         return None
     spread = Spread.of(pose)
@@ -168,9 +166,9 @@ def uncertain(pose: BoardPose | None, limits: BoardLimits) -> ImpossibleError | 
     if not over:
         return None
     return ImpossibleError(
-        f"board {pose.board.name}: its pose is too uncertain to grasp: {', '.join(over)}, standard deviations, with "
-        f"{pose.residual_px:.2f} px between corners and board; more photographs, even light, larger markers or a "
-        "camera nearer to the board would help",
+        f"board {pose.board.name}: its pose is too uncertain to grasp: {', '.join(over)}, standard deviations, with a "
+        f"residual of {pose.residual_px:.2f} px between corners and board; use more photographs, even light, larger "
+        "markers or a nearer camera",
         board=pose.board.name,
         sideways=spread.sideways,
         height=spread.height,

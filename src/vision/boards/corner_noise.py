@@ -1,7 +1,7 @@
-"""How well a board's mean corners are known: noise of each frame, and the part that all frames share.
+"""Variance of a board's mean corners: noise of each frame, and an error common to all frames.
 
-Frames differ by their own noise only; what is left of a fit shows both parts. So the shared part is estimated, from ten
-degrees of freedom, and the uncertainty of that estimate is part of the variance.
+Frames differ only by their own noise; the residuals of a fit contain both. So the common part is estimated, from ten
+degrees of freedom, and the uncertainty of that estimate is included in the variance.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ _GRID = 240
 
 
 def mean_corner_variance(corners: Corners, fit: Fit, floor_px: float, left: LeftOver | None = None) -> float:
-    """Variance of a mean corner's coordinate, px^2, as expected after the fit.
+    """Return the variance of a mean corner's coordinate, px^2, as expected after the fit.
 
-    It is the posterior mean of c^2 + f^2 / frames, f from the scatter between frames and c, the shared part, from what
-    the fit leaves over. Its prior: as likely as not the floor and no more, else a half-Cauchy from there on (A.
+    It is the posterior mean of c^2 + f^2 / frames, with f from the scatter between frames and the common part c from
+    the residuals of the fit. The prior of c is the floor with probability `SPIKE`, else a half-Cauchy above it (A.
     Gelman, "Prior distributions for variance parameters", 2006), four times as wide as the frames' own part. With one
-    frame the parts cannot be told from each other, and the residuals say it all.
+    frame the parts cannot be separated, and only the residuals count.
 
     Args:
-        corners: as they were fitted.
+        corners: that were fitted.
         fit: of them.
-        floor_px: the least that frames share, standard deviation.
-        left: what the fit leaves over against errors that corners share, if there are any.
+        floor_px: smallest standard deviation of the common error.
+        left: residuals relative to errors that corners share, if there are any.
     """
     nu, cost = fit.freedom, fit.cost
     alone = cost / max(nu - 2, 1)  # mean of the variance under Jeffreys' prior
@@ -52,7 +52,7 @@ def mean_corner_variance(corners: Corners, fit: Fit, floor_px: float, left: Left
 
 
 def _of_one_frame(left: LeftOver, floor_px: float) -> float:
-    """Posterior mean of the variance, px^2, under Jeffreys' prior from the floor on."""
+    """Posterior mean of the variance, px^2, under Jeffreys' prior above the floor."""
     top = 10.0 * float(left.squares.max())
     variance: Array = np.geomspace(floor_px**2, max(top, 4.0 * floor_px**2), _GRID)
     log_likelihood = left.log_likelihood(variance)

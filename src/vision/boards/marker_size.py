@@ -1,7 +1,7 @@
-"""Does another marker size fit the corners better than the stated one? The markers' spacing on the board tells.
+"""Test whether another marker size fits the corners better than the stated one, given the markers' spacing.
 
-A size that is 1 mm wrong puts a board's height 24 mm off (fact sheet of the cell, failure 7), and a fit shows it only
-as residuals that nobody looks at.
+A marker size that is wrong by 1 mm shifts the board's height by 24 mm (fact sheet of the cell, failure 7). In the pose
+fit it shows only as larger residuals.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from vision.boards.pose_fit import Fit, pose_jacobian
 from vision.camera.model import Camera
 
 _STEPS = 8
-DETERMINED = 1e-9  # of the information: least over most determined direction
+DETERMINED = 1e-9  # smallest ratio of the information's eigenvalues
 
 
 @dataclass(frozen=True)
 class MarkerSize:
-    """The marker size that fits best.
+    """The best-fitting marker size.
 
     Attributes:
         size: edge of the black square, m.
-        sigma: its standard deviation, from the residuals that remain, m.
-        rms_px: of the mean corners with that size, per coordinate.
+        sigma: its standard deviation, from the remaining residuals, m.
+        rms_px: residual of the mean corners with that size, per coordinate.
     """
 
     size: float
@@ -35,13 +35,13 @@ class MarkerSize:
 
 
 def fit_marker_size(board: Board, fit: Fit, camera: Camera, least_sigma_px: float) -> MarkerSize | None:
-    """Fit pose and marker size together to the mean corners of `fit`; None where no size fits.
+    """Fit pose and marker size together to the mean corners of `fit`; None if the fit fails.
 
     Args:
         board: whose stated size is tested.
         fit: of the pose with the stated size.
         camera: the camera.
-        least_sigma_px: standard deviation of a mean corner that is never undercut.
+        least_sigma_px: smallest standard deviation of a mean corner.
     """
     outlines = board.marker_corners()
     centres = outlines.mean(axis=1, keepdims=True)

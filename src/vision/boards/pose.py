@@ -1,7 +1,7 @@
-"""Where a board stands: one joint estimate over both markers and all frames, with an honest covariance, or a refusal.
+"""Estimate a board's pose jointly from both markers and all frames, with a realistic covariance, or refuse it.
 
-Fact sheet of calibration, section 4: fusing corners and fitting once reaches the Cramer-Rao bound; a median of poses or
-of corners throws 20-40 % away; one marker alone flips its tilt.
+Fusing all corners in one fit reaches the Cramer-Rao bound; a median of poses or of corners wastes 20-40 % of the
+information, and one marker alone flips its tilt (fact sheet of calibration, section 4).
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from vision.markers.detect import Marker
 __all__ = ["BoardLimits", "BoardSeen", "assess_board", "estimate_board_pose"]
 
 COMMON_MODE_PX = {"lines": 0.02, "subpix": 0.15, "recorded": 0.02}
-"""Error of a corner that all frames share, at least: light, blur, lens. More frames do not average it."""
-MERGED_RAD = 1e-3  # second solutions this near are the first one
-DETERMINED = 1e-9  # of the information: least over most determined direction, in m and rad
-RATIO_CAP = 1e3  # of `BoardPose.hypothesis_ratio`; also where there is no second solution
+"""Least corner error common to all frames: light, blur, distortion. More frames do not average it out."""
+MERGED_RAD = 1e-3  # a second solution this near is the first one
+DETERMINED = 1e-9  # smallest ratio of the information's eigenvalues, in m and rad
+RATIO_CAP = 1e3  # of `BoardPose.hypothesis_ratio`; also its value without a second solution
 
 
 @dataclass(frozen=True, eq=False)
 class BoardSeen:
-    """What a board's markers say of it.
+    """A board's pose, and the doubts about it.
 
     Attributes:
-        pose: the best estimate, also where it is doubted; None where there is none.
-        doubts: why it must not be used, each with its data; none where it may.
+        pose: the best estimate, even if doubtful; None if there is none.
+        doubts: why it must not be used, each with its data; empty if it may.
     """
 
     pose: BoardPose | None
@@ -57,12 +57,12 @@ def estimate_board_pose(
     limits: BoardLimits | None = None,
     tilts: Sequence[float] = (),
 ) -> BoardPose:
-    """`assess_board` for those who have no use for a pose that is doubted.
+    """Run `assess_board` and raise its first doubt.
 
     Raises:
-        ImpossibleError: a marker is in no frame, the board moved between frames, another marker size fits, the
-            corners do not fit the board at all, its tilt cannot be told from the mirrored one, or the pose is less
-            certain than the limits allow.
+        ImpossibleError: a marker is in no frame, the board moved between frames, another marker size fits, the corners
+            do not fit the board, its tilt cannot be distinguished from the mirrored one, or the pose is less certain
+            than the limits allow.
     """
     seen = assess_board(board, frames, camera, limits, tilts)
     for doubt in seen.doubts:
@@ -79,15 +79,15 @@ def assess_board(
     limits: BoardLimits | None = None,
     tilts: Sequence[float] = (),
 ) -> BoardSeen:
-    """Pose of a board from the markers seen in each frame, and all that speaks against it.
+    """Estimate the pose of a board from the markers in each frame, and collect doubts.
 
     Args:
         board: whose markers are used; others are ignored.
-        frames: the markers of each photograph of a cell that stands still.
-        camera: lens and place.
-        limits: what is doubted.
-        tilts: angles from the vertical, rad, at which boards are known to stand, tested as a hypothesis: they help to
-            choose between the two planar solutions where photographs alone do not decide, and change neither's pose.
+        frames: the markers of each image of a cell at rest.
+        camera: intrinsics and extrinsics.
+        limits: for doubts.
+        tilts: known tilts of the board stands from the vertical, rad, tested as a hypothesis. They help to choose
+            between the two planar solutions if the images alone do not decide, and change neither pose.
     """
     limits = limits or BoardLimits()
     corners = _gather(board, frames)
@@ -105,18 +105,18 @@ def assess_board(
     ]
     costs = [fit.cost / variance if f is None else f.cost for f, fit in zip(fits, both, strict=True)]
     log_odds = (costs[1] - costs[0]) / 2.0
-    tilts_say = 0.0
+    tilt_log_odds = 0.0
     undecided = hypotheses.angle > limits.flip_rad and log_odds < limits.log_odds
     if tilts and undecided and poses[0] is not None and poses[1] is not None:
-        tilts_say = log_odds_of_tilts(poses[0], poses[1], tilts)
-    first = log_odds + tilts_say >= 0.0
+        tilt_log_odds = log_odds_of_tilts(poses[0], poses[1], tilts)
+    first = log_odds + tilt_log_odds >= 0.0
     chosen, pose = (hypotheses.best, poses[0]) if first else (hypotheses.second, poses[1])
     used = chosen.mean_residual_px[chosen.shares > 0.0]
     residual_px = float(np.sqrt(np.mean(used**2))) if len(used) else np.nan
     doubts = (
         moved(board, corners, limits),
         misfit(board, corners, chosen, camera, residual_px, floor, limits),
-        ambiguous(board, hypotheses.angle, abs(log_odds + tilts_say), hypotheses.ratio, limits),
+        ambiguous(board, hypotheses.angle, abs(log_odds + tilt_log_odds), hypotheses.ratio, limits),
         uncertain(pose, limits),
     )
     if pose is not None and tilts:
@@ -125,14 +125,14 @@ def assess_board(
 
 
 def _shared(board: Board, fit: Fit, frames: Sequence[Sequence[Marker]], camera: Camera) -> Array | None:
-    """Errors that corners share, (16, k) px; None where there are none, or no pose."""
+    """Errors that corners share, (16, k) px; None if there are none, or no pose."""
     if not np.isfinite(fit.mean_residual_px).all():
         return None
     sides = np.zeros((2, 4))
     for place, marker_id in enumerate(board.marker_ids):
-        told = [m.side_sigma_px for frame in frames for m in frame if m.id == marker_id]
-        squares = [sigma**2 for sigma in told if sigma is not None]
-        if squares:  # all photographs show the same light
+        sigmas = [m.side_sigma_px for frame in frames for m in frame if m.id == marker_id]
+        squares = [sigma**2 for sigma in sigmas if sigma is not None]
+        if squares:  # the light is the same in all images
             sides[place] = np.sqrt(np.mean(squares, axis=0))
     errors = shared_errors(board, fit.T_camera_board, camera, sides)
     return errors if errors.shape[1] and np.isfinite(errors).all() else None
@@ -141,7 +141,7 @@ def _shared(board: Board, fit: Fit, frames: Sequence[Sequence[Marker]], camera: 
 def _fitted(
     fit: Fit, corners: Corners, camera: Camera, variance: float, errors: Array | None
 ) -> Fitted | None:
-    """The pose and its covariance; None where the corners determine none."""
+    """The pose and its covariance; None if the corners do not determine it."""
     J = pose_jacobian(fit.T_camera_board, corners.points, camera)
     information = np.einsum("n,nia,nib->ab", fit.shares, J, J)
     if not np.isfinite(information).all() or not np.isfinite(variance):
@@ -165,7 +165,7 @@ def _pose(
 
 @dataclass(frozen=True)
 class _Hypotheses:
-    """The two planar solutions, both fitted with the weights of the better one; angle between them in rad."""
+    """The two planar solutions, both with the weights of the better one; angle between them in rad."""
 
     best: Fit
     second: Fit
@@ -187,7 +187,7 @@ class _Hypotheses:
 
 
 def _residual(corners: Corners, fit: Fit) -> float:
-    """Also of a corner that the fit left out in all frames: what it weighs away must be seen."""
+    """Rms residual, including corners that the fit rejected in all frames."""
     left_out = (fit.shares == 0.0)[:, None]
     expected = fit.mean_px - fit.mean_residual_px
     off = np.where(left_out, corners.median() - expected, fit.mean_residual_px)

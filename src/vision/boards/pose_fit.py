@@ -1,11 +1,11 @@
-"""One pose from all corners of a board's markers in all frames: robust Levenberg-Marquardt on SE(3).
+"""Fit one pose to all corners of a board's markers in all frames: robust Levenberg-Marquardt on SE(3).
 
-The fit lives in the camera frame; steps are twists in the board's own frame (translation first), T <- T exp(xi) to
-first order (J. Solà et al. 2018, section 4.3, right Jacobian).
+The fit is in the camera frame. Steps are twists in the board's own frame (translation first), T <- T exp(xi) to first
+order (J. Solà et al. 2018, section 4.3, right Jacobian).
 
-A corner's error has a part of each frame and a part that all frames share (light, blur, lens). A corner that is wrong
-in one frame differs from the other frames; one that is wrong in all of them only from the board's shape. So outliers
-are looked for twice: among frames, then among corners.
+The error of a corner has a part of its own in each frame and a part that all frames share (light, blur, distortion). A
+corner that is wrong in one frame differs from the other frames; one that is wrong in all of them differs only from the
+board's shape. So outliers are rejected twice: among frames, then among corners.
 """
 
 from __future__ import annotations
@@ -19,14 +19,11 @@ import numpy.typing as npt
 from arm.se3 import Array, by_twist, rotation, transform
 from vision.camera.model import Camera
 
-TRUSTED, REFUSED = (
-    3.5,
-    6.0,
-)  # standard deviations at which a frame's corner begins to lose weight, and has none
-SMALLEST_SIGMA_PX = 0.02  # corners closer than this are not outliers of each other
-WRONG_CORNER_F = 30.0  # of F(2, 8): a true corner goes in 0.15 % of all fits
-STEP_DONE = 1e-9  # m and rad: a millionth of what corners of 0.01 px determine
-NEAR = 1e-6  # while weights still change
+TRUSTED, REFUSED = 3.5, 6.0  # standard deviations from which a frame's corner loses weight, and has none
+SMALLEST_SIGMA_PX = 0.02  # least corner noise assumed in outlier tests
+WRONG_CORNER_F = 30.0  # of F(2, 8): rejects a correct corner in 0.15 % of all fits
+STEP_DONE = 1e-9  # m and rad: a millionth of the precision from corners of 0.01 px
+NEAR = 1e-6  # the same while weights still change
 _ROBUST_ROUNDS, _STEPS = 12, 30
 
 
@@ -35,7 +32,7 @@ class Corners:
     """Corners of one board in all frames.
 
     Attributes:
-        pixels: (frames, n, 2) px, NaN where a corner was not seen.
+        pixels: (frames, n, 2) px, NaN where a corner was not detected.
         points: (n, 3) m in the board frame, z = 0.
     """
 
@@ -43,19 +40,19 @@ class Corners:
     points: Array
 
     def median(self) -> Array:
-        """Median of each corner over the frames that saw it, (n, 2) px."""
+        """Median of each corner over the frames in which it was detected, (n, 2) px."""
         return np.asarray(np.nanmedian(self.pixels, axis=0))
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A pose that fits corners.
+    """A pose fitted to corners.
 
     Attributes:
         T_camera_board: 4x4.
         mean_px: weighted mean of each corner over the frames, (n, 2) px.
-        weights: of every corner of every frame, (frames, n), 0 for outliers and unseen.
-        shares: information of each mean corner, (n,), 1 for one seen in as many frames as the average.
+        weights: of every corner in every frame, (frames, n), 0 for outliers and missing corners.
+        shares: information of each mean corner, (n,), 1 for one detected in an average number of frames.
         mean_residual_px: `mean_px` minus the projection, (n, 2) px.
     """
 
@@ -67,7 +64,7 @@ class Fit:
 
     @property
     def cost(self) -> float:
-        """What the fit minimised: squares of the mean corners' residuals times their shares, px^2."""
+        """Minimised sum of squared residuals of the mean corners, weighted by their shares, px^2."""
         return float(self.shares @ (self.mean_residual_px**2).sum(axis=-1))
 
     @property
@@ -77,13 +74,13 @@ class Fit:
 
     @property
     def frames(self) -> float:
-        """Frames behind an average corner that is used."""
+        """Mean number of frames per used corner."""
         totals = self.weights.sum(axis=0)
         return float(totals.sum() / max(np.count_nonzero(totals), 1))
 
 
 def planar_poses(pixels: Array, points: Array, camera: Camera) -> tuple[Array, ...]:
-    """Both poses T_camera_board of a planar set of points, better first (T. Collins and A. Bartoli, IPPE, 2014).
+    """Return both poses T_camera_board of a planar set of points, better first (T. Collins and A. Bartoli, IPPE, 2014).
 
     Args:
         pixels: (n, 2) px.
@@ -102,10 +99,10 @@ def planar_poses(pixels: Array, points: Array, camera: Camera) -> tuple[Array, .
 
 
 def fit_pose(corners: Corners, start: Array, camera: Camera) -> Fit:
-    """The pose near `start` (T_camera_board, 4x4) that fits the corners; outliers have no weight.
+    """Fit the pose near `start` (T_camera_board, 4x4) robustly.
 
-    For given weights the sum over frames has the same minimum as their weighted mean, so each robust round fits n
-    mean corners, however many frames there are.
+    For given weights the sum over frames has the same minimum as the weighted mean corners, so each robust round fits
+    only n mean corners, whatever the number of frames.
     """
     seen: npt.NDArray[np.bool_] = np.asarray(np.isfinite(corners.pixels).all(axis=-1))
     fit = _without_bad_frames(corners, seen, start, camera)
@@ -118,17 +115,17 @@ def fit_pose(corners: Corners, start: Array, camera: Camera) -> Fit:
 
 def _without_bad_frames(corners: Corners, seen: npt.NDArray[np.bool_], start: Array, camera: Camera) -> Fit:
     fit = fit_weighted(corners, seen.astype(float), start, camera, done=NEAR)
-    if len(seen) == 1 or not np.isfinite(fit.mean_residual_px).all():  # not in front of the camera: no pose
+    if len(seen) == 1 or not np.isfinite(fit.mean_residual_px).all():  # or behind the camera
         return fit_again(fit, corners.points, fit.T_camera_board, camera)
     pixels = np.nan_to_num(corners.pixels)
-    # the median over frames is the first judge of outliers: with three frames or more it is free of them already
+    # judge outliers by the median over frames first: with three frames or more it is already free of them
     expected = np.where(seen.sum(axis=0)[:, None] > 0, np.nan_to_num(corners.median()), 0.0)
     for _ in range(_ROBUST_ROUNDS):
         distance = np.linalg.norm(pixels - expected, axis=-1)
         weights = np.where(seen, _trust(distance / _spread(distance[seen])), 0.0)
         shared = _shared_part(corners, fit)
         previous, fit = fit.weights, fit_weighted(corners, weights, fit.T_camera_board, camera, shared, NEAR)
-        # where frames agree on what is off the board's shape, that is where they expect the corner
+        # if frames agree on a deviation from the board's shape, the corner is expected there
         expected = fit.mean_px - (1.0 - shared * np.minimum(fit.shares, 1.0))[:, None] * fit.mean_residual_px
         if np.abs(weights - previous).max() < 1e-3 or not np.isfinite(expected).all():
             break
@@ -143,11 +140,11 @@ def fit_weighted(
     shared: float = 0.0,
     done: float = STEP_DONE,
 ) -> Fit:
-    """The least-squares pose near `start` for given weights (frames, n).
+    """Fit the least-squares pose near `start` for given weights (frames, n).
 
     Args:
-        shared: part of a mean corner's variance that all frames share, 0 to 1.
-        done: a step of less than this, m and rad, is the last.
+        shared: share of a mean corner's variance that is common to all frames, 0 to 1.
+        done: size of the last step, m and rad.
     """
     pixels = np.nan_to_num(corners.pixels)
     totals = weights.sum(axis=0)
@@ -162,14 +159,14 @@ def fit_weighted(
 
 
 def fit_again(fit: Fit, points: Array, start: Array, camera: Camera) -> Fit:
-    """The least-squares pose near another `start` for the mean corners and shares of `fit`."""
+    """Refit the mean corners and shares of `fit` from another `start`."""
     T = _least_squares(fit.mean_px, fit.shares, points, start, camera)
     residual = fit.mean_px - camera.project(points @ T[:3, :3].T + T[:3, 3])
     return replace(fit, T_camera_board=T, mean_residual_px=residual)
 
 
 def frame_variance(corners: Corners, fit: Fit) -> float | None:
-    """Variance of a corner's coordinate between frames, px^2; None where no corner is in two of them."""
+    """Variance of a corner's coordinate between frames, px^2; None if no corner is in two of them."""
     totals = fit.weights.sum(axis=0)
     free = totals.sum() - np.count_nonzero(totals)
     if free < 0.5:
@@ -186,18 +183,18 @@ def _shared_part(corners: Corners, fit: Fit) -> float:
 
 
 def _trust(sigmas: Array) -> Array:
-    """1 up to TRUSTED, then smoothly down to 0 at REFUSED: clean corners keep all their weight."""
+    """1 up to TRUSTED, then smoothly down to 0 at REFUSED: clean corners keep their full weight."""
     along = np.clip((sigmas - TRUSTED) / (REFUSED - TRUSTED), 0.0, 1.0)
     return np.asarray(0.5 + 0.5 * np.cos(np.pi * along))
 
 
 def _spread(distances: Array) -> float:
-    """Standard deviation per coordinate from the median length of plane residuals (Rayleigh: median = 1.1774 sigma)."""
+    """Standard deviation per coordinate from the median residual length (Rayleigh: median = 1.1774 sigma)."""
     return max(float(np.median(distances)) / 1.1774, SMALLEST_SIGMA_PX)
 
 
 def _wrong_corner(fit: Fit, points: Array, camera: Camera) -> int | None:
-    """The corner without which all others fit by far better, if there is one (deletion of one, an F test)."""
+    """The corner without which all others fit much better, if there is one (leave-one-out F test)."""
     if fit.freedom < 4 or not np.isfinite(fit.mean_residual_px).all():
         return None
     root = np.sqrt(fit.shares)[:, None]
@@ -212,7 +209,7 @@ def _wrong_corner(fit: Fit, points: Array, camera: Camera) -> int | None:
 
 
 def pose_jacobian(T_camera_board: Array, points: Array, camera: Camera) -> Array:
-    """Derivative of the projections (n, 2) by the twist of the board in its own frame, (n, 2, 6) px per m and rad."""
+    """Derivative (n, 2, 6) of the projections by the twist of the board in its own frame, px per m and rad."""
     R = T_camera_board[:3, :3]
     by_point = camera.projection_jacobian(points @ R.T + T_camera_board[:3, 3]) @ R
     return by_twist(by_point, points)

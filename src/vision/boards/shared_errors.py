@@ -1,9 +1,9 @@
-"""Errors that a board's corners share, because a marker was made or is lit as a whole.
+"""Errors that a board's corners share, because they come from the print or the light of a whole marker.
 
-A marker that was glued 0.07 mm aside moves its four corners together, white that is overexposed a side with both its
-ends. Corner noise that is estimated from what a fit leaves over takes no account of that: the pose follows such errors,
-and hardly anything is left over. So each is a column of what it does to the corners, and the pose is fitted with the
-covariance that follows (generalised least squares, A. C. Aitken, 1936).
+A marker glued 0.07 mm aside shifts its four corners together; overexposed white shifts a side with both its ends. The
+pose follows such errors, and hardly any residual remains, so corner noise estimated from residuals misses them.
+Therefore each error is a column with its effect on the corners, and the pose is fitted with the resulting covariance
+(generalised least squares, A. C. Aitken, 1936).
 """
 
 from __future__ import annotations
@@ -19,10 +19,8 @@ from vision.boards.pose_fit import Fit, pose_jacobian
 from vision.camera.model import Camera
 from vision.markers.border_shift import moved_outwards
 
-SAME_PRINT = (
-    2.0  # edges of both markers are off together by so many times their tolerance: they come from one print,
-)
-OWN_EDGE = 0.2  # and each by so much of it on its own
+SAME_PRINT = 2.0  # size error common to both markers (one print), in standard deviations of the tolerance,
+OWN_EDGE = 0.2  # and that of each marker alone
 _STEPS = 5
 
 
@@ -30,10 +28,9 @@ _STEPS = 5
 class Fitted:
     """A pose fitted with shared errors.
 
-    Attributes:
-        T_camera_board: 4x4.
-        covariance: (6, 6) of its twist.
-        cost: squares of residuals in their covariance.
+    T_camera_board: 4x4.
+    covariance: (6, 6) of its twist.
+    cost: squared residuals over their covariance.
     """
 
     T_camera_board: Array
@@ -42,11 +39,11 @@ class Fitted:
 
 
 def shared_errors(board: Board, T_camera_board: Array, camera: Camera, sides_px: Array) -> Array:
-    """What one standard deviation of each shared error does to the corners, (16, k) px; k = 0 where there is none.
+    """Effect of one standard deviation of each shared error on the corners, (16, k) px; k = 0 if there is none.
 
     Args:
         board: with its tolerance.
-        T_camera_board: roughly where it stands.
+        T_camera_board: rough pose.
         camera: the camera.
         sides_px: standard deviation of each side of both markers, (2, 4) px.
     """
@@ -78,7 +75,7 @@ def shared_errors(board: Board, T_camera_board: Array, camera: Camera, sides_px:
 
 @dataclass(frozen=True, eq=False)
 class LeftOver:
-    """What a fit leaves over, in directions that no pose explains: squares, and their variance by shared errors.
+    """Residuals in the directions that no pose explains, squared, and their variance due to shared errors.
 
     Attributes:
         squares: (n,) px^2.
@@ -89,13 +86,13 @@ class LeftOver:
     shared: Array
 
     def log_likelihood(self, variance: Array) -> Array:
-        """Of variances (...) px^2 of a mean corner's coordinate."""
+        """Log likelihood of variances (...) px^2 of a mean corner's coordinate."""
         total = variance[..., None] + self.shared
         return np.asarray(-0.5 * (np.log(total) + self.squares / total).sum(axis=-1))
 
 
 def left_over(fit: Fit, points: Array, camera: Camera, errors: Array) -> LeftOver:
-    """Residuals of `fit` against the errors (16, k) px that corners share."""
+    """Residuals of `fit` relative to the shared errors (16, k) px."""
     J, r, root, used = _whitened(fit, fit.T_camera_board, points, camera)
     N = np.linalg.qr(J, mode="complete")[0][:, 6:]
     shared, V = np.linalg.eigh(N.T @ (root[:, None] * errors[used]) @ (root[:, None] * errors[used]).T @ N)
@@ -103,7 +100,7 @@ def left_over(fit: Fit, points: Array, camera: Camera, errors: Array) -> LeftOve
 
 
 def fit_with_shared(fit: Fit, points: Array, camera: Camera, errors: Array, variance: float) -> Fitted | None:
-    """The pose near that of `fit` under corner noise and shared errors; None where corners determine none.
+    """Refit the pose under corner noise and shared errors; None if it ends up behind the camera.
 
     Args:
         fit: with its mean corners and shares.
@@ -128,7 +125,7 @@ def fit_with_shared(fit: Fit, points: Array, camera: Camera, errors: Array, vari
 def _whitened(
     fit: Fit, T: Array, points: Array, camera: Camera
 ) -> tuple[Array, Array, Array, npt.NDArray[np.bool_]]:
-    """Of the coordinates that are used: Jacobian (n, 6), residuals (n,), roots of shares (n,); and which (16,)."""
+    """Jacobian (n, 6), residuals (n,) and square roots of shares (n,) of the used coordinates; and which (16,)."""
     used = np.repeat(fit.shares > 0.0, 2)
     root = np.sqrt(np.repeat(fit.shares, 2)[used])
     J = pose_jacobian(T, points, camera).reshape(-1, 6)[used]

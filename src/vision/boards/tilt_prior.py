@@ -1,7 +1,7 @@
-"""Stands hold boards at a few known tilts, such as 0, 7 and 15 degrees: a hypothesis, tested and never forced.
+"""Prior on the tilt of boards: their stands have a few known tilts, such as 0, 7 and 15 degrees.
 
-A tilt is the vector in which a board leans, so all of one angle make a ring (a point for 0), smeared by the pose's
-covariance. Against the set stands a board that leans anywhere.
+The prior is a hypothesis that is tested and never forced. A tilt is the vector in which a board leans, so all tilts of
+one angle form a ring (a point for 0), blurred by the pose's covariance. The alternative is a board that leans anywhere.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from scipy.special import i0e
 
 from arm.poses import BoardPose, TiltHypothesis
 
-STANDS = np.radians(0.5)  # standard deviation of stands, and of what the camera's pose thinks is upright
-STEEPEST = np.radians(45.0)  # of a board that leans anywhere
-ANYWHERE = 0.5  # how likely that is
+STANDS = np.radians(0.5)  # standard deviation of the stands and of the vertical in the camera's extrinsics
+STEEPEST = np.radians(45.0)  # limit for a board that leans anywhere
+ANYWHERE = 0.5  # prior probability of that
 FITS_SIGMAS = 3.0
-MOST_SAY = np.log(10.0)  # log odds that tilts may add: never enough to choose against the photographs
+MOST_SAY = np.log(10.0)  # largest log odds from the prior: never enough to overrule the images
 
 
 @dataclass(frozen=True)
 class _Tilt:
-    """A board's angle from the vertical, rad, with its variance, stands included; along the lean, and of both axes."""
+    """Angle of a board from the vertical, rad; variances along the lean and mean of both axes, stands included."""
 
     angle: float
     along: float
@@ -33,14 +33,14 @@ class _Tilt:
     def of(cls, pose: BoardPose) -> _Tilt:
         up = pose.T_base_board[2, :3]  # in the board's frame
         C = pose.covariance[3:5, 3:5]
-        turn = np.array([up[1], -up[0]])  # turning about this axis makes it lean more
+        turn = np.array([up[1], -up[0]])  # a rotation about this axis increases the lean
         mean = float(np.trace(C)) / 2.0
         length = float(np.linalg.norm(turn))
         along = mean if length < 1e-9 else float(turn @ C @ turn) / length**2
         return cls(pose.tilt(), along + STANDS**2, mean + STANDS**2)
 
     def log_density(self, tilt: float) -> float:
-        """Of this tilt vector (per rad^2), if the board stands at `tilt`, leaning to any side."""
+        """Log density of this tilt vector (per rad^2) if the board stands at `tilt`, leaning in any direction."""
         variance = self.along if tilt > 0.0 else self.mean
         ring = np.log(i0e(self.angle * tilt / variance))
         return float(ring - (self.angle - tilt) ** 2 / (2.0 * variance) - np.log(2.0 * np.pi * variance))
@@ -50,14 +50,14 @@ class _Tilt:
 
 
 def _densities(pose: BoardPose, tilts: Sequence[float]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Prior times density of each member, and of none of them, last."""
+    """Prior times density of each tilt, and of none of them, last."""
     tilt = _Tilt.of(pose)
     members = [(1.0 - ANYWHERE) / len(tilts) * np.exp(tilt.log_density(t)) for t in tilts]
     return np.array([*members, ANYWHERE / (np.pi * STEEPEST**2)])
 
 
 def tilt_hypothesis(pose: BoardPose, tilts: Sequence[float]) -> TiltHypothesis:
-    """Which of `tilts` (rad) the pose agrees with, if any."""
+    """Test which of `tilts` (rad) the pose agrees with, if any."""
     tilt, densities = _Tilt.of(pose), _densities(pose, tilts)
     nearest = int(np.argmin([abs(tilt.sigmas(t)) for t in tilts]))
     z = tilt.sigmas(tilts[nearest])
@@ -70,6 +70,6 @@ def tilt_hypothesis(pose: BoardPose, tilts: Sequence[float]) -> TiltHypothesis:
 
 
 def log_odds_of_tilts(first: BoardPose, second: BoardPose, tilts: Sequence[float]) -> float:
-    """How much the set speaks for the first of two poses: log odds, at most `MOST_SAY` either way."""
+    """Log odds of the first of two poses over the second from the prior, at most `MOST_SAY` either way."""
     a, b = (float(np.log(_densities(pose, tilts).sum())) for pose in (first, second))
     return float(np.clip(a - b, -MOST_SAY, MOST_SAY))

@@ -1,18 +1,8 @@
-"""Cameras: the model with its distortion, and where frames come from."""
+"""Cameras: model, distortion, and sources of frames."""
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
-_FORMER = (
-    "Camera",
-    "read_camera",
-    "read_lens",
-    "write_camera",
-)  # of the module that this package was, for one version
+from arm.former import FormerNames
 
 if not TYPE_CHECKING:
-
-    def __getattr__(name: str) -> object:
-        if name in _FORMER:
-            return getattr(import_module("vision.camera.model"), name)
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    __getattr__ = FormerNames(__name__, "vision.camera.model", "Camera", "read_camera", "write_camera")

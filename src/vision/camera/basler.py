@@ -1,6 +1,6 @@
-"""A Basler camera: photographs of now, each one triggered, or an error that says why not (docs/cameras.md).
+"""A Basler camera: current images, each one triggered, or an error with the reason (docs/cameras.md).
 
-Facts about pylon that this rests on were measured with its camera emulation: parts.md section 2.
+The facts about pylon used here were measured with its camera emulation: parts.md section 2.
 """
 
 from __future__ import annotations
@@ -28,24 +28,22 @@ from vision.camera.deadline_worker import T, Worker
 from vision.camera.frame_order import FrameOrder
 from vision.camera.frame_source import Image
 
-FAILED_FRAMES = (
-    2  # of one look that are taken anew: a lost packet is no reason to stop an arm, a bad cable is
-)
+FAILED_FRAMES = 2  # damaged frames per look to retake: a lost packet must not stop an arm, a bad cable must
 OPEN_S = 20.0  # wall time for a step of opening; GigE cameras are searched for by broadcast
 CLOSE_S = 5.0
-MARGIN_S = 2.0  # wall time that a frame may take beyond its time-outs
+MARGIN_S = 2.0  # wall time for a frame beyond its time-outs
 
 
 @dataclass(frozen=True)
 class BaslerSettings:
-    """How photographs are taken; None leaves a value as the camera has it.
+    """Settings of a camera; None leaves the camera's own value.
 
     Attributes:
         exposure: s.
         gain: dB.
         timeout: for the camera to be ready for a trigger, and for its frame to arrive, s each.
         heartbeat: of a GigE camera, s.
-        features: others, by the camera's own names; set first, so that trigger and format are right whatever they say.
+        features: others, by the camera's own names; set first, so that they cannot override trigger and format.
     """
 
     exposure: float | None = None
@@ -56,15 +54,15 @@ class BaslerSettings:
 
 
 class BaslerCamera:
-    """Takes photographs with a Basler camera (`vision.camera.frame_source.FrameSource`), inside ``with``.
+    """Takes images with a Basler camera (`vision.camera.frame_source.FrameSource`); a context manager.
 
-    Every frame has a software trigger of its own, given after `grab` was called, so none is older than the call.
+    Every frame has its own software trigger, sent after the call of `grab`, so none is older than the call.
 
     Attributes:
-        device: pylon's InstantCamera while open, for what has no place here.
-        settings: as asked for.
-        exposure, gain: as the camera made them, s and dB; None where not asked for.
-        description: which camera was opened, and what was set, in a line.
+        device: pylon's InstantCamera while open, for settings without support here.
+        settings: requested.
+        exposure, gain: set by the camera, s and dB; None if not requested.
+        description: the camera and its settings in one line.
     """
 
     def __init__(
@@ -76,13 +74,13 @@ class BaslerCamera:
     ) -> None:
         """
         Args:
-            selector: which camera; see `vision.camera.basler_devices.read_selector`.
-            settings: how.
-            size: width and height that frames must have, px; any, but all of a look alike, if None.
-            tell: is given a line about what went wrong without stopping anything.
+            selector: of the camera; see `vision.camera.basler_devices.read_selector`.
+            settings: of the camera.
+            size: required width and height of frames, px; None for any, the same within a look.
+            tell: called with a line about each problem that stops nothing.
 
         Raises:
-            InputError: the selector is none.
+            InputError: the selector is invalid.
         """
         self.selector: Selector = read_selector(selector)
         self.settings = settings or BaslerSettings()
@@ -103,7 +101,7 @@ class BaslerCamera:
         """Open the camera and set it up.
 
         Raises:
-            CameraError: pypylon is not installed; the camera is not there, ambiguous or in use, or refuses a setting.
+            CameraError: pypylon is not installed; the camera is missing, ambiguous or in use, or refuses a setting.
         """
         self._pylon, self._genicam = _libraries(self.selector)
         self._worker, self._last = Worker(f"camera {self.selector}"), FrameOrder()
@@ -123,9 +121,9 @@ class BaslerCamera:
         self.close()
 
     def close(self) -> None:
-        """Let go of the camera, whatever state it is in, within `CLOSE_S`; what goes wrong is told."""
+        """Release the camera, whatever its state, within `CLOSE_S`; problems are reported by `tell`."""
         if self.device is not None:
-            self._aside(self._let_go, CLOSE_S, "closing it")
+            self._ask_aside(self._release, CLOSE_S, "closing it")
         self.device = None
         if self._worker is not None:
             self._worker.end()
@@ -139,7 +137,7 @@ class BaslerCamera:
     def _set_up(self) -> None:
         nodes, settings = self.device.GetNodeMap(), self.settings
         set_features(nodes, settings.features, self._refused, self._genicam.GenericException)
-        # one frame at each software trigger, no frames else
+        # one frame per software trigger, and no others
         self._pylon.SoftwareTriggerConfiguration.ApplyConfiguration(nodes)
         if "PixelFormat" not in settings.features:
             set_mono(nodes)
@@ -156,17 +154,17 @@ class BaslerCamera:
             + ("" if self.gain is None else f", gain {self.gain:.1f} dB")
         )
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         self.device.StopGrabbing()
         self.device.Close()
         self.device.DestroyDevice()
 
-    # -- photographs
+    # -- images
 
     def grab(self, count: int) -> list[Image]:
-        """`count` photographs, (h, w) grey, each triggered after this was called.
+        """Take `count` images, (h, w) grey, each triggered after this call.
 
-        Up to `FAILED_FRAMES` frames that arrive damaged are told and taken anew; they are never passed on.
+        Up to `FAILED_FRAMES` damaged frames are reported and retaken; none is returned.
 
         Raises:
             CameraError: more were damaged, one is late, stale or of another size, or the camera is gone or hangs.
@@ -183,7 +181,7 @@ class BaslerCamera:
                 if isinstance(taken, str):
                     failed.append(taken)
                     self._count_failed(failed, len(images) + 1, count)
-                    self._ask(taker.restart, MARGIN_S, "starting it anew")
+                    self._ask(taker.restart, MARGIN_S, "restarting it")
                 else:
                     self._require_size(taken, images)
                     images.append(taken)
@@ -196,7 +194,7 @@ class BaslerCamera:
         try:
             yield
         except BaseException:
-            self._aside(taker.stop, MARGIN_S, "stopping it")  # which ends the wait for a frame
+            self._ask_aside(taker.stop, MARGIN_S, "stopping it")  # which ends the wait for a frame
             raise
         else:
             self._ask(taker.stop, frame_s, "stopping it")
@@ -209,18 +207,18 @@ class BaslerCamera:
                 self.selector,
                 "failed",
                 f"{len(failed)} frames of one look were damaged: {'; '.join(failed)}; "
-                "look at cable, bandwidth and packet size",
+                "check cable, bandwidth and packet size",
                 failed=failed,
             )
         self._tell(
-            f"camera {self.selector}: photograph {number} of {count} was damaged and is taken anew: {failed[-1]}"
+            f"camera {self.selector}: photograph {number} of {count} was damaged and is retaken: {failed[-1]}"
         )
 
     def _require_size(self, image: Image, before: list[Image]) -> None:
         height, width = image.shape
         wanted = self._size or (before[0].shape[1::-1] if before else (width, height))
         if (width, height) != wanted:
-            of = "the camera's calibration is for" if self._size else "the frame before was"
+            of = "the camera's calibration is for" if self._size else "the previous frame was"
             raise CameraError(
                 self.selector,
                 "size",
@@ -232,7 +230,7 @@ class BaslerCamera:
     # -- errors
 
     def _ask(self, function: Callable[[], T], seconds: float, what: str, worker: Worker | None = None) -> T:
-        """Have the worker make a call; whatever pylon raises becomes ours."""
+        """Call on the worker; errors of pylon become `CameraError`."""
 
         def guarded() -> T:
             try:
@@ -257,8 +255,8 @@ class BaslerCamera:
                 self.selector, "hung", f"{what}: {error}; unplug the camera and plug it in again"
             ) from error
 
-    def _aside(self, function: Callable[[], T], seconds: float, what: str) -> None:
-        """Have a call made while another may be under way, or hang; what goes wrong is told."""
+    def _ask_aside(self, function: Callable[[], T], seconds: float, what: str) -> None:
+        """Call on another thread, as the worker may be busy or hang; problems are reported by `tell`."""
         worker = Worker(f"camera {self.selector}, aside")
         try:
             self._ask(function, seconds, what, worker)
@@ -274,13 +272,14 @@ class BaslerCamera:
 def _libraries(camera: object) -> tuple[Any, Any]:
     try:
         with warnings.catch_warnings():
-            # its SWIG types warn; warnings that are errors (python -W error) would crash the interpreter
+            # its SWIG types warn; as an error (python -W error) that would crash the interpreter
             warnings.simplefilter("ignore")
             from pypylon import genicam, pylon
     except ImportError as error:
         raise CameraError(
             camera,
             "no pypylon",
-            f"needs pypylon, which cannot be imported ({error}); `make basler` or pip install 'a465[basler]' adds it",
+            f"needs pypylon, which cannot be imported ({error}); install it by `make basler` or pip install "
+            "'a465[basler]'",
         ) from error
     return pylon, genicam

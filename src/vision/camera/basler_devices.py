@@ -1,4 +1,4 @@
-"""Which Basler camera is meant: a selector, and the cameras that are there."""
+"""Select one of the connected Basler cameras."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ KINDS = ("name", "serial", "ip", "class")
 
 @dataclass(frozen=True)
 class FoundDevice:
-    """A camera that pylon lists, whether or not it can be opened.
+    """A camera listed by pylon, whether or not it can be opened.
 
     Attributes:
-        name: that its user gave it; "" if none did.
+        name: user-defined; "" if none.
         serial: number on its label.
         ip: address of a GigE camera, else "".
         device_class: of its interface: BaslerGigE, BaslerUsb, BaslerCamEmu, ...
@@ -37,11 +37,11 @@ class FoundDevice:
 
 @dataclass(frozen=True)
 class Selector:
-    """What tells a camera from others.
+    """Criterion that selects a camera.
 
     Attributes:
-        kind: one of `KINDS`, or "" for a bare text: a user name or else a serial number.
-        text: what it must be.
+        kind: one of `KINDS`, or "" for a bare text, which is a user-defined name or else a serial number.
+        text: required value.
     """
 
     kind: str
@@ -51,22 +51,22 @@ class Selector:
         return f"{self.kind}:{self.text}" if self.kind else self.text
 
     def choose(self, found: Sequence[FoundDevice]) -> int:
-        """The number of the one device in `found` that is meant.
+        """Return the index of the one matching device in `found`.
 
         Raises:
-            CameraError: none is, or several are; with all that are there.
+            CameraError: none or several match; the message lists all that were found.
         """
         for kind in (self.kind,) if self.kind else ("name", "serial"):
             fitting = [number for number, device in enumerate(found) if self._fits(device, kind)]
             if len(fitting) == 1:
                 return fitting[0]
             if fitting:
-                raise self._refused(found, "ambiguous", f"means {len(fitting)} cameras; say serial:NUMBER")
+                raise self._refused(found, "ambiguous", f"matches {len(fitting)} cameras; use serial:NUMBER")
         if not found:
             raise self._refused(
-                found, "missing", "is not there, and no other; has it power, is its cable plugged in?"
+                found, "missing", "not found, nor is any other; is it powered, and is its cable plugged in?"
             )
-        raise self._refused(found, "missing", "is not there")
+        raise self._refused(found, "missing", "not found")
 
     def _fits(self, device: FoundDevice, kind: str) -> bool:
         marks = {
@@ -78,12 +78,12 @@ class Selector:
         return marks[kind] == self.text
 
     def _refused(self, found: Sequence[FoundDevice], reason: str, rule: str) -> CameraError:
-        there = f"; there {'is' if len(found) == 1 else 'are'} {', '.join(map(str, found))}" if found else ""
+        there = f"; connected: {', '.join(map(str, found))}" if found else ""
         return CameraError(self, reason, f"{rule}{there}", found=[asdict(device) for device in found])
 
 
 def find_devices(pylon: Any) -> list[tuple[FoundDevice, Any]]:
-    """The cameras that pylon lists, each with its own record of it.
+    """List the cameras that pylon finds, each with pylon's own record of it.
 
     Args:
         pylon: the library.
@@ -104,13 +104,13 @@ def find_devices(pylon: Any) -> list[tuple[FoundDevice, Any]]:
 
 
 def read_selector(text: str) -> Selector:
-    """A selector as people write it.
+    """Parse a selector.
 
-    ``name:camera-crs93``, ``serial:21923415``, ``ip:192.168.0.7`` or ``class:BaslerUsb``; a bare text is a user name or
-    else a serial number.
+    ``name:camera-crs93``, ``serial:21923415``, ``ip:192.168.0.7`` or ``class:BaslerUsb``; a bare text is a user-defined
+    name or else a serial number.
 
     Raises:
-        InputError: it is empty, of another kind, or no IP address where one is meant.
+        InputError: it is empty, of another kind, or not a valid IP address.
     """
     kind, colon, rest = (part.strip() for part in text.partition(":"))
     if not colon:

@@ -1,8 +1,8 @@
-"""Settings of a Basler camera, under the names that its generation has for them.
+"""Settings of a Basler camera, under the names used by its generation.
 
-USB and ace 2 cameras go by the Standard Features Naming Convention (``ExposureTime`` in us, ``Gain`` in dB); older GigE
-cameras have ``ExposureTimeAbs`` or ``ExposureTimeRaw`` (in units of ``ExposureTimeBaseAbs``), and a ``GainRaw`` whose
-unit is the model's own.
+USB and ace 2 cameras follow the Standard Features Naming Convention (``ExposureTime`` in us, ``Gain`` in dB). Older
+GigE cameras have ``ExposureTimeAbs`` or ``ExposureTimeRaw`` (in units of ``ExposureTimeBaseAbs``), and a ``GainRaw`` in
+a unit specific to the model.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ from typing import Any
 
 Feature = bool | int | float | str
 Refuse = Callable[[str, Any, str], Exception]
-"""Makes the error for a setting that cannot be made: its key, its value and the rule."""
+"""Returns the error for a setting that cannot be made, from its key, its value and the rule."""
 
 
 def set_exposure(nodes: Any, exposure: float, refuse: Refuse) -> float:
-    """Expose every frame for `exposure` seconds.
+    """Set the exposure of every frame, s.
 
     Args:
         nodes: the camera's node map.
 
     Returns:
-        What the camera made of it, s.
+        Exposure set by the camera, s.
     """
     _choose(nodes, "ExposureAuto", "Off")
     _choose(nodes, "ExposureMode", "Timed")
@@ -48,10 +48,10 @@ def set_exposure(nodes: Any, exposure: float, refuse: Refuse) -> float:
 
 
 def set_gain(nodes: Any, gain: float, refuse: Refuse) -> float:
-    """Amplify by `gain` dB.
+    """Set the gain, dB.
 
     Returns:
-        What the camera made of it, dB.
+        Gain set by the camera, dB.
     """
     _choose(nodes, "GainAuto", "Off")
     for name in ("Gain", "GainAbs"):
@@ -70,9 +70,7 @@ def set_gain(nodes: Any, gain: float, refuse: Refuse) -> float:
 
 
 def set_heartbeat(stream_nodes: Any, heartbeat: float) -> None:
-    """A GigE camera is free again `heartbeat` seconds after the program that had it has died.
-
-    Others have no such setting, and stay as they are.
+    """Set the time after which a GigE camera is free again if its program has died; others have no such setting.
 
     Args:
         stream_nodes: node map of the transport layer.
@@ -89,15 +87,15 @@ def set_heartbeat(stream_nodes: Any, heartbeat: float) -> None:
 def set_features(
     nodes: Any, features: Mapping[str, Feature], refuse: Refuse, errors: type[Exception]
 ) -> None:
-    """Any feature by the camera's own name for it, in order; a command is executed by true.
+    """Set any features by the camera's own names, in order; a command is executed by true.
 
     Args:
-        errors: what the library raises.
+        errors: exceptions of the library.
     """
     for name, value in features.items():
         node = nodes.GetNode(name)
         if not node.IsValid():
-            raise refuse(f"features.{name}", value, "this camera has no such feature; names are its own")
+            raise refuse(f"features.{name}", value, "this camera has no such feature; use its own names")
         try:
             node.FromString(str(int(value)) if isinstance(value, bool) else str(value))
         except errors as error:
@@ -105,12 +103,12 @@ def set_features(
 
 
 def set_mono(nodes: Any) -> None:
-    """Mono8, where the camera has it; else its own format stays, and frames are converted."""
+    """Set Mono8 if the camera has it; otherwise frames are converted."""
     _choose(nodes, "PixelFormat", "Mono8")
 
 
 def said(error: Exception) -> str:
-    """What one of the library's errors says, without the place in its source that threw it."""
+    """Message of one of the library's errors, without the location in its source."""
     return str(error).rsplit(" : ", 1)[0].strip().rstrip(".")
 
 

@@ -1,4 +1,4 @@
-"""One look with an open Basler camera: triggers, and which frames are good enough to be passed on."""
+"""Grab frames from an open Basler camera: triggers, and checks that frames are current and undamaged."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from vision.camera.frame_source import Image
 
 
 class FrameTaker:
-    """Triggers frames of a camera one by one. Its calls may hang as pylon may: whoever makes them has deadlines.
+    """Triggers frames of a camera one by one. Calls may hang, as pylon's may; the caller sets deadlines.
 
     Attributes:
-        last: the frame taken last.
+        last: the last frame taken.
     """
 
     def __init__(self, device: Any, pylon: Any, camera: object, timeout: float, last: FrameOrder) -> None:
@@ -24,8 +24,8 @@ class FrameTaker:
             device: pylon's InstantCamera, open and set to software triggers.
             pylon: the library.
             camera: for messages.
-            timeout: to be ready for a trigger, and for its frame to arrive, s each.
-            last: the frame that was taken last with this camera.
+            timeout: for the camera to be ready for a trigger, and for its frame to arrive, s each.
+            last: the last frame taken with this camera.
         """
         self.last = last
         self._device = device
@@ -34,10 +34,10 @@ class FrameTaker:
         self._timeout = timeout
 
     def start(self) -> None:
-        """Make the camera wait for triggers; frames of before are dropped.
+        """Make the camera wait for triggers; drop earlier frames.
 
         Raises:
-            CameraError: it would take frames without them.
+            CameraError: the camera is not set to software triggers.
         """
         nodes = self._device.GetNodeMap()
         nodes.GetNode("TriggerSelector").SetValue("FrameStart")
@@ -45,31 +45,31 @@ class FrameTaker:
         if (mode, source) != ("On", "Software"):
             raise self._error(
                 "stale",
-                f"takes frames on its own (TriggerMode {mode}, TriggerSource {source}), which may be older than the "
-                "look: its settings were changed since it was opened",
+                f"takes frames without triggers (TriggerMode {mode}, TriggerSource {source}), which may be older than "
+                "the look: its settings were changed since it was opened",
             )
         self._device.StartGrabbing(self._pylon.GrabStrategy_OneByOne, self._pylon.GrabLoop_ProvidedByUser)
 
     def stop(self) -> None:
-        """Whatever is under way is dropped."""
+        """Stop grabbing; drop pending frames."""
         self._device.StopGrabbing()
 
     def restart(self) -> None:
-        """After a damaged frame: what it says of itself is not believed, so numbers begin anew."""
+        """Restart after a damaged frame; its number is unreliable, so numbering starts again."""
         self.stop()
         self.last = FrameOrder(None, self.last.stamp)
         self.start()
 
     def take(self) -> Image | str:
-        """Trigger a frame and wait for it: (h, w) grey, or why it is damaged.
+        """Trigger a frame and wait for it: (h, w) grey, or a description of the damage.
 
         Raises:
-            CameraError: late, stale, or the camera is gone.
+            CameraError: the frame is late or stale, or the camera is gone.
         """
         device, pylon = self._device, self._pylon
         timeout_ms = max(1, round(1e3 * self._timeout))
         self.require_none_waiting()
-        waits = device.CanWaitForFrameTriggerReady()  # the oldest cameras do not tell
+        waits = device.CanWaitForFrameTriggerReady()  # the oldest cameras cannot
         if waits and not device.WaitForFrameTriggerReady(timeout_ms, pylon.TimeoutHandling_Return):
             raise self._error("timeout", f"was not ready for a trigger within {self._timeout:g} s")
         device.ExecuteSoftwareTrigger()
@@ -80,8 +80,8 @@ class FrameTaker:
             if not result.IsValid():
                 raise self._error(
                     "timeout",
-                    f"no frame within {self._timeout:g} s of its trigger; is the cable good, and is timeout_s more "
-                    "than the exposure?",
+                    f"no frame within {self._timeout:g} s of its trigger; is the cable good, and does timeout_s exceed "
+                    "the exposure?",
                 )
             if not result.GrabSucceeded():
                 return f"{result.ErrorDescription.rstrip('.')} (error {result.ErrorCode:#x})"
@@ -91,16 +91,16 @@ class FrameTaker:
             result.Release()
 
     def require_none_waiting(self) -> None:
-        """Frames come when asked for, and else never.
+        """Check that no frame came without a trigger.
 
         Raises:
-            CameraError: some have come.
+            CameraError: some came.
         """
         waiting = self._device.NumReadyBuffers.GetValue()
         if waiting:
             raise self._error(
                 "stale",
-                f"sent {waiting} frame{'s' * (waiting > 1)} that nobody had asked for",
+                f"sent {waiting} frame{'s' * (waiting > 1)} without a trigger",
                 frames=waiting,
             )
 
@@ -108,8 +108,8 @@ class FrameTaker:
         if not self.last.is_next(frame, first):
             raise self._error(
                 "stale",
-                f"a frame ({frame}) came after another ({self.last}): frames were lost, or this one is older than "
-                "its trigger",
+                f"a frame ({frame}) came after another ({self.last}): frames were lost, or this one is older than its "
+                "trigger",
                 number=frame.number,
                 last=self.last.number,
             )
@@ -126,7 +126,7 @@ class FrameTaker:
             self._pylon.PixelType_Mono8 if mono else self._pylon.PixelType_BGR8packed
         )
         image = np.array(converter.Convert(result).GetArray(), dtype=np.uint8)
-        # the same weights of the colours as for photographs in files; pylon's are others
+        # OpenCV's colour weights, as for images from files; pylon's differ
         return image if mono else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
 
     def _error(self, reason: str, rule: str, **data: Any) -> CameraError:
@@ -134,5 +134,5 @@ class FrameTaker:
 
 
 def removed(camera: object) -> CameraError:
-    """The error for a camera that was there and is no more."""
+    """The error for a camera that was removed."""
     return CameraError(camera, "removed", "was unplugged, or lost its power or network")

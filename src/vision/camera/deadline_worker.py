@@ -1,4 +1,4 @@
-"""Calls into a library that may never come back, each with a deadline."""
+"""Calls, with a deadline, into a library that may hang."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from concurrent.futures import Future, wait
 from typing import TypeVar
 
 T = TypeVar("T")
-END_S = 2.0  # wall time that an idle thread may take to end
+END_S = 2.0  # wall time for an idle thread to end
 
 
 class Worker:
-    """A thread that makes calls one after the other; whoever asks waits for a stated time at most.
+    """A thread that makes calls one after the other, while the caller waits for a limited time.
 
-    A native library cannot be interrupted, not even by Ctrl-C. Here the wait can be, and a call that hangs holds up
-    nothing but this thread, which does not keep the program from ending.
+    A native library cannot be interrupted, not even by Ctrl-C, but the wait for it can. A call that hangs blocks only
+    this daemon thread, so the program can still exit.
 
     Attributes:
-        lost: a call has not come back; the worker makes no other.
+        lost: whether a call hangs; the worker then refuses further ones.
     """
 
     def __init__(self, name: str) -> None:
         """
         Args:
-            name: of the thread, for people who debug.
+            name: of the thread, for debugging.
         """
         self.lost = False
         self._calls: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
@@ -33,19 +33,19 @@ class Worker:
         self._thread.start()
 
     def call(self, function: Callable[[], T], seconds: float) -> T:
-        """What `function` gives, or raises.
+        """Call `function` on the thread and return its result, or raise its error.
 
         Raises:
-            TimeoutError: it has not come back after `seconds` of wall time, or one before it did not.
+            TimeoutError: it has not returned after `seconds` of wall time, or an earlier call hangs.
         """
         if self.lost:
-            raise TimeoutError("an earlier call has not come back")
+            raise TimeoutError("an earlier call hangs")
         future: Future[T] = Future()
 
         def fill() -> None:
             try:
                 future.set_result(function())
-            except BaseException as error:  # noqa: BLE001 - raised again where it is waited for
+            except BaseException as error:  # noqa: BLE001 - raised again in the caller
                 future.set_exception(error)
 
         self._calls.put(fill)
@@ -55,9 +55,9 @@ class Worker:
         return future.result()
 
     def end(self, seconds: float = END_S) -> None:
-        """Let the thread end after the calls that it still has, and wait for that if all have come back.
+        """End the thread after its pending calls, and wait for that unless one hangs.
 
-        A program that ends while the thread does is ended by the C library (a native frame is on its stack).
+        If the program exits during that, the C library aborts it (a native frame is on the thread's stack).
         """
         self._calls.put(None)
         if not self.lost:

@@ -1,4 +1,4 @@
-"""The lens: pinhole with the distortion of D. C. Brown, "Close-range camera calibration" (1971).
+"""Lens distortion of D. C. Brown, "Close-range camera calibration" (1971), after a pinhole projection.
 
 Coefficients in OpenCV's order k1 k2 p1 p2 k3, on the plane z = 1 of the camera frame:
 x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2), and y' likewise with p1 and p2 swapped.
@@ -15,14 +15,14 @@ from arm.se3 import Array
 _INVERSE_STEPS, _STEP_TOLERANCE, _WORST_STEP = 50, 1e-13, 1e-9
 
 
-class LensTerms(NamedTuple):
+class DistortionTerms(NamedTuple):
     """Parts of the distortion at points (...): `radial` factor (...), `tangential` shift (..., 2)."""
 
     radial: Array
     tangential: Array
 
 
-def lens_terms(coefficients: Array, points: Array) -> LensTerms:
+def distortion_terms(coefficients: Array, points: Array) -> DistortionTerms:
     """Radial factor and tangential shift at undistorted `points` (..., 2)."""
     k1, k2, p1, p2, k3 = coefficients
     x, y = points[..., 0], points[..., 1]
@@ -32,22 +32,22 @@ def lens_terms(coefficients: Array, points: Array) -> LensTerms:
         tangential = np.empty_like(points)
         tangential[..., 0] = 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
         tangential[..., 1] = p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
-    return LensTerms(radial, tangential)
+    return DistortionTerms(radial, tangential)
 
 
 def distort(coefficients: Array, points: Array) -> Array:
-    """Undistorted points (..., 2) on z = 1 to distorted ones."""
-    radial, tangential = lens_terms(coefficients, points)
+    """Map undistorted points (..., 2) on z = 1 to distorted ones."""
+    radial, tangential = distortion_terms(coefficients, points)
     distorted: Array = points * radial[..., None] + tangential
     return distorted
 
 
 def undistort(coefficients: Array, distorted: Array) -> Array:
-    """The inverse of `distort` by fixed point, to 1e-13; NaN where the model has no inverse near the axis."""
+    """Invert `distort` by fixed-point iteration to 1e-13; NaN where the model has no inverse near the axis."""
     points = distorted
     change = np.zeros_like(points)
     for _ in range(_INVERSE_STEPS):
-        radial, tangential = lens_terms(coefficients, points)
+        radial, tangential = distortion_terms(coefficients, points)
         with np.errstate(all="ignore"):
             better = (distorted - tangential) / radial[..., None]
             change = np.abs(better - points)
@@ -57,8 +57,8 @@ def undistort(coefficients: Array, distorted: Array) -> Array:
     return np.where((change <= _WORST_STEP).all(axis=-1, keepdims=True), points, np.nan)
 
 
-def lens_jacobian(coefficients: Array, points: Array) -> Array:
-    """Derivative of `distort`: (..., 2) to (..., 2, 2)."""
+def distortion_jacobian(coefficients: Array, points: Array) -> Array:
+    """Derivative of `distort`: points (..., 2) to (..., 2, 2)."""
     k1, k2, p1, p2, k3 = coefficients
     x, y = points[..., 0], points[..., 1]
     r2 = x * x + y * y

@@ -1,31 +1,31 @@
-"""Whether a frame is the next one of its camera, by the number and the time stamp that the camera gave it."""
+"""Check that a frame is the next one of its camera, by the camera's frame number and time stamp."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 NO_NUMBER = 2**64 - 1
-LAST_SHORT = 2**16 - 1  # GigE cameras with 16-bit numbers go on with 1
+LAST_SHORT = 2**16 - 1  # GigE cameras with 16-bit numbers continue at 1
 
 
 @dataclass(frozen=True)
 class FrameOrder:
-    """The last frame.
+    """Number and time stamp of a frame.
 
     Attributes:
         number: the camera's block id; None before the first.
-        stamp: time of the camera's own clock, in its own unit; 0 if it gives none (as pylon's emulation does).
+        stamp: time of the camera's own clock, in its own unit; 0 if it has none (like pylon's emulation).
     """
 
     number: int | None = None
     stamp: int = 0
 
     def is_next(self, frame: FrameOrder, first: bool) -> bool:
-        """Whether `frame` follows this one with none lost or repeated between.
+        """Whether `frame` follows this one, with none lost or repeated in between.
 
         Args:
             frame: the newer one.
-            first: grabbing has started anew since the last frame, so that numbers may begin again at 0 or 1.
+            first: whether grabbing was restarted since the last frame, so that numbers may restart at 0 or 1.
         """
         if frame.number in (None, NO_NUMBER) or (frame.stamp and self.stamp and frame.stamp <= self.stamp):
             return False

@@ -1,4 +1,4 @@
-"""Where photographs come from: one small protocol, and the folder of files that implements it."""
+"""Sources of images: a protocol, and its implementation for a folder of files."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from arm.errors import InputError
 from arm.io.storage import read_bytes
 
 Image = npt.NDArray[np.uint8]
-"""A photograph: 8-bit grey (h, w) or BGR (h, w, 3)."""
+"""An image: 8-bit grey (h, w) or BGR (h, w, 3)."""
 
 IMAGE_SUFFIXES = (".png", ".bmp", ".tif", ".tiff", ".jpg", ".jpeg", ".pgm")
 
 
 def read_grey(file: Path) -> Image:
-    """A photograph as 8-bit grey, as it lies on the sensor: how its file says to turn it is no matter of the lens.
+    """Read an image as 8-bit grey in the orientation of the sensor; an orientation tag in the file is ignored.
 
     Raises:
         InputError: it cannot be read.
@@ -30,7 +30,7 @@ def read_grey(file: Path) -> Image:
         image = (
             cv2.imdecode(data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION) if len(data) else None
         )
-    except cv2.error:  # more pixels than OpenCV takes
+    except cv2.error:  # more pixels than OpenCV supports
         image = None
     if image is None:
         raise InputError(f"{file}: cannot be read as an image", path=str(file))
@@ -38,45 +38,45 @@ def read_grey(file: Path) -> Image:
 
 
 class FrameSource(Protocol):
-    """Anything that takes photographs of the cell as it is now."""
+    """Anything that takes current images of the cell."""
 
     def grab(self, count: int) -> list[Image]:
-        """`count` photographs, all of one size.
+        """Take `count` images, all of one size.
 
         Raises:
-            InputError: they cannot be had.
+            InputError: they are not available.
         """
         ...
 
 
 class ImageFolder:
-    """Photographs in a folder, in the order of their names.
+    """Images in a folder, in the order of their names.
 
-    Each is handed out once: a photograph that was already looked at says nothing about the cell of now. Whoever
-    takes new photographs puts them into the folder under later names.
+    Each is returned once, as an old image says nothing about the current cell. New images must be added under later
+    names.
     """
 
     def __init__(self, path: Path, only_new: bool = False) -> None:
         """
         Args:
             path: the folder.
-            only_new: photographs that are there now are old and never handed out.
+            only_new: whether to ignore the images that are already in it.
 
         Raises:
-            InputError: it is not there.
+            InputError: it does not exist.
         """
         if not path.is_dir():
-            raise InputError(f"{path}: there is no such folder of photographs", path=str(path))
+            raise InputError(f"{path}: no such folder of photographs", path=str(path))
         self.path = path
         self._used: set[str] = {p.name for p in path.iterdir()} if only_new else set()
 
     def fresh(self) -> int:
-        """How many photographs were not handed out yet."""
+        """Number of images not yet returned."""
         names = (p.name for p in self.path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
         return len(set(names) - self._used)
 
     def grab(self, count: int) -> list[Image]:
-        """The next `count` photographs that were not handed out before.
+        """Return the next `count` new images.
 
         Raises:
             InputError: too few are left, one cannot be read, or they differ in size.
@@ -84,9 +84,9 @@ class ImageFolder:
         files = sorted(p for p in self.path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
         fresh = [p for p in files if p.name not in self._used][:count]
         if len(fresh) < count:
-            used = f" ({len(self._used)} were looked at before)" if self._used else ""
+            used = f" ({len(self._used)} were used before)" if self._used else ""
             raise InputError(
-                f"{self.path}: holds {len(fresh)} new photographs{used}, but {count} are asked for; "
+                f"{self.path}: has {len(fresh)} new photographs{used}, but {count} are needed; "
                 f"file names end in {' '.join(IMAGE_SUFFIXES)}",
                 path=str(self.path),
                 found=len(fresh),
@@ -98,8 +98,8 @@ class ImageFolder:
             images.append(image)
             if images[-1].shape != images[0].shape:
                 raise InputError(
-                    f"{file}: is {image.shape[1]} x {image.shape[0]} px, but {fresh[0].name} beside it is "
-                    f"{images[0].shape[1]} x {images[0].shape[0]} px; photographs of one look have one size",
+                    f"{file}: is {image.shape[1]} x {image.shape[0]} px, but {fresh[0].name} is "
+                    f"{images[0].shape[1]} x {images[0].shape[0]} px; photographs of one look must have the same size",
                     path=str(file),
                 )
         self._used.update(p.name for p in fresh)

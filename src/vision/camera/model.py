@@ -1,7 +1,7 @@
-"""The camera: what maps a point of the base frame to a pixel, and its file.
+"""Camera model: maps points of the base frame to pixels; and the camera file.
 
-Pixels count as OpenCV does: the centre of the first pixel is (0, 0), x to the right, y down. The camera frame has z
-out of the lens, x to the image's right and y down.
+Pixels follow OpenCV: the centre of the first pixel is (0, 0), x to the right, y down. The camera frame has z along the
+optical axis, x to the right of the image and y down.
 """
 
 from __future__ import annotations
@@ -10,33 +10,34 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from arm.errors import InputError
+from arm.former import FormerNames
 from arm.io.storage import sha256, write_atomic
 from arm.io.toml_reader import TomlTable
 from arm.io.toml_writer import toml_lines, toml_rows
 from arm.se3 import Array, apply, frozen, inverse
-from vision.camera.distortion import distort, lens_jacobian, undistort
+from vision.camera.distortion import distort, distortion_jacobian, undistort
 from vision.camera.frame_source import FrameSource, Image, ImageFolder
 
-__all__ = ["Camera", "FrameSource", "Image", "ImageFolder", "read_camera", "read_lens", "write_camera"]
+__all__ = ["Camera", "FrameSource", "Image", "ImageFolder", "read_camera", "read_intrinsics", "write_camera"]
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A calibrated camera at its place.
+    """A calibrated camera.
 
     Attributes:
         K: camera matrix (3, 3), px.
         distortion: k1 k2 p1 p2 k3 (5,), see `vision.camera.distortion`.
         size: width and height of its images, px.
-        T_base_camera: pose in the base frame, 4x4.
-        calibration: where the values are from, as its file says (id, date, ...); no part of the digest.
-        lens_covariance: of fx fy cx cy k1 k2 p1 p2 k3, (9, 9), or None where it is not known; no part of the digest.
+        T_base_camera: extrinsics, 4x4.
+        calibration: origin of the values, from its file (id, date, ...); not in the digest.
+        lens_covariance: of fx fy cx cy k1 k2 p1 p2 k3, (9, 9), or None if unknown; not in the digest.
     """
 
     K: Array
@@ -53,7 +54,7 @@ class Camera:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of all that decides where a point appears."""
+        """SHA-256 of intrinsics and extrinsics."""
         return sha256(
             {
                 "K_px": self.K.tolist(),
@@ -65,7 +66,7 @@ class Camera:
 
     @cached_property
     def lens_digest(self) -> str:
-        """SHA-256 of the lens alone, wherever the camera stands."""
+        """SHA-256 of the intrinsics, independent of the extrinsics."""
         return self.at(np.eye(4)).digest
 
     @cached_property
@@ -74,11 +75,11 @@ class Camera:
         return inverse(self.T_base_camera)
 
     def at(self, T_base_camera: Array) -> Camera:
-        """The same camera at another pose (4x4)."""
+        """The same camera with other extrinsics (4x4)."""
         return replace(self, T_base_camera=T_base_camera)
 
     def project(self, points_camera: npt.ArrayLike) -> Array:
-        """Points (..., 3) m of the camera frame to pixels (..., 2); NaN for points that are not in front."""
+        """Project points (..., 3) m in the camera frame to pixels (..., 2); NaN for points that are not in front."""
         points = np.asarray(points_camera, dtype=float)
         z = np.where(points[..., 2] > 0.0, points[..., 2], np.nan)
         distorted = distort(self.distortion, points[..., :2] / z[..., None])
@@ -86,7 +87,7 @@ class Camera:
         return pixels
 
     def project_base(self, points_base: npt.ArrayLike) -> Array:
-        """Points (..., 3) m of the base frame to pixels (..., 2)."""
+        """Project points (..., 3) m in the base frame to pixels (..., 2)."""
         return self.project(apply(self.T_camera_base, points_base))
 
     def projection_jacobian(self, points_camera: npt.ArrayLike) -> Array:
@@ -96,14 +97,14 @@ class Camera:
         pinhole = np.zeros((*points.shape[:-1], 2, 3))
         pinhole[..., 0, 0] = pinhole[..., 1, 1] = 1.0
         pinhole[..., 2] = -on_plane
-        jacobian: Array = self.K[:2, :2] @ lens_jacobian(self.distortion, on_plane) @ pinhole
+        jacobian: Array = self.K[:2, :2] @ distortion_jacobian(self.distortion, on_plane) @ pinhole
         jacobian /= points[..., 2, None, None]
         return jacobian
 
     def normalised(self, pixels: npt.ArrayLike) -> Array:
-        """Pixels (..., 2) to points (..., 2) on the plane z = 1 of the camera frame, lens undone.
+        """Map pixels (..., 2) to undistorted points (..., 2) on the plane z = 1 of the camera frame.
 
-        NaN where the lens has no inverse, which `read_camera` excludes for the image itself.
+        NaN where the distortion has no inverse; `read_camera` excludes this inside the image.
         """
         (fx, skew, cx), (_, fy, cy) = self.K[0], self.K[1]
         pixels = np.asarray(pixels, dtype=float)
@@ -112,14 +113,14 @@ class Camera:
         return undistort(self.distortion, np.stack([x, y], axis=-1))
 
     def require_size(self, image: Image, what: str) -> None:
-        """Check that an image is one of this camera's.
+        """Check that an image has this camera's size and a valid format.
 
         Raises:
-            InputError: naming the image (`what`) and both sizes.
+            InputError: names the image (`what`) and both sizes.
         """
         if image.dtype != np.uint8 or not (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)):
             raise InputError(
-                f"{what}: is {image.dtype} of shape {image.shape}; an image is 8-bit grey (h, w) or BGR (h, w, 3)",
+                f"{what}: is {image.dtype} of shape {image.shape}; images must be 8-bit grey (h, w) or BGR (h, w, 3)",
                 image=what,
             )
         height, width = image.shape[:2]
@@ -134,20 +135,20 @@ class Camera:
 
 
 def read_camera(path: Path) -> Camera:
-    """Read a camera file: ``[intrinsics]``, ``[pose]`` and, for people, ``[calibration]`` and ``[[views]]``.
+    """Read a camera file: ``[intrinsics]``, ``[pose]`` and, for information, ``[calibration]`` and ``[[views]]``.
 
     Raises:
-        FileInputError: a value breaks its rule, the pose is no rigid transform, or the lens has no inverse somewhere
-            in the image (as when coefficients stand in another order); or the file holds a lens that has no place yet.
+        FileInputError: a value breaks its rule, the pose is no rigid transform, the distortion has no inverse somewhere
+            in the image (as with coefficients in another order), or the file has no pose.
     """
     return _read(path, placed=True)
 
 
-def read_lens(path: Path) -> Camera:
-    """Read the lens of a camera file, with or without a ``[pose]``; the camera is at the origin.
+def read_intrinsics(path: Path) -> Camera:
+    """Read the intrinsics of a camera file, with or without a ``[pose]``; the camera is at the origin.
 
     Raises:
-        FileInputError: as `read_camera`.
+        FileInputError: as for `read_camera`.
     """
     return _read(path, placed=False).at(np.eye(4))
 
@@ -158,7 +159,7 @@ def _read(path: Path, placed: bool) -> Camera:
     if placed and "pose" not in root:
         raise root.error(
             "pose",
-            "is missing: the file holds a lens, but not where the camera is",
+            "is missing: the file has intrinsics, but no extrinsics",
             "add [pose] with T_base_camera, 4 rows of 4 numbers, m",
         )
     width, height = intrinsics.integers("size_px", 2, 16, 20000)
@@ -169,37 +170,37 @@ def _read(path: Path, placed: bool) -> Camera:
     covariance = intrinsics.matrix("covariance", 9, 9) if "covariance" in intrinsics else None
     T_base_camera = pose.rigid("T_base_camera") if "pose" in root else frozen(np.eye(4))
     calibration = root.value("calibration", "a table") if "calibration" in root else {}
-    root.tables("views")  # of the target, kept for people and for later calibrations
+    root.tables("views")  # of the target, for people and for later calibrations
     for table in (intrinsics, pose, root):
         table.finish()
     camera = Camera(K, distortion, (width, height), T_base_camera, calibration, covariance)
-    if not _undoes_lens(camera):
+    if not _has_inverse(camera):
         raise intrinsics.error(
             "distortion_k1k2p1p2k3",
-            "describes a lens that cannot be undone everywhere in the image",
-            "the order is k1 k2 p1 p2 k3; views of the calibration must reach the image's corners",
+            "has no inverse somewhere in the image",
+            "the order is k1 k2 p1 p2 k3; calibration views must reach the image's corners",
         )
     return camera
 
 
-def _undoes_lens(camera: Camera) -> bool:
+def _has_inverse(camera: Camera) -> bool:
     u, v = np.meshgrid(np.linspace(0.0, camera.size[0] - 1.0, 17), np.linspace(0.0, camera.size[1] - 1.0, 17))
     pixels = np.stack([u, v], axis=-1)
     points = camera.normalised(pixels)
     back = camera.project(np.concatenate([points, np.ones((*u.shape, 1))], axis=-1))
-    return bool(np.abs(back - pixels).max() < 1e-6)  # NaN compares false, as it must
+    return bool(np.abs(back - pixels).max() < 1e-6)  # NaN compares false
 
 
 def write_camera(
     path: Path, camera: Camera, placed: bool = True, views: Sequence[Mapping[str, Any]] = ()
 ) -> None:
-    """Write a camera file that `read_camera` reads back to the last bit.
+    """Write a camera file that `read_camera` reads back bit by bit.
 
     Args:
         path: of the file.
         camera: values of `calibration` are texts, numbers, flags, dates, or lists of these.
-        placed: whether its place is known; otherwise only `read_lens` reads the file.
-        views: of a target that the lens rests on, values as of `calibration`.
+        placed: whether the extrinsics are known; otherwise only `read_intrinsics` reads the file.
+        views: of the target used for calibration, values as in `calibration`.
 
     Raises:
         InputError: the file cannot be written.
@@ -219,3 +220,7 @@ def write_camera(
     for view in views:
         lines += ["", "[[views]]", *toml_lines(view)]
     write_atomic(path, "\n".join(lines) + "\n")
+
+
+if not TYPE_CHECKING:
+    __getattr__ = FormerNames(__name__, __name__, read_lens="read_intrinsics")

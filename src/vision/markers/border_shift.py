@@ -1,9 +1,9 @@
-"""How far light, blur and print have moved a marker's borders, told by the inner edges of its black frame.
+"""Shift of a marker's borders by light, blur and print, measured at the inner edges of its black frame.
 
-Overexposure, a gamma curve and ink that spreads move every edge between black and white towards the same colour. The
-black square then looks smaller or larger, which a pose takes for distance: 1 px on a marker of 36 mm is 0.5 mm of its
-size. The frame around the code is one cell wide between two such edges, so its width tells the shift: what moves its
-outer edge inwards moves its inner edge outwards, and their middle stays where it is.
+Overexposure, a gamma curve and spreading ink move every edge between black and white towards the same colour. The black
+square then looks smaller or larger, which a pose fit interprets as distance: 1 px on a marker of 36 mm is 0.5 mm of its
+size. The frame around the code is one cell wide and lies between two such edges, which shift in opposite directions. So
+its width gives the shift, and its centre line stays.
 """
 
 from __future__ import annotations
@@ -19,23 +19,21 @@ from vision.camera.model import Camera
 from vision.markers.edge_profiles import NARROW_PX, WIDE_PX, Grey, edge_offsets
 
 PER_CELL = 6  # profiles across the inner edge of a white cell
-CELL_PART = 0.6  # of a cell's side; beyond, the cells beside it disturb
-INEXACT = 0.03  # part of a shift that is left when it was taken off: blur that a profile does not hold
-UNLIKE = (
-    0.7  # part of what a side has on its own that is left: its outer and inner edge need not be lit alike
-)
-FEWEST_PROFILES = 6  # of a side, else its shift is that of the others
+CELL_PART = 0.6  # of a cell's side; its neighbours disturb the rest
+INEXACT = 0.03  # share of a corrected shift that remains: blur beyond the ends of a profile
+UNLIKE = 0.7  # share of a side's own shift that remains: its outer and inner edge may be lit differently
+FEWEST_PROFILES = 6  # of a side; with fewer it gets the shift of the others
 _UNIT = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]], dtype=np.float32)
 
 
 @dataclass(frozen=True, eq=False)
 class BorderShift:
-    """Of each side of one marker, (4,) px: how far outwards its border was moved, and the standard deviation.
+    """Outward shift of the border on each side of one marker, (4,) px, and its standard deviation.
 
     Attributes:
-        shift_px: to be taken off; shrunk to zero, or to the mean of the sides, as far as noise explains it.
-        sigma_px: of what is left in all photographs alike; noise is not in it.
-        known: whether the code has enough white cells along its frame to tell.
+        shift_px: to be subtracted; shrunk to zero, or to the mean of the sides, as far as noise explains it.
+        sigma_px: of the remaining shift, which all images share; without noise.
+        known: whether the code has enough white cells along its frame to measure it.
     """
 
     shift_px: Array
@@ -46,20 +44,19 @@ class BorderShift:
 def border_shift(
     image: Grey, corners: Array, bits: npt.NDArray[np.uint8], reach: float, camera: Camera
 ) -> BorderShift:
-    """The shift of a marker's borders.
+    """Measure the shift of a marker's borders.
 
     Args:
-        image: photograph (h, w).
-        corners: of the black square's borders as they look, (4, 2) px.
+        image: (h, w).
+        corners: apparent corners of the black square, (4, 2) px.
         bits: of its code (n, n), 1 is white, first row at the first side.
-        reach: half length of a profile that stays in the frame and in a cell, px.
-        camera: whose lens is undone.
+        reach: half length of a profile that stays within the frame and a cell, px.
+        camera: for its distortion.
     """
     cells = len(bits) + 2
     frame = 1.0 / cells  # width in sides
-    white = np.stack([bits[0], bits[:, -1], bits[-1, ::-1], bits[::-1, 0]]).astype(
-        bool
-    )  # in the sides' order
+    # white cells in the order of the sides
+    white = np.stack([bits[0], bits[:, -1], bits[-1, ::-1], bits[::-1, 0]]).astype(bool)
     side, cell = np.nonzero(white)
     if not len(side):
         return BorderShift(np.zeros(4), np.zeros(4), False)
@@ -88,12 +85,12 @@ def border_shift(
 
 
 def _shrunk(inner: Array, variance: Array, frame: float) -> BorderShift:
-    """Outer shift from where inner edges lie against a square that is itself too small: see the module."""
+    """Outer shift from the apparent position of the inner edges relative to the shifted outer square."""
     seen = np.isfinite(inner)
     if not seen.any():
         return BorderShift(np.zeros(4), np.zeros(4), False)
-    # an outer edge that lies s outwards of its place puts the inner one -s beside its own, and the square that says
-    # where it should be is (1 - 2 frame) s too large there
+    # an outer edge shifted outwards by s shifts the inner one by -s, and the outer square that predicts the inner edge
+    # is too large by (1 - 2 frame) s there
     gain = -1.0 / (2.0 - 2.0 * frame)
     shift, variance = gain * inner, gain**2 * variance
     weight = np.where(seen, 1.0 / np.where(seen, variance, 1.0), 0.0)
@@ -108,7 +105,7 @@ def _shrunk(inner: Array, variance: Array, frame: float) -> BorderShift:
 
 
 def moved_outwards(corners: Array, shift_px: Array) -> Array:
-    """Corners (4, 2) px of a square whose sides, in their order, are moved outwards by (4,) px."""
+    """Move the sides of a square with corners (4, 2) px outwards by (4,) px."""
     along = np.roll(corners, -1, axis=0) - corners
     along /= np.linalg.norm(along, axis=-1, keepdims=True)
     outward = np.stack([along[:, 1], -along[:, 0]], axis=-1)  # corners go clockwise in the image
@@ -118,14 +115,14 @@ def moved_outwards(corners: Array, shift_px: Array) -> Array:
 
 
 def _on_side(sides: npt.NDArray[np.intp], along: Array, depth: float) -> Array:
-    """Places (n, 2) on the unit square, `depth` inside of a side."""
+    """Points (n, 2) on the unit square, `depth` inside a side."""
     start, end = _UNIT[sides], _UNIT[(sides + 1) % 4]
     inward = _UNIT[(sides + 2) % 4] - end
     return np.asarray(start + along[:, None] * (end - start) + depth * inward)
 
 
 def _on_photograph(places: Array, corners: Array, camera: Camera) -> Array:
-    """Pixels (n, 2) of places on the unit square whose corners are seen at (4, 2) px."""
+    """Pixels (n, 2) of points on the unit square whose corners appear at (4, 2) px."""
     H = cv2.getPerspectiveTransform(_UNIT, camera.normalised(corners).astype(np.float32))
     rays = np.concatenate([places, np.ones((len(places), 1))], axis=-1) @ H.T
     return camera.project(rays / rays[:, 2:])

@@ -1,4 +1,4 @@
-"""Markers in an image: found small, measured on the full image."""
+"""Detect markers: find them in a reduced image and measure them in the full one."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from vision.camera.model import Camera
 from vision.markers.border_shift import border_shift, moved_outwards
 from vision.markers.edge_lines import refine_by_border_lines
 
-SEARCH_WIDTH_PX = 960  # images are searched at the whole fraction of their size that is at least this wide
+SEARCH_WIDTH_PX = 960  # images are searched at the integer fraction of their size that is at least this wide
 _SUBPIX_WINDOW, _SUBPIX_STOP = (5, 5), (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 30, 0.01)
 
 
 @dataclass(frozen=True)
 class Marker:
-    """A marker seen in one image.
+    """A marker detected in one image.
 
     Attributes:
         id: in its dictionary.
         corners_px: (4, 2) top left, top right, bottom right, bottom left of the marker as printed.
-        method: how the corners were measured: "lines", or "subpix" where a side is hidden, blurred or too short;
-            "recorded" where a file does not say.
-        side_sigma_px: (4,) px by which sides may still be off their places, in all photographs alike, after what moves
-            borders was taken off (`vision.markers.border_shift`); None where nothing is known of it.
+        method: how the corners were measured: "lines", or "subpix" if a side is hidden, blurred or too short;
+            "recorded" if a file does not give it.
+        side_sigma_px: (4,) px standard deviation of the sides' remaining shift, common to all images
+            (`vision.markers.border_shift`); None if unknown.
     """
 
     id: int
@@ -43,12 +43,12 @@ class Marker:
 def detect_markers(image: Image, camera: Camera, dictionary: str = "DICT_4X4_50") -> list[Marker]:
     """Find all markers of a dictionary, ordered by id.
 
-    A marker is found up to where its black square comes within some 3 px of the image's edge; one that is cut is not.
+    A marker must lie at least some 3 px inside the image; one that is cut off is not found.
 
     Args:
         image: grey (h, w) or BGR (h, w, 3), of the camera's size.
-        camera: whose lens is undone for the border lines.
-        dictionary: OpenCV's name for it.
+        camera: for its distortion.
+        dictionary: OpenCV's name.
 
     Raises:
         InputError: the image is not of the camera's size, or there is no such dictionary.
@@ -65,7 +65,7 @@ def detect_markers(image: Image, camera: Camera, dictionary: str = "DICT_4X4_50"
     if ids is None or not len(ids):
         return []
     scale = np.array([grey.shape[1] / small.shape[1], grey.shape[0] / small.shape[0]])
-    # the centre of the first pixel of a shrunk image lies (scale - 1) / 2 pixels inside the full one
+    # the centre of the first pixel of a reduced image lies (scale - 1) / 2 pixels inside the full one
     rough = np.stack([c.reshape(4, 2) for c in found]).astype(float) * scale + (scale - 1.0) / 2.0
     modules = detector.getDictionary().markerSize + 2
     lines = refine_by_border_lines(grey, rough, camera, modules)
@@ -89,7 +89,7 @@ def detect_markers(image: Image, camera: Camera, dictionary: str = "DICT_4X4_50"
 
 
 def _inside(corners_px: Array, grey: Image) -> bool:
-    """Whether the windows of `cornerSubPix` are in the image; cut ones give corners that are pixels off."""
+    """Whether the windows of `cornerSubPix` are inside the image; clipped ones give corners that are pixels off."""
     edge = _SUBPIX_WINDOW[0] + 1.0
     return bool((corners_px >= edge).all() and (corners_px <= np.array(grey.shape[::-1]) - 1.0 - edge).all())
 
@@ -112,10 +112,10 @@ def _detector(dictionary: str) -> cv2.aruco.ArucoDetector:
         )
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_NONE
-    # by default a square's white border counts as the same candidate, and where that is cut by the image's edge the
-    # marker is lost with it
+    # by default the white border around a marker counts as the same candidate, and if the image cuts it off, the marker
+    # is lost too
     parameters.minMarkerDistanceRate = 0.05
-    parameters.minDistanceToBorder = 0  # boards fill the view; what is cut is told by its border lines
+    parameters.minDistanceToBorder = 0  # boards fill the view; the border lines reject cut markers
     return cv2.aruco.ArucoDetector(
         cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary)), parameters
     )

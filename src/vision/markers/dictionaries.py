@@ -8,7 +8,7 @@ from arm.errors import InputError
 
 
 def dictionary_names() -> list[str]:
-    """All names that OpenCV knows."""
+    """All names in OpenCV."""
     return sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_"))
 
 
@@ -16,7 +16,7 @@ def predefined(name: str) -> cv2.aruco.Dictionary:
     """The dictionary of that name.
 
     Raises:
-        InputError: there is none, with the choices.
+        InputError: there is none; the message lists the choices.
     """
     known = dictionary_names()
     if name not in known:

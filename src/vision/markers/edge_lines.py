@@ -1,8 +1,8 @@
-"""Corners of a marker as the crossings of its four border lines (fact sheet of the parts, 3b).
+"""Measure the corners of a marker as intersections of its four border lines (fact sheet of the parts, 3b).
 
-Across each side of the black square the grey profile is sampled; the centroid of its gradient is the edge there. The
-edge points are freed of the lens, because a side is straight only then, and a robust line goes through them. Against
-cornerSubPix, which is drawn 0.15 px inward at such outer corners, this has no bias.
+Grey profiles are sampled across each side of the black square; the centroid of the gradient is the edge point. A robust
+line is fitted to the undistorted edge points. Unlike cornerSubPix, which is biased 0.15 px inward at such outer
+corners, this is unbiased.
 """
 
 from __future__ import annotations
@@ -17,12 +17,10 @@ from vision.camera.model import Camera
 from vision.markers.edge_profiles import LEAST_HALF_PX, NARROW_PX, WIDE_PX, Grey, edge_offsets
 
 ROWS = 64  # profiles across a side
-END_GAP_PX, END_GAP = 4.0, 0.06  # no profile nearer to a corner than this, px and part of the side
-LEAST_INLIERS = 0.6  # part of a side's profiles that must agree on its line
-INLIER_PX = 1.0  # the widest that an edge point may be off its line
-MOST_MOVED_PX = (
-    4.0  # farther from a rough corner lies the edge of something else, such as a finger on the marker
-)
+END_GAP_PX, END_GAP = 4.0, 0.06  # distance of the profiles from the corners, px and relative to the side
+LEAST_INLIERS = 0.6  # share of a side's profiles that must agree on its line
+INLIER_PX = 1.0  # largest distance of an inlier from its line
+MOST_MOVED_PX = 4.0  # farther from the rough corner it is another edge, such as that of a finger
 _ROBUST_ROUNDS = 6
 
 
@@ -36,7 +34,7 @@ class _EdgePoints:
 
 @dataclass(frozen=True)
 class _Lines:
-    """Lines normal @ x = offset in undistorted pixels: (m, 4, 2), (m, 4); `inliers` (m, 4) part of the points."""
+    """Lines normal @ x = offset in undistorted pixels: (m, 4, 2), (m, 4); `inliers` (m, 4) is a share."""
 
     normals: Array
     offsets: Array
@@ -45,20 +43,20 @@ class _Lines:
 
 @dataclass(frozen=True)
 class BorderCorners:
-    """Corners (m, 4, 2) px, and which markers (m,) have four good lines; the corners of others mean nothing."""
+    """Corners (m, 4, 2) px, and which markers (m,) have four good lines; corners of the others are meaningless."""
 
     corners_px: Array
     good: np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 
 def refine_by_border_lines(grey: Image, rough_px: Array, camera: Camera, modules: int) -> BorderCorners:
-    """Corners of markers from their border lines.
+    """Refine the corners of markers by their border lines.
 
     Args:
         grey: image (h, w).
         rough_px: corners (m, 4, 2) px to within about three pixels, in the order of the marker's outline.
-        camera: whose lens is undone.
-        modules: cells across the black square (6 for a 4x4 dictionary); they bound how far a profile may reach.
+        camera: for its distortion.
+        modules: cells across the black square (6 for a 4x4 dictionary); they limit the length of a profile.
     """
     image = grey.astype(np.float32)
     sides = np.linalg.norm(np.roll(rough_px, -1, axis=1) - rough_px, axis=-1)
@@ -81,18 +79,14 @@ def _edge_points(image: Grey, corners: Array, half: Array) -> _EdgePoints:
     along = gap + (1.0 - 2.0 * gap) * (np.arange(ROWS)[:, None] + 0.5) / ROWS
     centres = start + along * (end - start)
     direction = (end - start) / length
-    across = np.stack(
-        [direction[..., 1], -direction[..., 0]], axis=-1
-    )  # outward: corners go clockwise in the image
-    across = np.broadcast_to(across, centres.shape)
-    edges = edge_offsets(image, centres, across, np.broadcast_to(half[:, None, None], centres.shape[:-1]))
-    return _EdgePoints(centres + edges.offset[..., None] * across, edges.good.astype(float))
+    outward = np.stack([direction[..., 1], -direction[..., 0]], axis=-1)  # corners go clockwise in the image
+    outward = np.broadcast_to(outward, centres.shape)
+    edges = edge_offsets(image, centres, outward, np.broadcast_to(half[:, None, None], centres.shape[:-1]))
+    return _EdgePoints(centres + edges.offset[..., None] * outward, edges.good.astype(float))
 
 
 def _fit_lines(edges: _EdgePoints, camera: Camera) -> _Lines:
-    points = (
-        camera.normalised(edges.pixels) @ camera.K[:2, :2].T
-    )  # undistorted px, relative to the principal point
+    points = camera.normalised(edges.pixels) @ camera.K[:2, :2].T  # undistorted px from the centre
     weights = edges.weights
     normals = offsets = distance = np.empty(0)
     for _ in range(_ROBUST_ROUNDS):
@@ -111,7 +105,7 @@ def _fit_lines(edges: _EdgePoints, camera: Camera) -> _Lines:
 
 
 def _cross(lines: _Lines) -> Array:
-    """Crossing of each side's line with the one before it: corner k lies on sides k-1 and k, (m, 4, 2)."""
+    """Intersection of each side's line with the previous one: corner k lies on sides k-1 and k, (m, 4, 2)."""
     before, offsets = np.roll(lines.normals, 1, axis=1), np.roll(lines.offsets, 1, axis=1)
     a, b, c, d = before[..., 0], before[..., 1], lines.normals[..., 0], lines.normals[..., 1]
     determinant = a * d - b * c

@@ -1,4 +1,4 @@
-"""Grey profiles across edges: where along a profile dark turns to light, as the centroid of its gradient."""
+"""Grey profiles across edges: the edge is at the centroid of the gradient."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ import numpy.typing as npt
 from arm.se3 import Array
 
 STEP_PX = 0.5  # along a profile
-WIDE_PX, NARROW_PX = 8.0, 3.5  # half lengths of the profiles of a first and a second pass
-LEAST_HALF_PX = 2.5  # shorter profiles do not hold a blurred edge
-LEAST_STEP_GREY = 12.0  # an edge of less contrast is none
+WIDE_PX, NARROW_PX = 8.0, 3.5  # half lengths of the profiles in a first and a second pass
+LEAST_HALF_PX = 2.5  # shorter profiles do not cover a blurred edge
+LEAST_STEP_GREY = 12.0  # least contrast of an edge
 
 Grey = np.ndarray[tuple[int, int], np.dtype[np.float32]]
 
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """Where edges lie on their profiles, (...) px from the middle towards light, and whether there is one."""
+    """Offsets of edges on their profiles, (...) px from the middle towards light, and whether there is one."""
 
     offset: Array
     good: npt.NDArray[np.bool_]
 
 
 def edge_offsets(image: Grey, centres: Array, to_light: Array, half: Array) -> Edges:
-    """Edges from dark to light on profiles.
+    """Find edges from dark to light on profiles.
 
     Args:
         image: (h, w).
@@ -43,7 +43,7 @@ def edge_offsets(image: Grey, centres: Array, to_light: Array, half: Array) -> E
     good = step > LEAST_STEP_GREY
     offset = np.where(good, (gradient * middle).sum(axis=-1) / np.where(good, step, 1.0), 0.0)
     good &= np.abs(offset) < half
-    # past the image's edge there is no grey: where the light side of an edge is cut, its place is not known
+    # there is no grey beyond the image: if the light side of an edge is cut off, its position is unknown
     ends = points[..., [0, -1], :]
     beyond = np.maximum(-ends, ends - (image.shape[1] - 1.0, image.shape[0] - 1.0)).max(axis=(-1, -2))
     good &= beyond <= half - LEAST_HALF_PX
@@ -51,7 +51,7 @@ def edge_offsets(image: Grey, centres: Array, to_light: Array, half: Array) -> E
 
 
 def _bilinear(image: Grey, points: Array) -> Array:
-    # OpenCV's remap rounds places to 1/32 px, which is more than the error allowed here
+    # OpenCV's remap rounds positions to 1/32 px, more than the error allowed here
     height, width = image.shape
     x = np.clip(points[..., 0], 0.0, width - 1.001)
     y = np.clip(points[..., 1], 0.0, height - 1.001)

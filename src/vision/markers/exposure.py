@@ -1,4 +1,4 @@
-"""Whether photographs are too bright or too dark for corners to be measured well, by the markers in them."""
+"""Whether images are too bright or too dark to measure corners, judged by their markers."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from vision.camera.frame_source import Image
 from vision.markers.detect import Marker
 
 SATURATED = 255  # grey
-DARK = 50  # grey: nothing is seen in a photograph without a brighter pixel; twelve bits in sixteen are read as below 16
-BORDER = 4.0 / 3.0  # a marker of 6 modules with its white border, by the marker alone
-# On rendered 36 mm markers, corners are 0.017 px off where all is well, 0.14 px if exposed 1.2 times too long (half of
-# the white is saturated), 0.8 px if 2 times, and 0.09 px with a contrast of 33 grey.
+DARK = 50  # grey; an image without a brighter pixel shows nothing; 12 bits stored in 16 are read as below 16
+BORDER = 4.0 / 3.0  # size of a marker of 6 modules with its white border, relative to the marker
+# On rendered 36 mm markers, corners are off by 0.017 px at best, 0.14 px at 1.2 times the exposure (half of the white
+# is saturated), 0.8 px at 2 times, and 0.09 px at a contrast of 33 grey.
 MOST_SATURATED = 0.05
 LEAST_CONTRAST = 40.0  # grey
 
 
 @dataclass(frozen=True)
 class MarkerBrightness:
-    """Light and dark of one marker.
+    """Brightness of one marker.
 
     Attributes:
         id: of the marker.
-        saturated: share of its white that is at the top of the scale, so that nobody knows how bright it was.
+        saturated: share of its white that is saturated, so that its brightness is unknown.
         white, black: typical greys of its light and dark parts.
     """
 
@@ -36,33 +36,33 @@ class MarkerBrightness:
     black: float
 
     def complaint(self) -> str | None:
-        """What is wrong with the exposure, in words for a person; None if nothing is."""
+        """What is wrong with the exposure, in words; None if nothing is."""
         if self.saturated > MOST_SATURATED:
             return (
                 f"too bright: {100.0 * self.saturated:.0f} % of the white of marker {self.id} is saturated, "
-                "which moves corners; less exposure or gain"
+                "which shifts corners; reduce exposure or gain"
             )
         if self.white - self.black < LEAST_CONTRAST:
             return (
-                f"too dark: marker {self.id} is {self.white:.0f} grey where it is white and {self.black:.0f} where "
-                "it is black; more light, exposure or gain"
+                f"too dark: marker {self.id} has {self.white:.0f} grey in its white and {self.black:.0f} in its black "
+                "parts; increase light, exposure or gain"
             )
         return None
 
 
 def darkness(image: Image) -> str | None:
-    """That a photograph, grey or BGR, is black, in words for a person; None if it is not."""
+    """Describe an image, grey or BGR, as black; None if it is not."""
     if image.max() >= DARK:
         return None
-    return f"nothing brighter than {image.max()} of 255: expose longer, or write photographs of 8 bits"
+    return f"nothing brighter than {image.max()} of 255: expose longer, or write 8-bit images"
 
 
 def marker_brightness(image: Image, markers: Sequence[Marker]) -> tuple[MarkerBrightness, ...]:
-    """How bright each marker is in its photograph.
+    """Measure the brightness of each marker.
 
     Args:
         image: grey (h, w) or BGR (h, w, 3).
-        markers: that were found in it.
+        markers: detected in it.
     """
     found = []
     for marker in markers:
@@ -82,7 +82,7 @@ def marker_brightness(image: Image, markers: Sequence[Marker]) -> tuple[MarkerBr
 
 
 def exposure_complaint(image: Image, markers: Sequence[Marker]) -> str | None:
-    """What is wrong with the exposure of a photograph, by its worst marker; None if nothing is."""
+    """What is wrong with the exposure of an image, by its worst marker; None if nothing is."""
     found = sorted(marker_brightness(image, markers), key=lambda m: (-m.saturated, m.white - m.black))
-    told = [words for marker in found if (words := marker.complaint()) is not None]
-    return told[0] if told else None
+    complaints = [words for marker in found if (words := marker.complaint()) is not None]
+    return complaints[0] if complaints else None

@@ -1,8 +1,7 @@
-"""Recorded corners of a board's markers: a camera, a board, and scenes of some photographs each, in one JSON file.
+"""Recorded corners of a board's markers: a camera, a board, and scenes of some images each, in one JSON file.
 
 ``camera{K_px, distortion_k1k2p1p2k3, size_px}``, ``board{markers[]{id, corners_m[4][3]}, holes_m[4][3]}`` and
-``scenes[]{frames[]{markers[]{id, corners_px[4][2]}}}``. Whatever else stands in the file, such as a truth to compare
-with, is not read.
+``scenes[]{frames[]{markers[]{id, corners_px[4][2]}}}``. Nothing else in the file is read, such as a ground truth.
 """
 
 from __future__ import annotations
@@ -17,17 +16,17 @@ from arm.io.json_reader import JsonNode
 from vision.camera.model import Camera
 from vision.markers.detect import Marker
 
-SAME = 1e-6  # m that corners in a file may be off a square
+SAME = 1e-6  # m, largest deviation of corners in a file from a square
 
 
 @dataclass(frozen=True, eq=False)
 class Detections:
-    """What a file holds.
+    """Contents of a file.
 
     Attributes:
-        camera: its frame is the base frame: the file does not say where it stands.
+        camera: at the base frame's origin, as the file has no extrinsics.
         board: the only one.
-        scenes: of each, the markers seen in each photograph.
+        scenes: for each, the markers detected in each image.
     """
 
     camera: Camera
@@ -36,10 +35,10 @@ class Detections:
 
 
 def read_detections(path: Path) -> Detections:
-    """Read such a file.
+    """Read a file of recorded corners.
 
     Raises:
-        FileInputError: with the key that breaks the format.
+        FileInputError: the format is broken; the message names the key.
     """
     root = JsonNode.of_file(path)
     return Detections(
@@ -50,7 +49,7 @@ def read_detections(path: Path) -> Detections:
 
 
 def read_recorded_camera(node: JsonNode) -> Camera:
-    """A camera at the origin, of its lens: ``K_px``, ``distortion_k1k2p1p2k3``, ``size_px``."""
+    """A camera at the origin from its intrinsics: ``K_px``, ``distortion_k1k2p1p2k3``, ``size_px``."""
     K, size = node["K_px"].numbers(3, 3), node["size_px"].numbers(2)
     if min(K[0, 0], K[1, 1]) <= 0.0 or K[1, 0] != 0.0 or not np.array_equal(K[2], (0.0, 0.0, 1.0)):
         raise node["K_px"].error("must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with fx, fy above 0")
@@ -62,7 +61,7 @@ def read_recorded_camera(node: JsonNode) -> Camera:
 def _board(node: JsonNode) -> Board:
     markers = node["markers"].items()
     if len(markers) != 2:
-        raise node["markers"].error(f"must be two markers, not {len(markers)}")
+        raise node["markers"].error(f"must have two markers, not {len(markers)}")
     low, high = (marker["id"].integer(0, 10**6) for marker in markers)
     if low == high:
         raise markers[1]["id"].error("must differ from that of the first marker")
@@ -74,8 +73,8 @@ def _board(node: JsonNode) -> Board:
     )
     if np.abs(board.marker_corners() - corners).max() > SAME:
         raise node["markers"].error(
-            "must be two squares of one size, in the order top left, top right, bottom right, bottom left, the first "
-            "about the origin, both parallel to the axes, z = 0"
+            "must be two squares of one size, each in the order top left, top right, bottom right, bottom left, the "
+            "first one centred at the origin, both parallel to the axes, z = 0"
         )
     return board
 
@@ -83,7 +82,7 @@ def _board(node: JsonNode) -> Board:
 def _scene(node: JsonNode) -> tuple[tuple[Marker, ...], ...]:
     frames = node["frames"].items()
     if not frames:
-        raise node["frames"].error("must be one photograph at least")
+        raise node["frames"].error("must have at least one photograph")
     return tuple(tuple(map(_marker, frame["markers"].items())) for frame in frames)
 
 

@@ -1,10 +1,10 @@
-"""Is there a cube in a hole? Decided by which borders the image shows: those of a cube, or those of an empty pocket.
+"""Decide whether a hole holds a cube, by the borders in the image: those of a cube or those of an empty pocket.
 
-`hole_borders` says where either state must show steps of grey, `grey_steps` how much of them shows. No colour and no
-brightness is taken for granted, so that dark cubes, shadows and uneven light do not matter. Borders that lie where the
-other state has a smooth surface are weighed against each other: each is seen in part, and a seen one speaks for its
-state as much as an accident is unlikely, an unseen one against it as much as it is seldom invisible. What the winner
-needs must then be there as a whole, else something else stands in the hole or hides it.
+`hole_borders` predicts where each state shows a step of grey; `seen_stations` finds where one shows. No colour or
+brightness is assumed, so dark cubes, shadows and uneven light do not matter. The score compares those borders that lie
+where the other state has a smooth surface. The visible part of a border counts for its state, more so if an accidental
+step is unlikely; the invisible part counts against it, less so if such borders are often invisible. The better state
+must then show all the borders it requires; otherwise something else stands in the hole or hides it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.board import CUBE_SEAT_DEPTH, POCKET_DEPTH, POCKET_MOUTH
-from arm.poses import BoardPose, hole_poses
+from arm.poses import BoardPose
 from arm.se3 import Array, apply, inverse, skew
 from vision.camera.frame_source import Image
 from vision.camera.model import Camera
@@ -40,42 +40,40 @@ from vision.occupancy.expected_edges import (
     seen_on_plate,
 )
 
-LEAST_CONTRAST = 25.0  # grey levels between a marker's black and white, else nothing is sure
-REACH = 1.6 * POCKET_MOUTH  # around a hole, m: a cube's top seen at a slant is within
-TOLERANCE = 0.5e-3  # a cube's play in its pocket, and the boards' own accuracy, m
-MOST_TOLERANCE = 1.5e-3  # borders are not looked for farther away, m
+LEAST_CONTRAST = 25.0  # grey levels between a marker's black and white; below, every hole is unsure
+REACH = 1.6 * POCKET_MOUTH  # m around a hole; includes a cube's top seen at a slant
+TOLERANCE = 0.5e-3  # m: a cube's play in its pocket, and the accuracy of boards
+MOST_TOLERANCE = 1.5e-3  # m: borders are not searched farther away
 MOST_STD = (
-    0.9e-3  # of a cube's top across the camera's ray, m: beyond, borders of both states are not told apart
+    0.9e-3  # m, of a cube's top across the camera's ray; above, the borders of both states are confused
 )
-BLUR = 0.4e-3  # how far a blurred border reaches, m
-LEAST_STATIONS = 4  # of a border, else it is left out
-LEAST_MARKER = (
-    0.25  # part of a marker with its white border that must be in the image: it then shows black and white
-)
-SURE = 0.95  # score of a cube; 1 minus it that of an empty hole
-EVEN = 0.01  # part of an even patch at which a step of grey may be
-EVEN_SIDE = 0.04  # the same beside a mouth, where an edge along or across the patch takes more
-FLOOR_RADII = (10e-3, 12e-3, 14e-3)  # around the finger hole, m
-MOUTH_BANDS = ((-7e-3, -0.7e-3), (0.8e-3, 4.9e-3))  # from a side of the mouth outwards, m
-MOST_FAINT = 2  # sides of an empty pocket that need not show
-RIM_STEP = 0.4  # a finger hole is at least that much darker than the floor around it
-ABSENT = 0.3  # part of that step below which there is no finger hole
+BLUR = 0.4e-3  # m, reach of a blurred border
+LEAST_STATIONS = 4  # per border; a border with fewer is ignored
+LEAST_MARKER = 0.25  # part of a marker and its white border that shows both black and white
+SURE = 0.95  # least score of a cube; 1 - SURE is the largest of an empty hole
+EVEN = 0.01  # largest part of an even patch with steps of grey
+EVEN_SIDE = 0.04  # the same beside a mouth, where one edge covers a larger part of the patch
+FLOOR_RADII = (10e-3, 12e-3, 14e-3)  # m, around the finger hole
+MOUTH_BANDS = ((-7e-3, -0.7e-3), (0.8e-3, 4.9e-3))  # m outwards from a side of the mouth
+MOST_FAINT = 2  # sides of an empty pocket that may be invisible
+RIM_STEP = 0.4  # least step at a finger hole's rim, relative to the grey of the floor around it
+ABSENT = 0.3  # part of that step; below, there is no finger hole
 
 
 @dataclass(frozen=True)
 class Weight:
-    """How telling one border of a kind is.
+    """Evidence of one kind of border.
 
     Attributes:
-        invisible: probability that it does not show though it is there (light falls so, or colours are alike).
-        accident: probability that a step of grey shows there though it is not (a shadow's edge).
+        invisible: probability that it does not show although it is there (unfavourable light or similar colours).
+        accident: probability that a step of grey shows although it is not there (the edge of a shadow).
     """
 
     invisible: float
     accident: float
 
 
-# from rendered scenes of seeds of their own (bench/occupancy.py), rounded towards caution
+# from rendered scenes whose seeds bench/occupancy.py does not use, rounded towards caution
 WEIGHTS: Mapping[Kind, Weight] = {
     "top": Weight(0.25, 0.05),
     "upright": Weight(0.5, 0.1),
@@ -85,22 +83,22 @@ WEIGHTS: Mapping[Kind, Weight] = {
 }
 
 LIGHT = "light: too dark, too bright or too little contrast on the board's markers"
-NO_MARKER = "no marker of the board is in the image, so that its light is not known"
-OUT = "the hole is not whole in the image"
-POSE = "the board's pose is not known well enough"
-FAINT = "poor contrast: too little shows of a cube's borders and of an empty pocket's"
+NO_MARKER = "no marker of the board is in the image, so the light cannot be judged"
+OUT = "the hole is not completely in the image"
+POSE = "the board's pose is too uncertain"
+FAINT = "poor contrast: neither a cube's nor an empty pocket's borders show well enough"
 OTHER = "neither a seated cube nor an empty hole: something is across it or hides it, or a shadow's edge cuts it up"
 
 
 @dataclass(frozen=True)
 class Occupancy:
-    """What is in a hole.
+    """State of a hole.
 
     Attributes:
-        state: "cube", "empty", or "unsure" where the image does not say.
-        score: probability of a cube if it is either a seated cube or an empty hole, from the borders seen; 0.5 where
-            they were not looked at.
-        reason: why it is unsure; empty if it is sure.
+        state: "cube", "empty", or "unsure" if the image does not decide.
+        score: probability of a seated cube, by its borders, assuming that the hole is otherwise empty; 0.5 if the
+            borders were not evaluated.
+        reason: why the state is unsure; otherwise empty.
     """
 
     state: Literal["cube", "empty", "unsure"]
@@ -110,13 +108,13 @@ class Occupancy:
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """A border and at which of its stations it shows (n,): 1, 0, or NaN where it is not clear or not in the image."""
+    """A border, and whether it shows at its stations (n,): 1, 0, or NaN if covered or outside the image."""
 
     border: Border
     shows: npt.NDArray[np.float64]
 
     def part(self, of: npt.NDArray[np.bool_]) -> float:
-        """Part of those stations that shows; NaN if there are too few."""
+        """Visible fraction of the stations `of` (n,); NaN if there are too few."""
         values = self.shows[of & np.isfinite(self.shows)]
         return float(values.mean()) if len(values) >= LEAST_STATIONS else np.nan
 
@@ -124,16 +122,16 @@ class _Seen:
 def hole_occupancy(
     images: Sequence[Image], camera: Camera, pose: BoardPose, index: int, cube_size: float
 ) -> Occupancy:
-    """What stands in hole `index` (0 to 3) of a board that was found.
+    """Classify hole `index` (0 to 3) of a detected board.
 
     Args:
-        images: photographs of one moment, grey or BGR, of the camera's size.
-        camera: that took them.
-        pose: of the board, with its covariance: what is known badly makes holes unsure.
-        index: of the hole.
+        images: taken at one moment, grey or BGR, of the camera's size.
+        camera: camera that took them.
+        pose: pose of the board; a large covariance makes the hole unsure.
+        index: number of the hole.
         cube_size: edge of a cube, m.
     """
-    hole = hole_poses(pose)[index]
+    hole = pose.holes[index]
     eye = apply(inverse(pose.T_base_board), camera.T_base_camera[:3, 3])
     view = plate_view(images, camera, hole.T_base_hole, REACH)
     if eye[2] <= 2.0 * cube_size or view is None:
@@ -174,10 +172,9 @@ def hole_occupancy(
 
 
 def _contrast(images: Sequence[Image], camera: Camera, pose: BoardPose) -> float | None:
-    """Grey levels between black and white of what the image shows of the board's markers; None if it shows neither.
+    """Grey levels between black and white of the board's visible markers; None if no marker is visible enough.
 
-    A marker at the image's edge may have its white border outside: boards fill the view, and its corners are measured
-    all the same.
+    A marker may be cut by the image's edge: its detection does not need the whole white border.
     """
     greys = []
     for square in marker_squares(pose.board):
@@ -217,12 +214,12 @@ def _look_at(border: Border, view: PlateView, limits: StepLimits) -> _Seen:
 
 
 def _whole(seen: Sequence[_Seen]) -> bool:
-    """No clear station of the hole's borders lies outside the image."""
+    """Whether all clear stations of the hole's borders are in the image."""
     return all(np.isfinite(s.shows[s.border.clear]).all() for s in seen)
 
 
 def _evidence(seen: Sequence[_Seen], rim_counts: bool) -> float:
-    """How much a state's own borders speak for it (logarithm of a likelihood ratio)."""
+    """Log likelihood ratio of a state by its own borders."""
     total = 0.0
     for one in seen:
         part = one.part(one.border.telling)
@@ -236,10 +233,10 @@ def _evidence(seen: Sequence[_Seen], rim_counts: bool) -> float:
 
 
 def _rim_counts(view: PlateView, rim: Border, eye: Array, limits: StepLimits) -> bool:
-    """Whether a finger hole's rim would show if it were there, or surely is not there.
+    """Whether an invisible rim is evidence against an empty hole: it would show if it were there.
 
-    The hole is darker than the floor around it; where that is dark itself, single stations do not show it, but the
-    mean of all may tell that there is none.
+    A finger hole is darker than the floor around it. On a dark floor single stations do not show it, but the mean step
+    over all stations may prove that there is none.
     """
     angle = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
@@ -253,7 +250,7 @@ def _rim_counts(view: PlateView, rim: Border, eye: Array, limits: StepLimits) ->
 
 
 def _top_patch(cube_size: float, eye: Array) -> Array:
-    """Points (n, n, 2) inside a cube's top as it is seen on the plate's plane."""
+    """Points (n, n, 2) inside a cube's top, projected to the plate's plane."""
     half = cube_size / 2.0 - 2.0 * WINDOW
     side = np.arange(-half, half, WINDOW)
     patch = np.stack(np.meshgrid(side, side), axis=-1)
@@ -261,7 +258,7 @@ def _top_patch(cube_size: float, eye: Array) -> Array:
 
 
 def _beside_mouth(mouth: float) -> list[tuple[Array, Array]]:
-    """Points (n, m, 2) inside and outside each side of the mouth, in the order of its sides, off their corners."""
+    """Points (n, m, 2) inside and outside each side of the mouth, in order of the sides, away from corners."""
     along = np.arange(-0.28 * mouth, 0.28 * mouth, WINDOW)
     quarter_turn = np.array([[0.0, 1.0], [-1.0, 0.0]])  # of rows
     both = []
@@ -273,12 +270,12 @@ def _beside_mouth(mouth: float) -> list[tuple[Array, Array]]:
 
 
 def _parts(seen: Sequence[_Seen], kind: Kind) -> Array:
-    """Of each border of that kind, the part of its clear stations that shows."""
+    """Visible fraction of the clear stations of each border of that kind."""
     return np.array([s.part(s.border.clear) for s in seen if s.border.kind == kind])
 
 
 def _why_no_cube(sides: Array, rim: float, even: bool) -> str:
-    """Empty if a whole cube's top is there: most of its four sides; of an even top less (colours may be alike)."""
+    """Reason why it is no whole cube; empty if enough of its top's sides shows, less if the top is even."""
     sides = sides[np.isfinite(sides)]
     if len(sides) < 3:
         return OUT
@@ -291,10 +288,10 @@ def _why_no_cube(sides: Array, rim: float, even: bool) -> str:
 
 
 def _why_not_empty(sides: Array, rim: float, even_sides: npt.NDArray[np.bool_]) -> str:
-    """Empty if a whole empty pocket is there: the finger hole's rim, and each side of the mouth or of the floor.
+    """Reason why it is no empty pocket; empty if the rim shows, and each side of the mouth or of the floor.
 
-    Sides may be faint (seen at a slant, the floor begins at the mouth and may look like the plate), if nothing lies
-    across them.
+    A few sides may be faint if nothing lies across them: seen at a slant, the floor begins at the mouth and may look
+    like the plate.
     """
     faint = ~(sides > 0.7)
     if rim > 0.7 and (not faint.any() or (faint.sum() <= MOST_FAINT and even_sides[faint].all())):

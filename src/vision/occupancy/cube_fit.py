@@ -1,7 +1,7 @@
-"""The four sides of a cube's top as straight lines of one turn: how likely each lies where.
+"""Fit the sides of a cube's top as straight lines of one rotation, and compute the likelihood of each side's place.
 
-`vision.occupancy.cube_side` says for a piece of a side how likely it lies at each place. All sides turn
-together, so one turn is searched, and the lens's blur with it; then each side is judged by all of its pieces together.
+`vision.occupancy.cube_side` computes the evidence of each piece of a side at each place. All sides share one rotation
+and one blur of the lens, which are searched first. Each side is then evaluated with all its pieces together.
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ from vision.occupancy.cube_side import (
 )
 
 PIECES = 8  # of a side
-PLACES: Array = frozen(np.arange(-128, 129) * 0.0125e-3)  # m out, of a side
+PLACES: Array = frozen(np.arange(-128, 129) * 0.0125e-3)  # m, of a side outwards
 COARSE = slice(None, None, 4)
 TURNS: Array = np.radians(np.linspace(-3.6, 3.6, 73))
 FINER: Array = np.radians(np.linspace(-0.15, 0.15, 7))
-ACCIDENT = 12.0  # log likelihood: so unlikely is a piece at most
-STRAY = 8.0  # log likelihood: a piece that disagrees more with the others is left out
+ACCIDENT = 12.0  # log likelihood: limit of what one piece can count against a line
+STRAY = 8.0  # log likelihood: a piece that disagrees more with the line is left out
 LEAST_PIECES = 5
-UNLIKE = 1.15  # squared deviations of a sample: no picture is quite like the model
-FAINT = 60.0  # log likelihood: so unlikely is a place at most
-HOPELESS = 150.0  # log evidence: between places that are less likely than this there is no better one
-ROOM = 0.4e-3  # m, about where a foot may be taken for a side
-LEAST_STEP = 4.0  # grey levels: less may be a shading of the surface
+UNLIKE = 1.15  # least mean squared deviation of a sample: no image fits the model exactly
+FAINT = 60.0  # log likelihood: limit of what counts against a place
+HOPELESS = 150.0  # log evidence below the best: places between such ones are not searched
+ROOM = 0.4e-3  # m: around a foot that may be mistaken for the side
+LEAST_STEP = 4.0  # grey levels: a smaller step may be shading
 
 
 @dataclass(frozen=True, eq=False)
 class Around:
-    """What is known of the surroundings of a side.
+    """The surroundings of a side.
 
     Attributes:
-        empty: profiles of the empty place, (pieces, n); None if it was not seen empty.
-        mouth, corner: where the pocket's mouth should be seen, and where its wall begins, m out; -inf: no pocket.
+        empty: profiles of the empty place, (pieces, n); None if there is no image of it.
+        mouth, corner: expected place of the pocket's mouth, and of its wall's lower edge, m outwards; -inf: no pocket.
     """
 
     empty: Array | None
@@ -55,12 +55,12 @@ class Around:
 
 @dataclass(frozen=True, eq=False)
 class SidesFit:
-    """Sides as straight lines of one turn, under the blur that makes them likeliest.
+    """Sides as straight lines of one rotation, with the likeliest blur.
 
     Attributes:
-        blur: m.
-        lines: the turn and the lines.
-        each: log evidence of each piece by itself at coarse places, (k, pieces) a side.
+        blur: standard deviation, m.
+        lines: the rotation and the lines.
+        each: log evidence of each single piece at the coarse places; per side, (k, pieces).
         besides: what is seen beside each side.
     """
 
@@ -77,13 +77,13 @@ def fit_sides(
     lever: Array,
     blurs: Sequence[float],
 ) -> SidesFit:
-    """Find blur and turn, by each piece's evidence.
+    """Find blur and rotation, by the evidence of single pieces.
 
     Args:
-        sides, around: four, as `vision.occupancy.cube_top.OUTWARD` has them.
-        light: how bright the place is now, of what it was when it was empty.
-        lever: how far out each piece of a side comes with a turn of 1 rad, (pieces,) m.
-        blurs: that are tried, m.
+        sides, around: four each, in the order of `vision.occupancy.cube_top.OUTWARD`.
+        light: present brightness of the place relative to that when it was empty.
+        lever: outward displacement of each piece of a side per rad of rotation, (pieces,) m.
+        blurs: blurs to try, m.
     """
     places = PLACES[COARSE]
     every = np.broadcast_to(places[:, None], (len(places), PIECES))
@@ -105,7 +105,7 @@ def fit_sides(
 
 
 def likelihoods(sides: Sequence[Side], fit: SidesFit, lever: Array) -> tuple[float, list[Array], list[float]]:
-    """The turn, rad, each side's log likelihood at `PLACES`, and how much likelier it is than no side, log."""
+    """Return the rotation (rad), each side's log likelihood at `PLACES`, and its log likelihood ratio to no side."""
     turn = _refined(fit, sides, lever)
     nowhere = np.array([[-NOWHERE], [NOWHERE]]) + np.zeros(PIECES)
     of_sides, shown = [], []
@@ -123,7 +123,7 @@ def likelihoods(sides: Sequence[Side], fit: SidesFit, lever: Array) -> tuple[flo
 def _evidence_along(
     side: Side, at: Beside, off: Array, blur: float, pieces: npt.NDArray[np.bool_]
 ) -> tuple[Array, Array]:
-    """`evidence` at `PLACES` with pieces `off` from their line: at all of them only where it is not hopeless."""
+    """`evidence` at `PLACES` with pieces `off` m from them; interpolated where the coarse places are hopeless."""
     coarse = PLACES[COARSE]
     log, left = evidence(side, at, coarse[:, None] + off, blur, pieces)
     hopeful = np.convolve(log > log.max() - HOPELESS, np.ones(3), mode="same") > 0.0
@@ -134,10 +134,10 @@ def _evidence_along(
 
 
 def likely(log: Array, foot: float) -> tuple[Array, int]:
-    """Log likelihood at `PLACES`, from `-FAINT` to 0 at its best one, from log evidence; and which that is.
+    """Turn log evidence at `PLACES` into log likelihood, from `-FAINT` to 0 at the best place; return that one's index.
 
-    Where a face is seen beside the top, up to `foot` m out, its foot may be taken for the side and the face for the
-    top: that other peak is not counted as the best one.
+    If the cube's face is seen beside the top, up to `foot` m outwards, a second peak takes the foot for the side and
+    the face for the top. That peak is not the best place.
     """
     mistaken = (np.abs(PLACES + foot) < ROOM) & (foot > 2.0 * ROOM)
     top = int(np.argmax(np.where(mistaken, -np.inf, log)))
@@ -146,7 +146,7 @@ def likely(log: Array, foot: float) -> tuple[Array, int]:
 
 @dataclass(frozen=True, eq=False)
 class _Lines:
-    """Straight sides of one turn: how likely they are together, the turn in rad, and each side's likelihood."""
+    """Straight sides of one rotation: joint log likelihood, rotation in rad, log likelihood of each side."""
 
     worth: float
     turn: float
@@ -154,7 +154,7 @@ class _Lines:
 
 
 def straight_lines(each: Sequence[Array], lever: Array) -> _Lines:
-    """The turn at which sides are most likely, by their pieces' evidence (k, pieces) at coarse places."""
+    """Find the likeliest rotation of sides, by their pieces' evidence (k, pieces) at coarse places."""
     places = PLACES[COARSE]
     capped = [np.maximum(one, one.max(axis=0) - ACCIDENT) for one in each]
     best: _Lines | None = None
@@ -169,7 +169,7 @@ def straight_lines(each: Sequence[Array], lever: Array) -> _Lines:
 
 
 def _refined(fit: SidesFit, sides: Sequence[Side], lever: Array) -> float:
-    """A finer turn, rad, by the evidence of whole sides near their lines."""
+    """Refine the rotation (rad) by the evidence of whole sides near their lines."""
     every, near = np.ones(PIECES, dtype=bool), PLACES[COARSE][1] - PLACES[COARSE][0]
     turns = fit.lines.turn + FINER
     worth = np.zeros(len(turns))
@@ -183,21 +183,21 @@ def _refined(fit: SidesFit, sides: Sequence[Side], lever: Array) -> float:
 
 
 def _along(one: Array, at: Array) -> Array:
-    """Likelihood of a side whose pieces lie at places (pieces, k), by their own (k, pieces) at coarse places; (k,)."""
+    """Log likelihood (k,) of a side with its pieces at `at` (pieces, k) m, from theirs (k, pieces) at coarse places."""
     places, low = PLACES[COARSE], one.min(axis=0)
     pieces = [np.interp(at[j], places, one[:, j], left=low[j], right=low[j]) for j in range(PIECES)]
     return np.asarray(np.sum(pieces, axis=0))
 
 
 def _agreeing(one: Array, places: Array, line: Array) -> npt.NDArray[np.bool_]:
-    """Which pieces agree with a line: a corner or a shadow's edge beside one makes it go its own way."""
+    """Which pieces agree with a line; a corner or the edge of a shadow may mislead single ones."""
     at = np.array([np.interp(line[j], places, one[:, j]) for j in range(PIECES)])
     off = one.max(axis=0) - at
     return np.asarray(off <= max(STRAY, float(np.sort(off)[LEAST_PIECES - 1])))
 
 
 def _step(side: Side, place: float) -> float:
-    """The largest difference of grey between the top and what is just beyond a place, grey levels."""
+    """Largest difference between the top and what lies just beyond a place, grey levels."""
     usual, beyond = np.median(side.grey, axis=0), ACROSS - place
     inner, outer = usual[np.abs(beyond + 0.5e-3) < 0.2e-3], usual[np.abs(beyond - 0.5e-3) < 0.3e-3]
     return float(np.abs(outer - np.median(inner)).max()) if len(inner) and len(outer) else 0.0

@@ -1,15 +1,15 @@
-"""How likely a side of a cube's top lies here or there, by the grey across it.
+"""Likelihood of the place of one side of a cube's top, from the grey profiles across it.
 
-A profile runs from the top outwards, over whatever is seen beside it: the cube's own face, the pocket's wall, the
-plate. Where these begin is known from the geometry once the side's place is given; how bright they are is not, and
-neither exactly where a foot or a mouth lies nor how much the lens blurs. All of these are unknowns with a Gaussian
-prior, so that they integrate out in closed form (the evidence of a linear model: C. Bishop, Pattern Recognition and
-Machine Learning, 2006, section 3.5), and what the picture cannot tell makes the likelihood flat instead of sharp and
-wrong. A photograph of the same place when it was empty tells the wall's and the plate's brightness, and where the
-mouth is; without one their priors are wide.
+A profile runs outwards from the top over what is seen beside it: the cube's own face, the pocket's wall, the plate. For
+a given place of the side, the geometry determines where these begin. Their brightness is unknown, and the places of
+foot and mouth and the blur of the lens are known only approximately. All are unknowns with a Gaussian prior that
+integrate out in closed form (the evidence of a linear model: C. Bishop, Pattern Recognition and Machine Learning, 2006,
+section 3.5), so an undetermined unknown makes the likelihood flat instead of sharp and wrong. An image of the same
+place while it was empty gives the brightness of wall and plate, and the place of the mouth; without one their priors
+are wide.
 
-Some unknowns are each piece's own (light across the side), others all pieces of a side share (a wall's brightness):
-what is shared is not averaged away.
+Some unknowns belong to one piece (light across the side). Others are shared by all pieces of a side (brightness of the
+wall), so averaging over pieces does not reduce them.
 """
 
 from __future__ import annotations
@@ -22,64 +22,62 @@ from scipy.special import ndtr
 
 from arm.se3 import Array, frozen
 
-SPAN = 2.7e-3  # m, of a profile on both sides of where the side should be
-STEP = 0.1e-3  # m, between its samples
+SPAN = 2.7e-3  # m, length of a profile on both sides of the expected side
+STEP = 0.1e-3  # m between its samples
 ACROSS: Array = frozen(np.arange(-round(SPAN / STEP), round(SPAN / STEP) + 1) * STEP)
-STRAIGHT = 1.2e-3  # m, of a wall beside its corner, that tells how it goes on
+STRAIGHT = 1.2e-3  # m of a wall beside its corner, to which a line is fitted
 LEAST_STRAIGHT = 5  # samples
-NOWHERE = 4.0 * SPAN  # m: a side that is not in the window
-PEAK = float(np.sqrt(2.0 * np.pi))  # a step's slope is its height / (blur PEAK)
+NOWHERE = 4.0 * SPAN  # m: place of a side outside the window
+PEAK = float(np.sqrt(2.0 * np.pi))  # the slope of a blurred step is height / (blur PEAK)
 
-# priors, standard deviations unless said otherwise
-TOP_GREY, TOP_SLOPE = 25.0, 6.0  # grey levels, and those over a span
-FACE_SHARE = (0.75, 0.3)  # mean and deviation of a face's grey, of the top's
-FACE_GREY, FACE_OWN, FACE_OWN_SHARE = 8.0, 3.0, 0.03  # grey levels; of a piece; and of its grey
-FACE_SLOPE = 0.3  # of the top's grey, over a span: the plate and the pocket keep light from it
-WIDE = 1.0e-3  # m, of a face that shows a slope at all
-UNEVEN = 15e-6  # m, of a side's place at a piece from its line: what is left of the turn, chamfers
-BLUR_SHARE = 0.05  # of the blur, by what it makes of a whole step
-FOOT, FOOT_STEP = 0.06e-3, 0.4  # m, of a foot's place; height of its step, of the plate's grey
-PLATE_OWN, PLATE_SLOPE = 0.1, 0.06  # share of a piece's light; and over a span
+# standard deviations of the priors, unless stated otherwise
+TOP_GREY, TOP_SLOPE = 25.0, 6.0  # grey levels; grey levels per SPAN
+FACE_SHARE = (0.75, 0.3)  # mean and deviation of a face's grey, relative to the top's
+FACE_GREY, FACE_OWN, FACE_OWN_SHARE = 8.0, 3.0, 0.03  # grey levels; of a piece; relative to its grey
+FACE_SLOPE = 0.3  # per SPAN, relative to the top's grey: plate and pocket shade it
+WIDE = 1.0e-3  # m: a narrower face has no such slope
+UNEVEN = 15e-6  # m, of a piece from the side's line: residual rotation, chamfers
+BLUR_SHARE = 0.05  # relative, of the blur, for a step from black to the plate or the top
+FOOT, FOOT_STEP = 0.06e-3, 0.4  # m, of a foot's place; height of its step relative to the plate's grey
+PLATE_OWN, PLATE_SLOPE = 0.1, 0.06  # relative, of a piece's light; of its slope per SPAN
 WALL_OWN, WALL_SLOPE = 0.06, 0.3
 WAVES: Array = frozen(np.cos(np.pi * np.arange(2, 7)[:, None] * (ACROSS / (2.0 * SPAN) + 0.5)))
-PLATE_WAVES = (
-    2  # of these: light changes slowly on a plate, and within 1 mm on a wall that a cube keeps light from
-)
-WALL_SHAPE, PLATE_SHAPE = 0.06, 0.02  # share of the light, each wave
-WALL_MOVED = 40e-6  # m, of a wall from where the empty place showed it
+PLATE_WAVES = 2  # light changes slowly on a plate, but within 1 mm on a wall that a cube shades
+WALL_SHAPE, PLATE_SHAPE = 0.06, 0.02  # relative to the light, of each wave
+WALL_MOVED = 40e-6  # m, of a wall from its place in the image of the empty hole
 BACKGROUND = (
-    150e-6  # m, of what lies beyond it; much, for a border that meets the side's is blurred with it, once
+    150e-6  # m, of the plate's image; large, because a border that meets the side is blurred only once
 )
-BEYOND_PLATE = 0.12  # share, by which the light beyond a border may have changed otherwise than the plate's
+BEYOND_PLATE = 0.12  # relative, of the light beyond a border, besides the change of the plate's
 
-TEXTURE, GREY = 0.007, 0.15  # noise that neighbours share: of the grey, and grey levels
-TEXTURE_PX, NOISE_PX, HIDDEN_PX = 1.2, 0.55, 3.0  # how far it reaches
-WHITE = 0.15  # grey levels, of each sample
-HIDDEN = 30.0  # grey levels, of what is not to be believed
+TEXTURE, GREY = 0.007, 0.15  # correlated noise: relative to the grey; in grey levels
+TEXTURE_PX, NOISE_PX, HIDDEN_PX = 1.2, 0.55, 3.0  # correlation lengths
+WHITE = 0.15  # grey levels, uncorrelated noise of each sample
+HIDDEN = 30.0  # grey levels, noise of samples to be ignored
 
 
 @dataclass(frozen=True)
 class _Prior:
-    """What is known of a plate's light (deviation), a wall's (mean, deviation), and a mouth's place (deviation, m)."""
+    """Light of a plate (deviation) and of a wall (mean, deviation); place of a mouth (deviation, m)."""
 
     plate: float
     wall: tuple[float, float]
     mouth: float
 
 
-SEEN_EMPTY = _Prior(0.12, (0.75, 0.25), 25e-6)  # of what it was then: a cube's shadow, another light
-NEVER_SEEN = _Prior(0.35, (0.5, 0.25), 0.1e-3)  # of the plate's grey
+SEEN_EMPTY = _Prior(0.12, (0.75, 0.25), 25e-6)  # relative to the empty place: a cube's shadow, other light
+NEVER_SEEN = _Prior(0.35, (0.5, 0.25), 0.1e-3)  # relative to the plate's grey
 
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """What is seen beside the top, as if the cube were not there.
+    """What would be seen beside the top without the cube.
 
     Attributes:
-        wall, plate: grey levels of the pocket's wall and of the plate, each as if it went on, (pieces, n).
-        mouth: where the wall ends and the plate begins, m out; -inf: plate alone; inf: wall alone.
-        known: by a photograph of the empty place.
-        light: how bright the place is now, of what it was then.
+        wall, plate: grey levels of the pocket's wall and of the plate, each extended over the profile, (pieces, n).
+        mouth: where the wall ends and the plate begins, m outwards; -inf: plate alone; inf: wall alone.
+        known: whether it comes from an image of the empty place.
+        light: present brightness relative to that image.
     """
 
     wall: Array
@@ -94,11 +92,11 @@ class Side:
     """The profiles across one side of a top.
 
     Attributes:
-        grey: across its pieces, (pieces, n).
-        white: inverse of a Cholesky factor of their noise, (n, n): makes it white.
-        feet: how far beyond the side the cube's foot may be seen, m, from -2 to 2 deviations in even steps, or one
-            alone; 0: its face is not seen. (feet,)
-        top_grey, plate_grey: usual grey levels.
+        grey: profile of each piece, (pieces, n).
+        white: whitening matrix: inverse of a Cholesky factor of the noise covariance, (n, n).
+        feet: possible distances of the cube's foot beyond the side, (feet,) m: evenly from -2 to 2 standard
+            deviations, or one alone; 0 if the face is not seen.
+        top_grey, plate_grey: median grey levels.
     """
 
     grey: Array
@@ -114,13 +112,13 @@ class Side:
 
 
 def whitening(level: Array, hidden: Array, noise: float, px_per_m: float) -> Array:
-    """The whitening of a side's profiles: inverse of a Cholesky factor of their covariance, (n, n).
+    """Return the whitening matrix of a side's profiles: inverse of a Cholesky factor of their covariance, (n, n).
 
     Args:
-        level: usual grey levels across it, (n,): texture, sharpening and dust scale with them.
-        hidden: 0 to 1, (n,): how little a sample is to be believed.
+        level: median profile, grey levels, (n,): texture, sharpening and dust scale with it.
+        hidden: weight of the noise that makes a sample ignored, 0 to 1, (n,).
         noise: standard deviation of a sample's noise, grey levels.
-        px_per_m: scale.
+        px_per_m: scale of the image.
     """
     apart = np.abs(ACROSS[:, None] - ACROSS[None]) * px_per_m
     texture = TEXTURE * level + GREY
@@ -134,13 +132,13 @@ def whitening(level: Array, hidden: Array, noise: float, px_per_m: float) -> Arr
 
 
 def beside(empty: Array, mouth: float, corner: float, blur: float, light: float) -> Beside:
-    """What an empty place shows across a side.
+    """Separate wall and plate in the profiles of an empty place.
 
     Args:
         empty: profiles of the empty place, (pieces, n).
-        mouth: where its pocket's mouth should be seen, m out; -inf: there is no pocket.
-        corner: where the pocket's floor ends and its wall begins, m out.
-        blur: m.
+        mouth: expected place of the pocket's mouth, m outwards; -inf: there is no pocket.
+        corner: where the pocket's floor ends and its wall begins, m outwards.
+        blur: standard deviation, m.
         light: see `Beside`.
     """
     if mouth > SPAN - 0.7e-3:
@@ -168,7 +166,7 @@ def beside(empty: Array, mouth: float, corner: float, blur: float, light: float)
 
 
 def _from_corner(wall: Array, corner: float, ends: float, blur: float) -> Array:
-    """A wall, (pieces, n), as if it began before its corner: a cube hides the floor that is seen there without it."""
+    """A wall, (pieces, n), extended inwards over the floor, which a cube hides."""
     begins = corner + 3.0 * blur
     straight = (begins < ACROSS) & (min(begins + STRAIGHT, ends - 3.0 * blur) > ACROSS)
     if straight.sum() < LEAST_STRAIGHT:
@@ -181,13 +179,13 @@ def _from_corner(wall: Array, corner: float, ends: float, blur: float) -> Array:
 
 
 def beside_unseen(plate_grey: float, pieces: int, mouth: float) -> Beside:
-    """The same of a place that was never seen empty: a plate of that grey, and a mouth where it should be."""
+    """The same without an image of the empty place: a uniform plate, and the mouth at its expected place."""
     grey = np.full((pieces, len(ACROSS)), plate_grey)
     return Beside(grey, grey, mouth, False, 1.0)
 
 
 def own_evidence(side: Side, at: Beside, places: Array, blur: float) -> Array:
-    """Log evidence of each piece by itself with the side at `places` (k, pieces) m out, (k, pieces)."""
+    """Log evidence (k, pieces) of each single piece with the side at `places` (k, pieces) m outwards."""
     mean, own, shared = _columns(side, at, places, blur, side.foot)
     left = (side.grey - mean) @ side.white.T
     A = side.white @ np.concatenate([own, shared], axis=-1)
@@ -200,17 +198,17 @@ def own_evidence(side: Side, at: Beside, places: Array, blur: float) -> Array:
 def evidence(
     side: Side, at: Beside, places: Array, blur: float, pieces: npt.NDArray[np.bool_]
 ) -> tuple[Array, Array]:
-    """Log evidence of some pieces together, (k,), and what is left of each sample, in squared deviations, (k,).
+    """Log evidence (k,) of some pieces together, and their mean squared normalised residual (k,).
 
-    Where the cube's foot is seen is known to a deviation only, and a narrow face is told from a top by it alone: each
-    of the side's feet has its own evidence, and their weighted sum counts.
+    Only the place of the foot distinguishes a narrow face from a top, and it is uncertain: the result is the weighted
+    sum of the evidence over the side's feet.
 
     Args:
-        side: with its profiles.
-        at: what is beside it.
-        places: of the side at each piece, (k, pieces) m out.
-        blur: m.
-        pieces: that count, (pieces,).
+        side: the side's profiles.
+        at: what is seen beside it.
+        places: place of the side at each piece, (k, pieces) m outwards.
+        blur: standard deviation, m.
+        pieces: which pieces count, (pieces,).
     """
     each = [_evidence(side, at, places, blur, pieces, float(foot)) for foot in side.feet]
     log = np.stack([one for one, _ in each])
@@ -225,7 +223,7 @@ def evidence(
 def _evidence(
     side: Side, at: Beside, places: Array, blur: float, pieces: npt.NDArray[np.bool_], foot: float
 ) -> tuple[Array, Array]:
-    """The same with the cube's foot so many m beyond the side."""
+    """The same with the cube's foot at `foot` m beyond the side."""
     mean, own, shared = _columns(side, at, places, blur, foot)
     left = (side.grey - mean) @ side.white.T
     A = side.white @ own
@@ -233,7 +231,7 @@ def _evidence(
     At = np.swapaxes(A, -1, -2)
     M, R = At @ A + np.eye(A.shape[-1]), At @ X
     G = np.swapaxes(X, -1, -2) @ X - np.swapaxes(R, -1, -2) @ np.linalg.solve(M, R)
-    G = G[:, pieces].sum(axis=1)  # of what all pieces share, and of what is left
+    G = G[:, pieces].sum(axis=1)  # of the shared columns, and of the residual
     K, v = G[:, :-1, :-1] + np.eye(G.shape[-1] - 1), G[:, :-1, -1:]
     chi2 = G[:, -1, -1] - (v * np.linalg.solve(K, v)).sum(axis=(-1, -2))
     sizes = np.linalg.slogdet(M)[1][:, pieces].sum(axis=1) + np.linalg.slogdet(K)[1]
@@ -241,10 +239,10 @@ def _evidence(
 
 
 def _columns(side: Side, at: Beside, places: Array, blur: float, foot: float) -> tuple[Array, Array, Array]:
-    """The linear model with the side at `places` (k, p) and a foot so many m beyond it.
+    """The linear model with the side at `places` (k, p) and the foot at `foot` m beyond it.
 
-    Returns its mean (k, p, n), and the columns of what is a piece's own and of what is shared, (k, p, n, c), each
-    scaled to a deviation of 1.
+    Return its mean (k, p, n), and the columns of a piece's own unknowns and of the shared ones, (k, p, n, c), each
+    scaled to a standard deviation of 1.
     """
     prior = SEEN_EMPTY if at.known else NEVER_SEEN
     x, u = ACROSS, places[..., None]

@@ -1,11 +1,9 @@
-"""The top of a cube in photographs: how likely each of its four sides lies where, to a small part of a pixel.
+"""Likelihood over the place of each side of a cube's top in images, to a few hundredths of a pixel.
 
-A camera above a board tells a cube's height by the size of its top, and by how far it is seen from the point under the
-camera: 4 mm higher is 0.15 mm wider, half a pixel. `vision.occupancy.cube_fit` says how likely each side lies
-at each place, from the profiles across it and from what is seen beside it. What comes out is a likelihood
-over the place of each side,
-not a place: a side that does not show (a dark cube on a dark wall, a cube as grey as the plate) leaves it flat, and
-the others decide.
+A camera above a board measures a cube's height by the width of its top and by its offset from the point below the
+camera: 4 mm higher is 0.15 mm wider, half a pixel. `vision.occupancy.cube_fit` computes the likelihoods from the
+profiles across the sides and from what is seen beside them. A side that does not show (a dark cube on a dark wall, a
+cube as grey as the plate) has a flat likelihood, and the others decide.
 """
 
 from __future__ import annotations
@@ -29,29 +27,29 @@ from vision.occupancy.cube_side import (
 from vision.occupancy.edge_response import PlateView, plate_view
 from vision.occupancy.expected_edges import seen_on_plate
 
-CORNER = 4e-3  # m of a side beside its ends that is not used
+CORNER = 4e-3  # m at each end of a side that is not used
 PITCH = 0.2e-3  # m between samples along a piece
-BLURS_PX = (0.7, 0.85, 1.0, 1.25, 1.6)  # standard deviations that are tried, with a sample's own
-FLOOR_PX = 0.04  # of a side's place: what no repetition shows
-WIDE_FACE = 1.0e-3  # m: beyond a face as wide, what is at its foot is left out,
-BEFORE_FOOT, SOFT = 0.4e-3, 0.05e-3  # m: from so much before it, so softly
-FOOT_SEEN, FOOT_SHARE = 0.9, 0.07  # of a narrow face: its lowest part is dark in its pocket; and a deviation
-FOOT_DARK, FOOT_STD = 1e-3, 25e-6  # m, of a face that is called narrow; deviation beside that share
-RING = np.array([2e-3, 3e-3, 4e-3, 5e-3])  # m beyond a mouth: there the plate is seen
-LEAST_IN_VIEW = 0.6e-3  # m beyond a side, that must be in the image
-MEAN_NOISE = 0.85  # of a sample's noise is left by interpolation
+BLURS_PX = (0.7, 0.85, 1.0, 1.25, 1.6)  # standard deviations that are tried, including a sample's own blur
+FLOOR_PX = 0.04  # error of a side's place that repetition does not show
+WIDE_FACE = 1.0e-3  # m: with a wider face, the profile is ignored near its foot and beyond,
+BEFORE_FOOT, SOFT = 0.4e-3, 0.05e-3  # m: from this distance before the foot, with this softness
+FOOT_SEEN, FOOT_SHARE = 0.9, 0.07  # visible part of a narrow face (its lowest part is dark); its deviation
+FOOT_DARK, FOOT_STD = 1e-3, 25e-6  # m: width of a narrow face; deviation added to that share
+RING = np.array([2e-3, 3e-3, 4e-3, 5e-3])  # m beyond a mouth, where the plate's grey is measured
+LEAST_IN_VIEW = 0.6e-3  # m beyond a side that must be in the image
+MEAN_NOISE = 0.85  # part of a sample's noise that interpolation leaves
 LEAST_NOISE = 0.3  # grey levels
-LIGHT = (0.6, 1.3)  # how much it may change between two looks
-OUTWARD = np.array([(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)])  # of the sides, counter-clockwise
+LIGHT = (0.6, 1.3)  # limits of its change between two looks
+OUTWARD = np.array([(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)])  # normals, counter-clockwise
 
 
 @dataclass(frozen=True, eq=False)
 class EmptyPlace:
-    """A place when it was empty, to know what is seen beside a cube.
+    """An earlier look at a place while it was empty: it shows what is seen beside a cube.
 
     Attributes:
-        images, camera: photographs of then.
-        T_base_place: where the place was then, 4x4.
+        images, camera: the images, and the camera that took them.
+        T_base_place: pose of the place at that time, 4x4.
     """
 
     images: Sequence[Image]
@@ -61,17 +59,17 @@ class EmptyPlace:
 
 @dataclass(frozen=True, eq=False)
 class CubeTop:
-    """A cube's top as if it lay at the height it was looked for.
+    """A cube's top, measured as if it lay at the assumed height.
 
     Attributes:
-        sides: log likelihood of each side at `PLACES` m out, (4, k); flat where it does not show.
-        shown: how much more likely each side is than that there is none, log, (4,); 0 where a shading may pass for it.
-        turn: about the place's normal, rad.
-        twist: how much more likely it is that sides turn each for themselves, log.
-        distance: of the camera along the normal, from the top, m.
-        slope: how far aside of the place the camera is, a metre of that, (2,).
-        size: width that it was looked for with, m.
-        rise: how much higher the top of a wider cube lies at its place, a metre of width.
+        sides: log likelihood of each side at `PLACES` (m outwards), (4, k); flat if it does not show.
+        shown: log likelihood ratio of each side to no side, (4,); 0 where the step may be shading.
+        turn: rotation about the place's normal, rad.
+        twist: log likelihood ratio of sides that rotate independently to sides that rotate together.
+        distance: distance of the camera from the top along the normal, m.
+        slope: offset of the camera across the normal, divided by `distance`, (2,).
+        size: assumed width, m.
+        rise: rise of the top per metre of additional width of the cube.
     """
 
     sides: Array
@@ -94,17 +92,17 @@ def measure_top(
     rise: float = 1.0,
     empty: EmptyPlace | None = None,
 ) -> CubeTop | None:
-    """Measure the top of a cube; None where it is not whole in the image.
+    """Measure the top of a cube; None if it is not completely in the image.
 
     Args:
-        images: photographs of one moment.
-        camera: that took them.
-        T_base_place: of the place's frame, z along its normal, 4x4.
+        images: taken at one moment.
+        camera: camera that took them.
+        T_base_place: pose of the place, z along its normal, 4x4.
         size: edge of the cube, m.
-        height: of its top over the place's plane, m.
-        mouth: width of the hole it stands in, m; None: it stands on the plane.
-        rise: how much higher the top of a wider cube lies at its place, a metre of width.
-        empty: the same place when it was empty.
+        height: assumed height of its top above the place's plane, m.
+        mouth: width of the hole's mouth, m; None if the cube stands on the plane.
+        rise: rise of the top per metre of additional width of the cube.
+        empty: the same place while it was empty.
     """
     view = plate_view(images, camera, T_base_place @ transform(t=(0.0, 0.0, height)), 0.75 * size + SPAN)
     plane = plate_view(images, camera, T_base_place, 1.2 * size + SPAN)
@@ -133,9 +131,8 @@ def measure_top(
         reach = float(eye[:2] @ OUTWARD[k])
         rim = corner = -np.inf
         if mouth is not None:
-            floor = mouth - POCKET_DEPTH * (mouth - size) / (
-                size - height
-            )  # walls are straight through the seat
+            # walls are straight through the seat
+            floor = mouth - POCKET_DEPTH * (mouth - size) / (size - height)
             rim = reach + (mouth / 2.0 - reach) * distance / float(eye[2]) - size / 2.0
             corner = reach + (floor / 2.0 - reach) * distance / (float(eye[2]) + POCKET_DEPTH) - size / 2.0
         was = None if then is None else then.at(seen_on_plate(points, height, eye)).mean(axis=2)
@@ -165,7 +162,7 @@ def measure_top(
 
 
 def _softened(log: Array, floor: float) -> Array:
-    """A likelihood with a deviation of `floor` m more."""
+    """A log likelihood, convolved with a Gaussian of standard deviation `floor` m."""
     reach = 4
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) * (PLACES[1] - PLACES[0]) / floor) ** 2)
     padded = np.pad(np.exp(log), reach, mode="edge")
@@ -174,7 +171,7 @@ def _softened(log: Array, floor: float) -> Array:
 
 
 def _feet(eye: Array, k: int, turn: float, size: float, distance: float) -> Array:
-    """How far beyond side k of a cube with that turn its foot may be seen, m, (n,); 0: not at all."""
+    """Distances beyond side k of a rotated cube at which its foot may be seen, m, (n,); 0 if hidden."""
     outward = OUTWARD[k] + turn * np.array([-OUTWARD[k][1], OUTWARD[k][0]])
     foot = (float(eye[:2] @ outward) - size / 2.0) * size / (distance + size)
     dark = min(max(foot, 0.0), FOOT_DARK)
@@ -186,7 +183,7 @@ def _feet(eye: Array, k: int, turn: float, size: float, distance: float) -> Arra
 
 
 def _side(grey: Array, feet: Array, plate_grey: float, noise: float, scale: float) -> Side | None:
-    """A side by its profiles; None where too much of it is outside the image."""
+    """A side by its profiles; None if too much of it is outside the image."""
     inside = np.asarray(np.isfinite(grey).all(axis=0))
     if not inside[ACROSS <= LEAST_IN_VIEW].all():
         return None
@@ -203,7 +200,7 @@ def _side(grey: Array, feet: Array, plate_grey: float, noise: float, scale: floa
 
 
 def _points(size: float, k: int) -> Array:
-    """Points of the top's plane across the pieces of side k, (pieces, n, along, 2) m."""
+    """Points in the top's plane across the pieces of side k, (pieces, n, along, 2) m."""
     outward = OUTWARD[k]
     tangent = np.array([-outward[1], outward[0]])
     ends = np.linspace(-size / 2.0 + CORNER, size / 2.0 - CORNER, PIECES + 1)
@@ -215,7 +212,7 @@ def _points(size: float, k: int) -> Array:
 
 
 def _ring(width: float, eye: Array) -> Array:
-    """Points (n, 2) m of the plate beyond those two sides of a place that a cube in it does not hide."""
+    """Points (n, 2) m of the plate beyond those two sides of a place that its cube does not hide."""
     along = np.linspace(-width / 2.0, width / 2.0, 41)
     points = []
     for k in np.argsort(OUTWARD @ eye[:2])[2:]:
@@ -225,7 +222,7 @@ def _ring(width: float, eye: Array) -> Array:
 
 
 def _level(view: PlateView, points: Array) -> float:
-    """Usual grey level at points (n, 2) m; NaN where none is in the image."""
+    """Median grey level at points (n, 2) m; NaN if none is in the image."""
     grey = view.at(points)
     grey = grey[np.isfinite(grey)]
     return float(np.median(grey)) if len(grey) else np.nan

@@ -1,7 +1,7 @@
-"""How much of a border shows in photographs: steps of grey across it, station by station.
+"""Find at which stations a border shows in images: where there is a step of grey across it.
 
-A step is the difference of the mean grey in two small windows on both sides of a border. It is seen if it is above
-the noise, which is estimated from the photographs, and above what smooth surfaces and soft shadows have.
+A step is the difference of the mean grey in two small windows on both sides of a border. It shows if it exceeds the
+noise, which is estimated from the images, and the steps of smooth surfaces and soft shadows.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ GAP = 0.3e-3  # m between a border and its windows: the lens's blur
 WINDOW = 0.8e-3  # m, width of a window
 STEP = 0.2e-3  # m between samples across a border
 ALONG = (-0.6e-3, -0.2e-3, 0.2e-3, 0.6e-3)  # m, samples along it
-NOISE_FACTOR = 3.0  # standard deviations that a step must have
-ROUGH_FACTOR = 6.5  # and one in a patch, where windows are smaller and any step counts
-SMOOTH_STEP = 0.03  # and part of the grey between a marker's black and white
-LEAST_NOISE = 0.3  # grey levels: rounding to whole ones
+NOISE_FACTOR = 3.0  # least step in standard deviations
+ROUGH_FACTOR = 6.5  # the same in a patch, where windows are smaller and any step counts
+SMOOTH_STEP = 0.03  # least step relative to a marker's contrast
+LEAST_NOISE = 0.3  # grey levels, from rounding to integers
 _LAPLACE = np.array([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]])  # J. Immerkaer, 1996: gain 6
 
 
 @dataclass(frozen=True, eq=False)
 class PlateView:
-    """The mean of photographs, looked up by places on a board's top plane.
+    """The mean of images, sampled at points of a board's top plane.
 
     Attributes:
-        grey: mean photograph around the place of interest, (h, w).
-        corner_px: of its first pixel in the photographs, (2,).
-        camera: of the photographs.
+        grey: mean image around the place of interest, (h, w).
+        corner_px: position of its first pixel in the images, (2,).
+        camera: camera of the images.
         T_base_plane: pose of the plane's frame, 4x4.
     """
 
@@ -45,23 +45,23 @@ class PlateView:
     T_base_plane: Array
 
     def at(self, points: Array) -> Array:
-        """Grey levels at points (..., 2) m of the plane; NaN outside the view."""
+        """Return the grey levels at points (..., 2) m of the plane; NaN outside the view."""
         places = np.concatenate([points, np.zeros((*points.shape[:-1], 1))], axis=-1)
         pixels = self.camera.project_base(apply(self.T_base_plane, places.reshape(-1, 3))) - self.corner_px
         height, width = self.grey.shape
         beyond = np.maximum(-pixels, pixels - (width - 1.0, height - 1.0)).max(axis=-1)
-        inside = np.asarray(beyond <= 0.0)  # and NaN is outside
+        inside = np.asarray(beyond <= 0.0)  # NaN counts as outside
         x, y = np.where(inside[:, None], pixels, 0.0).astype(np.float32).T
         values = cv2.remap(self.grey, x[None], y[None], cv2.INTER_LINEAR)[0].astype(float)
         return np.where(inside, values, np.nan).reshape(points.shape[:-1])
 
     def noise(self) -> float:
-        """Standard deviation of the mean's grey levels."""
+        """Standard deviation of the mean image's noise, grey levels."""
         rough = cv2.filter2D(self.grey, cv2.CV_32F, _LAPLACE)[1:-1, 1:-1]
         return max(1.4826 * float(np.median(np.abs(rough))) / 6.0, LEAST_NOISE)
 
     def px_per_m(self) -> float:
-        """Scale at the plane's origin."""
+        """Scale of the image at the plane's origin."""
         ends = apply(self.T_base_plane, [[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0]])
         return float(np.linalg.norm(np.diff(self.camera.project_base(ends), axis=0))) * 1e3
 
@@ -69,7 +69,7 @@ class PlateView:
 def plate_view(
     images: Sequence[Image], camera: Camera, T_base_plane: Array, reach: float
 ) -> PlateView | None:
-    """The view of a plane within `reach` m of its origin; None if that is not in the image at all."""
+    """Return the view of a plane within `reach` m of its origin; None if it is outside the image."""
     angle = np.linspace(0.0, 2.0 * np.pi, 33)
     circle = reach * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=-1)
     pixels = camera.project_base(apply(T_base_plane, circle))
@@ -89,12 +89,12 @@ def plate_view(
 
 @dataclass(frozen=True)
 class StepLimits:
-    """What makes a step of grey a border.
+    """Criteria for a step of grey to be a border.
 
     Attributes:
         noise: standard deviation of a step, grey levels.
-        smooth: grey levels that steps on smooth surfaces stay below.
-        tolerance: how far a border may be from its place, m.
+        smooth: upper limit of steps on smooth surfaces, grey levels.
+        tolerance: largest distance of a border from its place, m.
     """
 
     noise: float
@@ -103,17 +103,17 @@ class StepLimits:
 
     @property
     def least(self) -> float:
-        """Grey levels that a step must have."""
+        """Least step, grey levels."""
         return max(NOISE_FACTOR * self.noise, self.smooth)
 
 
 def step_limits(view: PlateView, contrast: float, tolerance: float) -> StepLimits:
-    """Limits in a view.
+    """Return the limits for a view.
 
     Args:
-        view: with its noise and scale.
-        contrast: grey levels between a marker's black and white there.
-        tolerance: how far a border may be from its place, m.
+        view: gives noise and scale.
+        contrast: grey levels between a marker's black and white in it.
+        tolerance: largest distance of a border from its place, m.
     """
     window_px = WINDOW * (ALONG[-1] - ALONG[0] + WINDOW / 4.0) * view.px_per_m() ** 2
     return StepLimits(view.noise() * np.sqrt(2.0 / max(window_px, 1.0)), SMOOTH_STEP * contrast, tolerance)
@@ -122,18 +122,18 @@ def step_limits(view: PlateView, contrast: float, tolerance: float) -> StepLimit
 def seen_stations(
     view: PlateView, points: Array, outward: Array, limits: StepLimits, ring: bool
 ) -> npt.NDArray[np.float64]:
-    """Whether a step of grey shows at each station of a border, (n,): 1, 0, or NaN outside the image.
+    """Return whether a step of grey shows at each station of a border, (n,): 1, 0, or NaN outside the image.
 
-    The border as a whole may be shifted by up to the tolerance, and a straight one turned by as much over its
-    length: the place with most stations seen counts. A straight border may be a step up in one part and down in
-    another (a shadow lies across it); a ring is the rim of one thing, up or down as a whole.
+    The border may be shifted as a whole by up to the tolerance, and a straight one may also be rotated within it. The
+    place with the most visible stations counts. A straight border may step up in one part and down in another (a
+    shadow lies across it); a ring steps up or down as a whole.
 
     Args:
-        view: of the plane of the points.
+        view: view of the plane of the points.
         points: stations, (n, 2) m.
         outward: normals, (n, 2).
-        limits: of a step.
-        ring: the border is a closed ring.
+        limits: limits of a step.
+        ring: whether the border is a closed ring.
     """
     if not len(points):
         return np.zeros(0)
@@ -143,17 +143,17 @@ def seen_stations(
     up, down = found > limits.least, found < -limits.least
     shows = np.concatenate([up, down]) if ring else up | down
     best = shows[int(np.argmax(shows.sum(axis=1)))]
-    # a place beside the border that is outside the image shows nothing; the border's own place must be in it
+    # shifted places outside the image count as 0; the nominal place must be inside
     return np.where(np.isnan(steps[:, most]), np.nan, best.astype(float))
 
 
 def mean_step(view: PlateView, points: Array, outward: Array) -> float:
-    """Mean step of grey outwards over a whole border, at its place; NaN if a part is outside the image."""
+    """Mean outward step of grey over a whole border at its nominal place; NaN if part of it is outside the image."""
     return float(_steps(view, points, outward, 0).mean())
 
 
 def rough_part(view: PlateView, points: Array, limits: StepLimits) -> float:
-    """Part of a patch, points (n, m, 2) m at a pitch of `WINDOW`, at which there is a step of grey along x or y."""
+    """Fraction of a patch, points (n, m, 2) m at a pitch of `WINDOW`, with a step of grey along x or y."""
     quarter = WINDOW / 4.0
     corners = np.array([[x, y] for x in (-quarter, quarter) for y in (-quarter, quarter)])
     grey = view.at(points[:, :, None] + corners).mean(axis=-1)
@@ -165,7 +165,7 @@ def rough_part(view: PlateView, points: Array, limits: StepLimits) -> float:
 
 
 def _steps(view: PlateView, points: Array, outward: Array, most: int) -> Array:
-    """Steps of grey outwards at stations and at up to `most` times `STEP` beside them, (n, 2 most + 1)."""
+    """Outward steps of grey at stations shifted by -`most` to `most` times `STEP`, (n, 2 most + 1)."""
     span = round((GAP + WINDOW) / STEP)
     offsets = STEP * np.arange(-most - span, most + span + 1)
     tangent = np.stack([-outward[:, 1], outward[:, 0]], axis=-1)
@@ -182,7 +182,7 @@ def _steps(view: PlateView, points: Array, outward: Array, most: int) -> Array:
 
 
 def _places(outward: Array, most: int, ring: bool) -> npt.NDArray[np.intp]:
-    """Where a border may lie: for each of the places, the number of the shift at each station, (places, n)."""
+    """Possible places of a border: the index of the shift at each station, (places, n)."""
     shifts = range(-most, most + 1)
     if ring:
         moved = [(x, y) for x in shifts for y in shifts if x * x + y * y <= most * most]

@@ -1,9 +1,9 @@
-"""Where the image must show borders if a hole holds a cube, and where if it is empty.
+"""Predict where the image shows borders if a hole holds a cube, and where if it is empty.
 
-A cube in its pocket shows the sides of its top, 32 mm above the plate, and upright edges between its faces; an empty
-pocket the sides of its mouth, of its floor 10 mm below, and the rim of the finger hole in the floor (cell fact sheet).
-Seen at a slant they lie apart, whatever the colours. All are given where the camera sees them on the plate's top
-plane z = 0, in m about the hole, so that they can be compared.
+A cube in its pocket shows the sides of its top, 32 mm above the plate, and upright edges between its faces. An empty
+pocket shows the sides of its mouth, those of its floor 10 mm below, and the rim of the finger hole in the floor (cell
+fact sheet). Seen at a slant they lie apart, whatever the colours. All are projected from the camera's centre to the
+plate's top plane z = 0, in m from the hole, so they can be compared.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from arm.se3 import Array
 
 FINGER_HOLE_RADIUS = 0.008  # m
 PITCH = 1.5e-3  # m between stations on a border
-CORNER_GAP = 3e-3  # m of a straight border beside its ends that is not used: another border is near
+CORNER_GAP = 3e-3  # m at each end of a straight border that is not used: another border is near
 
 Bools = npt.NDArray[np.bool_]
 Kind = Literal["top", "upright", "mouth", "floor", "rim"]
@@ -35,14 +35,14 @@ Kind = Literal["top", "upright", "mouth", "floor", "rim"]
 
 @dataclass(frozen=True, eq=False)
 class Border:
-    """One border as the camera sees it on the plate's plane.
+    """One border, projected to the plate's plane.
 
     Attributes:
-        kind: of a cube "top" or "upright", of an empty pocket "mouth", "floor" or "rim" (of the finger hole).
+        kind: "top" or "upright" of a cube; "mouth", "floor" or "rim" (of the finger hole) of an empty pocket.
         points: stations on it, (n, 2) m.
         outward: unit normals there, (n, 2).
-        telling: (n,) where the other state shows a smooth surface, so that the border speaks for its state.
-        clear: (n,) where it can be seen.
+        telling: where the other state shows a smooth surface, so that the border is evidence for its state, (n,).
+        clear: where it can be seen, (n,).
     """
 
     kind: Kind
@@ -60,13 +60,13 @@ class HoleBorders:
     empty: tuple[Border, ...]
 
     def of(self, kind: Kind) -> list[Border]:
-        """Those of one kind."""
+        """All borders of one kind."""
         return [b for b in (*self.cube, *self.empty) if b.kind == kind]
 
 
 @dataclass(frozen=True, eq=False)
 class MarkerSquare:
-    """A marker with its white border: `centre` (3,) m in the board frame, `points` (n, 2) m evenly about it."""
+    """A marker and its white border: `centre` (3,) m in the board frame, grid of `points` (n, 2) m around it."""
 
     centre: Array
     points: Array
@@ -88,16 +88,16 @@ class _Line:
 
 
 def seen_on_plate(points: Array, height: float, eye: Array) -> Array:
-    """Where points (..., 2) m at a height over the plate are seen on its plane by an eye (3,) m."""
+    """Project points (..., 2) m at a height above the plate to its plane, from an eye (3,) m."""
     return np.asarray(eye[:2] + (points - eye[:2]) * (eye[2] / (eye[2] - height)))
 
 
 def hole_borders(board: Board, index: int, eye: Array, cube_size: float, near: float) -> HoleBorders:
-    """The borders of a hole.
+    """Return the borders of a hole in both states.
 
     Args:
-        board: with the hole.
-        index: of the hole, 0 to 3.
+        board: board with the hole.
+        index: number of the hole, 0 to 3.
         eye: the camera's centre in the board frame, (3,) m, above the plate.
         cube_size: edge of a cube, m.
         near: distance within which two borders disturb each other, m.
@@ -149,14 +149,19 @@ def _sides(kind: Kind, corners: Array) -> list[_Line]:
 
 
 def _uprights(top: Array, foot: Array, eye: Array, cube_size: float) -> list[_Line]:
-    """Upright edges that have at least one face towards the camera, from the top down to the plate."""
-    lit = [-eye[1], eye[0], eye[1], -eye[0]]  # how far the eye is before the side that begins at each corner
+    """Upright edges with at least one face towards the camera, from the top down to the plate."""
+    lit = [
+        -eye[1],
+        eye[0],
+        eye[1],
+        -eye[0],
+    ]  # distance of the eye along the normal of the side that begins at each corner
     faces = [distance > cube_size / 2.0 for distance in lit]
     return [_stations("upright", top[k], foot[k]) for k in range(4) if faces[k] or faces[k - 1]]
 
 
 def _closed(corners: Array, pitch: float = 0.5e-3) -> Array:
-    """Points on the outline of a polygon."""
+    """Points on the outline of a polygon, about `pitch` m apart."""
     sides = []
     for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         count = max(int(np.linalg.norm(b - a) / pitch), 1)
@@ -170,7 +175,7 @@ def _close_to(points: Array, edges: list[Array], near: float) -> Bools:
 
 
 def _depth_in(corners: Array, points: Array) -> Array:
-    """How deep points (n, 2) lie inside a convex polygon, m; negative outside."""
+    """Depth of points (n, 2) inside a convex polygon, m; negative outside."""
     following = np.roll(corners, -1, axis=0)
     sides, turn = (
         following - corners,
@@ -184,7 +189,7 @@ def _depth_in(corners: Array, points: Array) -> Array:
 
 
 def _plain(points: Array, board: Board, hole: Array, near: float) -> Bools:
-    """Which points lie on bare plate, away from its edges, its markers and its other pockets."""
+    """Which points lie on bare plate, at least `near` m from its edges, markers and other pockets."""
     on_plate = points + hole[:2]
     inside = np.abs(on_plate - PLATE_CENTRE) < np.array(PLATE_SIZE[:2]) / 2.0 - near
     good = inside.all(axis=-1)

@@ -1,10 +1,10 @@
-"""Does a cube surely sit where it should? What "something is in the hole" does not tell: half seated, on the rim, high.
+"""Decide whether a cube is properly seated: an occupied hole may hold one that is half seated, on the rim, or too high.
 
-A cube is confirmed if the sides of its top lie where a seated cube's do, and not where a higher one's would: about the
-middle of its place, turned like it, square, and as wide as at that height. How wide the cube itself is, is known best
-from a look at the same cube before it was moved. Height, width and play are integrated over the likelihood of all four
-sides (`vision.occupancy.cube_top`), so that a side that does not show says nothing, and the rest is weighed
-as it deserves.
+A cube is confirmed if the sides of its top lie where those of a seated cube do, and not where those of a higher one
+would: centred on its place, aligned with it, square, and as wide as expected at that height. The cube's own width is
+known best from a look at it before it was moved. Height, width and play are integrated over the likelihood of all four
+sides (`vision.occupancy.cube_top`), so an invisible side has no influence and the others are weighted by their
+uncertainty.
 """
 
 from __future__ import annotations
@@ -22,34 +22,34 @@ from vision.camera.model import Camera
 from vision.occupancy.cube_fit import PLACES
 from vision.occupancy.cube_top import CubeTop, EmptyPlace, measure_top
 
-LIFT = 4e-3  # m: a cube that stands as high as this is surely told from a seated one
-LEANING = 2.8e-3  # m: so high is the top's middle of one that leans on its pocket's rim; its raised side does not show
-MOST_LIFT = 2.0e-3  # m, that a seated one's measured height may differ
-SURE = 3.0  # standard deviations; a lower top than a seated one's is no cube that stands high
-MOST_ASIDE = 0.8e-3  # m, of a top's middle
-PLAY = 0.15e-3  # standard deviation of a seated cube's place along x and y, with what boards are made to, m
-MOST_TURN = np.radians(3.0)
-MOST_TWIST = 16.0  # log likelihood, that sides may turn differently
-MOST_UNLIKELY = (
-    14.0  # log likelihood, of the best seated or raised cube below that of four sides by themselves
+LIFT = 4e-3  # m: a cube as high as this is certainly distinguished from a seated one
+LEANING = (
+    2.8e-3  # m: middle of the top of a cube that leans on its pocket's rim; its raised side does not show
 )
-ALL_AGREE = 9.0  # the same, where no side is mistaken
-MOST_STD = {4: 1.3e-3, 3: 1.0e-3, 2: 0.6e-3}  # m, of a height that is called known, by how many sides show
-LEAST_SHOWN = 10.0  # log likelihood, that a side shows
-LEAST_THERE = -40.0  # log likelihood, of a side that is not there at all, below that of no border
-MISTAKEN = 12.0  # log likelihood: so unlikely is it that a foot, a mouth or a border was taken for a side
-OWN_STD = 4e-6  # m, of a width in another look: what the two do not share
+MOST_LIFT = 2.0e-3  # m, largest measured height of a seated one
+SURE = 3.0  # standard deviations; a top measured too low by as many may still be seated
+MOST_ASIDE = 0.8e-3  # m, largest offset of a top's middle
+PLAY = 0.15e-3  # m, standard deviation of a seated cube's place along x and y, with tolerances of boards
+MOST_TURN = np.radians(3.0)
+MOST_TWIST = 16.0  # log likelihood ratio of independently rotated sides
+MOST_UNLIKELY = 14.0  # log likelihood of the best seated or raised cube, below four independent sides
+ALL_AGREE = 9.0  # the same, if no side is mistaken
+MOST_STD = {4: 1.3e-3, 3: 1.0e-3, 2: 0.6e-3}  # m, of a known height, by the number of visible sides
+LEAST_SHOWN = 10.0  # log likelihood ratio of a visible side to none
+LEAST_THERE = -40.0  # the same; below it, there is certainly no side
+MISTAKEN = 12.0  # log likelihood against mistaking a foot, a mouth or a border for a side
+OWN_STD = 4e-6  # m, of a width from another look: errors that the two do not share
 LIFTS: Array = np.arange(-8e-3, 16.05e-3, 0.1e-3)
 WIDTHS: Array = np.linspace(-3.5, 3.5, 21)  # standard deviations
 PLAYS: Array = np.linspace(-4.0, 4.0, 81)
-FREE_PLAY = 1.5e-3  # m, that a top is looked for aside of its place
-PAIRS = ((3, 1), (0, 2))  # sides that are opposite, along x and y
-BEYOND = 5.0  # log likelihood below the least one, of a place that was not looked at
+FREE_PLAY = 1.5e-3  # m, largest offset at which a top is searched
+PAIRS = ((3, 1), (0, 2))  # opposite sides, along x and y
+BEYOND = 5.0  # log likelihood of a place outside the window, below the least inside
 
 
 @dataclass(frozen=True)
 class CubeWidth:
-    """How wide a cube is, with its standard deviation; m."""
+    """Width of a cube and its standard deviation, m."""
 
     value: float
     std: float
@@ -57,13 +57,13 @@ class CubeWidth:
 
 @dataclass(frozen=True)
 class Seating:
-    """Whether a cube sits at its place.
+    """Whether a cube is seated at its place.
 
     Attributes:
-        state: "seated" and "off" are sure.
-        reason: why it is not seated, or not sure; empty if it is.
-        lift: of its top over a seated one's, m; NaN where it is not known.
-        lift_std: its standard deviation, m.
+        state: "seated" and "off" are certain.
+        reason: why it is off or unsure; empty if it is seated.
+        lift: height of its top above a seated one's, m; NaN if unknown.
+        lift_std: standard deviation of `lift`, m.
     """
 
     state: Literal["seated", "off", "unsure"]
@@ -76,43 +76,44 @@ def seating(top: CubeTop | None, cube: CubeWidth) -> Seating:
     """Judge a top, measured as if it lay at a seated cube's height.
 
     Args:
-        top: as measured, None where it could not be.
-        cube: how wide the cube is.
+        top: the measured top; None if it could not be measured.
+        cube: width of the cube.
     """
     if top is None:
-        return Seating("unsure", "its top is not whole in the image")
+        return Seating("unsure", "its top is not completely in the image")
     if abs(top.turn) > MOST_TURN:
-        return Seating("off", f"its top is turned by {np.degrees(top.turn):.1f} deg")
+        return Seating("off", f"its top is rotated by {np.degrees(top.turn):.1f} deg")
     if top.twist > MOST_TWIST:
         return Seating(
-            "unsure", "the sides of its top are not those of a square: it leans, or something is across it"
+            "unsure", "the sides of its top do not form a square: it leans, or something lies across it"
         )
     if (top.shown < LEAST_THERE).any():
-        return Seating("unsure", "what is seen there is not the top of a cube that stands upright")
+        return Seating("unsure", "the image does not show the top of an upright cube")
     seen = int((top.shown > LEAST_SHOWN).sum())
     if not _shows(top):
-        return Seating("unsure", "the sides of its top do not show well enough")
+        return Seating("unsure", "the sides of its top do not show clearly enough")
     width = CubeWidth(cube.value, float(np.hypot(cube.std, OWN_STD)))
     log, best = _heights(top, width, PLAY * PLAYS)
     lift, std = _moments(LIFTS, log)
     if best < -MOST_UNLIKELY or (best < -ALL_AGREE and seen < len(top.shown)):
         aside = _aside(top, width)
         if aside > MOST_ASIDE:
-            return Seating(
-                "off", f"its top is {1e3 * aside:.1f} mm aside of where a seated one's is", lift, std
-            )
+            return Seating("off", f"its top is {1e3 * aside:.1f} mm from a seated one's, sideways", lift, std)
         return Seating(
-            "unsure", "the sides of its top are not where those of a seated or a higher cube are", lift, std
+            "unsure",
+            "the sides of its top are not where those of a seated or higher cube would be",
+            lift,
+            std,
         )
-    told = f"its top is {1e3 * lift:+.1f} mm from a seated one's height, std {1e3 * std:.1f} mm"
+    height = f"its top is {1e3 * lift:+.1f} mm from a seated one's height, std {1e3 * std:.1f} mm"
     known = std <= MOST_STD[seen] and -max(MOST_LIFT, SURE * std) <= lift <= MOST_LIFT
     if known and lift + SURE * std <= (LIFT if seen == len(top.shown) else LEANING):
         return Seating("seated", "", lift, std)
-    return Seating("off" if abs(lift) - SURE * std > 0.0 else "unsure", told, lift, std)
+    return Seating("off" if abs(lift) - SURE * std > 0.0 else "unsure", height, lift, std)
 
 
 def width_of(top: CubeTop | None, cube: CubeWidth) -> CubeWidth | None:
-    """How wide a cube that sits is, by its top and by what is known of it; None where the top does not tell."""
+    """Width of a seated cube, from its top and its prior `cube`; None if the top does not determine it."""
     if top is None or abs(top.turn) > MOST_TURN or top.twist > MOST_TWIST or not _shows(top):
         return None
     log, best = _at_heights(top, cube, PLAY * PLAYS, np.zeros(1))
@@ -122,25 +123,25 @@ def width_of(top: CubeTop | None, cube: CubeWidth) -> CubeWidth | None:
 
 
 def _shows(top: CubeTop) -> bool:
-    """Whether at least one side shows along x and along y."""
+    """Whether at least one side is visible along x and one along y."""
     return all(max(top.shown[low], top.shown[high]) > LEAST_SHOWN for low, high in PAIRS)
 
 
 def _heights(top: CubeTop, cube: CubeWidth, plays: Array) -> tuple[Array, float]:
-    """Log likelihood of each of `LIFTS`, and of the best cube of any height, below that of free sides."""
+    """Log likelihood of each of `LIFTS`, and of the best cube of any height, relative to free sides."""
     log, best = _at_heights(top, cube, plays, LIFTS)
     most = log.max(axis=1, keepdims=True)
     return most[:, 0] + np.log(np.exp(log - most).sum(axis=1)), best
 
 
 def _at_heights(top: CubeTop, cube: CubeWidth, plays: Array, lifts: Array) -> tuple[Array, float]:
-    """Log likelihood of heights and widths, (lifts, widths), play integrated out; and the best of all three.
+    """Log likelihood of heights and widths, (lifts, widths), with play integrated out; and the best of all three.
 
-    A top that is higher is seen wider, and farther from the camera's foot. A wider cube sits higher, too: `top.rise`.
+    A higher top is seen wider and farther from the point below the camera. A wider cube also sits higher: `top.rise`.
     """
     widths = cube.value + cube.std * WIDTHS
     height = lifts[:, None] + top.rise * (widths - top.size)
-    larger = top.distance / (top.distance - height)  # as a top is seen, on the plane of a seated one's
+    larger = top.distance / (top.distance - height)  # factor of the projection to the plane of a seated top
     half = (widths * larger - top.size) / 2.0
     log = np.broadcast_to(-0.5 * WIDTHS**2, half.shape)
     best, sides = log, _likely(top)
@@ -156,9 +157,9 @@ def _at_heights(top: CubeTop, cube: CubeWidth, plays: Array, lifts: Array) -> tu
 
 
 def _likely(top: CubeTop) -> list[Array]:
-    """Log likelihood of each side at `PLACES`: that it is seen there, or that something else was taken for it.
+    """Log likelihood of each side at `PLACES`, allowing that something else was mistaken for it.
 
-    One such side is outvoted by the other three; two of them are not a cube's top.
+    Three sides outvote one mistaken side; two mistaken sides are no cube's top.
     """
     return [
         np.logaddexp(side, -min(max(shown, 0.0), MISTAKEN))
@@ -172,7 +173,7 @@ def _at(side: Array, places: Array) -> Array:
 
 
 def _aside(top: CubeTop, cube: CubeWidth) -> float:
-    """How far aside the middle of a seated cube's top would be to fit best, m; 0 where none fits."""
+    """Best-fitting offset of the middle of a seated cube's top, m; 0 if none fits."""
     plays, sides = np.linspace(-FREE_PLAY, FREE_PLAY, 121), _likely(top)
     found = []
     for low, high in PAIRS:
@@ -185,7 +186,7 @@ def _aside(top: CubeTop, cube: CubeWidth) -> float:
 
 
 def _moments(values: Array, log: Array) -> tuple[float, float]:
-    """Mean and standard deviation of values by their log likelihood."""
+    """Mean and standard deviation of values with these log likelihoods."""
     weights = np.exp(log - log.max())
     weights /= weights.sum()
     mean = float(weights @ values)
@@ -194,12 +195,12 @@ def _moments(values: Array, log: Array) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """Photographs of one moment, to measure cubes in.
+    """Images of one moment in which cubes are measured.
 
     Attributes:
-        images, camera: the photographs, and what took them.
-        cube: a cube by its nominal width and what that may be off.
-        pocket: width of a pocket's mouth and of its floor, m.
+        images, camera: the images, and the camera that took them.
+        cube: nominal width of a cube, with its tolerance.
+        pocket: widths of a pocket's mouth and of its floor, m.
     """
 
     images: Sequence[Image]
@@ -208,7 +209,7 @@ class Sight:
     pocket: tuple[float, float] = (POCKET_MOUTH, POCKET_FLOOR)
 
     def in_hole(self, T_base_hole: Array, empty: EmptyPlace | None = None) -> CubeTop | None:
-        """The top of a cube in a hole, looked for where a seated one's is; `empty` is the hole without it."""
+        """Measure the top of a cube in a hole, near a seated one's; `empty` is the hole without the cube."""
         size, (mouth, floor) = self.cube.value, self.pocket
         rise = 1.0 + POCKET_DEPTH / (mouth - floor)
         return measure_top(
@@ -223,12 +224,12 @@ class Sight:
         )
 
     def on_plane(self, T_base_place: Array, empty: EmptyPlace | None = None) -> CubeTop | None:
-        """The top of a cube that stands on a plane, at a place and turned like it."""
+        """Measure the top of a cube that stands on a plane at a place, aligned with it."""
         size = self.cube.value
         return measure_top(self.images, self.camera, T_base_place, size, size, None, 1.0, empty)
 
     def empty(self, T_base_place: Array) -> EmptyPlace:
-        """A place that these photographs show empty."""
+        """A place that is empty in these images."""
         return EmptyPlace(self.images, self.camera, T_base_place)
 
     def shows(self, points: Array) -> bool:
@@ -238,5 +239,5 @@ class Sight:
             return bool(((pixels > 0.0) & (pixels < np.array(self.camera.size) - 1.0)).all())
 
     def known_width(self, top: CubeTop | None) -> CubeWidth:
-        """A cube's width for a later look: by its top, if that tells it, and by its nominal one."""
+        """A cube's width for a later look: from its top if that determines it, else the nominal one."""
         return width_of(top, self.cube) or self.cube

@@ -1,1 +1,1 @@
-"""Calibration targets, and how well they are seen."""
+"""Calibration targets and the quality of their images."""

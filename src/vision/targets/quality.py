@@ -1,7 +1,7 @@
-"""How good a photograph of a calibration target is: sharpness, contrast, light, and the size of its markers.
+"""Quality of a calibration target's image: sharpness, contrast, exposure, and the size of its markers.
 
-Sharpness is the standard deviation of the image's blur, px, from the grey profiles across the edges of the chessboard;
-edges of two directions are kept apart, because a target that moves blurs only those across its motion.
+Sharpness is the standard deviation of the blur, px, from grey profiles across the edges of the chessboard. The two edge
+directions are kept apart, because motion blurs only the edges across it.
 """
 
 from __future__ import annotations
@@ -20,9 +20,7 @@ from vision.markers.edge_lines import refine_by_border_lines
 from vision.targets.target import Target, TargetView
 
 LINES = 24  # profiles across an edge, averaged
-MARGIN_PX = (
-    3.0  # a profile ends this far before the next edge, of a marker or a square, whose blur it must not see
-)
+MARGIN_PX = 3.0  # between the end of a profile and the next edge, whose blur it must exclude
 MOST_REACH_PX, LEAST_REACH_PX = 10.0, 2.0
 STEP_PX = 0.25
 SATURATED, BLACK = 254, 1
@@ -30,14 +28,14 @@ SATURATED, BLACK = 254, 1
 
 @dataclass(frozen=True, eq=False)
 class Quality:
-    """What a photograph of a target is worth.
+    """Quality of a target's image.
 
     Attributes:
-        blur_px: standard deviation of the blur across its blurrier edges, px; NaN where no edge is whole.
+        blur_px: standard deviation of the blur in the blurrier edge direction, px; NaN without whole edges.
         contrast: grey levels between white and black squares, median over the edges.
-        saturated: part of the samples of white squares at the sensor's end, 0 to 1.
-        marker_share: edge of its markers in squares, as they appear; NaN without markers.
-        marker_share_sigma: standard deviation of that.
+        saturated: share of saturated samples in white squares, 0 to 1.
+        marker_share: apparent edge of the markers in squares; NaN without markers.
+        marker_share_sigma: its standard deviation.
     """
 
     blur_px: float
@@ -48,20 +46,18 @@ class Quality:
 
 
 def measure_quality(image: Image, target: Target, view: TargetView) -> Quality:
-    """The quality of a view.
+    """Measure the quality of a view.
 
     Args:
-        image: grey (h, w) or BGR, in which `view` was found.
-        target: that was looked for.
-        view: what was found.
+        image: grey (h, w) or BGR, in which `view` was detected.
+        target: shown in the image.
+        view: the detection.
     """
     grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
     blur: list[float] = []
     steps: list[float] = []
     white: list[Array] = []
-    room = (
-        (1.0 - target.marker / target.square) / 2.0 if target.marker > 0.0 else 0.5
-    )  # to the next edge, in squares
+    room = (1.0 - target.marker / target.square) / 2.0 if target.marker > 0.0 else 0.5  # next edge, squares
     for starts, ends in _edges(target, view):
         if not len(starts):
             continue
@@ -81,14 +77,14 @@ def measure_quality(image: Image, target: Target, view: TargetView) -> Quality:
 
 
 def _grid(target: Target, view: TargetView) -> npt.NDArray[np.intp]:
-    """Place of each inner corner in the view's lists, (rows - 1, columns - 1); -1 where it was not found."""
+    """Index of each inner corner in the view's lists, (rows - 1, columns - 1); -1 if not detected."""
     where = np.full(target.corners, -1, dtype=np.intp)
     where[view.ids] = np.arange(len(view.ids))
     return where.reshape(target.rows - 1, target.columns - 1)
 
 
 def _edges(target: Target, view: TargetView) -> list[tuple[Array, Array]]:
-    """Both ends of the edges along the rows, and along the columns, whose corners were both found."""
+    """Both ends of the edges along the rows, and along the columns, if both corners were detected."""
     grid = _grid(target, view)
     found = []
     for a, b in ((grid[:, :-1], grid[:, 1:]), (grid[:-1], grid[1:])):
@@ -114,7 +110,7 @@ def _profiles(grey: Image, starts: Array, ends: Array, room: float) -> tuple[Arr
 
 
 def _widths(profile: Array, half: Array) -> Array:
-    """Standard deviation of the gradient across each edge, px; what noise adds on flat ground has no sign."""
+    """Standard deviation of the gradient across each edge, px; signed, so that noise averages out."""
     gradient = np.diff(profile, axis=1)
     gradient *= np.sign(gradient.sum(axis=1))[:, None]
     s = half[:, None] * np.linspace(-1.0, 1.0, profile.shape[1])
@@ -126,12 +122,12 @@ def _widths(profile: Array, half: Array) -> Array:
 
 
 def _marker_share(grey: Image, target: Target, view: TargetView) -> tuple[float, float]:
-    """Edge of the markers in squares, each measured in its own: over so short a way any lens is straight."""
+    """Edge of the markers in units of the square around each, which is small enough to ignore distortion."""
     nothing = (float("nan"), float("nan"))
     if not len(view.marker_ids):
         return nothing
     height, width = grey.shape
-    # a side is short: any lens is straight along it
+    # a camera without distortion: a side is short enough
     f = 3.0 * width
     straight = Camera(
         np.array([[f, 0.0, width / 2.0], [0.0, f, height / 2.0], [0.0, 0.0, 1.0]]),
@@ -159,7 +155,7 @@ def _marker_share(grey: Image, target: Target, view: TargetView) -> tuple[float,
 
 
 def _whole_squares(target: Target, view: TargetView) -> list[tuple[int, Array]]:
-    """Markers of a view, by their place in it, whose square has all its corners found: these, (4, 2) px."""
+    """Markers of a view, by index, with all corners of their square detected, and these corners, (4, 2) px."""
     grid = np.pad(_grid(target, view), 1, constant_values=-1)
     squares = target.marker_squares()
     found = []
@@ -174,7 +170,7 @@ def _whole_squares(target: Target, view: TargetView) -> list[tuple[int, Array]]:
 
 
 def _in_square(pixels: Array, square: Array) -> Array:
-    """Pixels (n, 2) in units of the square (4, 2) px that they lie in."""
+    """Pixels (n, 2) in units of the square (4, 2) px around them."""
     unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)
     H = cv2.getPerspectiveTransform(square.astype(np.float32), unit)
     return np.asarray(cv2.perspectiveTransform(pixels.reshape(-1, 1, 2).astype(float), H).reshape(-1, 2))

@@ -1,9 +1,8 @@
 """Flat calibration targets: ChArUco boards and checkerboards, their files, and their corners in an image.
 
-The target frame is OpenCV's: origin at the print's top left corner, x along the columns, y down the rows, z into the
-board. Corners are the inner ones of the chessboard, row by row. They are saddles, where OpenCV's refinement has no bias
-(fact sheet of the parts, 3a: 0.026 px rms; outer corners of markers are another matter, see
-`vision.markers.edge_lines`).
+The target frame is OpenCV's: origin at the top left corner of the print, x along the columns, y down the rows, z into
+the board. Corners are the inner ones of the chessboard, row by row. They are saddle points, where OpenCV's refinement
+is unbiased (fact sheet of the parts, 3a: 0.026 px rms; for outer corners of markers see `vision.markers.edge_lines`).
 """
 
 from __future__ import annotations
@@ -23,8 +22,8 @@ from vision.markers.dictionaries import dictionary_names, predefined
 
 _SADDLE_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 50, 0.001)
 FEWEST_CORNERS = 6
-"""Fewer give no pose that a calibration could rest on."""
-FEWEST_MARKERS = 3  # of another board; large dictionaries are found in any clutter
+"""Fewer do not give a pose fit for calibration."""
+FEWEST_MARKERS = 3  # of another board; large dictionaries give false detections in any clutter
 
 
 @dataclass(frozen=True)
@@ -53,7 +52,7 @@ class Target:
 
     @property
     def corners(self) -> int:
-        """How many inner corners it has."""
+        """Number of inner corners."""
         return (self.columns - 1) * (self.rows - 1)
 
     def points(self) -> Array:
@@ -67,7 +66,7 @@ class Target:
         return [(i, j) for j in range(self.rows) for i in range(self.columns) if (i + j) % 2]
 
     def label(self) -> str:
-        """A few words for people."""
+        """A short description."""
         squares = f"{self.columns} x {self.rows} squares of {1e3 * self.square:g} mm"
         if self.kind == "checkerboard":
             return f"checkerboard, {squares}"
@@ -79,7 +78,7 @@ class TargetView:
     """A target in one image.
 
     Attributes:
-        ids: (n,) of the corners that were found, increasing.
+        ids: (n,) of the detected corners, increasing.
         corners_px: (n, 2).
         outlines_px: (m, 4, 2) rough outlines of the markers, empty for a checkerboard.
         marker_ids: (m,).
@@ -104,7 +103,7 @@ def read_target(path: Path) -> Target:
 
 
 def target_of(root: TomlTable) -> Target:
-    """The target of a file that may say more than that; who reads the rest calls `finish`.
+    """Read the target from a file with further keys; the caller reads them and calls `finish`.
 
     Raises:
         FileInputError: a value breaks its rule.
@@ -116,7 +115,7 @@ def target_of(root: TomlTable) -> Target:
         if (columns + rows) % 2 == 0:
             raise root.error(
                 "squares",
-                "must be one even and one odd number: half a turn of any other checkerboard looks the same",
+                "must be one even and one odd number: any other checkerboard looks the same rotated by 180 deg",
             )
         return Target("checkerboard", columns, rows, square, 0.0, "")
     marker = root.number("marker_mm", "mm", 0.1, 1000.0) / 1e3
@@ -131,7 +130,7 @@ def target_of(root: TomlTable) -> Target:
 
 
 class TargetFinder:
-    """Finds one target in images; made once, because OpenCV's detector is."""
+    """Finds one target in images; keeps OpenCV's detector between images."""
 
     def __init__(self, target: Target) -> None:
         self.target = target
@@ -143,7 +142,7 @@ class TargetFinder:
             self._charuco = cv2.aruco.CharucoDetector(board)
 
     def find(self, image: Image) -> TargetView | None:
-        """The target, or None where fewer than `FEWEST_CORNERS` of its corners are seen.
+        """Find the target; None if fewer than `FEWEST_CORNERS` of its corners are detected.
 
         Args:
             image: 8-bit grey (h, w) or BGR (h, w, 3).
@@ -184,13 +183,13 @@ class TargetFinder:
         )
 
     def seen_instead(self, image: Image) -> str:
-        """What is seen where the target was not found, and what helps: its mirror image, other markers, or ''."""
+        """What is in an image without the target, and a remedy: its mirror image, other markers, or ""."""
         if self.target.kind != "charuco":
             return ""
         if self.find(np.ascontiguousarray(image[:, ::-1])) is not None:
-            return "its mirror image: print it anew, or photograph it without a mirror"
+            return "its mirror image: print it again, or photograph it without a mirror"
         best, name = FEWEST_MARKERS - 1, ""
-        # a larger dictionary of a family begins with the markers of the smaller ones: the smallest is named
+        # a larger dictionary of a family begins with the markers of the smaller ones: prefer the smallest
         for dictionary in sorted(dictionary_names(), key=lambda d: len(predefined(d).bytesList)):
             detector = cv2.aruco.ArucoDetector(predefined(dictionary))
             _, ids, _ = detector.detectMarkers(image)
@@ -204,7 +203,7 @@ class TargetFinder:
 
 
 def _first_square_dark(grey: Image, corners: Array, inner: tuple[int, int]) -> Array:
-    """Corners in the order that starts at the dark outer square: one of the two ends of the list."""
+    """Corners in the order that starts at the dark outer square: as they are, or reversed."""
     grid = corners.reshape(inner[1], inner[0], 2)
     outside = [2.0 * grid[i, i] - grid[j, j] for i, j in ((0, 1), (-1, -2))]
     middles = [(grid[i, i] + o) / 2.0 for (i, o) in zip((0, -1), outside, strict=True)]

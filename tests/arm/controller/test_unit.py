@@ -182,7 +182,7 @@ def test_a_joint_without_room_is_refused(tmp_path: Path) -> None:
             re.sub(r"^margin_deg = \S+", "margin_deg = 0", changed, flags=re.MULTILINE)
         )
         if lower == upper[0].replace("upper", "lower"):
-            with pytest.raises(FileInputError, match="leave no room for some joint"):
+            with pytest.raises(FileInputError, match="leave a joint without range"):
                 load_unit(tmp_path / "mine.toml")
         else:
             load_unit(tmp_path / "mine.toml")
@@ -196,7 +196,7 @@ def test_a_joint_of_a_single_place_has_no_room(tmp_path: Path) -> None:
         assert changed != text
         file.write_text(re.sub(r"^(soft_home_deg = \[)[^,]*", r"\g<1>0.0", changed, flags=re.MULTILINE))
         if refused:
-            with pytest.raises(FileInputError, match="leave no room for some joint"):
+            with pytest.raises(FileInputError, match="leave a joint without range"):
                 load_unit(file)
         else:
             load_unit(file)
@@ -226,7 +226,7 @@ def test_a_key_that_is_none_and_counts_that_no_encoder_has_are_told(
 )
 @pytest.mark.parametrize("name", ["speed", "acceleration"])
 def test_registers_that_are_no_integer_an_axis_are_refused(given: Any, name: str) -> None:
-    with pytest.raises(InputError, match=f"{name} registers = .*: must be 6 integers, one an axis of crs93"):
+    with pytest.raises(InputError, match=f"{name} registers = .*: must be 6 integers, one per axis of crs93"):
         load_unit("crs93").limits(**{f"{name}_registers": given})
 
 
@@ -234,3 +234,11 @@ def test_registers_may_be_any_list_of_integers() -> None:
     unit = load_unit("crs93")
     for given in (list(unit.speed_registers), np.array(unit.speed_registers)):
         assert np.array_equal(unit.limits(given).velocity, unit.limits().velocity)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("value", [[0.0] * 5, [[0.0] * 7] * 3, 1.0, "here", None, [[0.0], [0.0, 1.0]]])
+def test_counts_and_positions_of_another_shape_are_refused(value: object) -> None:
+    unit = load_unit("crs93")
+    for name, function in (("q", unit.counts), ("counts", unit.positions)):
+        with pytest.raises(InputError, match=f"{name} = .*: must have 6 numbers, one for each joint"):
+            function(value)  # type: ignore[arg-type]

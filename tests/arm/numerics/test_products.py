@@ -141,7 +141,7 @@ PROGRAM = """
 from arm.io.storage import data_file
 from cell.files.task import read_task
 from plan.pick_place.planner import plan_task
-from task2_scene import Q_START, task2
+from tasks.task2 import Q_START, task2
 from arm.controller.unit import load_unit
 task = read_task(data_file("scenes/task2.toml"))
 case = task2()
@@ -162,6 +162,7 @@ def _said(**environment: str) -> str:
     return ran.stdout
 
 
+@pytest.mark.slow
 def test_digests_and_plans_are_the_same_bytes_under_every_kernel_of_blas() -> None:
     """Two scenes' cubes, planned with the kernels of four kinds of processor, with one thread and two."""
     wanted = _said(OPENBLAS_CORETYPE="Haswell", OPENBLAS_NUM_THREADS="1")

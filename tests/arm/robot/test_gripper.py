@@ -49,7 +49,7 @@ def test_bodies_are_where_the_measures_say(width: float) -> None:
     assert T[:3, 3] == pytest.approx((0.0, 0.0, -LONG.length + 0.04))
     arm = {b.name for b in shipped.bodies}
     assert set(at) == arm
-    assert robot.touching == shipped.touching
+    assert robot.disabled_collisions == shipped.disabled_collisions
 
 
 def test_a_palm_that_begins_at_the_flange_has_no_round_body() -> None:

@@ -98,25 +98,25 @@ def test_no_errors_leave_the_arm_as_it_is() -> None:
 
 def test_a_table_of_another_arm_is_refused() -> None:
     other = DhTable(A465.d, A465.a, frozen(A465.alpha[::-1]), A465.theta_offset)
-    with pytest.raises(InputError, match="its axis is not that of the table"):
+    with pytest.raises(InputError, match="its axis is not that of the DH table"):
         with_link_errors(ROBOT, other, errors(1))
     for wrong in (
         DhTable(frozen(1.01 * A465.d), A465.a, A465.alpha, A465.theta_offset),
         DhTable(A465.d, frozen(1.01 * A465.a), A465.alpha, A465.theta_offset),
         DhTable(A465.d, A465.a, frozen(-A465.alpha), A465.theta_offset),
     ):
-        with pytest.raises(InputError, match="its axis is not that of the table"):
+        with pytest.raises(InputError, match="its axis is not that of the DH table"):
             with_link_errors(ROBOT, wrong, errors(1))
     locked = {"jaw_l": 0.0, "jaw_r": 0.0, "J6": 0.0}
     five = load_robot(data_file("urdf/a465/a465.urdf"), "flange", ROBOT.T_end_tool, locked)
-    with pytest.raises(InputError, match=r"are of \[6, 6, 6\] joints, the arm has 5, its table 6"):
+    with pytest.raises(InputError, match=r"have \[6, 6, 6\] joints, the arm has 5, its DH table 6"):
         with_link_errors(five, A465, errors(1))
 
 
 @pytest.mark.parametrize("counts", [(5, 5, 5), (6, 5, 6), (6, 4, 6), (6, 6, 7)])
 def test_errors_of_another_number_of_joints_are_refused(counts: tuple[int, int, int]) -> None:
     wrong = LinkErrors(*(frozen(np.ones(n)) for n in counts))
-    with pytest.raises(InputError, match=f"are of \\[{counts[0]}, {counts[1]}, {counts[2]}\\] joints"):
+    with pytest.raises(InputError, match=f"have \\[{counts[0]}, {counts[1]}, {counts[2]}\\] joints"):
         with_link_errors(ROBOT, A465, wrong)
 
 
@@ -132,7 +132,5 @@ def test_links_have_errors_about_turning_joints_along_an_axis(tmp_path: Path, ki
     robot = load_robot(tmp_path / "arm.urdf", "l2", np.eye(4))
     two = DhTable(*(frozen(v) for v in ([0.0, 0.0], [0.3, 0.0], [0.0, 0.0], [0.0, 0.0])))
     off = frozen([1e-3, 0.0])
-    with pytest.raises(
-        InputError, match=r"joint q1: is a JointModel\w+; links have errors about turning joints"
-    ):
+    with pytest.raises(InputError, match=r"joint q1: is a JointModel\w+; link errors need revolute joints"):
         with_link_errors(robot, two, LinkErrors(off, off, off))

@@ -12,7 +12,7 @@ from arm.io.storage import data_file
 from arm.robot.model import load_a465, load_robot
 from arm.robot.shapes import Box, Capsule, Convex
 from arm.se3 import inverse, rotation_vector, transform
-from made_up_arms import BOX_OBJ, MESH_ARM
+from arms.made_up import BOX_OBJ, MESH_ARM
 
 TOOL_LENGTH = 0.134112
 D = (0.3052, 0.0, 0.0, 0.3302, 0.0, 0.0762)
@@ -69,7 +69,7 @@ def test_every_body_of_the_urdf_is_there() -> None:
     assert len(robot.bodies) == 12
     names = {b.name for b in robot.bodies}
     assert {"base", "forearm", "palm", "finger_l", "finger_r"} <= names
-    assert all(pair <= names for pair in robot.touching)
+    assert all(pair <= names for pair in robot.disabled_collisions)
 
 
 def test_fingers_stand_as_far_apart_as_asked_and_end_at_the_tool() -> None:
@@ -146,3 +146,9 @@ def test_an_arm_that_branches_is_refused() -> None:
     """With both jaws moving the chain ends in two; its motion bounds would be wrong."""
     with pytest.raises(FileInputError, match="branches off; lock all moving joints"):
         load_robot(data_file("urdf/a465/a465.urdf"), "flange", transform(t=(0.0, 0.0, 0.134112)))
+
+
+@pytest.mark.parametrize("urdf", [3, None, b"arm.urdf", ["arm.urdf"]])
+def test_what_is_no_path_is_refused(urdf: object) -> None:
+    with pytest.raises(InputError, match=r"urdf = .*: must be the path of a URDF file"):
+        load_robot(urdf, "flange", np.eye(4))  # type: ignore[arg-type]

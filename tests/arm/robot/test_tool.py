@@ -10,9 +10,9 @@ import pytest
 from arm.errors import FileInputError, InputError
 from arm.robot.model import Robot, load_robot
 from arm.robot.shapes import Body, Box, Sphere
-from arm.robot.tool import ignoring, urdf_limits, with_tool
+from arm.robot.tool import urdf_limits, with_disabled_collisions, with_tool
 from arm.se3 import rot_y, transform
-from made_up_arms import UR_LIKE, arm, urdf
+from arms.made_up import UR_LIKE, arm, urdf
 from plan.collision.world import World
 
 
@@ -42,13 +42,13 @@ def test_a_tool_moves_with_the_end_and_changes_the_digest(ur: Robot) -> None:
 
 def test_neighbours_are_not_checked(tmp_path: Path) -> None:
     bare = load_robot(_written(tmp_path), "l6", np.eye(4))
-    assert not bare.touching
-    ready = ignoring(bare, [("l0", "l2")], neighbours=True)
+    assert not bare.disabled_collisions
+    ready = with_disabled_collisions(bare, [("l0", "l2")], neighbours=True)
     wanted = {frozenset((f"l{k}", f"l{k + 1}")) for k in range(6)} | {frozenset(("l0", "l2"))}
-    assert ready.touching == wanted
+    assert ready.disabled_collisions == wanted
     assert ready.digest != bare.digest
-    with pytest.raises(InputError, match="name 'l9'; the arm has l0, l1"):
-        ignoring(bare, [("l0", "l9")])
+    with pytest.raises(InputError, match="'l9' is not a link or body; the arm has l0, l1"):
+        with_disabled_collisions(bare, [("l0", "l9")])
 
 
 def _written(folder: Path, text: str | None = None) -> Path:

@@ -11,8 +11,8 @@ import pytest
 from arm.errors import FileInputError, InputError
 from arm.robot.model import Robot, load_robot
 from arm.robot.shapes import Convex
-from arm.robot.tool import ignoring, with_tool
-from made_up_arms import BOX_OBJ, MESH_ARM, SEVEN, several_bodies, urdf
+from arm.robot.tool import with_disabled_collisions, with_tool
+from arms.made_up import BOX_OBJ, MESH_ARM, SEVEN, several_bodies, urdf
 from plan.collision.world import World
 
 LAST = f"l{len(SEVEN)}"
@@ -55,12 +55,15 @@ def test_an_srdf_pair_holds_for_all_bodies_of_both_links(tmp_path: Path, bodies:
 
 def test_pairs_to_ignore_may_name_links_or_bodies(tmp_path: Path) -> None:
     bare = load_robot(written(tmp_path), LAST, np.eye(4))
-    links = ignoring(bare, NEIGHBOURS)
-    assert links.touching == load_robot(written(tmp_path, 3, srdf(*NEIGHBOURS)), LAST, np.eye(4)).touching
-    one = ignoring(bare, [("l0_1", "l1_2")])
-    assert one.touching == {frozenset(("l0_1", "l1_2"))}
-    with pytest.raises(InputError, match="name 'l9'"):
-        ignoring(bare, [("l0", "l9")])
+    links = with_disabled_collisions(bare, NEIGHBOURS)
+    assert (
+        links.disabled_collisions
+        == load_robot(written(tmp_path, 3, srdf(*NEIGHBOURS)), LAST, np.eye(4)).disabled_collisions
+    )
+    one = with_disabled_collisions(bare, [("l0_1", "l1_2")])
+    assert one.disabled_collisions == {frozenset(("l0_1", "l1_2"))}
+    with pytest.raises(InputError, match="'l9' is not a link or body"):
+        with_disabled_collisions(bare, [("l0", "l9")])
 
 
 def test_names_of_further_bodies_are_of_no_other_link(tmp_path: Path) -> None:
@@ -75,7 +78,7 @@ def test_defaults_that_an_srdf_turns_off_and_on(tmp_path: Path) -> None:
     more = '<disable_default_collisions link="l7"/><enable_collisions link1="l7" link2="l0"/>'
     robot = load_robot(written(tmp_path, 2, srdf(("l0", "l1"), more=more)), LAST, np.eye(4))
     link = {b.name: b.link for b in robot.bodies}
-    pairs = {frozenset(link[name] for name in pair) for pair in robot.touching}
+    pairs = {frozenset(link[name] for name in pair) for pair in robot.disabled_collisions}
     assert pairs == {frozenset(("l7", f"l{k}")) for k in range(1, 7)} | {frozenset(("l0", "l1"))}
 
 
@@ -85,7 +88,7 @@ def test_an_srdf_that_is_given_must_be_there(tmp_path: Path) -> None:
         with pytest.raises(FileInputError, match=r"\.srdf: cannot be read"):
             load_robot(path, LAST, np.eye(4), srdf=wrong)
     (tmp_path / "other.srdf").write_text(srdf(("l0", "l1")))
-    assert load_robot(path, LAST, np.eye(4), srdf=str(tmp_path / "other.srdf")).touching
+    assert load_robot(path, LAST, np.eye(4), srdf=str(tmp_path / "other.srdf")).disabled_collisions
     (tmp_path / "other.srdf").write_text('<robot><disable_collisions link1="l0"/></robot>')
     with pytest.raises(FileInputError, match="disable_collisions: has no link2"):
         load_robot(path, LAST, np.eye(4), srdf=tmp_path / "other.srdf")
@@ -103,7 +106,7 @@ def test_what_is_given_as_an_srdf_must_be_one(tmp_path: Path) -> None:
     ("given", "rule"),
     [
         ({"T_end_tool": np.eye(3)}, r"T_end_tool = array of shape \(3, 3\): must be a 4x4 pose"),
-        ({"T_end_tool": np.full((4, 4), np.nan)}, "T_end_tool: the pose holds a number that is not finite"),
+        ({"T_end_tool": np.full((4, 4), np.nan)}, "T_end_tool: the pose has a number that is not finite"),
         ({"T_end_tool": 2.0 * np.eye(4)}, "T_end_tool: the last row"),
         ({"T_end_tool": "tool"}, "T_end_tool = 'tool': must be a 4x4 pose"),
         ({"package_dirs": [3]}, "package_dirs: 3: must be a list of folders"),
@@ -217,5 +220,5 @@ def test_what_xacro_leaves_of_itself_is_a_urdf(tmp_path: Path) -> None:
 def test_a_joint_of_the_name_of_a_link_is_told(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
     path.write_text(urdf(SEVEN).replace('"q3"', '"l4"'))
-    with pytest.raises(FileInputError, match=r"a joint and a link of one name .*l4"):
+    with pytest.raises(FileInputError, match=r"a joint and a link have the same name: .*l4"):
         load_robot(path, LAST, np.eye(4))

@@ -4,13 +4,13 @@ import cv2
 import numpy as np
 import pytest
 
-from calib.camera.bundle_adjustment import Prior, adjust, information, lens_covariance
-from calib.camera.cross_validation import cross_check
-from calib.camera.initial_guess import start
-from calib.camera.score_tests import suspects
-from calib.camera.working_volume import work_points
+from calib.camera.bundle_adjustment import Prior, adjust, information, intrinsics_covariance
+from calib.camera.cross_validation import cross_validate
+from calib.camera.initial_guess import initial_guess
+from calib.camera.score_tests import error_hypotheses
+from calib.camera.working_volume import working_volume
 from calib.model.intrinsics import COUNT, camera_of, lens_parameter_jacobian, vector_of
-from target_scenes import CHARUCO, NOISE_PX, camera, poses, seen, views_of
+from pictures.targets import CHARUCO, NOISE_PX, camera, poses, seen, views_of
 
 ALL = np.ones(COUNT, dtype=bool)
 
@@ -37,7 +37,7 @@ def test_lens_parameter_jacobian_is_the_derivative_of_the_projection():
 
 def test_corners_without_noise_give_the_lens_back():
     views = views_of([seen(T, np.random.default_rng(2), noise_px=0.0) for T in poses(2)])
-    begun = start(views, camera().size)
+    begun = initial_guess(views, camera().size)
     bundle = adjust(views, begun.camera, begun.poses, ALL, begun.prior)
     assert vector_of(bundle.camera)[:4] == pytest.approx(vector_of(camera())[:4], abs=0.05)  # the prior
     assert bundle.corner_sigma < 1e-4
@@ -57,7 +57,7 @@ def test_lens_and_deviations_agree_with_opencv():
     )
     theirs = np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *d.reshape(-1)[:5]])
     sigmas = np.sqrt(
-        np.diag(lens_covariance(information(bundle, views), ALL, bundle.corner_sigma, bundle.prior))
+        np.diag(intrinsics_covariance(information(bundle, views), ALL, bundle.corner_sigma, bundle.prior))
     )
     assert (np.abs(vector_of(bundle.camera) - theirs) < 0.02 * sigmas).all()
     assert sigmas == pytest.approx(std.reshape(-1)[:9], rel=0.02)
@@ -67,7 +67,7 @@ def test_covariance_is_that_of_the_errors():
     scores, ratios = [], []
     for seed in range(24):
         views, bundle = fitted(100 + seed)
-        covariance = lens_covariance(information(bundle, views), ALL, bundle.corner_sigma, bundle.prior)
+        covariance = intrinsics_covariance(information(bundle, views), ALL, bundle.corner_sigma, bundle.prior)
         off = vector_of(bundle.camera) - vector_of(camera())
         scores.append(off @ np.linalg.solve(covariance, off) / COUNT)
         ratios.append(bundle.corner_sigma / NOISE_PX)
@@ -79,7 +79,7 @@ def test_numbers_that_are_held_stay_and_have_no_variance():
     free = ALL.copy()
     free[[6, 8]] = False
     views, bundle = fitted(4, free=free)
-    covariance = lens_covariance(information(bundle, views), free, bundle.corner_sigma, bundle.prior)
+    covariance = intrinsics_covariance(information(bundle, views), free, bundle.corner_sigma, bundle.prior)
     assert vector_of(bundle.camera)[[6, 8]] == pytest.approx(0.0, abs=0.0)
     assert not covariance[[6, 8]].any()
     assert (np.diag(covariance)[free] > 0.0).all()
@@ -97,7 +97,7 @@ def test_the_start_finds_wide_and_long_lenses(share):
         view = seen(nearer, rng, lens=lens)
         if len(view.ids) >= 12:
             views.append(view)
-    begun = start(views_of(views), lens.size)
+    begun = initial_guess(views_of(views), lens.size)
     assert begun.camera.K[0, 0] == pytest.approx(share * 1920, rel=0.01)
 
 
@@ -106,7 +106,7 @@ def test_the_prior_does_not_move_what_views_determine():
     wide = Prior(bundle.prior.mean, 100.0 * bundle.prior.sigma)
     again = adjust(views, bundle.camera, bundle.poses, ALL, wide)
     sigmas = np.sqrt(
-        np.diag(lens_covariance(information(bundle, views), ALL, bundle.corner_sigma, bundle.prior))
+        np.diag(intrinsics_covariance(information(bundle, views), ALL, bundle.corner_sigma, bundle.prior))
     )
     assert (np.abs(vector_of(again.camera) - vector_of(bundle.camera)) < 0.05 * sigmas).all()
 
@@ -121,12 +121,12 @@ def test_a_prior_that_is_sure_decides():
 
 
 def test_views_held_out_tell_the_error_at_the_work_points():
-    work = work_points(camera(), 0.9, 1.2)
+    work = working_volume(camera(), 0.9, 1.2)
     ratios, errors = [], []
     for seed in range(5):
         views, bundle = fitted(300 + seed)
-        covariance = lens_covariance(information(bundle, views), ALL, bundle.corner_sigma, bundle.prior)
-        check = cross_check(bundle, views, work)
+        covariance = intrinsics_covariance(information(bundle, views), ALL, bundle.corner_sigma, bundle.prior)
+        check = cross_validate(bundle, views, work)
         ratios.append(np.sqrt(np.mean(check.work_sigmas**2) / np.mean(work.sigmas(covariance) ** 2)))
         errors.append(check.sigma_px / NOISE_PX)
     assert 0.8 < np.median(ratios) < 1.8
@@ -134,12 +134,12 @@ def test_views_held_out_tell_the_error_at_the_work_points():
 
 
 def test_suspects_are_silent_about_sound_views():
-    sigmas = [s.sigmas for seed in range(6) for s in suspects(*reversed(fitted(200 + seed)), CHARUCO)]
+    sigmas = [s.sigmas for seed in range(6) for s in error_hypotheses(*reversed(fitted(200 + seed)), CHARUCO)]
     assert max(sigmas) < 4.5
 
 
 def test_the_camera_found_anew_absorbs_a_rigid_motion():
-    work = work_points(camera(), 0.9, 1.2)
+    work = working_volume(camera(), 0.9, 1.2)
     # a principal point that moves is a camera that turns, but for a share that grows with the field of view
     moved = np.zeros(COUNT)
     moved[2] = 1.0

@@ -14,7 +14,7 @@ from calib.camera.view_selection import TargetPhoto
 from calib.model.intrinsics import NAMES, vector_of
 from cell.report.camera import lens_page
 from cell.sim.target_photos import random_poses
-from target_scenes import CHARUCO, bent, camera, photos, poses, quality, seen
+from pictures.targets import CHARUCO, bent, camera, photos, poses, quality, seen
 
 SIZE = (1920, 1200)
 
@@ -84,14 +84,14 @@ def test_wrong_markers_are_named_with_their_size():
         assert any("its markers measure" in reason for reason in c.reasons) == wrong
     c = calibrate_camera(photos(views, quality(share=0.7)), CHARUCO, SIZE)
     assert not c.accepted
-    assert any("its markers measure 21.00 mm" in r and "says 22 mm" in r for r in c.reasons)
+    assert any("its markers measure 21.00 mm" in r and "has 22 mm" in r for r in c.reasons)
 
 
 @pytest.mark.parametrize("tilt", [0.03, 0.11])
 def test_views_that_face_the_camera_are_refused_and_no_distance_is_advised(tilt):
     c = calibrate_camera(photos(taken(6, tilt=tilt)), CHARUCO, SIZE)
     assert not c.accepted
-    assert "focal length and distance cannot be told apart" in c.reasons[0]
+    assert "do not separate focal length from distance" in c.reasons[0]
     assert c.next == ()
 
 
@@ -120,9 +120,7 @@ def test_views_in_the_middle_only_are_refused_with_the_view_that_helps():
 
 def test_too_few_views_are_refused_with_what_became_of_each():
     views = taken(8, 5)
-    with pytest.raises(
-        CalibrationRefused, match=r"2 of 5 photographs can be used.*00\.png: blurred.*04\.png"
-    ):
+    with pytest.raises(CalibrationRefused, match=r"2 of 5 photographs are usable.*00\.png: blurred.*04\.png"):
         calibrate_camera(
             [
                 *(replace(p, quality=quality(blur_px=4.0)) for p in photos(views)[:1]),
@@ -132,10 +130,10 @@ def test_too_few_views_are_refused_with_what_became_of_each():
             CHARUCO,
             SIZE,
         )
-    with pytest.raises(CalibrationRefused, match=r"2 of 2 photographs can be used, at least 3 are needed$"):
+    with pytest.raises(CalibrationRefused, match=r"2 of 2 photographs are usable, at least 3 are needed$"):
         calibrate_camera(photos(views[:2]), CHARUCO, SIZE)
     c = calibrate_camera(photos(views), CHARUCO, SIZE)
-    assert any("5 views can be used, at least 8 are needed" in reason for reason in c.reasons)
+    assert any("5 views are usable, at least 8 are needed" in reason for reason in c.reasons)
 
 
 @pytest.mark.parametrize(
@@ -160,7 +158,7 @@ def test_a_view_that_shows_the_same_again_is_left_out():
     again = seen(poses(10, 14)[3], np.random.default_rng(99))
     c = calibrate_camera(photos([*views, again]), CHARUCO, SIZE)
     assert not c.views[14].used
-    assert "shows the target where 03.png does" in c.views[14].why_not
+    assert "shows the target in the same place as 03.png" in c.views[14].why_not
 
 
 def test_views_of_a_target_that_moved_are_left_out():
@@ -170,7 +168,7 @@ def test_views_of_a_target_that_moved_are_left_out():
         views[moved] = seen(poses(11, 14)[moved], rng, noise_px=0.3)
     c = calibrate_camera(photos(views), CHARUCO, SIZE)
     assert [i for i, v in enumerate(c.views) if not v.used] == [2, 6, 9]
-    assert "does not fit the others: 0." in c.views[6].why_not
+    assert "does not fit the other views: 0." in c.views[6].why_not
     assert c.corner_sigma == pytest.approx(0.03, rel=0.1)
 
 
@@ -209,7 +207,7 @@ def test_numbers_that_the_views_say_little_of_are_named_with_the_view_that_tells
     assert c.undetermined
     name, view = next(iter(c.undetermined.items()))
     assert view is not None
-    assert any(r.startswith(f"{name} = ") and "would tell most of it" in r for r in c.remarks)
+    assert any(r.startswith(f"{name} = ") and "the most informative view is" in r for r in c.remarks)
     told = calibrate_camera(photos([seen(T, rng) for T in [*middle, view.T_camera_target]]), CHARUCO, SIZE)
     place = NAMES.index(name)
     assert told.sigmas[place] < 0.8 * c.sigmas[place]
@@ -220,7 +218,7 @@ def test_views_over_hours_and_views_that_are_too_bright_are_remarked():
     given[5] = replace(given[5], quality=quality(saturated=0.2))
     without = TargetPhoto("nothing.png", None, None)
     c = calibrate_camera([*given, without], CHARUCO, SIZE)
-    assert any("taken over 3.2 h" in remark for remark in c.remarks)
+    assert any("views span 3.2 h" in remark for remark in c.remarks)
     assert any("white is overexposed in 05.png:" in remark for remark in c.remarks)
 
 
@@ -229,16 +227,16 @@ def test_a_small_bend_is_told_but_does_not_refuse():
     assert c.accepted
     alone = c.work.sigmas(c.covariance)
     assert np.mean(c.work_sigmas**2) > 1.5 * np.mean(alone**2)  # what the bend moves is in it
-    assert any("the target is bent by 0.0" in r and "their error has that in it" in r for r in c.remarks)
+    assert any("the target is bent by 0.0" in r and "their error includes this" in r for r in c.remarks)
 
 
 def test_distances_that_do_not_fit_the_work_are_remarked():
     far = calibrate_camera(photos(taken(19)), CHARUCO, SIZE, work=(0.9, 2.0))
-    assert any("the work is 900 to 2000 mm away" in remark for remark in far.remarks)
+    assert any("the working distance is 900 to 2000 mm" in remark for remark in far.remarks)
     rng = np.random.default_rng(20)
     placed = random_poses(camera(), CHARUCO, rng, 14, distances=(1.0, 1.03))
     flat = calibrate_camera(photos([seen(T, rng) for T in placed]), CHARUCO, SIZE)
-    assert any("show the target nearer and farther too" in remark for remark in flat.remarks)
+    assert any("show the target at more distances" in remark for remark in flat.remarks)
 
 
 def test_the_worst_work_point_decides():
@@ -276,7 +274,7 @@ def test_a_lens_without_inverse_in_the_corners_is_a_verdict():
         "has no inverse in" in reason and "show the target there too" in reason for reason in c.reasons
     )
     page = lens_page(c, "middle")
-    assert "the lens has no inverse there" in page
+    assert "the lens model has no inverse there" in page
     assert "nan" not in page
 
 

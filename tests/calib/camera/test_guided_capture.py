@@ -10,7 +10,7 @@ from calib.camera.calibrate import calibrate_camera
 from calib.camera.guided_capture import ENOUGH_VIEWS, FIRST, Advice, GuidedViews
 from calib.camera.result import CameraCalibration
 from calib.camera.view_selection import TargetPhoto
-from target_scenes import CHARUCO, photos, poses, quality, seen
+from pictures.targets import CHARUCO, photos, poses, quality, seen
 from vision.targets.target import TargetView
 
 SIZE = (1920, 1200)

@@ -3,17 +3,17 @@
 import numpy as np
 
 from calib.camera.next_views import next_views
-from calib.camera.working_volume import work_points
+from calib.camera.working_volume import working_volume
 from calib.model.intrinsics import COUNT
 from cell.sim.target_photos import corners_in_view
-from target_scenes import CHARUCO, camera
+from pictures.targets import CHARUCO, camera
 
 NEAR, FAR = 0.85, 1.2
 EDGES = {"left": (-1, 0), "right": (1, 0), "upper": (0, -1), "lower": (0, 1)}
 
 
 def test_every_view_is_what_its_words_say_and_can_be_seen():
-    work = work_points(camera(), NEAR, FAR)
+    work = working_volume(camera(), NEAR, FAR)
     views = next_views(camera(), CHARUCO, 1e-3 * np.eye(COUNT), work.worth, NEAR, FAR, count=1000)
     assert len(views) > 80
     middle = np.array([*CHARUCO.size, 0.0]) / 2.0
@@ -39,7 +39,7 @@ def test_every_view_is_what_its_words_say_and_can_be_seen():
 
 
 def test_the_first_view_helps_most_and_the_next_does_not_say_the_same_again():
-    work = work_points(camera(), NEAR, FAR)
+    work = working_volume(camera(), NEAR, FAR)
     prior = np.diag([1e-6, 1e-6, 1e-6, 1e-6, 1.0, 1e-4, 1.0, 1.0, 1e-8])
     first, second = next_views(camera(), CHARUCO, prior, work.worth, NEAR, FAR, count=2)
     (after,) = next_views(camera(), CHARUCO, prior + first.information, work.worth, NEAR, FAR, count=1)

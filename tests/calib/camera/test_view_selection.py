@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calib.camera.view_selection import TargetPhoto, best_views, cost, outlying_views, unusable
-from target_scenes import CHARUCO, photos, poses, quality, seen
+from pictures.targets import CHARUCO, photos, poses, quality, seen
 from vision.targets.target import TargetView
 
 
@@ -20,7 +20,7 @@ def test_a_blur_that_all_photographs_have_is_no_reason_and_a_little_more_is_none
     blurred = [0.5, 0.5, 1.4, 1.6, 0.5, 0.5]
     reasons = unusable([replace(p, quality=quality(blur_px=b)) for p, b in zip(given, blurred, strict=True)])
     assert [bool(reason) for reason in reasons] == [False, False, False, True, False, False]
-    assert reasons[3] == "blurred: edges 1.6 px wide, the sharpest views have 0.5 px"
+    assert reasons[3] == "blurred: edges are 1.6 px wide, in the sharpest views 0.5 px"
     soft = [1.6, 1.6, 3.1, 3.3, 1.6, 1.6]
     reasons = unusable([replace(p, quality=quality(blur_px=b)) for p, b in zip(given, soft, strict=True)])
     assert [bool(reason) for reason in reasons] == [False, False, False, True, False, False]
@@ -31,10 +31,10 @@ def test_corners_on_one_line_say_nothing_and_two_rows_do() -> None:
         v for T in poses(2, 10) if len((v := seen(T, np.random.default_rng(2))).ids) == CHARUCO.corners
     )
     row, two_rows = (photos([part(view, np.arange(n))])[0] for n in (6, 12))
-    assert unusable([row]) == ["all corners that were found lie on one line"]
+    assert unusable([row]) == ["all detected corners lie on one line"]
     assert unusable([two_rows]) == [""]
     nothing = TargetPhoto("a.png", None, None)
-    assert unusable([nothing])[0].startswith("fewer than 6 corners of the target were found")
+    assert unusable([nothing])[0].startswith("fewer than 6 corners of the target detected")
 
 
 def test_the_best_views_are_better_than_any_drawn_by_lot() -> None:
@@ -64,4 +64,4 @@ def test_a_view_is_out_for_several_times_the_error_of_the_others(ratio: float, o
 
 def test_photographs_that_all_are_blurred_beyond_use_are_named() -> None:
     found = photos([seen(T, np.random.default_rng(1)) for T in poses(3, 4)], quality(blur_px=4.5))
-    assert all(reason.startswith("blurred: edges 4.5 px wide") for reason in unusable(found))
+    assert all(reason.startswith("blurred: edges are 4.5 px wide") for reason in unusable(found))

@@ -5,15 +5,15 @@ import pytest
 
 from arm.errors import CalibrationRefused
 from arm.se3 import rotation
-from calib.camera.working_volume import work_points
+from calib.camera.working_volume import working_volume
 from calib.model.intrinsics import camera_of, vector_of
-from target_scenes import camera
+from pictures.targets import camera
 
 CHANGE = np.array([3.0, -2.0, 4.0, 1.0, 0.005, 0.2, 1e-4, -2e-4, 1.0])
 
 
 def test_shifts_are_what_is_left_after_the_camera_was_placed_anew():
-    work = work_points(camera(), 0.9, 1.3)
+    work = working_volume(camera(), 0.9, 1.3)
     lens = camera_of(vector_of(camera()) + CHANGE, camera().size)
     metres = work.points[:, 2:] / np.diag(camera().K)[:2]
 
@@ -32,7 +32,7 @@ def test_shifts_are_what_is_left_after_the_camera_was_placed_anew():
 
 
 def test_one_standard_deviation_of_a_change_is_that_change():
-    work = work_points(camera(), 0.9, 1.3)
+    work = working_volume(camera(), 0.9, 1.3)
     covariance = np.outer(CHANGE, CHANGE)
     assert work.sigmas(covariance) == pytest.approx(work.shifts(CHANGE), rel=1e-6)
     assert np.trace(work.worth @ covariance) == pytest.approx(np.mean(work.shifts(CHANGE) ** 2))
@@ -41,12 +41,12 @@ def test_one_standard_deviation_of_a_change_is_that_change():
 def test_places_where_the_lens_has_no_inverse_have_no_points():
     """Radial terms that turn back at a radius: what is left has the same effect as before; nothing left is refused."""
     lens = camera_of(np.array([*vector_of(camera())[:4], 0.0, -60.0, 0.0, 0.0, 0.0]), camera().size)
-    work = work_points(lens, 0.9, 1.3)
+    work = working_volume(lens, 0.9, 1.3)
     assert 0.0 < work.blind < 0.9
     assert len(work.points) == 3 * work.seen.sum()
     assert np.isfinite(work.effect).all()
     assert work.seen[2:4, 3:6].all()
-    assert work_points(camera(), 0.9, 1.3).blind == 0.0
+    assert working_volume(camera(), 0.9, 1.3).blind == 0.0
     nowhere = camera_of(np.array([*vector_of(camera())[:4], 0.0, -1e9, 0.0, 0.0, 0.0]), camera().size)
     with pytest.raises(CalibrationRefused, match=r"no inverse at \d+ of 54 places"):
-        work_points(nowhere, 0.9, 1.3)
+        working_volume(nowhere, 0.9, 1.3)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from arm.se3 import Array, frozen
-from arm_sets import TARGETS, draw_truth, recorded, spoilt, wide
-from calib.chain.flipped_targets import FITS, turned_images
+from calib.chain.flipped_targets import FITS, flipped_targets
 from calib.chain.result import ChainCalibration
 from calib.hand_eye.calibrate import calibrate_hand_eye
+from recorded.arm_sets import TARGETS, draw_truth, recorded, spoilt, wide
 
 SQUARE = frozen([(0.0, 0.0, 0), (0.06, 0.0, 0), (0.06, 0.06, 0), (0.0, 0.06, 0), (0.03, 0.03, 0)])
 """Counted from a corner, which is not its middle; the last point is."""
@@ -52,7 +52,7 @@ def test_each_turn_is_told_with_its_own_images(calibration: ChainCalibration) ->
     for images, order in (([0, 5], QUARTER), ([2], HALF), ([3, 4, 6], np.argsort(QUARTER))):
         pixels[images] = pixels[images][:, order]
     pixels[[1, 7]] = pixels[[7, 1]]
-    told = turned_images(seen(c, pixels))
+    told = flipped_targets(seen(c, pixels))
     assert set(told) == {90, 180, 270}
     assert told[180] == (2,)
     assert told[90] == (0, 5)  # corner i was taken for the one that a quarter turn brings there
@@ -62,14 +62,14 @@ def test_each_turn_is_told_with_its_own_images(calibration: ChainCalibration) ->
 def test_only_images_that_were_left_out_are_told(calibration: ChainCalibration) -> None:
     c, pixels = pictures(calibration, SQUARE, [4])
     pixels[[4, 9]] = pixels[[4, 9]][:, HALF]
-    assert turned_images(seen(c, pixels)) == {180: (4,)}
+    assert flipped_targets(seen(c, pixels)) == {180: (4,)}
 
 
 def test_corners_that_were_not_seen_do_not_matter(calibration: ChainCalibration) -> None:
     c, pixels = pictures(calibration, SQUARE, [4])
     pixels[4] = pixels[4][HALF]
     pixels[4, [0, 4]] = np.nan
-    assert turned_images(seen(c, pixels)) == {180: (4,)}
+    assert flipped_targets(seen(c, pixels)) == {180: (4,)}
 
 
 @pytest.mark.parametrize("noise", [1.0, 5.0])
@@ -87,7 +87,7 @@ def test_a_turned_image_fits_as_well_as_its_noise_allows(calibration: ChainCalib
     pixels[[4, 5]] = pixels[[4, 5]][:, HALF]
     pixels[4] += 0.95 * FITS * noise * np.array([0.3, -0.6])
     pixels[5] += 1.05 * FITS * noise * np.array([0.3, -0.6])
-    assert turned_images(seen(c, pixels)) == {180: (4,)}
+    assert flipped_targets(seen(c, pixels)) == {180: (4,)}
 
 
 UNEVEN = frozen(SQUARE + np.array([(0.03, 0.0, 0), (0, 0, 0), (0, 0, 0), (0, 0, 0), (0, 0.01, 0)]))
@@ -105,7 +105,7 @@ def test_a_target_that_does_not_meet_itself_is_not_told_as_turned(
 ) -> None:
     c, pixels = pictures(calibration, points, [4])
     pixels[4] = pixels[4][order]
-    assert turned_images(seen(c, pixels)) == {}
+    assert flipped_targets(seen(c, pixels)) == {}
 
 
 @pytest.mark.parametrize(("kind", "turn"), [("marker", 90), ("charuco", 180)])
@@ -115,12 +115,12 @@ def test_turned_targets_are_named_with_their_turn(kind: str, turn: int) -> None:
     recording = recorded(truth, wide(truth, TARGETS[kind], 40, rng), kind, rng)
     turned, wrong = spoilt(recording, 0.15, "turned", rng)
     found = calibrate_hand_eye(turned)
-    told = turned_images(found.chain)
+    told = flipped_targets(found.chain)
     assert sorted(sum(told.values(), ())) == wrong.tolist()
     assert set(told) <= {turn, 360 - turn}
     assert any("flipped marker" in remark for remark in found.chain.remarks)
     shifted, _ = spoilt(recording, 0.15, "shifted", rng)
     other = calibrate_hand_eye(shifted)
     assert len(other.chain.wrong[0]) == 6
-    assert turned_images(other.chain) == {}
+    assert flipped_targets(other.chain) == {}
     assert not any("flipped" in remark for remark in other.chain.remarks)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from arm_sets import TARGETS, draw_truth, recorded, spoilt, wide
 from calib.chain.model_selection import Part, choose_model, largest_rise
 from calib.hand_eye.calibrate import calibrate_hand_eye, hand_eye_problem
+from recorded.arm_sets import TARGETS, draw_truth, recorded, spoilt, wide
 
 LINKS = tuple(range(18, 36))
 

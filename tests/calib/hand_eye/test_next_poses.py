@@ -6,10 +6,22 @@ import numpy as np
 import pytest
 
 from arm.se3 import rotation, transform
-from arm_sets import LENS, MOUNTS, NOMINAL, PLACE, TARGETS, draw_truth, nominal, recipe, recorded, seen, wide
 from calib.hand_eye.calibrate import calibrate_hand_eye
 from calib.hand_eye.next_poses import LEVER, OBLIQUE, WIDER, next_poses, plan_poses
-from calib.hand_eye.optimal_design import InformationChoice
+from calib.hand_eye.optimal_design import OptimalDesign
+from recorded.arm_sets import (
+    LENS,
+    MOUNTS,
+    NOMINAL,
+    PLACE,
+    TARGETS,
+    draw_truth,
+    nominal,
+    recipe,
+    recorded,
+    seen,
+    wide,
+)
 
 
 def some(seed, count=9, k=5, rank=2):
@@ -27,7 +39,7 @@ def left(informations, known, worth, chosen):
 @pytest.mark.parametrize("seed", range(6))
 def test_the_choice_is_nearly_the_best_of_all_and_says_what_it_leaves(seed):
     informations, known, worth = some(seed)
-    best = InformationChoice(informations, known, worth).best(3)
+    best = OptimalDesign(informations, known, worth).best(3)
     every = [left(informations, known, worth, c) for c in combinations(range(9), 3)]
     assert len(set(best.places)) == 3
     assert best.variances[-1] == pytest.approx(left(informations, known, worth, best.places), rel=1e-8)
@@ -39,7 +51,7 @@ def test_the_choice_is_nearly_the_best_of_all_and_says_what_it_leaves(seed):
 def test_the_first_is_the_best_alone_and_exchange_never_harms():
     for seed in range(20):
         informations, known, worth = some(seed, 30)
-        choice = InformationChoice(informations, known, worth)
+        choice = OptimalDesign(informations, known, worth)
         alone = [left(informations, known, worth, [i]) for i in range(30)]
         assert choice.best(1).places == (int(np.argmin(alone)),)
         greedy, exchanged = choice.best(5, exchange=False), choice.best(5)
@@ -48,7 +60,7 @@ def test_the_first_is_the_best_alone_and_exchange_never_harms():
 
 def test_no_more_are_chosen_than_there_are():
     informations, known, worth = some(1, 4)
-    assert sorted(InformationChoice(informations, known, worth).best(7).places) == [0, 1, 2, 3]
+    assert sorted(OptimalDesign(informations, known, worth).best(7).places) == [0, 1, 2, 3]
 
 
 def about():

@@ -10,11 +10,11 @@ from arm.se3 import rot_x, rot_y, rot_z
 from calib.chain.fit import fit_chains
 from calib.nao.backlash import (
     MASS_SIGMA,
-    fit_springs_and_play,
+    fit_compliance_and_backlash,
     torque_sigmas,
+    with_backlash_shape,
     with_first_priors,
     with_priors_of_a_make,
-    with_shape_of_play,
 )
 from calib.nao.chain import (
     HEAD,
@@ -27,7 +27,17 @@ from calib.nao.chain import (
     nao_sightings,
 )
 from calib.nao.kinematics import STANDING, NaoKinematics, masses_off, pose_errors, standing_error
-from nao_scenes import BOARD, CAMERA, ON_ITS_BACK, PIXEL_SIGMA, STEP, TABLE_2, problem, sightings, truth
+from recorded.nao_scenes import (
+    BOARD,
+    CAMERA,
+    ON_ITS_BACK,
+    PIXEL_SIGMA,
+    STEP,
+    TABLE_2,
+    problem,
+    sightings,
+    truth,
+)
 
 PAPER, ALL = NaoUnknowns(), NaoUnknowns(True, True, True)
 D = np.pi / 180.0
@@ -86,7 +96,7 @@ def images(seed, hard, off=0.0, stances=24):
 def test_the_shape_of_play_is_found(hard, off):
     """Hard play with masses 10 % off too: chi2 is about 1 only with the right shape."""
     found, x, model = images(4, hard, off, stances=18)
-    fit = fit_springs_and_play(problem(found, ALL), ALL, SIDES, ON_ITS_BACK)
+    fit = fit_compliance_and_backlash(problem(found, ALL), ALL, SIDES, ON_ITS_BACK)
     assert fit.hard == hard
     right, wrong = (fit.hard_cost, fit.smooth_cost) if hard else (fit.smooth_cost, fit.hard_cost)
     assert right < wrong - 50.0
@@ -94,7 +104,7 @@ def test_the_shape_of_play_is_found(hard, off):
     assert fit.fit.chi2_dof == pytest.approx(1.0, abs=0.06)
     true = NaoKinematics(ALL, x, hard, True, model)
     assert standing_error(true, NaoKinematics(ALL, fit.fit.unknowns, hard)).rms < 1e-3
-    shaped = with_shape_of_play(problem(found, ALL), ALL, SIDES, ON_ITS_BACK)
+    shaped = with_backlash_shape(problem(found, ALL), ALL, SIDES, ON_ITS_BACK)
     assert np.isinf(shaped.prior_sigma).all()
     assert fit_chains(shaped).chi2_dof == pytest.approx(1.0, abs=0.06)
 
@@ -121,7 +131,7 @@ def test_sides_are_those_of_the_stance_and_elsewhere_of_the_torque():
 
 def test_without_play_no_shape_is_looked_for():
     found, x = sightings(2, PAPER, PAPER)
-    fit = fit_springs_and_play(problem(found, PAPER), PAPER, SIDES, ON_ITS_BACK)
+    fit = fit_compliance_and_backlash(problem(found, PAPER), PAPER, SIDES, ON_ITS_BACK)
     assert not fit.hard
     assert np.abs(fit.fit.unknowns - x)[3:15].max() / D < 0.1
 
@@ -131,7 +141,7 @@ def test_what_is_held_stays_where_it_is_held():
     found, x = sightings(6, NaoUnknowns(springs=True), ALL, stances=12)
     p = problem(found[:1], ALL)
     free = np.array([name[0] in "CL" and "backlash" not in name for name in ALL.names])
-    fit = fit_springs_and_play(replace(p, free=free), ALL, "L", ON_ITS_BACK)
+    fit = fit_compliance_and_backlash(replace(p, free=free), ALL, "L", ON_ITS_BACK)
     assert not fit.hard
     assert (fit.fit.unknowns[~free] == 0.0).all()
     assert fit.fit.chi2_dof == pytest.approx(1.0, abs=0.08)

@@ -13,7 +13,7 @@ from arm.errors import FileInputError, InputError
 from calib.nao.calibrate import HEAD, PLAY, SPRINGS, calibrate_nao
 from calib.nao.chain import LEG_JOINTS, NaoUnknowns
 from calib.nao.recording import read_nao_recording
-from nao_recordings import as_json, nao_recording
+from recorded.nao import as_json, nao_recording
 
 PAPER = NaoUnknowns()
 PAGE = (Path(__file__).resolve().parents[3] / "docs/nao.md").read_text()
@@ -70,13 +70,13 @@ def test_gravity_the_other_way_round_is_noticed():
     recording, _ = nao_recording(3, NaoUnknowns(springs=True), 8)
     c = calibrate_nao(replace(recording, gravity=-recording.gravity))
     assert not c.accepted
-    assert any("is gravity_m_s2 the other way round?" in reason for reason in c.reasons)
+    assert any("is the sign of gravity_m_s2 right?" in reason for reason in c.reasons)
 
 
 def test_an_image_that_no_pose_explains_is_named():
     recording, _ = nao_recording(6, PAPER, 4)
     lens = replace(recording.camera, K=np.array([[1e-3, 0, 324], [0, 1e-3, 189], [0, 0, 1]]))
-    with pytest.raises(InputError, match="image 0: in no pose does the target look like that"):
+    with pytest.raises(InputError, match="image 0: no pose of the target fits"):
         calibrate_nao(replace(recording, camera=lens))
 
 
@@ -199,21 +199,21 @@ def test_a_recording_of_an_arm_is_sent_to_its_own_command(tmp_path):
         (lambda v: v["camera"].pop("focal_px"), "camera.focal_px: is missing"),
         (lambda v: v["camera"].update(focal_px=-3), "camera.focal_px = -3: must be above 0 px"),
         (lambda v: v["camera"].update(size_px=[0, 480]), "camera.size_px: must be width and height in px"),
-        (lambda v: v["board"].update(vertices_sole_m=[[0, 0, 0]] * 3), "must be 4 vertices at least"),
-        (lambda v: v.update(gravity_m_s2=[-9.81e3, 0, 0]), "gravity_m_s2: must be 9.81 m/s^2 long"),
+        (lambda v: v["board"].update(vertices_sole_m=[[0, 0, 0]] * 3), "must have at least 4 vertices"),
+        (lambda v: v.update(gravity_m_s2=[-9.81e3, 0, 0]), "gravity_m_s2: must have a magnitude of 9.81"),
         (
             lambda v: v["board"].update(vertices_sole_m=[[0.01 * k, 0, 0] for k in range(24)]),
-            "board.vertices_sole_m: must be vertices that do not all lie on one line",
+            "board.vertices_sole_m: must have vertices that do not all lie on one line",
         ),
         (lambda v: v.pop("gravity_m_s2"), "gravity_m_s2: is missing"),
-        (lambda v: v.update(images=[]), "images: must be one image at least"),
+        (lambda v: v.update(images=[]), "images: must have at least one image"),
         (lambda v: v["images"][2].update(side="left"), "images[2].side = 'left': must be one of L, R"),
         (lambda v: v["images"][2].update(stance=1.5), "images[2].stance = 1.5: must be a whole number"),
         (lambda v: v["images"][2].update(leg_encoder_deg=[1, 2]), "images[2].leg_encoder_deg: must be 6"),
         (lambda v: v["images"][2]["vertices_px"].pop(), "images[2].vertices_px: must be 24 x 2"),
         (
             lambda v: v["images"][2].update(vertices_px=[[1, 2]] * 3 + [[None, None]] * 21),
-            "images[2].vertices_px: must hold 4 vertices at least",
+            "images[2].vertices_px: must have at least 4 vertices",
         ),
     ],
 )

@@ -9,7 +9,7 @@ from calib.chain.fit import fit_chains
 from calib.model.chain import Motion, Unknown
 from calib.model.from_urdf import chain_from_root
 from calib.nao.chain import LEG, LEG_JOINTS, NaoUnknowns, gravity_gains, nao_chain, nao_model
-from nao_scenes import PIXEL_SIGMA, problem, sightings
+from recorded.nao_scenes import PIXEL_SIGMA, problem, sightings
 
 PAPER, HEAD = NaoUnknowns(), NaoUnknowns(head=True)
 ALL = NaoUnknowns(head=True, springs=True, play=True)

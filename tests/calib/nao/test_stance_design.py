@@ -13,8 +13,14 @@ from calib.chain.fit import fit_chains
 from calib.nao.chain import HEAD, LEG, SIDES, NaoUnknowns, gravity_torques, nao_model, nao_sightings
 from calib.nao.collision import nao_bodies
 from calib.nao.stance_design import Sensing, plan_stances, random_stances, stance_informations
-from calib.nao.stance_pool import MARGIN_PX, find_stances, free_way, near_stances, resting_posture
-from nao_scenes import BOARD, CAMERA, ON_ITS_BACK, PIXEL_SIGMA, STEP, problem
+from calib.nao.stance_pool import (
+    MARGIN_PX,
+    collision_free_motion,
+    find_stances,
+    near_stances,
+    resting_posture,
+)
+from recorded.nao_scenes import BOARD, CAMERA, ON_ITS_BACK, PIXEL_SIGMA, STEP, problem
 
 PAPER, ALL = NaoUnknowns(), NaoUnknowns(True, True, True)
 SENSING = Sensing(CAMERA, BOARD, PIXEL_SIGMA, np.full(8, STEP / np.sqrt(12.0)))
@@ -104,7 +110,7 @@ def test_what_touches_and_what_hides_is_known():
 def test_stances_are_reached_from_rest_and_left_in_order(pool):
     plan = random_stances(pool, 6, SENSING, PAPER, np.random.default_rng(1))
     assert sorted(s.side for s in plan.stances) == ["L"] * 6 + ["R"] * 6
-    assert all(free_way(resting_posture(), s.posture(s.heads[0])) for s in pool)
+    assert all(collision_free_motion(resting_posture(), s.posture(s.heads[0])) for s in pool)
     sides = [s.side for s in plan.stances]
     assert sum(a != b for a, b in pairwise(sides)) == 1
 
@@ -118,7 +124,7 @@ def test_a_way_through_the_other_panel_is_not_free():
     assert nao_bodies().touching(a) is None
     assert nao_bodies().touching(b) is None
     assert set(nao_bodies().touching(between)) == {"L panel", "R panel"}
-    assert not free_way(a, b)
+    assert not collision_free_motion(a, b)
 
 
 def test_information_is_that_of_the_fit(pool):
@@ -191,7 +197,7 @@ def test_stances_near_one_are_near_it(pool):
 def test_what_cannot_be_planned_is_told(pool):
     with pytest.raises(InputError, match="side = 'left': must be L or R"):
         find_stances("left", CAMERA, 1, np.random.default_rng(0))
-    with pytest.raises(ImpossibleError, match="50 stances of each leg are asked for, and the pool has 40"):
+    with pytest.raises(ImpossibleError, match="50 stances of each leg are needed, but the pool has 40"):
         plan_stances(pool, 50, SENSING, PAPER)
     with pytest.raises(ImpossibleError, match="only 0 of 1 stances of leg L"):
         find_stances("L", CAMERA, 1, np.random.default_rng(0), margin_px=235.0)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from arm.errors import FileInputError
-from arm_sets import LENS, NOMINAL, TARGETS, draw_truth, recorded, wide
 from calib.hand_eye.calibrate import calibrate_hand_eye
 from calib.recordings.arm import read_arm_recording
+from recorded.arm_sets import LENS, NOMINAL, TARGETS, draw_truth, recorded, wide
 
 
 def content(count=12, seed=1):
@@ -75,17 +75,17 @@ def test_corners_that_were_not_seen_are_null(tmp_path):
         (lambda v: v.pop("dh"), "dh: is missing"),
         (lambda v: v["dh"].pop("alpha_rad"), "dh.alpha_rad: is missing"),
         (lambda v: v["dh"]["a_m"].pop(), "dh.a_m: must be 6 finite numbers"),
-        (lambda v: v["target"]["points_m"].pop(), "target.points_m: must be 4 points at least"),
+        (lambda v: v["target"]["points_m"].pop(), "target.points_m: must have at least 4 points"),
         (
             lambda v: v["target"].update(points_m=[[0.01 * k, 0.02 * k, 0] for k in range(4)]),
-            "target.points_m: must be points that do not all lie on one line",
+            "target.points_m: must have points that do not all lie on one line",
         ),
         (
             lambda v: v["poses"][3].update(corners_px=[[300, 200]] * 4),
-            "poses[3].corners_px: must hold corners that do not all lie on one line",
+            "poses[3].corners_px: must have corners that do not all lie on one line",
         ),
         (lambda v: v["target"]["points_m"][0].pop(), "target.points_m: must be n x 3 finite numbers"),
-        (lambda v: v.update(poses=[]), "poses: must be one pose at least"),
+        (lambda v: v.update(poses=[]), "poses: must have at least one pose"),
         (lambda v: v["poses"][3].pop("joints_rad"), "poses[3].joints_rad: is missing"),
         (lambda v: v["poses"][3]["joints_rad"].pop(), "poses[3].joints_rad: must be 6 finite numbers"),
         (
@@ -94,7 +94,7 @@ def test_corners_that_were_not_seen_are_null(tmp_path):
         ),
         (
             lambda v: v["poses"][3]["corners_px"].__setitem__(0, [None, None]),
-            "poses[3].corners_px: must hold 4 corners at least that are not null",
+            "poses[3].corners_px: must have at least 4 corners that are not null",
         ),
         (lambda v: v["camera"].pop("K_px"), "K_px"),
         (lambda v: v["camera"]["distortion_k1k2p1p2k3"].pop(), "distortion_k1k2p1p2k3"),

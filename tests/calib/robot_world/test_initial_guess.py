@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from arm.errors import CalibrationRefused
 from arm.se3 import angle_between, inverse, rotation, transform
 from calib.hand_eye.chain import OFFSETS, DhTable, arm_chain, unknown_names
-from calib.robot_world.initial_guess import closed_form, residual_sizes, start_robot_world
+from calib.robot_world.initial_guess import closed_form, initial_guess, residual_sizes
 
 HALF = np.pi / 2
 A465 = DhTable(
@@ -55,7 +55,7 @@ def off_by(start):
 def test_exact_pairs_give_the_exact_poses_and_nothing_is_thrown_away():
     rng = np.random.default_rng(1)
     said, seen = pairs(rng, 12)
-    start = start_robot_world(said, seen)
+    start = initial_guess(said, seen)
     assert start.T_base_camera == pytest.approx(CAMERA, abs=1e-9)
     assert start.T_gripper_target == pytest.approx(TARGET, abs=1e-9)
     assert start.inliers.all()
@@ -66,7 +66,7 @@ def test_exact_pairs_give_the_exact_poses_and_nothing_is_thrown_away():
 def test_a_camera_in_the_gripper_is_the_same_with_the_inverse_poses():
     said, seen = pairs(np.random.default_rng(2), 12)
     # the roles change: a camera where the target is, and a target where the camera stands
-    start = start_robot_world(said, np.array([inverse(T) for T in np.linalg.inv(seen)]))
+    start = initial_guess(said, np.array([inverse(T) for T in np.linalg.inv(seen)]))
     assert start.T_gripper_target == pytest.approx(TARGET, abs=1e-9)
 
 
@@ -78,7 +78,7 @@ def test_wrong_poses_are_found_though_the_arms_zeros_are_wrong(n, share):
         said, seen = pairs(rng, n, 0.3, 0.5e-3, 2e-3)
         seen, wrong = spoiled(rng, seen, share)
         begun = time.process_time()
-        start = start_robot_world(said, seen, seed)
+        start = initial_guess(said, seen, seed)
         assert time.process_time() - begun < 2.0
         assert not (start.inliers & wrong).any()
         assert (start.inliers | wrong).mean() > 0.95
@@ -93,7 +93,7 @@ def test_the_same_seed_gives_the_same_start():
     rng = np.random.default_rng(3)
     said, seen = pairs(rng, 30, 0.3, 1e-3, 3e-3)
     seen, _ = spoiled(rng, seen, 0.4)
-    one, other = (start_robot_world(said, seen, 7) for _ in range(2))
+    one, other = (initial_guess(said, seen, 7) for _ in range(2))
     assert np.array_equal(one.T_base_camera, other.T_base_camera)
     assert np.array_equal(one.inliers, other.inliers)
 
@@ -101,18 +101,18 @@ def test_the_same_seed_gives_the_same_start():
 def test_too_few_pairs_are_refused_with_their_number():
     said, seen = pairs(np.random.default_rng(4), 2)
     with pytest.raises(CalibrationRefused, match=r"2 pairs of poses .* at least 3") as refused:
-        start_robot_world(said, seen)
+        initial_guess(said, seen)
     assert refused.value.data == {"reason": "few_pairs", "pairs": 2, "fewest": 3}
 
 
 def test_an_arm_that_never_turned_is_refused():
     said, seen = pairs(np.random.default_rng(5), 1)
-    with pytest.raises(CalibrationRefused, match="must turn about different axes") as refused:
-        start_robot_world(np.repeat(said, 8, axis=0), np.repeat(seen, 8, axis=0))
+    with pytest.raises(CalibrationRefused, match="must rotate about different axes") as refused:
+        initial_guess(np.repeat(said, 8, axis=0), np.repeat(seen, 8, axis=0))
     assert refused.value.data == {"reason": "degenerate", "pairs": 8}
 
 
 def test_a_pose_that_is_not_there_is_no_inlier():
     said, seen = pairs(np.random.default_rng(6), 12)
     seen[3] = np.nan
-    assert np.flatnonzero(~start_robot_world(said, seen).inliers).tolist() == [3]
+    assert np.flatnonzero(~initial_guess(said, seen).inliers).tolist() == [3]

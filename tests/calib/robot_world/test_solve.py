@@ -10,15 +10,15 @@ from scipy.spatial.transform import Rotation
 
 from arm.errors import CalibrationRefused, InputError
 from arm.se3 import inverse, rotation, transform
-from calib.robot_world.initial_guess import closed_form, start_robot_world
-from calib.robot_world.noise_model import Covariances, Scatter
+from calib.robot_world.initial_guess import closed_form, initial_guess
+from calib.robot_world.noise_model import Covariances, NoiseModel
 from calib.robot_world.observability import motion_axes, refuse_parallel_axes
 from calib.robot_world.reml import Closed, _Likelihood, fit_pairs, inverses, moved
 from calib.robot_world.solve import PosePairs, calibrate_pose_pairs
 
 HELD = transform(rotation([0.2, -0.3, 0.8]), (0.03, -0.02, 0.08))
 STANDING = transform(rotation([3.0, 0.3, 0.2]), (0.5, 0.1, 0.9))
-SHAPES = (Scatter(), Scatter("image"), Scatter("image", off_centre=True), Scatter(geometry=True))
+SHAPES = (NoiseModel(), NoiseModel("image"), NoiseModel("image", off_centre=True), NoiseModel(geometry=True))
 
 
 def twisted(rng, T, shift, turn):
@@ -129,7 +129,7 @@ def test_pairs_that_are_not_used_are_as_if_they_had_not_been_given():
     one, other = (
         _Likelihood(
             Covariances(
-                Scatter(),
+                NoiseModel(),
                 Closed(pairs.T_base_gripper[k], pairs.T_camera_target[k], False).linearised(STANDING, HELD),
             ),
             np.repeat(used[k, None], 6, axis=1),
@@ -181,7 +181,7 @@ def test_errors_of_a_targets_image_are_told_and_weighed_by_it(in_gripper):
 def test_a_target_whose_origin_is_its_corner_is_told():
     found = [calibrate_pose_pairs(photographed(seed, middle=(0.05, -0.05))) for seed in (11, 12)]
     assert all(f.scatter.off_centre for f in found)
-    assert "whose middle is not its origin" in found[0].reason
+    assert "whose centre is not its origin" in found[0].reason
     assert 0.7 < np.median([f.sizes["middle x"] for f in found]) < 2.0  # in halves of the target's side
     assert -2.0 < np.median([f.sizes["middle y"] for f in found]) < -0.7
 
@@ -206,7 +206,7 @@ def test_pairs_that_stray_are_told_and_have_less_weight():
     seen = twisted(rng, seen, 1e-3 * spread, 2e-3 * spread)
     found = calibrate_pose_pairs(PosePairs(said, seen))
     assert found.scatter.freedom is not None
-    assert "stray" in found.reason
+    assert "heavier tails" in found.reason
     assert calibrate_pose_pairs(drawn(6, 60)).scatter.freedom is None
 
 
@@ -221,11 +221,11 @@ def test_an_arm_whose_errors_depend_on_its_pose_is_told_and_hurts_less():
         pairs = PosePairs(bent, twisted(rng, seen, 0.3e-3, 0.5e-3))
         found = calibrate_pose_pairs(pairs)
         assert found.scatter.geometry
-        assert "change smoothly with its pose" in found.reason
+        assert "vary smoothly with its pose" in found.reason
         scores.append(nees(found))
         with_it.append(np.linalg.norm(found.T_held[:3, 3] - HELD[:3, 3]))
         closed = Closed(bent, pairs.T_camera_target, False)
-        rigid = fit_pairs(closed, STANDING, HELD, Scatter(), np.ones((40, 2), dtype=bool))
+        rigid = fit_pairs(closed, STANDING, HELD, NoiseModel(), np.ones((40, 2), dtype=bool))
         without.append(np.linalg.norm(rigid.Q[:3, 3] - HELD[:3, 3]))
     assert np.mean(scores) < 2.5
     assert np.mean(with_it) < 0.7 * np.mean(without)
@@ -249,7 +249,7 @@ def test_motions_about_one_axis_are_refused_and_wide_cones_are_not(turns_deg):
     for seed in range(10):
         for half in (0, 2, 10):
             R, main = cone(seed, half, turns_deg)
-            with pytest.raises(CalibrationRefused, match="turned about one axis only") as refused:
+            with pytest.raises(CalibrationRefused, match="rotated about one axis only") as refused:
                 refuse_parallel_axes(R)
             assert refused.value.data["reason"] == "parallel_axes"
             assert abs(main @ refused.value.data["axis"]) > 0.95
@@ -300,10 +300,10 @@ def test_less_than_two_fifths_or_four_that_agree_are_no_consensus(monkeypatch, c
     pairs = drawn(7, count)
 
     def start(A, C, seed):
-        found = start_robot_world(A, C, seed)
+        found = initial_guess(A, C, seed)
         return found._replace(inliers=found.inliers & (np.arange(len(A)) < agree))
 
-    monkeypatch.setattr("calib.robot_world.solve.start_robot_world", start)
+    monkeypatch.setattr("calib.robot_world.solve.initial_guess", start)
     if refused:
         with pytest.raises(
             CalibrationRefused, match=f"{agree} of {count} pairs of poses agree .* 40 % must"
@@ -315,7 +315,7 @@ def test_less_than_two_fifths_or_four_that_agree_are_no_consensus(monkeypatch, c
 
 
 def test_wrong_pairs_do_not_lend_their_axes_to_the_right_ones():
-    """All pairs together turn about many axes, those that are right about one: nothing tells the shift along it."""
+    """All pairs together turn about many axes, those that are right about one: the translation along it is unknown."""
     R, _ = cone(1, 0, (15, 30))
     rng = np.random.default_rng(1)
     said = np.tile(np.eye(4), (26, 1, 1))
@@ -325,7 +325,7 @@ def test_wrong_pairs_do_not_lend_their_axes_to_the_right_ones():
     seen[20:, :3, 3] = rng.uniform(-0.5, 0.5, (6, 3))
     seen[20:, :3, :3] = Rotation.random(6, random_state=6).as_matrix()
     refuse_parallel_axes(said[:, :3, :3])
-    with pytest.raises(CalibrationRefused, match="turned about one axis only") as told:
+    with pytest.raises(CalibrationRefused, match="rotated about one axis only") as told:
         calibrate_pose_pairs(PosePairs(said, seen))
     assert told.value.data["reason"] == "parallel_axes"
 
@@ -348,11 +348,11 @@ def test_the_weakest_shift_has_a_name_and_its_size():
     sizes[8] = 2.5e-3
     assert (
         replace(found, covariance=np.diag(sizes**2)).weakest
-        == "T_base_camera: shift along z of the camera, 2.5 mm"
+        == "T_base_camera: translation along z of the camera, 2.5 mm"
     )
     slanted = np.diag(sizes**2)
     slanted[0:3, 0:3] += 9e-6 * np.outer([0.6, 0.0, -0.8], [0.6, 0.0, -0.8])
-    expected = "T_gripper_target: shift along (-0.60, -0.00, 0.80) of the target, 3.16 mm"
+    expected = "T_gripper_target: translation along (-0.60, -0.00, 0.80) of the target, 3.16 mm"
     assert replace(found, covariance=slanted).weakest.replace("-0.00", "0.00") == expected.replace(
         "-0.00", "0.00"
     )

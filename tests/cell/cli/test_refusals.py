@@ -12,12 +12,13 @@ import cv2
 import pytest
 
 from arm.errors import ImpossibleError
-from command_line import a465, refused, replace_in
-from whole_run import run_whole
+from tasks.whole_run import run_whole
+from typed.command_line import a465, refused, replace_in
 
 pytestmark = pytest.mark.xdist_group("refusals")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "old", "new", "words"),
     [
@@ -43,6 +44,7 @@ def test_wrong_files_end_with_2(scenes: Path, file: str, old: str, new: str, wor
     assert all(word in told for word in words), told
 
 
+@pytest.mark.slow
 def test_a_marker_that_no_board_file_has_ends_with_2(scenes: Path) -> None:
     replace_in(scenes / "cell.toml", '  "boards/positions_plate_05-06.csv",\n', "")
     replace_in(scenes / "task2.world.toml", "positions_plate_03-04.csv", "positions_plate_05-06.csv")
@@ -51,6 +53,7 @@ def test_a_marker_that_no_board_file_has_ends_with_2(scenes: Path) -> None:
     assert "5" in told
 
 
+@pytest.mark.slow
 def test_photographs_of_another_size_end_with_2(scenes: Path) -> None:
     folder = scenes / "photographs"
     a465("render", scenes / "task2.toml", "-o", folder, "--count", 5)
@@ -70,6 +73,7 @@ def silent_port() -> Iterator[str]:
     os.close(slave)
 
 
+@pytest.mark.slow
 def test_ports_that_are_not_a_mars_end_with_2(scenes: Path, silent_port: str) -> None:
     folder = scenes / "photographs"
     a465("render", scenes / "task2.toml", "-o", folder, "--count", 5)
@@ -90,6 +94,7 @@ def test_photographs_of_the_cell_give_the_same_look_as_the_cell(scenes: Path) ->
         assert [h["state"] for h in direct["holes"]] == [h["state"] for h in photographed["holes"]]
 
 
+@pytest.mark.slow
 def test_optimised_python_makes_the_same_plan(scenes: Path) -> None:
     a465("look", scenes / "task2.toml", "-o", scenes / "look.json")
     for name, optimised in (("plain", False), ("optimised", True)):

@@ -89,6 +89,7 @@ def test_a_configuration_shows_the_target_only_within_limits_clear_and_facing_th
     assert not HandView(shown.robot, (), known.limits, shown.camera, away, 0.0).shows(q)
 
 
+@pytest.mark.slow
 def test_the_recipe_is_rows_of_turning_wrists_at_heights_0_1_m_apart(
     shown: HandView, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -115,6 +116,6 @@ def test_poses_that_the_recipe_does_not_have_are_told(
     shown: HandView, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cell.collect.recipe_270, "DISTANCES", (0.85, 0.9))
-    with pytest.raises(ImpossibleError, match="leave out --recipe") as told:
+    with pytest.raises(ImpossibleError, match="omit --recipe") as told:
         recipe_poses(shown, 270, 0)
     assert (told.value.data["found"], told.value.data["wanted"]) == (100, 270)

@@ -14,12 +14,12 @@ from arm.io.storage import data_file
 from arm.robot.model import load_a465
 from arm.robot.shapes import Body, Box, Capsule, Cylinder, Shape, Sphere, convex
 from arm.se3 import rotation, transform
+from arms.expected_distances import MujocoScene
+from arms.mujoco_cell import MujocoCell
 from cell.cli.main import main
 from cell.commands.check_scene import AGREES, answer_motion, answer_query, check_scene
 from cell.console import Console
 from cell.files.scene import SceneFile, read_scene_file
-from expected_distances import MujocoScene
-from mujoco_cell import MujocoCell
 from plan.collision.world import World
 
 FOLDER = data_file("scenes/fixtures")
@@ -119,7 +119,9 @@ def test_coal_is_mujoco_in_random_scenes_of_all_shapes() -> None:
         )
         held = Body("held", shape, transform(), "cube")
         world = World(robot, bodies, held, T_tool_held)
-        judge = MujocoCell(data_file("urdf/a465/a465.urdf"), bodies, [("held", shape)], robot.touching)
+        judge = MujocoCell(
+            data_file("urdf/a465/a465.urdf"), bodies, [("held", shape)], robot.disabled_collisions
+        )
         names = [world.pair_names(i) for i in range(len(world.pairs))]
         assert {frozenset(p) for p in names} == {frozenset(p) for p in judge.pairs("held")}
         lower, upper = robot.model.lowerPositionLimit, robot.model.upperPositionLimit
@@ -205,7 +207,7 @@ def test_what_differs_ends_with_3(old, new, name, monkeypatch, capsys, tmp_path:
         (
             '["finger_r", "rail"]',
             '["finger_r", "rial"]',
-            r"queries\[0\].pair = .*names 'rial', which is no body",
+            r"queries\[0\].pair = .*names 'rial', which is not a body",
         ),
         ('["finger_r", "rail"]', '["rail", "rail"]', r"queries\[0\].pair = .*must name two different bodies"),
         (
@@ -238,7 +240,7 @@ def test_a_scene_may_expect_nothing_or_only_a_verdict(tmp_path: Path) -> None:
     assert report["queries"][0]["expected"]["distance_mm"] is None
     assert report["queries"][0]["distance_mm"] == pytest.approx(18.4368, abs=0.01)
     path.write_text(path.read_text().split("[[queries]]")[0])
-    with pytest.raises(InputError, match="asks nothing; give it"):
+    with pytest.raises(InputError, match=r"nothing to check; add \[\[queries\]\]"):
         check_scene(read_scene_file(path), Console())
 
 
@@ -271,7 +273,7 @@ def test_any_configuration_of_a_cell(monkeypatch, capsys) -> None:
         reports.append(json.loads(capsys.readouterr().out))
         assert _run(["check", path], monkeypatch) == 2
         assert (
-            "file; check takes a plan and its task (a465 check PLAN.json TASK.toml)"
+            "file; check needs a plan and its task (a465 check PLAN.json TASK.toml)"
             in capsys.readouterr().err
         )
     assert reports[0] == reports[1]
@@ -319,11 +321,11 @@ def test_plans_and_scenes_are_told_apart(monkeypatch, capsys, tmp_path: Path) ->
     plan = tmp_path / "plan.json"
     plan.write_text('{"kind": "plan"}')
     assert _run(["check", str(plan)], monkeypatch) == 2
-    assert "is checked against its task: a465 check" in capsys.readouterr().err
+    assert "give its task file too: a465 check" in capsys.readouterr().err
     assert _run(["check", str(plan), "--q", "0,0,0,0,0,0"], monkeypatch) == 2
-    assert "--q asks about a scene, cell or task file" in capsys.readouterr().err
+    assert "--q needs a scene, cell or task file" in capsys.readouterr().err
     scene, task = str(FOLDER / "capsule.toml"), str(data_file("scenes/task2.toml"))
     assert _run(["check", scene, task], monkeypatch) == 2
-    assert "is no plan, so it needs no task" in capsys.readouterr().err
+    assert "is not a plan and needs no task" in capsys.readouterr().err
     assert _run(["check", str(tmp_path / "none.toml")], monkeypatch) == 2
     assert "cannot be read" in capsys.readouterr().err

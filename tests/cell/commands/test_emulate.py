@@ -22,8 +22,8 @@ from cell.files.task import read_task
 from cell.session.connection import WhichCell, simulated_cell
 from cell.sim.cell import CellEvent
 from driver.line.clock import Clock
-from small_scenes import small_scenes
-from wire_client import Client
+from tasks.small import small_scenes
+from wire.client import Client
 
 COMMAND = [sys.executable, "-c", "from cell.cli.start import main; main()", "emulate"]
 TIME_SCALE = 3.0  # a host that pauses for 0.1 s pauses the line for 0.3 s of its time
@@ -82,7 +82,7 @@ def test_faults_happen_as_the_file_says_and_everything_is_in_the_log(tmp_path: P
     ]  # fmt: skip
     assert sorted(told[8:]) == [
         ("answer", "STAMP=1"), ("line", "GA:1"), ("line", "STAMP:1"),
-        ("violation", "axis A told to move while a fault stands"),
+        ("violation", "axis A commanded during a fault"),
     ]  # fmt: skip
     ms = [r["ms"] for r in found if r["kind"] != "open"]
     assert all(isinstance(m, int) for m in ms)
@@ -126,9 +126,9 @@ def test_a_log_that_cannot_be_written_is_told_before_anything_is_served(tmp_path
     [
         (["--world", "task2.world.toml"], "--world needs --task"),
         (["--photographs", "shots"], "--photographs needs --task"),
-        (["--task", "TASK", "--unit", "crs97"], "--unit crs97: the cell of the task has crs93"),
-        (["--task", "TASK", "--world", "none.toml"], "none.toml: there is no such world file"),
-        (["--task", "TASK", "--photographs", "TASK"], "task2.toml: cannot be made: File exists"),
+        (["--task", "TASK", "--unit", "crs97"], "--unit crs97: the task's cell has crs93"),
+        (["--task", "TASK", "--world", "none.toml"], "none.toml: no such world file"),
+        (["--task", "TASK", "--photographs", "TASK"], "task2.toml: cannot be created: File exists"),
     ],
 )
 def test_a_cell_that_cannot_be_had_is_told_before_anything_is_served(arguments: list[str], told: str) -> None:
@@ -140,6 +140,7 @@ def test_a_cell_that_cannot_be_had_is_told_before_anything_is_served(arguments: 
     assert len(ended.stderr.strip().splitlines()) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("rehearsal")
 def test_a_whole_task_over_a_port_with_photographs_from_a_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -180,11 +181,11 @@ def test_a_whole_task_over_a_port_with_photographs_from_a_folder(
 def test_what_happened_to_cubes_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     task = read_task(data_file("scenes/task2.toml"))
     simulated = simulated_cell(task, None)
-    emulating._tell_cubes(simulated)
-    assert capsys.readouterr().out == "cubes: none was touched\n"
+    emulating._print_cubes(simulated)
+    assert capsys.readouterr().out == "cubes: none touched\n"
     for what, cube in (("gripped", "cube 1"), ("pushed", "cube 2"), ("gripped", "cube 2"), ("missed", "")):
         simulated.events.append(CellEvent(what, cube, None, f"{cube} {what}: so"))
-    emulating._tell_cubes(simulated)
+    emulating._print_cubes(simulated)
     assert capsys.readouterr().out.splitlines() == [
         "cubes: 2 gripped, 1 pushed, 1 missed",
         "cube 1 gripped: so", "cube 2 pushed: so", "cube 2 gripped: so", " missed: so",

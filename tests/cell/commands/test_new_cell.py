@@ -25,8 +25,8 @@ from cell.files.hand_target import read_hand_target
 from cell.files.task import read_task
 from cell.files.world import read_world
 from cell.task.planning import plan_rest
-from command_line import a465, refused, replace_in
-from true_look import true_look
+from tasks.true_look import true_look
+from typed.command_line import a465, refused, replace_in
 
 KEY = re.compile(r"^(\w+) = ")
 
@@ -80,6 +80,7 @@ def test_its_tasks_plan(written: dict[str, Path], unit: str, name: str) -> None:
     assert min(move.clearance for move in plan.moves) >= 0.005
 
 
+@pytest.mark.slow
 def test_it_places_a_cube_in_the_simulated_cell(tmp_path: Path) -> None:
     a465("new-cell", "mine", "--unit", "crs93", cwd=tmp_path)
     replace_in(tmp_path / "mine/task2.world.toml", "cubes = [1, 2, 3, 4]", "cubes = [3]")
@@ -144,10 +145,10 @@ def test_an_empty_folder_is_taken(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["full"], "full: holds something already (.hidden); give a new or an empty folder"),
-        (["file"], "file: is no folder to write into: Not a directory"),
+        (["full"], "full: is not empty (.hidden); give a new or an empty folder"),
+        (["file"], "file: is not a usable folder: Not a directory"),
         (["file/mine"], "file/mine: "),
-        (["."], "is the folder that you are in, which cannot be replaced; give a new one"),
+        (["."], "is the current folder and cannot be replaced; give a new one"),
         (["new", "--unit", "crs3"], "--unit crs3: must be one of crs93, crs97"),
         (
             ["new", "--unit", "crs93", "--name", "two\nlines"],
@@ -176,7 +177,7 @@ def test_what_is_refused_writes_nothing(tmp_path: Path, arguments: list[str], to
 def test_a_refusal_is_the_same_optimised(tmp_path: Path) -> None:
     (tmp_path / "full").mkdir()
     (tmp_path / "full/x").write_text("")
-    assert "wrong input: full: holds something already (x)" in refused(
+    assert "wrong input: full: is not empty (x)" in refused(
         "new-cell", "full", "--unit", "crs93", code=2, cwd=tmp_path
     )
 

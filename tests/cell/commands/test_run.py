@@ -13,15 +13,15 @@ from arm.io.storage import data_file
 from arm.plan_file import GripperStep, Move, Plan
 from arm.robot.shapes import Body, Box
 from arm.se3 import apply, inverse, transform
+from arms.mujoco_cell import MujocoCell
 from cell.console import Console
 from cell.preview.of_log import preview_log
 from cell.scene.bodies import plate_body, stand_body
 from driver.log.read import read_log
-from mujoco_cell import MujocoCell
-from small_scenes import small_scenes
-from whole_run import WholeRun, executed, homed_ms, run_whole
+from tasks.small import small_scenes
+from tasks.whole_run import WholeRun, executed, homed_ms, run_whole
 
-pytestmark = pytest.mark.xdist_group("main_job")
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("main_job")]
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +97,10 @@ def _judge(run: WholeRun, extra: tuple[Body, ...] = (), turn: float = JUDGED_TUR
         bodies += [stand] if stand else []
     names = [c.name for c in simulated.history[0].cubes]
     judge = MujocoCell(
-        data_file("urdf/a465/a465.urdf"), bodies, [(n, cell.cube_size) for n in names], cell.robot().touching
+        data_file("urdf/a465/a465.urdf"),
+        bodies,
+        [(n, cell.cube_size) for n in names],
+        cell.robot().disabled_collisions,
     )
     times, q = executed(run, homed_ms(run))
     found: set[frozenset[str]] = set()

@@ -10,14 +10,14 @@ import pytest
 
 from arm.errors import ImpossibleError, InputError
 from arm.io.storage import canonical_json
-from board_scenes import lab_camera, photograph, random_pose, twist_between
 from cell.config.board_keys import DICTIONARIES
 from cell.config.cell_file import read_cell
 from cell.console import Console
 from cell.files.observation import read_seen, seen_to_json
 from cell.files.task import read_task
 from cell.task.look import look_and_save
-from command_line import replace_in
+from pictures.boards import lab_camera, photograph, random_pose, twist_between
+from typed.command_line import replace_in
 from vision.boards.checks import BoardLimits
 from vision.camera.model import Image
 
@@ -81,17 +81,17 @@ def test_mistakes_are_told(scenes: Path, old: str, new: str, words: str) -> None
         (
             30,
             "",
-            r"cube.size_mm = 30: must fit its pocket, and would lie loose on the floor: pockets are 44 mm",
+            r"cube.size_mm = 30: must fit the pocket, but would lie loose on its floor: pockets are 44 mm",
         ),
         (
             45,
             "",
-            r"cube.size_mm = 45: must fit its pocket, and does not go into the mouth: .* 39 mm at the floor",
+            r"cube.size_mm = 45: must fit the pocket, but is wider than its mouth: .* 39 mm at the floor",
         ),
-        (42, "", r"must fit its pocket 8 mm deep, to 1 mm, and would wedge 4.0 mm deep"),
+        (42, "", r"must wedge in the pocket 8 mm deep within 1 mm, but would wedge 4.0 mm deep"),
         (30, "[34, 29]", ""),
-        (40, "[34, 29]", "does not go into the mouth: pockets are 34 mm wide at the mouth and 29 mm"),
-        (40, "[44, 44]", r"boards.pocket_mm = \[44, 44\]: must be the mouth's width and the floor's"),
+        (40, "[34, 29]", "is wider than its mouth: pockets are 34 mm wide at the mouth and 29 mm"),
+        (40, "[44, 44]", r"boards.pocket_mm = \[44, 44\]: must be the widths of mouth and floor"),
         (40, "[44]", r"boards.pocket_mm = \[44\]"),
         (40.4, "", ""),
     ],

@@ -20,7 +20,7 @@ from cell.files.apply_calibration import apply_calibration
 from cell.files.task import read_task
 from cell.files.world import read_world
 from cell.sim.cell import SimulatedCell
-from cell.task.planning import limits_digest, provenance
+from cell.task.planning import limits_digest, plan_fingerprint
 
 OFFSETS = frozen(np.radians([0.0, 0.3, -0.3, 0.3, -0.3, 0.0]))
 
@@ -60,7 +60,7 @@ def test_it_moves_the_camera_and_the_zeros_and_nothing_else(scenes: Path) -> Non
     assert np.abs(after.unit.positions(counts) - before.q_start - OFFSETS).max() < 1e-4
     assert after.digest == before.digest
     assert limits_digest(after) != limits_digest(before)
-    said = provenance(read_task(scenes / "task2.toml"))
+    said = plan_fingerprint(read_task(scenes / "task2.toml"))
     assert said["calibration_id"] == found.id
     assert said["calibration"] == after.camera.digest != before.camera.digest
 
@@ -98,9 +98,9 @@ def test_a_calibration_of_another_arm_or_lens_is_refused(scenes: Path) -> None:
     before = (scenes / "cell.toml").read_bytes()
     for found, rule in (
         (calibration_of(cell, unit="crs97"), "is of crs97, but unit is crs93"),
-        (calibration_of(cell, unit=""), "does not say of which unit it is"),
+        (calibration_of(cell, unit=""), "names no unit, but unit is"),
         (calibration_of(cell, lens="0" * 64), "another lens"),
-        (calibration_of(cell, dh="0" * 64), "an arm of other dimensions"),
+        (calibration_of(cell, dh="0" * 64), "an arm with other dimensions"),
     ):
         write_arm_calibration(scenes / "c.toml", found)
         with pytest.raises(InputError, match=rule):

@@ -20,7 +20,7 @@ from cell.files.task import read_task
 from cell.files.world import board_placement, read_world
 from cell.task.plan_matches import _same_shape as same_shape
 from cell.task.planning import options_of
-from command_line import replace_in
+from typed.command_line import replace_in
 
 
 def test_the_shipped_tasks_can_be_read(scenes: Path) -> None:
@@ -167,7 +167,7 @@ def test_placement_puts_the_plates_centre_and_leans_where_it_is_told() -> None:
             "cell.toml",
             "# speed_registers = [7680, 2048",
             "speed_registers = [7680, 9999",
-            "axis B may be at most 4096",
+            "axis B must be at most 4096",
         ),
         (
             "cell.toml",
@@ -298,7 +298,7 @@ def test_walls_of_every_shape(scenes: Path) -> None:
         ("radius_mm = 50", "radius_mm = 50\nlength_mm = 3", r"walls\[2\].length_mm = 3: is not a known key"),
         ("radius_mm = 20", "radius_mm = 0", r"walls\[3\].radius_mm = 0: must be a number in mm from 1"),
         ('"wedge.obj"', '"none.stl"', r"walls\[4\].mesh = 'none.stl': names a file that is not there"),
-        ('"wedge.obj"', '"task2.toml"', r"walls\[4\].mesh = 'task2.toml': cannot be used: .*is no mesh"),
+        ('"wedge.obj"', '"task2.toml"', r"walls\[4\].mesh = 'task2.toml': cannot be used: .*is not a mesh"),
         ('mesh_unit = "mm"', "", r"walls\[4\].mesh_unit: is missing; it must be one of mm, m"),
         ('mesh_unit = "mm"', 'mesh_unit = "m"', r"walls\[4\].mesh_unit = 'm': makes the mesh 80 x 60 x 90 m"),
         ("[0, 0, 90]", "[0, 90]", r"walls\[4\].rpy_deg = \[0, 90\]: must be 3 numbers in deg"),

@@ -21,8 +21,8 @@ from cell.files.observation import read_seen
 from cell.files.task import read_task
 from cell.task.plan_matches import replayed
 from cell.task.planning import options_of, plan_rest, reach_of
-from command_line import a465, replace_in
 from driver.mars.startup import gripper_lines
+from typed.command_line import a465, replace_in
 
 OTHER = """length_mm = 150
 jaw_opening_mm = 70
@@ -104,7 +104,7 @@ def test_a_urdf_of_ones_own(scenes: Path) -> None:
     measured = read_cell(scenes / "cell.toml")
     (scenes / "mine.urdf").write_text(measured.gripper.description())
     replace_in(scenes / "cell.toml", "finger_mm = [24, 12, 40]", 'urdf = "mine.urdf"')
-    with pytest.raises(InputError, match=r"tool.palm_mm = .*stands beside urdf"):
+    with pytest.raises(InputError, match=r"tool.palm_mm = .*cannot be combined with urdf"):
         read_cell(scenes / "cell.toml")
     for line in ("palm_mm = [60, 90, 35]", "body_radius_mm = 36"):
         replace_in(scenes / "cell.toml", line, "")

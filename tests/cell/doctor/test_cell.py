@@ -16,15 +16,15 @@ from arm.robot.link_errors import LinkErrors
 from arm.se3 import frozen
 from cell.config.cell_file import read_cell
 from cell.doctor import cell as doctorcell
-from cell.doctor.finding import NOTE, OK, WRONG, Finding
-from command_line import replace_in
+from cell.doctor.finding import NOTE, OK, WRONG, CheckResult
+from typed.command_line import replace_in
 from vision.camera.model import read_camera, write_camera
 
 pytestmark = pytest.mark.xdist_group("doctor")
 
 
-def look_at(file: Path) -> dict[str, Finding]:
-    return {f.check: f for f in doctorcell.cell_findings(doctorcell.read_named(file))}
+def look_at(file: Path) -> dict[str, CheckResult]:
+    return {f.check: f for f in doctorcell.check_cell(doctorcell.read_named(file))}
 
 
 def calibrated(scenes: Path, **others: Any) -> Path:
@@ -45,7 +45,7 @@ def test_an_uncalibrated_cell_is_a_note(scenes: Path) -> None:
     assert [found[name].verdict for name in ("cell", "lens", "hand-eye")] == [OK, NOTE, NOTE]
     assert "the nominal lens of a lab" in found["lens"].found
     assert "a465 calibrate camera" in found["lens"].help
-    assert found["hand-eye"].found.startswith("none: the camera stands where lab.toml says")
+    assert found["hand-eye"].found.startswith("none: the camera's pose is that of lab.toml")
     assert "a465 calibrate hand-eye" in found["hand-eye"].help
 
 
@@ -58,19 +58,19 @@ def test_a_calibration_is_told_with_its_age_and_how_certain_it_is(scenes: Path) 
     assert found.data["id"] == calibration.id
     assert found.data["age_days"] == 10
     assert calibration.id in found.found
-    assert "(10 days old), of crs93 and this lens: held-out targets 0.21 mm off" in found.found
-    assert "camera's place 0.05 mm (one standard deviation)" in found.found
+    assert "(10 days old), of crs93 and this lens: held-out error 0.21 mm" in found.found
+    assert "camera position 0.05 mm (one standard deviation)" in found.found
 
 
 @pytest.mark.parametrize(
     ("others", "verdict", "told"),
     [
         ({"unit": "crs97"}, WRONG, "is of crs97, but unit is crs93"),
-        ({"lens": "f" * 64}, WRONG, "rests on another lens"),
+        ({"lens": "f" * 64}, WRONG, "with another lens than that of the camera file"),
         ({"dh": "f" * 64}, WRONG, "other dimensions"),
-        ({"lens": ""}, NOTE, "does not say of which lens"),
-        ({"lens": "", "dh": ""}, NOTE, "does not say of which lens and arm"),
-        ({"made": {"poses": 8}}, NOTE, "does not say how certain it is"),
+        ({"lens": ""}, NOTE, "does not name its lens"),
+        ({"lens": "", "dh": ""}, NOTE, "does not name its lens and arm"),
+        ({"made": {"poses": 8}}, NOTE, "without uncertainty"),
     ],
 )
 def test_a_calibration_that_is_not_of_this_cell(
@@ -96,9 +96,9 @@ def test_a_lens_of_ones_own_is_told_with_its_uncertainty(scenes: Path) -> None:
     write_camera(file, own)
     found = look_at(scenes / "cell.toml")["lens"]
     assert (found.verdict, found.data["id"]) == (NOTE, "lens-1")
-    assert "does not say how certain" in found.found
+    assert "without uncertainty" in found.found
     known = type(camera)(K, own.distortion, own.size, own.T_base_camera, own.calibration, np.eye(9))
     write_camera(file, known)
     found = look_at(scenes / "cell.toml")["lens"]
     assert found.verdict == OK
-    assert found.found.endswith("(today): 0.07 mm at the work (one standard deviation)")
+    assert found.found.endswith("(today): 0.07 mm at the work points (one standard deviation)")

@@ -17,20 +17,20 @@ from arm.controller.unit import load_unit
 from arm.errors import CameraError
 from cell.config.cell_file import read_cell
 from cell.doctor import devices as doctordevices
-from cell.doctor.finding import NOTE, OK, WRONG, Finding, guarded
-from command_line import replace_in
+from cell.doctor.finding import NOTE, OK, WRONG, CheckResult, guarded
 from driver.emulator import Emulator, EmulatorOptions
 from driver.line.clock import Clock
 from driver.line.wire_log import WireLog
-from emulated_camera import SERIAL
+from pictures.cameras import SERIAL
+from typed.command_line import replace_in
 
 pytestmark = pytest.mark.xdist_group("doctor")
 
 
-def _ports(monkeypatch: pytest.MonkeyPatch, *devices: str) -> Finding:
+def _ports(monkeypatch: pytest.MonkeyPatch, *devices: str) -> CheckResult:
     listed = [SimpleNamespace(device=d) for d in reversed(devices)]
     monkeypatch.setattr("serial.tools.list_ports.comports", lambda include_links: listed)
-    return doctordevices.ports_finding()
+    return doctordevices.check_ports()
 
 
 def test_ports_are_told_with_the_right_to_open_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -45,7 +45,7 @@ def test_ports_are_told_with_the_right_to_open_them(tmp_path: Path, monkeypatch:
     monkeypatch.setattr("grp.getgrgid", lambda gid: SimpleNamespace(gr_name="serialists"))
     both = _ports(monkeypatch, *map(str, (tmp_path / "gone", mine, other)))
     assert both.verdict == NOTE
-    assert both.found == f"{tmp_path / 'gone'} (not for you), {mine}, {other} (not for you)"
+    assert both.found == f"{tmp_path / 'gone'} (no permission), {mine}, {other} (no permission)"
     assert both.help.startswith("join the group serialists: sudo usermod -aG")
     assert [p["may_open"] for p in both.data["ports"]] == [False, True, False]
     assert [p["group"] for p in both.data["ports"]] == ["", "serialists", "serialists"]
@@ -59,7 +59,7 @@ def sent_to(log: Path) -> set[str]:
 def test_a_controller_is_asked_who_it_is_and_nothing_else(tmp_path: Path) -> None:
     clock = Clock()
     with WireLog(tmp_path / "log", clock) as log, Emulator(load_unit("crs97"), clock, log=log) as emulator:
-        found = doctordevices.controller_finding(emulator.open_pty())
+        found = doctordevices.check_controller(emulator.open_pty())
     assert found.verdict == OK
     assert "MARS8 v1.0 build Pi" in found.found
     assert found.data["version"].startswith("MARS8")
@@ -74,8 +74,8 @@ def test_another_firmware_is_wrong_and_named(tmp_path: Path) -> None:
         Emulator(load_unit("crs93"), clock, options=options, log=log) as emulator,
     ):
         port = emulator.open_pty()
-        found = guarded("controller", lambda: doctordevices.controller_finding(port), 20.0, "h")
-    assert isinstance(found, Finding)
+        found = guarded("controller", lambda: doctordevices.check_controller(port), 20.0, "h")
+    assert isinstance(found, CheckResult)
     assert found.verdict == WRONG
     assert "firmware 'MARS9 v2' is not MARS8" in found.found
     assert found.data["version"] == "MARS9 v2"
@@ -101,8 +101,8 @@ def test_a_silent_line_is_wrong_and_gets_harmless_lines_only(
     other, port = silent_port
     monkeypatch.setattr(driver.line.transport, "LEAST_WALL_S", 0.1)
     monkeypatch.setattr(driver.line.link.Link.synchronise, "__defaults__", (0.2, 1))
-    found = guarded("controller", lambda: doctordevices.controller_finding(port), 20.0, "h")
-    assert isinstance(found, Finding)
+    found = guarded("controller", lambda: doctordevices.check_controller(port), 20.0, "h")
+    assert isinstance(found, CheckResult)
     assert (found.verdict, found.help) == (WRONG, "h")
     assert "does not answer like a MARS8" in found.found
     lines = os.read(other, 4096).decode().split("\n")
@@ -111,26 +111,26 @@ def test_a_silent_line_is_wrong_and_gets_harmless_lines_only(
 
 def test_cameras_are_listed_and_one_takes_a_photograph(monkeypatch: pytest.MonkeyPatch, scenes: Path) -> None:
     monkeypatch.setenv("PYLON_CAMEMU", "1")
-    listed = doctordevices.cameras_finding()
+    listed = doctordevices.check_cameras()
     assert listed.verdict == OK
     assert "Emulation serial:0815-0000" in listed.found
     assert listed.data["cameras"][0]["serial"] == "0815-0000"
-    taken = doctordevices.photograph_finding(SERIAL, None)
+    taken = doctordevices.check_photograph(SERIAL, None)
     assert taken.verdict == OK
     assert "px; mean grey " in taken.found
     assert taken.data["size_px"][0] > 16
     replace_in(scenes / "cell.toml", "[motion]", f'[look.basler]\ndevice = "{SERIAL}"\n\n[motion]')
     cell = read_cell(scenes / "cell.toml")
     with pytest.raises(CameraError, match="but the camera's calibration is for 1920 x 1200 px"):
-        doctordevices.photograph_finding("cell", cell)
-    with pytest.raises(CameraError, match="is not there"):
-        doctordevices.photograph_finding("serial:1", cell)
+        doctordevices.check_photograph("cell", cell)
+    with pytest.raises(CameraError, match="not found"):
+        doctordevices.check_photograph("serial:1", cell)
 
 
 def test_no_camera_is_a_note(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYLON_CAMEMU", "0")
     monkeypatch.setattr("vision.camera.basler_devices.find_devices", lambda pylon: [])
-    assert doctordevices.cameras_finding().found == "pylon sees none"
+    assert doctordevices.check_cameras().found == "pylon finds none"
     monkeypatch.setitem(sys.modules, "pypylon", None)
-    found = doctordevices.cameras_finding()
+    found = doctordevices.check_cameras()
     assert (found.verdict, found.help) == (NOTE, "make basler")

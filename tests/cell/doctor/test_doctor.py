@@ -16,9 +16,9 @@ import pytest
 
 from arm.errors import InputError
 from cell.doctor import finding
-from cell.doctor.finding import NOTE, OK, WRONG, Finding, guarded
-from command_line import a465, replace_in
-from emulated_camera import SERIAL
+from cell.doctor.finding import NOTE, OK, WRONG, CheckResult, guarded
+from pictures.cameras import SERIAL
+from typed.command_line import a465, replace_in
 
 pytestmark = pytest.mark.xdist_group("doctor")
 CHECKS = [
@@ -34,6 +34,7 @@ def by_name(report: dict[str, Any]) -> dict[str, dict[str, Any]]:
 # -- the whole
 
 
+@pytest.mark.slow
 def test_a_good_installation_is_told_in_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYLON_CAMEMU", "1")
     busy = time.process_time()
@@ -48,7 +49,7 @@ def test_a_good_installation_is_told_in_figures(tmp_path: Path, monkeypatch: pyt
     assert checks["photograph"]["verdict"] == OK  # of any size: no cell was given
     assert all(checks[name]["verdict"] == OK for name in ("Python", "libraries", "cell", *CHECKS[-3:]))
     assert checks["libraries"]["data"]["versions"]["numpy"] == np.__version__
-    assert checks["cell"]["found"].startswith("the built-in scene reads: crs93, 6 boards")
+    assert checks["cell"]["found"].startswith("the built-in scene is valid: crs93, 6 boards")
     assert checks["self-test: plan"]["data"]["clearance_mm"] > 10.0
     assert checks["self-test: look"]["data"]["off_mm"] < 0.1
     assert checks["self-test: unit"]["data"]["version"].startswith("MARS8")
@@ -62,6 +63,7 @@ def test_a_good_installation_is_told_in_figures(tmp_path: Path, monkeypatch: pyt
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_what_is_wrong_is_told_and_ends_with_3(scenes: Path) -> None:
     wall = '[[walls]]\nname = "in the way"\ncentre_mm = [0, 0, 900]\nsize_mm = [900, 900, 900]\n\n[look]'
     replace_in(scenes / "cell.toml", "[look]", wall)
@@ -76,13 +78,14 @@ def test_what_is_wrong_is_told_and_ends_with_3(scenes: Path) -> None:
     assert "needs --cell FILE whose [look.basler] names a device" in checks["photograph"]["found"]
     assert all(checks[name]["help"] for name in report["wrong"])
     assert told.splitlines()[-1] == "a465: doctor: wrong: controller, photograph, self-test: plan"
-    assert checks["cell"]["found"].startswith(f"{scenes / 'task2.toml'} reads: crs93")
+    assert checks["cell"]["found"].startswith(f"{scenes / 'task2.toml'} is valid: crs93")
     table = told.splitlines()
     start = next(i for i, line in enumerate(table) if line.startswith("self-test: plan"))
     assert "wrong" in table[start]
     assert any(line.strip().startswith("-> q_start_deg") for line in table[start:])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("missing", [["numpy"], ["serial", "pypylon", "ruckig", "cv2"]], ids=lambda m: m[0])
 def test_missing_libraries_are_rows_and_no_traceback(missing: list[str]) -> None:
     code = (
@@ -105,6 +108,7 @@ def test_missing_libraries_are_rows_and_no_traceback(missing: list[str]) -> None
         assert checks["serial ports"]["verdict"] == checks["controller"]["verdict"] == WRONG
 
 
+@pytest.mark.slow
 def test_a_cell_that_cannot_be_read_is_wrong_and_the_rest_goes_on(tmp_path: Path) -> None:
     said, _ = a465("doctor", "--cell", tmp_path / "none.toml", "--json", code=3)
     report = json.loads(said)
@@ -122,7 +126,7 @@ def test_a_check_that_hangs_is_wrong_in_time() -> None:
     found = guarded("slow", lambda: over.wait(120.0), 0.1, "wait")
     over.set()
     assert time.monotonic() - began < 60.0
-    assert found == Finding("slow", WRONG, "no answer within 0.1 s", "wait", {"error": "TimeoutError"})
+    assert found == CheckResult("slow", WRONG, "no answer within 0.1 s", "wait", {"error": "TimeoutError"})
 
 
 @pytest.mark.parametrize(
@@ -130,14 +134,14 @@ def test_a_check_that_hangs_is_wrong_in_time() -> None:
     [
         (
             InputError("bad key", key="x"),
-            Finding("c", WRONG, "bad key", "h", {"error": "InputError", "key": "x"}),
+            CheckResult("c", WRONG, "bad key", "h", {"error": "InputError", "key": "x"}),
         ),
-        (OSError(5, "broken"), Finding("c", WRONG, "[Errno 5] broken", "h", {"error": "OSError"})),
-        (ImportError("no x"), Finding("c", WRONG, "cannot be looked at: no x", finding.REINSTALL)),
+        (OSError(5, "broken"), CheckResult("c", WRONG, "[Errno 5] broken", "h", {"error": "OSError"})),
+        (ImportError("no x"), CheckResult("c", WRONG, "cannot be checked: no x", finding.REINSTALL)),
     ],
 )
-def test_a_check_that_fails_is_wrong(error: Exception, told: Finding) -> None:
-    def fail() -> Finding:
+def test_a_check_that_fails_is_wrong(error: Exception, told: CheckResult) -> None:
+    def fail() -> CheckResult:
         raise error
 
     assert guarded("c", fail, 5.0, "h") == told

@@ -19,7 +19,7 @@ from cell.console import Console
 from cell.export.export import export_step
 from cell.export.series import executed, planned, unit_of
 from driver.log.read import Session, read_log
-from logged_session import LoggedRun
+from wire.logged_session import LoggedRun
 
 pytestmark = pytest.mark.xdist_group("logs")
 
@@ -184,10 +184,10 @@ def test_the_unit_is_told_by_the_gripper_and_may_be_given(
         unit_of(read_log(bare), None)
     told = export_step(bare, "csv", tmp_path / "bare.csv", False, "crs97", Console(as_json=True))
     assert told["samples"] == 1
-    with pytest.raises(InputError, match="holds no motion with a known start"):
+    with pytest.raises(InputError, match="has no motion with a known start"):
         export_step(bare, "trajectory", tmp_path / "no.json", True, "crs97", Console(as_json=True))
     bare.write_text('{"t":0,"kind":"open"}\n')
-    with pytest.raises(InputError, match="holds no position sample"):
+    with pytest.raises(InputError, match="has no position sample"):
         export_step(bare, "csv", tmp_path / "no.csv", False, "crs97", Console(as_json=True))
 
 

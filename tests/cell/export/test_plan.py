@@ -20,14 +20,14 @@ from arm.errors import InputError
 from arm.io.storage import data_file
 from arm.plan_file import GripperStep, LookStep, Move, Plan, read_plan, write_plan
 from cell.console import Console
-from cell.export.export import Asked, export_file
+from cell.export.export import ExportOptions, export_file
 from cell.export.plan import sampled, stretches, trajectory_of
 from cell.export.scene import surroundings_of_plan
 from cell.export.urdf import describe
 from cell.files.place import read_place
 from cell.files.pose_list import read_pose_list
 from cell.task.pose_list_planning import plan_pose_list
-from command_line import a465
+from typed.command_line import a465
 
 CELL = data_file("scenes/cell.toml")
 LIST = {
@@ -60,7 +60,7 @@ def plan(plan_file: Path) -> Plan:
 
 
 def export(file: Path, console: Console | None = None, **asked: Any) -> dict[str, Any]:
-    return export_file(file, Asked(**asked), console or Console(as_json=True))
+    return export_file(file, ExportOptions(**asked), console or Console(as_json=True))
 
 
 def truth(plan: Plan, unit: Unit, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -240,19 +240,19 @@ def test_counts_of_another_arm_are_refused_until_its_cell_is_given(
             export(other, form=form, output=tmp_path / "never", cell=CELL)
     calibrated = read_place(CELL).cell.unit.calibrated(np.full(6, 0.01))
     write_plan(other, replace(plan, provenance={**plan.provenance, "unit": calibrated.digest}))
-    with pytest.raises(InputError, match="counts would mean other angles"):
+    with pytest.raises(InputError, match="counts would give other angles"):
         export(other, output=tmp_path / "never")
     write_plan(other, replace(plan, unit="crs97"))
     with pytest.raises(InputError, match=r"unit = 'crs97': must be that of the cell, crs93"):
         export(other, output=tmp_path / "never", cell=CELL)
     write_plan(other, replace(plan, provenance={**plan.provenance, "inputs": {}}))
-    with pytest.raises(InputError, match="does not tell the arm's tool"):
+    with pytest.raises(InputError, match="does not describe the arm's tool"):
         export(other, form="urdf", output=tmp_path / "never")
     assert not (tmp_path / "never").exists()
     told = export(other, form="urdf", output=tmp_path / "with its cell", cell=CELL)
     assert told["format"] == "urdf"
     write_plan(other, replace(plan, scene={**plan.scene, "robot_open": "0" * 64}))
-    with pytest.raises(InputError, match="is another arm than this one"):
+    with pytest.raises(InputError, match="does not match this arm"):
         export(other, form="urdf", output=tmp_path / "never")
 
 

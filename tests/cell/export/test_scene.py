@@ -26,16 +26,16 @@ from arm.robot.shapes import Body, Box, Capsule, Sphere, convex
 from arm.se3 import frozen, rot_x, rot_y, rot_z, rotation, transform
 from cell.config.cell_file import read_cell
 from cell.console import Console
-from cell.export.export import Asked, export_file
+from cell.export.export import ExportOptions, export_file
 from cell.export.folder import write_folder
 from cell.export.scene import surroundings_of_file
 from cell.export.urdf import Surroundings, describe, link_names, rpy_of, stl_of
 from cell.files.apply_calibration import apply_calibration
 from cell.files.task import read_task
 from cell.task.planning import scene_of
-from command_line import a465, replace_in
 from plan.collision.world import GJK_TOLERANCE, World
-from true_look import true_look
+from tasks.true_look import true_look
+from typed.command_line import a465, replace_in
 
 FIXTURES = sorted(data_file("scenes/fixtures").glob("*.toml"))
 COUNT = 50  # configurations of each scene
@@ -296,20 +296,20 @@ def test_what_does_not_go_together_is_refused(tmp_path: Path) -> None:
     scene, console = data_file("scenes/fixtures/capsule.toml"), Console(as_json=True)
     named = tmp_path / "plan.json"  # what it is, is told by its content
     shutil.copy(scene, named)
-    assert export_file(named, Asked(output=tmp_path / "by content"), console)["format"] == "urdf"
+    assert export_file(named, ExportOptions(output=tmp_path / "by content"), console)["format"] == "urdf"
     for asked, rule in (
-        (Asked(form="csv"), "--format csv: must be one of urdf, as .* is a scene, cell or task file"),
-        (Asked(planned=True), "--planned does not go with a scene"),
-        (Asked(period=0.1), "--period does not go with"),
-        (Asked(cell=scene), "--cell does not go with"),
-        (Asked(unit="crs93"), "--unit does not go with"),
-        (Asked(look=scene), "leave out --look"),
+        (ExportOptions(form="csv"), "--format csv: must be one of urdf, as .* is a scene, cell or task file"),
+        (ExportOptions(planned=True), "--planned does not go with a scene"),
+        (ExportOptions(period=0.1), "--period does not go with"),
+        (ExportOptions(cell=scene), "--cell does not go with"),
+        (ExportOptions(unit="crs93"), "--unit does not go with"),
+        (ExportOptions(look=scene), "leave out --look"),
     ):
         with pytest.raises(InputError, match=rule):
             export_file(scene, asked, console)
     (tmp_path / "other.json").write_text('{"scenes": []}')
-    with pytest.raises(InputError, match="a plan file is written by a465 plan"):
-        export_file(tmp_path / "other.json", Asked(), console)
+    with pytest.raises(InputError, match="is from a look; a465 plan writes plan files"):
+        export_file(tmp_path / "other.json", ExportOptions(), console)
     replace_in(named, 'unit = "crs93"', 'unit = "crs99"')
     _, told = a465("export", named, "-o", tmp_path / "never", code=2)
     assert "plan.json: unit = 'crs99'" in told

@@ -105,6 +105,7 @@ PIECES = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
 def test_whatever_the_file_is_one_line_comes_into_it(any_toml: Path, end: str) -> None:
     """300 files of random pieces; the key is written, and then written again."""

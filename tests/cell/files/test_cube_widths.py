@@ -25,10 +25,10 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("[1]", "is not a file of cubes' widths"),
-        ('{"cube 1": 40}', "is not a file of cubes' widths"),
-        ('{"cube 1": {"width_mm": 40}}', "is not a file of cubes' widths"),
-        ('{"cube 1": {"width_mm": "wide", "std_mm": 0.01}}', "is not a file of cubes' widths"),
+        ("[1]", "is not a file of cube widths"),
+        ('{"cube 1": 40}', "is not a file of cube widths"),
+        ('{"cube 1": {"width_mm": 40}}', "is not a file of cube widths"),
+        ('{"cube 1": {"width_mm": "wide", "std_mm": 0.01}}', "is not a file of cube widths"),
         ('{"cube 1": {"width_mm": 40.4, "std_mm": 0.01}}', "must be a width of this cell's cubes, 40 mm"),
         ('{"cube 1": {"width_mm": 39.6, "std_mm": 0.01}}', "must be a width of this cell's cubes, 40 mm"),
         ('{"cube 1": {"width_mm": NaN, "std_mm": 0.01}}', "must be a width of this cell's cubes"),

@@ -10,7 +10,7 @@ import pytest
 from arm.errors import InputError
 from arm.io.storage import data_file
 from cell.files.hand_target import read_hand_target
-from command_line import replace_in
+from typed.command_line import replace_in
 
 HAND = data_file("scenes/targets/hand.toml")
 

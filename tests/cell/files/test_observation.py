@@ -69,7 +69,7 @@ def test_the_json_speaks_of_camera_and_base(task: Task) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda b: b.update(marker_ids=[1, 99]), r"marker_ids = \[1, 99\]: is no board of the cell file"),
+        (lambda b: b.update(marker_ids=[1, 99]), r"marker_ids = \[1, 99\]: is not a board of the cell file"),
         (lambda b: b.update(T_base_board=np.zeros((4, 4)).tolist()), "01-02.T_base_board"),
         (lambda b: b["holes"][0].update(state="full"), "four of cube, empty, unsure"),
         (lambda b: b["holes"].pop(), "four of cube, empty, unsure"),

@@ -20,9 +20,9 @@ from arm.se3 import angle_between, rot_x, transform
 from cell.files.place import read_place
 from cell.files.pose_list import MOST, PoseList, Reading, read_pose_list
 from cell.task.plan_matches import check_plan
-from command_line import a465
-from pose_list_files import CELL, CTU_DEG, DOWN, FLANGE, planned, written
-from small_scenes import small_scenes
+from tasks.pose_list_files import CELL, CTU_DEG, DOWN, FLANGE, planned, written
+from tasks.small import small_scenes
+from typed.command_line import a465
 
 PAGE = Path(__file__).resolve().parents[3] / "docs/interop.md"
 
@@ -116,39 +116,39 @@ def test_everything_an_entry_may_say(tmp_path: Path) -> None:
 POSE = DOWN.ravel().tolist()
 Q = [0.0, -0.2, -1.5, 0.0, -1.2, 0.0]
 WRONG = [
-    ([], "has no pose and no configuration"),
-    ([POSE], r"\[0\]: is a pose, and nothing says whose; give --frame flange"),
-    ([Q], r"\[0\]: is six joint angles, and nothing says in what unit; give --angles"),
+    ([], "must have at least one pose or configuration"),
+    ([POSE], r"\[0\]: is a pose without a frame; give --frame flange"),
+    ([Q], r"\[0\]: has six joint angles without a unit; give --angles"),
     ({"frame": "wrist", "entries": [POSE]}, "frame = 'wrist': must be one of flange, tool"),
     ({"angles": "grad", "entries": [Q]}, "angles = 'grad': must be one of rad, deg"),
-    ({"entires": [POSE]}, "entires.*: is not a key that is known here"),
+    ({"entires": [POSE]}, "entires.*: is an unknown key"),
     ({"frame": "tool"}, "entries: is missing"),
     ({"frame": "tool", "entries": [POSE, POSE[:15]]}, r"entries\[1\] = '15 numbers': must be one of 6"),
     ({"frame": "tool", "entries": [POSE, "pose"]}, r"entries\[1\] = 'pose': must be an object"),
     ({"frame": "tool", "entries": [[*POSE[:3], 500.0, *POSE[4:]]]}, r"entries\[0\].*in m; must be within 5 m.*mm"),
-    ({"frame": "tool", "entries": [[*POSE[:4], 0.5, *POSE[5:]]]}, r"entries\[0\].*is no pose.*not a rotation"),
-    ({"frame": "tool", "entries": [[*POSE[:12], 0, 0, 1, 1]]}, r"entries\[0\].*is no pose.*last row"),
+    ({"frame": "tool", "entries": [[*POSE[:4], 0.5, *POSE[5:]]]}, r"entries\[0\].*is not a pose.*not a rotation"),
+    ({"frame": "tool", "entries": [[*POSE[:12], 0, 0, 1, 1]]}, r"entries\[0\].*is not a pose.*last row"),
     ({"frame": "tool", "entries": [[*POSE[:5], None, *POSE[6:]]]}, r"entries\[0\].*finite numbers"),
-    ([{"T_base_tool": POSE, "q_rad": Q}], r"\[0\].q_rad.*: stands beside T_base_tool"),
+    ([{"T_base_tool": POSE, "q_rad": Q}], r"\[0\].q_rad.*: cannot be combined with T_base_tool"),
     ([{"name": "a"}], r"\[0\]: must have one of T_base_flange"),
     ([{"q_rad": Q[:5]}], r"\[0\].q_rad: must be 6 numbers, not 5"),
     ([{"T_base_tool": [Q, Q]}], r"\[0\].T_base_tool: must be 4 \(or 3\) rows"),
-    ([{"q_rad": Q, "by": "line"}], r"\[0\].by = 'line': goes with a pose only"),
-    ([{"jaws": 1, "free": "rz"}], r"\[0\].free = 'rz': goes with a pose only"),
+    ([{"q_rad": Q, "by": "line"}], r"\[0\].by = 'line': needs a pose"),
+    ([{"jaws": 1, "free": "rz"}], r"\[0\].free = 'rz': needs a pose"),
     ([{"T_base_tool": POSE, "by": "arc"}], r"\[0\].by = 'arc': must be one of transit, line"),
     ([{"T_base_tool": POSE, "approach_mm": -1}], r"\[0\].approach_mm = -1: must be a number from 0"),
     ([{"T_base_tool": POSE, "speed_mm_s": 0}], r"\[0\].speed_mm_s = 0: must be a number from 0.1"),
     ([{"T_base_tool": POSE, "dwell_s": True}], r"\[0\].dwell_s = True: must be a number"),
     ([{"T_base_tool": POSE, "jaws": 1.5}], r"\[0\].jaws = 1.5: must be open, close, or a number"),
     ([{"T_base_tool": POSE, "jaws": "shut"}], r"\[0\].jaws = 'shut': must be one of open, close"),
-    ([{"T_base_tool": POSE, "pause": 1}], r"\[0\].pause = 1: is not a key that is known here"),
-    ([{"name": "a", "q_rad": Q}, {"name": "a", "q_rad": Q}], r"\[1\] = 'a': has the name of \[0\]"),
+    ([{"T_base_tool": POSE, "pause": 1}], r"\[0\].pause = 1: is an unknown key"),
+    ([{"name": "a", "q_rad": Q}, {"name": "a", "q_rad": Q}], r"\[1\] = 'a': is also the name of \[0\]"),
     ([{"T_base_tool": POSE, "free": "rq"}], r"\[0\].*free = 'rq': must be of x, y"),
     ([{"q_deg": [0, 0, -45, 0, -45, 0]}, {"q_rad": [9, 0, 0, 0, 0, 0]}], r"\[1\] = .*J1 must be from"),
     ("1,2,3\n", r"row 1 = '3 numbers': must be one of 6"),
     ("x,y\n\n1 2 3 4 5 six\n", r"row 3 = 'six': must be a number"),
     ("1 2 3 4 5 nan\n", r"row 1.*: must be finite numbers"),
-    ("just words\n", "has no pose and no configuration"),
+    ("just words\n", "must have at least one pose or configuration"),
     ("{", "is not JSON"),
 ]  # fmt: skip
 
@@ -170,16 +170,16 @@ def test_arrays_that_are_no_list_are_refused(tmp_path: Path) -> None:
         (np.array(["a"]), "array of real numbers"),
         (np.zeros((1, 6), dtype=complex), "array of real numbers"),
         (np.array(1.0), "must be an array of"),
-        (np.zeros((0, 16)), "has no pose"),
+        (np.zeros((0, 16)), "has no entries"),
     ):
         np.save(path, array)
         with pytest.raises(FileInputError, match=rule):
             read_pose_list(path, FLANGE)
     np.save(path, np.array([{"a": 1}], dtype=object), allow_pickle=True)
-    with pytest.raises(FileInputError, match=r"is no \.npy file of numbers"):
+    with pytest.raises(FileInputError, match=r"is not a \.npy file of numbers"):
         read_pose_list(path, FLANGE)
     path.write_bytes(path.read_bytes()[:20])
-    with pytest.raises(FileInputError, match=r"is no \.npy file of numbers"):
+    with pytest.raises(FileInputError, match=r"is not a \.npy file of numbers"):
         read_pose_list(path, FLANGE)
     path.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(FileInputError, match="is neither text"):
@@ -237,5 +237,5 @@ def test_a_list_without_end_is_refused_at_once(tmp_path: Path) -> None:
     with (tmp_path / "lying.npy").open("wb") as file:
         shape = {"descr": "<f8", "fortran_order": False, "shape": (10**12, 6)}
         np.lib.format.write_array_header_1_0(file, shape)
-    with pytest.raises(FileInputError, match=r"lying\.npy: is no \.npy file of numbers"):
+    with pytest.raises(FileInputError, match=r"lying\.npy: is not a \.npy file of numbers"):
         read_pose_list(tmp_path / "lying.npy", Reading(angles="rad"))

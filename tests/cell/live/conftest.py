@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from cell.live.server import LiveServer
-from live_pages import OPENED
+from pages.live import OPENED
 
 
 @pytest.fixture

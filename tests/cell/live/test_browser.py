@@ -21,18 +21,18 @@ import numpy as np
 import pytest
 
 from arm.plan_file import GripperStep, Move
-from browsers import DEADLINE_MS, complaints_of, keep_screenshot, picture_of, until
 from cell.live.server import LiveServer
 from cell.live.state import NewPlan
 from cell.live.view import Live
 from cell.preview.page import preview_page
 from cell.preview.timeline import timed_steps
-from command_line import replace_in
 from driver.execution.control import Control
-from looks_at_motion import looks
-from small_scenes import small_scenes
+from pages.browsers import DEADLINE_MS, complaints_of, keep_screenshot, picture_of, until
+from tasks.small import small_scenes
+from typed.command_line import replace_in
+from wire.looks_at_motion import looks
 
-pytestmark = pytest.mark.xdist_group("live_browser")
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("live_browser")]
 
 
 @contextmanager
@@ -249,7 +249,7 @@ def test_pauses_gripper_steps_and_another_plan(browser, run: Run) -> None:
         run.control.paused = True
         until(page, "a465.live.run.state === 'pauses'")
         run.control.standing = True
-        until(page, "document.getElementById('live').innerText.startsWith('paused, the arm stands')")
+        until(page, "document.getElementById('live').innerText.startsWith('paused, the arm has stopped')")
         run.control.paused = run.control.standing = False
         until(page, "a465.live.run.state === 'runs'")
         page.click("#theme")
@@ -292,7 +292,7 @@ def test_a_run_in_the_simulated_cell_is_followed_to_its_end(browser, tmp_path: P
         url = re.fullmatch(r"live view: (http://127\.0\.0\.1:\d+/)\n", child.stdout.readline())[1]
         with opened(browser, url) as page:
             until(page, "window.a465?.live?.run.plan?.name === 'plan' && a465.live.sample?.t > 3")
-            assert page.evaluate("a465.live.run.state") == "runs"
+            assert page.evaluate("a465.live.run.state") in ("runs", "ended")  # a busy host may be late
             until(page, "a465.live.run.state === 'ended' && a465.live.frame === 0")
             assert "ended: done" in page.locator("#live").inner_text()
             shown = page.evaluate(

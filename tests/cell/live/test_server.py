@@ -20,8 +20,8 @@ from cell.live.state import Begun, Told
 from cell.live.view import Live
 from cell.preview.page import page, waiting_page
 from driver.execution.control import Control
-from live_pages import OPENED, SOON_S, Reader, ask, new_plan, until
-from looks_at_motion import looks
+from pages.live import OPENED, SOON_S, Reader, ask, new_plan, until
+from wire.looks_at_motion import looks
 
 
 def test_the_page_and_nothing_else(server: LiveServer) -> None:

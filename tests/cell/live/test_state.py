@@ -12,8 +12,8 @@ from cell.live.state import MOST_SAMPLES, Begun, Ended, LiveState, Told
 from cell.preview.executed import OnPath
 from cell.preview.timeline import timed_steps
 from driver.execution.control import Control
-from live_pages import UNIT, new_plan, told_by
-from looks_at_motion import looks
+from pages.live import UNIT, new_plan, told_by
+from wire.looks_at_motion import looks
 
 
 def test_a_sample_is_on_the_plans_clock_where_the_arm_is(preview_case) -> None:

@@ -19,7 +19,7 @@ from cell.console import Console
 from cell.files.task import read_task
 from cell.live.view import Live, live_view
 from driver.execution.control import Control
-from live_pages import Reader, ask
+from pages.live import Reader, ask
 
 # -- the run
 

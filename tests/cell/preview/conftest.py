@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from preview_pages import write_case
+from pages.preview import write_case
 
 
 @pytest.fixture(scope="module")

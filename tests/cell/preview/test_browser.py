@@ -14,14 +14,14 @@ import pytest
 from arm.controller.segments import CountPath
 from arm.plan_file import Move
 from arm.robot.shapes import body_from_json
-from browsers import keep_screenshot, picture_of
 from cell.console import Console
 from cell.preview.clearance import sample_clearance
 from cell.preview.of_log import preview_log
 from cell.preview.overlays import ExecutedMove
 from cell.preview.timeline import cube_tracks, timed_steps
-from logged_session import logged_run
-from preview_pages import opened, write_case
+from pages.browsers import keep_screenshot, picture_of
+from pages.preview import opened, write_case
+from wire.logged_session import logged_run
 
 
 def test_the_kinematics_of_the_page_are_the_robots(browser, page_file, preview_case) -> None:
@@ -39,6 +39,7 @@ def test_the_kinematics_of_the_page_are_the_robots(browser, page_file, preview_c
             assert np.abs(np.reshape(shown, (4, 4)).T - expected).max() < 2e-6
 
 
+@pytest.mark.slow
 def test_velocities_of_the_page_are_the_segments(browser, page_file, preview_case) -> None:
     case = preview_case
     with opened(browser, page_file) as page:
@@ -53,6 +54,7 @@ def test_velocities_of_the_page_are_the_segments(browser, page_file, preview_cas
                     assert shown == pytest.approx(expected, rel=1e-6, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_moves_that_meet_at_speed_are_shown_without_a_break(browser, preview_case, tmp_path: Path) -> None:
     """One move in two halves: velocities go on over the meeting, each segment shows its own bound."""
     steps = preview_case.plan.steps
@@ -83,6 +85,7 @@ def test_moves_that_meet_at_speed_are_shown_without_a_break(browser, preview_cas
         assert page.locator("#clearance-chart .proved").count() == 1
 
 
+@pytest.mark.slow
 def test_cubes_are_drawn_where_the_plan_brings_them(browser, page_file, preview_case) -> None:
     case = preview_case
     cubes = [body_from_json(c) for c in case.plan.scene["cubes"]]
@@ -110,6 +113,7 @@ def test_cubes_are_drawn_where_the_plan_brings_them(browser, page_file, preview_
             assert np.abs(np.reshape(elements, (4, 4)).T - expected).max() < 2e-6
 
 
+@pytest.mark.slow
 def test_the_picture_is_not_empty_and_moves(browser, page_file) -> None:
     with opened(browser, page_file) as page:
         first = picture_of(page).astype(int)
@@ -120,6 +124,7 @@ def test_the_picture_is_not_empty_and_moves(browser, page_file) -> None:
         assert 0.01 < changed < 0.6
 
 
+@pytest.mark.slow
 def test_all_of_the_cell_is_in_the_picture(browser, page_file) -> None:
     """What is taken out is missed: the arm, the boards, the cubes, table and walls, and the camera's view."""
     parts = {
@@ -145,6 +150,7 @@ def test_all_of_the_cell_is_in_the_picture(browser, page_file) -> None:
             page.evaluate(show.format(part, "true"))
 
 
+@pytest.mark.slow
 def test_the_camera_is_shown_when_asked_for(browser, page_file) -> None:
     with opened(browser, page_file, 500, 500) as page:
         for shown in (False, True, False):
@@ -185,6 +191,7 @@ def test_the_closest_pair_at_the_cursor(browser, page_file, preview_case) -> Non
     assert not at_rest["visible"]
 
 
+@pytest.mark.slow
 def test_the_trace_has_its_colour_from_the_clearance(browser, page_file) -> None:
     """Redder where it is nearer, until the roles are asked for; the legend says which."""
     colours = "[...a465.trace.ahead.geometry.attributes.instanceColorStart.data.array]"
@@ -203,6 +210,7 @@ def test_the_trace_has_its_colour_from_the_clearance(browser, page_file) -> None
         assert not np.allclose(np.reshape(page.evaluate(colours), (-1, 6))[:, :3], rgb)
 
 
+@pytest.mark.slow
 def test_peaks_stay_under_the_limits_that_were_planned(browser, page_file, preview_case) -> None:
     with opened(browser, page_file) as page:
         limits = preview_case.unit.limits().scaled(preview_case.plan.speed)
@@ -212,6 +220,7 @@ def test_peaks_stay_under_the_limits_that_were_planned(browser, page_file, previ
             assert np.all(peaks <= limit * 1.001)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cubes", [1, 2, 3, 4])
 def test_plans_of_other_lengths(browser, make_preview_case: Callable, tmp_path: Path, cubes: int) -> None:
     case = make_preview_case(cubes)
@@ -234,6 +243,7 @@ def test_plans_of_other_lengths(browser, make_preview_case: Callable, tmp_path: 
         keep_screenshot(page, tmp_path, f"preview-{cubes}-phone-dark")
 
 
+@pytest.mark.slow
 def test_executed_is_drawn_over_planned(browser, preview_case, tmp_path: Path) -> None:
     moves = [(i, s) for i, s in enumerate(preview_case.plan.steps) if isinstance(s, Move)][:3]
     executed = []
@@ -252,11 +262,13 @@ def test_executed_is_drawn_over_planned(browser, preview_case, tmp_path: Path) -
         assert page.locator("#off").inner_text().startswith("J5 ")
 
 
+@pytest.mark.slow
 def test_without_a_log_there_is_no_difference(browser, page_file) -> None:
     with opened(browser, page_file) as page:
         assert not page.locator("#difference").is_visible()
 
 
+@pytest.mark.slow
 def test_a_log_alone_is_shown_without_clearance(browser, tmp_path: Path) -> None:
     run = logged_run(tmp_path / "wire.jsonl")
     told = preview_log(run.log, None, tmp_path / "log.html", Console(as_json=True))
@@ -269,6 +281,7 @@ def test_a_log_alone_is_shown_without_clearance(browser, tmp_path: Path) -> None
         assert picture_of(page).std() > 5
 
 
+@pytest.mark.slow
 def test_a_scene_without_boards_or_cubes_is_shown(browser, preview_case, tmp_path: Path) -> None:
     plan = replace(
         preview_case.plan,

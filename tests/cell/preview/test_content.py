@@ -109,7 +109,7 @@ def test_cubes_do_not_jump_and_end_in_their_holes(preview_case) -> None:
 def test_a_cube_that_is_not_in_the_scene_is_told(preview_case) -> None:
     plan = replace(preview_case.plan, scene=preview_case.plan.scene | {"cubes": []})
     with pytest.raises(
-        InputError, match=r"cube 1: retract: holds 'cube 1', which is no cube of the plan's scene"
+        InputError, match=r"cube 1: retract: holds 'cube 1', must be a cube of the plan's scene"
     ):
         page_content(plan, preview_case.robot_open, preview_case.robot_holding, preview_case.unit)
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from browsers import picture_of, until
-from preview_pages import opened, time_of
+from pages.browsers import picture_of, until
+from pages.preview import opened, time_of
 
 
+@pytest.mark.slow
 def test_play_pause_and_keys(browser, page_file) -> None:
     with opened(browser, page_file) as page:
         page.select_option("#rate", "5")
@@ -37,6 +38,7 @@ def test_play_pause_and_keys(browser, page_file) -> None:
         until(page, "a465.state.time > 0 && a465.state.time < 20")
 
 
+@pytest.mark.slow
 def test_playing_ends_by_itself(browser, page_file) -> None:
     with opened(browser, page_file) as page:
         page.evaluate("a465.seek(a465.motion.duration - 0.5)")
@@ -45,6 +47,7 @@ def test_playing_ends_by_itself(browser, page_file) -> None:
         assert time_of(page) == pytest.approx(page.evaluate("a465.motion.duration"))
 
 
+@pytest.mark.slow
 def test_seek_by_slider_plot_and_step(browser, page_file) -> None:
     with opened(browser, page_file) as page:
         duration = page.evaluate("a465.motion.duration")
@@ -65,6 +68,7 @@ def test_seek_by_slider_plot_and_step(browser, page_file) -> None:
         assert "approach" in page.locator("#now").inner_text()
 
 
+@pytest.mark.slow
 def test_tabs_views_and_theme(browser, page_file) -> None:
     with opened(browser, page_file, scheme="dark") as page:
         background = page.evaluate("getComputedStyle(document.body).backgroundColor")
@@ -79,6 +83,7 @@ def test_tabs_views_and_theme(browser, page_file) -> None:
         assert (np.abs(picture_of(page).astype(int) - before).max(axis=2) > 24).mean() > 0.1
 
 
+@pytest.mark.slow
 def test_readable_on_a_phone(browser, page_file) -> None:
     with opened(browser, page_file, 390, 844) as page:
         assert page.evaluate("document.documentElement.scrollWidth") <= 390
@@ -89,6 +94,7 @@ def test_readable_on_a_phone(browser, page_file) -> None:
         assert page.locator("#stage").bounding_box()["height"] >= 300
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [1900, 1280, 400])
 def test_the_steps_label_covers_nothing_of_the_picture(browser, page_file, width: int) -> None:
     with opened(browser, page_file, width=width) as page:

@@ -23,7 +23,7 @@ from cell.preview.of_log import preview_log
 from driver.log.motions import LoggedMotion
 from driver.log.read import Session
 from driver.log.samples import LoggedSample
-from logged_session import LoggedRun
+from wire.logged_session import LoggedRun
 
 pytestmark = pytest.mark.xdist_group("logs")
 
@@ -162,11 +162,11 @@ def test_the_task_given_must_be_the_plans(run: LoggedRun, plan: Plan, tmp_path: 
 def test_what_is_no_log_or_holds_no_motion_is_told(tmp_path: Path) -> None:
     path = tmp_path / "x.jsonl"
     path.write_text('{"t":0,"kind":"open"}\n{"t":0,"kind":"sent","data":"ANAXSETUPG:1,2\\n"}\n')
-    with pytest.raises(InputError, match="holds no motion with a known start"):
+    with pytest.raises(InputError, match="has no motion with a known start"):
         preview_file(path, None, None, Console(as_json=True))
     path.write_text("nothing")
     with pytest.raises(
-        InputError, match=r"is no log of a run, and a plan is shown in the cell of its task: a465 preview"
+        InputError, match=r"is not a log; if it is a plan, give its task file too: a465 preview"
     ):
         preview_file(path, None, None, Console(as_json=True))
     with pytest.raises(InputError, match="cannot be read"):

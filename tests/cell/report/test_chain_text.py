@@ -19,7 +19,7 @@ from cell.report.chain_text import (
     tell_hand_eye,
     with_std,
 )
-from found_chains import MORE, Heard, nao_named, refused
+from recorded.found_chains import MORE, Heard, nao_named, refused
 
 LINK_KEYS = {"dh_d_error_m": "d", "dh_a_error_m": "a", "dh_alpha_error_rad": "alpha"}
 
@@ -155,7 +155,7 @@ def test_what_a_person_is_told_of_a_chain(found: HandEye) -> None:
     assert "note: look at this" in heard.told
     assert "accepted" in heard.told
     (pose,) = [line for line in heard.told if line.endswith("25 %")]
-    assert "off, each taken with those before it):" in heard.told[heard.told.index(pose) - 1]
+    assert "error, each together with those before it):" in heard.told[heard.told.index(pose) - 1]
     assert pose.split() == ["10.0", "-20.0", "30.0", "40.0", "-50.0", "60.0", "25", "%"]
     exact = replace(c, problem=replace(c.problem, reading_sigma=np.zeros(6)))
     heard = Heard()
@@ -191,4 +191,4 @@ def test_tables_of_a_page_are_as_wide_as_it_is(found: HandEye) -> None:
     page = chain_page("Camera and arm", "r.json", found.chain, hand_eye_tables(found))
     halves = page.index('<div class="two">')
     assert page.index("<h2>Places</h2>") < page.index("<h2>Arm</h2>") < halves
-    assert page.index("<h2>Image by image</h2>") > halves
+    assert page.index("<h2>Residuals by image</h2>") > halves

@@ -89,7 +89,7 @@ def test_a_cube_that_was_left_and_an_error_are_not_done(task: Task) -> None:
     assert "1 of 4 cubes placed" in text
     assert "interrupted &amp; stopped" in text
     text = words(run_page(task, report(), [], [], BEGAN, ENDED))
-    assert "None was moved." in text
+    assert "No cube was moved." in text
     assert "cubes placed" not in text, "a list of poses places none"
     assert "41.2 s of planned motion" in text
 
@@ -108,7 +108,7 @@ def test_pictures_are_in_the_page_and_no_larger_than_they_need(task: Task, tmp_p
     assert np.abs(shown[150, 900].astype(int) - [0, 0, 255]).max() < 20
     assert "Look 1: from q_start" in html
     assert "look-2.png cannot be read" in html
-    assert "It was not finished" in words(
+    assert "The look was not finished" in words(
         run_page(task, report(), [Picture("stopped", tmp_path / "look-3.png")], [], BEGAN, ENDED)
     )
     assert not re.search(r"https?:|//[a-z]|src=\"(?!data:)", html)

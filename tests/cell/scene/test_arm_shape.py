@@ -16,13 +16,13 @@ from arm.io.storage import data_file
 from arm.robot.gripper import HAND
 from arm.robot.tool import padded
 from cell.config.cell_file import read_cell
-from cell.doctor.cell import cell_findings, read_named
+from cell.doctor.cell import check_cell, read_named
 from cell.doctor.finding import NOTE, OK
 from cell.files.task import read_task
 from cell.report.run_report import run_report
 from cell.scene.arm_shape import arm_shape
-from command_line import a465, replace_in
 from plan.collision.world import World
+from typed.command_line import a465, replace_in
 
 COMPARED = 'arm_compared = "2026-11-20, who did it"\n'
 
@@ -55,14 +55,14 @@ def test_links_are_padded_by_default_and_the_gripper_is_not(scenes: Path) -> Non
 def test_less_padding_wants_somebody_who_compared(scenes: Path) -> None:
     cell = _with(scenes, "arm_padding_mm = 9.9\n")
     with pytest.raises(
-        InputError, match=r"arm_padding_mm = 9.9: must be at least 10 mm while nobody .*arm_compared"
+        InputError, match=r"arm_padding_mm = 9.9: must be at least 10 mm until .*arm_compared"
     ):
         read_cell(cell)
     replace_in(cell, "arm_padding_mm = 9.9\n", 'arm_padding_mm = 9.9\narm_compared = " "\n')
-    with pytest.raises(InputError, match="while nobody has compared"):
+    with pytest.raises(InputError, match="until the arm's assumed bodies are compared"):
         read_cell(cell)
     replace_in(cell, 'arm_compared = " "\n', 'arm_compared = "date, name"\n')
-    with pytest.raises(InputError, match=r"arm_compared = 'date, name': must say when and by whom"):
+    with pytest.raises(InputError, match=r"arm_compared = 'date, name': must be the date and the name"):
         read_cell(cell)
     replace_in(cell, 'arm_compared = "date, name"\n', COMPARED)
     assert read_cell(cell).arm_padding == pytest.approx(0.0099)
@@ -78,7 +78,7 @@ def test_more_padding_needs_nobody(scenes: Path) -> None:
 
 def test_doctor_says_whose_word_it_is(scenes: Path) -> None:
     def row() -> tuple[str, str]:
-        finding = next(f for f in cell_findings(read_named(scenes / "cell.toml")) if f.check == "arm's shape")
+        finding = next(f for f in check_cell(read_named(scenes / "cell.toml")) if f.check == "arm's shape")
         return finding.verdict, finding.found
 
     assert row() == (

@@ -14,10 +14,10 @@ from arm.se3 import rot_x, transform
 from cell.commands.run import run_task
 from cell.console import Console
 from cell.session.budget import budget_of, require_planning, within
-from command_line import a465
 from plan.budget import BudgetSpent, SearchBudget
 from plan.pick_place import search as sequence
-from small_scenes import small_scenes
+from tasks.small import small_scenes
+from typed.command_line import a465
 
 POSE = {"T_base_tool": transform(rot_x(np.pi), (0.42, 0.1, 0.3)).tolist(), "free": "rz"}
 
@@ -85,7 +85,7 @@ def test_ctrl_c_with_a_complete_plan_writes_it_and_ends_with_4(
     _, told = a465("plan", task, "--look", look, "-o", tmp_path / "p.json", code=4)
     plan = read_plan(tmp_path / "p.json")
     assert "stopped: the search was interrupted: this is the best sequence that was complete by then" in told
-    assert f"it is in {tmp_path / 'p.json'}, certified, code {plan.code}" in told
+    assert f"it is written to {tmp_path / 'p.json'}, certified, code {plan.code}" in told
     assert plan.notes["search"].startswith("the search was interrupted")
     monkeypatch.undo()
     a465("check", tmp_path / "p.json", task)

@@ -21,10 +21,10 @@ from cell.config.inputs import changes
 from cell.console import Console
 from cell.files.task import read_task
 from cell.session.connection import WhichCell, open_cell, simulated_cell
-from command_line import a465, replace_in
 from driver.emulator import Emulator
 from driver.line.clock import Clock
-from emulated_camera import SERIAL
+from pictures.cameras import SERIAL
+from typed.command_line import a465, replace_in
 from vision.camera.basler import BaslerCamera, BaslerSettings
 from vision.camera.frame_source import Image
 
@@ -57,6 +57,7 @@ def given(scenes: Path, lines: str) -> None:
     replace_in(scenes / "cell.toml", "[motion]", f"[look.basler]\n{lines}\n\n[motion]")
 
 
+@pytest.mark.slow
 def test_a_live_look_sees_what_the_photographs_show(place: Path) -> None:
     task = place / "scenes/task2.toml"
     live, told = a465("look", task, "--camera", SERIAL, "--json")
@@ -72,16 +73,16 @@ def test_a_live_look_sees_what_the_photographs_show(place: Path) -> None:
     [
         (
             ["look", "TASK", "--camera", "serial:1"],
-            "no photographs: camera serial:1: is not there; there are Emulation serial:0815-0000 class:BaslerCamEmu",
+            "no photographs: camera serial:1: not found; connected: Emulation serial:0815-0000 class:BaslerCamEmu",
         ),
         (["look", "TASK", "--camera", "colour:red"], "wrong input: camera 'colour:red': must be name:NAME, ser"),
         (["look", "TASK", "--camera", "cell"], "cell.toml names no camera; write device = ... under [look.basler]"),
-        (["look", "TASK", "--camera", "x", "--images", "y"], "--images y and --camera x are two places for photo"),
-        (["look", "--detections", "x.json", "--camera", "y"], "--camera does not go with --detections"),
+        (["look", "TASK", "--camera", "x", "--images", "y"], "--images y and --camera x: give only one source"),
+        (["look", "--detections", "x.json", "--camera", "y"], "--camera cannot be combined with --detections"),
         (["run", "TASK", "--camera", "x"], "--camera needs --port: the simulated cell has its own camera"),
-        (["run", "TASK", "--port", "/dev/none"], "a camera is needed with --port: name one with --camera or in"),
-        (["run", "TASK", "--port", "/dev/none", "--camera", "x"], "no photographs: camera x: is not there; there"),
-        (["run", "TASK", "--port", "p", "--camera", "x", "--images", "y"], "two places for photographs"),
+        (["run", "TASK", "--port", "/dev/none"], "--port needs a camera: name one with --camera or in"),
+        (["run", "TASK", "--port", "/dev/none", "--camera", "x"], "no photographs: camera x: not found; connected"),
+        (["run", "TASK", "--port", "p", "--camera", "x", "--images", "y"], "give only one source of images"),
     ],
 )  # fmt: skip
 def test_a_camera_that_cannot_be_had_is_told(place: Path, arguments: list[str], told: str) -> None:
@@ -96,7 +97,7 @@ def test_a_camera_that_cannot_be_had_is_told(place: Path, arguments: list[str], 
 def test_why_there_are_no_photographs_is_data_too(place: Path) -> None:
     task, selector = place / "scenes/task2.toml", "class:BaslerCamEmu"
     said, told = a465("look", task, "--camera", selector, "--json", code=2)
-    assert told.startswith(f"a465: no photographs: camera {selector}: means 2 cameras")
+    assert told.startswith(f"a465: no photographs: camera {selector}: matches 2 cameras")
     assert len(told.splitlines()) == 1
     error = json.loads(said)["error"]
     assert (error["kind"], error["exit_code"], error["reason"]) == ("CameraError", 2, "ambiguous")
@@ -167,6 +168,7 @@ def test_the_device_of_the_cell_file_looks_unless_another_is_named(place: Path, 
             assert not isinstance(connection.frames, BaslerCamera)
 
 
+@pytest.mark.slow
 def test_a_camera_that_fails_on_the_way_stops_the_run(
     place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -196,4 +198,4 @@ def test_a_camera_that_fails_on_the_way_stops_the_run(
     )
     told = capsys.readouterr()
     assert f"--port {port} --camera {SERIAL} --resume" in told.out
-    assert "photograph 1 of 2 was damaged and is taken anew" in told.err
+    assert "photograph 1 of 2 was damaged and is retaken" in told.err

@@ -49,13 +49,13 @@ def test_photographs_from_before_a_look_are_not_looked_at(
 
     assert look(2, 3) == [2, 3]
     assert (
-        "waiting for 2 new photographs under other names (1 that lies there already does not count), for"
+        "waiting for 2 new images under other names (the 1 already there does not count), for"
         in capsys.readouterr().err
     )
     _photograph(tmp_path / "b4.png", 4)  # between two looks: never handed out, yet of an older cell
     assert look(5) == [5]
     assert (
-        "waiting for 1 new photograph under other names (4 that lie there already do not count), for"
+        "waiting for 1 new image under other names (the 4 already there do not count), for"
         in capsys.readouterr().err
     )
 
@@ -82,7 +82,7 @@ def test_a_photograph_that_is_still_being_copied_is_waited_for(tmp_path: Path) -
 def test_photographs_that_do_not_come_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connection, "AWAIT_S", 0.3)
     _photograph(tmp_path / "a.png", 1)
-    with pytest.raises(InputError, match="holds 0 new photographs"):
+    with pytest.raises(InputError, match="has 0 new photographs"):
         AwaitedPhotographs(tmp_path).grab(1)
     with pytest.raises(InputError, match="no such folder"):
         AwaitedPhotographs(tmp_path / "none")
@@ -90,7 +90,7 @@ def test_photographs_that_do_not_come_are_told(tmp_path: Path, monkeypatch: pyte
 
 def test_a_world_that_is_not_there_is_told(task: Task, tmp_path: Path) -> None:
     assert world_file(task, None).name == "task2.world.toml"
-    with pytest.raises(InputError, match="the simulated cell needs one"):
+    with pytest.raises(InputError, match="give --world for the simulated cell"):
         world_file(task, tmp_path / "none.toml")
 
 
@@ -100,8 +100,8 @@ def test_a_world_that_is_not_there_is_told(task: Task, tmp_path: Path) -> None:
         (None, None, 0.0, "time scale = 0: must be from"),
         (None, None, 101.0, "must be from 0.01 to 100"),
         (None, Path("photographs"), 1.0, "--images needs --port"),
-        ("/dev/none", None, 1.0, "--time-scale 1 is of the simulated cell"),
-        ("/dev/none", None, None, "a camera is needed with --port"),
+        ("/dev/none", None, 1.0, "--time-scale 1 is for the simulated cell"),
+        ("/dev/none", None, None, "--port needs a camera"),
     ],
 )
 def test_what_cannot_be_opened_is_told(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from arm.errors import ExecutionStopped
-from cell.session.grasp_monitor import GRIP_CHANGE, LOOKS, Grip, Held
+from cell.session.grasp_monitor import GRIP_CHANGE, LOOKS, GraspMonitor, Grip
 
 
 @pytest.mark.parametrize(
@@ -29,17 +29,15 @@ def test_a_cube_is_gripped_at_its_width_and_no_narrower_or_wider(width_mm: float
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_cube_is_lost_when_as_many_looks_in_a_row_say_so_as_are_asked_for(sign: float) -> None:
     """Between them one look at which the jaws are where they closed begins anew."""
-    held, away = Held("cube 1", 0.5), 0.5 + sign * 1.01 * GRIP_CHANGE
+    held, away = GraspMonitor("cube 1", 0.5), 0.5 + sign * 1.01 * GRIP_CHANGE
     for _ in range(3):
         for _ in range(LOOKS - 1):
             held.require(away)
         held.require(0.5 + sign * 0.99 * GRIP_CHANGE)
     for _ in range(LOOKS - 1):
         held.require(away)
-    with pytest.raises(
-        ExecutionStopped, match="cube 1 was lost on the way: the jaws were 50 % closed"
-    ) as lost:
+    with pytest.raises(ExecutionStopped, match="cube 1 was lost: the jaws were 50 % closed") as lost:
         held.require(away)
     assert lost.value.data["reason"] == "lost"
     with pytest.raises(ExecutionStopped):
-        Held("cube 1", 0.5).require(away, looks=1)
+        GraspMonitor("cube 1", 0.5).require(away, looks=1)

@@ -23,7 +23,7 @@ from cell.task.free_cell import FreeCell, before_homing
 from driver.emulator import Emulator
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
-from lasting_cell import LastingCell
+from wire.lasting_cell import LastingCell
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def test_a_unit_that_was_homed_is_kept_and_told(
     assert _homings(emulator) == homings
     assert mars.counts() == before
     told = capsys.readouterr().out
-    assert "not homed: --homed says that it was" in told
+    assert "not homed: --homed states that it was" in told
     assert "-45.0" in told  # where it stands, to compare
 
 

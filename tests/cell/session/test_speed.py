@@ -18,7 +18,7 @@ from cell.session.connection import WhichCell
 from cell.session.overview import overview
 from cell.session.speed import LEAST_SPEED, override_of, planning_speed, tool_words
 from cell.task.planning import plan_rest
-from true_look import true_look
+from tasks.true_look import true_look
 
 WRONG = (1e-300, 0.0, -0.5, LEAST_SPEED / 2.0, 1.5, float("nan"), float("inf"))
 
@@ -66,7 +66,7 @@ def test_what_is_no_speed_is_refused_with_option_value_and_rule(
 
 
 def test_an_execution_only_lowers(plans: dict[float, Plan]) -> None:
-    with pytest.raises(InputError, match=r"the plan was made for 0\.5, and an execution only lowers"):
+    with pytest.raises(InputError, match=r"the plan was made for 0\.5, and execution can only lower it"):
         override_of(plans[0.5], 0.6)
     assert override_of(plans[0.5], 0.5) == 1.0
 

@@ -133,11 +133,11 @@ def test_nothing_is_ever_half_there(
 
 def test_a_folder_that_is_none_or_goes_away_is_told(tmp_path: Path, clock: SimpleNamespace) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(InputError, match="file: cannot be made"):
+    with pytest.raises(InputError, match="file: cannot be created"):
         _camera(Cell(), tmp_path / "file")
     camera = _camera(Cell(), tmp_path / "shots")
     (tmp_path / "shots").rmdir()
     camera.poll()
     clock.s += 10.0
-    with pytest.raises(ExecutionStopped, match="shots: photographs cannot be put there: No such file"):
+    with pytest.raises(ExecutionStopped, match="shots: images cannot be written: No such file"):
         camera.poll()

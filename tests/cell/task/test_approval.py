@@ -28,13 +28,13 @@ from cell.preview.content import page_content
 from cell.session.dialogue import TRIES
 from cell.session.overview import overview
 from cell.task.approval import Approval, Consent
-from command_line import a465
 from driver.emulator import Emulator
 from driver.execution.control import Control
 from driver.line.clock import Clock
 from driver.line.stepped_clock import SteppedClock
 from driver.line.wire_log import WireLog
 from driver.mars.mars import Mars
+from typed.command_line import a465
 
 
 def test_a_code_is_of_one_plan_alone_and_not_of_its_hash(preview_case) -> None:
@@ -130,10 +130,10 @@ def test_what_will_move_is_told_and_nothing_but_questions_is_sent(
     assert row[4] == f"{np.degrees(0.5 * of.fastest[1]):.1f}"
     limits = preview_case.unit.limits(plan.speed_registers).velocity
     assert row[5] == f"{50 * of.fastest[1] / limits[1]:.0f}"
-    assert f"tool: {500 * of.tool:.0f} mm/s at most" in told
-    assert "not homed since it was switched on, so its place is not known" in told
+    assert f"tool: at most {500 * of.tool:.0f} mm/s" in told
+    assert "not homed since it was switched on, so its position is not known" in told
     assert "the arm's shape is assumed, nobody has compared it with the arm: links padded by 10 mm" in told
-    assert "nothing checks its way" in told
+    assert "without collision checks" in told
     assert plan.code not in told
     assert max(len(line) for line in told.splitlines() if re.match("joint|J[1-6]", line)) <= 80
     others = [
@@ -147,8 +147,8 @@ def test_of_what_goes_on_nothing_is_said_to_be_homed(
 ) -> None:
     Approval(plan_file, plan.code, Console(), resumes=True)(run, plan)
     told = capsys.readouterr().out
-    assert "this moves the real arm: what is left of" in told
-    assert "nothing is homed" in told
+    assert "this moves the real arm: the rest of" in told
+    assert "the arm is not homed" in told
     assert "homes the arm" not in told
 
 
@@ -189,12 +189,12 @@ def test_a_wrong_code_and_nobody_to_ask_are_told_before_a_port_is_opened(
     task = tmp_path / "none.toml"
     port = ("--port", tmp_path / "no-such-port")
     _, told = a465("execute", plan_file, task, *port, "--yes", "ABCD-EFGH", code=2)
-    assert "--yes 'ABCD-EFGH': is not the code that the preview of" in told
+    assert "--yes 'ABCD-EFGH': is not the code shown by the preview of" in told
     _, told = a465("execute", plan_file, task, *port, code=2)
-    assert "nobody is there to confirm" in told
+    assert "no terminal to confirm" in told
     assert "--yes CODE" in told
     _, told = a465("execute", plan_file, task, "--yes", plan.code, code=2)
-    assert "--yes goes with --port" in told
+    assert "--yes needs --port" in told
     assert plan.code not in told
 
 
@@ -210,12 +210,12 @@ def test_plans_that_nobody_has_seen_move_a_real_arm_by_its_name_alone(
 
     Consent(False, Console(), answer)(run)
     told = asked[0]
-    assert f"this moves the real arm, {run.task.cell.unit.name}, by plans that are made on the way" in told
+    assert f"this moves the real arm, {run.task.cell.unit.name}, by plans made as the command runs" in told
     assert "speed: 10 %" in told
-    assert "nothing checks its way" in told
+    assert "without collision checks" in told
     assert f"that is not {run.task.cell.unit.name}; 2 more tries" in asked[1]
     Consent(True, Console())(run)
-    assert "seen by nobody before" in capsys.readouterr().out
+    assert "without a preview" in capsys.readouterr().out
     others = [
         line for line in sent(run.wire) if not re.fullmatch(r"|ECHO:[01]|STAMP:\d+|VER\?|AP[A-F]\?", line)
     ]
@@ -225,7 +225,7 @@ def test_plans_that_nobody_has_seen_move_a_real_arm_by_its_name_alone(
 def test_nobody_lets_the_arm_move_by_silence(run: Any) -> None:
     run.speed = 0.1
     for answer in (lambda: None, lambda: ""):
-        with pytest.raises(InputError, match="nobody let the arm move; nothing moved"):
+        with pytest.raises(InputError, match=f"{run.task.cell.unit.name!r} was not typed; nothing moved"):
             Consent(False, Console(), answer)(run)
 
 
@@ -238,19 +238,19 @@ def test_a_run_on_a_port_without_a_terminal_needs_to_be_told(tmp_path: Path) -> 
         _, told = a465(
             "run", task, "--port", emulator.open_pty(), "--images", tmp_path / "shots", code=2, cwd=tmp_path
         )
-        assert "nobody is there to let a real arm move" in told
+        assert "no terminal to confirm that a real arm may execute plans without a preview" in told
         assert "--unseen" in told
         moving = ("COORDMV", "COORDS", "HH", "GG:", "INIT")
         assert not any(line.startswith(moving) for _, line in emulator.lines)
     _, told = a465("run", task, "--unseen", code=2, cwd=tmp_path)
-    assert "--unseen goes with --port" in told
+    assert "--unseen needs --port" in told
     _, told = a465("calibrate", "hand-eye", tmp_path / "r.json", "--unseen", code=2, cwd=tmp_path)
-    assert "--unseen: goes with --collect" in told
+    assert "--unseen needs --collect" in told
 
 
 def test_a_plan_that_was_changed_since_it_was_read_is_not_sent(plan_file: Path, plan: Plan, run: Any) -> None:
     other = replace(plan, provenance={**plan.provenance, "seed": 99})
-    with pytest.raises(InputError, match="was changed while it was read"):
+    with pytest.raises(InputError, match="changed while it was being read"):
         Approval(plan_file, plan.code, Console())(run, other)
     asked: list[tuple[Any, Plan]] = []
     confirm = cell.commands.run._of_plan(lambda run, plan: asked.append((run, plan)), other)
@@ -288,7 +288,7 @@ def test_an_interrupt_while_it_asks_sends_nothing(run: Any) -> None:
     mars = run.connection.mars
     before = len(sent(run.wire))
     error = cell.commands.run._interrupted(mars, False)
-    assert "interrupted before the arm was let move; nothing moved" in str(error)
+    assert "interrupted before the arm was allowed to move; nothing moved" in str(error)
     assert len(sent(run.wire)) == before
     cell.commands.run._interrupted(mars, True)
     assert "STOP:" in "".join(sent(run.wire)[before:])

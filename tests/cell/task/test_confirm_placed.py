@@ -14,10 +14,10 @@ from arm.io.storage import data_file
 from cell.files.world import read_world
 from cell.report.cubes import CubeRow
 from cell.task.confirm_placed import LetGo, Unconfirmed, confirm
-from command_line import replace_in
-from small_scenes import small_scenes
+from tasks.small import small_scenes
+from tasks.whole_run import WholeRun, run_whole
+from typed.command_line import replace_in
 from vision.occupancy.seated import CubeWidth
-from whole_run import WholeRun, run_whole
 
 pytestmark = pytest.mark.xdist_group("confirming")
 UNSEATED = ("high", "half", "rim", "aside")
@@ -31,6 +31,7 @@ def _run(tmp_path: Path, releases: list[str], look_after: str = "each") -> Whole
     return run_whole(scenes / "task2.toml", tmp_path / "run")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("release", UNSEATED)
 def test_a_cube_that_does_not_sit_stops_the_run_as_not_confirmed(tmp_path: Path, release: str) -> None:
     run = _run(tmp_path, [release])
@@ -39,7 +40,7 @@ def test_a_cube_that_does_not_sit_stops_the_run_as_not_confirmed(tmp_path: Path,
     (cube,) = run.error.data["cubes"]
     assert not cube["placed"]
     assert "not confirmed" in str(run.error)
-    assert "put that cube right or take it away, and run again" in str(run.error)
+    assert "correct or remove that cube, and run again" in str(run.error)
     assert "not seen" not in str(run.error)  # it is: beside where it should be
     assert "planned s" in run.said
     assert "not confirmed" in cube["remarks"][-1]
@@ -47,6 +48,7 @@ def test_a_cube_that_does_not_sit_stops_the_run_as_not_confirmed(tmp_path: Path,
     assert (run.folder / picture).is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("look_after", ["each", "never"])
 def test_the_last_cube_is_looked_at_too(tmp_path: Path, look_after: str) -> None:
     run = _run(tmp_path, ["seated", "seated", "seated", "high"], look_after)
@@ -55,6 +57,7 @@ def test_the_last_cube_is_looked_at_too(tmp_path: Path, look_after: str) -> None
     assert "not confirmed" in str(run.error)
 
 
+@pytest.mark.slow
 def test_a_cube_whose_board_was_pushed_is_not_confirmed_and_the_rest_goes_on(tmp_path: Path) -> None:
     run = _run(tmp_path, ["pushed"])
     assert isinstance(run.error, ExecutionStopped), run.said
@@ -65,6 +68,7 @@ def test_a_cube_whose_board_was_pushed_is_not_confirmed_and_the_rest_goes_on(tmp
     assert len(run.error.data["plans_sha256"]) == 2  # what is left was planned from what was seen
 
 
+@pytest.mark.slow
 def test_cubes_that_sit_are_confirmed(tmp_path: Path) -> None:
     run = _run(tmp_path, [])
     assert run.error is None, run.said
@@ -92,8 +96,8 @@ def test_a_world_file_names_how_cubes_are_released(tmp_path: Path) -> None:
         ("empty", "empty", "seated", ("hole b/2 looks empty, not cube",), True),
         ("empty", "unsure", "seated", ("hole b/2 looks unsure, not cube",), True),
         ("empty", None, "seated", ("hole b/2 looks hidden, not cube",), True),
-        ("empty", "cube", "off", ("the cube in b/2 does not surely sit: because",), True),
-        ("empty", "cube", "unsure", ("the cube in b/2 does not surely sit: because",), True),
+        ("empty", "cube", "off", ("the cube in b/2 is not certainly seated: because",), True),
+        ("empty", "cube", "unsure", ("the cube in b/2 is not certainly seated: because",), True),
     ],
 )
 def test_each_rule_alone_leaves_a_cube_unconfirmed(

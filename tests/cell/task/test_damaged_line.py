@@ -12,10 +12,10 @@ from arm.errors import ExecutionStopped, ImpossibleError
 from cell.commands.run import execute_plan, resume_plan
 from cell.console import Console
 from cell.session.connection import WhichCell
-from command_line import a465
 from driver.emulator import EmulatorOptions
-from lasting_cell import LastingCell
-from line_damage import Damage
+from typed.command_line import a465
+from wire.lasting_cell import LastingCell
+from wire.line_damage import Damage
 
 pytestmark = pytest.mark.xdist_group("resume")
 
@@ -25,6 +25,7 @@ def execute(at: LastingCell, name: str, preload: bool = False) -> dict[str, Any]
     return execute_plan(at.plan, at.file, Console(), where, at.folder / name)
 
 
+@pytest.mark.slow
 def test_after_a_damaged_line_the_run_stops_says_what_came_back_and_resume_finishes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -37,7 +38,7 @@ def test_after_a_damaged_line_the_run_stops_says_what_came_back_and_resume_finis
 
     with at.emulator:
         at.stop_at = arm_it
-        with pytest.raises(ExecutionStopped, match="the line was damaged") as stopped:
+        with pytest.raises(ExecutionStopped, match="transmission error") as stopped:
             execute(at, "first")
         told = stopped.value
         assert damage.at_s is not None
@@ -61,17 +62,18 @@ def test_after_a_damaged_line_the_run_stops_says_what_came_back_and_resume_finis
         report = resume_plan(
             Path(told.data["resume_with"]), at.file, Console(), WhichCell(at.url), at.folder / "resumed"
         )
-        assert "is in the jaws: it goes to 03-04/" in capsys.readouterr().out
+        assert "is in the jaws; its target is 03-04/" in capsys.readouterr().out
         assert all(c["placed"] for c in report["cubes"])
         assert max(c["error_mm"] for c in report["cubes"]) <= 1.0
 
 
+@pytest.mark.slow
 def test_a_unit_that_does_not_echo_is_told_of_and_cannot_be_preloaded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     at = LastingCell(tmp_path, monkeypatch, "task2", EmulatorOptions(echo="none"))
     with at.emulator:
-        with pytest.raises(ImpossibleError, match="preload: the unit sends nothing back"):
+        with pytest.raises(ImpossibleError, match="preload: the unit does not echo"):
             execute(at, "preloaded", preload=True)
         assert len(at.emulator.record().time_ms) == 0  # nothing has moved
         capsys.readouterr()
@@ -85,6 +87,7 @@ def test_a_unit_that_does_not_echo_is_told_of_and_cannot_be_preloaded(
         assert capsys.readouterr().out.count("NO ECHO") == 1
 
 
+@pytest.mark.slow
 def test_preloaded_a_damaged_motion_is_sent_again_and_the_command_to_go_on_keeps_the_option(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -94,7 +97,7 @@ def test_preloaded_a_damaged_motion_is_sent_again_and_the_command_to_go_on_keeps
         at.stopped(lambda: execute(at, "first", preload=True), "close on it", 0.0)
         assert damage.at_s is not None
         said = capsys.readouterr().out
-        assert said.count("nothing has moved: the motion is sent again") == 1
+        assert said.count("the arm has not moved, so the motion is sent again") == 1
         assert "NO ECHO" not in said
         assert "--preload --resume" in said
 

@@ -15,8 +15,8 @@ from arm.errors import ExecutionStopped
 from arm.se3 import transform
 from cell.files.world import board_placement
 from cell.session.connection import Connection
-from small_scenes import small_scenes
-from whole_run import run_whole
+from tasks.small import small_scenes
+from tasks.whole_run import run_whole
 
 pytestmark = pytest.mark.xdist_group("disturbed_runs")
 
@@ -27,6 +27,7 @@ def task2(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return small_scenes(tmp_path_factory.mktemp("disturbed")) / "task2.toml"
 
 
+@pytest.mark.slow
 def test_a_board_that_moves_on_the_way_makes_the_rest_be_planned_anew(task2: Path, tmp_path: Path) -> None:
     def meddle(connection: Connection) -> None:
         simulated, grab, looks = connection.simulated, connection.frames.grab, [0]
@@ -58,6 +59,7 @@ def test_a_board_that_moves_on_the_way_makes_the_rest_be_planned_anew(task2: Pat
     assert max(c["error_mm"] for c in report["cubes"]) <= 1.0
 
 
+@pytest.mark.slow
 def test_a_cube_taken_from_under_the_jaws_stops_the_run_with_the_arm_at_q_start(
     task2: Path, tmp_path: Path
 ) -> None:
@@ -89,6 +91,7 @@ def test_a_cube_taken_from_under_the_jaws_stops_the_run_with_the_arm_at_q_start(
     assert unit.positions(run.record.counts[-1]) == pytest.approx(run.task.cell.q_start, abs=2e-5)
 
 
+@pytest.mark.slow
 def test_a_cube_lost_on_the_way_and_jaws_that_stay_shut_stop_the_run(task2: Path, tmp_path: Path) -> None:
     def lose(connection: Connection) -> None:
         """The jaws of the unit close further in the middle of the carrying motion."""
@@ -114,9 +117,9 @@ def test_a_cube_lost_on_the_way_and_jaws_that_stay_shut_stop_the_run(task2: Path
         simulated._open = lambda T, target: 1.0 - simulated.jaw_opening / simulated.cell.jaw_opening  # type: ignore
 
     for meddle, step, words in (
-        (lose, "to 03-04/1", "was lost on the way"),
-        (slip, "let go", "was lost on the way"),
-        (jam, "", "the jaws do not open to let go"),
+        (lose, "to 03-04/1", "was lost: the jaws were"),
+        (slip, "let go", "was lost: the jaws were"),
+        (jam, "", "the jaws do not open to release"),
     ):
         run = run_whole(task2, tmp_path / meddle.__name__, meddle=meddle)
         assert isinstance(run.error, ExecutionStopped), run.said
@@ -127,6 +130,7 @@ def test_a_cube_lost_on_the_way_and_jaws_that_stay_shut_stop_the_run(task2: Path
         assert report["error"]["exit_code"] == 4
 
 
+@pytest.mark.slow
 def test_jaws_that_fail_to_hold_a_cube_leave_it_and_go_on(task2: Path, tmp_path: Path) -> None:
     def meddle(connection: Connection) -> None:
         simulated = connection.simulated
@@ -150,6 +154,7 @@ def test_jaws_that_fail_to_hold_a_cube_leave_it_and_go_on(task2: Path, tmp_path:
     )
 
 
+@pytest.mark.slow
 def test_a_cube_taken_away_before_its_turn_is_told_and_left_out(task2: Path, tmp_path: Path) -> None:
     taken_from: list[str] = []
 
@@ -174,6 +179,7 @@ def test_a_cube_taken_away_before_its_turn_is_told_and_left_out(task2: Path, tmp
     assert any(f"hole {hole} looks empty, not cube" in remark for remark in run.report["remarks"])
 
 
+@pytest.mark.slow
 def test_jaws_that_stop_narrower_or_wider_than_a_cube_have_not_gripped_one(
     task2: Path, tmp_path: Path
 ) -> None:

@@ -12,7 +12,7 @@ from cell.files.observation import Seen
 from cell.files.task import Task, read_task
 from cell.preview.overlays import board_to_json
 from cell.task.confirm_placed import _empty
-from true_look import true_look
+from tasks.true_look import true_look
 from vision.occupancy.seated import CubeWidth, Sight
 
 

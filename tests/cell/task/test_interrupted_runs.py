@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from small_scenes import small_scenes
+from tasks.small import small_scenes
 
 pytestmark = pytest.mark.xdist_group("interrupts")
 DEADLINE_S = 600.0  # of a program on a busy host, until it is so far and until it has ended
@@ -24,6 +24,7 @@ def _sent(log: Path) -> list[str]:
     return "".join(r["data"] for r in records if r["kind"] == "sent").split("\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda s: s.name)
 @pytest.mark.parametrize(("when", "count"), [("HHA:", 1), ("COORDSPLINET:", 40), ("GG:", 2)])
 def test_a_signal_stops_the_arm(tmp_path: Path, when: str, count: int, number: signal.Signals) -> None:
@@ -56,7 +57,8 @@ def test_a_signal_stops_the_arm(tmp_path: Path, when: str, count: int, number: s
     assert "STOP:" in sent[last:]
 
 
-@pytest.mark.parametrize("gap_s", [0.003, 0.1])
+@pytest.mark.slow
+@pytest.mark.parametrize("gap_s", [0.003, 0.02])
 def test_signals_in_a_burst_end_as_one_does(tmp_path: Path, gap_s: float) -> None:
     """They come until the program has ended: a service manager, a shell and a person each send theirs."""
     command = [sys.executable, "-c", "import cell.cli.start; cell.cli.start.main()", "run"]

@@ -17,11 +17,11 @@ from arm.controller.unit import Unit, load_unit
 from arm.errors import A465Error, ExecutionStopped, InputError
 from arm.io.storage import data_file
 from arm.plan_file import Move, Plan, write_plan
+from arms.count_paths import quintic
 from cell.console import Console, OutputLost
 from cell.files.task import read_task
 from cell.session.connection import WhichCell
 from cell.task.run import TaskRun
-from count_paths import quintic
 from driver.emulator import Emulator
 from driver.execution.stream import stream
 from driver.line.clock import Clock
@@ -161,6 +161,7 @@ def test_a_disk_that_fills_before_homing_moves_nothing(
     assert not [line for _, line in stepped.lines if line.startswith(("HH", "COORD", "SPDT", "G"))]
 
 
+@pytest.mark.slow
 def test_a_disk_that_fills_while_the_arm_moves_stops_it_and_leaves_a_log_that_reads(
     place: Path, unit: Unit, stepped: Emulator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -214,7 +215,7 @@ def test_an_output_that_is_lost_while_the_end_is_told_does_not_hide_how_the_run_
 
     monkeypatch.setattr(TaskRun, "tell_rows", lost)
     monkeypatch.setattr(TaskRun, "try_look", stopped)
-    with pytest.raises(ExecutionStopped, match="an axis stands still; the arm stands") as ended:
+    with pytest.raises(ExecutionStopped, match="an axis stands still; the arm has stopped") as ended:
         _execute(emulator.open_pty(), place / "images")
     assert not isinstance(ended.value, OutputLost)
     assert json.loads((place / "runs/task2-1/report.json").read_text())["error"]["exit_code"] == 4

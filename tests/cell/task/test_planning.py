@@ -11,11 +11,10 @@ import pytest
 from arm.errors import ImpossibleError
 from arm.io.storage import data_file
 from arm.plan_file import Plan
-from arm.poses import hole_poses
 from cell.files.observation import Seen
 from cell.files.task import TablePlaces, Task, read_task
 from cell.scene.build import T_base_cube_on_table
-from cell.task.cube_cycles import visits
+from cell.task.cube_cycles import cube_cycles
 from cell.task.plan_matches import check_plan
 from cell.task.planning import (
     options_of,
@@ -27,7 +26,7 @@ from cell.task.planning import (
     work_left,
 )
 from plan.advice.changes import Request
-from true_look import true_look
+from tasks.true_look import true_look
 from vision.occupancy.classify import FAINT, OTHER
 
 
@@ -89,7 +88,7 @@ def test_reach_and_plan_name_the_same_best_branches(task2: Task, speed: float) -
 
 def test_holes_below_the_table_are_told(task2: Task) -> None:
     seen = true_look(task2)
-    lowest = min(float(h.T_base_hole[2, 3]) for p in seen.poses for h in hole_poses(p))
+    lowest = min(float(h.T_base_hole[2, 3]) for p in seen.poses for h in p.holes)
     assert require_above_table(task2, seen) is None
     high = replace(task2, cell=replace(task2.cell, table_z=lowest + 0.0123))
     with pytest.raises(
@@ -138,7 +137,7 @@ def test_a_hole_that_is_unsure_is_no_place_and_says_why(task2: Task) -> None:
     )
     with pytest.raises(
         ImpossibleError,
-        match=r"hole 03-04/1 may hold a cube, the image does not say \(poor contrast\).*let the camera see the holes",
+        match=r"hole 03-04/1 may hold a cube; it is unsure \(poor contrast\).*let the camera see the unsure holes",
     ):
         work_left(task2, replace(seen, boards=(source, doubtful)), {})
 
@@ -151,7 +150,7 @@ def test_the_arm_looks_as_often_as_the_task_says(
     task2: Task, look_after: str | int, looks: list[bool]
 ) -> None:
     plan, _ = _planned(replace(task2, look_after=look_after))
-    assert [v.looks for v in visits(plan)] == looks
+    assert [v.looks for v in cube_cycles(plan)] == looks
 
 
 def test_a_table_full_of_places_is_planned_in_reasonable_time(task1: Task) -> None:
@@ -178,7 +177,7 @@ def test_no_cube_is_taken_from_a_hole_that_shows_something_else(task2: Task) -> 
         after = replace(seen, boards=boards)
         if refused:
             with pytest.raises(
-                ImpossibleError, match=f"hole {name}/1 cannot be taken from: neither a seated"
+                ImpossibleError, match=f"no cube can be taken from hole {name}/1: neither a seated"
             ):
                 work_left(task2, after, {})
         else:

@@ -22,13 +22,13 @@ from cell.console import Console
 from cell.files.place import read_place
 from cell.session.connection import WhichCell
 from cell.task.plan_matches import check_plan
-from command_line import a465, replace_in
 from plan.collision.world import World
-from plan.pick_place.grammar import require_shape
+from plan.pick_place.grammar import require_grammar
 from plan.scene import Scene
-from plan.verify import settings
-from pose_list_files import CELL, CTU_DEG, DOWN, TURNED, planned, written
-from small_scenes import small_scenes
+from plan.verify import move_scenes
+from tasks.pose_list_files import CELL, CTU_DEG, DOWN, TURNED, planned, written
+from tasks.small import small_scenes
+from typed.command_line import a465, replace_in
 
 
 def test_what_cannot_be_reached_or_is_in_the_way_names_its_entry(tmp_path: Path) -> None:
@@ -60,7 +60,7 @@ def test_lines_keep_the_clearance_of_transits(tmp_path: Path) -> None:
         if clear:
             assert min(m.clearance for m in planned(path).moves) >= 0.010
             continue
-        with pytest.raises(ImpossibleError, match=r"\[0\]: .*'low'.*asked: 10 mm"):
+        with pytest.raises(ImpossibleError, match=r"\[0\]: .*'low'.*required: 10 mm"):
             planned(path)
 
 
@@ -139,15 +139,15 @@ def test_after_jaws_closed_for_no_cube_a_plan_is_judged_with_jaws_anywhere(tmp_p
     plan = planned(written(tmp_path, [{"q_deg": CTU_DEG[0], "jaws": "close"}, {"q_deg": CTU_DEG[1]}]))
     cell = read_cell(CELL)
     scene = Scene(cell.robot(), cell.robot(0.04), cell.fixed, ())
-    before, after = (setting.world.robot for _, setting in settings(plan, scene, cell.unit))
+    before, after = (setting.world.robot for _, setting in move_scenes(plan, scene, cell.unit))
     assert before.digest == cell.robot().digest
     assert after.digest == with_any_jaws(cell.robot()).digest
-    require_shape(plan)
+    require_grammar(plan)
     tampered = [
         replace(s, action="open") if isinstance(s, GripperStep) else s for s in plan.steps
     ]  # else it would be judged with open jaws
     with pytest.raises(ImpossibleError, match="says open but closes by 1"):
-        require_shape(replace(plan, steps=tuple(tampered)))
+        require_grammar(replace(plan, steps=tuple(tampered)))
 
 
 def test_a_plan_through_poses_is_for_the_cell_that_it_was_made_in(tmp_path: Path) -> None:
@@ -175,7 +175,7 @@ def test_less_clearance_than_usual_is_asked_for_by_name_and_shown(tmp_path: Path
     assert "must be a number in mm from 3.5 to 100" in told
     replace_in(cell, "least_clearance_mm = 3.5", "least_clearance_mm = 3")
     told, _ = a465("plan-poses", cell, poses, "-o", tmp_path / "p.json")
-    line = "asked for 3 mm of clearance only, by name (least_clearance); the usual least is 5 mm"
+    line = "planned with only 3 mm of clearance, as least_clearance allows; the usual minimum is 5 mm"
     assert f"NOTE: {line}" in told
     options = read_plan(tmp_path / "p.json").provenance["options"]
     assert (options["clearance"], options["least_clearance"]) == (0.003, 0.003)
@@ -187,6 +187,7 @@ def test_less_clearance_than_usual_is_asked_for_by_name_and_shown(tmp_path: Path
     assert "NOTE" not in told
 
 
+@pytest.mark.slow
 def test_a_plan_through_poses_is_executed_in_its_task(tmp_path: Path) -> None:
     """With a look, so that boards and cubes are in it; without one, the boards that are seen refuse it."""
     scenes = small_scenes(tmp_path)
@@ -198,13 +199,13 @@ def test_a_plan_through_poses_is_executed_in_its_task(tmp_path: Path) -> None:
     poses = written(tmp_path, entries)
     a465("look", task, "-o", tmp_path / "look.json")
     said, _ = a465("plan-poses", task, poses, "--look", tmp_path / "look.json", "-o", tmp_path / "p.json")
-    assert "boards and cubes are not in this plan" not in said
-    assert "what the jaws hold is not known" in said
+    assert "only the table and the walls" not in said
+    assert "objects in the jaws are unknown" in said
     plan = read_plan(tmp_path / "p.json")
     assert {b["kind"] for b in plan.scene["bodies"]} == {"table", "wall", "board", "stand"}
     assert len(plan.scene["cubes"]) == 4
     said, _ = a465("check", tmp_path / "p.json", task)
-    assert "hold" in said
+    assert "moves verified" in said
     said, _ = a465(
         "execute", tmp_path / "p.json", task, "--world", world, "--time-scale", 60, "--json", cwd=tmp_path
     )
@@ -219,7 +220,7 @@ def test_a_plan_through_poses_is_executed_in_its_task(tmp_path: Path) -> None:
     last = np.array([float(v) for v in rows[-1].split(",")[3:9]])
     reached = np.degrees(plan.task["poses"][-1]["q"])
     assert np.abs(last - reached).max() < 0.05
-    with pytest.raises(ImpossibleError, match="moves no cubes, so nothing tells what of it is left"):
+    with pytest.raises(ImpossibleError, match="moves no cubes, so its remaining part is unknown"):
         resume_plan(tmp_path / "p.json", task, Console(as_json=True), WhichCell("/dev/null"))
     a465("plan-poses", task, poses, "-o", tmp_path / "blind.json")
     _, told = a465(

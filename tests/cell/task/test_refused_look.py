@@ -32,4 +32,4 @@ def test_a_refused_look_writes_its_picture_and_warns_of_the_light(
     assert drawn is not None
     assert drawn.shape == (1200, 1920, 3)
     assert (drawn.max(axis=2) != drawn.min(axis=2)).any()  # markers in colour
-    assert "WARNING: the photographs are too bright" in capsys.readouterr().out
+    assert "WARNING: the images are too bright" in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""Plans that are not for the cell of now, or that somebody changed: refused at the command line, with the reason."""
+"""Plans that are not for the present cell, or that somebody changed: refused at the command line, with the reason."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 
 from arm.io.storage import data_file, sha256
 from cell.files.task import read_task
-from command_line import a465, refused, replace_in
+from typed.command_line import a465, refused, replace_in
 
 pytestmark = pytest.mark.xdist_group("refused_plans")
 
@@ -32,6 +32,7 @@ def scenes(planned: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(planned, tmp_path / "scenes"))
 
 
+@pytest.mark.slow
 def test_a_plan_for_another_camera_arm_or_limits_is_refused(scenes: Path) -> None:
     a465("check", scenes / "plan.json", scenes / "task2.toml")
     for file, old, new, word in (
@@ -46,17 +47,18 @@ def test_a_plan_for_another_camera_arm_or_limits_is_refused(scenes: Path) -> Non
         (scenes / file).write_text(before)
 
 
+@pytest.mark.slow
 def test_a_cell_that_got_another_wall_refuses_the_plan(scenes: Path) -> None:
     plan = scenes / "plan.json"
     wall = '\n[[walls]]\nname = "new"\ncentre_mm = [360, -340, 160]\nsize_mm = [40, 40, 40]\n'
     (scenes / "cell.toml").write_text((scenes / "cell.toml").read_text() + wall)
     for verb in ("check", "execute"):
         told = refused(verb, plan, scenes / "task2.toml", code=3, cwd=scenes)
-        assert "not for the cell of now: cell.toml: walls[new] is new; plan again" in told
+        assert "not for the present cell: cell.toml: walls[new] is new; plan again" in told
     # an old plan can still be looked at
     out, warned = a465("preview", plan, scenes / "task2.toml", "-o", scenes / "old.html", "--json")
-    assert "WARNING: the plan is not for the cell of now: cell.toml: walls[new] is new" in warned
-    assert json.loads(out)["warning"].startswith("the plan is not for the cell of now")
+    assert "WARNING: the plan is not for the present cell: cell.toml: walls[new] is new" in warned
+    assert json.loads(out)["warning"].startswith("the plan is not for the present cell")
     assert (scenes / "old.html").stat().st_size > 100_000
     value = json.loads(plan.read_text())  # even if somebody makes the file say that it is for this cell
     now = read_task(scenes / "task2.toml")
@@ -64,7 +66,7 @@ def test_a_cell_that_got_another_wall_refuses_the_plan(scenes: Path) -> None:
     value["provenance"]["inputs"]["cell"] = dict(now.cell.inputs)
     plan.write_text(json.dumps(value))
     told = refused("check", plan, scenes / "task2.toml", code=3, cwd=scenes)
-    assert "scene is not that of the cell of now: new" in told
+    assert "scene is not that of the present cell: new" in told
 
 
 def _without_walls(value: dict[str, Any]) -> None:
@@ -132,10 +134,10 @@ def _shut_jaws(value: dict[str, Any]) -> None:
         (_swapped_cubes, "out of order"),
         (_straight_jerks, "jump of velocity"),
         (_no_cubes, "task.cubes"),
-        (_no_clearance, "asked for"),
+        (_no_clearance, "mm are required"),
         (_shut_jaws, "says open but closes"),
         (_half_open_jaws, "says open but closes"),
-        (_from_an_empty_hole, "where another cube stands"),
+        (_from_an_empty_hole, "where there is another cube"),
     ],
     ids=lambda v: v.__name__.strip("_") if callable(v) else "",
 )
@@ -155,7 +157,7 @@ def test_a_plan_is_not_executed_where_a_hole_holds_a_cube_by_now(scenes: Path) -
     plan = scenes / "plan.json"
     replace_in(scenes / "task2.world.toml", "cubes = []", "cubes = [1]")
     _, told = a465("execute", plan, scenes / "task2.toml", "--time-scale", 30, code=3, cwd=scenes)
-    assert "hole 03-04/1 looks cube, the plan has it empty" in told
+    assert "hole 03-04/1 looks cube, planned was empty" in told
 
 
 def test_a_plan_whose_certificate_was_tampered_with_is_refused(scenes: Path) -> None:

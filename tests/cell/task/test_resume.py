@@ -22,9 +22,9 @@ from cell.files.observation import Seen
 from cell.scene.build import cube_name
 from cell.session.connection import WhichCell
 from cell.task.resume import _back_out_of, _carried_near, _known, _on_table, _station, carried_by, resume
-from lasting_cell import LastingCell
 from plan.scene import scene_from_json
 from vision.occupancy.seated import CubeWidth, Seating
+from wire.lasting_cell import LastingCell
 
 pytestmark = pytest.mark.xdist_group("resume")
 NOMINAL = CubeWidth(0.040, 5e-5)
@@ -44,6 +44,7 @@ def clearing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lastin
         yield found
 
 
+@pytest.mark.slow
 def test_stopped_again_and_again_the_task_is_finished(
     lasting: LastingCell, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -74,7 +75,7 @@ def test_stopped_again_and_again_the_task_is_finished(
     report = resume()
     said = capsys.readouterr().out
     assert said.count("it backs out along the jaws first") == 1
-    assert said.count("is in the jaws: it goes to 03-04/") == 3
+    assert said.count("is in the jaws; its target is 03-04/") == 3
     assert f"to go on: a465 execute {at.folder}/resumed-3/set-down.json" in said
     assert all(c["placed"] for c in report["cubes"])
     assert max(c["error_mm"] for c in report["cubes"]) <= 1.0
@@ -98,6 +99,7 @@ def test_stopped_again_and_again_the_task_is_finished(
     )
 
 
+@pytest.mark.slow
 def test_clearing_a_board_goes_on_with_the_cubes_that_stand_on_the_table(
     clearing: LastingCell, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -116,7 +118,7 @@ def test_clearing_a_board_goes_on_with_the_cubes_that_stand_on_the_table(
     )  # of the other cube; the first one stands on the table
     assert len(at.held()) == 1
     report = resume("third")
-    assert capsys.readouterr().out.count("is in the jaws: it goes to table/") == 2
+    assert capsys.readouterr().out.count("is in the jaws; its target is table/") == 2
     assert all(c["placed"] for c in report["cubes"])
     cubes = at.simulated.cubes(at.emulator.counts())
     assert [c.where.partition("/")[0] for c in cubes] == ["table", "table"]
@@ -126,6 +128,7 @@ def test_clearing_a_board_goes_on_with_the_cubes_that_stand_on_the_table(
     assert at.emulator.violations == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("state", "confirmed"), [("seated", True), ("unsure", False)])
 def test_a_cube_of_before_the_stop_is_done_only_where_the_look_confirms_it(
     lasting: LastingCell,
@@ -171,7 +174,7 @@ def test_which_cube_is_in_the_jaws_is_told_or_refused(lasting: LastingCell) -> N
     there = Seen(tuple(replace(b, occupancy=states[b.name]) for b in boards), {})
     at_start = tuple(int(c) for c in unit.counts(task.cell.q_start))
     for looked in (there, Seen((), {}), there.with_moves({t["cube"]: "nowhere/1" for t in transfers})):
-        with pytest.raises(ImpossibleError, match=r"which cube it is cannot be told.*take it out of"):
+        with pytest.raises(ImpossibleError, match=r"it cannot be identified.*take it out of"):
             carried_by(task, plan, at_start, looked)
     one = there.with_moves({transfers[1]["cube"]: "nowhere/1"})
     assert carried_by(task, plan, at_start, one).transfer == transfers[1]
@@ -240,7 +243,7 @@ def test_before_anything_moves_on_the_registers_are_those_of_the_cell(lasting: L
 
 
 def test_a_board_that_nobody_knows_is_named(lasting: LastingCell) -> None:
-    with pytest.raises(ImpossibleError, match="board 03-04 is not known, so its holes are not"):
+    with pytest.raises(ImpossibleError, match="board 03-04 was not seen, so its holes are not known"):
         _station(lasting.task, Seen((), {}), "03-04/1")
 
 
@@ -253,11 +256,11 @@ def test_a_way_out_that_there_is_not_is_told_by_what_blocked_the_longest(
         tried.append(arguments[-1].offset)
         raise ImpossibleError(f"blocked {len(tried)}")
 
-    monkeypatch.setattr("cell.task.resume.plan_back_out", blocked)
+    monkeypatch.setattr("cell.task.resume.plan_retreat", blocked)
     seen = _known(Seen((), {}), lasting.task, read_plan(lasting.plan))
     q = lasting.task.cell.q_start
     with pytest.raises(
-        ImpossibleError, match="the start: no; and out along the jaws: blocked 1; "
+        ImpossibleError, match="the start: no; and backing out along the jaws: blocked 1; "
     ) as refused:
         _back_out_of(lasting.task, seen, q, 0.5, {}, ImpossibleError("the start: no"))
     assert refused.value.data["back_out"] == "blocked 1"

@@ -7,9 +7,9 @@ from pathlib import Path
 from cell.files.task import read_task
 from cell.task.planning import plan_rest, scene_of
 from plan.collision.bezier import curve_of_waypoints
-from plan.collision.certificate import check_curve
+from plan.collision.certificate import certify_curve
 from plan.collision.world import World
-from true_look import true_look
+from tasks.true_look import true_look
 
 WALL = '\n[[walls]]\nname = "post"\ncentre_mm = [340, -365, 100]\nsize_mm = [30, 30, 200]\n'
 
@@ -24,7 +24,7 @@ def test_a_wall_in_the_way_is_gone_around(scenes: Path) -> None:
     world = World(walled.cell.robot(), scene_of(walled, true_look(walled), {}).bodies)
     first = next(plans[0].moves)
     ends = walled.cell.unit.positions(first.path.knots()[[0, -1]])
-    straight = check_curve(world, curve_of_waypoints(ends), walled.cell.clearance)
+    straight = certify_curve(world, curve_of_waypoints(ends), walled.cell.clearance)
     assert not straight.proved
     assert "post" in straight.pair
     for move in plans[1].moves:

@@ -18,7 +18,7 @@ from driver.emulator.commands import Interpreter
 from driver.emulator.unit.machine import Machine
 from driver.emulator.unit.record import Recorder
 from driver.line.clock import Clock
-from wire_client import Client
+from wire.client import Client
 
 UNIT = load_unit("crs93")
 NAMES = [

@@ -97,6 +97,7 @@ def client(request: pytest.FixtureRequest) -> Iterator[Client]:
         yield Client(request.param, emulator, emulator.open_pty())
 
 
+@pytest.mark.slow
 def test_it_homes_moves_grips_and_comes_back_without_homing(client: Client) -> None:
     seen = client.session(True, MOVES_DEG)
     assert np.abs(np.subtract(seen["started"], seen["home"])).max() <= 1

@@ -9,7 +9,7 @@ import pytest
 
 from arm.controller.unit import Unit, load_unit
 from arm.errors import ExecutionStopped, ImpossibleError
-from count_paths import DISTANCE, quintic
+from arms.count_paths import DISTANCE, quintic
 from driver.emulator import Emulator, EmulatorOptions
 from driver.execution.progress import Progress
 from driver.execution.stream import stream
@@ -149,6 +149,7 @@ def test_static_error_is_accepted_by_the_driver(unit: Unit, clock: SteppedClock)
         assert 0 < np.max(error) <= 15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("port", ["pty", "tcp"])
 def test_over_a_port_of_the_host(unit: Unit, port: str) -> None:
     """The same in wall time, as against hardware: nothing here may say how soon."""

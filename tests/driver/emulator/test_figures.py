@@ -15,11 +15,11 @@ import pytest
 from arm.controller.segments import CountPath, Segment
 from arm.controller.unit import Unit, load_unit
 from arm.se3 import Array
-from count_paths import off_path_deg
+from arms.count_paths import off_path_deg
 from driver.emulator import Emulator, EmulatorOptions, Record
 from driver.line.clock import Clock
 from driver.line.stepped_clock import SteppedClock
-from wire_client import Client, SteppedClient
+from wire.client import Client, SteppedClient
 
 SEGMENTS, SEGMENT_MS = 60, 100
 DWELL_MS = 300

@@ -21,7 +21,7 @@ from driver.emulator.line.uart import Wire
 from driver.emulator.unit.machine import Machine
 from driver.line.clock import Clock
 from driver.line.stepped_clock import SteppedClock
-from wire_client import Client, SteppedClient
+from wire.client import Client, SteppedClient
 
 UNIT = load_unit("crs93")
 
@@ -298,7 +298,7 @@ def test_8_jaws_stall_on_an_object_although_their_axis_says_ready_and_release_ho
         (["COORDMV:0,0,0,0,0,900000"], "axis F at"),
         (["COORDMV:5000,0,0,0,0,0", "REGMSA:100"], "REGMSA changed while it moves"),
         (["COORDMV:5000,0,0,0,0,0", "COORDGRP:A,B"], "group changed while it moves"),
-        (["COORDMV:5000,0,0,0,0,0", "GA:1"], "axis A told to move while the group moves"),
+        (["COORDMV:5000,0,0,0,0,0", "GA:1"], "axis A commanded while the group moves"),
         (["COORDMV:5000,0,0,0,0,0", "RELEASE:"], "released while moving"),
         (["GA:9000", *["R:"] * 101], "more than 100 waits"),
     ],

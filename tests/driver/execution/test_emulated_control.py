@@ -9,7 +9,7 @@ import pytest
 
 from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped
-from count_paths import distance_deg, sweep
+from arms.count_paths import distance_deg, sweep
 from driver.emulator import Emulator
 from driver.execution.control import Control
 from driver.execution.progress import Progress

@@ -15,7 +15,7 @@ from driver.execution.execute import execute
 from driver.execution.progress import Progress, StreamOptions
 from driver.line.clock import Clock
 from driver.mars.mars import Mars
-from soft_home import SOFT_HOME
+from wire.soft_home import SOFT_HOME
 
 WATCHED = StreamOptions(watch_jaws=True)
 

@@ -15,7 +15,7 @@ from driver.execution.execute import execute
 from driver.execution.progress import Progress
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
-from soft_home import SOFT_HOME
+from wire.soft_home import SOFT_HOME
 
 
 @pytest.fixture
@@ -60,7 +60,11 @@ def test_a_pause_between_steps_waits_and_watches(mars: Mars, fake: Any, clock: S
     results = execute(mars, steps(5, 5), on_step, control=control)
     assert [r.step.name for r in results] == ["move 0", "close 0", "move 1", "close 1"]
     assert began[2] - began[1] > 15.0
-    assert told == ["paused", "paused: the arm stands, under power", "goes on"]
+    assert told == [
+        "pausing",
+        "paused: the arm has stopped and is still under power",
+        "resuming: the arm moves again",
+    ]
     between = [x for x, t in zip(fake.lines, fake.times, strict=False) if began[1] + 5 < t < began[2]]
     assert between.count("ST?") > 10
     assert {x.rstrip("?") for x in between} <= {"ST", "COORDAP", "APG"}

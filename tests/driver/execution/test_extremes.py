@@ -7,7 +7,7 @@ import pytest
 
 from arm.controller.segments import CountPath, Segment
 from driver.execution.extremes import extremes
-from soft_home import SOFT_HOME
+from wire.soft_home import SOFT_HOME
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -87,7 +87,7 @@ def test_a_host_that_gets_nothing_out_in_time_is_told_after_a_few_dwells_each_tw
         feed.dwell()
     lengths = [int(line.split(":")[1].split(",")[0]) for line in sent]
     assert lengths == pytest.approx([lengths[0] * 2**k for k in range(DWELLS)], abs=2**DWELLS)
-    with pytest.raises(NoAnswer, match=f"nothing could be sent in time in {DWELLS} dwells"):
+    with pytest.raises(NoAnswer, match=f"no segment could be sent in time in {DWELLS} dwells"):
         feed.dwell()
     assert len(sent) == DWELLS
 

@@ -7,7 +7,7 @@ import pytest
 
 from arm.controller.segments import CountPath, Segment
 from arm.errors import ExecutionStopped
-from count_paths import quintic
+from arms.count_paths import quintic
 from driver.execution.path_watch import ASTRAY, PathWatch, _widened
 
 AXES = "ABCDEF"

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from driver.execution.polls import Look, Looks
+from driver.execution.polls import Poll, Polls
 from driver.line.protocol import Status
 
 BUSY, IDLE, FAULT = Status(0x10), Status(0), Status(0x18)
 
 
-def asked(*statuses: Status) -> Looks:
-    looks = Looks()
+def asked(*statuses: Status) -> Polls:
+    looks = Polls()
     for number, _ in enumerate(statuses):
-        looks.ask(Look(number, 1, float(number)))
+        looks.ask(Poll(number, 1, float(number)))
     return looks
 
 
@@ -45,15 +45,15 @@ def test_a_fault_is_believed_when_it_is_told_twice_and_asked_about_at_once() -> 
 
 
 def test_the_next_look_comes_after_the_answer_or_when_that_is_lost() -> None:
-    looks = Looks()
+    looks = Polls()
     assert looks.next_at(0.2, 0.5, at_once=False) < 0.0
-    looks.ask(Look(3, 1, 7.0))
-    assert looks.oldest == Look(3, 1, 7.0)
+    looks.ask(Poll(3, 1, 7.0))
+    assert looks.oldest == Poll(3, 1, 7.0)
     assert looks.next_at(0.2, 0.5, at_once=True) == 7.5
-    assert looks.take(BUSY)[0] == Look(3, 1, 7.0)
+    assert looks.take(BUSY)[0] == Poll(3, 1, 7.0)
     assert looks.next_at(0.2, 0.5, at_once=False) == 7.2
     assert looks.next_at(0.2, 0.5, at_once=True) == 7.0
 
 
 def test_a_status_that_nobody_asked_for_belongs_to_no_look() -> None:
-    assert Looks().take(BUSY) == (Look(0, 0, 0.0), BUSY)
+    assert Polls().take(BUSY) == (Poll(0, 0, 0.0), BUSY)

@@ -12,7 +12,7 @@ import pytest
 from arm.controller.segments import CountPath
 from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped, ImpossibleError
-from count_paths import off_path_deg, quintic
+from arms.count_paths import off_path_deg, quintic
 from driver.emulator import Emulator, EmulatorOptions
 from driver.execution.control import Control
 from driver.execution.preload import PRELOADS, preloaded
@@ -22,7 +22,7 @@ from driver.line.link import LineDamaged
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
 from driver.mars.stopping import RestState
-from line_damage import KINDS, SEGMENT, Damage
+from wire.line_damage import KINDS, SEGMENT, Damage
 
 OFF_DEG = 0.02
 
@@ -128,7 +128,7 @@ def test_of_a_motion_that_the_unit_cannot_hold_the_first_part_is_loaded_and_it_i
     assert loaded.off_deg < OFF_DEG
     assert len([at for at in loaded.segments_s if at < loaded.moves_s]) == 149
     assert loaded.told == [
-        "the motion has 170 segments: 149, which the unit holds, are verified before it moves, each of the others "
+        "the motion has 170 segments: 149 fit into the unit and are verified before the arm moves, each of the others "
         "before it begins"
     ]
 

@@ -13,6 +13,7 @@ import pytest
 from arm.controller.segments import CountPath, Segment
 from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
+from arms.wave_paths import wave
 from driver.execution.extremes import extremes
 from driver.execution.feed import Feed
 from driver.execution.progress import Progress, StreamOptions
@@ -20,8 +21,7 @@ from driver.execution.stream import stream
 from driver.execution.stream_run import LEAST_STEP_S
 from driver.line.clock import Clock
 from driver.mars.mars import Mars
-from soft_home import SOFT_HOME
-from wave_paths import wave
+from wire.soft_home import SOFT_HOME
 
 
 @pytest.fixture
@@ -163,7 +163,7 @@ def test_segments_that_cannot_be_sent_are_found_before_any_is(mars: Mars, fake: 
     bad = CountPath(SOFT_HOME, (*good.segments, Segment(0, good.segments[0].coefficients)))
     with pytest.raises(InputError, match="0 ms"):
         stream(mars, bad)
-    with pytest.raises(InputError, match="without segments"):
+    with pytest.raises(InputError, match="no segments"):
         stream(mars, CountPath(SOFT_HOME, ()))
     assert splines(fake.lines) == []
 
@@ -209,7 +209,9 @@ def test_fail_stops_the_stream(mars: Mars, fake: Any) -> None:
 
 def test_a_silent_unit_stops_the_stream(mars: Mars, fake: Any) -> None:
     at_segment(fake, 20, lambda: setattr(fake, "mute", True))
-    with pytest.raises(ExecutionStopped, match=r"no sound answer from the unit|has not come back") as stopped:
+    with pytest.raises(
+        ExecutionStopped, match=r"no valid answer from the unit|no echo of segment"
+    ) as stopped:
         stream(mars, wave(120))
     assert stopped.value.data["ahead_s"] <= 1.5
     assert splines(fake.since("STOP:")) == []
@@ -243,7 +245,7 @@ def test_a_stuck_axis_stops_the_stream(mars: Mars, fake: Any) -> None:
 
 def test_a_unit_that_stands_still_ends_by_the_deadline(mars: Mars, fake: Any) -> None:
     at_segment(fake, 6, lambda: fake.queue.append((0.0, 1e9, list(SOFT_HOME), list(SOFT_HOME))))
-    with pytest.raises(ExecutionStopped, match="is not over 5 s after its time") as stopped:
+    with pytest.raises(ExecutionStopped, match="has not ended 5 s after its planned end") as stopped:
         stream(mars, wave(10), options=StreamOptions(following_counts=10**6))
     assert stopped.value.data["reason"] == "deadline"
 
@@ -268,7 +270,7 @@ def test_the_tolerance_at_rest_is_the_units_and_what_was_read_is_told(mars: Mars
 
 def test_an_interrupt_stops_the_stream(mars: Mars, fake: Any) -> None:
     at_segment(fake, 20, lambda: os.kill(os.getpid(), signal.SIGINT))
-    with pytest.raises(ExecutionStopped, match="stream: interrupted; the arm stands still") as stopped:
+    with pytest.raises(ExecutionStopped, match="stream: interrupted; the arm has stopped") as stopped:
         stream(mars, wave(200))
     assert stopped.value.data["reason"] == "interrupted"
     assert splines(fake.since("STOP:")) == []

@@ -22,7 +22,7 @@ from driver.line.clock import Clock
 from driver.line.protocol import BYTES_PER_SECOND
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
-from soft_home import SOFT_HOME
+from wire.soft_home import SOFT_HOME
 
 
 @pytest.fixture
@@ -110,8 +110,11 @@ def test_a_pause_runs_out_on_the_path_and_goes_on_with_the_same(mars: Mars, fake
             str(row[a]) for a in range(6) for row in segment.coefficients
         )
     assert not any(line.startswith(("STOP", "COORDMV:", "RELEASE")) for line in fake.lines)
-    assert told[0].startswith("paused: the arm plays out 1.")
-    assert told[1:] == ["paused: the arm stands, under power", "goes on"]
+    assert told[0].startswith("pausing: the arm keeps moving for about 1.")
+    assert told[1:] == [
+        "paused: the arm has stopped and is still under power",
+        "resuming: the arm moves again",
+    ]
     assert control.standing is False
 
 
@@ -231,7 +234,7 @@ def test_a_fault_in_a_pause_stops(mars: Mars, fake: Any, bits: int) -> None:
 def test_an_arm_pushed_in_a_pause_does_not_go_on(mars: Mars, fake: Any) -> None:
     error = standing(mars, fake, lambda: fake.offset.__setitem__(1, 26), lambda p: False)
     assert error.data["reason"] == "displaced"
-    assert "26 counts from where it should stand" in str(error)
+    assert "26 counts from where it should be" in str(error)
 
 
 def test_an_arm_pushed_just_before_going_on_does_not_go_on(mars: Mars, fake: Any) -> None:
@@ -248,7 +251,7 @@ def test_an_arm_that_does_not_come_to_stand_in_a_pause_is_told(mars: Mars, fake:
             fake.offset[4] += 5
 
     fake.hooks["COORDAP"] = drift
-    with pytest.raises(ExecutionStopped, match=r"does not settle|counts from where it should stand"):
+    with pytest.raises(ExecutionStopped, match=r"does not settle|counts from where it should be"):
         stream(mars, run(60), Script((reaches(10), control.pause)), None, control)
 
 
@@ -298,7 +301,7 @@ def test_stop_is_at_the_wire_within_100_ms(
 def test_an_abort_while_the_arm_stands_in_a_pause(mars: Mars, fake: Any) -> None:
     control = Control()
     script = Script((reaches(10), control.pause), (lambda p: control.standing, control.abort))
-    with pytest.raises(ExecutionStopped, match="aborted on request; the arm stands still") as stopped:
+    with pytest.raises(ExecutionStopped, match="aborted on request; the arm has stopped") as stopped:
         stream(mars, run(60), script, None, control)
     assert stopped.value.data["reason"] == "aborted"
     assert moved_after_stop(fake) == []
@@ -372,9 +375,9 @@ def test_an_override_only_lowers(seed: int, unit: Unit) -> None:
 
 @pytest.mark.parametrize("factor", [0.0, 0.04, 1.01, -1.0, float("nan")])
 def test_an_override_out_of_range_is_refused(factor: float) -> None:
-    with pytest.raises(InputError, match=r"must be from 0\.05 to 1; an override only lowers"):
+    with pytest.raises(InputError, match=r"must be from 0\.05 to 1; an override only slows down"):
         Control().override = factor
-    with pytest.raises(InputError, match="only lowers"):
+    with pytest.raises(InputError, match="only slows down"):
         Control(factor)
 
 

@@ -11,14 +11,14 @@ import pytest
 
 from arm.controller.unit import Unit, load_unit
 from arm.errors import ExecutionStopped
-from count_paths import off_path_deg
+from arms.count_paths import off_path_deg
 from driver.emulator import Emulator, EmulatorOptions
 from driver.execution.progress import StreamOptions
 from driver.execution.stream import stream
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
-from fault_matrix import motion
-from line_damage import ANSWER, KINDS, Damage
+from wire.fault_matrix import motion
+from wire.line_damage import ANSWER, KINDS, Damage
 
 OFF_DEG = 0.02  # rounding
 REGISTER = r"REGMSA:"

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from arm.controller.unit import Unit, load_unit
-from count_paths import quintic
+from arms.count_paths import quintic
 from driver.emulator import Emulator, EmulatorOptions
 from driver.execution.stream import stream
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
-from fault_matrix import Object
+from wire.fault_matrix import Object
 
 ANSWER = re.compile(rb"(COORDAP|ST|STAMP|AP[A-H])=")
 ANSWERS = 112  # of a session, about

@@ -225,7 +225,7 @@ def test_a_line_that_came_twice_is_a_mismatch() -> None:
     line = "COORDSPLINET:100,3," + ",".join(["7"] * 18)
     watch, _, _ = talk([line], EchoingUnit(), there=lambda data: data * 2)
     assert watch.mismatch is not None
-    assert "came back twice" in watch.mismatch.describe()
+    assert "came twice" in watch.mismatch.describe()
 
 
 def test_an_answer_in_the_middle_of_an_echo_is_taken_out_and_the_echo_still_counts_digit_by_digit() -> None:

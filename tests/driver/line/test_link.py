@@ -46,7 +46,7 @@ def read_all(link: Link) -> None:
     "line", ["ST?", "STOP:", "PURGE:", "R:", "COORDMV:1,2,3,4,5,6", "garbage", "RELEASE:"]
 )
 def test_an_unknown_unit_gets_no_command(link: Link, fake: Any, line: str) -> None:
-    with pytest.raises(A465Error, match="has not identified itself"):
+    with pytest.raises(A465Error, match="is not identified"):
         link.send(line)
     link.send_stop()
     link.synchronise()
@@ -241,7 +241,7 @@ def test_a_flood_of_answers_ends_the_link(fake: Any, link: Link) -> None:
     for _ in range(0, UNREAD_ANSWERS + 2000, 500):
         fake.write(b"ST=0\r\n" * 500)
     link.clock.sleep(1.0)
-    with pytest.raises(LinkLost, match="nobody asked for"):
+    with pytest.raises(LinkLost, match="unexpected lines"):
         read_all(link)
 
 
@@ -276,7 +276,7 @@ def test_after_a_stop_lines_are_awaited_again_once_all_is_known_to_be_obeyed(mar
     assert link.echo.strict
     fake.write = lambda data, write=fake.write: write(data.replace(b"100", b"900"))
     link.send("COORDMV:100,2,3,4,5,6")
-    with pytest.raises(LineDamaged, match="came back as 'COORDMV:900"):
+    with pytest.raises(LineDamaged, match="echo 'COORDMV:900"):
         link.synchronise()
 
 

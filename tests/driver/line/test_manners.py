@@ -35,7 +35,7 @@ def test_a_unit_that_echoes_is_known_though_what_asks_it_is_lost(
     assert drops.left == 0
     assert (mars.manners.echoes, mars.manners.adapter) == (True, False)
     assert mars.link.trip_s == mars.link.echo.round_trip_s
-    assert "before they are executed" in mars.manners.describe()
+    assert "before it is executed" in mars.manners.describe()
 
 
 @pytest.mark.parametrize("latency_s", [0.0, 0.1])
@@ -48,7 +48,7 @@ def test_of_a_unit_that_does_not_echo_the_way_there_and_back_is_measured(
     ):
         mars.identify()
     assert 2 * latency_s <= mars.link.trip_s < 2 * latency_s + 0.05
-    assert "NO ECHO (the unit does not)" in mars.manners.describe()
+    assert "NO ECHO (the unit does not echo)" in mars.manners.describe()
 
 
 @pytest.mark.parametrize("latency_s", [0.0, 0.016, 0.1])

@@ -18,7 +18,7 @@ import pytest
 from arm.controller.segments import CountPath
 from arm.controller.unit import Unit
 from arm.errors import A465Error, ExecutionStopped
-from count_paths import quintic
+from arms.count_paths import quintic
 from driver.emulator import Emulator, EmulatorOptions
 from driver.emulator.line.memory import MemoryLine
 from driver.execution.progress import Progress
@@ -206,7 +206,7 @@ def test_no_host_is_too_busy_for_stepped_time(clock: SteppedClock) -> None:
 
 def test_an_event_may_not_wait(clock: SteppedClock) -> None:
     clock.call_after(1.0, lambda: clock.sleep(1.0))
-    with pytest.raises(A465Error, match="may not wait"):
+    with pytest.raises(A465Error, match="must not wait"):
         clock.sleep(2.0)
 
 
@@ -215,7 +215,7 @@ def test_events_without_an_end_are_told(clock: SteppedClock) -> None:
         clock.call_after(0.0, again)
 
     clock.call_after(1.0, again)
-    with pytest.raises(A465Error, match="at 1 s: stepped time does not go on"):
+    with pytest.raises(A465Error, match="at 1 s: stepped time does not advance"):
         clock.sleep(2.0)
 
 

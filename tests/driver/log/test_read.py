@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from arm.errors import FileInputError
 from driver.log.read import Session, is_log, read_log
-from logged_session import LoggedRun
+from wire.logged_session import LoggedRun
 
 OPEN = {"t": 0.0, "kind": "open", "time_scale": 1.0}
 
@@ -179,7 +179,7 @@ def test_a_torn_or_damaged_line_is_counted_and_the_rest_is_read(
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "line 1: is empty, so it is no wire log"),
+        (b"", "line 1: is empty, so this is not a wire log"),
         (b'{"format":"a465-plan/2"}\n', 'line 1: must be the record of kind "open"'),
         (b'{"t":0,"kind":"sent","data":""}\n', 'line 1: must be the record of kind "open"'),
         (b"\xff\xd8\xff", 'line 1: must be the record of kind "open"'),

@@ -99,7 +99,7 @@ def test_the_first_move_after_a_stop_goes_slowly_to_where_the_arm_stands(
     ):
         mars.identify()
         mars.initialise(soft_home=False)
-        with pytest.raises(ExecutionStopped, match="the line was damaged"):
+        with pytest.raises(ExecutionStopped, match="transmission error"):
             mars.move_to(TARGET)
         assert spoilt
         off_deg = np.abs(np.degrees(unit.positions(emulator.counts()) - unit.positions(np.zeros(6))))

@@ -11,7 +11,7 @@ from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from driver.line.clock import Clock
 from driver.mars.mars import Mars
 from driver.mars.startup import slow_registers
-from soft_home import SOFT_HOME
+from wire.soft_home import SOFT_HOME
 
 
 def test_move_to_goes_where_it_is_told(mars: Mars, fake: Any) -> None:
@@ -141,9 +141,9 @@ def test_jaws_that_never_rest_end_by_the_deadline(mars: Mars, fake: Any) -> None
 def test_registers_change_and_motions_begin_only_while_nothing_moves(mars: Mars, fake: Any) -> None:
     fake.append(60.0, [1000] * 6)
     fake.lines.clear()
-    with pytest.raises(ExecutionStopped, match="registers may only change while the arm stands"):
+    with pytest.raises(ExecutionStopped, match="registers can change only while the arm is at rest"):
         mars.set_registers(mars.speed_registers, mars.acceleration_registers)
-    with pytest.raises(ExecutionStopped, match="the arm cannot start: it is still moving"):
+    with pytest.raises(ExecutionStopped, match="the arm cannot move: it is still moving"):
         mars.require_ready()
     assert not any(line.startswith(("REG", "COORDMV", "SPDT")) for line in fake.lines)
 

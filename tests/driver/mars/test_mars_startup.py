@@ -14,7 +14,7 @@ from driver.line.stepped_clock import SteppedClock
 from driver.mars.identity import gripper_answers, refuse_another
 from driver.mars.mars import Mars
 from driver.mars.startup import limit_lines, move_time
-from soft_home import SOFT_HOME
+from wire.soft_home import SOFT_HOME
 
 
 @pytest.mark.parametrize("version", ["LX_ROCON v2", "MARS81 x", "", "mars8"])
@@ -44,7 +44,7 @@ def test_power_up_noise_does_not_hide_the_unit(fake: Any, unit: Unit, clock: Clo
 
 
 def test_nothing_moves_before_identify(fake: Any, unit: Unit, clock: Clock) -> None:
-    with Mars(fake.line, unit, clock) as mars, pytest.raises(InputError, match=r"identify\(\) comes before"):
+    with Mars(fake.line, unit, clock) as mars, pytest.raises(InputError, match=r"call identify\(\) first"):
         mars.initialise()
     assert fake.lines == []
 
@@ -215,7 +215,7 @@ def test_where_the_arm_is_cannot_be_asked_before_the_group_is_formed(
         mars.identify()
         fake.lines.clear()
         for ask in (mars.position, mars.counts):
-            with pytest.raises(InputError, match=r"position: initialise\(\) comes first"):
+            with pytest.raises(InputError, match=r"position: call initialise\(\) first"):
                 ask()
         assert fake.lines == []
 

@@ -12,7 +12,7 @@ from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped
 from driver.line.clock import Clock
 from driver.mars.mars import Mars
-from soft_home import SOFT_HOME
+from wire.soft_home import SOFT_HOME
 
 
 @pytest.mark.parametrize("sign", ["no group", "clock"])
@@ -45,7 +45,7 @@ def test_an_interrupt_is_a_stop_within_a_tenth_of_a_second(fake: Any, unit: Unit
 
         fake.hooks["COORDMV"] = interrupt
         with pytest.raises(
-            ExecutionStopped, match="move: interrupted; the arm stands still under power"
+            ExecutionStopped, match="move: interrupted; the arm has stopped and is still under power"
         ) as stopped:
             mars.move_to([c + 6000 for c in SOFT_HOME])
     assert stopped.value.data["reason"] == "interrupted"
@@ -87,7 +87,7 @@ def test_a_silent_unit_is_stopped_and_its_state_told_unknown(mars: Mars, fake: A
         return []
 
     fake.hooks["COORDMV"] = fall_silent
-    with pytest.raises(ExecutionStopped, match=r"NOT known \(.*no answer") as stopped:
+    with pytest.raises(ExecutionStopped, match=r"MAY STILL BE MOVING \(.*no answer") as stopped:
         mars.move_to(SOFT_HOME)
     assert stopped.value.data["state"]["at_rest"] is False
     assert "STOP:" in fake.since(next(line for line in fake.lines if line.startswith("COORDMV")))

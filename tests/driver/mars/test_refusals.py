@@ -8,7 +8,7 @@ from arm.controller.unit import Unit
 from arm.errors import ImpossibleError
 from driver.line.protocol import Status
 from driver.mars.refusals import refuse_faults, refuse_unhomed
-from soft_home import SOFT_HOME
+from wire.soft_home import SOFT_HOME
 
 
 @pytest.mark.parametrize(
@@ -36,7 +36,7 @@ def test_counts_that_no_homed_arm_has_are_refused(unit: Unit, axis: int) -> None
         q[axis] = bound[axis] - 1e-3 * beyond
         refuse_unhomed(unit, unit.counts(q))
         q[axis] = bound[axis] + 1e-3 * beyond
-        with pytest.raises(ImpossibleError, match=f"the arm stands at .* on axis {unit.axes[axis]}: must be"):
+        with pytest.raises(ImpossibleError, match=f"the arm is at .* on axis {unit.axes[axis]}: must be"):
             refuse_unhomed(unit, unit.counts(q))
     for counts in ((0,) * 6, (25, -25, 0, 0, 0, 0)):
         with pytest.raises(ImpossibleError, match="as after power-up: the unit must be homed"):

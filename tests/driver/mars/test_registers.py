@@ -9,7 +9,7 @@ import pytest
 
 from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped
-from count_paths import quintic
+from arms.count_paths import quintic
 from driver.emulator import Emulator, EmulatorOptions, Fault, When
 from driver.execution.stream import stream
 from driver.line.clock import Clock
@@ -115,5 +115,5 @@ def test_a_register_lost_in_the_unit_behind_its_echo_is_noticed(unit: Unit, cloc
         mars.identify()
         mars.initialise(soft_home=False)
         emulator.inject(lost)
-        with pytest.raises(ExecutionStopped, match="though the line came back right"):
+        with pytest.raises(ExecutionStopped, match="though the echo was right"):
             mars.set_registers(slow_registers(unit), unit.acceleration_registers)

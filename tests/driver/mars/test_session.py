@@ -15,7 +15,7 @@ from arm.controller.segments import CountPath
 from arm.controller.unit import Unit, load_unit
 from arm.errors import ExecutionStopped, InputError
 from arm.plan_file import GripperStep, Move
-from count_paths import OBJECT_ADC, Jaws, distance_deg, sweep
+from arms.count_paths import OBJECT_ADC, Jaws, distance_deg, sweep
 from driver.emulator import Emulator, EmulatorOptions, Fault, When
 from driver.execution.execute import execute
 from driver.execution.progress import Progress, StreamOptions
@@ -79,7 +79,7 @@ def test_a_homing_line_that_is_lost_stops_where_the_unit_echoes(unit: Unit, cloc
         Mars(emulator.open_line(), unit, clock) as mars,
     ):
         mars.identify()
-        with pytest.raises(ExecutionStopped, match="sent 'HHB:', nothing came back; the arm stands still"):
+        with pytest.raises(ExecutionStopped, match="sent 'HHB:', no echo; the arm has stopped"):
             mars.initialise(soft_home=False)
 
 
@@ -155,7 +155,7 @@ def test_an_interrupt_in_a_stream_is_a_stop_in_a_tenth_of_a_second(unit: Unit, c
 
         begin = emulator.now_ms()
         with pytest.raises(
-            ExecutionStopped, match="interrupted; the arm stands still under power"
+            ExecutionStopped, match="interrupted; the arm has stopped and is still under power"
         ) as stopped:
             stream(mars, path, press)
         times, counts = executed_since(emulator, begin)
@@ -258,7 +258,7 @@ def test_a_cut_cable_moves_the_arm_no_further_than_the_look_ahead(
         mars.initialise()
         path = sweep(unit, mars.counts())
         begin = emulator.now_ms()
-        with pytest.raises(ExecutionStopped, match=r"the link is lost.*state is NOT known") as stopped:
+        with pytest.raises(ExecutionStopped, match=r"the link is lost.*MAY STILL BE MOVING") as stopped:
             stream(mars, path, pull)
     assert stopped.value.data["ahead_s"] <= 1.5
     clock.sleep(3.0)

@@ -19,7 +19,7 @@ from plan.cartesian.differential_ik import Barrier
 from plan.cartesian.line import SOLVERS, Line, LineOptions, follow_line
 from plan.collision.world import DISTANCE_ERROR, World
 from plan.kinematics.ik import inverse_kinematics
-from plan.kinematics.product_of_exponentials import screw_arm
+from plan.kinematics.product_of_exponentials import product_of_exponentials
 
 CLEARANCE, NEAR = 0.005, 0.05
 START = transform(rot_x(np.pi), (0.40, -0.10, 0.08))
@@ -126,7 +126,7 @@ def test_a_free_yaw_bends_around_a_post(robot: Robot, crs97: Unit, solver: str) 
     clear = [world.distance(each).value for each in path.q]
     assert min(clear) >= CLEARANCE - 1e-8
     assert min(clear) < CLEARANCE + 1e-5  # it keeps no more away than asked
-    deviation = Line(START, END).deviation(screw_arm(robot).tool_poses(path.q), "z")
+    deviation = Line(START, END).deviation(product_of_exponentials(robot).tool_poses(path.q), "z")
     assert deviation.distance.max() < 1e-6  # osqp meets its tolerance, no more
     assert deviation.angle.max() < 1e-6
     np.testing.assert_allclose(robot.T_base_tool(path.q[-1])[:3, 3], END[:3, 3], atol=1e-6)

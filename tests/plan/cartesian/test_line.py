@@ -12,7 +12,7 @@ from arm.se3 import rot_x, rot_z, rotation, transform
 from plan.cartesian.line import SOLVERS, Barrier, Line, LineOptions, follow_line
 from plan.cartesian.reachability import reach
 from plan.kinematics.ik import inverse_kinematics
-from plan.kinematics.product_of_exponentials import screw_arm
+from plan.kinematics.product_of_exponentials import product_of_exponentials
 from plan.trajectory.joint_path import smooth_path
 
 GRASP = transform(rot_x(np.pi), (0.46, 0.11, 0.05))
@@ -36,12 +36,12 @@ def _random_lines(robot: Robot, unit: Unit, count: int, seed: int):  # type: ign
         grasps[str(k)] = [transform(tilt @ rot_x(np.pi) @ rot_z(rng.uniform(-3, 3)), place)]
     table = reach(robot, unit.limits(), grasps, 0.1)
     for hole in table.holes:
-        for choice in hole.serving():
+        for choice in hole.feasible():
             yield choice, grasps[hole.hole][0]
 
 
 def test_random_lines_are_straight_at_and_between_way_points(robot: Robot, unit: Unit) -> None:
-    limits, arm, count = unit.limits(), screw_arm(robot), 0
+    limits, arm, count = unit.limits(), product_of_exponentials(robot), 0
     for choice, T in _random_lines(robot, unit, 40, seed=11):
         top = _up(T, 0.1)
         path = follow_line(robot, choice.q_hole, T, top, limits)
@@ -63,7 +63,7 @@ def test_random_lines_are_straight_at_and_between_way_points(robot: Robot, unit:
 
 
 def test_steps_are_halved_until_the_spline_is_straight(robot: Robot, crs97: Unit) -> None:
-    q, top, arm = _start(robot, crs97), _up(GRASP, 0.1), screw_arm(robot)
+    q, top, arm = _start(robot, crs97), _up(GRASP, 0.1), product_of_exponentials(robot)
     coarse = follow_line(robot, q, GRASP, top, crs97.limits(), LineOptions(step=0.1))
     fine = follow_line(robot, q, GRASP, top, crs97.limits(), LineOptions(step=0.1, tolerance=1e-8))
     assert 5 <= len(coarse.q) < len(fine.q)
@@ -84,7 +84,7 @@ def test_solvers_agree(robot: Robot, crs97: Unit, solver: str) -> None:
 
 
 def test_turning_on_the_way_and_on_the_spot(robot: Robot, crs97: Unit) -> None:
-    q, arm = np.radians([-10.0, -40.0, -80.0, 20.0, -60.0, 0.0]), screw_arm(robot)
+    q, arm = np.radians([-10.0, -40.0, -80.0, 20.0, -60.0, 0.0]), product_of_exponentials(robot)
     GRASP = robot.T_base_tool(q)
     for T_end in (_up(GRASP, 0.1) @ transform(rot_z(0.5)), GRASP @ transform(rot_x(0.2))):
         path = follow_line(robot, q, GRASP, T_end, crs97.limits())
@@ -116,7 +116,7 @@ def test_a_joint_that_cannot_keep_up_is_named(robot: Robot, crs97: Unit, side: f
     velocity[0] = 0.01
     slow = Limits(limits.lower, limits.upper, velocity, limits.acceleration)
     T_end = transform(GRASP[:3, :3], GRASP[:3, 3] + (0.0, side * 0.05, 0.0))
-    with pytest.raises(ImpossibleError, match=r"joint J1 cannot turn fast enough .*singular") as caught:
+    with pytest.raises(ImpossibleError, match=r"joint J1 cannot move fast enough .*singular") as caught:
         follow_line(robot, q, GRASP, T_end, slow, LineOptions(slowest=0.02))
     assert caught.value.data["constraint"] == "J1 speed"
     # 0.05 m at 0.02 m/s leave joint 1 0.025 rad, a quarter of what it needs; a tenth of the speed is enough
@@ -145,7 +145,7 @@ def test_a_barrier_stops_the_line_and_is_named(robot: Robot, crs97: Unit) -> Non
     with pytest.raises(ImpossibleError, match="ceiling is in the way") as caught:
         follow_line(robot, q, GRASP, top, crs97.limits(), LineOptions(barrier=below_ceiling))
     assert caught.value.data["done_m"] == pytest.approx(0.060, abs=1e-9)
-    with pytest.raises(ImpossibleError, match="no step keeps all of ceiling") as caught:
+    with pytest.raises(ImpossibleError, match="no step satisfies all of ceiling") as caught:
         follow_line(
             robot, q, GRASP, top, crs97.limits(), LineOptions(barrier=lambda q: _shut(robot, q, ceiling))
         )
@@ -162,7 +162,7 @@ def _shut(robot: Robot, q: np.ndarray, ceiling: float) -> Barrier:
 
 def test_a_wrong_start_is_refused(robot: Robot, crs97: Unit) -> None:
     q = _start(robot, crs97)
-    with pytest.raises(InputError, match="from where q_start puts the tool"):
+    with pytest.raises(InputError, match="from the tool at q_start"):
         follow_line(robot, q, _up(GRASP, 0.01), _up(GRASP, 0.1), crs97.limits())
     lower = crs97.lower.copy()
     lower[4] = q[4] + 0.1

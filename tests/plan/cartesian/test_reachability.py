@@ -13,7 +13,7 @@ from arm.robot.model import Robot
 from arm.se3 import rot_x, rot_z, rotation, transform
 from plan.cartesian.reachability import reach
 from plan.kinematics.ik import BRANCH_NAMES, all_branches
-from plan.kinematics.product_of_exponentials import screw_arm
+from plan.kinematics.product_of_exponentials import product_of_exponentials
 
 OFFSET = 0.1
 
@@ -50,11 +50,11 @@ def test_all_eight_holes_of_the_default_task_are_reached_with_the_margin_of_the_
 
 
 def test_choices_are_what_they_say(robot: Robot, unit: Unit) -> None:
-    grasps, arm = _task_2(), screw_arm(robot)
+    grasps, arm = _task_2(), product_of_exponentials(robot)
     for hole in reach(robot, unit.limits(), grasps, OFFSET).holes:
         assert [c.ok for c in hole.choices] == sorted((c.ok for c in hole.choices), reverse=True)
         assert len(hole.choices) == 32
-        for choice in hole.serving():
+        for choice in hole.feasible():
             T = grasps[hole.hole][choice.yaw]
             np.testing.assert_allclose(arm.tool_poses(choice.q_hole), T, atol=1e-9)
             top = arm.tool_poses(choice.q_offset)
@@ -128,7 +128,7 @@ def test_a_line_through_a_singular_pose_is_not_served_by_racing_branches(robot: 
 
 
 def test_nonsense_is_refused(robot: Robot, crs97: Unit) -> None:
-    with pytest.raises(InputError, match="a pose each"):
+    with pytest.raises(InputError, match="one or more holes, each with one or more poses"):
         reach(robot, crs97.limits(), {}, OFFSET)
     with pytest.raises(InputError, match="must be positive"):
         reach(robot, crs97.limits(), {"h": [transform()]}, 0.0)

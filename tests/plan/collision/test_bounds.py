@@ -10,7 +10,7 @@ import pytest
 from arm.robot.model import load_robot
 from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere
 from arm.se3 import Array, apply, frozen, rotation, transform
-from grazing import ARMS, OBSTACLES, arm, obstacle, world_of
+from arms.grazing import ARMS, OBSTACLES, arm, obstacle, world_of
 from plan.collision.bounds import cover, hull
 from plan.collision.world import DISTANCE_ERROR, World
 

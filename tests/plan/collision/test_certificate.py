@@ -12,9 +12,9 @@ from arm.robot.model import load_a465
 from arm.robot.shapes import Body, Box, Cylinder, Shape
 from arm.se3 import Array, apply, frozen, rotation, transform
 from plan.collision.bezier import Curve, curve_of_counts, curve_of_waypoints
-from plan.collision.certificate import TIGHT_ABSOLUTE, TIGHT_RELATIVE, check_curve, check_move
+from plan.collision.certificate import TIGHT_ABSOLUTE, TIGHT_RELATIVE, certify_curve, certify_move
 from plan.collision.world import DISTANCE_ERROR, World
-from task2_scene import POST, Q_START, TABLE, TOOL_LENGTH
+from tasks.task2 import POST, Q_START, TABLE, TOOL_LENGTH
 
 HELD = Body("held", Box((0.04, 0.04, 0.04)), frozen(np.eye(4)), "cube")
 UNIT = load_unit("crs93")
@@ -48,6 +48,7 @@ def sampled(world: World, curve: Curve, count: int) -> float:
     return min(world.distance(q).value for q in at(curve, np.linspace(0.0, 1.0, count)))
 
 
+@pytest.mark.slow
 def test_the_bound_is_below_dense_sampling_and_near_it() -> None:
     gaps, verdicts = [], []
     for seed in range(3):
@@ -56,7 +57,7 @@ def test_the_bound_is_below_dense_sampling_and_near_it() -> None:
         for _ in range(30):
             curve = random_cubic(world, rng)
             dense = sampled(world, curve, 120)
-            tight = check_curve(world, curve, 0.01, tight=True)
+            tight = certify_curve(world, curve, 0.01, tight=True)
             assert tight.clearance <= dense + 2e-6
             if tight.seen > 0.0:
                 assert dense >= tight.clearance - 2e-6
@@ -66,9 +67,9 @@ def test_the_bound_is_below_dense_sampling_and_near_it() -> None:
                 assert tight.seen - tight.clearance <= allowed + 2 * DISTANCE_ERROR
             if dense > 2e-4:
                 asked = dense - 1e-4  # nearer than the gap that tight mode leaves otherwise
-                assert check_curve(world, curve, asked, tight=True).proved == (tight.seen >= asked + 2e-5)
+                assert certify_curve(world, curve, asked, tight=True).proved == (tight.seen >= asked + 2e-5)
             for clearance in (0.0, 0.01, dense + 1e-4, dense - 1e-4):
-                decided = check_curve(world, curve, clearance)
+                decided = certify_curve(world, curve, clearance)
                 if decided.proved:
                     assert dense >= clearance - 2e-6
                     assert decided.clearance <= dense + 2e-6
@@ -106,7 +107,7 @@ def test_grazing_moves_are_never_called_clear() -> None:
             top = lowest - 0.01 + depth
             floor = Body("floor", Box((3.0, 3.0, 0.02)), transform(t=(0.0, 0.0, top - 0.01)), "table")
             world = World(robot, [floor], allowed=fingers_only)
-            checked = check_curve(world, curve, 0.01)
+            checked = certify_curve(world, curve, 0.01)
             if depth > 0.0 or "floor" not in checked.pair:
                 assert not checked.proved
             else:
@@ -124,7 +125,7 @@ def test_what_happens_between_the_knots_counts() -> None:
     curve = Curve((q + swing)[None], np.array([2.0]))
     ends = min(world.distance(q_at).value for q_at in at(curve, np.array([0.0, 0.5, 1.0])))
     assert ends > 0.02
-    found = check_curve(world, curve, 0.01, tight=True)
+    found = certify_curve(world, curve, 0.01, tight=True)
     assert not found.proved
     assert found.seen < 0.0
     assert "table" in found.pair
@@ -141,7 +142,7 @@ def test_a_thin_wall_between_two_way_points_is_seen() -> None:
     right[0] = -left[0]
     assert world.distance(left).value > 0.03
     assert world.distance(right).value > 0.03
-    found = check_curve(world, curve_of_waypoints([left, right]), 0.01)
+    found = certify_curve(world, curve_of_waypoints([left, right]), 0.01)
     assert not found.proved
     assert "sheet" in found.pair
 
@@ -152,7 +153,7 @@ def test_decide_is_cheaper_than_tight_and_agrees() -> None:
     cost = {True: 0, False: 0}
     for _ in range(60):
         curve = random_cubic(world, rng)
-        results = {tight: check_curve(world, curve, 0.01, tight=tight) for tight in (True, False)}
+        results = {tight: certify_curve(world, curve, 0.01, tight=tight) for tight in (True, False)}
         for tight, result in results.items():
             cost[tight] += result.evaluations
         if results[True].clearance >= 0.01 or results[True].seen < 0.01:
@@ -194,7 +195,7 @@ def test_a_move_of_many_segments_is_proved_whole() -> None:
     for seed in range(30):
         path = count_path(np.random.default_rng(seed), rng.uniform(UNIT.lower, UNIT.upper), (3,) * 6)
         dense = min(world.distance(q).value for q in UNIT.positions(path.sample(1e-2)))
-        found = check_move(world, path, UNIT, 0.01)
+        found = certify_move(world, path, UNIT, 0.01)
         assert found.clearance <= dense + 2e-6
         if found.seen > 0.0:
             compared += 1
@@ -209,7 +210,7 @@ def test_a_move_of_many_segments_is_proved_whole() -> None:
 def test_a_motion_that_stands_still() -> None:
     world = World(load_a465(TOOL_LENGTH, 0.06), [TABLE])
     still = CountPath(tuple(int(c) for c in UNIT.counts(Q_START)), ())
-    found = check_move(world, still, UNIT, 0.01)
+    found = certify_move(world, still, UNIT, 0.01)
     assert found.proved
     assert found.seen - DISTANCE_ERROR == pytest.approx(found.clearance, abs=1e-9)
 
@@ -218,7 +219,7 @@ def test_the_same_request_gives_the_same_answer() -> None:
     rng = np.random.default_rng(2)
     world = crowded_world(rng)
     curve = random_cubic(world, rng)
-    assert check_curve(world, curve, 0.01, tight=True) == check_curve(world, curve, 0.01, tight=True)
+    assert certify_curve(world, curve, 0.01, tight=True) == certify_curve(world, curve, 0.01, tight=True)
 
 
 @pytest.mark.parametrize("clearance", [float("nan"), float("inf"), None, "5 mm"])
@@ -226,7 +227,7 @@ def test_a_clearance_that_is_no_number_is_refused(clearance: object) -> None:
     world = crowded_world(np.random.default_rng(0))
     curve = random_cubic(world, np.random.default_rng(0))
     with pytest.raises(InputError, match=r"clearance = .*must be a finite number in m"):
-        check_curve(world, curve, clearance)
+        certify_curve(world, curve, clearance)
 
 
 def test_a_curve_whose_parts_do_not_fit_is_refused_by_its_shape() -> None:
@@ -241,5 +242,5 @@ def test_a_curve_whose_parts_do_not_fit_is_refused_by_its_shape() -> None:
         (np.zeros((4, 6)), np.ones(4)),
     ):
         with pytest.raises(InputError, match=r"must be \(m, 4, 6\) and \(m,\), m at least 1") as refused:
-            check_curve(world, Curve(control, ends), 0.005)
+            certify_curve(world, Curve(control, ends), 0.005)
         assert refused.value.data["shape"] == list(control.shape)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from grazing import NEAR, Case, dense, draw
-from plan.collision.certificate import RESOLUTION, MoveCheck, check_curve
+from arms.grazing import NEAR, Case, dense, draw
+from plan.collision.certificate import RESOLUTION, ClearanceCertificate, certify_curve
 from plan.collision.world import DISTANCE_ERROR
 
 CASES = 300
@@ -14,7 +15,7 @@ LEAST_SAMPLES = 60  # the campaign takes more
 TOLERANCE = 1e-6  # m, of the distances that both sides rest on
 
 
-def wrong(case: Case, checks: dict[str, MoveCheck], least: np.ndarray) -> list[str]:
+def wrong(case: Case, checks: dict[str, ClearanceCertificate], least: np.ndarray) -> list[str]:
     """What contradicts the smallest distances that were sampled on each cubic."""
     # how deep bodies overlap is no matter: whatever is below 0 states nothing
     least = np.maximum(least, 0.0)
@@ -31,13 +32,14 @@ def wrong(case: Case, checks: dict[str, MoveCheck], least: np.ndarray) -> list[s
     return found
 
 
+@pytest.mark.slow
 def test_grazing_motions_are_bounded_from_below_and_judged_right() -> None:
     gaps, near, proved, grazing = [], [], 0, 0
     for seed in range(CASES):
         case = draw(seed)
         checks = {
-            "tight": check_curve(case.world, case.curve, case.clearance, tight=True),
-            "decide": check_curve(case.world, case.curve, case.clearance),
+            "tight": certify_curve(case.world, case.curve, case.clearance, tight=True),
+            "decide": certify_curve(case.world, case.curve, case.clearance),
         }
         looked = max(check.evaluations for check in checks.values())
         least = dense(case.world, case.curve, max(LEAST_SAMPLES, DENSER * looked), zooms=2)

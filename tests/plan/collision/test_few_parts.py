@@ -12,11 +12,11 @@ import pytest
 from arm.errors import ImpossibleError
 from arm.robot.model import Robot, load_robot
 from arm.robot.shapes import Body, Box, Cylinder
-from arm.robot.tool import ignoring, urdf_limits, with_tool
+from arm.robot.tool import urdf_limits, with_disabled_collisions, with_tool
 from arm.se3 import transform
-from made_up_arms import SEVEN, Z, arm, urdf
+from arms.made_up import SEVEN, Z, arm, urdf
 from plan.collision.bezier import curve_of_waypoints
-from plan.collision.certificate import check_curve
+from plan.collision.certificate import certify_curve
 from plan.collision.world import World
 from plan.kinematics.numeric_ik import solve_ik
 from plan.options import PlanOptions
@@ -39,7 +39,7 @@ def one(folder: Path) -> Robot:
     """A turntable with an arm of 0.3 m."""
     path = folder / "one.urdf"
     path.write_text(urdf(ONE, tip="0.3 0 0"))
-    return ignoring(load_robot(path, "l1", transform(t=(0.3, 0.0, 0.0))), neighbours=True)
+    return with_disabled_collisions(load_robot(path, "l1", transform(t=(0.3, 0.0, 0.0))), neighbours=True)
 
 
 BLOCK = Body("block", Box((0.1, 0.1, 0.1)), transform(t=(0.4, 0.4, 0.5)), "wall")
@@ -59,7 +59,7 @@ def test_an_arm_without_bodies_touches_nothing(tmp_path: Path) -> None:
         assert world.motion_radii(Q0).shape == (0, 7)
         assert len(world.near(np.stack([Q0, Q1]), 1.0).row) == 0
         for tight in (False, True):
-            checked = check_curve(world, curve_of_waypoints([Q0, Q1, Q0]), 0.01, tight)
+            checked = certify_curve(world, curve_of_waypoints([Q0, Q1, Q0]), 0.01, tight)
             assert checked.proved
             assert checked.clearance == np.inf
         assert np.array_equal(plan_transit(world, Q0, Q1, limits, 0.01, 0), [Q0, Q1])
@@ -81,12 +81,12 @@ def test_what_such_an_arm_holds_does_touch(tmp_path: Path) -> None:
     assert world.distance(hit).value < 0.0
     assert world.in_collision(hit)
     for q in rng.uniform(-2.0, 2.0, (50, 7)):
-        checked = check_curve(world, curve_of_waypoints([q, hit]), 0.005)
+        checked = certify_curve(world, curve_of_waypoints([q, hit]), 0.005)
         assert not checked.proved
         assert checked.pair == ("load", "block")
     # the bound holds between samples
     for a, b in rng.uniform(-1.0, 1.0, (40, 2, 7)):
-        checked = check_curve(world, curve_of_waypoints([a, b]), 0.0, tight=True)
+        checked = certify_curve(world, curve_of_waypoints([a, b]), 0.0, tight=True)
         seen = min(world.distance(a + u * (b - a)).value for u in np.linspace(0.0, 1.0, 80))
         assert checked.clearance <= max(seen, checked.seen) + 1e-9
     tooled = with_tool(
@@ -104,13 +104,13 @@ def test_an_arm_of_one_joint_goes_through_all_doors(tmp_path: Path) -> None:
     radius = world.motion_radii([0.1]).max()
     assert radius == pytest.approx(np.hypot(0.33, 0.03), abs=1e-6)
     assert world.distance([0.0]).value > 0.2
-    checked = check_curve(world, curve_of_waypoints([[0.0], [1.0]]), 0.01, tight=True)
+    checked = certify_curve(world, curve_of_waypoints([[0.0], [1.0]]), 0.01, tight=True)
     seen = min(world.distance([u]).value for u in np.linspace(0.0, 1.0, 400))
     assert checked.proved
     assert seen - 0.02 < checked.clearance <= seen
-    assert not check_curve(world, curve_of_waypoints([[0.0], [3.0]]), 0.01).proved
+    assert not certify_curve(world, curve_of_waypoints([[0.0], [3.0]]), 0.01).proved
     assert np.array_equal(plan_transit(world, [-2.0], [1.0], limits, 0.01, 0), [[-2.0], [1.0]])
-    with pytest.raises(ImpossibleError, match="no way around near"):
+    with pytest.raises(ImpossibleError, match="no path around near"):
         plan_transit(world, [0.0], [3.0], limits, 0.01, 0)
     target = Target("a", robot.T_base_tool([1.0]))
     plan = plan_poses(robot, [near], [target], [-1.0], limits, q_end=[-1.0], options=FAST)

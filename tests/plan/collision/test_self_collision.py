@@ -10,10 +10,10 @@ import pytest
 from arm.errors import ImpossibleError
 from arm.robot.model import Robot, load_robot
 from arm.robot.shapes import Body, Sphere
-from arm.robot.tool import ignoring, urdf_limits
+from arm.robot.tool import urdf_limits, with_disabled_collisions
 from arm.se3 import transform
-from made_up_arms import SEVEN, arm, several_bodies, urdf
-from plan.collision.self_collision import own_overlaps, told_own_overlaps
+from arms.made_up import SEVEN, arm, several_bodies, urdf
+from plan.collision.self_collision import self_collision_help, self_collisions
 from plan.collision.world import World
 from plan.transit.planner import plan_transit
 from plan.waypoints.planner import plan_poses
@@ -34,22 +34,22 @@ def bare(folder: Path) -> Robot:
 
 def test_what_overlaps_everywhere_and_neighbours_are_told_by_their_links(tmp_path: Path) -> None:
     robot = bare(tmp_path)
-    found = own_overlaps(World(robot, []), Q, 0.005)
+    found = self_collisions(World(robot, []), Q, 0.005)
     assert set(found) == {*NEXT, *OVER_ONE}
-    text = told_own_overlaps(World(robot, []), Q, 0.005)
+    text = self_collision_help(World(robot, []), Q, 0.005)
     assert 'disable_collisions link1="l0" link2="l1" reason="Adjacent"' in text
     assert "l0 / l1, l0 / l2" in text
     assert "and 4 more" in text
     # what is said helps
-    ready = ignoring(robot, found)
+    ready = with_disabled_collisions(robot, found)
     assert World(ready, []).distance(Q).value > 0.005
-    assert told_own_overlaps(World(ready, []), Q, 0.005) == ""
+    assert self_collision_help(World(ready, []), Q, 0.005) == ""
     # a body that is near is no such pair, nor a link that only here comes near to another
     ball = Body("ball", Sphere(0.1), ready.T_base_tool(Q), "wall")
-    assert told_own_overlaps(World(ready, [ball]), Q, 0.005) == ""
+    assert self_collision_help(World(ready, [ball]), Q, 0.005) == ""
     folded = np.array([0.0, 0.0, 0.0, 2.3, 0.0, 2.6, 0.0])
     assert World(ready, []).distance(folded).value < 0.005
-    assert told_own_overlaps(World(ready, []), folded, 0.005) == ""
+    assert self_collision_help(World(ready, []), folded, 0.005) == ""
 
 
 def test_every_door_says_so(tmp_path: Path) -> None:
@@ -82,5 +82,5 @@ def test_neighbours_that_are_nearer_than_what_is_asked_are_such_pairs(tmp_path: 
         "</joint></robot>"
     )
     world = World(load_robot(path, "top", np.eye(4)), [])
-    assert own_overlaps(world, np.array([0.3]), 0.005) == (("foot", "top"),)
-    assert own_overlaps(world, np.array([0.3]), 0.002) == ()
+    assert self_collisions(world, np.array([0.3]), 0.005) == (("foot", "top"),)
+    assert self_collisions(world, np.array([0.3]), 0.002) == ()

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from arm.se3 import Array
-from grazing import ARMS, MOTIONS, arm, motion, place
+from arms.grazing import ARMS, MOTIONS, arm, motion, place
 from plan.collision.bezier import Curve
-from plan.collision.subdivision import Chain, Pieces
+from plan.collision.subdivision import CurveIntervals, CurveSubdivision
 
 CURVES = 60
 SAMPLES = 41
@@ -22,9 +22,9 @@ def curves(kind: str, name: str) -> list[Curve]:
     return [motion(kind, model.lowerPositionLimit, model.upperPositionLimit, rng) for _ in range(CURVES)]
 
 
-def depths(curve: Curve, count: int = 4) -> list[Pieces]:
+def depths(curve: Curve, count: int = 4) -> list[CurveIntervals]:
     """The first pieces, and what they are cut into."""
-    chain = Chain(curve)
+    chain = CurveSubdivision(curve)
     found = [chain.first_pieces(3)]
     for _ in range(count - 1):
         found.append(chain.finer(found[-1]))
@@ -74,7 +74,7 @@ def test_the_reach_of_a_cubic_that_ends_where_it_began_is_not_zero() -> None:
     """Out to one side, out to the other, and home: begin, middle and end are one configuration."""
     q = np.array([0.3, -0.2])
     swing = np.array([[0.0, 0.0], [0.2, 0.0], [-0.2, 0.0], [0.0, 0.0]])
-    pieces = Chain(Curve((q + swing)[None], np.array([1.0]))).first_pieces(1)
+    pieces = CurveSubdivision(Curve((q + swing)[None], np.array([1.0]))).first_pieces(1)
     farthest = 0.2 / (2.0 * np.sqrt(3.0))  # of 3 u (1 - u) (1 - 2 u) times 0.2
     np.testing.assert_allclose(pieces.middle, [q], atol=1e-12)
     assert pieces.reach[0, 0] >= farthest
@@ -87,7 +87,7 @@ def test_a_first_piece_travels_less_than_twice_what_it_is_to(count: int) -> None
     for travel in (0.3, 0.79, 0.8, 0.81, 1.5):  # of a cubic, rad; a piece is to have 0.4
         row = np.linspace(0.0, travel, 4)[:, None] * np.array([0.5, 0.0, -0.5])
         begins = travel * np.arange(count)[:, None, None] * np.array([0.5, 0.0, -0.5])
-        pieces = Chain(Curve(row[None] + begins, np.ones(count))).first_pieces(2)
+        pieces = CurveSubdivision(Curve(row[None] + begins, np.ones(count))).first_pieces(2)
         travels = np.ptp(pieces.control, axis=1).sum(axis=1)
         assert travels.sum() == pytest.approx(count * travel)
         assert travels.max() < 2.0 * 0.4 - 1e-6 or len(pieces) >= 8

@@ -17,9 +17,9 @@ from arm.se3 import Array, apply, frozen, rotation, transform
 from plan.budget import DISTANCE_LOOKS, SearchBudget, allowed
 from plan.collision.bezier import curve_of_waypoints
 from plan.collision.bounds import hull
-from plan.collision.certificate import check_curve
+from plan.collision.certificate import certify_curve
 from plan.collision.world import DISTANCE_ERROR, UNKNOWN_DEPTH, World, distance_of
-from task2_scene import TABLE, TOOL_LENGTH, task2
+from tasks.task2 import TABLE, TOOL_LENGTH, task2
 
 HELD = Body("held", Box((0.04, 0.04, 0.04)), frozen(np.eye(4)), "cube")
 T_TOOL_HELD = transform(t=(0.0, 0.0, 0.003))
@@ -217,7 +217,7 @@ def test_what_is_checked() -> None:
     assert frozenset(("held", "palm")) not in pairs
     assert frozenset(("table", "plate 01-02")) not in pairs
     assert frozenset(("base", "table")) not in pairs
-    assert not pairs & robot.touching
+    assert not pairs & robot.disabled_collisions
     allowed = frozenset(("held", "plate 01-02"))
     fewer = World(robot, case.scene.bodies, HELD, T_TOOL_HELD, allowed=[allowed])
     assert pairs - {frozenset(fewer.pair_names(i)) for i in range(len(fewer.pairs))} == {allowed}
@@ -228,9 +228,9 @@ def test_pairs_left_out_as_never_meeting_never_meet(unit: str) -> None:
     """Within the unit's limits; joint 5 at its ends is where hub and forearm are nearest."""
     rng = np.random.default_rng(3)
     robot, limits = load_a465(TOOL_LENGTH, 0.06), load_unit(unit).limits()
-    world = World(replace(robot, touching=frozenset()), [])
+    world = World(replace(robot, disabled_collisions=frozenset()), [])
     never = [("base", "shoulder"), ("wrist", "gripper"), ("wrist", "palm"), ("forearm", "hub")]
-    assert {frozenset(pair) for pair in never} <= robot.touching
+    assert {frozenset(pair) for pair in never} <= robot.disabled_collisions
     pairs = np.array(
         [i for i in range(len(world.pairs)) if set(world.pair_names(i)) in [set(pair) for pair in never]]
     )
@@ -251,9 +251,9 @@ def test_padding_is_taken_off() -> None:
 
 def test_wrong_worlds_are_refused() -> None:
     robot = load_a465(TOOL_LENGTH, 0.06)
-    with pytest.raises(InputError, match="needs its pose in the tool frame"):
+    with pytest.raises(InputError, match="T_tool_held must be given"):
         World(robot, [TABLE], HELD)
-    with pytest.raises(InputError, match="two bodies of one name"):
+    with pytest.raises(InputError, match="bodies: names must differ"):
         World(robot, [TABLE, TABLE])
 
 
@@ -305,13 +305,13 @@ def test_a_proof_takes_the_paddings_off() -> None:
     robot, curve = load_a465(0.134112, 0.06), curve_of_waypoints(np.stack([q, q + 0.05]))
     tool = robot.T_base_tool(q)[:3, 3]
     low = Body("low", Box((0.2, 0.2, 0.02)), transform(t=(tool[0], tool[1], tool[2] - 0.06)), "wall")
-    bare = check_curve(World(robot, [low]), curve, 0.0, tight=True)
-    padded = check_curve(World(robot, [_padded(low, 0.03)]), curve, 0.0, tight=True)
+    bare = certify_curve(World(robot, [low]), curve, 0.0, tight=True)
+    padded = certify_curve(World(robot, [_padded(low, 0.03)]), curve, 0.0, tight=True)
     asked = bare.seen - 0.02
     assert bare.pair[1] == "low"
     assert 0.0 < padded.clearance <= bare.seen - 0.03
-    assert check_curve(World(robot, [low]), curve, asked).proved
-    assert not check_curve(World(robot, [_padded(low, 0.03)]), curve, asked).proved
+    assert certify_curve(World(robot, [low]), curve, asked).proved
+    assert not certify_curve(World(robot, [_padded(low, 0.03)]), curve, asked).proved
 
 
 def test_what_is_no_configuration_no_pair_and_no_pose_is_refused() -> None:
@@ -321,7 +321,7 @@ def test_what_is_no_configuration_no_pair_and_no_pose_is_refused() -> None:
         with pytest.raises(InputError, match=r"must be \(m, 6\) finite numbers, rad"):
             world.near(wrong, 0.1)
     for pair in (("table", "no such body"), ("table", "table"), ("no", "such")):
-        with pytest.raises(InputError, match="are no pair that is checked"):
+        with pytest.raises(InputError, match=f"{pair[0]} and {pair[1]}: this pair is not checked"):
             world.padding_of(pair)
     with pytest.raises(InputError, match=r"robot\.T_end_tool"):
         World(replace(robot, T_end_tool=frozen(2.0 * np.eye(4))), [TABLE])

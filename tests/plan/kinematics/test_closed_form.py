@@ -14,7 +14,7 @@ from arm.robot.model import Robot, load_robot
 from arm.se3 import Array, transform
 from plan.kinematics.closed_form import all_branches, has_closed_form
 from plan.kinematics.ik import BRANCH_NAMES, explain_pose, inverse_kinematics
-from plan.kinematics.product_of_exponentials import screw_arm
+from plan.kinematics.product_of_exponentials import product_of_exponentials
 
 SHOULDER = (0.0, 0.0, 0.3052)
 UPPER_ARM, FOREARM = 0.3048, 0.3302  # m, as in urdf/a465
@@ -37,7 +37,7 @@ def test_arms_whose_axes_2_and_3_are_skew_are_refused(tmp_path: Path, sign: floa
     assert not has_closed_form(robot)
     with pytest.raises(
         InputError,
-        match=r"axes 2, 3 to be parallel: .* axes 2, 3 differ by 0.688 deg \(at most 10 mm, 0.57 deg\)",
+        match=r"parallel axes 2, 3: .* axes 2, 3 differ by 0.688 deg \(at most 10 mm, 0.57 deg\)",
     ) as caught:
         all_branches(robot, np.eye(4))
     assert caught.value.data["skewness"] == pytest.approx(0.012, rel=1e-3)
@@ -51,7 +51,7 @@ def test_arms_whose_axes_are_nearly_parallel_are_solved(tmp_path: Path, unit: Un
     T = robot.T_base_tool(q)
     found = inverse_kinematics(robot, T, unit.lower, unit.upper).q
     assert np.abs(found - q).max(axis=1).min() < 1e-9
-    assert np.abs(screw_arm(robot).tool_poses(found) - T).max() < 1e-9
+    assert np.abs(product_of_exponentials(robot).tool_poses(found) - T).max() < 1e-9
 
 
 def with_wrist_at(robot: Robot, distance: float, towards: tuple[float, float, float]) -> Array:

@@ -9,9 +9,9 @@ from arm.controller.unit import Unit
 from arm.errors import InputError
 from arm.robot.model import Robot
 from arm.se3 import rot_x, transform
-from plan.kinematics.free_axis import FreeInterval, free_sets, sample_free, turned_poses
+from plan.kinematics.free_axis import FreeInterval, feasible_intervals, sample_free, turned_poses
 from plan.kinematics.ik import BRANCH_NAMES, all_branches, inverse_kinematics, nearest_turns
-from plan.kinematics.product_of_exponentials import screw_arm
+from plan.kinematics.product_of_exponentials import product_of_exponentials
 
 POSES = 4
 AXES = ("x", "y", "z")
@@ -21,8 +21,8 @@ def _cases(robot: Robot, unit: Unit, lower: np.ndarray, upper: np.ndarray, seed:
     q = np.random.default_rng(seed).uniform(
         unit.lower, unit.upper, (POSES // 2 if lower[0] < unit.lower[0] else POSES, 6)
     )
-    for k, T in enumerate(screw_arm(robot).tool_poses(q)):
-        yield T, AXES[k % 3], free_sets(robot, T, lower, upper, AXES[k % 3])
+    for k, T in enumerate(product_of_exponentials(robot).tool_poses(q)):
+        yield T, AXES[k % 3], feasible_intervals(robot, T, lower, upper, AXES[k % 3])
 
 
 def _holding(
@@ -76,7 +76,7 @@ def test_just_outside_what_is_named_breaks(robot: Robot, unit: Unit) -> None:
     for T, axis, intervals in _cases(robot, unit, unit.lower, unit.upper, seed=33):
         for i in intervals:
             poses = turned_poses(T, axis, i.angles)
-            assert np.abs(screw_arm(robot).tool_poses(i.q) - poses).max() < 1e-9
+            assert np.abs(product_of_exponentials(robot).tool_poses(i.q) - poses).max() < 1e-9
             assert (i.q >= unit.lower).all()
             assert (i.q <= unit.upper).all()
             assert (np.diff(i.angles) > 0).all()
@@ -110,7 +110,9 @@ def test_samples_reach_their_poses_within_limits(robot: Robot, unit: Unit) -> No
         samples = sample_free(robot, T, intervals, 40, axis)
         assert abs(len(samples.q) - 40) <= len(intervals)
         assert set(samples.interval) == set(range(len(intervals)))
-        np.testing.assert_allclose(screw_arm(robot).tool_poses(samples.q), samples.T_base_tool, atol=1e-9)
+        np.testing.assert_allclose(
+            product_of_exponentials(robot).tool_poses(samples.q), samples.T_base_tool, atol=1e-9
+        )
         np.testing.assert_allclose(samples.T_base_tool, turned_poses(T, axis, samples.angle), atol=1e-15)
         assert (samples.q >= unit.lower).all()
         assert (samples.q <= unit.upper).all()
@@ -120,7 +122,7 @@ def test_a_singular_angle_is_flagged(robot: Robot, unit: Unit) -> None:
     """With joints 4 and 6 at zero the arm is plane: turned in that plane, the hand passes in line with the forearm."""
     for bend in (0.3, -0.4):
         T = robot.T_base_tool([0.2, -0.7, -0.8, 0.0, bend, 0.0])
-        intervals = free_sets(robot, T, unit.lower, unit.upper, "y")
+        intervals = feasible_intervals(robot, T, unit.lower, unit.upper, "y")
         flagged = [a for i in intervals if i.branch.startswith("front/up") for a in i.singular]
         assert flagged
         for angle in flagged:
@@ -130,12 +132,12 @@ def test_a_singular_angle_is_flagged(robot: Robot, unit: Unit) -> None:
 
 def test_a_grasp_from_above_and_no_pose_at_all(robot: Robot, crs97: Unit) -> None:
     T = transform(rot_x(np.pi), (0.46, 0.11, 0.05))
-    intervals = free_sets(robot, T, crs97.lower, crs97.upper)
+    intervals = feasible_intervals(robot, T, crs97.lower, crs97.upper)
     # joint 6 turns 358 deg between its limits, and only it turns
     assert [round(np.degrees(i.length), 6) for i in intervals] == [358.0, 358.0]
     assert all(i.stops == ("J6 lower limit", "J6 upper limit") for i in intervals)
     far = transform(rot_x(np.pi), (2.0, 0.0, 0.0))
-    assert free_sets(robot, far, crs97.lower, crs97.upper) == ()
+    assert feasible_intervals(robot, far, crs97.lower, crs97.upper) == ()
     assert len(sample_free(robot, far, (), 10).q) == 0
     with pytest.raises(InputError, match="axis = 'yaw': must be one of x, y, z"):
-        free_sets(robot, T, crs97.lower, crs97.upper, "yaw")
+        feasible_intervals(robot, T, crs97.lower, crs97.upper, "yaw")

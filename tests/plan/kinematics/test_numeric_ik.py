@@ -13,7 +13,7 @@ from arm.robot.model import Robot, load_robot
 from arm.se3 import rot_x, rot_z, rotation, transform
 from plan.kinematics.ik import BRANCH_NAMES
 from plan.kinematics.numeric_ik import SearchOptions, numeric_ik, solve_ik
-from plan.kinematics.product_of_exponentials import screw_arm
+from plan.kinematics.product_of_exponentials import product_of_exponentials
 
 # joint: origin xyz, origin rpy, axis, kind
 _Z, _Y, _X = "0 0 1", "0 1 0", "1 0 0"
@@ -63,11 +63,11 @@ def _arm(path: Path, joints: list[tuple[str, str, str, str]]) -> Robot:
 
 def _random(robot: Robot, lower: np.ndarray, upper: np.ndarray, count: int, seed: int):  # type: ignore[no-untyped-def]
     q = np.random.default_rng(seed).uniform(lower, upper, (count, len(lower)))
-    return q, screw_arm(robot).tool_poses(q)
+    return q, product_of_exponentials(robot).tool_poses(q)
 
 
 def _check(robot: Robot, found, T: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:  # type: ignore[no-untyped-def]
-    assert np.abs(screw_arm(robot).tool_poses(found.q) - T[found.pose]).max() < 1e-9
+    assert np.abs(product_of_exponentials(robot).tool_poses(found.q) - T[found.pose]).max() < 1e-9
     assert (found.q >= lower).all()
     assert (found.q <= upper).all()
     assert (np.diff(found.pose) >= 0).all()
@@ -128,11 +128,11 @@ def test_a_sliding_joint_and_fewer_joints_than_directions(tmp_path: Path) -> Non
     assert len(solve_ik(robot, tilted, lower, upper)) == 0
     freed = solve_ik(robot, tilted, lower, upper, free=("rx", "ry"))
     assert set(freed.pose) == set(range(20))
-    places = screw_arm(robot).tool_poses(freed.q)[:, :3, 3]
+    places = product_of_exponentials(robot).tool_poses(freed.q)[:, :3, 3]
     np.testing.assert_allclose(places, tilted[freed.pose, :3, 3], atol=1e-9)
     # a place alone, at any height the slide likes
     heights = solve_ik(robot, T[0], lower, upper, free=("z", "rx", "ry", "rz"))
-    apart = np.linalg.inv(T[0]) @ screw_arm(robot).tool_poses(heights.q)
+    apart = np.linalg.inv(T[0]) @ product_of_exponentials(robot).tool_poses(heights.q)
     np.testing.assert_allclose(apart[:, :2, 3], 0.0, atol=1e-9)
     assert np.ptp(apart[:, 2, 3]) > 0.05
 
@@ -143,7 +143,7 @@ def test_five_joints_reach_a_pose_but_for_its_yaw(tmp_path: Path) -> None:
     free_yaw = T @ transform(rot_z(0.7))
     assert len(solve_ik(robot, free_yaw, -upper, upper)) == 0
     found = solve_ik(robot, free_yaw, -upper, upper, free="rz")
-    apart = np.linalg.inv(free_yaw[found.pose]) @ screw_arm(robot).tool_poses(found.q)
+    apart = np.linalg.inv(free_yaw[found.pose]) @ product_of_exponentials(robot).tool_poses(found.q)
     np.testing.assert_allclose(apart[:, :3, 3], 0.0, atol=1e-9)
     np.testing.assert_allclose(apart[:, :3, 2], np.tile([0.0, 0.0, 1.0], (len(apart), 1)), atol=1e-9)
     assert _share_found(found, q) == 1.0
@@ -153,12 +153,12 @@ def test_a_free_rotation_of_the_a465_goes_by_the_closed_form(robot: Robot, crs97
     T = transform(rot_x(np.pi), (0.46, 0.11, 0.05))
     found = solve_ik(robot, T, crs97.lower, crs97.upper, free="rz")
     assert set(found.branch) == {"front/up/noflip", "back/up/flip"}
-    apart = np.linalg.inv(T) @ screw_arm(robot).tool_poses(found.q)
+    apart = np.linalg.inv(T) @ product_of_exponentials(robot).tool_poses(found.q)
     np.testing.assert_allclose(apart[:, :3, 3], 0.0, atol=1e-9)
     np.testing.assert_allclose(apart[:, 2, 2], 1.0, atol=1e-12)
     # numerically every start has its own yaw, on the same two branches
     other = numeric_ik(robot, T, crs97.lower, crs97.upper, free="rz", options=SearchOptions(starts=32))
-    apart = np.linalg.inv(T) @ screw_arm(robot).tool_poses(other.q)
+    apart = np.linalg.inv(T) @ product_of_exponentials(robot).tool_poses(other.q)
     np.testing.assert_allclose(apart[:, :3, 3], 0.0, atol=1e-9)
     assert len(other) >= 8
 
@@ -177,7 +177,7 @@ def test_singular_solutions_are_flagged(robot: Robot, crs97: Unit) -> None:
 def test_half_a_turn_off_is_no_solution(tmp_path: Path) -> None:
     """Where the rotation error is exactly half a turn its axis is lost; that must not pass for an answer."""
     robot = _arm(tmp_path, SCARA[2:3])
-    T = screw_arm(robot).tool_poses([0.1])
+    T = product_of_exponentials(robot).tool_poses([0.1])
     assert len(numeric_ik(robot, T, [0.0], [0.2])) == 1
     for turn in (rot_x(np.pi), rotation((0.0, np.pi, 0.0)), rot_z(np.pi)):
         assert len(numeric_ik(robot, T @ transform(turn), [0.0], [0.2])) == 0
@@ -187,7 +187,7 @@ def test_wrong_questions_are_refused(robot: Robot, crs97: Unit) -> None:
     T = transform(rot_x(np.pi), (0.46, 0.11, 0.05))
     with pytest.raises(InputError, match="free = 'yaw': must be of x, y, z, rx, ry, rz"):
         solve_ik(robot, T, crs97.lower, crs97.upper, free="yaw")
-    with pytest.raises(InputError, match="for each of 6 joints"):
+    with pytest.raises(InputError, match="lower, upper: must be 6 numbers each"):
         numeric_ik(robot, T, crs97.lower[:5], crs97.upper)
     with pytest.raises(InputError, match="not finite"):
         numeric_ik(robot, np.full((4, 4), np.nan), crs97.lower, crs97.upper)

@@ -8,12 +8,12 @@ import numpy as np
 
 from arm.robot.model import Robot, load_robot
 from arm.se3 import transform
-from plan.kinematics.product_of_exponentials import screw_arm
+from plan.kinematics.product_of_exponentials import product_of_exponentials
 
 
 def test_poses_and_jacobians_are_those_of_the_robot(robot: Robot) -> None:
     q = np.random.default_rng(1).uniform(-3.0, 3.0, (200, 6))
-    arm = screw_arm(robot)
+    arm = product_of_exponentials(robot)
     poses, jacobians = arm.tool_poses(q), arm.jacobians(q)
     for k in range(len(q)):
         np.testing.assert_allclose(poses[k], robot.T_base_tool(q[k]), atol=1e-14)
@@ -23,7 +23,7 @@ def test_poses_and_jacobians_are_those_of_the_robot(robot: Robot) -> None:
 
 def test_any_leading_shape(robot: Robot) -> None:
     q = np.random.default_rng(2).uniform(-3.0, 3.0, (3, 5, 6))
-    arm = screw_arm(robot)
+    arm = product_of_exponentials(robot)
     np.testing.assert_array_equal(arm.tool_poses(q)[2, 4], arm.tool_poses(q[2, 4]))
     np.testing.assert_allclose(arm.jacobians(q)[1, 3], arm.jacobians(q[1, 3]), atol=1e-15)
 
@@ -44,7 +44,7 @@ _SLIDER = """
 def test_a_sliding_joint_is_followed_too(tmp_path: Path) -> None:
     (tmp_path / "slider.urdf").write_text(_SLIDER)
     robot = load_robot(tmp_path / "slider.urdf", "c", transform(t=(0.05, 0.1, 0.02)))
-    arm = screw_arm(robot)
+    arm = product_of_exponentials(robot)
     q = np.random.default_rng(3).uniform(-1.0, 1.0, (50, 3))
     poses, jacobians = arm.tool_poses(q), arm.jacobians(q)
     for k in range(len(q)):

@@ -13,9 +13,9 @@ from arm.robot.shapes import Body, Box
 from arm.se3 import inverse, transform
 from plan.cartesian.reachability import reach
 from plan.options import PlanOptions
-from plan.pick_place.recovery import plan_back_out
+from plan.pick_place.recovery import plan_retreat
 from plan.trajectory.extremes import segment_extremes
-from task2_scene import JAW_OPENING, Task2, task2
+from tasks.task2 import JAW_OPENING, Task2, task2
 
 UNIT = load_unit("crs93")
 OPTIONS = PlanOptions()
@@ -31,11 +31,11 @@ def q_place(case: Task2) -> np.ndarray:
     """Where the jaws stand around cube 2."""
     station = case.transfers[1].pick
     table = reach(case.scene.robot_open, UNIT.limits(), {station.name: station.T_base_tool}, OPTIONS.offset)
-    return UNIT.positions(UNIT.counts(table[station.name].serving()[0].q_hole))
+    return UNIT.positions(UNIT.counts(table[station.name].feasible()[0].q_hole))
 
 
 def test_straight_out_and_from_rest_to_rest(case: Task2, q_place: np.ndarray) -> None:
-    (move,) = plan_back_out(case.scene, q_place, UNIT, UNIT.limits(), OPTIONS)
+    (move,) = plan_retreat(case.scene, q_place, UNIT, UNIT.limits(), OPTIONS)
     assert move.path.start == tuple(UNIT.counts(q_place))
     for velocity in (move.path.segments[0].derivative(0.0), move.path.segments[-1].derivative(1.0)):
         assert np.abs(velocity).max() == 0.0
@@ -58,5 +58,5 @@ def test_something_in_the_way_is_told(case: Task2, q_place: np.ndarray) -> None:
     box = Body("box", Box((0.05, 0.05, 0.05)), transform(t=beside), "box")
     scene = replace(case.scene, bodies=(*case.scene.bodies, box))
     with pytest.raises(ImpossibleError, match=r"'back out': .* of box") as refused:
-        plan_back_out(scene, q_place, UNIT, UNIT.limits(), OPTIONS)
+        plan_retreat(scene, q_place, UNIT, UNIT.limits(), OPTIONS)
     assert "box" in refused.value.data["pair"]

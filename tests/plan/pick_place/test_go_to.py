@@ -11,9 +11,9 @@ from arm.robot.shapes import Body, Box
 from arm.se3 import transform
 from plan.budget import TransitBudget
 from plan.options import PlanOptions
-from plan.pick_place.go_to import plan_way
+from plan.pick_place.go_to import plan_joint_motion
 from plan.scene import Scene
-from task2_scene import Q_START, TABLE, task2
+from tasks.task2 import Q_START, TABLE, task2
 
 UNIT = load_unit("crs93")
 ROBOT = task2().scene.robot_open
@@ -36,15 +36,17 @@ def test_the_searchs_margin_does_not_show() -> None:
     wall = Body("wall", Box((2.0, 0.02, 3.0)), transform(t=(1.3, 0.0, 1.0)), "wall")
     for bodies, words in (
         ((under_the_tool(0.0095),), "the start of the way is itself too near"),
-        ((wall,), r"no way around wall was found; on the straight one \w+ "),
+        ((wall,), r"no path around wall was found; on the straight one \w+ "),
     ):
         with pytest.raises(ImpossibleError, match=words) as caught:
-            plan_way(scene(*bodies), Q_START, Q_END, UNIT, options=options)
-        assert "(asked: 10 mm)" in str(caught.value)
+            plan_joint_motion(scene(*bodies), Q_START, Q_END, UNIT, options=options)
+        assert "(required: 10 mm)" in str(caught.value)
         assert caught.value.data["clearance_m"] == 0.010
 
 
 def test_a_start_that_keeps_what_is_asked_may_lack_the_margin() -> None:
-    plan = plan_way(scene(under_the_tool(0.0104)), Q_START, Q_END, UNIT, options=PlanOptions(clearance=0.010))
+    plan = plan_joint_motion(
+        scene(under_the_tool(0.0104)), Q_START, Q_END, UNIT, options=PlanOptions(clearance=0.010)
+    )
     assert plan is not None
     assert min(m.clearance for m in plan.moves) >= 0.010

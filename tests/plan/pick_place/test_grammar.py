@@ -9,7 +9,7 @@ import pytest
 from arm.controller.segments import CountPath, Segment
 from arm.errors import ImpossibleError
 from arm.plan_file import GripperStep, LookStep, Move, Plan, Step
-from plan.pick_place.grammar import require_shape
+from plan.pick_place.grammar import require_grammar
 
 PATH = CountPath((0,) * 6, (Segment(100, ((0,) * 6,)),))
 
@@ -55,7 +55,7 @@ ORDER = ((3, 1), (1, 4), (4, 2))
 def test_cubes_in_any_order_of_holes_with_or_without_looks(
     home: tuple[bool, ...], look: tuple[bool, ...]
 ) -> None:
-    require_shape(_plan(ORDER, home, look))
+    require_grammar(_plan(ORDER, home, look))
 
 
 def _without(name: str) -> Callable[[list[Step]], list[Step]]:
@@ -93,7 +93,7 @@ def test_other_orders_are_refused(change: Callable[[list[Step]], list[Step]], me
     plan = _plan(ORDER, (False, False, True), (False, False, False))
     changed = Plan(plan.task, plan.unit, plan.speed, (1,) * 6, (1,) * 6, tuple(change(list(plan.steps))), {})
     with pytest.raises(ImpossibleError, match=message):
-        require_shape(changed)
+        require_grammar(changed)
 
 
 def test_the_way_home_comes_before_the_look() -> None:
@@ -103,4 +103,4 @@ def test_the_way_home_comes_before_the_look() -> None:
     steps[at], steps[at + 1] = steps[at + 1], steps[at]
     changed = Plan(plan.task, plan.unit, plan.speed, (1,) * 6, (1,) * 6, tuple(steps), {})
     with pytest.raises(ImpossibleError, match="serves cube 0 after the look that ends it"):
-        require_shape(changed)
+        require_grammar(changed)

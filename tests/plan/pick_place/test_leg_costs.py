@@ -8,26 +8,28 @@ import pytest
 from arm.controller.unit import load_unit
 from arm.se3 import frozen
 from plan.options import PlanOptions
-from plan.pick_place.leg_costs import CARRY, NOT_NOW, Leg, LegCosts
+from plan.pick_place.leg_costs import CARRY, NOT_NOW, TransitCosts, TransitEdge
 from plan.pick_place.leg_times import line_ends, standing
-from plan.pick_place.sequencing import Done
-from plan.pick_place.worlds import Standing
+from plan.pick_place.sequencing import Progress
+from plan.pick_place.worlds import CubePlacement
 
 LIMITS = load_unit("crs93").limits()
-NOTHING_DONE = Done(frozenset(), frozenset())
+NOTHING_DONE = Progress(frozenset(), frozenset())
 
 
-def costs() -> LegCosts:
+def costs() -> TransitCosts:
     """One cube and one place with two ways each."""
     line = np.linspace(0.0, 0.1, 5)[:, None] * np.ones(6)
     ends = line_ends([frozen(line), frozen(line + 0.2)], 0.1, LIMITS, None)
-    return LegCosts([ends], [ends], standing(np.zeros(6)), LIMITS, PlanOptions())
+    return TransitCosts([ends], [ends], standing(np.zeros(6)), LIMITS, PlanOptions())
 
 
-@pytest.mark.parametrize("by", [None, Standing(False, 0)])
-def test_what_had_no_budget_is_asked_again_and_what_could_not_be_proved_is_not(by: Standing | None) -> None:
+@pytest.mark.parametrize("by", [None, CubePlacement(False, 0)])
+def test_what_had_no_budget_is_asked_again_and_what_could_not_be_proved_is_not(
+    by: CubePlacement | None,
+) -> None:
     noted = costs()
-    legs = [Leg(CARRY, (0, 0), ways) for ways in ((0, 0), (0, 1), (1, 0), (1, 1))]
+    legs = [TransitEdge(CARRY, (0, 0), ways) for ways in ((0, 0), (0, 1), (1, 0), (1, 1))]
     noted.block(legs[0], by, NOT_NOW)
     noted.block(legs[1], by, np.inf)
     noted.forbid(legs[2], by)
@@ -41,7 +43,7 @@ def test_what_had_no_budget_is_asked_again_and_what_could_not_be_proved_is_not(b
 def test_a_forbidden_leg_costs_infinitely_much_and_the_others_what_they_did() -> None:
     noted = costs()
     before = noted.now().carry(0, 0, NOTHING_DONE)
-    noted.forbid(Leg(CARRY, (0, 0), (1, 0)), None)
+    noted.forbid(TransitEdge(CARRY, (0, 0), (1, 0)), None)
     noted.ask_again()
     after = noted.now().carry(0, 0, NOTHING_DONE)
     assert np.isfinite(before).all()

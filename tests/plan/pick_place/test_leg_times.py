@@ -10,11 +10,11 @@ import pytest
 from arm.controller.unit import Limits, load_unit
 from arm.se3 import Array, frozen
 from plan.cartesian.line import JointPath, follow_line
-from plan.cartesian.reachability import LineChoice, reach
+from plan.cartesian.reachability import GraspCandidate, reach
 from plan.pick_place.leg_times import LineEnds, leg_bounds, leg_times, line_ends, standing
 from plan.trajectory.jerk_limited import time_joined
 from plan.trajectory.joint_path import joined
-from task2_scene import Q_START, Task2, task2
+from tasks.task2 import Q_START, Task2, task2
 
 OFFSET = 0.1
 ROBOT_LIMITS = load_unit("crs93").limits()
@@ -34,13 +34,13 @@ def case() -> Task2:
 
 
 @cache
-def grips(placed: bool) -> tuple[tuple[LineChoice, JointPath], ...]:
+def grips(placed: bool) -> tuple[tuple[GraspCandidate, JointPath], ...]:
     """Some lines at picks or places, and the same as the arm follows them outwards."""
     found = []
     for transfer in case().transfers[:2]:
         station = transfer.place if placed else transfer.pick
         table = reach(case().scene.robot_open, FAST, {station.name: station.T_base_tool}, OFFSET)
-        for choice in table.holes[0].serving()[:3]:
+        for choice in table.holes[0].feasible()[:3]:
             T_start = station.T_base_tool[choice.yaw]
             T_end = np.array(T_start)
             T_end[:3, 3] -= OFFSET * T_start[:3, 2]

@@ -18,14 +18,14 @@ from arm.controller.unit import load_unit
 from arm.io.storage import data_file
 from arm.plan_file import GripperStep, Move, Plan
 from arm.se3 import Array, angle_between, inverse, transform
-from mujoco_cell import MujocoCell
+from arms.mujoco_cell import MujocoCell
 from plan.options import PlanOptions
 from plan.pick_place.planner import plan_task
 from plan.scene import scene_from_json
 from plan.trajectory.extremes import segment_extremes
 from plan.trajectory.time_estimates import straight_time
 from plan.verify import VERTEX_S, replay
-from task2_scene import CUBE, Q_START, WALL, Task2, task2
+from tasks.task2 import CUBE, Q_START, WALL, Task2, task2
 
 UNIT = load_unit("crs93")
 LIMITS = UNIT.limits()
@@ -224,7 +224,7 @@ def penetrations(case: Task2, plan: Plan, step_s: float = 0.01) -> set[tuple[str
         data_file("urdf/a465/a465.urdf"),
         scene.bodies,
         [(c.name, CUBE) for c in scene.cubes],
-        scene.robot_open.touching,
+        scene.robot_open.disabled_collisions,
     )
     found = set()
     for q, opening, cubes, move in states(case, plan, step_s):
@@ -257,10 +257,11 @@ def test_the_same_request_gives_the_same_bytes(case: Task2, plan: Plan) -> None:
     assert again.to_json() == plan.to_json()
 
 
+@pytest.mark.slow
 def test_every_processor_gives_the_same_bytes(plan: Plan) -> None:
     """BLAS made to compute as on older and newer processors: last bits differ, the file does not."""
     program = (
-        "from task2_scene import *; from plan.pick_place.planner import plan_task; "
+        "from tasks.task2 import *; from plan.pick_place.planner import plan_task; "
         "from arm.controller.unit import load_unit; c = task2();"
         "p = plan_task(c.scene, c.transfers, Q_START, load_unit('crs93'), provenance={'note': 'test'});"
         "print(p.sha256)"

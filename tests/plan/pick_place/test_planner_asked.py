@@ -11,7 +11,7 @@ from arm.controller.unit import load_unit
 from arm.plan_file import LookStep, Plan
 from plan.options import PlanOptions
 from plan.pick_place.planner import plan_task
-from task2_scene import Q_START, Task2
+from tasks.task2 import Q_START, Task2
 
 UNIT = load_unit("crs93")
 LIMITS = UNIT.limits()

@@ -15,7 +15,7 @@ from plan.budget import BudgetSpent, PlanningInterrupted, SearchBudget, allowed
 from plan.options import PlanOptions
 from plan.pick_place import search as sequence
 from plan.pick_place.planner import plan_task
-from task2_scene import Q_START, Task2
+from tasks.task2 import Q_START, Task2
 
 POST = Body("pillar", Box((0.1, 0.02, 0.2)), transform(t=(0.6, 0.0, 0.1)), "wall")
 STATED = {"notes": {"kept": "yes"}}

@@ -14,7 +14,7 @@ from arm.se3 import transform
 from plan.options import PlanOptions
 from plan.pick_place.planner import plan_task
 from plan.scene import Transfer
-from task2_scene import Q_START, Task2, task2
+from tasks.task2 import Q_START, Task2, task2
 
 UNIT = load_unit("crs93")
 

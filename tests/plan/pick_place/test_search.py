@@ -19,17 +19,17 @@ from arm.robot.shapes import Body, Box
 from arm.se3 import Array, apply, frozen, inverse, rot_x, rot_z, transform
 from plan.budget import Meter, SearchBudget
 from plan.collision.bezier import curve_of_waypoints
-from plan.collision.certificate import check_curve
+from plan.collision.certificate import certify_curve
 from plan.collision.world import World
 from plan.options import PlanOptions
 from plan.pick_place.edge_checks import MARGIN
-from plan.pick_place.motions import Unprovable
+from plan.pick_place.motions import ClearanceLost
 from plan.pick_place.planner import Planner, plan_task
 from plan.pick_place.search import Found, Stop, TaskSearch
-from plan.pick_place.sequencing import Done, best_order
-from plan.pick_place.worlds import Standing
+from plan.pick_place.sequencing import Progress, best_order
+from plan.pick_place.worlds import CubePlacement
 from plan.scene import Scene, Station, Transfer
-from task2_scene import CUBE, JAW_OPENING, Q_START, TABLE, TOOL_LENGTH, WALL, Task2, task2
+from tasks.task2 import CUBE, JAW_OPENING, Q_START, TABLE, TOOL_LENGTH, WALL, Task2, task2
 
 UNIT = load_unit("crs93")
 OPTIONS = PlanOptions(look="never", certificate="decide")
@@ -82,7 +82,7 @@ class Truth:
     def clear(self, key: object, q: Array, clearance: float, worlds: Callable[[], list[World]]) -> bool:
         if key not in self.seen:
             curve = curve_of_waypoints(q)
-            self.seen[key] = all(check_curve(world, curve, clearance).proved for world in worlds())
+            self.seen[key] = all(certify_curve(world, curve, clearance).proved for world in worlds())
         return self.seen[key]
 
 
@@ -266,10 +266,10 @@ def test_a_leg_that_a_cube_blocks_is_open_again_when_the_cube_is_gone() -> None:
     first, second = found.stops
     names = [search.stages.cubes[s.visit.pick].name for s in found.stops]
 
-    def across(stop: Stop, there: frozenset[Standing]) -> float:
+    def across(stop: Stop, there: frozenset[CubePlacement]) -> float:
         visit = stop.visit
-        picks = frozenset(i for i in range(2) if Standing(False, i) not in there)
-        done = Done(picks, frozenset(s.number for s in there if s.placed))
+        picks = frozenset(i for i in range(2) if CubePlacement(False, i) not in there)
+        done = Progress(picks, frozenset(s.number for s in there if s.placed))
         time = search.costs.now().carry(visit.pick, visit.place, done)
         return float(time[visit.pick_way, visit.place_way])
 
@@ -277,19 +277,22 @@ def test_a_leg_that_a_cube_blocks_is_open_again_when_the_cube_is_gone() -> None:
     error = ImpossibleError("too near", pair=["elbow", names[1]], role="transit")
     search.forbid(found.stops, 0, "across", error)  # while the other cube still stands where it is picked
     assert across(first, first_there) == np.inf
-    gone = first_there - {Standing(False, second.visit.pick)} | {Standing(True, second.visit.place)}
+    gone = first_there - {CubePlacement(False, second.visit.pick)} | {CubePlacement(True, second.visit.place)}
     assert across(first, gone) < 100.0
     error = ImpossibleError("too near", pair=["elbow", names[0]], role="transit")
     search.forbid(found.stops, 1, "across", error)  # the first cube, where it was brought
     assert across(second, later) == np.inf
-    assert across(second, second.before - {Standing(True, first.visit.place)} | {Standing(False, 0)}) < 100.0
+    assert (
+        across(second, second.before - {CubePlacement(True, first.visit.place)} | {CubePlacement(False, 0)})
+        < 100.0
+    )
     search.forbid(
         found.stops, 1, "across", ImpossibleError("too near", pair=["elbow", "table"], role="transit")
     )
-    assert across(second, frozenset(Standing(False, i) for i in range(2))) == np.inf
+    assert across(second, frozenset(CubePlacement(False, i) for i in range(2))) == np.inf
     line = ImpossibleError("too near", pair=["palm", names[0]], role="approach")
     search.forbid(found.stops, 0, "out", line)  # its own cube is always there
-    assert search.costs._closed(Standing(False, first.visit.pick), frozenset()) == [first.visit.pick_way]
+    assert search.costs._closed(CubePlacement(False, first.visit.pick), frozenset()) == [first.visit.pick_way]
 
 
 def test_as_many_ways_are_tried_as_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -302,7 +305,7 @@ def test_as_many_ways_are_tried_as_there_are(monkeypatch: pytest.MonkeyPatch) ->
     def failing(self: Planner, search: TaskSearch, found: Found) -> list[Step]:
         if left[0]:
             left[0] -= 1
-            raise Unprovable(
+            raise ClearanceLost(
                 0, "across", ImpossibleError("too near", pair=["palm", "table"], role="approach")
             )
         return written(self, search, found)

@@ -11,12 +11,12 @@ import pytest
 
 from arm.se3 import Array
 from plan.pick_place import sequencing as order
-from plan.pick_place.sequencing import Costs, Done, Freedom, Ordered, Visit, best_order
+from plan.pick_place.sequencing import Choices, Costs, Ordered, Progress, Visit, best_order
 
 Table = dict[str, Array]
 
 
-def tables(rng: np.random.Generator, freedom: Freedom, ways: int) -> Table:
+def tables(rng: np.random.Generator, freedom: Choices, ways: int) -> Table:
     """Random times of all legs, with some ways that cannot be."""
     n, m = freedom.picks, freedom.places
     shapes = {"begin": (n, ways), "carry": (n, m, ways, ways), "go on": (m, n, ways, ways), "end": (m, ways)}
@@ -29,7 +29,7 @@ def tables(rng: np.random.Generator, freedom: Freedom, ways: int) -> Table:
 def plain(table: Table, home_every: int | None = None) -> Costs:
     """Times that depend on nothing, or on how many cubes were moved: after so many the arm goes home."""
 
-    def go_on(place: int, pick: int, done: Done) -> Array:
+    def go_on(place: int, pick: int, done: Progress) -> Array:
         if home_every is not None and len(done.picks) % home_every == 0:
             return np.asarray(table["end"][place][:, None] + table["begin"][pick][None])
         return np.asarray(table["go on"][place, pick])
@@ -49,7 +49,7 @@ def crowded(table: Table, seed: int) -> Costs:
     def drawn(*numbers: int) -> Array:
         return np.random.default_rng([seed, *numbers]).uniform(0.0, 1.0, 16)
 
-    def extra(done: Done, *numbers: int) -> float:
+    def extra(done: Progress, *numbers: int) -> float:
         there = drawn(*numbers)
         late = sum(there[i] > 0.6 for i in done.picks) + sum(there[8 + j] > 0.6 for j in done.places)
         return float("inf") if late > 3 else 0.7 * float(late)
@@ -65,20 +65,20 @@ def crowded(table: Table, seed: int) -> Costs:
 
 def time_of(visits: tuple[Visit, ...], costs: Costs) -> float:
     """Sum of the legs' times of a whole sequence."""
-    done, total, last = Done(frozenset(), frozenset()), 0.0, None
+    done, total, last = Progress(frozenset(), frozenset()), 0.0, None
     for visit in visits:
         if last is None:
             total += float(costs.begin(visit.pick, done)[visit.pick_way])
         else:
             total += float(costs.go_on(last.place, visit.pick, done)[last.place_way, visit.pick_way])
         total += float(costs.carry(visit.pick, visit.place, done)[visit.pick_way, visit.place_way])
-        done = Done(done.picks | {visit.pick}, done.places | {visit.place})
+        done = Progress(done.picks | {visit.pick}, done.places | {visit.place})
         last = visit
     assert last is not None
     return total + float(costs.end(last.place, done)[last.place_way])
 
 
-def everything(freedom: Freedom, ways: int) -> Iterator[tuple[Visit, ...]]:
+def everything(freedom: Choices, ways: int) -> Iterator[tuple[Visit, ...]]:
     picks = range(freedom.picks)
     for sequence in permutations(picks) if freedom.order else [tuple(picks)]:
         chosen = permutations(range(freedom.places), freedom.picks) if freedom.assignment else [sequence]
@@ -90,35 +90,35 @@ def everything(freedom: Freedom, ways: int) -> Iterator[tuple[Visit, ...]]:
                 )
 
 
-def tried(freedom: Freedom, ways: int, costs: Costs) -> float:
+def tried(freedom: Choices, ways: int, costs: Costs) -> float:
     return min(time_of(visits, costs) for visits in everything(freedom, ways))
 
 
-def by_exchanges(freedom: Freedom, costs: Costs, monkeypatch: pytest.MonkeyPatch) -> Ordered | None:
+def by_exchanges(freedom: Choices, costs: Costs, monkeypatch: pytest.MonkeyPatch) -> Ordered | None:
     with monkeypatch.context() as patch:
         patch.setattr(order, "_MOST_STATES", 0)
         return best_order(freedom, costs)
 
 
 SMALL = [
-    (Freedom(2, 2), 3),
-    (Freedom(2, 3), 2),
-    (Freedom(2, 5), 2),
-    (Freedom(3, 3), 2),
-    (Freedom(3, 4), 1),
-    (Freedom(4, 4), 1),
-    (Freedom(3, 3, order=False), 2),
-    (Freedom(3, 4, order=False), 2),
-    (Freedom(3, 3, assignment=False), 2),
-    (Freedom(4, 4, assignment=False), 1),
-    (Freedom(4, 4, order=False, assignment=False), 2),
+    (Choices(2, 2), 3),
+    (Choices(2, 3), 2),
+    (Choices(2, 5), 2),
+    (Choices(3, 3), 2),
+    (Choices(3, 4), 1),
+    (Choices(4, 4), 1),
+    (Choices(3, 3, order=False), 2),
+    (Choices(3, 4, order=False), 2),
+    (Choices(3, 3, assignment=False), 2),
+    (Choices(4, 4, assignment=False), 1),
+    (Choices(4, 4, order=False, assignment=False), 2),
 ]
 
 
 @pytest.mark.parametrize("context", ["plain", "home", "crowded"])
 @pytest.mark.parametrize(("freedom", "ways"), SMALL)
 def test_dynamic_programming_finds_what_trying_everything_finds(
-    freedom: Freedom, ways: int, context: str
+    freedom: Choices, ways: int, context: str
 ) -> None:
     for seed in range(2):
         table = tables(np.random.default_rng([seed, freedom.picks, freedom.places, ways]), freedom, ways)
@@ -134,7 +134,7 @@ def test_dynamic_programming_finds_what_trying_everything_finds(
         given(freedom, found.visits)
 
 
-def given(freedom: Freedom, visits: tuple[Visit, ...]) -> None:
+def given(freedom: Choices, visits: tuple[Visit, ...]) -> None:
     """Every cube once, no place twice, and what is not free is as given."""
     assert sorted(v.pick for v in visits) == list(range(freedom.picks))
     assert len({v.place for v in visits}) == freedom.picks
@@ -148,15 +148,15 @@ def given(freedom: Freedom, visits: tuple[Visit, ...]) -> None:
 @pytest.mark.parametrize(
     "freedom",
     [
-        Freedom(4, 4),
-        Freedom(4, 6),
-        Freedom(5, 5),
-        Freedom(5, 5, assignment=False),
-        Freedom(5, 6, order=False),
+        Choices(4, 4),
+        Choices(4, 6),
+        Choices(5, 5),
+        Choices(5, 5, assignment=False),
+        Choices(5, 6, order=False),
     ],
 )
 def test_exchanges_find_a_good_order_and_a_true_bound(
-    freedom: Freedom, home_every: int | None, monkeypatch: pytest.MonkeyPatch
+    freedom: Choices, home_every: int | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The gaps are worst on random times, which have no geometry (medians 0.5 % and 13 % when this was written)."""
     over, under = [], []
@@ -182,7 +182,7 @@ def test_exchanges_go_on_where_the_first_order_cannot_be(monkeypatch: pytest.Mon
     """What the shortest carries lead to is blocked by what stands there by then; other orders are not."""
     found_some = 0
     for seed in range(40):
-        freedom = Freedom(4, 4)
+        freedom = Choices(4, 4)
         costs = crowded(tables(np.random.default_rng(seed), freedom, 1), seed)
         exact, found = best_order(freedom, costs), by_exchanges(freedom, costs, monkeypatch)
         if exact is not None:
@@ -194,7 +194,7 @@ def test_exchanges_go_on_where_the_first_order_cannot_be(monkeypatch: pytest.Mon
 
 
 def test_nothing_possible_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    freedom = Freedom(3, 3)
+    freedom = Choices(3, 3)
     table = tables(np.random.default_rng(0), freedom, 2)
     table["end"][:] = np.inf
     assert best_order(freedom, plain(table)) is None
@@ -203,7 +203,7 @@ def test_nothing_possible_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_same_times_give_the_same_order_whatever_their_last_bits(monkeypatch: pytest.MonkeyPatch) -> None:
     """Equal times by the dozen, disturbed by less than what counts."""
-    for freedom in (Freedom(4, 4), Freedom(6, 6)):
+    for freedom in (Choices(4, 4), Choices(6, 6)):
         for seed in range(4):
             rng = np.random.default_rng(seed)
             table = {k: np.round(v * 2.0) / 2.0 for k, v in tables(rng, freedom, 2).items()}
@@ -217,16 +217,16 @@ def test_the_same_times_give_the_same_order_whatever_their_last_bits(monkeypatch
 
 def test_many_cubes_take_no_more_than_few_steps() -> None:
     """Which way is taken is decided by what dynamic programming would cost."""
-    assert Freedom(5, 5).states() < order._MOST_STATES < Freedom(6, 6).states()
-    assert Freedom(20, 20, order=False, assignment=False).states() == 20
-    assert Freedom(20, 20, order=False).states() > order._MOST_STATES
+    assert Choices(5, 5).states() < order._MOST_STATES < Choices(6, 6).states()
+    assert Choices(20, 20, order=False, assignment=False).states() == 20
+    assert Choices(20, 20, order=False).states() > order._MOST_STATES
     calls = 0
-    freedom = Freedom(12, 12)
+    freedom = Choices(12, 12)
     table = tables(np.random.default_rng(0), freedom, 2)
     costs = plain(table)
 
-    def counted(leg: Callable[[int, int, Done], Array]) -> Callable[[int, int, Done], Array]:
-        def asked(a: int, b: int, done: Done) -> Array:
+    def counted(leg: Callable[[int, int, Progress], Array]) -> Callable[[int, int, Progress], Array]:
+        def asked(a: int, b: int, done: Progress) -> Array:
             nonlocal calls
             calls += 1
             return leg(a, b, done)

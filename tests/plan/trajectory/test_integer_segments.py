@@ -15,7 +15,7 @@ from arm.robot.model import Robot
 from arm.se3 import rot_x, rot_z, rotation, transform
 from plan.cartesian.line import JointPath, Line, follow_line
 from plan.cartesian.reachability import reach
-from plan.kinematics.product_of_exponentials import screw_arm
+from plan.kinematics.product_of_exponentials import product_of_exponentials
 from plan.trajectory.extremes import segment_extremes
 from plan.trajectory.integer_segments import (
     SHORTEST_MS,
@@ -148,9 +148,9 @@ def test_lines_stay_on_the_line_every_millisecond(robot: Robot, unit: Unit, spee
         tilt = rotation(rng.uniform(-0.26, 0.26, 3) * (1, 1, 0))
         place = (rng.uniform(0.35, 0.55), rng.uniform(-0.25, 0.25), rng.uniform(0.02, 0.15))
         grasps[str(k)] = [transform(tilt @ rot_x(np.pi) @ rot_z(rng.uniform(-3, 3)), place)]
-    count, arm = 0, screw_arm(robot)
+    count, arm = 0, product_of_exponentials(robot)
     for hole in reach(robot, limits, grasps, 0.1).holes:
-        for choice in hole.serving():
+        for choice in hole.feasible():
             T = grasps[hole.hole][0]
             line = Line(T, transform(T[:3, :3], T[:3, 3] - 0.1 * T[:3, 2]))
             followed = follow_line(robot, choice.q_hole, line.T_start, line.T_end, limits)
@@ -169,8 +169,8 @@ def test_lines_stay_on_the_line_every_millisecond(robot: Robot, unit: Unit, spee
 def test_long_segments_are_halved_until_the_tool_is_on_its_line(robot: Robot, unit: Unit) -> None:
     """The tool's tolerance alone asks for that: the joints are left a lot."""
     T = transform(rot_x(np.pi), (0.45, 0.1, 0.1))
-    limits, arm = unit.limits(), screw_arm(robot)
-    choice = next(c for hole in reach(robot, limits, {"0": [T]}, 0.25).holes for c in hole.serving())
+    limits, arm = unit.limits(), product_of_exponentials(robot)
+    choice = next(c for hole in reach(robot, limits, {"0": [T]}, 0.25).holes for c in hole.feasible())
     line = Line(T, transform(T[:3, :3], T[:3, 3] - 0.25 * T[:3, 2]))
     followed = follow_line(robot, choice.q_hole, line.T_start, line.T_end, limits)
     trajectory, found = time_line(followed, _planned(limits), tool_speed=0.1), {}
@@ -194,7 +194,7 @@ def _legs(robot: Robot, limits: Limits, count: int) -> list[tuple[Line, Joined, 
     for hole in reach(robot, limits, grasps, 0.1).holes:
         T = grasps[hole.hole][0]
         line = Line(T, transform(T[:3, :3], T[:3, 3] - 0.1 * T[:3, 2]))
-        for choice in hole.serving()[:2]:
+        for choice in hole.feasible()[:2]:
             ways.append((line, follow_line(robot, choice.q_hole, line.T_start, line.T_end, limits)))
     legs = []
     for k in range(count):
@@ -209,7 +209,7 @@ def _legs(robot: Robot, limits: Limits, count: int) -> list[tuple[Line, Joined, 
 
 @pytest.mark.parametrize("room", [1.0, 0.5])
 def test_joined_motions_have_joins_at_their_marks(robot: Robot, unit: Unit, room: float) -> None:
-    limits, arm, losses = unit.limits(), screw_arm(robot), []
+    limits, arm, losses = unit.limits(), product_of_exponentials(robot), []
     planned = Limits(
         limits.lower, limits.upper, limits.velocity * (0.4 + 0.6 * room), limits.acceleration * room
     )
@@ -286,7 +286,7 @@ def test_what_cannot_be_segmented_is_refused(crs97: Unit) -> None:
     with pytest.raises(InputError, match="0 ms"):
         segment_extremes(CountPath((0,) * 6, (Segment(0, ((0,) * 6,)),)), crs97)
     crawl = crs97.limits().scaled(1e-4)
-    with pytest.raises(ImpossibleError, match=r"axis B exceeds its limits when the motion is rounded"):
+    with pytest.raises(ImpossibleError, match=r"axis B exceeds its limits after rounding to counts"):
         to_segments(time_path(np.array([np.zeros(6), np.full(6, -1e-4)]), crawl), crs97)
 
 

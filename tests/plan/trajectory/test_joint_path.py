@@ -181,5 +181,5 @@ def test_a_chain_is_what_joins_one_by_one_make(unit: Unit) -> None:
     again = chained([Stretch(lines[0], 0.05), parts[1], Stretch(lines[1], 0.05)], limits)
     np.testing.assert_array_equal(three.path.c, again.path.c)
     assert three.marks == tuple(again.edges[1:3])
-    with pytest.raises(InputError, match="in turn"):
+    with pytest.raises(InputError, match="must alternate between lines and transits"):
         chained([parts[0], parts[2]], limits)

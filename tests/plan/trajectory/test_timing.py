@@ -103,10 +103,10 @@ def test_a_solver_that_lies_costs_time_not_limits(crs97: Unit, monkeypatch: pyte
     best = time_line(path, limits).duration
 
     def too_fast(*given, **named):  # type: ignore[no-untyped-def]
-        s, rate = plan.trajectory.topp_ra.fastest(*given, **named)
+        s, rate = plan.trajectory.topp_ra.parametrise(*given, **named)
         return s, 1.3 * rate
 
-    monkeypatch.setattr(plan.trajectory.timing, "fastest", too_fast)
+    monkeypatch.setattr(plan.trajectory.timing, "parametrise", too_fast)
     trajectory = time_line(path, limits)
     _check(trajectory, path.q[0], path.q[-1], limits)
     assert trajectory.stretch > 1.0

@@ -12,15 +12,15 @@ from arm.controller.unit import load_unit
 from arm.errors import ImpossibleError
 from arm.robot.shapes import Body, Box, Cylinder, Shape
 from arm.se3 import Array, rotation, transform
-from grazing import ARMS, OBSTACLES, arm, obstacle, world_of
+from arms.grazing import ARMS, OBSTACLES, arm, obstacle, world_of
 from plan.budget import TransitBudget
 from plan.collision.bezier import curve_of_waypoints
-from plan.collision.certificate import check_curve
+from plan.collision.certificate import certify_curve
 from plan.collision.world import World
 from plan.trajectory.time_estimates import path_time
 from plan.transit.optimise import Ends
 from plan.transit.planner import plan_transit
-from task2_scene import TABLE
+from tasks.task2 import TABLE
 
 LIMITS = load_unit("crs93").limits().scaled(0.5)
 CLEARANCE = 0.01
@@ -40,7 +40,7 @@ def queries() -> tuple[tuple[World, Array, Array, Ends], ...]:
         ends[1] = ends[0] + np.clip(ends[1] - ends[0], -1.5, 1.5)
         if any(world.in_collision(q, CLEARANCE) for q in ends):
             continue
-        if check_curve(world, curve_of_waypoints(ends), CLEARANCE).proved:
+        if certify_curve(world, curve_of_waypoints(ends), CLEARANCE).proved:
             continue
         speed = (len(found) % 4 > 1) * 0.5 * rng.uniform(-1.0, 1.0, (2, 6)) * LIMITS.velocity
         found.append((world, ends[0], ends[1], Ends(speed[0], speed[1])))
@@ -72,6 +72,7 @@ def ways() -> tuple[tuple[Array | None, Array | None], ...]:
     return tuple((way(i, ROUGH), way(i, FULL)) for i in range(QUERIES))
 
 
+@pytest.mark.slow
 def test_what_is_made_faster_is_faster_and_proved() -> None:
     gains = []
     for (world, q_from, q_to, ends), (rough, better) in zip(queries(), ways(), strict=True):
@@ -81,7 +82,7 @@ def test_what_is_made_faster_is_faster_and_proved() -> None:
         for path in (rough, better):
             assert np.array_equal(path[[0, -1]], [q_from, q_to])
             assert np.all((path >= LIMITS.lower) & (path <= LIMITS.upper))
-            assert check_curve(world, curve_of_waypoints(path), CLEARANCE).proved
+            assert certify_curve(world, curve_of_waypoints(path), CLEARANCE).proved
             samples = [a + u * (b - a) for a, b in pairwise(path) for u in np.linspace(0.0, 1.0, 60)]
             assert not any(world.in_collision(q, CLEARANCE - 1e-6) for q in samples)
         times = [path_time(path, LIMITS, ends.enter, ends.leave) for path in (rough, better)]
@@ -91,6 +92,7 @@ def test_what_is_made_faster_is_faster_and_proved() -> None:
     assert np.mean(gains) > 0.01  # most ways need little, some much
 
 
+@pytest.mark.slow
 def test_the_same_query_has_the_same_way() -> None:
     """Whatever was asked before."""
     for index in range(0, QUERIES, 5):

@@ -14,11 +14,11 @@ from arm.robot.shapes import Body, Box
 from arm.se3 import Array, transform
 from plan.budget import TransitBudget
 from plan.collision.bezier import curve_of_waypoints
-from plan.collision.certificate import check_curve
+from plan.collision.certificate import certify_curve
 from plan.collision.world import World
 from plan.trajectory.time_estimates import path_time, path_times, straight_time
-from plan.transit.planner import Detours, plan_transit
-from task2_scene import POST, Q_START, TABLE, TOOL_LENGTH
+from plan.transit.planner import TransitPlanner, plan_transit
+from tasks.task2 import POST, Q_START, TABLE, TOOL_LENGTH
 
 UNIT = load_unit("crs93")
 LIMITS = UNIT.limits().scaled(0.5)
@@ -56,7 +56,7 @@ def test_what_is_in_the_way_is_gone_around(obstacle: Body, seed: int) -> None:
     assert np.all(way >= LIMITS.lower)
     assert np.all(way <= LIMITS.upper)
     assert closest(world, way) >= 0.011
-    assert check_curve(world, curve_of_waypoints(way), 0.011).proved
+    assert certify_curve(world, curve_of_waypoints(way), 0.011).proved
 
 
 def test_the_way_over_a_low_wall_costs_little() -> None:
@@ -73,7 +73,7 @@ def test_shortening_only_improves() -> None:
     rough = plan_transit(world, RIGHT, LEFT, LIMITS, 0.011, 3, TransitBudget(steps=0))
     better = plan_transit(world, RIGHT, LEFT, LIMITS, 0.011, 3)
     assert path_time(better, LIMITS) < path_time(rough, LIMITS)
-    assert check_curve(world, curve_of_waypoints(better), 0.011).proved
+    assert certify_curve(world, curve_of_waypoints(better), 0.011).proved
 
 
 def test_rrt_finds_a_way_alone() -> None:
@@ -81,7 +81,7 @@ def test_rrt_finds_a_way_alone() -> None:
     way = plan_transit(world, RIGHT, LEFT, LIMITS, 0.011, 0, TransitBudget(corner_edges=0))
     assert np.array_equal(way[0], RIGHT)
     assert np.array_equal(way[-1], LEFT)
-    assert check_curve(world, curve_of_waypoints(way), 0.011).proved
+    assert certify_curve(world, curve_of_waypoints(way), 0.011).proved
 
 
 def test_the_same_seed_gives_the_same_way() -> None:
@@ -110,7 +110,7 @@ def test_no_way_says_what_is_in_it() -> None:
         Body("partition behind", Box((3.0, 0.02, 3.0)), transform(t=(-1.62, 0.0, 1.5)), "wall"),
     ]
     budget = TransitBudget(corners=200, corner_edges=20, rrt=60)
-    with pytest.raises(ImpossibleError, match=r"no way around partition: \w+ comes to") as caught:
+    with pytest.raises(ImpossibleError, match=r"no path around partition: \w+ comes within") as caught:
         plan_transit(world_with(*walls), RIGHT, LEFT, LIMITS, 0.011, 0, budget)
     assert caught.value.data["pair"][1] == "partition"
     assert caught.value.exit_code == 3
@@ -156,10 +156,12 @@ def inside(corners: Array, limits: Limits) -> Array:
 def test_corners_are_within_limits_that_are_near() -> None:
     """Of the corners that are tried, none takes a joint beyond its limits; none that does not is left out."""
     world, kept, left_out = world_with(LOW_WALL), 0, 0
-    every = Detours(world, LIMITS, 0.011, np.random.default_rng(0), TransitBudget()).lifted(RIGHT, LEFT, 0.5)
+    every = TransitPlanner(world, LIMITS, 0.011, np.random.default_rng(0), TransitBudget()).lifted(
+        RIGHT, LEFT, 0.5
+    )
     for seed in range(12):
         limits = near_limits(np.random.default_rng(seed))
-        detours = Detours(world, limits, 0.011, np.random.default_rng(seed), TransitBudget())
+        detours = TransitPlanner(world, limits, 0.011, np.random.default_rng(seed), TransitBudget())
         single, double = detours.lifted(RIGHT, LEFT, 0.5)
         drawn = detours.drawn(RIGHT, LEFT)
         assert inside(single, limits).all()
@@ -183,7 +185,7 @@ def test_ways_stay_within_limits_that_are_near() -> None:
         except ImpossibleError:
             continue
         assert inside(way[None], limits).all()
-        assert check_curve(world, curve_of_waypoints(way), 0.011).proved
+        assert certify_curve(world, curve_of_waypoints(way), 0.011).proved
         found.append(float(np.minimum(way - limits.lower, limits.upper - way)[1:-1].min()))
     assert len(found) >= 4
     assert min(found) < 0.02  # rad: a limit is what keeps a way from being faster

@@ -12,19 +12,19 @@ from arm.controller.unit import Unit
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box, Cylinder, Sphere
 from arm.se3 import angle_between, rot_x, rot_z, transform
-from mujoco_cell import MujocoCell
+from arms.mujoco_cell import MujocoCell
 from plan.budget import Meter, SearchBudget
-from plan.collision.certificate import check_move
+from plan.collision.certificate import certify_move
 from plan.kinematics.numeric_ik import SearchOptions
 from plan.kinematics.straight_line import Line
-from plan.trajectory.virtual_unit import fine_grid
-from plan.waypoints.attachments import Worlds
+from plan.trajectory.virtual_unit import virtual_unit
+from plan.waypoints.attachments import AttachmentWorlds
 from plan.waypoints.line_chains import _nearest
 from plan.waypoints.plan import Pause, PosePlan
 from plan.waypoints.planner import SearchEffort, _Problem, plan_poses
 from plan.waypoints.search import PoseSearch
 from plan.waypoints.target import Target
-from pose_lists import EFFORT, FAST, TABLE, check_plan, down
+from tasks.pose_lists import EFFORT, FAST, TABLE, check_plan, down
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def row(robot: Robot, crs97: Unit) -> tuple[PosePlan, list[Target]]:
         Target("a", down(0.45, -0.2, 0.1), free="rz", approach=0.05, retract=0.05),
         Target("b", down(0.45, 0.2, 0.1), free="rz", approach=0.05, retract=0.05, dwell_s=0.5),
         Target("c", down(0.35, 0.25, 0.15), free="rz"),
-        Target("d", down(0.35, 0.15, 0.15), free="rz", by="line", within=0.003),
+        Target("d", down(0.35, 0.15, 0.15), free="rz", by="line", blend_radius=0.003),
         Target("e", down(0.42, 0.15, 0.15), by="line", free="rz"),
     ]
     plan = plan_poses(
@@ -88,8 +88,8 @@ def test_the_clearance_is_there_in_mujoco(row: tuple[PosePlan, list[Target]]) ->
 
     plan, _ = row
     bodies = [TABLE, Body("wall", Box((0.4, 0.02, 0.3)), transform(t=(0.5, 0.0, 0.15)), "wall")]
-    cell = MujocoCell(data_file("urdf/a465/a465.urdf"), bodies, [], plan.robot.touching)
-    pairs = [p for p in cell.pairs() if frozenset(p) not in plan.robot.touching]
+    cell = MujocoCell(data_file("urdf/a465/a465.urdf"), bodies, [], plan.robot.disabled_collisions)
+    pairs = [p for p in cell.pairs() if frozenset(p) not in plan.robot.disabled_collisions]
     for move in plan.moves:
         seen = np.inf
         for q in plan.unit.positions(move.path.sample(0.1)):
@@ -108,9 +108,9 @@ def test_the_same_in_the_counts_of_a_unit_and_twice_the_same(robot: Robot, crs97
     plan = made()
     check_plan(plan, targets, crs97.limits(), exact=1e-4)  # whole counts
     assert plan.moves[0].path.start == plan.moves[-1].path.end == tuple(crs97.counts(q).tolist())
-    world = Worlds(robot, [TABLE], targets, 0.0)
+    world = AttachmentWorlds(robot, [TABLE], targets, 0.0)
     for move in plan.moves:
-        assert check_move(world.world(world.start), move.path, crs97, move.clearance - 1e-6).proved
+        assert certify_move(world.world(world.start), move.path, crs97, move.clearance - 1e-6).proved
     assert json.dumps(plan.to_json()) == json.dumps(made().to_json())
 
 
@@ -131,9 +131,11 @@ def test_the_sequence_is_the_best_of_all(robot: Robot, crs97: Unit) -> None:
             return super().moved(search, meter)
 
     q = np.radians([-35, -35, -85, 0, -60, 0])
-    problem = Spy(robot, bodies, targets, crs97.limits(), fine_grid(robot, crs97.limits()), FAST, effort, 0.0)
+    problem = Spy(
+        robot, bodies, targets, crs97.limits(), virtual_unit(robot, crs97.limits()), FAST, effort, 0.0
+    )
     meter = Meter(SearchBudget())
-    plan = problem.solved(problem.standing("q_start", q), None, meter)
+    plan = problem.solved(problem.check_configuration("q_start", q), None, meter)
     search = found[-1]
     best = search.best(meter)
     from plan.waypoints.search import _State
@@ -177,7 +179,7 @@ def test_what_is_carried_stands_where_it_was_brought(robot: Robot) -> None:
     cup = Body("cup", Sphere(0.02), transform(t=(0.4, -0.2, 0.1)), "cube")
     pick = Target("pick", down(0.4, -0.2, 0.12), attach="cup")
     place = Target("place", down(0.4, 0.2, 0.22), detach=True)
-    worlds = Worlds(robot, [TABLE, cup], [pick, place], 0.0)
+    worlds = AttachmentWorlds(robot, [TABLE, cup], [pick, place], 0.0)
     held = worlds.after(worlds.start, pick, pick.T_base_tool)
     assert held.held == "cup"
     np.testing.assert_allclose(held.T_tool_held[:3, 3], (0.0, 0.0, 0.02), atol=1e-12)
@@ -203,7 +205,7 @@ def test_a_line_keeps_what_is_free_as_it_is() -> None:
 
 
 def test_where_the_tool_turns_back_there_is_no_corner_to_cut(robot: Robot, crs97: Unit) -> None:
-    target = Target("a", down(0.45, -0.2, 0.1), free="rz", approach=0.03, retract=0.03, within=0.01)
+    target = Target("a", down(0.45, -0.2, 0.1), free="rz", approach=0.03, retract=0.03, blend_radius=0.01)
     plan = plan_poses(
         robot,
         [TABLE],

@@ -11,13 +11,13 @@ from arm.robot.model import Robot
 from arm.robot.shapes import Body, Cylinder, Sphere, convex
 from arm.robot.tool import urdf_limits
 from arm.se3 import inverse, transform
-from made_up_arms import RAIL, SEVEN, UR_LIKE, MujocoArm, arm
+from arms.made_up import RAIL, SEVEN, UR_LIKE, MujocoArm, arm
 from plan.collision.world import World
 from plan.kinematics.numeric_ik import solve_ik
 from plan.waypoints.plan import Pause, PosePlan
 from plan.waypoints.planner import plan_poses
 from plan.waypoints.target import Target
-from pose_lists import EFFORT, FAST, TABLE, check_plan, down, off
+from tasks.pose_lists import EFFORT, FAST, TABLE, check_plan, down, off
 
 
 def rock() -> Body:
@@ -49,7 +49,7 @@ def test_an_arm_without_a_spherical_wrist_around_a_mesh(tmp_path: Path) -> None:
     q = hovering(robot, limits, bodies, down(0.3, -0.35, 0.35))
     targets = [
         Target("left", down(0.42, -0.22, 0.2), free="rz", approach=0.05),
-        Target("over", down(0.42, 0.0, 0.36), free="rz", by="line", within=0.02),
+        Target("over", down(0.42, 0.0, 0.36), free="rz", by="line", blend_radius=0.02),
         Target("right", down(0.42, 0.22, 0.2), free="rz", by="line"),
         Target("back", down(0.42, -0.2, 0.25), free=("rz", "z")),
     ]
@@ -72,7 +72,7 @@ def test_a_seven_joint_arm_carries_a_body_past_a_mesh(tmp_path: Path) -> None:
             approach=0.1,
             retract=0.1,
             attach="stone",
-            touching=touching,
+            allowed_collisions=touching,
         ),
         Target(
             "place",
@@ -81,7 +81,7 @@ def test_a_seven_joint_arm_carries_a_body_past_a_mesh(tmp_path: Path) -> None:
             approach=0.1,
             retract=0.1,
             detach=True,
-            touching=touching,
+            allowed_collisions=touching,
         ),
     ]
     q = np.array([0.0, 0.3, 0.0, 1.5, 0.0, 1.2, 0.0])

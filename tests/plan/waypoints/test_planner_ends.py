@@ -17,7 +17,7 @@ from plan.trajectory.extremes import segment_extremes
 from plan.waypoints.plan import Pause, PosePlan
 from plan.waypoints.planner import plan_poses
 from plan.waypoints.target import Target
-from pose_lists import EFFORT, FAST, TABLE, down
+from tasks.pose_lists import EFFORT, FAST, TABLE, down
 
 Q_START = np.radians([-35, -35, -85, 0, -60, 0])
 FEW = replace(EFFORT, candidates=4, detours=1)
@@ -65,7 +65,7 @@ def test_a_refused_way_names_the_clearance_that_was_asked_for(robot: Robot, crs9
     with pytest.raises(ImpossibleError, match=r"no way on to other side") as caught:
         planned(robot, crs97, [TABLE, *cage], Target("other side", down(0.3, 0.35, 0.2)), q_start=turned)
     assert caught.value.data["clearance_m"] == FAST.clearance
-    assert f"(asked: {FAST.clearance * 1e3:g} mm)" in str(caught.value)
+    assert f"(required: {FAST.clearance * 1e3:g} mm)" in str(caught.value)
 
 
 @pytest.mark.parametrize("counts", [True, False])
@@ -91,7 +91,10 @@ def test_the_first_pose_may_be_where_the_arm_stands(robot: Robot, crs97: Unit, c
 def test_a_body_is_taken_only_where_the_hand_is_at_it(robot: Robot, crs97: Unit) -> None:
     box = Body("box", Box((0.03, 0.03, 0.03)), transform(t=(-0.2, 0.5, 0.015)), "cube")
     pick = Target(
-        "pick", down(0.45, 0.1, 0.1), attach="box", touching={("finger_l", "box"), ("finger_r", "box")}
+        "pick",
+        down(0.45, 0.1, 0.1),
+        attach="box",
+        allowed_collisions={("finger_l", "box"), ("finger_r", "box")},
     )
     with pytest.raises(ImpossibleError) as caught:
         planned(robot, crs97, [TABLE, box], pick)
@@ -110,7 +113,7 @@ def test_a_body_that_was_brought_elsewhere_is_looked_for_there(robot: Robot, crs
     touching = {("finger_l", "box"), ("finger_r", "box"), ("palm", "box"), ("table", "box")}
     place = down(0.4, 0.15, 0.06)
     box = Body("box", Box((0.03, 0.03, 0.03)), transform(t=(0.4, 0.15, 0.06)), "cube")
-    lines = {"approach": 0.05, "retract": 0.05, "touching": touching}
+    lines = {"approach": 0.05, "retract": 0.05, "allowed_collisions": touching}
     targets = [
         Target("pick", place, attach="box", **lines),
         Target("put", down(0.4, -0.15, 0.06), detach=True, **lines),

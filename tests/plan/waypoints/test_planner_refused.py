@@ -13,11 +13,11 @@ from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box, Cylinder, Sphere
 from arm.se3 import transform
 from plan.collision.world import World
-from plan.trajectory.virtual_unit import fine_grid
-from plan.waypoints.motion_builder import Piece, PoseMover
+from plan.trajectory.virtual_unit import virtual_unit
+from plan.waypoints.motion_builder import PoseMotionBuilder, PoseMotionPhase
 from plan.waypoints.planner import plan_poses
 from plan.waypoints.target import Target
-from pose_lists import EFFORT, FAST, TABLE, down
+from tasks.pose_lists import EFFORT, FAST, TABLE, down
 
 
 def _refused(
@@ -74,7 +74,7 @@ def test_refusals_say_what_and_how_much(robot: Robot, crs97: Unit) -> None:
         ([Target("a", np.eye(4)), Target("a", np.eye(4))], "two are named 'a'"),
         ([Target("a", np.eye(4), attach="cup")], "attach = 'cup': must be one of table"),
         ([Target("a", np.eye(4), detach=True)], "nothing moves with the tool"),
-        ([Target("a", np.eye(4), touching={("table", "thumb")})], "touching = 'thumb'"),
+        ([Target("a", np.eye(4), allowed_collisions={("table", "thumb")})], "allowed_collisions = 'thumb'"),
     ],
 )
 def test_wrong_lists(robot: Robot, crs97: Unit, targets: list[Target], says: str) -> None:
@@ -89,7 +89,7 @@ def test_wrong_lists(robot: Robot, crs97: Unit, targets: list[Target], says: str
         ({"by": "air"}, "by = 'air': must be one of transit, line"),
         ({"approach": -0.1}, "approach = -0.1"),
         ({"T_base_tool": 2 * np.eye(4)}, "target 'a': T_base_tool"),
-        ({"touching": [("a",)]}, "pairs of two names"),
+        ({"allowed_collisions": [("a",)]}, "pairs of two names"),
     ],
 )
 def test_wrong_targets(change: dict[str, object], says: str) -> None:
@@ -106,11 +106,13 @@ def test_nothing_is_sent_that_is_not_proved(robot: Robot, crs97: Unit) -> None:
     """The search proves lines first; the mover does not believe it."""
     post = Body("post", Cylinder(0.03, 0.5), transform(t=(0.42, 0.02, 0.2)), "post")
     world = World(robot, [TABLE, post])
-    grid = fine_grid(robot, crs97.limits())
-    mover = PoseMover(robot, grid, crs97.limits(), crs97.limits(), FAST, [Target("a", down(0.42, 0.0, 0.3))])
+    grid = virtual_unit(robot, crs97.limits())
+    mover = PoseMotionBuilder(
+        robot, grid, crs97.limits(), crs97.limits(), FAST, [Target("a", down(0.42, 0.0, 0.3))]
+    )
     way = np.radians([[-35, -20, -100, 0, -60, 0], [35, -20, -100, 0, -60, 0], [35, -20, -90, 0, -60, 0]])
-    piece = Piece("to a", "transit", world, 0.01, None, frozenset(), way=way)
-    with pytest.raises(ImpossibleError, match=r"to a: .* comes to .* of post after"):
+    piece = PoseMotionPhase("to a", "transit", world, 0.01, None, frozenset(), way=way)
+    with pytest.raises(ImpossibleError, match=r"to a: .* comes within .* of post after"):
         mover.run([piece], [])
     clear = mover.run([replace(piece, world=World(robot, [TABLE]))], [])
     assert len(clear) == 1

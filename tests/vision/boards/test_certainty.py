@@ -11,7 +11,7 @@ from arm.board import Board
 from arm.errors import ImpossibleError
 from arm.poses import BoardPose, adjoint
 from arm.se3 import Array, frozen, inverse
-from board_scenes import lab_board, lab_camera, random_pose, seen_corners, spoiled, twist_between
+from pictures.boards import lab_board, lab_camera, random_pose, seen_corners, spoiled, twist_between
 from vision.boards.checks import BoardLimits, Spread
 from vision.boards.pose import assess_board, estimate_board_pose
 from vision.boards.pose_fit import Corners, fit_pose, fit_weighted, pose_jacobian

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from arm.poses import BoardPose, hole_poses
+from arm.poses import BoardPose
 from arm.se3 import Array, frozen
-from board_scenes import lab_board, lab_camera, random_pose, seen_corners, twist_between
-from made_boards import glued_aside, made, moved_px
+from pictures.boards import lab_board, lab_camera, random_pose, seen_corners, twist_between
+from pictures.made_boards import glued_aside, made, moved_px
 from vision.boards.pose import assess_board
 from vision.boards.shared_errors import shared_errors
 from vision.markers.border_shift import moved_outwards
@@ -109,7 +109,7 @@ def test_columns_are_what_a_standard_deviation_does_to_the_corners() -> None:
 def test_the_making_of_the_plate_is_in_every_hole() -> None:
     pose = BoardPose(lab_board(), np.eye(4), 1e-10 * np.eye(6), 0.0, 1e3)
     rough = replace(pose, board=replace(pose.board, tolerance=4e-4))
-    for plain, told in zip(hole_poses(pose), hole_poses(rough), strict=True):
+    for plain, told in zip(pose.holes, rough.holes, strict=True):
         assert told.covariance - plain.covariance == pytest.approx(
             np.diag([4e-8, 4e-8, 0.0, 0.0, 0.0, 0.0]), abs=1e-14
         )

@@ -10,11 +10,11 @@ import pytest
 
 from arm.poses import BoardPose
 from arm.se3 import Array, frozen, rotation, transform
-from board_scenes import lab_board, lab_camera, leaning, random_pose, seen_corners, twist_between
 from cell.commands.look_recorded import detections_step
 from cell.console import Console
-from command_line import replace_in
-from recorded_sets import recorded_set
+from pictures.boards import lab_board, lab_camera, leaning, random_pose, seen_corners, twist_between
+from recorded.sets import recorded_set
+from typed.command_line import replace_in
 from vision.boards.pose import BoardSeen, assess_board
 from vision.boards.pose_fit import planar_poses
 from vision.boards.tilt_prior import ANYWHERE, MOST_SAY, log_odds_of_tilts, tilt_hypothesis
@@ -105,7 +105,7 @@ def turned_by(a: BoardSeen, T: Array) -> float:
 
 
 def is_ambiguous(seen: BoardSeen) -> bool:
-    return any("its tilt cannot be told" in str(d) for d in seen.doubts)
+    return any("its tilt cannot be distinguished" in str(d) for d in seen.doubts)
 
 
 @pytest.mark.parametrize("tilt_deg", [15.0, 11.0])

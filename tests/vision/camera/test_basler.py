@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from arm.errors import CameraError, InputError
-from emulated_camera import SERIAL, Wrong, misnumbered, photographs, pypylon, showing
+from pictures.cameras import SERIAL, Wrong, misnumbered, photographs, pypylon, showing
 from vision.camera import basler
 from vision.camera.basler import BaslerCamera, BaslerSettings
 from vision.camera.frame_source import FrameSource
@@ -127,7 +127,7 @@ def test_a_damaged_frame_is_told_and_taken_anew(
     camera.device.ForceFailedBuffer.Execute()
     assert np.array_equal(camera.grab(2), truth)
     (line,) = told
-    assert "photograph 1 of 2 was damaged and is taken anew: The buffer was incompletely grabbed" in line
+    assert "photograph 1 of 2 was damaged and is retaken: The buffer was incompletely grabbed" in line
 
 
 def test_no_look_with_many_damaged_frames(camera: BaslerCamera, told: list[str], tmp_path: Path) -> None:
@@ -185,7 +185,7 @@ def test_a_camera_that_takes_frames_on_its_own_is_refused(
     camera: BaslerCamera, change: tuple[str, str]
 ) -> None:
     camera.device.GetNodeMap().GetNode(change[0]).SetValue(change[1])
-    assert f"takes frames on its own (TriggerMode {'Off' if change[1] == 'Off' else 'On'}" in refused(
+    assert f"takes frames without triggers (TriggerMode {'Off' if change[1] == 'Off' else 'On'}" in refused(
         camera, "stale"
     )
 
@@ -206,7 +206,7 @@ def test_frames_that_nobody_asked_for_are_refused(camera: BaslerCamera, count: i
         return result
 
     camera.device = Wrong(real, ExecuteSoftwareTrigger=twice, RetrieveResult=retrieve)
-    assert "sent 1 frame that nobody had asked for" in refused(camera, "stale", count)
+    assert "sent 1 frame without a trigger" in refused(camera, "stale", count)
 
 
 @pytest.mark.parametrize(
@@ -227,22 +227,22 @@ def test_frames_of_another_size_are_refused(tmp_path: Path) -> None:
     assert "320 x 200 px, but the camera's calibration is for 1920 x 1200 px" in message
     cv2.imwrite(str(tmp_path / "shots/01.png"), np.zeros((100, 320), np.uint8))
     with BaslerCamera(SERIAL, settings(tmp_path)) as camera:
-        assert "320 x 100 px, but the frame before was 320 x 200 px" in refused(camera, "size", 2)
+        assert "320 x 100 px, but the previous frame was 320 x 200 px" in refused(camera, "size", 2)
 
 
 def test_a_camera_that_is_not_there_is_told_with_those_that_are(monkeypatch: pytest.MonkeyPatch) -> None:
     for selector, message in (
         (
             "serial:1234",
-            "camera serial:1234: is not there; there are Emulation serial:0815-0000 class:Basler",
+            "camera serial:1234: not found; connected: Emulation serial:0815-0000 class:Basler",
         ),
-        ("class:BaslerCamEmu", "means 2 cameras; say serial:NUMBER; there are Emulation serial:0815-0000"),
+        ("class:BaslerCamEmu", "matches 2 cameras; use serial:NUMBER; connected: Emulation serial:0815-0000"),
     ):
         with pytest.raises(CameraError, match=message) as caught, BaslerCamera(selector):
             pass
         assert [found["serial"] for found in caught.value.data["found"]] == ["0815-0000", "0815-0001"]
     monkeypatch.setenv("PYLON_CAMEMU", "0")
-    with pytest.raises(CameraError, match="is not there, and no other; has it power"), BaslerCamera(SERIAL):
+    with pytest.raises(CameraError, match="not found, nor is any other; is it powered"), BaslerCamera(SERIAL):
         pass
 
 
@@ -309,7 +309,7 @@ def test_a_call_that_hangs_holds_nothing_up(
     camera.device = Wrong(camera.device, ExecuteSoftwareTrigger=lambda: free.wait(20.0))
     begun = time.monotonic()
     assert "photograph 1: no answer within 0.4 s; unplug the camera" in refused(camera, "hung")
-    assert "an earlier call has not come back" in refused(camera, "hung")
+    assert "an earlier call hangs" in refused(camera, "hung")
     camera.close()
     assert time.monotonic() - begun < 2.0
     free.set()
@@ -318,11 +318,12 @@ def test_a_call_that_hangs_holds_nothing_up(
         assert len(again.grab(1)) == 1
 
 
+@pytest.mark.slow
 def test_a_close_that_hangs_does_not_keep_the_program(tmp_path: Path) -> None:
     code = (
         "import time\nfrom vision.camera import basler\nbasler.CLOSE_S = 0.3\n"
         f"with basler.BaslerCamera('{SERIAL}', tell=print) as camera:\n"
-        "    camera._let_go = lambda: time.sleep(60)\n"
+        "    camera._release = lambda: time.sleep(60)\n"
         "print('done')"
     )
     ran = subprocess.run(

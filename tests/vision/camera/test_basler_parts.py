@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from arm.errors import CameraError, InputError
-from emulated_camera import SERIAL, nameless
+from pictures.cameras import SERIAL, nameless
 from vision.camera.basler import BaslerCamera
 from vision.camera.basler_devices import FoundDevice, Selector, read_selector
 from vision.camera.basler_features import set_exposure, set_gain, set_heartbeat
@@ -51,12 +51,12 @@ def test_a_selector_finds_its_camera(text: str, number: int) -> None:
         (
             "twin",
             "ambiguous",
-            "camera twin: means 2 cameras; say serial:NUMBER; there are acA1920-40gm name:camera",
+            "camera twin: matches 2 cameras; use serial:NUMBER; connected: acA1920-40gm name:camera",
         ),
-        ("class:BaslerUsb", "ambiguous", "means 2 cameras"),
-        ("name:21923416", "missing", "camera name:21923416: is not there; there are"),
+        ("class:BaslerUsb", "ambiguous", "matches 2 cameras"),
+        ("name:21923416", "missing", "camera name:21923416: not found; connected:"),
         ("serial:camera-crs93", "missing", "serial:21923415 ip:192.168.0.7 class:BaslerGigE"),
-        ("ip:192.168.0.9", "missing", "is not there"),
+        ("ip:192.168.0.9", "missing", "not found"),
     ],
 )
 def test_a_selector_that_means_none_or_several_lists_all(text: str, reason: str, message: str) -> None:
@@ -64,7 +64,7 @@ def test_a_selector_that_means_none_or_several_lists_all(text: str, reason: str,
         read_selector(text).choose(LAB)
     assert caught.value.data["reason"] == reason
     assert len(caught.value.data["found"]) == len(LAB)
-    with pytest.raises(CameraError, match="is not there, and no other; has it power"):
+    with pytest.raises(CameraError, match="not found, nor is any other; is it powered"):
         read_selector(text).choose([])
 
 
@@ -201,7 +201,7 @@ def test_a_worker_that_is_lost_makes_no_other_call() -> None:
     begun = time.monotonic()
     with pytest.raises(TimeoutError, match=r"no answer within 0\.1 s"):
         worker.call(lambda: free.wait(20.0), 0.1)
-    with pytest.raises(TimeoutError, match="an earlier call has not come back"):
+    with pytest.raises(TimeoutError, match="an earlier call hangs"):
         worker.call(lambda: made.append(1), 20.0)
     assert time.monotonic() - begun < 2.0
     free.set()

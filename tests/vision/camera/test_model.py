@@ -12,7 +12,7 @@ import pytest
 from arm.errors import FileInputError, InputError
 from arm.io.storage import data_file
 from arm.se3 import rot_x, transform
-from board_scenes import lab_camera
+from pictures.boards import lab_camera
 from vision.camera.model import Camera, read_camera, write_camera
 
 LAB = data_file("scenes/cameras/lab.toml")
@@ -108,7 +108,7 @@ def test_the_digest_is_of_every_value_and_of_nothing_else() -> None:
         ("[1920, 1200]", "[1920]", "intrinsics.size_px"),
         ("4746.48725, 0.0", "-4746.48725, 0.0", "intrinsics.K_px"),
         ("-0.21867, -1.00296, 0.00005, 0.00311, 8.29851", "8.29851, 0.0", "intrinsics.distortion"),
-        ("-0.21867, -1.00296, 0.00005, 0.00311, 8.29851", "-80.0, -1, 0, 0, 0", "cannot be undone"),
+        ("-0.21867, -1.00296, 0.00005, 0.00311, 8.29851", "-80.0, -1, 0, 0, 0", "has no inverse"),
         ("0.02629, 0.99788, -0.05940", "0.99788, 0.02629, -0.05940", "pose.T_base_camera"),
         ("size_px", "size_pix", "did you mean|the file has intrinsics.size_pix"),
         ("[pose]", "[place]", "pose"),

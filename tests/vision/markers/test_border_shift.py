@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from arm.se3 import Array
-from board_scenes import lab_board, lab_camera, random_pose, twist_between
-from marker_pictures import Exposure, Pane, panes, photographed
+from pictures.boards import lab_board, lab_camera, random_pose, twist_between
+from pictures.markers import Exposure, Pane, panes, photographed
 from vision.boards.pose import assess_board
 from vision.markers.border_shift import border_shift, moved_outwards
 from vision.markers.detect import Marker

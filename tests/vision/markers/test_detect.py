@@ -10,8 +10,8 @@ import pytest
 
 from arm.errors import InputError
 from arm.se3 import Array, apply
-from board_scenes import lab_board, lab_camera, leaning, photograph, random_pose, window
 from cell.config.board_keys import DICTIONARIES
+from pictures.boards import lab_board, lab_camera, leaning, photograph, random_pose, window
 from vision.camera.model import Camera, Image
 from vision.markers.detect import detect_markers
 

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from board_scenes import TABLE, lab_board, lab_camera, leaning
 from cell.scene.bodies import plate_body
+from pictures.boards import TABLE, lab_board, lab_camera, leaning
 from render.renderer import PlacedBoard, render, with_noise
 from vision.camera.model import Image
 from vision.markers.detect import detect_markers
@@ -34,7 +34,7 @@ def exposed(clean: Image, factor: float) -> Image:
         (1.0, None),
         (1.05, None),
         (1.3, "of the white of marker"),
-        (3.0, "is saturated, which moves corners; less exposure or gain"),
+        (3.0, "is saturated, which shifts corners; reduce exposure or gain"),
     ],
 )
 def test_exposure_is_judged_by_the_markers(clean: Image, factor: float, told: str | None) -> None:
@@ -62,7 +62,7 @@ def test_the_worst_marker_is_named(clean: Image) -> None:
     assert found[1].saturated == 0.0
     assert found[1].white - found[1].black < 40.0
     assert f"of the white of marker {markers[0].id} is saturated" in str(exposure_complaint(image, markers))
-    assert f"too dark: marker {markers[1].id} is 40 grey" in str(exposure_complaint(image, markers[1:]))
+    assert f"too dark: marker {markers[1].id} has 40 grey" in str(exposure_complaint(image, markers[1:]))
 
 
 def test_markers_at_the_rim_and_none(clean: Image) -> None:

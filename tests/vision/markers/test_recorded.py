@@ -12,10 +12,10 @@ import pytest
 
 from arm.errors import FileInputError, InputError
 from arm.se3 import angle_between, inverse
-from board_scenes import lab_board, lab_camera, random_pose, seen_corners
 from cell.commands.look_recorded import detections_step
 from cell.console import Console
-from recorded_sets import recorded_set
+from pictures.boards import lab_board, lab_camera, random_pose, seen_corners
+from recorded.sets import recorded_set
 from vision.markers.recorded import read_detections
 
 CAMERA = lab_camera()
@@ -78,7 +78,7 @@ def test_scenes_that_must_not_be_used_say_why_and_the_others_are_judged(tmp_path
     told = detections_step(written(tmp_path, content), None, None, Console(True))
     swapped, hidden, good = (scene["boards"][0] for scene in told["scenes"])
     assert swapped["verdict"] == hidden["verdict"] == "refused"
-    assert "have changed places" in swapped["reasons"][0]
+    assert "are swapped" in swapped["reasons"][0]
     assert "marker 2 is in none of 5 photographs" in hidden["reasons"][0]
     assert hidden["T_camera_board"] is None
     assert good["verdict"] == "accepted"
@@ -94,8 +94,8 @@ def test_a_board_that_moved_and_a_marker_of_another_board_are_told(tmp_path: Pat
     moved, other, good = (scene["boards"][0] for scene in told["scenes"])
     assert moved["verdict"] == other["verdict"] == "refused"
     assert "photograph 4 of 5 shows it" in moved["reasons"][0]
-    assert "marker 2 stands" in other["reasons"][0]
-    assert "it is of another board, or glued elsewhere" in other["reasons"][0]
+    assert "marker 2 is at" in other["reasons"][0]
+    assert "it belongs to another board, or was glued elsewhere" in other["reasons"][0]
     assert good["verdict"] == "accepted"
 
 
@@ -115,12 +115,12 @@ def _set(*path: str | int, to: Any) -> Callable[[dict[str, Any]], None]:
         (_set("camera", "K_px", to=[[1, 2], [3, 4]]), "camera.K_px: must be 3 x 3 finite numbers"),
         (_set("camera", "K_px", 0, 0, to=-1.0), "camera.K_px: must be [[fx, skew, cx]"),
         (_set("camera", "size_px", to=[1920.5, 1200]), "camera.size_px: must be width and height"),
-        (_set("board", "markers", to=[]), "board.markers: must be two markers, not 0"),
+        (_set("board", "markers", to=[]), "board.markers: must have two markers, not 0"),
         (_set("board", "markers", 1, "id", to=1), "board.markers[1].id = 1: must differ"),
         (_set("board", "markers", 0, "corners_m", 0, 0, to=0.5), "must be two squares of one size"),
         (_set("board", "holes_m", to=[[0, 0, 0]]), "board.holes_m: must be 4 x 3 finite numbers"),
         (_set("scenes", to={}), "scenes: must be a list"),
-        (_set("scenes", 2, "frames", to=[]), "scenes[2].frames: must be one photograph at least"),
+        (_set("scenes", 2, "frames", to=[]), "scenes[2].frames: must have at least one photograph"),
         (
             _set("scenes", 1, "frames", 3, "markers", 0, "id", to=1.5),
             "scenes[1].frames[3].markers[0].id = 1.5: must be",

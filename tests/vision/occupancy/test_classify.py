@@ -8,11 +8,19 @@ import numpy as np
 import pytest
 
 from arm.board import POCKET_MOUTH
-from arm.poses import BoardPose, hole_poses
+from arm.poses import BoardPose
 from arm.robot.shapes import Body, Box
 from arm.se3 import Array, apply, transform
-from board_scenes import CUBE, lab_board, lab_camera, leaning, photograph, random_pose, smaller, window
-from hole_scenes import ACROSS, CONDITIONS, Conditions, drawn_pose, measured_pose, photographs, random_scene
+from pictures.boards import CUBE, lab_board, lab_camera, leaning, photograph, random_pose, smaller, window
+from pictures.holes import (
+    ACROSS,
+    CONDITIONS,
+    Conditions,
+    drawn_pose,
+    measured_pose,
+    photographs,
+    random_scene,
+)
 from vision.occupancy.classify import FAINT, LIGHT, NO_MARKER, OTHER, OUT, POSE, Occupancy, hole_occupancy
 
 CAMERA = smaller(lab_camera(), 0.5)
@@ -119,7 +127,7 @@ def test_no_light_or_out_of_view_is_unsure() -> None:
     cut = window(CAMERA, (u, 0), (CAMERA.size[0] - u, CAMERA.size[1]))
     said = hole_occupancy([i[:, u:].copy() for i in light], cut, pose, 1, CUBE)
     assert said.state == "empty"  # half a marker tells the light as well
-    corner = np.rint(CAMERA.project_base(hole_poses(pose)[1].T_base_hole[:3, 3])).astype(int) - 90
+    corner = np.rint(CAMERA.project_base(pose.holes[1].T_base_hole[:3, 3])).astype(int) - 90
     alone = window(CAMERA, corner, (180, 180))  # a hole, and no marker
     part = [i[corner[1] : corner[1] + 180, corner[0] : corner[0] + 180].copy() for i in light]
     assert hole_occupancy(part, alone, pose, 1, CUBE) == Occupancy("unsure", 0.5, NO_MARKER)

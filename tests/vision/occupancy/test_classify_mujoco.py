@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from board_scenes import CUBE, lab_camera, smaller, twist_between
-from hole_scenes import ACROSS, CONDITIONS, drawn_pose, measured_pose, random_scene
-from hole_scenes_mujoco import mujoco_photographs, why_no_opengl
+from pictures.boards import CUBE, lab_camera, smaller, twist_between
+from pictures.holes import ACROSS, CONDITIONS, drawn_pose, measured_pose, random_scene
+from pictures.holes_mujoco import mujoco_photographs, why_no_opengl
 from vision.occupancy.classify import hole_occupancy
 
 CAMERA = smaller(lab_camera(), 0.5)
@@ -29,6 +29,7 @@ def test_its_boards_are_where_they_should_be() -> None:
         assert np.linalg.norm(off[3:]) < np.radians(1.0)
 
 
+@pytest.mark.slow
 def test_holes_on_its_photographs() -> None:
     wrong, unsure, count = [], 0, 0
     for number, condition in enumerate([*list(CONDITIONS.values())[::2], ACROSS]):

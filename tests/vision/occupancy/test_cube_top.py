@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from arm.board import POCKET_FLOOR, POCKET_MOUTH
-from arm.poses import hole_poses
 from arm.robot.shapes import Body, Box
 from arm.se3 import transform
-from board_scenes import CUBE, TABLE, lab_board, lab_camera, leaning, window
 from cell.scene.bodies import T_hole_cube, plate_body
-from placed_scenes import moved_cube
+from pictures.boards import CUBE, TABLE, lab_board, lab_camera, leaning, window
+from pictures.placed import moved_cube
 from render.light import Light
 from render.renderer import PlacedBoard, render, with_noise
 from render.solids import BodySolid
@@ -95,6 +94,7 @@ def test_an_empty_hole_shows_no_seated_cube() -> None:
     assert seating(before.in_hole(T), CubeWidth(CUBE, 1e-5)).state != "seated"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "where"), [(400114, "view"), (400090, "view"), (400107, "edge")])
 def test_a_turned_cube_beside_narrow_faces_and_borders_is_confirmed_as_it_is(seed: int, where: str) -> None:
     """Its faces are 0.1 to 0.6 mm wide in the image, and the board's own border ends where its side is."""
@@ -102,11 +102,9 @@ def test_a_turned_cube_beside_narrow_faces_and_borders_is_confirmed_as_it_is(see
     before, after = case.target, case.target_after
     assert before.pose is not None
     assert after.pose is not None
-    empty = Sight(before.images, before.camera, NOMINAL).empty(
-        hole_poses(before.pose)[before.index].T_base_hole
-    )
+    empty = Sight(before.images, before.camera, NOMINAL).empty(before.pose.holes[before.index].T_base_hole)
     sight = Sight(after.images, after.camera, NOMINAL)
-    top = sight.in_hole(hole_poses(after.pose)[after.index].T_base_hole, empty)
+    top = sight.in_hole(after.pose.holes[after.index].T_base_hole, empty)
     found = seating(top, CubeWidth(case.size, 1e-5))
     assert found.state == "seated", found
     assert abs(found.lift) < 3.0 * found.lift_std

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from arm.se3 import Array, apply, transform
-from board_scenes import lab_camera
+from pictures.boards import lab_camera
 from vision.camera.model import Image
 from vision.occupancy.edge_response import (
     PlateView,

@@ -7,7 +7,7 @@ import pytest
 
 from arm.board import CUBE_SEAT_DEPTH, POCKET_DEPTH, POCKET_FLOOR, POCKET_MOUTH
 from arm.se3 import Array
-from board_scenes import CUBE, lab_board
+from pictures.boards import CUBE, lab_board
 from vision.occupancy.expected_edges import FINGER_HOLE_RADIUS, hole_borders
 
 NEAR = 2.1e-3

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from arm.errors import InputError
-from board_scenes import lab_camera
 from cell.sim.target_photos import Shot, corners_in_view, held, photograph_target, random_poses
+from pictures.boards import lab_camera
 from vision.targets.quality import measure_quality
 from vision.targets.target import Target, TargetFinder, read_target
 
@@ -171,7 +171,7 @@ def test_files_are_read_and_their_mistakes_named(tmp_path):
         (full.replace("[7, 5]", "[40, 40]"), "squares", "need 800 markers; DICT_5X5_100 has 100"),
         (full.replace("[7, 5]", "[7]"), "squares", "must be 2 whole numbers"),
         (full + "colour = 1\n", "colour", "is not a known key"),
-        ('kind = "checkerboard"\nsquares = [8, 6]\nsquare_mm = 25\n', "squares", "half a turn"),
+        ('kind = "checkerboard"\nsquares = [8, 6]\nsquare_mm = 25\n', "squares", "rotated by 180 deg"),
     ):
         with pytest.raises(InputError, match=rule) as caught:
             read(text)

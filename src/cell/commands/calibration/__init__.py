@@ -1,1 +1,1 @@
-"""The verbs around calibration."""
+"""Implementation of the calibration commands."""

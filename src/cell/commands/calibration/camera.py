@@ -1,4 +1,4 @@
-"""``a465 calibrate camera``: a folder of photographs in, a lens with its verdict out."""
+"""``a465 calibrate camera``: fit a lens to a folder of images and judge it."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ HOLDABLE = NAMES[4:]
 
 @dataclass(frozen=True)
 class LensOptions:
-    """What a person asks for.
+    """Options of the command.
 
     Attributes:
         target: target file; None for the default target.
-        hold: numbers of the lens to leave at zero.
-        work_mm: nearest and farthest distance of the work.
-        limit_mm: largest standard deviation at the work points.
-        most_views: more are held out.
+        hold: lens parameters to fix at zero.
+        work_mm: nearest and farthest working distance.
+        limit_mm: largest accepted standard deviation at the work points.
+        most_views: number of views to fit at most; the others are held out.
         output: camera file to write.
         report: HTML file to write; beside `output` if None.
     """
@@ -49,15 +49,15 @@ class LensOptions:
     report: Path | None = None
 
     def limits(self) -> CalibrationLimits:
-        """The limits of the verdict.
+        """Return the limits of the verdict.
 
         Raises:
-            InputError: an option breaks its rule.
+            InputError: an option is out of range.
         """
         limits = CalibrationLimits()
         if self.limit_mm is not None:
             if not 0.0 < self.limit_mm < np.inf:
-                raise _option("--limit-mm", self.limit_mm, "must be above 0 mm, and a number")
+                raise _option("--limit-mm", self.limit_mm, "must be above 0 mm and finite")
             limits = replace(limits, work_mm=self.limit_mm)
         if self.most_views is not None:
             if self.most_views < limits.views:
@@ -66,7 +66,7 @@ class LensOptions:
         return limits
 
     def work(self) -> tuple[float, float] | None:
-        """Distances of the work, m.
+        """Return the nearest and farthest working distance, m.
 
         Raises:
             InputError: they are in the wrong order.
@@ -81,10 +81,10 @@ class LensOptions:
         return near / 1e3, far / 1e3
 
     def held(self) -> tuple[str, ...]:
-        """Numbers to leave at zero.
+        """Return the lens parameters to fix at zero.
 
         Raises:
-            InputError: a name that cannot be.
+            InputError: a name is unknown.
         """
         for name in self.hold:
             if name not in HOLDABLE:
@@ -104,15 +104,15 @@ def camera_step(
     simulated: Path | None,
     console: Console,
 ) -> dict[str, Any]:
-    """Take views if asked for, calibrate, tell, and write; the camera file only if the lens is accepted.
+    """Take images if `live`, calibrate, print and write the results. A refused lens is not written.
 
     Args:
-        images: folder of the photographs; with `live` they are put there.
-        options: what is asked for.
-        live: take photographs now, with `camera` (a selector) or in the simulated cell of the task `simulated`.
+        images: folder of the images; with `live` they are written there.
+        options: options of the command.
+        live: take images now, with `camera` (a selector) or the simulated camera of the task file `simulated`.
 
     Returns:
-        What ``--json`` prints, with the verdict in it.
+        The object for ``--json``, including the verdict.
 
     Raises:
         InputError: a file or an option is wrong.
@@ -129,7 +129,7 @@ def camera_step(
         with open_source(camera, simulated, target, console) as (source, hand):
             take_views(images, target, source, hand, work, limits, console)
     elif camera is not None or simulated is not None:
-        raise InputError("--camera and --simulated go with --live; IMAGES holds the photographs otherwise")
+        raise InputError("--camera and --simulated need --live; without it, the images in IMAGES are used")
     photos, size = find_target(images, target, console)
     console.step(f"fit: {sum(p.view is not None for p in photos)} views of {target.label()}")
     calibration = calibrate_camera(photos, target, size, held=hold, work=work, limits=limits)
@@ -142,58 +142,60 @@ def camera_step(
         write_lens(output, calibration)
         console.say(f"written: {output}")
     elif output is None and calibration.accepted:
-        console.say("no camera file was written: -o FILE writes it")
+        console.say("no camera file was written; give -o FILE to write one")
     return to_json(calibration)
 
 
 def _check_written(output: Path | None, report: Path | None, target: Path | None) -> None:
-    """Before photographs are taken for an hour, see that what comes of them can be kept.
+    """Check the output files before images are taken, which may take an hour.
 
     Raises:
-        InputError: a file to write is a folder, the target file, a photograph's name, or the other one.
+        InputError: an output file is a folder, the target file, named like an image, or named twice.
     """
     for option, written in (("--output", output), ("--report", report)):
         if written is None:
             continue
         keep_apart(written, target)
         if written.exists() and not written.is_file():
-            raise _option(option, written, "is no ordinary file; give the name of a file")
+            raise _option(option, written, "is not a regular file; give the name of a file")
         if written.suffix.lower() in IMAGE_SUFFIXES:
             raise _option(
-                option, written, "ends as photographs do; write camera.toml, and camera.html for the report"
+                option, written, "has the suffix of an image; use camera.toml, and camera.html for the report"
             )
     if output is not None and report is not None and output.resolve() == report.resolve():
-        raise _option(
-            "--output", output, "is the name of the report too; write camera.toml, or give --report"
-        )
+        raise _option("--output", output, "is also the name of the report; use camera.toml, or give --report")
 
 
 def find_target(folder: Path, target: Target, console: Console) -> tuple[list[TargetPhoto], tuple[int, int]]:
-    """Look for a target in every photograph of a folder, in the order of their names; and their size.
+    """Detect the target in every image of a folder, in the order of their names.
+
+    Returns:
+        The detections, and width and height of the images, px.
 
     Raises:
-        InputError: no such folder, no photograph, one that cannot be read, photographs of different sizes, or none
-            that shows the target (with what they show instead).
+        InputError: there is no such folder, it has no images, one cannot be read, their sizes differ, or none shows
+            the target (the message names what they show instead).
     """
     if not folder.is_dir():
-        raise InputError(f"{folder}: there is no such folder of photographs", path=str(folder))
+        raise InputError(f"{folder}: there is no such folder of images", path=str(folder))
     files = sorted(p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
     if not files:
         raise InputError(
-            f"{folder}: holds no photograph; file names end in {' '.join(IMAGE_SUFFIXES)}", path=str(folder)
+            f"{folder}: contains no images; their names must end in {' '.join(IMAGE_SUFFIXES)}",
+            path=str(folder),
         )
     finder = TargetFinder(target)
     photos: list[TargetPhoto] = []
     first: Image | None = None
     for number, file in enumerate(files):
-        console.progress(f"looking for the target in {file.name}", number / len(files))
+        console.progress(f"detecting the target in {file.name}", number / len(files))
         image = read_grey(file)
         if first is None:
             first = image
         if image.shape != first.shape:
             raise InputError(
                 f"{file}: is {image.shape[1]} x {image.shape[0]} px, but {files[0].name} is {first.shape[1]} x "
-                f"{first.shape[0]} px; a lens is calibrated for one size of image",
+                f"{first.shape[0]} px; all images of a calibration must have the same size",
                 path=str(file),
             )
         view = finder.find(image)
@@ -204,7 +206,7 @@ def find_target(folder: Path, target: Target, console: Console) -> tuple[list[Ta
         instead = finder.seen_instead(image)
         instead = instead or darkness(image) or ""
         raise InputError(
-            f"{folder}: none of {len(files)} photographs shows the target ({target.label()})"
+            f"{folder}: none of {len(files)} images shows the target ({target.label()})"
             + (f"; {files[0].name} shows {instead}" if instead else ""),
             path=str(folder),
             instead=instead,
@@ -241,7 +243,7 @@ def tell(c: CameraCalibration, console: Console) -> None:
     console.say()
     worst, mean = 1e3 * float(c.work_sigmas.max()), 1e3 * float(np.sqrt(np.mean(c.work_sigmas**2)))
     console.say(
-        f"target:      {c.target.label()}; no photograph tells a wrong size, and distances are in its units"
+        f"target:      {c.target.label()}; its size scales all distances and cannot be verified from images"
     )
     console.say(f"corners:     {c.corner_sigma:.3f} px (held-out views {c.cross.sigma_px:.3f} px)")
     console.say(
@@ -263,7 +265,7 @@ def tell(c: CameraCalibration, console: Console) -> None:
 
 
 def to_json(c: CameraCalibration) -> dict[str, Any]:
-    """What ``--json`` prints."""
+    """Return the object for ``--json``."""
     return {
         "K_px": c.camera.K.tolist(),
         "distortion_k1k2p1p2k3": c.camera.distortion.tolist(),
@@ -311,10 +313,10 @@ def to_json(c: CameraCalibration) -> dict[str, Any]:
 
 
 def write_lens(path: Path, c: CameraCalibration) -> None:
-    """Write a camera file without a place.
+    """Write a camera file without a camera pose.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: the file cannot be written.
     """
     calibration = {
         "id": "lens-" + sha256({"lens": vector_of(c.camera).tolist(), "size": list(c.camera.size)})[:12],

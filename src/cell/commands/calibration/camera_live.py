@@ -1,4 +1,4 @@
-"""``a465 calibrate camera --live``: a person holds the target, the program says where and takes the views."""
+"""``a465 calibrate camera --live``: guide a person who holds the target, and take the images."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ from vision.targets.target import Target, TargetFinder
 if TYPE_CHECKING:
     from cell.files.task import Task
 
-QUIET_S = 180.0  # wall time without a new view after which nobody seems to be there
-TOLD_EVERY_S = 10.0  # wall time after which it is said again why no view is taken
+QUIET_S = 180.0  # wall time without a new view after which the session ends
+TOLD_EVERY_S = 10.0  # wall time between repetitions of the reason why no view is taken
 MOST_VIEWS = 60
 
 
 class SimulatedHand:
-    """A person who does as told, roughly, before a simulated camera; a frame source.
+    """Frame source that simulates a person who follows the advice roughly.
 
-    Every second frame shows the target where the one before did; then it is moved to where the advice says.
+    The target stays in place for two frames, then moves to the advised pose.
 
     Args:
-        camera: that sees the target.
-        target: that is held.
-        seed: of how roughly.
+        camera: camera that sees the target.
+        target: target that is held.
+        seed: seed of the deviations from the advice.
     """
 
     def __init__(self, camera: Camera, target: Target, seed: int = 0) -> None:
@@ -50,7 +50,7 @@ class SimulatedHand:
         self.advice: Callable[[], Advice] = lambda: Advice(FIRST[0], None, False, None)
 
     def grab(self, count: int) -> list[Image]:
-        """The next frames."""
+        """Return the next frames."""
         images = []
         for _ in range(count):
             if self._T is None or self._taken % 2 == 0:
@@ -62,8 +62,8 @@ class SimulatedHand:
     def _place(self, advice: Advice) -> Array:
         rng, size = self._rng, np.array(self._camera.size)
         if advice.T_camera_target is not None:
-            turned = rotation(rng.normal(0.0, 0.05, 3)) @ advice.T_camera_target[:3, :3]
-            return transform(turned, advice.T_camera_target[:3, 3] + rng.normal(0.0, 0.01, 3))
+            R = rotation(rng.normal(0.0, 0.05, 3)) @ advice.T_camera_target[:3, :3]
+            return transform(R, advice.T_camera_target[:3, 3] + rng.normal(0.0, 0.01, 3))
         turn = np.array([[0, 0], [0, 1], [0, -1], [-1, 0], [1, 0]], dtype=float)[FIRST.index(advice.words)]
         fill = 0.6 * size[0] / self._camera.K[0, 0]
         distance = self._target.size[0] / fill * rng.uniform(1.0, 1.1)
@@ -75,14 +75,14 @@ class SimulatedHand:
 def open_source(
     selector: str | None, simulated: Path | None, target: Target, console: Console
 ) -> Iterator[tuple[FrameSource, SimulatedHand | None]]:
-    """The camera to guide for: a Basler one, or the simulated one of a task's cell.
+    """Open the Basler camera, or the simulated camera of a task's cell.
 
     Raises:
-        InputError: not exactly one is named.
-        CameraError: the camera cannot be had.
+        InputError: not exactly one of them is given.
+        CameraError: the camera cannot be opened.
     """
     if (selector is None) == (simulated is None):
-        raise InputError("--live needs --camera SELECTOR, or --simulated TASK to try it without one")
+        raise InputError("--live needs --camera SELECTOR, or --simulated TASK to try it without a camera")
     if simulated is not None:
         from cell.files.task import read_task
 
@@ -105,52 +105,61 @@ def take_views(
     limits: CalibrationLimits,
     console: Console,
     quiet_s: float = QUIET_S,
+    clock: Callable[[], float] = time.monotonic,
 ) -> int:
-    """Guide until the views are enough; they come into the folder as they are taken. How many were taken.
+    """Guide until the views suffice, and write each view to the folder; return the number of new views.
 
-    Photographs that are in the folder already count as views: an interrupted session goes on.
+    Images already in the folder count as views, so that an interrupted session continues.
 
     Args:
-        quiet_s: wall time without a new view after which it ends.
+        folder: folder of the views.
+        target: target that is shown.
+        source: camera.
+        hand: simulated person who follows the advice; None: a real one.
+        work: nearest and farthest working distance, m; None: those of the views.
+        limits: limits of the verdict.
+        console: output.
+        quiet_s: wall time without a new view after which the session ends, s.
+        clock: time source, s.
 
     Raises:
-        InputError: the folder cannot be made or written.
-        CameraError: a frame cannot be had.
-        CalibrationRefused: nobody showed the target.
+        InputError: the folder cannot be created or written.
+        CameraError: the camera delivers no frame.
+        CalibrationRefused: the target was never seen.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{folder}: cannot be made: {error.strerror}", path=str(folder)) from error
+        raise InputError(f"{folder}: cannot be created: {error.strerror}", path=str(folder)) from error
     finder = TargetFinder(target)
     (first,) = source.grab(1)
     guided = GuidedViews(target, (first.shape[1], first.shape[0]), work, limits)
     if hand is not None:
         hand.advice = lambda: guided.advice
     number = _resume(folder, target, finder, guided, console)
-    taken, since = 0, time.monotonic()
+    taken, since = 0, clock()
     said = since
     console.say(f"show the target {guided.advice.words}")
     while not guided.advice.done and len(guided.photos) < MOST_VIEWS:
-        if time.monotonic() - since > quiet_s:
+        if clock() - since > quiet_s:
             if not guided.photos:
                 raise CalibrationRefused(
                     f"no view of the target in {quiet_s:.0f} s; is it the one of the target file ({target.label()})?",
                     target=target.label(),
                 )
-            console.say(f"no new view for {quiet_s:.0f} s: going on with {len(guided.photos)}")
+            console.say(f"no new view for {quiet_s:.0f} s: continuing with {len(guided.photos)}")
             break
         (image,) = source.grab(1)
         wrong = guided.consider(_photo(f"live-{number + 1:03d}.png", image, target, finder))
         if wrong:
             console.progress(f"{guided.advice.words}", min(len(guided.photos) / limits.views, 1.0), wrong)
-            if time.monotonic() - max(said, since) > TOLD_EVERY_S:
-                said = time.monotonic()
+            if clock() - max(said, since) > TOLD_EVERY_S:
+                said = clock()
                 console.say(f"waiting: {wrong}")
             continue
-        number, taken, since = number + 1, taken + 1, time.monotonic()
+        number, taken, since = number + 1, taken + 1, clock()
         write_png(folder / f"live-{number:03d}.png", image)
-        _tell(guided, limits, console)
+        _print_advice(guided, limits, console)
     return taken
 
 
@@ -160,20 +169,20 @@ def _photo(name: str, image: Image, target: Target, finder: TargetFinder) -> Tar
 
 
 def _resume(folder: Path, target: Target, finder: TargetFinder, guided: GuidedViews, console: Console) -> int:
-    """Take what is in the folder as views; the number of the last one."""
+    """Add the images in the folder as views; return the number of the last one."""
     files = sorted(p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
     for file in files:
         photo = _photo(file.name, read_grey(file), target, finder)
-        guided.consider(photo)  # twice, as a target that is held still
+        guided.consider(photo)  # twice: a view counts only if the target is held still
         guided.consider(photo)
     if files:
-        console.say(f"{len(guided.photos)} views are there from before")
+        console.say(f"{len(guided.photos)} views found in the folder")
     numbers = [int(p.stem[5:]) for p in files if p.stem.startswith("live-") and p.stem[5:].isdigit()]
     return max(numbers, default=0)
 
 
-def _tell(guided: GuidedViews, limits: CalibrationLimits, console: Console) -> None:
+def _print_advice(guided: GuidedViews, limits: CalibrationLimits, console: Console) -> None:
     advice = guided.advice
     known = "" if advice.work_mm is None else f" ({advice.work_mm:.3f} mm, limit {limits.work_mm:g} mm)"
     console.step(f"view {len(guided.photos)} taken{known}")
-    console.say("enough" if advice.done else f"show the target {advice.words}")
+    console.say("the views suffice" if advice.done else f"show the target {advice.words}")

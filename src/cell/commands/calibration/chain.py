@@ -1,4 +1,4 @@
-"""``a465 calibrate hand-eye`` and ``kinematic``: recorded images in, a calibration with its verdict out."""
+"""``a465 calibrate hand-eye`` and ``kinematic``: calibrate from recorded images and judge the result."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from cell.report.chain_text import (
 )
 
 _ALL = NaoUnknowns(head=True, springs=True, play=True)
-_HEAD = 4096  # bytes of a file that tell what it is
+_HEAD = 4096  # bytes of a file that identify its content
 
 
 @dataclass(frozen=True)
@@ -49,8 +49,8 @@ class Results:
     """Files that a calibration writes.
 
     Attributes:
-        output: the calibration, if it is accepted; None: not written.
-        report: HTML; None: not written.
+        output: calibration file, written if it is accepted; None: not written.
+        report: HTML report; None: not written.
     """
 
     output: Path | None
@@ -58,100 +58,100 @@ class Results:
 
     @classmethod
     def beside(cls, output: Path | None, report: Path | None, *inputs: Path) -> Results:
-        """What is asked for, the report beside the calibration if its place is not said.
+        """Return the files to write, the report beside the calibration by default.
 
-        Seen before anything is done that takes long: what comes of it can be written.
+        Check first that the output can be written, before the long computation.
 
         Raises:
-            InputError: a file to write is one of `inputs`, something else than a file or than what such a command
-                wrote before, or named twice; or its folder cannot be had.
+            InputError: an output file is one of `inputs`, not a regular file, not written by this command before, or
+                named twice; or its folder is not writable.
         """
         for path in (output, report):
             if path is not None:
                 _require_name(path)
         if report is None and output is not None:
             report = output.with_suffix(".html")
-        given = [path for path in (output, report) if path is not None]
-        for path in given:
+        outputs = [path for path in (output, report) if path is not None]
+        for path in outputs:
             keep_apart(path, *inputs)
-            if any(path.resolve() == read.resolve() for read in inputs):  # none of them is there yet
-                raise InputError(f"{path}: is the recording's name too; give another file", path=str(path))
+            if any(path.resolve() == read.resolve() for read in inputs):  # they may not exist yet
+                raise InputError(f"{path}: is also the name of an input; give another file", path=str(path))
             if path.exists() and not path.is_file():
-                raise InputError(f"{path}: is no ordinary file; give the name of a file", path=str(path))
+                raise InputError(f"{path}: is not a regular file; give the name of a file", path=str(path))
             _require_folder(path)
         _require_ours(output, "calibration", (b'id = "hand-eye-', b'"parameters"'))
         _require_ours(report, "report", (b"<!doctype html",))
-        if len({path.resolve() for path in given}) < len(given):
+        if len({path.resolve() for path in outputs}) < len(outputs):
             raise InputError(
-                f"{given[0]}: is the name of the report too; give -o and --report different names",
-                path=str(given[0]),
+                f"{outputs[0]}: is also the name of the report; give -o and --report different names",
+                path=str(outputs[0]),
             )
         return cls(output, report)
 
     def write_report(self, page: Callable[[], str], console: Console) -> None:
-        """Write the report, if it is wanted, and say where."""
+        """Write the report, if any, and print its name."""
         if self.report is not None:
             write_atomic(self.report, page())
             console.say(f"report: {self.report}")
 
 
 def _require_name(path: Path) -> None:
-    """The system takes a path for the name of a file."""
+    """Refuse a path that the operating system does not accept as a file name."""
     try:
         path.stat()
     except (FileNotFoundError, NotADirectoryError):
         return
-    except (OSError, ValueError) as error:  # too long, links in a circle; a zero byte
-        why = error.strerror if isinstance(error, OSError) else "it has a zero byte"
+    except (OSError, ValueError) as error:  # OSError: too long, circular links; ValueError: a zero byte
+        why = error.strerror if isinstance(error, OSError) else "it contains a zero byte"
         raise InputError(f"{path}: cannot be the name of a file: {why}", path=str(path)) from error
     if not path.name:
-        raise InputError(f"{path}: is no ordinary file; give the name of a file", path=str(path))
+        raise InputError(f"{path}: is not a regular file; give the name of a file", path=str(path))
 
 
 def _require_folder(path: Path) -> None:
-    """A file to write has a folder, or can be given one."""
+    """Refuse a path whose folder is not writable and cannot be created."""
     folder = next(parent for parent in path.absolute().parents if parent.exists())
     if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
-        raise InputError(f"{path}: nothing can be written in {folder}; give another file", path=str(path))
+        raise InputError(f"{path}: {folder} is not writable; give another file", path=str(path))
 
 
 def _require_ours(path: Path | None, what: str, marks: Sequence[bytes]) -> None:
-    """A file that is there is written over only if it says what such a file says: a cell file is not lost by a slip."""
+    """Refuse to overwrite a file that this command did not write, such as a cell file given by mistake."""
     if path is None or not path.exists():
         return
     try:
         with open_file(path, "JSON") as file:
-            begins = file.read(_HEAD)
+            head = file.read(_HEAD)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}", path=str(path)) from error
-    if begins and not any(mark in begins for mark in marks):
+    if head and not any(mark in head for mark in marks):
         raise InputError(
-            f"{path}: is there and is no {what} that this command wrote, so it is not written over; give another file, "
+            f"{path}: exists and is no {what} that this command wrote, so it is not overwritten; give another file, "
             "or remove it first",
             path=str(path),
         )
 
 
 def limits_of(limits: ChainLimits, limit_mm: float | None) -> ChainLimits:
-    """The limits of the verdict, with the one that a person gives.
+    """Return the limits of the verdict, with ``--limit-mm`` applied.
 
     Raises:
-        InputError: it breaks its rule.
+        InputError: `limit_mm` is out of range.
     """
     if limit_mm is None:
         return limits
     if not 0.0 < limit_mm < np.inf:
         raise InputError(
-            f"--limit-mm {limit_mm:g}: must be above 0 mm, and a number", option="--limit-mm", value=limit_mm
+            f"--limit-mm {limit_mm:g}: must be above 0 mm and finite", option="--limit-mm", value=limit_mm
         )
     return replace(limits, held_out=limit_mm / 1e3)
 
 
 def encoder_step_of(encoder_step_deg: float | None) -> float | None:
-    """The step that a person gives, in rad.
+    """Convert ``--encoder-step-deg`` to rad.
 
     Raises:
-        InputError: it breaks its rule.
+        InputError: it is out of range.
     """
     if encoder_step_deg is None:
         return None
@@ -172,7 +172,7 @@ def kinematic_step(
     encoder_step_deg: float | None,
     console: Console,
 ) -> dict[str, Any]:
-    """Calibrate camera and legs of a NAO from recorded images; the file is written only if it is accepted.
+    """Calibrate camera and legs of a NAO from recorded images; write the file only if it is accepted.
 
     Raises:
         InputError: a file or an option is wrong.
@@ -204,7 +204,7 @@ def hand_eye_step(
     encoder_step_deg: float | None,
     console: Console,
 ) -> dict[str, Any]:
-    """Calibrate an arm before a fixed camera from recorded images; the file is written only if it is accepted.
+    """Calibrate an arm and a fixed camera from recorded images; write the file only if it is accepted.
 
     Raises:
         InputError: a file or an option is wrong.
@@ -216,8 +216,7 @@ def hand_eye_step(
 
 
 def _tested(c: ChainCalibration, console: Console) -> tuple[ChainCalibration, SelfTest | None]:
-    """The calibration after a self-test on synthetic twins, which is told: refused if that fails. What is refused
-    already needs none."""
+    """Run the self-test of an accepted calibration on synthetic data and refuse the calibration if it fails."""
     if not c.accepted:
         return c, None
     test = self_test(c)
@@ -225,8 +224,8 @@ def _tested(c: ChainCalibration, console: Console) -> tuple[ChainCalibration, Se
     if test.passed:
         return c, test
     reason = (
-        f"the self-test fails: {describe_self_test(test)}, so the standard deviations cannot be relied on; more "
-        "images, in more different postures, would help"
+        f"the self-test fails: {describe_self_test(test)}, so the standard deviations are unreliable; more images in "
+        "more varied configurations would help"
     )
     return replace(c, reasons=(reason,)), test
 
@@ -246,18 +245,18 @@ def solve_hand_eye(
     apply: bool = False,
     pool: Array | None = None,
 ) -> dict[str, Any]:
-    """Calibrate from a recording; tell, and write.
+    """Calibrate from a recording, print the results and write them.
 
     Args:
         data: file of the recording.
-        recording: what it holds.
+        recording: its content.
         results: files to write.
-        limits: of the verdict.
-        encoder_step: rad; None: seen from the readings.
-        console: where it is told.
-        cell_file: of the cell whose arm was recorded; None: not known.
-        apply: let the cell file name the calibration, if it is accepted.
-        pool: readings (n, joints) rad of which more poses are advised; None: any near the recorded ones.
+        limits: limits of the verdict.
+        encoder_step: encoder resolution, rad; None: estimated from the readings.
+        console: output.
+        cell_file: cell file of the recorded arm; None: unknown.
+        apply: enter an accepted calibration in the cell file.
+        pool: readings (n, joints), rad, from which further poses are proposed; None: any near the recorded ones.
 
     Raises:
         InputError: a file cannot be written.
@@ -275,7 +274,7 @@ def solve_hand_eye(
     output = results.output
     if output is None:
         if found.chain.accepted:
-            console.say("no calibration file was written: -o FILE writes it")
+            console.say("no calibration file was written; give -o FILE to write one")
         return result
     if found.chain.accepted:
         calibration = arm_calibration(found, test)
@@ -283,32 +282,32 @@ def solve_hand_eye(
         result["id"] = calibration.id
         console.say(f"written: {output} ({calibration.id})")
         if cell_file is not None and apply:
-            console.say(f"{cell_file} says now: {apply_calibration(cell_file, output)}")
+            console.say(f"{cell_file} now has: {apply_calibration(cell_file, output)}")
         else:
             console.say(_how_to_use(output, recording, cell_file))
     return result
 
 
 def _how_to_use(output: Path, recording: ArmRecording, cell_file: Path | None) -> str:
-    """What is still to be done for a cell to have the calibration, or why none takes it."""
+    """Return how to enter the calibration in a cell file, or why no cell accepts it."""
     if cell_file is not None:
-        return f"name it in {cell_file}: {naming(name_in(cell_file, output))}"
+        return f"to use it, add to {cell_file}: {naming(name_in(cell_file, output))}"
     if recording.unit not in UNITS:
         of = f"of unit {recording.unit!r}" if recording.unit else "of no unit"
         return (
-            f"the recording is {of}, so no cell takes this calibration: give the recording a key unit "
-            f"({' or '.join(UNITS)}), that of the arm, and calibrate again"
+            f"the recording is {of}, so no cell accepts this calibration: add the arm's unit "
+            f"({' or '.join(UNITS)}) to the recording as key unit, and calibrate again"
         )
     if recording.dh.digest != A465.digest:
-        return "the recording's dh are not the numbers of the A465, so no cell takes this calibration"
+        return "the recording's dh are not the parameters of the A465, so no cell accepts this calibration"
     return (
-        f"name it in the cell file of the {recording.unit}, relative to that file's folder; if it stands beside it: "
-        f"{naming(output.name)}"
+        f"to use it, add to the cell file of the {recording.unit}, with the path relative to its folder; in the same "
+        f"folder: {naming(output.name)}"
     )
 
 
 def arm_calibration(found: HandEye, test: SelfTest | None = None) -> ArmCalibration:
-    """What a cell needs of a calibration; of its self-test it tells the result."""
+    """Return the part of a calibration that a cell needs, with the result of the self-test."""
     c = found.chain
     return ArmCalibration(
         found.T_base_camera,

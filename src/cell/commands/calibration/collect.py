@@ -1,4 +1,4 @@
-"""The collection as a command: choose the poses, open the cell, take them, calibrate."""
+"""``a465 calibrate hand-eye --collect``: choose the poses, open the cell, record them, calibrate."""
 
 from __future__ import annotations
 
@@ -27,14 +27,15 @@ from driver.execution.control import Control
 
 @dataclass(frozen=True)
 class CollectFiles:
-    """What a collection reads and writes.
+    """Files that a collection reads and writes.
 
     Attributes:
-        recording: that is begun, or gone on with.
-        task, target: files of the task, whose cell it is, and of what the hand holds.
-        output, report: of the calibration; None: not written.
-        apply: let the task's cell file name the calibration, if it is accepted.
-        folder: for plans and the wire log; None: a new one.
+        recording: recording to start or continue.
+        task: task file with the cell.
+        target: file of the target in the gripper.
+        output, report: files of the calibration; None: not written.
+        apply: enter an accepted calibration in the task's cell file.
+        folder: folder for plans and the wire log; None: a new one.
     """
 
     recording: Path
@@ -55,27 +56,27 @@ def collect_step(
     encoder_step_deg: float | None = None,
     confirm: Confirm | None = None,
 ) -> dict[str, Any]:
-    """Record the target in the arm's hand and calibrate; both files are written as soon as they can be.
+    """Record the target in the gripper and calibrate. The recording is written after each pose.
 
-    A recording that is complete is not added to, and nothing moves. A calibration that the cell file names and that
-    cannot be used is left out: it is to be made here.
+    Nothing moves if the recording is complete. A calibration in the cell file that cannot be used is ignored: this
+    command creates it.
 
     Raises:
         InputError: a file, value or port is wrong.
-        ImpossibleError: the target cannot be shown to the camera, or is not seen.
-        ExecutionStopped: motion stopped; the same command goes on from what was recorded.
+        ImpossibleError: the target cannot be shown to the camera, or is not detected.
+        ExecutionStopped: motion stopped; the same command continues the recording.
         CalibrationRefused: nothing could be computed.
     """
     recording, output = files.recording, files.output
     limits, encoder_step = limits_of(HAND_EYE_LIMITS, limit_mm), encoder_step_of(encoder_step_deg)
-    task = read_task(files.task, lambda why: console.step(f"begun without the cell's calibration: {why}"))
+    task = read_task(files.task, lambda why: console.step(f"started without the cell's calibration: {why}"))
     hand = read_hand_target(files.target)
     if files.apply and output is None:
         raise InputError(
-            "--apply needs -o FILE: the calibration file that the cell is to name", option="--apply"
+            "--apply needs -o FILE, the calibration file to enter in the cell file", option="--apply"
         )
     if recording.suffix != ".json":
-        raise InputError(f"{recording}: a recording is a .json file", file=str(recording))
+        raise InputError(f"{recording}: the name of a recording must end in .json", file=str(recording))
     world = where.world or task.file.with_suffix(".world.toml")
     read = (files.task, files.target, task.cell.file, task.cell.camera_file, world)
     keep_apart(recording, *read)
@@ -85,7 +86,7 @@ def collect_step(
     if len(record) < options.poses:
         pool, folder = _add(task, record, options, files.folder, where, console, confirm)
     else:
-        console.step(f"{recording}: holds {len(record)} poses already, so nothing moves")
+        console.step(f"{recording}: has {len(record)} poses already, so nothing moves")
     with console.doing("calibrating"):
         result = solve_hand_eye(
             recording,
@@ -110,12 +111,12 @@ def _add(
     console: Console,
     confirm: Confirm | None,
 ) -> tuple[Array, Path]:
-    """Take the poses that are missing; readings (n, 6) rad at which the target could be shown, and the run's folder.
+    """Record the missing poses; return readings (n, 6), rad, at which the target can be shown, and the run folder.
 
-    What can be seen without the arm is seen first: the choice of poses takes long.
+    Everything that can be checked without the arm is checked before the poses are chosen, which takes long.
     """
     if len(record):
-        console.step(f"{record.file}: {len(record)} poses are there from before")
+        console.step(f"{record.file}: continuing with {len(record)} recorded poses")
     speed = planning_speed(task.cell, where.speed)
     require_openable(task, where)
     require_new_folder(folder)
@@ -135,8 +136,8 @@ def _add(
         if not len(record) or error.data.get("reason") == CHANGED:
             raise
         raise ExecutionStopped(
-            f"{error}; {len(record)} poses are in {record.file}, and the same command goes on from them",
+            f"{error}; {len(record)} poses are in {record.file}, and the same command continues from them",
             **error.data,
         ) from error
-    console.step(f"{taken} taken, {len(record)} poses in {record.file}")
+    console.step(f"{taken} poses recorded, {len(record)} in {record.file}")
     return np.array([record.to_readings(q) for q in choice.pool]), run.folder

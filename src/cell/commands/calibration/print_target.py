@@ -1,4 +1,4 @@
-"""A calibration target as a drawing to print, true to size, with a scale to see whether the printer kept it."""
+"""``a465 calibrate target``: a calibration target to print at true size, with a ruler to check the print."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ MARGIN_MM, SCALE_MM = 10.0, 100.0
 
 
 def target_print_step(target_file: Path | None, output: Path, console: Console) -> dict[str, Any]:
-    """``a465 calibrate target``: an SVG of the target of a file, or of the one that `a465 calibrate camera` expects.
+    """Write an SVG of the target of a file, or of the default one of `a465 calibrate camera`.
 
     Raises:
-        InputError: the file is wrong, or the output's name is.
+        InputError: the target file or the name of the output is wrong.
     """
     keep_apart(output, target_file)
     if output.suffix.lower() != ".svg":
         raise InputError(
-            f"{output}: a target is drawn as .svg, which keeps its size in print", file=str(output)
+            f"{output}: the name must end in .svg, a format that keeps its size in print", file=str(output)
         )
     target = Target() if target_file is None else target_of(TomlTable.read(target_file))
     write_atomic(output, target_svg(target))
     width, height = (1e3 * size for size in target.size)
     console.say(f"{output}: {target.label()}; the chessboard is {width:g} x {height:g} mm")
     console.say(
-        "print it at 100 %, not fitted to the page; measure the scale below it, and ten squares in a row"
+        "print it at 100 %, not fitted to the page; then measure the ruler below it and ten squares in a row"
     )
     return {"file": str(output), "width_mm": width, "height_mm": height, "square_mm": 1e3 * target.square}
 
 
 def target_svg(target: Target) -> str:
-    """The drawing's text: black rectangles on white, lengths in mm from the chessboard's top left corner."""
+    """Return the SVG: black rectangles on white, coordinates in mm from the chessboard's top left corner."""
     width, height = (1e3 * size for size in target.size)
     scale = min(SCALE_MM, width)
     below = height + MARGIN_MM / 2.0
@@ -63,7 +63,7 @@ def target_svg(target: Target) -> str:
 
 
 def _dark(target: Target) -> Iterator[tuple[float, float, float]]:
-    """Dark squares: left, top and side, mm."""
+    """Yield the dark squares: left, top and side, mm."""
     square, marker = 1e3 * target.square, 1e3 * target.marker
     for j in range(target.rows):
         for i in range(target.columns):

@@ -1,4 +1,4 @@
-"""``a465 render TASK --target``: photographs of a calibration target held before the cell's camera."""
+"""``a465 render TASK --target``: images of a calibration target before the cell's camera."""
 
 from __future__ import annotations
 
@@ -20,11 +20,15 @@ DEFAULT_COUNT = 20
 def target_step(
     task_file: Path, target_file: str, seed: int, output: Path, count: int | None, console: Console
 ) -> dict[str, Any]:
-    """Write photographs as somebody takes them who fills the image with the target.
+    """Write images in which the target covers the field of view, as for a lens calibration.
 
     Args:
-        target_file: a target file, or "charuco" for the default one.
-        seed: of the poses and the noise.
+        task_file: task file with the cell.
+        target_file: target file, or "charuco" for the default one.
+        seed: seed of the poses and the noise.
+        output: folder of the images.
+        count: number of images; None: `DEFAULT_COUNT`.
+        console: output.
 
     Raises:
         InputError: a file, the count or the seed is wrong.
@@ -39,9 +43,9 @@ def target_step(
     rng = np.random.default_rng(seed)
     names = []
     for number, T in enumerate(random_poses(camera, target, rng, wanted), start=1):
-        console.progress("photographs of the target", (number - 1) / wanted)
+        console.progress("images of the target", (number - 1) / wanted)
         path = output / f"target-{number:03d}.png"
         write_png(path, photograph_target(camera, target, T, rng))
         names.append(str(path))
-    console.say(f"{len(names)} photographs of {target.label()} in {output}")
+    console.say(f"{len(names)} images of {target.label()} written to {output}")
     return {"photographs": names}

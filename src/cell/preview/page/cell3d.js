@@ -1,5 +1,5 @@
 "use strict";
-// The cell: what stands still, the arm, the cubes. `pose(t)` puts everything where it is at time t.
+// The cell: static bodies, the arm, the cubes. `pose(t)` moves everything to its position at time t.
 
 const STILL = {
   table: { colour: "#e2e2e0", dark: "#3d444c", roughness: 0.85, rounding: 0.006 },
@@ -10,7 +10,7 @@ const STILL = {
   zone: { colour: "#d08a3a", roughness: 1, rounding: 0.001, opacity: 0.1 },
 };
 
-const LOOKED_AT = 60; // of the plan, for what the picture has to show
+const LOOKED_AT = 60; // samples of the plan, to fit the view
 
 class Cell3D {
   constructor(content, motion, scene) {
@@ -74,7 +74,7 @@ class Cell3D {
     }
   }
 
-  // Every body as it is checked, padded, as a shell about what is drawn.
+  // Every body as checked for collisions, with its padding, as a shell around the drawn body.
   showChecked(on) {
     if (on && !this.checked) this.checked = this.shells();
     for (const shell of this.checked || []) shell.visible = on;
@@ -102,7 +102,7 @@ class Cell3D {
     for (const { material, look } of this.themed) material.color.set(dark ? look.dark : look.colour);
   }
 
-  // A frame for the base and each joint, each in the one before.
+  // A frame for the base and for each joint, each a child of the one before.
   addFrames() {
     const frames = Array.from({ length: this.motion.chain.length + 1 }, () => new THREE.Group());
     frames.forEach((frame, i) => {
@@ -119,7 +119,7 @@ class Cell3D {
     });
   }
 
-  // Where joints and finger tips pass in the whole plan, beside the base.
+  // Positions of joints and finger tips during the plan, and of the base.
   passed() {
     const points = [];
     for (let i = 0; i <= LOOKED_AT; i++) {
@@ -132,12 +132,12 @@ class Cell3D {
     return points;
   }
 
-  // The arm once more, as a ghost at joint positions q; null takes it away.
+  // A second arm, as a ghost at joint positions q; null hides it.
   haunt(arm, q) {
     if (q && !this.ghost) {
       this.ghost = this.addFrames();
       const material = standardMaterial(styleColour("executed"), 0.6);
-      // Behind the arm where both are at one place.
+      // Drawn behind the arm where both coincide.
       Object.assign(material, { transparent: true, opacity: 0.45, depthWrite: false, polygonOffset: true,
         polygonOffsetFactor: 2, polygonOffsetUnits: 2 });
       for (const body of arm.bodies.filter(({ joint }) => joint > 0)) {
@@ -150,7 +150,7 @@ class Cell3D {
     if (q) this.bend(this.ghost, q);
   }
 
-  // Everything as at time t; the arm at joint positions q, if they are known better.
+  // Move everything to time t; the arm to joint positions q if given.
   pose(t, q = this.motion.q(t)) {
     this.bend(this.frames, q);
     const closed = this.motion.jaws(t);
@@ -184,7 +184,7 @@ function tableGrid(body) {
     new THREE.LineBasicMaterial({ color: "#80868c", transparent: true, opacity: 0.35, depthWrite: false }));
 }
 
-// The camera as a small housing, its field of view as four edges to the table and a frame there.
+// The camera as a small housing; its field of view as four edges to the table and a frame there.
 function cameraView(camera) {
   const group = new THREE.Group();
   const T = matrix(camera.T);

@@ -2,11 +2,11 @@
 // One chart over the plan's clock: curves, limits, a linked cursor, click or drag to seek.
 
 const SVG = "http://www.w3.org/2000/svg";
-const WIDTH = 1000; // of the drawing, stretched to the element
+const WIDTH = 1000; // of the drawing, scaled to the element
 const HEIGHT = 100;
 
 class Chart {
-  // y: {low, high, map} with map from value to the axis' own scale.
+  // y: {low, high, map} with map from value to the axis' scale.
   constructor(element, duration, onSeek) {
     Object.assign(this, { element, duration, onSeek });
     this.svg = document.createElementNS(SVG, "svg");
@@ -40,7 +40,7 @@ class Chart {
     return HEIGHT * (1 - (map(value) - map(low)) / (map(high) - map(low)));
   }
 
-  // Starts anew with an axis, its tick values and their labels.
+  // Clear the chart and set an axis, its tick values and their labels.
   clear(axis, ticks) {
     this.axis = axis;
     this.svg.replaceChildren();
@@ -72,7 +72,7 @@ class Chart {
     return made;
   }
 
-  // points: [[t, value], ..]; a null value starts the curve anew.
+  // points: [[t, value], ..]; a null value breaks the curve.
   curve(points, className, stroke) {
     let pen = "M";
     let d = "";
@@ -92,14 +92,14 @@ class Chart {
     if (note) this.label("note", note, { top: `${this.y(value)}%` });
   }
 
-  // Cursor and hover line come last, above the curves.
+  // Add the cursor and hover line above the curves.
   finish() {
     this.hover = this.path("", "hover");
     this.cursor = this.path("", "cursor");
     this.at(this.time || 0);
   }
 
-  // The lines that move, above what was drawn since.
+  // Raise the cursor and hover line above what was drawn since.
   raise() {
     this.svg.append(this.hover, this.cursor);
   }

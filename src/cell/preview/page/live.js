@@ -1,12 +1,12 @@
 "use strict";
-// A running execution: events of the server that gave the page, and the arm where the controller says that it is.
+// A running execution: events of the page's server, and the arm at the positions that the controller reports.
 
-const LIVE_TEXTS = { waits: "waiting", runs: "live", pauses: "pausing", stands: "paused, the arm stands", lost: "connection lost" };
-const LIVE_SMOOTH_MS = 150; // most time over which the picture goes from one sample to the next
-const LIVE_REDRAW_MS = 500; // between two drawings of all samples
+const LIVE_TEXTS = { waits: "waiting", runs: "live", pauses: "pausing, the arm still moves", stands: "paused, the arm has stopped", lost: "connection lost" };
+const LIVE_SMOOTH_MS = 150; // longest interpolation from one sample to the next
+const LIVE_REDRAW_MS = 500; // between two redraws of all samples
 const LIVE_LINES = 200;
 
-// Calls `on[name](value)` for every event. A plan other than that of this page is shown by loading the page anew.
+// Calls `on[name](value)` for every event. If the plan is not that of this page, the page is reloaded.
 function followRun(mark, on) {
   const source = new EventSource("events");
   const state = { source, plan: null, state: "waits" };
@@ -18,7 +18,7 @@ function followRun(mark, on) {
     ...on,
     plan: (value) => {
       if (value.mark !== mark) {
-        source.close(); // what follows is about the other plan
+        source.close(); // further events belong to the other plan
         on.leave?.();
         location.reload();
         return;
@@ -35,7 +35,7 @@ function followRun(mark, on) {
   }
   source.onerror = () => {
     const refused = source.readyState === EventSource.CLOSED;
-    tell({ state: "lost", text: refused ? "too many pages are open: close one and load this one anew" : "the last state is shown" });
+    tell({ state: "lost", text: refused ? "too many pages are open: close one and reload this one" : "the arm may be moving; the last state is shown" });
   };
   return state;
 }
@@ -58,7 +58,7 @@ function showTold(lines, anew = false) {
 }
 
 class LiveView {
-  // page: {seek(t, q), pause(), ghost(q), changed(), leave()}: what follows the arm.
+  // page: {seek(t, q), pause(), ghost(q), changed(), leave()}: callbacks of the page.
   constructor(content, motion, page) {
     Object.assign(this, { motion, page, step: null, sample: null, shown: null });
     this.button = document.getElementById("follow");
@@ -76,7 +76,7 @@ class LiveView {
     });
   }
 
-  // The index of the step that runs, while the page follows it.
+  // Index of the present step, while the page follows it.
   get current() {
     return this.following && this.step ? this.step.index : null;
   }
@@ -91,7 +91,7 @@ class LiveView {
 
   enter(step) {
     this.step = step;
-    // A move is told of by its samples, which lag behind; nothing else has any.
+    // A move is placed by its samples, which come later; other steps have none.
     if (step.t !== null && (!this.sample || this.motion.steps[step.index].kind !== "move")) this.place = step.t;
     this.show();
   }
@@ -110,7 +110,7 @@ class LiveView {
     this.off = this.motion.addSample(sample.motion, sample.t, q);
   }
 
-  // The user went elsewhere: the plan is shown there, and the arm as a ghost where it is.
+  // The user has left the present time: show the plan there, and the arm's position as a ghost.
   left() {
     if (!this.following) return;
     this.setFollowing(false);
@@ -130,7 +130,7 @@ class LiveView {
     document.body.classList.toggle("following", following);
   }
 
-  // Goes from where the picture is to the newest sample.
+  // Animate from the picture's position to the latest sample.
   show() {
     const now = performance.now();
     this.from = this.shown;

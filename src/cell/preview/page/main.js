@@ -11,7 +11,7 @@
   const clock = document.getElementById("clock");
   const state = { time: 0, playing: false, step: -1 };
 
-  // ---- light and dark: the system's choice until a person chooses
+  // ---- light and dark: the system's choice until the user chooses
   const system = matchMedia("(prefers-color-scheme: dark)");
   const setTheme = (dark) => (root.dataset.theme = dark ? "dark" : "light");
   setTheme(system.matches);
@@ -43,7 +43,7 @@
   slider.max = motion.duration;
   let live = null;
 
-  // By the user, by playing (follow), or by the arm (live: at joint positions q).
+  // Called by the user, while playing (follow), or for the arm (live: at joint positions q).
   function seek(t, follow = false, q = undefined) {
     state.time = Math.min(motion.duration, Math.max(0, t));
     if (!follow) pause();
@@ -64,7 +64,7 @@
     state.step = index;
     const row = rows[index];
     row.setAttribute("aria-current", "true");
-    // Scroll the list alone, never the page.
+    // Scroll the list only, never the page.
     const list = document.getElementById("list");
     const top = row.offsetTop - list.offsetTop;
     if (top < list.scrollTop + 30 || top > list.scrollTop + list.clientHeight - 40) list.scrollTop = top - list.clientHeight / 3;
@@ -79,7 +79,7 @@
     const facts = [];
     if (step.held) facts.push(`holds ${step.held}`);
     if (clearance) facts.push(`${clearance.sampled ? "" : "≥ "}${millimetres(clearance.mm)} ${clearance.pair.join(" – ")}`);
-    else if (step.kind === "look") facts.push("the camera looks again");
+    else if (step.kind === "look") facts.push("the camera takes images");
     now.replaceChildren(title, element("span", "muted", facts.join(" · ")));
   }
 

@@ -1,5 +1,5 @@
 "use strict";
-// The motion as it is sent: polynomial segments in encoder counts on one clock, and the arm's kinematics.
+// The motion as sent: polynomial segments in encoder counts on one clock, and the arm's kinematics.
 
 class Motion {
   constructor(content) {
@@ -30,7 +30,7 @@ class Motion {
     }
   }
 
-  // Index of the step at time t; at a border the later one.
+  // Index of the step at time t; of two, the later one.
   stepAt(t) {
     let low = 0;
     let high = this.steps.length - 1;
@@ -42,20 +42,20 @@ class Motion {
     return low;
   }
 
-  // Index of a move's segment at time t; at a border the later one.
+  // Index of a move's segment at time t; of two, the later one.
   segmentAt(step, t) {
     const index = step.ends.findIndex((end) => t < end);
     return index < 0 ? step.ends.length - 1 : index;
   }
 
-  // Clearance in m proved at time t: over the running segment where the plan has that, else over the whole move.
+  // Certified clearance in m at time t: of the segment if the plan has it, otherwise of the whole move.
   proved(t) {
     const step = this.steps[this.stepAt(t)];
     if (step.kind !== "move") return null;
     return step.clearances.length ? step.clearances[this.segmentAt(step, t)] : step.clearance;
   }
 
-  // The same over a whole move, in mm: [[t, mm], ..], level over each segment.
+  // The same over a whole move, in mm: [[t, mm], ..], constant over each segment.
   provedOver(step) {
     const bounds = step.clearances.length ? step.clearances : [step.clearance];
     const ends = step.clearances.length ? step.ends : [step.end];
@@ -118,7 +118,7 @@ class Motion {
     return pose.multiply(this.T_end_tool);
   }
 
-  // What was executed: joint positions on the plan's clock, and how far they are from the plan there.
+  // Executed motion: joint positions on the plan's clock, and their deviation from the plan.
   addExecuted(executed) {
     this.farthest = { degrees: 0, joint: 0 };
     this.executed = executed.map(({ step, time, counts }) => {
@@ -129,7 +129,7 @@ class Motion {
     });
   }
 
-  // One more sample of the motion that begins with step `first`, at time t of the plan; how far it is from it there.
+  // Add a sample of the motion that begins with step `first`, at time t of the plan. Return its deviation.
   addSample(first, t, q) {
     let run = this.executed[this.executed.length - 1];
     if (!run || run.first !== first) this.executed.push((run = { first, times: [], q: [], off: [] }));
@@ -140,7 +140,7 @@ class Motion {
     return off;
   }
 
-  // Joint positions less the plan's at time t, in degrees; `farthest` keeps the worst.
+  // Joint positions minus the plan's at time t, in degrees; `farthest` keeps the largest.
   offPlan(t, q) {
     const planned = this.q(Math.min(t, this.duration));
     return q.map((value, joint) => {
@@ -150,7 +150,7 @@ class Motion {
     });
   }
 
-  // The executed sample nearest to time t, off the plan in degrees; null further than a second from any.
+  // Deviation, in degrees, of the executed sample nearest to time t; null if none is within a second.
   offAt(t) {
     let best = null;
     for (const { times, off } of this.executed) {
@@ -161,7 +161,7 @@ class Motion {
     return best && best.off;
   }
 
-  // Greatest |derivative| of every joint over the whole plan, from five places of each segment.
+  // Largest |derivative| of every joint over the whole plan, from five samples of each segment.
   peaks(order) {
     const peak = this.joints.names.map(() => 0);
     for (const step of this.steps) {

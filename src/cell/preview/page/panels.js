@@ -40,13 +40,13 @@ function fillHeading(content, motion) {
   });
 }
 
-// What clearances are of: the arm's bodies are assumed, and its links padded for that.
+// The arm's shape for which clearances hold: assumed bodies with padded links, or without padding.
 function armShape(arm) {
   const most = Math.max(0, ...arm.bodies.map((body) => body.padding));
   return most > 0 ? `assumed arm, links padded ${millimetres(1e3 * most)}` : "arm not padded";
 }
 
-// Steps in groups by cube; what serves no cube goes with what follows it, the last looks with what was before.
+// Steps grouped by cube. A step without a cube joins the group after it, the last looks that before.
 function stepGroups(content) {
   const groups = [];
   content.steps.forEach((step, index) => {
@@ -58,7 +58,7 @@ function stepGroups(content) {
   return groups;
 }
 
-// What the task says of a cube: {cube, from, to}.
+// The task's entry of a cube: {cube, from, to}.
 function taskEntry(content, cube) {
   return (content.task.cubes || content.task.transfers || [])[cube] || {};
 }
@@ -70,13 +70,13 @@ function groupTitle(content, cube) {
   return name.endsWith(entry.from) ? `${name} → ${entry.to}` : `${name}   ${entry.from} → ${entry.to}`;
 }
 
-// The cube's place among the scene's cubes decides its colour, in the list as in the picture.
+// The cube's index in the scene determines its colour, in the list and in the picture.
 function cubeColour(content, cube) {
   const index = content.cubes.findIndex((c) => c.name === taskEntry(content, cube).cube);
   return CUBE_COLOURS[(index < 0 ? cube : index) % CUBE_COLOURS.length];
 }
 
-// A step's name without the cube that its group names already.
+// A step's name without the cube, which the group's title has.
 function shortName(step, entry) {
   const [before, after] = step.name.split(/: (.*)/s);
   return after && (before === entry.cube || /^cube \d+$/.test(before)) ? after : step.name;
@@ -105,9 +105,9 @@ function fillSteps(content, onStep) {
       const mm = element("span", "figure", known ? millimetres(1e3 * step.clearance) : "");
       if (step.kind === "move") {
         const clearance = known
-          ? `; clearance ${step.certified ? "proved" : "sampled"}: ${millimetres(1e3 * step.clearance)}, ${step.closest.join(" – ")}`
+          ? `; clearance ${step.certified ? "certified" : "sampled"}: ${millimetres(1e3 * step.clearance)}, ${step.closest.join(" – ")}`
           : "";
-        row.title = `${step.role}${step.held ? `, holding ${step.held}` : ""}${clearance}${step.joined ? "; goes on without a stop" : ""}`;
+        row.title = `${step.role}${step.held ? `, holding ${step.held}` : ""}${clearance}${step.joined ? "; continues without a stop" : ""}`;
         row.classList.toggle("joined", step.joined);
         mm.style.color = known && step.clearance < 0.005 ? clearanceColour(1e3 * step.clearance) : "";
       }

@@ -89,7 +89,7 @@ class Plots {
     this.drawDifference();
   }
 
-  // More was executed.
+  // Redraw after more samples.
   executedChanged() {
     this.drawDifference();
     if (this.order !== 0) return;
@@ -98,7 +98,7 @@ class Plots {
     this.chart.raise();
   }
 
-  // Executed less planned, in degrees, joint by joint.
+  // Executed minus planned, in degrees, joint by joint.
   drawDifference() {
     const top = Math.max(0.012, 1.1 * this.motion.farthest.degrees); // under a few counts it is rounding
     const tick = roundDown(0.9 * top);
@@ -146,7 +146,7 @@ class Plots {
         samples.time.forEach((time, k) => series.push([step.start + time, 1e3 * samples.distance[k]]));
         proved.push(...this.motion.provedOver(step));
       } else {
-        // What is proved is all that is known: bars of their own.
+        // Only the certified figures are known: draw bars.
         series.push([step.start, null], ...this.motion.provedOver(step));
       }
     });
@@ -154,11 +154,11 @@ class Plots {
     const top = Math.min(500, Math.max(20, ...known));
     const inside = series.map(([t, mm]) => [t, mm === null ? null : Math.min(top, Math.max(0, mm))]);
     const under = proved.map(([t, mm]) => [t, mm === null ? null : Math.min(top, Math.max(0, mm))]);
-    // 5 and 10 would lie upon each other on a long axis.
+    // 5 and 10 would overlap on a long axis.
     const ticks = [0, 5, 10, 25, 50, 100, 200, 400].filter((mm) => mm <= top && (mm !== 5 || top < 60));
     chart.clear({ low: 0, high: 1.06 * top, map: Math.sqrt }, ticks.map((mm) => [mm, mm === 0 ? "0 mm" : String(mm)]));
     chart.curve(under, "proved");
-    // One stroke for each run of one colour: the curve is read like the trace.
+    // One stroke for each run of one colour, with the colours of the trace.
     let run = [];
     let colour = "";
     const flush = () => run.length > 1 && chart.curve(run, "strong", colour);
@@ -210,13 +210,13 @@ function signed(value, digits) {
   return Number(text) === 0 ? text.replace("-", "") : text.replace("-", "−");
 }
 
-// The greatest of 1, 2, 5 times a power of ten that is not above a value.
+// The largest of 1, 2, 5 times a power of ten that is not above a value.
 function roundDown(value) {
   const decade = 10 ** Math.floor(Math.log10(value));
   return decade * [5, 2, 1].find((n) => n * decade <= value * (1 + 1e-9));
 }
 
-// The smaller of two clearances in steps of 20 %, so that a curve has few colours and few strokes.
+// The smaller of two clearances, rounded in steps of 20 %, so that a curve has few colours and strokes.
 function steppedClearance(a, b) {
   return 1.2 ** Math.round(Math.log(Math.max(0.5, Math.min(a, b))) / Math.log(1.2));
 }

@@ -1,5 +1,5 @@
 "use strict";
-// Bodies as meshes. Edges are rounded inwards: nothing is drawn larger than the body that is checked for contact.
+// Bodies as meshes. Edges are rounded inwards, so nothing is drawn larger than the body checked for collisions.
 
 function roundedBox([x, y, z], radius = 0.01) {
   const r = Math.min(radius, 0.3 * Math.min(x, y, z));
@@ -23,7 +23,7 @@ function roundedCylinder(radius, length, rounding = 0.012) {
   return new THREE.LatheGeometry(profile, 56).rotateX(Math.PI / 2);
 }
 
-// A capsule along z, centred; `length` between the centres of its balls.
+// A capsule along z, centred; `length` between the centres of its spheres.
 function capsule(radius, length) {
   const profile = [];
   for (const [start, centre] of [[-Math.PI / 2, -length / 2], [0, length / 2]]) {
@@ -35,7 +35,7 @@ function capsule(radius, length) {
   return new THREE.LatheGeometry(profile, 56).rotateX(Math.PI / 2);
 }
 
-// Flat triangles; each has its own corners, so that edges stay sharp.
+// Flat triangles with separate corners, so that edges stay sharp.
 function facets(points, faces) {
   const geometry = new THREE.BufferGeometry();
   const corners = faces.flatMap((face) => face.flatMap((i) => points[i]));
@@ -52,8 +52,7 @@ function bodyGeometry(shape, rounding) {
   return new THREE.SphereGeometry(shape.sphere, 48, 32);
 }
 
-// A body as it is checked for contact: with sharp edges, grown by its padding, which rounds them again. A hull is drawn
-// as it is.
+// A body as checked for collisions: sharp edges, grown by its padding, which rounds them. A hull is drawn unpadded.
 function checkedGeometry(shape, padding) {
   const p = padding || 0;
   const rounding = Math.max(p, 1e-5);

@@ -1,7 +1,7 @@
 "use strict";
-// Light, camera and drawing on demand: nothing is drawn while nothing changes.
+// Light, camera and rendering on demand.
 
-const ABOUT_M = 0.09; // bodies are so wide about the points that are looked at
+const ABOUT_M = 0.09; // margin for the size of bodies around the points in view
 
 class Stage {
   constructor(canvas, centre) {
@@ -59,7 +59,7 @@ class Stage {
     this.draw();
   }
 
-  // room, top, front, side: from so far away that all points of `shown` are in the picture, with what is about them.
+  // room, top, front, side: at a distance at which all points of `shown` are in view, with a margin.
   view(name) {
     const from = { room: [0.95, -1.42, 0.92], top: [0, -0.001, 1], front: [1, 0, 0.12], side: [0, -1, 0.12] }[name];
     const back = new THREE.Vector3(...from).normalize();
@@ -81,7 +81,7 @@ class Stage {
     this.look(middle.clone().addScaledVector(back, away), middle);
   }
 
-  // From one place at another, (x, y, z).
+  // Look from one point at another, (x, y, z).
   look(from, at) {
     this.camera.position.set(...from);
     this.controls.target.set(...at);
@@ -93,7 +93,7 @@ class Stage {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     const ratio = Math.min(window.devicePixelRatio || 1, 2);
     const size = `${width} ${height} ${ratio}`;
-    // The observer tells of the first size too; a second drawing of the same takes a third of a second in software.
+    // The observer also reports the first size; rendering it twice takes a third of a second in software.
     if (!width || !height || size === this.size) return;
     this.size = size;
     this.renderer.setPixelRatio(ratio);
@@ -103,7 +103,7 @@ class Stage {
     this.drawNow();
   }
 
-  // Something moved: shadows too.
+  // Redraw after a motion, shadows included.
   moved() {
     this.renderer.shadowMap.needsUpdate = true;
     this.draw();

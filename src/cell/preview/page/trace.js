@@ -1,9 +1,9 @@
 "use strict";
-// The tool's path, coloured by role or by clearance; what was executed over it; the closest pair at the cursor.
+// The tool's path, coloured by role or by clearance; the executed path over it; the closest pair at the cursor.
 
 const TRACE_STEP_S = 0.05;
 
-// Clearance in mm at time t, with the pair and its nearest points where the plan's samples give them.
+// Clearance in mm at time t, with the pair and, if sampled, its nearest points.
 function clearanceAt(content, motion, t) {
   const index = motion.stepAt(t);
   const step = motion.steps[index];
@@ -77,7 +77,7 @@ class Trace {
     this.done.geometry.instanceCount = this.shown || 0;
   }
 
-  // Anew, as there may be more of it.
+  // Redraw, as there may be more samples.
   drawExecuted() {
     const { executed: old, motion } = this;
     if (old) {
@@ -121,7 +121,7 @@ function executedLine(motion) {
     for (let i = 1; i < path.length; i++) points.push(...path[i - 1], ...path[i]);
   }
   const made = thickSegments(points, styleColour("executed"), 1.6);
-  // It mostly lies in the planned line, and is drawn upon it.
+  // It mostly coincides with the planned line, and is drawn over it.
   Object.assign(made.material, { polygonOffset: true, polygonOffsetFactor: -4, polygonOffsetUnits: -4, transparent: true });
   made.renderOrder = 1;
   return made;

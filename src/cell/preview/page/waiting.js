@@ -1,5 +1,5 @@
 "use strict";
-// A run that has no plan yet: what it tells, until there is one.
+// A run without a plan yet: shows its messages.
 
 (() => {
   const dark = matchMedia("(prefers-color-scheme: dark)");

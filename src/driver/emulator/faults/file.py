@@ -12,7 +12,7 @@ from driver.emulator.faults.model import DIRECTIONS, KINDS, NEEDED, USED, Fault,
 
 _T = TypeVar("_T", Fault, When)
 
-_MOST = 1000  # faults of a file
+_MOST = 1000  # faults per file
 _TEXTS = ("axis", "direction", "text")
 _WHOLE = ("byte", "line", "count", "most_counts", "queue", "seed", "segment", "nth")
 
@@ -29,7 +29,7 @@ def read_faults(path: Path) -> tuple[Fault, ...]:
     tables = root.tables("fault", required=True)
     root.finish()
     if len(tables) > _MOST:
-        raise root.error("fault", f"must be at most {_MOST} tables, not {len(tables)}")
+        raise root.error("fault", f"has {len(tables)} tables, must have at most {_MOST}")
     return tuple(_fault(table) for table in tables)
 
 
@@ -65,7 +65,7 @@ def _value(table: TomlTable, name: str) -> Any:
 
 
 def _made(kind: type[_T], table: TomlTable, values: dict[str, Any]) -> _T:
-    """The rules are the data type's own; told with the file."""
+    """Create a `kind` from the values; raise its errors with the file's name."""
     try:
         return kind(**values)
     except InputError as error:

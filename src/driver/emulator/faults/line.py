@@ -1,4 +1,4 @@
-"""What faults do to the bytes of a line, in both directions."""
+"""Effect of faults on the bytes of the serial line, in both directions."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 from driver.emulator.faults.model import Fault
 
-Piece = tuple[float, bytes]  # ms late, bytes
+Piece = tuple[float, bytes]  # delay in ms, bytes
 
 
 @dataclass
 class _Active:
-    """A fault in one direction."""
+    """A present fault in one direction."""
 
     fault: Fault
     random: random.Random
@@ -20,7 +20,7 @@ class _Active:
     lines_seen: int = 0
 
     def damage(self, data: bytes) -> bytes:
-        """Bytes lost or garbled."""
+        """Lose or garble bytes."""
         fault = self.fault
         self.lines_seen += 1
         if fault.line:
@@ -44,29 +44,29 @@ class _Active:
         return self.random.random() < self.fault.probability
 
     def cut(self, data: bytes) -> int:
-        """Where a line is split: inside it, if that can be."""
+        """Where to split a line: inside it, if possible."""
         return self.random.randrange(1, len(data)) if len(data) > 1 else len(data)
 
 
 class LineFaults:
-    """The line faults that act at the moment."""
+    """The present line faults."""
 
     def __init__(self) -> None:
         self._active: dict[str, list[_Active]] = {"to_unit": [], "to_host": [], "echo": [], "parser": []}
 
     def begin(self, fault: Fault) -> None:
-        """From now on."""
-        ways = ("to_unit", "to_host") if fault.direction == "both" else (fault.direction,)
-        for number, way in enumerate(ways):
-            self._active[way].append(_Active(fault, random.Random(2 * fault.seed + number)))
+        """Begin a fault."""
+        directions = ("to_unit", "to_host") if fault.direction == "both" else (fault.direction,)
+        for number, direction in enumerate(directions):
+            self._active[direction].append(_Active(fault, random.Random(2 * fault.seed + number)))
 
     def end(self, fault: Fault) -> None:
-        """No longer."""
-        for way, active in self._active.items():
-            self._active[way] = [a for a in active if a.fault is not fault]
+        """End a fault."""
+        for direction, active in self._active.items():
+            self._active[direction] = [a for a in active if a.fault is not fault]
 
     def to_unit(self, data: bytes) -> tuple[float, bytes]:
-        """What arrives of a line, and how much later than it would."""
+        """Return the delay, ms, and the bytes of a line that arrive at the unit."""
         late = 0.0
         for active in self._active["to_unit"]:
             if active.fault.kind in ("delayed_bytes", "split_bytes"):
@@ -76,14 +76,14 @@ class LineFaults:
         return late, data
 
     def to_parser(self, data: bytes) -> bytes:
-        """What is left of a line that has been echoed."""
+        """Return the bytes of an echoed line that the parser gets."""
         for active in self._active["parser"]:
             if active.fault.kind not in ("delayed_bytes", "split_bytes"):
                 data = active.damage(data)
         return data
 
     def to_host(self, data: bytes, echo: bool = False) -> list[Piece]:
-        """What becomes of an answer: pieces, each so much later than it would come."""
+        """Return the pieces of an answer, or an echo, that are sent to the host, each with its delay."""
         late, pieces = 0.0, [data]
         gap = 0.0
         for active in [*self._active["to_host"], *(self._active["echo"] if echo else ())]:

@@ -1,7 +1,7 @@
-"""Faults as data: what goes wrong with an emulated unit or its line, when, and for how long.
+"""Faults of an emulated unit or its line as data: kind, trigger and duration.
 
-Issue 4's list of faults; the behaviours behind it are those of the controller's fact sheet, sections 1, 2 and 6. Every
-random choice of a fault is drawn from its own seed.
+The list is that of issue 4; the behaviour follows the controller's fact sheet, sections 1, 2 and 6. Each fault draws
+its random choices from its own seed.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ LINE_KINDS = ("lost_bytes", "garbled_bytes", "delayed_bytes", "split_bytes")
 AXES = "ABCDEFGH"
 
 _BYTES = ("direction", "probability", "byte", "line", "seed", "for_ms")
-USED: dict[Kind, tuple[str, ...]] = {  # besides kind and when
+USED: dict[Kind, tuple[str, ...]] = {  # fields of each kind, besides kind and when
     "power_off": ("for_ms",),
     "motion_stop": ("for_ms",),
     "axis_error": ("axis",),
@@ -56,23 +56,22 @@ NEEDED: dict[Kind, tuple[str, ...]] = {
 }
 
 
-# Names of lines that can set off a fault: the driver's, and what other clients send.
+# Names of lines that can trigger a fault: the driver's, and that of another client.
 KNOWN = (*COMMANDS, "COORDRELMVT")
 
 
 @dataclass(frozen=True)
 class When:
-    """What sets a fault off. Without arguments: the first byte of a client, or at once if the fault is injected.
+    """Trigger of a fault. By default the first byte of a client, or at once if the fault is injected.
 
-    A fault set off by a line happens before that line is obeyed, so the third ``COORDSPLINET`` is the first that meets
-    it, and the ``R:`` that sets off `early_ready` is the one that is answered early.
+    A fault triggered by a line happens before that line is executed. So one triggered by the third ``COORDSPLINET``
+    already affects it, and the ``R:`` that triggers `early_ready` is answered early.
 
     Attributes:
-        after_ms: emulated ms from what sets it off until it happens.
+        after_ms: emulated ms from the trigger to the fault.
         command: name of a line, with its axis letter (``HHB``) or without (``HH``: any axis).
-        segment: the fault waits until this many segments have begun to be executed (a dwell is one) since the unit was
-            switched on.
-        nth: the how manieth line of that name, from 1, since the fault was scripted or injected.
+        segment: the number of segments (dwells included) begun since power-up that triggers the fault.
+        nth: which line of that name, from 1, counted since the fault was scripted or injected.
     """
 
     after_ms: float = 0.0
@@ -105,7 +104,7 @@ class When:
         )
 
     def describe(self) -> str:
-        """For messages and logs."""
+        """Return the trigger as text, for messages and logs."""
         event = "start"
         if self.command:
             event = f"{self.command} number {self.nth}"
@@ -116,45 +115,46 @@ class When:
 
 @dataclass(frozen=True)
 class Fault:
-    """Something that goes wrong.
+    """A fault.
 
     ================ =====================================================================================
-    kind             what happens (the fields it uses; ``for_ms`` 0 is for ever)
+    kind             effect (its fields; ``for_ms`` 0 is unlimited)
     ================ =====================================================================================
     power_off        arm power drops, the brakes hold (``for_ms``)
     motion_stop      the red button is pressed (``for_ms``)
     axis_error       `axis` is in error until PURGE
-    fail_reply       `count` waits end in FAIL!: an outstanding one at once, else the next R: or Rx:
-    lost_bytes       bytes vanish: each with `probability`, or the `byte`-th alone, or the whole `line`-th line
-    garbled_bytes    the same, one bit of the byte flipped
-    delayed_bytes    lines come `delay_ms` late, in order: each with `probability`, or the `line`-th alone
-    split_bytes      lines come in two pieces, the second `delay_ms` later (0: at once, but a write of its own)
+    fail_reply       `count` waits end in FAIL!: a pending one at once, otherwise the next R: or Rx:
+    lost_bytes       bytes are lost: each with `probability`, or the `byte`-th only, or all of the `line`-th line
+    garbled_bytes    the same, with one bit of the byte flipped
+    delayed_bytes    lines come `delay_ms` late, in order: each with `probability`, or the `line`-th only
+    split_bytes      lines come in two pieces, the second `delay_ms` later (0: at once, but in a separate write)
     noise            the unit sends `count` random bytes
     stray_line       the unit sends `text` and a line end, unasked
-    port_gone        connection, listener, pseudo-terminal and link vanish; there again after `back_after_s`, 0 never
-    stuck_axis       `axis` stays where it is, its generator goes on (``for_ms``; it then follows again)
-    drift            `axis` creeps from its reference at `counts_per_s`, to `most_counts` away (``for_ms``)
+    port_gone        connection, listener, pseudo-terminal and link vanish; restored after `back_after_s`, 0: never
+    stuck_axis       `axis` stays where it is although its reference moves (``for_ms``; it then follows again)
+    drift            `axis` drifts from its reference at `counts_per_s`, by up to `most_counts` (``for_ms``)
     lag              the arm follows its reference with a time constant of `lag_ms`: R! comes before it has settled
-    missed_grasp     the jaws close `count` times on nothing, whatever is there
+    missed_grasp     the jaws close `count` times without gripping anything
     queue_overflow   the unit holds only `queue` segments (``for_ms``); with `queue` 0 it drops the next `count`
-    early_ready      `count` waits are answered R! at once, motion or not; ST stays true
-    power_cycle      switched off and on, dark for ``for_ms``: every axis reads 0 where it stands, no group, registers
-                     as at power-up, echo on, noise, waits and motion forgotten
+    early_ready      `count` waits are answered R! at once, even during a motion; ST stays correct
+    power_cycle      switched off and on, off for ``for_ms``: every axis reads 0 where it is, no group, registers as
+                     at power-up, echo on, noise, waits and motion discarded
     ================ =====================================================================================
 
     Attributes:
         kind: of `KINDS`.
-        when: what sets it off.
+        when: its trigger.
         axis: letter.
-        for_ms: emulated ms that it lasts.
-        direction: of bytes: to the unit, to the host, both, the unit's echo alone, or (``parser``) in the unit behind
-            its echo: what comes back is right, what is obeyed is not. With an echo of bytes ``to_unit`` is behind it.
+        for_ms: duration, emulated ms.
+        direction: of bytes: to the unit, to the host, both, the unit's echo only, or (``parser``) inside the unit
+            behind its echo: the echo is right but the executed line is damaged. With a byte echo ``to_unit`` acts there
+            too.
         probability: for each byte or line.
-        byte, line: the how manieth one from then on in each direction, from 1; 0 leaves it to `probability`.
+        byte, line: which one from then on in each direction, from 1; 0 uses `probability`.
         seed: of its random choices.
 
     Raises:
-        InputError: a field is outside its range, is missing, or is not one of its kind's.
+        InputError: a field is out of range, missing, or not a field of its kind.
     """
 
     kind: Kind
@@ -232,12 +232,12 @@ _RANGES: dict[str, float] = {
 
 @dataclass(frozen=True)
 class FaultEvent:
-    """A fault that happened, or was over.
+    """Beginning or end of a fault.
 
     Attributes:
         time_ms: emulated.
-        fault: which.
-        over: it has ended.
+        fault: the fault.
+        over: whether this is its end.
     """
 
     time_ms: int
@@ -246,7 +246,7 @@ class FaultEvent:
 
     @property
     def kind(self) -> Kind:
-        """Of the fault."""
+        """Kind of the fault."""
         return self.fault.kind
 
 

@@ -1,4 +1,4 @@
-"""When scripted faults happen: by emulated time, by lines received, by segments executed."""
+"""Schedule of faults: by emulated time, by lines received, by segments begun."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from driver.emulator.faults.model import Fault
 
 
 class Schedule:
-    """Faults that wait for what sets them off, and those that are due. Times are emulated ms.
+    """Faults that wait for their trigger or their time. Times are emulated ms.
 
     Args:
-        faults: the script; those without a command or a segment wait for the first byte of a client.
+        faults: scripted faults; those without a command or a segment wait for the first byte of a client.
     """
 
     def __init__(self, faults: Iterable[Fault]) -> None:
         self._unstarted: list[Fault] = []
-        self._by_line: list[tuple[Fault, list[int]]] = []  # and how many lines it still lets pass
+        self._by_line: list[tuple[Fault, list[int]]] = []  # fault, and lines until its trigger
         self._by_segment: list[Fault] = []
         self._due: list[tuple[float, int, Fault, bool]] = []
         self._order = 0
@@ -34,25 +34,25 @@ class Schedule:
             self._unstarted.append(fault)
 
     def inject(self, fault: Fault, now_ms: float) -> None:
-        """Add a fault; one without a command or a segment counts from now."""
+        """Add a fault. Without a command or a segment it is triggered now."""
         if fault.when.command or fault.when.segment:
             self._add(fault)
         else:
             self.put(now_ms + fault.when.after_ms, fault)
 
     def put(self, at_ms: float, fault: Fault, over: bool = False) -> None:
-        """Let a fault happen, or be over, at a time."""
+        """Schedule the beginning or the end of a fault."""
         self._order += 1
         heapq.heappush(self._due, (at_ms, self._order, fault, over))
 
     def first_byte(self, now_ms: float) -> None:
-        """A client has spoken."""
+        """Trigger the faults that wait for a client's first byte."""
         for fault in self._unstarted:
             self.put(now_ms + fault.when.after_ms, fault)
         self._unstarted.clear()
 
     def line(self, text: str, now_ms: float) -> None:
-        """A line is complete, and not yet obeyed."""
+        """Trigger the faults that wait for this line, which is complete but not yet executed."""
         if not self._by_line:
             return
         name = text.strip().split(":")[0].rstrip("?")
@@ -70,20 +70,20 @@ class Schedule:
         self._by_line = still
 
     def segments(self, begun: int, now_ms: float) -> None:
-        """So many segments have begun to be executed."""
+        """Trigger the faults that wait for `begun` segments to have begun."""
         for fault in [f for f in self._by_segment if f.when.segment <= begun]:
             self._by_segment.remove(fault)
             self.put(now_ms + fault.when.after_ms, fault)
 
     def next_segment(self) -> float:
-        """The smallest count of begun segments that sets something off; infinite if none does."""
+        """Return the next number of begun segments that triggers a fault; infinite if there is none."""
         return min((f.when.segment for f in self._by_segment), default=math.inf)
 
     def next_at(self) -> float:
-        """When the next fault is due; infinite if none is."""
+        """Return the time of the next fault; infinite if there is none."""
         return self._due[0][0] if self._due else math.inf
 
     def take(self) -> tuple[Fault, bool]:
-        """The next fault, and whether it is over rather than begun."""
+        """Remove and return the next fault, and whether it ends."""
         _, _, fault, over = heapq.heappop(self._due)
         return fault, over

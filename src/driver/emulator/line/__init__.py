@@ -1,17 +1,8 @@
-"""The emulated serial line: its ports, its speed, and how it weaves what arrives."""
+"""The emulated serial line: ports, timing, and a byte echo interleaved with answers."""
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
-_FORMER = (
-    "Tap",
-    "MemoryLine",
-    "MemoryWire",
-)  # of the module that this package was, for one version
+from arm.former import FormerNames
 
 if not TYPE_CHECKING:
-
-    def __getattr__(name: str) -> object:
-        if name in _FORMER:
-            return getattr(import_module("driver.emulator.line.memory"), name)
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    __getattr__ = FormerNames(__name__, "driver.emulator.line.memory", "Tap", "MemoryLine", "MemoryWire")

@@ -1,4 +1,4 @@
-"""A serial line in memory, in stepped time: the driver's port at one end, an emulated unit at the other."""
+"""A serial line in memory, in stepped time: the driver at one end, an emulated unit at the other."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from collections.abc import Callable
 from driver.emulator.line.uart import Wire
 from driver.line.stepped_clock import SteppedClock
 
-Tap = Callable[[float, bytes], bytes]  # what becomes of bytes that pass at that time, s
+Tap = Callable[[float, bytes], bytes]  # from time, s, and bytes sent to the bytes that pass
 
 
 class MemoryLine:
-    """Carries bytes both ways, each `latency_s` later, in order. Its unit paces them as a real line does (`Wire`).
+    """Carries bytes both ways, in order, with a delay of `latency_s`. The unit paces them by the baud rate (`Wire`).
 
     To the driver it is a `driver.line.port.Port`; the unit calls `read`, `reply`, `waiting` and `hang_up`.
 
     Args:
         clock: of both ends.
         latency_s: one way, as of a USB adapter or a network.
-        to_unit, to_host: damage to the line, if any: each is called with the time and the bytes as they are sent, and
-            gives the bytes that go.
+        to_unit, to_host: damage to the line, if any: called with the time and the bytes sent, returns the bytes that
+            pass.
 
     Attributes:
         url: a name for messages.
-        sent, received: all bytes that the host has sent and received, with their times there, s.
+        sent, received: all bytes that the host has sent and received, with the host's times, s.
     """
 
     url = "memory line"
@@ -42,7 +42,7 @@ class MemoryLine:
         self.to_host = to_host
         self.sent: list[tuple[float, bytes]] = []
         self.received: list[tuple[float, bytes]] = []
-        self._at_unit = bytearray()  # arrived there, not yet read
+        self._at_unit = bytearray()  # arrived at the unit, not yet read
         self._gone = False
         self._deliver: Callable[[bytes], None] | None = None
         self._lose: Callable[[OSError], None] | None = None
@@ -50,12 +50,12 @@ class MemoryLine:
     # -- the host's end
 
     def listen(self, deliver: Callable[[bytes], None], lose: Callable[[OSError], None]) -> None:
-        """Hand over what arrives, and tell when the line is gone."""
+        """Pass what arrives to `deliver`, and call `lose` when the line is gone."""
         self._deliver, self._lose = deliver, lose
 
     @property
     def out_waiting(self) -> int:
-        """Bytes that the unit holds back."""
+        """Bytes that the unit has not read."""
         return len(self._at_unit)
 
     def write(self, data: bytes) -> None:
@@ -73,24 +73,24 @@ class MemoryLine:
         self.clock.call_at(now + self.latency_s, functools.partial(self._at_unit.extend, data))
 
     def reset_output_buffer(self) -> None:
-        """Drop what the unit holds back; what is on its way goes on."""
+        """Drop the bytes that the unit has not read, except those still on their way."""
         self._at_unit.clear()
 
     def close(self) -> None:
-        """The host listens no more."""
+        """Stop listening at the host's end."""
         self._deliver = self._lose = None
 
     # -- the unit's end
 
     def waiting(self) -> int:
-        """Bytes to read."""
+        """Return the number of bytes to read."""
         return len(self._at_unit)
 
     def read(self, size: int) -> bytes:
-        """Bytes that have arrived, at most that many.
+        """Read at most `size` bytes that have arrived.
 
         Raises:
-            BlockingIOError: none.
+            BlockingIOError: there are none.
         """
         if not self._at_unit:
             raise BlockingIOError
@@ -107,7 +107,7 @@ class MemoryLine:
             self.clock.call_at(now + self.latency_s, functools.partial(self._arrive, data))
 
     def hang_up(self) -> None:
-        """The line is gone; what is on its way to the host still arrives."""
+        """Close the line from the unit's end. Bytes on their way to the host still arrive."""
         self._gone = True
         self._at_unit.clear()
         end = functools.partial(self._end, OSError("closed by the other side"))
@@ -141,5 +141,5 @@ class MemoryWire(Wire):
         self.line.reply(data)
 
     def waiting(self) -> int:
-        """Bytes that can be read."""
+        """Return the number of bytes to read."""
         return self.line.waiting()

@@ -19,7 +19,7 @@ from driver.emulator.line.uart import Wire
 @dataclass
 class _Terminal:
     wire: Wire
-    slave: int  # open for ever: else reading ends when a client leaves
+    slave: int  # kept open, as otherwise reading ends when a client leaves
     link: Path | None
 
 
@@ -31,8 +31,8 @@ class Ports:
         equip: called with every new wire.
 
     Attributes:
-        wires: one a pseudo-terminal and one a connected client.
-        listeners: of TCP.
+        wires: one per pseudo-terminal, TCP client and line in memory.
+        listeners: TCP listeners.
     """
 
     def __init__(self, paced: bool, equip: Callable[[Wire], None]) -> None:
@@ -47,10 +47,10 @@ class Ports:
         self._lost_ports: list[int] = []
 
     def open_pty(self, link: Path | None) -> str:
-        """A raw pseudo-terminal; its path. `link` becomes a symbolic link to it.
+        """Open a raw pseudo-terminal and return its path. `link` becomes a symbolic link to it.
 
         Raises:
-            InputError: `link` cannot be made.
+            InputError: `link` cannot be created.
         """
         master, slave = pty.openpty()
         tty.setraw(slave)
@@ -62,21 +62,21 @@ class Ports:
             except OSError as error:
                 os.close(master)
                 os.close(slave)
-                raise InputError(f"{link}: cannot be made a link to {path}: {error.strerror}") from error
+                raise InputError(f"{link}: cannot link to {path}: {error.strerror}") from error
         wire = Wire(master, self._paced)
         self._terminals.append(_Terminal(wire, slave, link))
         self._add(wire)
         return path
 
     def open_tcp(self, port: int) -> str:
-        """A listener on the loopback, 0 any free port; its URL."""
+        """Listen on a loopback port (0: any free one) and return its URL."""
         listener = socket.create_server(("127.0.0.1", port))
         listener.setblocking(False)
         self.listeners.append(listener)
         return f"socket://127.0.0.1:{listener.getsockname()[1]}"
 
     def open_line(self, line: MemoryLine) -> None:
-        """Listen at the unit's end of a line in memory. Once lost, it stays lost."""
+        """Serve the unit's end of a line in memory. It cannot be restored once lost."""
         self._lines.append(line)
         self._add(MemoryWire(line, self._paced))
 
@@ -85,11 +85,11 @@ class Ports:
         self.wires.append(wire)
 
     def paths(self) -> tuple[str, ...]:
-        """Of the pseudo-terminals that are there now."""
+        """Return the paths of the open pseudo-terminals."""
         return tuple(os.ttyname(t.slave) for t in self._terminals)
 
     def accept(self) -> None:
-        """Take waiting clients, one at a time: a serial line has one other end, so a second one is turned away."""
+        """Accept a waiting client. Only one may be connected, as to a serial line; others are disconnected."""
         for listener in self.listeners:
             with contextlib.suppress(BlockingIOError):
                 connection, _ = listener.accept()
@@ -102,22 +102,22 @@ class Ports:
                 self._add(Wire(connection.fileno(), self._paced))
 
     def drop(self, wire: Wire) -> None:
-        """A client's connection that is over."""
+        """Close the connection of a client that has left."""
         self.wires.remove(wire)
         self._sockets.pop(wire.descriptor).close()
 
     def lose(self) -> None:
-        """Everything goes: connections, listeners, pseudo-terminals and links."""
+        """Close connections, listeners, pseudo-terminals and links, to restore them later."""
         self._lost_ports += [listener.getsockname()[1] for listener in self.listeners]
         self._lost_links += [terminal.link for terminal in self._terminals]
         self.close()
 
     def restore(self) -> None:
-        """What was lost is there again: a listener on the same port, a new pseudo-terminal behind the same link.
+        """Restore what was lost: a listener on the same port, a new pseudo-terminal behind the same link.
 
         Raises:
-            OSError: the TCP port has been taken by another program.
-            InputError: the link has been made by another program.
+            OSError: another program has taken the TCP port.
+            InputError: another program has created the link.
         """
         for port in self._lost_ports:
             self.open_tcp(port)
@@ -126,7 +126,7 @@ class Ports:
         self._lost_ports, self._lost_links = [], []
 
     def close(self) -> None:
-        """Close everything and remove the links; listeners first, so that no client that was lost comes in again."""
+        """Close everything and remove the links. Listeners first, so that no lost client connects again."""
         for connection in (*self.listeners, *self._sockets.values()):
             connection.close()
         for line in self._lines:
@@ -144,7 +144,7 @@ class Ports:
 
 
 def _has_left(connection: socket.socket) -> bool:
-    """Whether a client has closed its end, which reading may not have come to yet."""
+    """Whether a client has closed its end, even if not all of its bytes are read."""
     try:
         return not connection.recv(1, socket.MSG_PEEK)
     except BlockingIOError:

@@ -1,4 +1,4 @@
-"""One end of a serial line at 19200 baud in emulated time: when a received line is complete, when an answer is out."""
+"""One end of a serial line at 19200 baud in emulated time: when a line is received, and when an answer is sent."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from collections import deque
 
 from driver.emulator.line.weave import BYTES_PER_MS, Weave
 
-_AHEAD_BYTES = 64  # read from the host before the line would have carried them; the rest waits in the host
-_LONGEST = 1024  # a line this long is noise
-_BACKLOG_BYTES = 4096  # answers not yet sent; beyond, the unit holds the host back as RTS does
+_AHEAD_BYTES = 64  # bytes read before the line would have carried them; the rest waits at the host
+_LONGEST = 1024  # bytes; a longer line is noise
+_BACKLOG_BYTES = 4096  # bytes of unsent answers, beyond which the unit blocks the host, as by RTS
 
 
 class Wire:
-    """Paces one client's bytes. Times are emulated ms. Holds a bounded number of bytes, whatever the client does.
+    """Paces one client's bytes. Times are emulated ms. The number of bytes held is bounded.
 
     Args:
         descriptor: of the pseudo-terminal's master or of a socket, non-blocking.
-        paced: False: bytes take no time.
+        paced: whether bytes take time.
 
     Attributes:
         fresh: no line has been taken yet.
         heard: a byte has been received.
-        gone: the client has left; what it sent may still be on the line.
-        cut: the port is gone: nothing comes or goes any more.
-        busy_until: the unit obeys a line until then, and takes no other.
+        gone: the client has left; its bytes may still be on the line.
+        cut: the port is gone; no bytes pass.
+        busy_until: the unit executes a line until then, and takes no other.
     """
 
     def __init__(self, descriptor: int, paced: bool) -> None:
@@ -35,7 +35,7 @@ class Wire:
         self._weave: Weave | None = None
         self._adapter_echo = False
         self._buffer, self._drops = 0, False
-        self._held = 0  # bytes received and not yet obeyed
+        self._held = 0  # bytes received and not yet executed
         self._partial = b""
         self._torn = b""
         self._received_until = 0.0
@@ -50,19 +50,19 @@ class Wire:
         self.busy_until = 0.0
 
     def equip(self, weave: Weave | None, adapter_echo: bool, buffer: int, drops: bool) -> None:
-        """Give the line what units differ in.
+        """Set the properties in which units differ.
 
         Args:
-            weave: carries what goes to the host, if the unit echoes byte by byte.
-            adapter_echo: everything is sent back at once.
-            buffer: bytes that the unit holds before it has obeyed them; 0 is any number.
-            drops: bytes beyond that are lost; else the host is held back.
+            weave: sends echoes and answers, if the unit echoes byte by byte.
+            adapter_echo: whether everything is echoed at once.
+            buffer: bytes that the unit holds before it executes them; 0 is unlimited.
+            drops: whether further bytes are lost; if not, the host is blocked.
         """
         self._weave, self._adapter_echo = weave, adapter_echo
         self._buffer, self._drops = buffer, drops
 
     def wants_bytes(self, now_ms: float) -> bool:
-        """Whether the line has carried what was read so far, and answers are not piling up."""
+        """Whether the line has carried most of what was read, and the backlog of answers is not full."""
         if self._buffer and not self._drops and self._held >= self._buffer:
             return False
         return (
@@ -70,7 +70,7 @@ class Wire:
         )
 
     def room_at(self) -> float:
-        """When `wants_bytes` may be true again."""
+        """Return when `wants_bytes` may be true again."""
         if self._backlog >= _BACKLOG_BYTES:
             return self._answers[0][0]
         if self._buffer and not self._drops and self._held >= self._buffer:
@@ -78,7 +78,7 @@ class Wire:
         return self._received_until - (_AHEAD_BYTES - 1) / BYTES_PER_MS
 
     def receive(self, now_ms: float) -> bool:
-        """Read what there is; False if the client has gone (a socket's)."""
+        """Read what there is. Return False if the client of a socket has left."""
         try:
             data = self._read(_AHEAD_BYTES)
         except BlockingIOError:
@@ -109,43 +109,43 @@ class Wire:
         return True
 
     def _read(self, size: int) -> bytes:
-        """What there is of the client's bytes, at most that many; raises BlockingIOError if nothing."""
+        """Read at most `size` bytes of the client; raises BlockingIOError if there are none."""
         return os.read(self.descriptor, size)
 
     def _write(self, data: bytes) -> None:
-        """Bytes that the line has carried, to the client."""
+        """Write bytes to the client."""
         os.write(self.descriptor, data)
 
     def waiting(self) -> int:
-        """Bytes that can be read, where that can be told without `select`; else 0."""
+        """Return the number of bytes to read if known without `select`; 0 otherwise."""
         return 0
 
     def _time(self, size: int) -> float:
         return size / BYTES_PER_MS if self._paced else 0.0
 
     def next_line_at(self) -> float | None:
-        """When the next received line is complete."""
+        """Return when the next received line is complete and can be executed."""
         return max(self._lines[0][0], self.busy_until) if self._lines else None
 
     def take_line(self) -> tuple[float, bytes, bool]:
-        """The next received line with its end: when it was complete, and whether it was put back before."""
+        """Remove the next received line. Return when it was complete, its bytes, and whether it was put back before."""
         line = self._lines.popleft()
         if not line[2]:
             self._held -= len(line[1])
         return line
 
     def put_back(self, at_ms: float, data: bytes) -> None:
-        """A line that comes later than it was sent; those behind it wait."""
+        """Put back a line that is to come later; those behind it wait."""
         self._lines.appendleft((at_ms, data, True))
 
     def assemble(self, data: bytes) -> list[bytes]:
-        """Whole lines, with their ends, from what arrived; a line that has lost its end runs into the next."""
+        """Return the complete lines, with their ends. A line that has lost its end runs into the next."""
         *lines, rest = (self._torn + data).split(b"\n")
         self._torn = rest[-_LONGEST:]
         return [line + b"\n" for line in lines]
 
     def forget(self) -> None:
-        """The unit was switched off: what it received and what it had to say is lost."""
+        """Drop everything received and all pending answers: the unit was switched off."""
         self._lines.clear()
         self._answers.clear()
         self._partial, self._torn, self._backlog, self._held = b"", b"", 0, 0
@@ -153,7 +153,7 @@ class Wire:
             self._weave.forget()
 
     def answer(self, data: bytes, now_ms: float, late_ms: float = 0.0) -> None:
-        """Send when the line has carried it; order is kept."""
+        """Queue bytes to the client, which the line carries in order."""
         if self.cut:
             return
         if self._weave is not None:
@@ -165,13 +165,13 @@ class Wire:
         self._backlog += len(data)
 
     def next_answer_at(self) -> float | None:
-        """When the next answer is through."""
+        """Return when the next answer is sent completely."""
         if self._weave is not None:
             return self._weave.next_at()
         return self._answers[0][0] if self._answers else None
 
     def flush(self, now_ms: float) -> None:
-        """Write every answer that is through, one write a line. What nobody reads is lost, as on a real line."""
+        """Write the answers that are due, one write per line. Bytes that the client does not read are lost."""
         if self._weave is not None and (data := self._weave.take(now_ms)):
             with contextlib.suppress(OSError):
                 self._write(data)

@@ -1,4 +1,4 @@
-"""An echo byte by byte: each byte goes back as it arrives, so answers come between them."""
+"""A byte echo: each byte is echoed as it arrives, so echoes and answers are interleaved."""
 
 from __future__ import annotations
 
@@ -6,39 +6,39 @@ from collections import deque
 from collections.abc import Callable
 
 BYTES_PER_MS = 1.92  # 19200 baud, 8N1
-_MOST_BYTES = 4096  # waiting to be echoed; a unit that is flooded echoes no more
+_MOST_BYTES = 4096  # bytes waiting to be echoed; further ones are not echoed
 
 
 class Weave:
-    """What one line carries to the host: echoed bytes and answers, one byte after the other.
+    """Interleaves echoed bytes and answers on their way to the host.
 
     Args:
-        mixed: echoes and answers take turns byte by byte; else an answer goes whole, where it falls.
-        echoing: whether the unit echoes now.
-        end: what a line feed comes back as.
+        mixed: whether echoes and answers alternate byte by byte; if not, an answer is sent as a whole.
+        echoing: returns whether the unit echoes now.
+        end: echo of a line feed.
     """
 
     def __init__(self, mixed: bool, echoing: Callable[[], bool], end: bytes) -> None:
         self._mixed = mixed
         self._echoing = echoing
         self._end = end
-        self._arriving: deque[tuple[float, int]] = deque()  # when it arrives, byte
-        self._echoes: deque[tuple[float, int]] = deque()  # from when it may go, byte
+        self._arriving: deque[tuple[float, int]] = deque()  # time of arrival, byte
+        self._echoes: deque[tuple[float, int]] = deque()  # earliest time to send, byte
         self._answers: deque[tuple[float, int]] = deque()
         self._free_at = 0.0
         self._answered_last = False
 
     def arrives(self, at_ms: float, byte: int) -> None:
-        """A byte is through the line at that time."""
+        """Take a byte that arrives at that time."""
         if len(self._arriving) < _MOST_BYTES:
             self._arriving.append((at_ms, byte))
 
     def answer(self, at_ms: float, data: bytes) -> None:
-        """The unit has something to say from then on."""
+        """Take an answer that may be sent from that time on."""
         self._answers.extend((at_ms, byte) for byte in data)
 
     def take(self, now_ms: float) -> bytes:
-        """What has gone to the host by now, and was not yet taken."""
+        """Return the bytes sent to the host since the last call."""
         out = bytearray()
         while True:
             while self._arriving and self._arriving[0][0] <= now_ms:
@@ -52,14 +52,14 @@ class Weave:
             self._free_at = begins + 1.0 / BYTES_PER_MS
 
     def next_at(self) -> float | None:
-        """When the next byte may be through, or something arrives that is echoed."""
+        """Return when the next byte is sent, or the next byte to echo arrives."""
         due = [] if not self._arriving else [self._arriving[0][0]]
         if self._echoes or self._answers:
             due.append(self._begins() + 1.0 / BYTES_PER_MS)
         return min(due, default=None)
 
     def forget(self) -> None:
-        """The unit was switched off."""
+        """Drop everything: the unit was switched off."""
         for each in (self._arriving, self._echoes, self._answers):
             each.clear()
 

@@ -1,1 +1,1 @@
-"""The emulated unit itself: axes, path generator, limits, and the plant that it moves."""
+"""The emulated unit: axes, path generator, limits, gripper, records."""

@@ -1,21 +1,21 @@
-"""Single axes: their registers, independent moves, and the gripper with what stands between its jaws."""
+"""Independent moves of single axes, and the gripper."""
 
 from __future__ import annotations
 
 import math
 
-_SLOW = 0.05  # counts/ms: an axis this slow and this near is there
+_SLOW = 0.05  # counts, and counts/ms: an axis this close to its target and this slow has arrived
 
 
 class AxisMove:
-    """A trapezoid of one axis to a target, or a constant speed for a time. One `tick` a millisecond.
+    """A trapezoidal move of one axis to a target, or a constant speed for a time. One `tick` per millisecond.
 
     Args:
-        at: where it starts, counts.
-        target: where it ends, or None for a constant speed.
+        at: start, counts.
+        target: end, counts, or None for a constant speed.
         speed: counts/ms; signed for a constant speed.
         acceleration: counts/ms^2.
-        duration_ms: of a constant speed; infinite until stopped.
+        duration_ms: of a constant speed; infinite: until stopped.
     """
 
     def __init__(
@@ -35,19 +35,19 @@ class AxisMove:
         self.done = False
 
     def stop(self) -> None:
-        """Brake."""
+        """Brake to rest."""
         self.target, self.speed, self.left_ms = None, 0.0, 0.0
 
     def tick(self) -> None:
-        """One millisecond."""
+        """Advance by one millisecond."""
         a = self.acceleration
         if self.target is None:
             wanted = self.speed if self.left_ms > 0.0 else 0.0
             self.left_ms -= 1.0
         else:
-            way = self.target - self.at
-            brake = -a / 2.0 + math.sqrt(a * a / 4.0 + 2.0 * a * abs(way))
-            wanted = math.copysign(min(abs(self.speed), brake, abs(way)), way)
+            left = self.target - self.at
+            brake = -a / 2.0 + math.sqrt(a * a / 4.0 + 2.0 * a * abs(left))
+            wanted = math.copysign(min(abs(self.speed), brake, abs(left)), left)
         self.velocity += min(max(wanted - self.velocity, -a), a)
         self.at += self.velocity
         if self.target is None:
@@ -57,7 +57,7 @@ class AxisMove:
 
 
 class GripperJaws:
-    """The gripper's analog axis. Its reference goes to any target; the jaws go as far as something lets them.
+    """The gripper's analog axis. Its reference moves to any target; the jaws stop at an object or at their ends.
 
     Args:
         open_adc, closed_adc: ends of the stroke.
@@ -66,30 +66,30 @@ class GripperJaws:
     def __init__(self, open_adc: int, closed_adc: int) -> None:
         self._low, self._high = sorted((open_adc, closed_adc))
         self._at = float(open_adc)
-        self._free = (self._low, self._high)  # of the present move
+        self._free = (self._low, self._high)  # range of the present move
         self.move: AxisMove | None = None
 
     @property
     def adc(self) -> int:
-        """Where the jaws are."""
+        """Position of the jaws."""
         return round(self._at)
 
     def within_stroke(self, target: float) -> int:
-        """The nearest position that the jaws can reach."""
+        """Return the nearest position that the jaws can reach."""
         return round(min(max(target, self._low), self._high))
 
     def go(self, target: float, stop_adc: int, speed: float, acceleration: float) -> None:
-        """Start towards a target; the jaws stop at `stop_adc`."""
+        """Start a move to a target. The jaws stop at `stop_adc`."""
         low, high = sorted((self.adc, stop_adc))
         self._free = (low, high)
         self.move = AxisMove(self._at, target, speed, acceleration)
 
     def release(self) -> None:
-        """No current: the jaws stay where they are (the drive does not turn back)."""
+        """Switch off the current. The jaws stay where they are (the drive is self-locking)."""
         self.move = None
 
     def tick(self) -> None:
-        """One millisecond."""
+        """Advance by one millisecond."""
         if self.move is None:
             return
         self.move.tick()

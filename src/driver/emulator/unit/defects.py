@@ -1,4 +1,4 @@
-"""What is wrong with the unit itself at the moment, apart from power, errors and axes that do not follow."""
+"""Present defects of the unit, apart from power, axis errors and axes that do not follow."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 @dataclass
 class Defects:
-    """Counts of what goes wrong next.
+    """Numbers of coming defects.
 
     Attributes:
-        queue: segments that the unit holds instead of its normal number; None is normal.
-        drop_segments: so many of the next are lost in silence.
-        miss_grasps: so often the jaws close on nothing.
-        early_ready: so many of the next waits are answered ``R!`` at once.
-        fail_replies: so many of the next waits are answered ``FAIL!``.
+        queue: number of segments that the unit holds; None is the normal number.
+        drop_segments: number of segments that will be silently dropped.
+        miss_grasps: number of times that the jaws will close without gripping anything.
+        early_ready: number of waits that will be answered ``R!`` at once.
+        fail_replies: number of waits that will be answered ``FAIL!``.
     """
 
     queue: int | None = None

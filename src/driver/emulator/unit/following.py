@@ -1,4 +1,4 @@
-"""How the axes follow their reference: exactly, unless one is stuck, creeps away, or all lag behind."""
+"""How the axes follow their reference: exactly, unless one is stuck or drifts, or all lag."""
 
 from __future__ import annotations
 
@@ -8,30 +8,30 @@ from dataclasses import dataclass
 
 from driver.emulator.faults.model import Fault
 
-_CATCH_UP = 10.0  # counts/ms with which an axis that was stuck returns to its reference
+_CATCH_UP = 10.0  # counts/ms: speed at which an axis that was stuck returns to its reference
 
 
 @dataclass
 class _Drift:
     fault: Fault
     index: int
-    share: float = 0.0  # counts so far
+    share: float = 0.0  # counts drifted so far
 
 
 class Following:
-    """Deviation of the actual position from the reference, counts of the unit, axis by axis.
+    """Deviation of the actual position from the reference, counts, axis by axis.
 
     Args:
         axes: letters, in the arm's order.
 
     Attributes:
-        active: some axis is, or may come, off its reference.
+        active: whether any axis may deviate from its reference.
     """
 
     def __init__(self, axes: Sequence[str]) -> None:
         self._axes = tuple(axes)
         self._off = [0.0] * len(axes)
-        self._stuck: dict[int, float] = {}  # axis index -> where it stays
+        self._stuck: dict[int, float] = {}  # axis index to its position
         self._back: set[int] = set()
         self._drifts: list[_Drift] = []
         self._lag_ms = 0.0
@@ -39,7 +39,7 @@ class Following:
         self.active = False
 
     def begin(self, fault: Fault, reference: tuple[int, ...]) -> None:
-        """A `stuck_axis`, `drift` or `lag` begins; one of an axis that the arm has not does nothing."""
+        """Begin a `stuck_axis`, `drift` or `lag`. A fault of an axis that the arm does not have does nothing."""
         self._last = reference
         if fault.kind == "lag":
             self._lag_ms = fault.lag_ms
@@ -52,7 +52,7 @@ class Following:
         self.active = True
 
     def end(self, fault: Fault) -> None:
-        """It is over. What was stuck catches up; what crept away stays away."""
+        """End a fault. A stuck axis returns to its reference; a drifted one keeps its deviation."""
         if fault.kind == "lag":
             self._lag_ms = 0.0
             self._back = set(range(len(self._off)))
@@ -63,33 +63,33 @@ class Following:
         self._drifts = [d for d in self._drifts if d.fault is not fault]
 
     def is_stuck(self, index: int) -> bool:
-        """Whether that axis does not move."""
+        """Whether an axis is stuck."""
         return index in self._stuck
 
     def off(self, index: int) -> float:
-        """How far that axis is from its reference."""
+        """Return the deviation of an axis from its reference, counts."""
         return self._off[index]
 
     def mark(self, index: int) -> None:
-        """The axis has found its mark, where it is: its reference is 0 there."""
+        """Set the reference of an axis that has found its mark to 0 there."""
         self._off[index] = 0.0
         if self._last is not None:
             self._last = tuple(0 if i == index else r for i, r in enumerate(self._last))
 
     def forget(self) -> None:
-        """The unit was switched off and on: every axis reads 0 where it is; what is stuck stays stuck."""
+        """Apply a power cycle: every axis reads 0 where it is; a stuck axis stays stuck."""
         self._off = [0.0] * len(self._off)
         self._stuck = dict.fromkeys(self._stuck, 0.0)
         self._last = (0,) * len(self._off)
 
     def apply(self, reference: tuple[int, ...]) -> tuple[int, ...]:
-        """Actual counts at a reference."""
+        """Return the actual counts at a reference."""
         if not self.active:
             return reference
         return tuple(r + round(o) for r, o in zip(reference, self._off, strict=True))
 
     def run(self, reference: tuple[int, ...], ms: float) -> None:
-        """Time passes; the reference is now there."""
+        """Let `ms` pass, at the end of which the reference is `reference`."""
         if not self.active:
             return
         last = self._last or reference
@@ -102,10 +102,10 @@ class Following:
             elif i in self._back:
                 self._off[i] = math.copysign(max(abs(self._off[i]) - _CATCH_UP * ms, 0.0), self._off[i])
         for drift in self._drifts:
-            way = drift.fault.counts_per_s * ms / 1e3
+            step = drift.fault.counts_per_s * ms / 1e3
             room = drift.fault.most_counts - abs(drift.share)
-            way = math.copysign(min(abs(way), max(room, 0.0)), way)
-            drift.share += way
+            step = math.copysign(min(abs(step), max(room, 0.0)), step)
+            drift.share += step
             if drift.index not in self._stuck:
-                self._off[drift.index] += way
+                self._off[drift.index] += step
         self._last = reference

@@ -1,4 +1,4 @@
-"""Joint limits in counts, which the unit does not enforce but the emulated one watches."""
+"""Joint limits in counts. The real unit does not enforce them; the emulated one reports violations."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from arm.controller.unit import Unit
 
 
 class LimitWatch:
-    """Tells when an axis leaves its limits, once each time.
+    """Reports an axis once each time that it leaves its limits.
 
     Args:
-        unit: whose joint limits, rounded outwards to counts; C to F run backwards.
+        unit: its joint limits are rounded outwards to counts; those of C to F are reversed.
     """
 
     def __init__(self, unit: Unit) -> None:
@@ -21,7 +21,7 @@ class LimitWatch:
         self._outside: set[str] = set()
 
     def newly_outside(self, counts: tuple[int, ...]) -> list[tuple[str, int, int, int]]:
-        """Axes that were inside when last asked: letter, counts, lowest and highest allowed."""
+        """Return the axes that have left their limits since the last call: letter, counts, lowest, highest allowed."""
         found = []
         for value, (axis, low, high) in zip(counts, self._limits, strict=True):
             if low <= value <= high:

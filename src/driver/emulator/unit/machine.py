@@ -1,7 +1,7 @@
-"""The emulated controller without its line: axes, path generator, gripper, faults. Time passes by `run` alone.
+"""The emulated controller without its serial line: axes, path generator, gripper, faults. Time passes in `run` only.
 
-Positions are of two kinds. The unit counts from where it was switched on, until an axis is homed; the truth is the
-homed convention, in which an axis reads 0 at its mark. `offset` is the difference, 0 once homed.
+There are two kinds of position. Until an axis is homed, the unit counts from its position at power-up. The true
+position is in the homed convention, in which an axis reads 0 at its mark. `offset` is the difference, 0 once homed.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from driver.emulator.unit.plant import Plant
 from driver.emulator.unit.record import Recorder, Violation
 from driver.emulator.unit.segment import QueuedSegment
 
-_GRIPPER_ACCELERATION = 51  # counts/256 per ms^2 until told otherwise
-_ROOM_BIT = 50  # ST bit 7 is 0 only if more positions are free
+_GRIPPER_ACCELERATION = 51  # counts/256 per ms^2, until REGACC is set
+_ROOM_BIT = 50  # ST bit 7 is 0 only if the queue has room for more segments than this
 
 
 @dataclass(frozen=True)
 class _Held:
-    """A segment that waits for the arm to stand; where it starts is not known before."""
+    """A segment that waits until the arm is at rest, as its start is not known before."""
 
     least_ms: float
     rows: Sequence[Sequence[int]]
@@ -41,21 +41,21 @@ class Machine:
     """State of the unit and its arm.
 
     Args:
-        unit: which.
-        plant: what the gripper acts upon; None is nothing.
+        unit: the arm and controller to emulate.
+        plant: what the gripper acts upon, or None.
         options: behaviour.
 
     Attributes:
         now_ms: emulated time.
-        booted_ms: when the unit was switched on last; its own clock counts from then.
-        registers: name with axis -> value, as told.
+        booted_ms: time of the last power-up; the unit's own clock counts from then.
+        registers: name with axis to value, as set.
         group: axes of the coordinated group, empty if not formed.
         axis_errors: axes in error.
-        power, motion_stop: as the cabinet's lamps show.
-        following, defects: what is wrong with the arm and with the unit.
-        halt_at_segment: `run` returns early when so many segments have begun since power-up.
-        violations: what a careful driver never does; the newest `EmulatorOptions.keep_lines`.
-        violated: how many there were in all.
+        power, motion_stop: arm power is on; motion stop is pressed.
+        following, defects: present defects of the arm and of the unit.
+        halt_at_segment: `run` returns early when this many segments have begun since power-up.
+        violations: commands that a correct driver never sends; the latest `EmulatorOptions.keep_lines`.
+        violated: total number of violations.
     """
 
     def __init__(self, unit: Unit, plant: Plant | None, options: EmulatorOptions) -> None:
@@ -65,7 +65,7 @@ class Machine:
         self.now_ms = 0
         self.booted_ms = 0
         true = tuple(int(c) for c in unit.counts(np.radians(options.power_up_deg)))
-        self.offset = true  # true = what the unit counts + offset
+        self.offset = true  # true position = position in the unit's counts + offset
         self.homed = [False] * len(true)
         self.path = PathGenerator((0,) * len(true))
         self.moves: dict[int, AxisMove] = {}
@@ -97,41 +97,41 @@ class Machine:
             registers[f"REGMS{axis}"], registers[f"REGACC{axis}"] = speed, acceleration
         return registers
 
-    # -- asking
+    # -- queries
 
     @property
     def reference(self) -> tuple[int, ...]:
-        """Where the unit's generators stand, by its own count, every axis of the arm."""
+        """Reference position of the arm's axes, in the unit's counts."""
         return self.path.at
 
     def actual(self) -> tuple[int, ...]:
-        """What the unit reads: the reference, what does not follow it and, at rest, the static error."""
+        """Return the position that the unit reads: reference, following error and, at rest, static error."""
         at = self.following.apply(self.path.at)
         if self.arm_busy or not self.options.static_error:
             return at
         return tuple(a + e for a, e in zip(at, self._static, strict=True))
 
     def true_counts(self) -> tuple[int, ...]:
-        """Where the arm is, homed convention."""
+        """Return the true position of the arm, in the homed convention."""
         return tuple(a + o for a, o in zip(self.actual(), self.offset, strict=True))
 
     @property
     def coordinated(self) -> bool:
-        """Segments of the group run, or wait to."""
+        """Whether segments of the group run or wait."""
         return bool(self.path.queue or self._held)
 
     @property
     def arm_busy(self) -> bool:
-        """Some axis of the arm generates motion, or is about to."""
+        """Whether an axis of the arm generates motion, or is about to."""
         return bool(self.path.queue or self.moves or self._held)
 
     @property
     def busy(self) -> bool:
-        """Anything generates motion."""
+        """Whether an axis of the arm or the gripper generates motion."""
         return self.arm_busy or self.jaws.move is not None
 
     def axis_busy(self, axis: str) -> bool:
-        """That axis generates motion."""
+        """Whether an axis generates motion."""
         if axis == self.unit.gripper.axis:
             return self.jaws.move is not None
         if axis not in self.unit.axes:
@@ -141,11 +141,11 @@ class Machine:
 
     @property
     def faulty(self) -> bool:
-        """Nothing may move."""
+        """Whether a fault forbids motion."""
         return bool(self.axis_errors) or not self.power or self.motion_stop
 
     def status(self) -> int:
-        """The status word."""
+        """Return the status word."""
         free = self.queue_limit - len(self.path.queue) - len(self._held)
         bits = (
             (bool(self.axis_errors), 0x8),
@@ -158,27 +158,27 @@ class Machine:
 
     @property
     def queue_limit(self) -> int:
-        """Segments that the unit holds at the moment."""
+        """Present capacity of the queue, segments."""
         return self.options.queue if self.defects.queue is None else self.defects.queue
 
     def violate(self, what: str) -> None:
-        """Note something that a careful driver never does."""
+        """Record a command that a correct driver never sends."""
         self.violated += 1
         self.violations.append(Violation(self.now_ms, what))
 
-    # -- being told
+    # -- commands
 
     def append_absolute(self, least_ms: float, target: Sequence[int]) -> bool:
-        """COORDMV, COORDMVT: straight to counts of the group's axes. False if the queue is full."""
+        """COORDMV, COORDMVT: straight to counts of the group's axes. Return False if the queue is full."""
         return self._hold(least_ms, [[t] for t in target], absolute=True)
 
     def append_polynomial(self, least_ms: float, coefficients: Sequence[Sequence[int]]) -> bool:
-        """COORDSPLINET, COORDRELMVT: one row of a1, a2, .. an axis of the group. False if the queue is full."""
+        """COORDSPLINET, COORDRELMVT: one row a1, a2, .. per axis of the group. Return False if the queue is full."""
         return self._hold(least_ms, coefficients, absolute=False)
 
     def _hold(self, least_ms: float, rows: Sequence[Sequence[int]], absolute: bool) -> bool:
         if self.faulty:
-            self.violate("motion asked for while a fault stands")
+            self.violate("motion commanded during a fault")
             return True
         if len(self.path.queue) + len(self._held) >= self.queue_limit:
             self.violate(f"segment beyond the queue's {self.queue_limit}")
@@ -191,7 +191,7 @@ class Machine:
         return True
 
     def _admit(self) -> None:
-        """Queue what is held, unless the arm still brakes or single axes move."""
+        """Queue the held segments, unless the arm still brakes or single axes move."""
         while self._held and not self.path.stopping and not self.moves:
             self._queue(self._held.popleft())
 
@@ -208,7 +208,7 @@ class Machine:
         self.path.append(segment, self.registers["COORDDISCONT"])
 
     def move_axis(self, axis: str, target: float) -> None:
-        """G: one axis by itself."""
+        """G: move one axis."""
         if axis == self.unit.gripper.axis:
             self._move_jaws(target)
         else:
@@ -219,7 +219,7 @@ class Machine:
         self._start_axis(axis, None, speed, duration_ms)
 
     def home(self, axis: str) -> None:
-        """HH: to the mark, which then is 0."""
+        """HH: move to the mark, which is 0 then."""
         if axis in self.unit.axes:
             index = self.unit.axes.index(axis)
             speed = self.registers[f"REGMS{axis}"] / 256.0 * self.options.homing_speed
@@ -234,7 +234,7 @@ class Machine:
             return False
         if self.faulty or self.path.queue:
             self.violate(
-                f"axis {axis} told to move while {'a fault stands' if self.faulty else 'the group moves'}"
+                f"axis {axis} commanded {'during a fault' if self.faulty else 'while the group moves'}"
             )
             return False
         index = self.unit.axes.index(axis)
@@ -250,7 +250,7 @@ class Machine:
 
     def _move_jaws(self, target: float) -> None:
         if self.faulty:
-            self.violate("gripper told to move while a fault stands")
+            self.violate("gripper commanded during a fault")
             return
         reach = self.jaws.within_stroke(target)
         axis, gripper = self.unit.gripper.axis, self.unit.gripper
@@ -260,14 +260,14 @@ class Machine:
             stop = reach
         else:
             stop = reach if self.plant is None else self.plant.jaws(self.true_counts(), self.jaws.adc, reach)
-        if self.faulty:  # the plant let something go wrong
+        if self.faulty:  # the plant has injected a fault
             return
         speed = self.registers.get(f"REGMS{axis}", self.unit.gripper.registers["REGMS"]) / 256.0
         acceleration = self.registers.get(f"REGACC{axis}", _GRIPPER_ACCELERATION) / 256.0
         self.jaws.go(target, stop, speed, acceleration)
 
     def stop(self, axis: str = "") -> None:
-        """STOP, PURGE's motion part: flush, brake on the path, hold."""
+        """STOP, and the same part of PURGE: clear the queue, brake on the path, hold."""
         if axis == self.unit.gripper.axis:
             self.jaws.release()
         elif axis in ("", *self.group):
@@ -281,12 +281,12 @@ class Machine:
             self.jaws.release()
 
     def purge(self, axis: str = "") -> None:
-        """Stop, and clear the errors of axes."""
+        """PURGE: stop, and clear axis errors."""
         self.stop(axis)
         self.axis_errors -= {axis} if axis else set(self.axis_errors)
 
     def release(self, axis: str = "") -> None:
-        """No current: the brakes hold at once."""
+        """RELEASE: switch off the current; the brakes hold at once."""
         if axis == self.unit.gripper.axis:
             self.jaws.release()
             return
@@ -295,7 +295,7 @@ class Machine:
         self.freeze()
 
     def freeze(self) -> None:
-        """The brakes: the arm stands where it is, all motion forgotten."""
+        """Engage the brakes: the arm stops where it is, and all motion is discarded."""
         self.path.abort()
         self.moves.clear()
         self._homing.clear()
@@ -303,7 +303,7 @@ class Machine:
         self.jaws.release()
 
     def power_cycle(self) -> None:
-        """Switched off and on: every axis counts from 0 where it stands, nothing that was told is remembered."""
+        """Switch off and on: every axis counts from 0 where it is, and all settings are lost."""
         self.freeze()
         self.offset = self.true_counts()
         self.homed = [False] * len(self.offset)
@@ -319,7 +319,7 @@ class Machine:
     # -- time
 
     def run(self, ticks: int) -> None:
-        """Let that many ms pass; only motion is computed. Ends early at `halt_at_segment`."""
+        """Let that many ms pass. Ends early at `halt_at_segment`."""
         until = self.now_ms + ticks
         while self.busy and self.now_ms < until and self.path.begun < self.halt_at_segment:
             self.now_ms += 1
@@ -341,7 +341,7 @@ class Machine:
             self.following.run(self.path.at, until - self.now_ms)
             self.now_ms = until
         for axis, value, low, high in self._limits.newly_outside(self.true_counts()):
-            self.violate(f"axis {axis} at {value} counts, allowed {low} to {high}")
+            self.violate(f"axis {axis} at {value} counts: must be from {low} to {high}")
 
     def _tick_axes(self) -> None:
         at = list(self.path.at)

@@ -1,9 +1,9 @@
-"""The coordinated path generator: a queue of segments, run through at 1 kHz by the rate of one parameter.
+"""The coordinated path generator: a queue of segments, executed at 1 kHz by planning the rate of one parameter.
 
-Controller's fact sheet, section 2, rows 7 and 10 to 16. The path is kept exactly; only the parameter's rate is
-planned. Before a segment is appended, the vertex between it and the one before gets the highest pair of rates at
-which every axis' jump of speed stays within COORDDISCONT acceleration steps of 1 ms. The newest segment ends at rest;
-a backward pass raises the speeds of earlier vertices. So a queue that runs empty ends at rest on its last point.
+Controller's fact sheet, section 2, rows 7 and 10 to 16. The path is kept exactly; only the parameter's rate is planned.
+When a segment is appended, the vertex between it and the one before gets the highest pair of rates at which the speed
+jump of every axis stays within COORDDISCONT acceleration steps of 1 ms. The last segment ends at rest; a backward pass
+raises the speeds of earlier vertices. So a queue that runs empty ends at rest on its last point.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from collections import deque
 
 from driver.emulator.unit.segment import QueuedSegment
 
-_DONE = 1.0 - 1e-9  # u from here on is the end: 100 times 1/100 is not quite 1
+_DONE = 1.0 - 1e-9  # u from here on counts as the end, as 100 times 1/100 is not exactly 1
 
 
 class PathGenerator:
-    """Queue and run-time part of the planner. `at` is the reference position in the unit's counts.
+    """Segment queue and execution. `at` is the reference position in the unit's counts.
 
     Attributes:
         running: a segment is being executed.
-        stopping: braking on the path; whatever is left is dropped at rest.
-        number: of the segment being executed, or of the last one.
-        u: parameter within it, 0 when idle.
-        begun: how many segments have begun to be executed.
+        stopping: braking on the path; the remaining segments are dropped at rest.
+        number: of the present segment, or of the last one.
+        u: parameter of the present segment, 0 when idle.
+        begun: number of segments begun.
     """
 
     def __init__(self, at: tuple[int, ...]) -> None:
@@ -42,39 +42,39 @@ class PathGenerator:
 
     @property
     def end(self) -> tuple[int, ...]:
-        """Where the next segment starts: the end of the newest, or the reference at rest."""
+        """Start of the next segment: the end of the last one queued, or the reference at rest."""
         return self.queue[-1].end if self.queue else self.at
 
     def append(self, segment: QueuedSegment, vertex_steps: float) -> None:
-        """Add a segment that starts at `end`; `vertex_steps` is COORDDISCONT."""
-        if not math.isfinite(segment.rate):  # no way and no time: done before it began
+        """Append a segment that starts at `end`; `vertex_steps` is COORDDISCONT."""
+        if not math.isfinite(segment.rate):  # zero length and zero time: done at once
             self.number = segment.number if not self.queue else self.number
             return
         if self.queue:
             segment.vertex = _vertex(self.queue[-1], segment, vertex_steps)
         self.queue.append(segment)
         self._backward_pass()
-        if len(self.queue) == 1:  # the first millisecond adds one gain
+        if len(self.queue) == 1:  # the first tick adds one gain
             self.u, self.number = 0.0, segment.number
             self.begun += 1
             self._rate = max(segment.vertex[1] - segment.gain, 0.0)
 
     def stop(self) -> None:
-        """Brake at the axes' accelerations, on the path, through as many segments as it takes."""
+        """Brake on the path at the axes' accelerations, through as many segments as needed."""
         self.stopping = bool(self.queue)
 
     def abort(self) -> None:
-        """Stand where it is: the brakes."""
+        """Stop at once, as by the brakes."""
         self.queue.clear()
         self.stopping, self.u, self._rate = False, 0.0, 0.0
 
     def tick(self) -> None:
-        """One millisecond."""
+        """Advance by one millisecond."""
         time = 1.0
         while self.queue and time > 0.0:
             segment = self.queue[0]
             rate = self._planned(segment) if time == 1.0 else self._rate
-            if rate <= 0.0:  # only braking ends here
+            if rate <= 0.0:  # only when braking
                 self.abort()
                 return
             left = 1.0 - self.u
@@ -87,7 +87,7 @@ class PathGenerator:
             self._leave(segment, rate)
 
     def _planned(self, segment: QueuedSegment) -> float:
-        """The rate of the coming millisecond: up by the gain, never above what still lets it brake to `leave`."""
+        """Rate of the next millisecond: up by the gain, at most the rate from which it can brake to `leave`."""
         gain = segment.gain
         if self.stopping:
             return self._rate - gain
@@ -118,7 +118,7 @@ class PathGenerator:
             self._rate = min(segment.rate, segment.gain)
 
     def _backward_pass(self) -> None:
-        """From the newest segment back: each vertex as fast as what follows can still brake from."""
+        """From the last segment back, raise each vertex to the speed from which what follows can still brake."""
         later = self.queue[-1]
         for index in range(len(self.queue) - 2, -1, -1):
             segment = self.queue[index]
@@ -132,13 +132,13 @@ class PathGenerator:
 
 
 def braking_rate(gain: float, left: float, leave: float) -> float:
-    """Highest rate of a millisecond from which steps of -gain reach `leave` within what is `left` of u."""
+    """Return the highest rate from which steps of -gain per ms reach `leave` within the remaining u, `left`."""
     return -gain / 2.0 + math.sqrt(gain * gain / 4.0 + leave * (leave + gain) + 2.0 * gain * left)
 
 
 def _vertex(before: QueuedSegment, after: QueuedSegment, steps: float) -> tuple[float, float]:
-    """Highest rates at the end of one segment and the start of the next, their ratio either that of the segments'
-    own rates or the one that makes the jump smallest, whichever lets the slower of both pass faster."""
+    """Highest rates at the end of one segment and the start of the next. Their ratio is that of the segments' own rates
+    or the one with the smallest jump, whichever allows the higher speed in the slower segment."""
     allowed = [steps * min(a, b) for a, b in zip(before.acceleration, after.acceleration, strict=True)]
     a, b = before.end_slope, after.start_slope
     if not any(a) and not any(b):
@@ -167,7 +167,7 @@ def _ratios(
     weight = [1.0 / (n * n) for n in before.acceleration]
     along = sum(w * x * y for w, x, y in zip(weight, a, b, strict=True))
     length = sum(w * y * y for w, y in zip(weight, b, strict=True))
-    if along > 0.0 and length > 0.0:  # after = before * along / length makes the weighted jump smallest
+    if along > 0.0 and length > 0.0:  # after = before * along / length minimises the weighted jump
         ratio = along / length
         first = min(before.rate, after.rate / ratio)
         pairs.append((first, first * ratio))

@@ -6,10 +6,10 @@ from typing import Protocol
 
 
 class Plant(Protocol):
-    """What the gripper acts upon."""
+    """The objects between the jaws."""
 
     def jaws(self, counts: tuple[int, ...], from_adc: int, to_adc: int) -> int:
-        """The jaws start from one position to another; where they stop, ADC counts.
+        """Return where jaws that start to move between two positions stop, ADC counts.
 
         Called in the emulator's thread, with the arm's true counts in the homed convention.
         """

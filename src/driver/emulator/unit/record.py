@@ -1,4 +1,4 @@
-"""What the arm did, millisecond by millisecond, and which rules were broken."""
+"""Records of the arm's positions, millisecond by millisecond, and of violations."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _INT32 = 2**31
 
 @dataclass(frozen=True)
 class Violation:
-    """Something that a careful driver never asks for; a unit does it, or ignores it, without a word.
+    """A command that a correct driver never sends; the unit executes or ignores it without an answer.
 
     Attributes:
         time_ms: emulated.
-        what: in words.
+        what: description.
     """
 
     time_ms: int
@@ -29,7 +29,7 @@ class Violation:
 
 @dataclass(frozen=True)
 class Record:
-    """True positions in the homed convention at every executed ms while anything moved.
+    """True positions in the homed convention at every executed ms of motion.
 
     Attributes:
         time_ms: emulated ms, (m,) int.
@@ -40,7 +40,7 @@ class Record:
     counts: Counts
 
     def velocity(self) -> Array:
-        """Counts/ms between successive samples of one motion, (k, 6); gaps between motions left out."""
+        """Return counts/ms between successive samples of one motion, (k, 6); gaps between motions are left out."""
         step = np.diff(self.time_ms)
         return np.asarray(np.diff(self.counts, axis=0)[step == 1], dtype=float)
 
@@ -49,8 +49,8 @@ class Recorder:
     """Collects samples compactly.
 
     Args:
-        axes: numbers of a sample.
-        keep: how many samples, at least; the oldest beyond are forgotten. None keeps all (32 bytes each).
+        axes: number of axes.
+        keep: how many of the latest samples to keep, at least. None keeps all (32 bytes each).
     """
 
     def __init__(self, axes: int, keep: int | None = None) -> None:
@@ -64,7 +64,7 @@ class Recorder:
         return len(self._time)
 
     def add(self, time_ms: int, counts: tuple[int, ...]) -> None:
-        """One sample; counts beyond 32 bits are told as the nearest that fit."""
+        """Add a sample; counts beyond 32 bits are clipped."""
         with self._lock:
             try:
                 sample = array("i", counts)
@@ -78,7 +78,7 @@ class Recorder:
                 del self._counts[: old * self._axes]
 
     def record(self) -> Record:
-        """A copy of everything kept. May be called from another thread."""
+        """Return a copy of the samples. May be called from another thread."""
         with self._lock:
             time = np.array(self._time, dtype=np.int64)
             counts = np.array(self._counts, dtype=np.int64).reshape(-1, self._axes)

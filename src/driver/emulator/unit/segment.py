@@ -1,4 +1,4 @@
-"""One queued segment of coordinated motion: a polynomial of all axes in a parameter u from 0 to 1.
+"""A queued segment of coordinated motion: a polynomial of all axes in a parameter u from 0 to 1.
 
 Controller's fact sheet, section 2, row 3: counts(u) = start + a1 u + a2 u^2 + .. .
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-_SAMPLES = 64  # of the derivative, where it is not quadratic
+_SAMPLES = 64  # of the derivative, above order 3
 
 
 class QueuedSegment:
@@ -16,19 +16,19 @@ class QueuedSegment:
 
     Args:
         start: counts at u = 0.
-        coefficients: one row an axis: a1, a2, .. (axis-major, as on the wire).
-        least_ms: shortest time; 0 is as fast as the limits allow.
+        coefficients: one row a1, a2, .. per axis (axis-major, as on the wire).
+        least_ms: shortest time; 0: as fast as the limits allow.
         speed: limit of each axis, counts/ms.
         acceleration: limit of each axis, counts/ms^2.
-        number: the unit's running number of it.
+        number: the unit's number of the segment.
 
     Attributes:
-        end: counts at u = 1; whole numbers.
-        rate: highest du/dt, 1/ms: the least time, and no axis above its speed.
-        gain: highest change of the rate, 1/ms^2: no axis above its acceleration (of the rate's change alone; the
-            path's own curvature is not counted, row 15). Infinite if nothing moves.
-        leave: rate at u = 1 planned at the moment (the backward pass raises it as segments arrive).
-        vertex: highest rates before and after the vertex at u = 0, from the segment before.
+        end: counts at u = 1, integers.
+        rate: highest du/dt, 1/ms, by `least_ms` and the axes' speeds.
+        gain: highest change of the rate, 1/ms^2, by the axes' accelerations (the path's curvature is not taken into
+            account, row 15). Infinite if nothing moves.
+        leave: presently planned rate at u = 1 (the backward pass raises it as segments arrive).
+        vertex: highest rates before and after the vertex at u = 0, with the segment before.
     """
 
     __slots__ = (
@@ -65,7 +65,7 @@ class QueuedSegment:
         self.vertex = (0.0, self.rest_rate(self.start_slope))
 
     def at(self, u: float) -> tuple[int, ...]:
-        """Counts at u, to the nearest count; exactly `end` at 1."""
+        """Return the counts at u, rounded; exactly `end` at 1."""
         if u >= 1.0:
             return self.end
         counts = []
@@ -77,7 +77,7 @@ class QueuedSegment:
         return tuple(counts)
 
     def rest_rate(self, slope: Sequence[float]) -> float:
-        """The highest rate at an end with that slope that is rest: within one acceleration step of 1 ms."""
+        """Return the highest rate at an end with that slope that counts as rest: one acceleration step of 1 ms."""
         return min(
             self.rate, *(a / abs(s) for a, s in zip(self.acceleration, slope, strict=True) if s), math.inf
         )

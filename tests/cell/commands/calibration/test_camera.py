@@ -15,15 +15,15 @@ import pytest
 
 from arm.errors import CalibrationRefused, FileInputError, InputError
 from arm.io.storage import data_file
-from board_scenes import lab_camera, smaller
 from calib.camera.result import CalibrationLimits
 from calib.model.intrinsics import vector_of
 from cell.commands.calibration.camera import LensOptions, camera_step, find_target
 from cell.commands.calibration.camera_live import take_views
 from cell.console import Console
-from command_line import a465, refused
+from pictures.boards import lab_camera, smaller
+from typed.command_line import a465, refused
 from vision.camera.frame_source import Image, read_grey
-from vision.camera.model import read_camera, read_lens, write_camera
+from vision.camera.model import read_camera, read_intrinsics, write_camera
 from vision.targets.target import Target
 
 pytestmark = pytest.mark.xdist_group("calibrate_camera")
@@ -54,7 +54,7 @@ def test_photographs_in_lens_and_report_out(photographs: Path, tmp_path: Path) -
     assert len(found["views"]) == VIEWS
     assert all(view["dropped"] == [] for view in found["views"])
 
-    lens = read_lens(tmp_path / "camera.toml")
+    lens = read_intrinsics(tmp_path / "camera.toml")
     true = smaller(lab_camera(), 0.5)
     assert lens.K.tolist() == found["K_px"]
     assert lens.lens_covariance is not None
@@ -82,7 +82,7 @@ def test_the_same_photographs_give_the_same_bytes(photographs: Path, tmp_path: P
 
 def test_a_lens_without_a_place_cannot_be_mistaken_for_a_camera(photographs: Path, tmp_path: Path) -> None:
     a465("calibrate", "camera", photographs, "-o", tmp_path / "camera.toml")
-    with pytest.raises(FileInputError, match="the file holds a lens, but not where the camera is"):
+    with pytest.raises(FileInputError, match="the file has intrinsics, but no extrinsics"):
         read_camera(tmp_path / "camera.toml")
     with (tmp_path / "camera.toml").open("a") as file:
         file.write("\n[pose]\nT_base_camera = [[1,0,0,0.5],[0,-1,0,0],[0,0,-1,1.2],[0,0,0,1]]\n")
@@ -99,12 +99,13 @@ def test_a_refusal_writes_the_report_and_no_camera(photographs: Path, tmp_path: 
         shutil.copy(file, few)
     told, said = a465("calibrate", "camera", few, "-o", tmp_path / "camera.toml", "--json", code=5)
     assert json.loads(told)["verdict"] == "refused"
-    assert "5 views can be used, at least 8 are needed" in said
+    assert "5 views are usable, at least 8 are needed" in said
     assert "camera.toml was not written" in said
     assert not (tmp_path / "camera.toml").exists()
     assert ">refused</span>" in (tmp_path / "camera.html").read_text()
 
 
+@pytest.mark.slow
 def test_held_numbers_and_options_reach_the_fit(photographs: Path) -> None:
     told, _ = a465(
         "calibrate",
@@ -135,13 +136,13 @@ def test_wrong_input_is_told_with_its_name_and_rule(photographs: Path, tmp_path:
     assert "there is no such folder" in wrong(tmp_path / "nowhere")
     empty = tmp_path / "empty"
     empty.mkdir()
-    assert "holds no photograph" in wrong(empty)
+    assert "contains no images" in wrong(empty)
     assert "--hold k9: must be one of k1, k2, p1, p2, k3" in wrong(photographs, hold=("k9",))
     assert "the nearer one first" in wrong(photographs, work_mm=(1100.0, 900.0))
     for limit in (0.0, float("inf"), float("nan")):
         assert "must be above 0 mm" in wrong(photographs, limit_mm=limit)
     assert "must be at least 8" in wrong(photographs, most_views=5)
-    assert "go with --live" in wrong(photographs, camera="name:x")
+    assert "need --live" in wrong(photographs, camera="name:x")
     assert "--live needs --camera SELECTOR, or --simulated TASK" in wrong(photographs, live=True)
 
     mixed = tmp_path / "mixed"
@@ -169,13 +170,13 @@ def test_what_is_written_is_no_photograph_no_folder_and_not_twice_the_same(
 
     photograph = photographs / "target-001.png"
     before = photograph.read_bytes()
-    assert f"--output {photograph}: ends as photographs do" in wrong(output=photograph)
-    assert f"--report {photograph}: ends as photographs do" in wrong(report=photograph)
+    assert f"--output {photograph}: has the suffix of an image" in wrong(output=photograph)
+    assert f"--report {photograph}: has the suffix of an image" in wrong(report=photograph)
     assert photograph.read_bytes() == before
-    assert f"--output {photographs}: is no ordinary file" in wrong(output=photographs)
+    assert f"--output {photographs}: is not a regular file" in wrong(output=photographs)
     assert not photographs.with_suffix(".html").exists()
-    assert "is the name of the report too" in wrong(output=tmp_path / "camera.html")
-    assert "is the name of the report too" in wrong(output=tmp_path / "a", report=tmp_path / "b/../a")
+    assert "is also the name of the report" in wrong(output=tmp_path / "camera.html")
+    assert "is also the name of the report" in wrong(output=tmp_path / "a", report=tmp_path / "b/../a")
     assert not list(tmp_path.iterdir())
 
 
@@ -222,42 +223,46 @@ def test_a_wrong_option_is_one_line_and_exit_2(photographs: Path, tmp_path: Path
     assert "--hold k9: must be one of" in told
 
 
+@pytest.mark.slow
 def test_guided_views_are_enough_and_a_session_goes_on(scenes: Path, tmp_path: Path) -> None:
     folder = tmp_path / "live"
     common = ("calibrate", "camera", folder, "--live", "--simulated", scenes / "task2.toml")
     said, _ = a465(*common, "-o", tmp_path / "camera.toml")
-    assert "show the target in the middle of the image, its left edge some 30 deg nearer" in said
-    assert "enough" in said
+    assert "show the target in the middle of the image, tilted some 30 deg with its left edge nearer" in said
+    assert "the views suffice" in said
     assert "accepted" in said
     taken = sorted(folder.iterdir())
     assert 8 <= len(taken) <= 20
     taken[-1].unlink()  # it is taken again
     said, _ = a465(*common)
-    assert f"{len(taken) - 1} views are there from before" in said
-    assert "enough" in said
+    assert f"{len(taken) - 1} views found in the folder" in said
+    assert "the views suffice" in said
     assert (folder / taken[3].name).exists()
 
 
 class Nobody:
-    """A camera before which nobody stands, after `views` whose second frame is the same."""
+    """A camera before which nobody stands, after `views` whose second frame is the same; a frame takes a second."""
 
     def __init__(self, views: list[Image]) -> None:
         self._left = [views[0]] + [view for view in views for _ in range(2)] if views else []
+        self.now = 0.0
 
     def grab(self, count: int) -> list[Image]:
+        self.now += count
         return [self._left.pop(0) if self._left else np.full((600, 960), 90, np.uint8) for _ in range(count)]
 
 
 def test_a_session_without_anybody_ends(photographs: Path, tmp_path: Path, capsys) -> None:
     def session(folder: Path, views: list[Image]) -> int:
         console = Console(as_json=True)
-        return take_views(folder, Target(), Nobody(views), None, None, CalibrationLimits(), console, 0.3)
+        camera, limits = Nobody(views), CalibrationLimits()
+        return take_views(folder, Target(), camera, None, None, limits, console, 5.0, lambda: camera.now)
 
     with pytest.raises(
-        CalibrationRefused, match=r"no view of the target in 0 s; is it the one of the target file"
+        CalibrationRefused, match=r"no view of the target in 5 s; is it the one of the target file"
     ):
         session(tmp_path / "none", [])
     assert not list((tmp_path / "none").iterdir())
     assert session(tmp_path / "one", [read_grey(photographs / "target-001.png")]) == 1
-    assert "no new view for 0 s: going on with 1" in capsys.readouterr().err
+    assert "no new view for 5 s: continuing with 1" in capsys.readouterr().err
     assert [p.name for p in (tmp_path / "one").iterdir()] == ["live-001.png"]

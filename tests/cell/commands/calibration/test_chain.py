@@ -13,7 +13,6 @@ import pytest
 from arm.calibration_file import read_arm_calibration
 from arm.errors import InputError
 from arm.se3 import angle_between, frozen
-from arm_sets import LENS, NOMINAL, TARGETS, Truth, recorded, wide
 from calib.chain.result import ChainCalibration, ChainLimits
 from calib.chain.self_test import SelfTest
 from calib.hand_eye.calibrate import HAND_EYE_LIMITS, HandEye
@@ -23,10 +22,11 @@ from calib.nao.chain import NaoUnknowns
 from calib.recordings.arm import ArmRecording, recording_json
 from cell.commands.calibration import chain as calibratechain
 from cell.commands.calibration.chain import Results, hand_eye_step, kinematic_step, solve_hand_eye
-from command_line import a465
-from found_chains import MORE, Heard, nao_named, refused
-from nao_recordings import as_json, nao_recording
-from recorded_faults import larger
+from recorded.arm_sets import LENS, NOMINAL, TARGETS, Truth, recorded, wide
+from recorded.faults import larger
+from recorded.found_chains import MORE, Heard, nao_named, refused
+from recorded.nao import as_json, nao_recording
+from typed.command_line import a465
 
 
 @pytest.fixture(scope="module")
@@ -228,7 +228,7 @@ def test_a_calibration_file_has_all_that_a_cell_needs(
         "worst_sigmas": 3.1,
         "passed": True,
     }
-    tested = "squared errors are 1.02 of the predicted ones (chance: 0.70 to 1.30), as predicted"
+    tested = "squared errors are 1.02 times the predicted ones (by chance: 0.70 to 1.30), as predicted"
     assert tested in heard.all
     assert f"Self-test:</b> on 4 synthetic twins {tested}" in (tmp_path / "c.html").read_text()
     assert any(line.endswith("25 %") for line in heard.told)
@@ -239,7 +239,7 @@ def test_a_calibration_file_has_all_that_a_cell_needs(
     assert any(line.startswith("written:") for line in heard.told), "over the one of before"
 
 
-UNNAMED = "so no cell takes this calibration"
+UNNAMED = "so no cell accepts this calibration"
 
 
 @pytest.mark.parametrize(
@@ -247,15 +247,18 @@ UNNAMED = "so no cell takes this calibration"
     [
         (
             {},
-            "name it in the cell file of the crs97, relative to that file's folder; if it stands beside it: "
+            "to use it, add to the cell file of the crs97, with the path relative to its folder; in the same folder: "
             'calibration = "c.toml"',
         ),
         (
             {"unit": ""},
-            f"the recording is of no unit, {UNNAMED}: give the recording a key unit (crs93 or crs97)",
+            f"the recording is of no unit, {UNNAMED}: add the arm's unit (crs93 or crs97) to the recording",
         ),
         ({"unit": "mine"}, f"the recording is of unit 'mine', {UNNAMED}"),
-        ({"dh": replace(NOMINAL, d=frozen(NOMINAL.d + 0.1))}, f"are not the numbers of the A465, {UNNAMED}"),
+        (
+            {"dh": replace(NOMINAL, d=frozen(NOMINAL.d + 0.1))},
+            f"are not the parameters of the A465, {UNNAMED}",
+        ),
     ],
 )
 def test_what_is_to_be_done_with_a_calibration_is_told_as_it_is(
@@ -266,7 +269,7 @@ def test_what_is_to_be_done_with_a_calibration_is_told_as_it_is(
     heard = Heard()
     hand_eye_step(data, tmp_path / "out" / "c.toml", None, None, None, heard)
     assert words in heard.told[-1]
-    assert ("name it" in heard.all) == (not changed)
+    assert ("to use it" in heard.all) == (not changed)
 
 
 def test_a_cell_that_is_known_gets_the_name_from_where_it_is(
@@ -285,7 +288,7 @@ def test_a_cell_that_is_known_gets_the_name_from_where_it_is(
         cell_file=cell,
         apply=False,
     )
-    assert heard.told[-1] == f'name it in {cell}: calibration = "../out/c.toml"'
+    assert heard.told[-1] == f'to use it, add to {cell}: calibration = "../out/c.toml"'
 
 
 def test_without_a_file_to_write_none_is_written_and_that_is_told(
@@ -294,7 +297,7 @@ def test_without_a_file_to_write_none_is_written_and_that_is_told(
     heard = Heard()
     result = hand_eye_step(data, None, tmp_path / "r.html", None, None, heard)
     assert (asked[0].limits, asked[0].step) == (HAND_EYE_LIMITS, None)
-    assert "no calibration file was written: -o FILE writes it" in heard.told
+    assert "no calibration file was written; give -o FILE to write one" in heard.told
     assert "id" not in result
     assert {path.name for path in tmp_path.iterdir()} == {"arm.json", "r.html"}
 
@@ -307,7 +310,7 @@ def test_what_is_refused_is_reported_and_neither_tested_nor_written(
     assert result["verdict"] == "refused"
     assert "self_test" not in result
     assert {path.name for path in tmp_path.iterdir()} == {"arm.json", "r.html"}
-    assert "Self-test:</b> not made" in (tmp_path / "r.html").read_text()
+    assert "Self-test:</b> not run" in (tmp_path / "r.html").read_text()
     heard = Heard()
     hand_eye_step(data, None, None, None, None, heard)
     assert "no calibration file" not in heard.all, "as if -o FILE would have written one"
@@ -342,7 +345,7 @@ def test_a_self_test_that_fails_refuses(
         assert (result["verdict"], result["self_test"]["passed"]) == ("refused", False)
         (reason,) = result["reasons"]
         assert "the self-test fails" in reason
-        assert "2.00 of the predicted ones (chance: 0.70 to 1.30), NOT as predicted" in reason
+        assert "2.00 times the predicted ones (by chance: 0.70 to 1.30), NOT as predicted" in reason
         assert f"refused: {reason}; {tmp_path / output} was not written" in told
         assert not (tmp_path / output).exists()
         page = (tmp_path / "c.html").read_text()
@@ -359,7 +362,7 @@ def test_the_result_of_a_nao_is_written_as_it_is_told(
     # images 4 and 11 of the left leg, of which every other image of the file is
     assert result["wrong_images"] == [[8, 22]]
     assert "left out:    8, 22 (images count from 0)" in heard.told
-    assert "without 8, 22 (images count from 0)" in (tmp_path / "found.html").read_text()
+    assert "left out: 8, 22 (images count from 0)" in (tmp_path / "found.html").read_text()
     assert ask.limits == replace(NAO_LIMITS, held_out=pytest.approx(3e-3))
     assert ask.step == pytest.approx(np.radians(0.1))
     assert json.loads((tmp_path / "found.json").read_text()) == result

@@ -10,7 +10,7 @@ import pytest
 
 from arm.errors import InputError
 from arm.io.storage import data_file
-from found_chains import STEPS, Heard, Step
+from recorded.found_chains import STEPS, Heard, Step
 
 
 @STEPS
@@ -19,8 +19,8 @@ from found_chains import STEPS, Heard, Step
     [
         (0.0, None, "--limit-mm 0: must be above 0 mm"),
         (-1.0, None, "--limit-mm -1: must be above 0 mm"),
-        (np.inf, None, "--limit-mm inf: must be above 0 mm, and a number"),
-        (np.nan, None, "--limit-mm nan: must be above 0 mm, and a number"),
+        (np.inf, None, "--limit-mm inf: must be above 0 mm and finite"),
+        (np.nan, None, "--limit-mm nan: must be above 0 mm and finite"),
         (None, -0.1, "--encoder-step-deg -0.1: must be from 0 to 5 deg"),
         (None, 5.1, "--encoder-step-deg 5.1: must be from 0 to 5 deg"),
         (None, np.nan, "--encoder-step-deg nan: must be from 0 to 5 deg"),
@@ -40,10 +40,10 @@ def test_options_are_seen_before_anything_is_read(
     [
         ("data.json", None, "data.json: is read by this command"),
         ("c.toml", "data.json", "data.json: is read by this command"),
-        ("folder", None, "is no ordinary file"),
-        ("c.toml", "folder", "is no ordinary file"),
-        ("page.html", None, "is the name of the report too"),
-        ("c.toml", "folder/../c.toml", "is the name of the report too"),
+        ("folder", None, "is not a regular file"),
+        ("c.toml", "folder", "is not a regular file"),
+        ("page.html", None, "is also the name of the report"),
+        ("c.toml", "folder/../c.toml", "is also the name of the report"),
     ],
 )
 def test_files_that_cannot_be_written_are_refused_before_anything_is_read(
@@ -78,7 +78,7 @@ def test_no_file_of_another_kind_is_written_over(
     there = tmp_path / file.name
     shutil.copyfile(file, there)
     given = (tmp_path / "new.toml", there) if as_report else (there, None)
-    with pytest.raises(InputError, match="that this command wrote, so it is not written over") as told:
+    with pytest.raises(InputError, match="that this command wrote, so it is not overwritten") as told:
         step(tmp_path / "not read.json", *given, None, None, Heard())
     assert str(there) in str(told.value)
     assert there.read_bytes() == file.read_bytes()
@@ -89,7 +89,7 @@ def test_a_name_that_can_have_no_folder_is_refused_before_anything_is_read(
     tmp_path: Path, step: Step
 ) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="nothing can be written in") as told:
+    with pytest.raises(InputError, match="is not writable") as told:
         step(tmp_path / "not read.json", tmp_path / "file" / "x" / "c.toml", None, None, None, Heard())
     assert str(tmp_path / "file") in str(told.value)
 

@@ -17,8 +17,8 @@ from cell.collect.collector import CollectOptions
 from cell.commands.calibration.collect import CollectFiles, collect_step
 from cell.console import Console
 from cell.session.connection import WhichCell
-from collecting import FAST, Heard
-from command_line import a465
+from tasks.collecting import FAST, Heard
+from typed.command_line import a465
 
 HAND = data_file("scenes/targets/hand.toml")
 
@@ -40,15 +40,15 @@ def no_choice(monkeypatch: pytest.MonkeyPatch) -> None:
         ({"seed": -1}, "--seed -1: must be 0 or more"),
         ({"output": None}, "--apply needs -o FILE"),
         ({"output": "camera"}, "camera.toml: is read by this command"),
-        ({"output": "folder"}, "is no ordinary file"),
+        ({"output": "folder"}, "is not a regular file"),
         ({"output": "task"}, "task2.toml: is read by this command"),
         ({"output": "world"}, "task2.world.toml: is read by this command"),
-        ({"output": "board"}, "so it is not written over"),
-        ({"output": "urdf"}, "a465.urdf: is there and is no calibration"),
-        ({"output": "recording"}, "recorded.json: is the recording's name too"),
+        ({"output": "board"}, "so it is not overwritten"),
+        ({"output": "urdf"}, "a465.urdf: exists and is no calibration"),
+        ({"output": "recording"}, "recorded.json: is also the name of an input"),
         ({"step": 6.0}, "--encoder-step-deg 6: must be from 0 to 5 deg"),
         ({"speed": 2.0}, "--speed 2: must be from 0.01 to 1"),
-        ({"recording": "recorded.txt"}, "is a .json file"),
+        ({"recording": "recorded.txt"}, "must end in .json"),
     ],
 )
 def test_what_cannot_be_is_refused_before_anything_opens(
@@ -88,22 +88,22 @@ def test_what_cannot_be_is_refused_before_anything_opens(
 
 def test_options_of_a_collection_go_with_it(tmp_path: Path) -> None:
     _, said = a465("calibrate", "hand-eye", "recorded.json", "--poses", "9", code=2, cwd=tmp_path)
-    assert "--poses: goes with --collect TASK" in said
+    assert "--poses needs --collect TASK" in said
 
 
 @pytest.mark.parametrize(
     ("where", "words"),
     [
         (WhichCell(time_scale=0.0), "time scale = 0: must be from 0.01 to 100"),
-        (WhichCell(port="/dev/none", time_scale=2.0), "--time-scale 2 is of the simulated cell"),
+        (WhichCell(port="/dev/none", time_scale=2.0), "--time-scale 2 is for the simulated cell"),
         (WhichCell(images=Path("shots")), "--images needs --port"),
         (WhichCell(camera="name:a"), "--camera needs --port"),
-        (WhichCell(port="/dev/none", images=Path("shots"), camera="name:a"), "two places for photographs"),
-        (WhichCell(port="/dev/none", images=Path("not there")), "not there: there is no such folder"),
+        (WhichCell(port="/dev/none", images=Path("shots"), camera="name:a"), "give only one source"),
+        (WhichCell(port="/dev/none", images=Path("not there")), "not there: no such folder"),
         (WhichCell(port="/dev/none", camera="colour:red"), "colour"),
-        (WhichCell(port="/dev/none"), "a camera is needed with --port"),
+        (WhichCell(port="/dev/none"), "--port needs a camera"),
         (WhichCell(port="/dev/none", camera="cell"), "camera"),
-        (WhichCell(world=Path("not there.toml")), "there is no such world file"),
+        (WhichCell(world=Path("not there.toml")), "no such world file"),
         (WhichCell(speed=2.0), "--speed 2: must be from 0.01 to 1"),
     ],
 )

@@ -8,7 +8,7 @@ import pytest
 
 from arm.io.storage import data_file
 from cell.commands.calibration.print_target import target_svg
-from command_line import a465
+from typed.command_line import a465
 from vision.targets.target import Target, TargetFinder
 
 PX_PER_MM = 12
@@ -54,4 +54,4 @@ def test_the_command_draws_what_the_hand_is_to_hold(tmp_path: Path) -> None:
     image, _ = drawn((tmp_path / "hand.svg").read_text())
     assert TargetFinder(Target(square=0.012, marker=0.009)).find(image) is not None
     _, told = a465("calibrate", "target", "-o", tmp_path / "target.png", code=2)
-    assert "drawn as .svg" in told
+    assert "must end in .svg" in told

@@ -11,7 +11,7 @@ from driver.emulator import Emulator, EmulatorOptions, Fault, When
 from driver.emulator.faults.line import LineFaults
 from driver.emulator.line.uart import Wire
 from driver.line.stepped_clock import SteppedClock
-from wire_client import SteppedClient
+from wire.client import SteppedClient
 
 
 def acting(*faults: Fault) -> LineFaults:

@@ -17,7 +17,7 @@ from driver.emulator import Emulator, EmulatorOptions
 from driver.emulator.line.uart import Wire
 from driver.line.clock import Clock
 from driver.line.stepped_clock import SteppedClock
-from wire_client import SteppedClient
+from wire.client import SteppedClient
 
 
 class Terminal:
@@ -132,7 +132,7 @@ def test_clients_come_and_go(emulator: Emulator, tmp_path: Path) -> None:
 def test_a_link_that_exists_is_left_alone(emulator: Emulator, tmp_path: Path) -> None:
     link = tmp_path / "mars"
     link.write_text("mine")
-    with pytest.raises(InputError, match="cannot be made a link"):
+    with pytest.raises(InputError, match="cannot link to"):
         emulator.open_pty(link)
     assert link.read_text() == "mine"
 

@@ -1,0 +1,1 @@
+"""Arms, motions and bodies that tests make up, and MuJoCo as their judge."""

@@ -1,0 +1,1 @@
+"""Boards, holes, cubes and targets as images show them, with the truth."""

@@ -1,0 +1,106 @@
+"""Both markers of a board as photographs show them: rendered once in linear light, then exposed in many ways.
+
+Only windows around the markers are drawn. Light goes through the lens's blur, is brightened, clipped at the sensor's
+end, bent by a gamma curve, and gets noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from arm.board import Board
+from arm.se3 import Array, frozen
+from cell.scene.bodies import plate_body
+from pictures.boards import TABLE, lab_camera, window
+from render.renderer import PlacedBoard, render, with_noise
+from vision.camera.model import Camera
+from vision.markers.detect import Marker, detect_markers
+
+MARGIN_PX = 48.0
+
+
+@dataclass(frozen=True, eq=False)
+class Pane:
+    """The part of the image around one marker: its first pixel, camera, and light (h, w), 255 is the sensor's end."""
+
+    first_px: Array
+    camera: Camera
+    light: np.ndarray[tuple[int, int], np.dtype[np.float32]]
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """How photographs are taken.
+
+    Attributes:
+        gain: of the light, before it is clipped.
+        gamma: exponent of the curve after that.
+        blur_px: standard deviation of the lens's blur.
+        gains: of each marker on top, as uneven light gives them; between them it changes evenly.
+        glare: extra light in a spot beside a side of the first marker: grey levels, distance from the side and
+            standard deviation of the spot in marker sides, and which side; None for none.
+        noise: grey levels.
+        frames: photographs.
+    """
+
+    gain: float = 1.0
+    gamma: float = 1.0
+    blur_px: float = 0.7
+    gains: tuple[float, float] = (1.0, 1.0)
+    glare: tuple[float, float, float, int] | None = None
+    noise: float = 2.0
+    frames: int = 3
+
+
+def panes(board: Board, T_base_board: Array) -> list[Pane]:
+    """The light around each marker of a board before the lab's camera, before the lens's blur."""
+    camera, found = lab_camera(), []
+    for outline in board.marker_corners():
+        pixels = camera.project_base(outline @ T_base_board[:3, :3].T + T_base_board[:3, 3])
+        low = np.maximum(np.floor(pixels.min(axis=0) - MARGIN_PX), 0.0)
+        high = np.minimum(np.ceil(pixels.max(axis=0) + MARGIN_PX), camera.size)
+        width, height = (int(v) for v in high - low)
+        cut = window(camera, low, (width, height))
+        scene = [TABLE, plate_body(board.name, T_base_board)]
+        light = render(cut, scene, [PlacedBoard(board, T_base_board)], "DICT_4X4_50", psf_px=0.0)
+        found.append(Pane(low, cut, np.asarray(light, dtype=np.float32)))
+    return found
+
+
+def photographed(
+    board: Board, around: list[Pane], of: Exposure, rng: np.random.Generator
+) -> list[list[Marker]]:
+    """What is detected of a board's markers in photographs."""
+    frames: list[list[Marker]] = [[] for _ in range(of.frames)]
+    middles = np.array([pane.first_px + np.array(pane.camera.size) / 2.0 for pane in around])
+    along = middles[1] - middles[0]
+    for number, pane in enumerate(around):
+        light = np.asarray(cv2.GaussianBlur(pane.light, (0, 0), of.blur_px), dtype=float)
+        height, width = light.shape
+        places = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1) + pane.first_px
+        share = (places - middles[0]) @ along / (along @ along)
+        light = light * (of.gains[0] + share * (of.gains[1] - of.gains[0]))
+        if of.glare is not None and number == 0:
+            light = light + _glare(pane, places, of.glare)
+        seen = 255.0 * (np.clip(of.gain * light, 0.0, 255.0) / 255.0) ** of.gamma
+        for frame in frames:
+            image = with_noise(seen.astype(np.float32), rng, of.noise)
+            wanted = board.marker_ids[number]
+            frame += [_moved(m, pane) for m in detect_markers(image, pane.camera) if m.id == wanted]
+    return frames
+
+
+def _moved(marker: Marker, pane: Pane) -> Marker:
+    return replace(marker, corners_px=frozen(marker.corners_px + pane.first_px))
+
+
+def _glare(pane: Pane, places: Array, glare: tuple[float, float, float, int]) -> Array:
+    grey, away, spread, side = glare
+    size = min(pane.camera.size) - 2.0 * MARGIN_PX  # about a marker, whichever way it is turned
+    direction = np.array([np.cos(side * np.pi / 2.0), np.sin(side * np.pi / 2.0)])
+    middle = pane.first_px + np.array(pane.camera.size) / 2.0 + (0.5 + away) * size * direction
+    distance = ((places - middle) ** 2).sum(axis=-1)
+    return np.asarray(grey * np.exp(-0.5 * distance / (spread * size) ** 2))

@@ -1,0 +1,1 @@
+"""Recordings for calibrations, drawn from stated truths."""

@@ -1,0 +1,1 @@
+"""What a user types or writes: commands, files, the documentation's commands."""

@@ -1,0 +1,395 @@
+"""What the documentation tells a reader to type: found in its pages, and typed by someone who has no arm.
+
+A page is followed in its order, in a folder of its own with the scenes. The real arm is an emulated unit in a process
+of its own, a camera the photographs that this unit's cell gives, or pylon's emulated camera where no arm is in play.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pictures.boards import smaller
+from pictures.cameras import SERIAL
+from tasks.small import small_scenes
+from typed.command_line import a465, replace_in
+from vision.camera.model import read_camera, write_camera
+
+ROOT = Path(__file__).resolve().parents[3]
+SHELL = ("", "sh", "bash", "shell", "console")
+FIRST = ("a465", "python", "make", "cp", ".", "export", ".venv/bin/pytest")
+TIME_SCALE = 3.0  # of emulated units, which draw photographs meanwhile, and of their clients' clocks
+FASTER = 20.0  # of the simulated cell
+POSES = 8  # of a target in the hand
+VIEWS = 20  # of a target, enough for a lens
+SPEED = 1.0  # in place of any --speed
+LINK = "dev-mars"  # in place of /dev/mars
+WAIT_S = 300.0  # wall time
+IN_PLACE_OF = {"TASK": "scenes/task2.toml"}
+_FENCE = re.compile(
+    r"^(?P<indent> *)```(?P<language>[\w{}-]*)[^\n]*\n(?P<text>.*?)^(?P=indent)```", re.M | re.S
+)
+_FILE = re.compile(r"<!-- file: (\S+) -->\s*\Z")
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block of a page.
+
+    Attributes:
+        line: of the page on which its first line stands, from 1.
+        language: that its fence names.
+        text: between the fences.
+        file: name under which the page says that it is to be kept, or "".
+    """
+
+    line: int
+    language: str
+    text: str
+    file: str
+
+
+@dataclass(frozen=True)
+class Command:
+    """A line to type: its words without the comment, and the exit code that the comment tells."""
+
+    line: int
+    words: tuple[str, ...]
+    code: int
+
+
+def pages() -> list[Path]:
+    """Of the documentation, the README first; not those that Sphinx makes."""
+    docs = ROOT / "docs"
+    made = (docs / "_build", docs / "api")
+    found = (page for page in sorted(docs.rglob("*.md")) if not any(page.is_relative_to(m) for m in made))
+    return [ROOT / "README.md", *found]
+
+
+def blocks(text: str) -> list[Block]:
+    """All fenced blocks, in order."""
+    found = []
+    for fence in _FENCE.finditer(text):
+        kept = _FILE.search(text[: fence.start()])
+        line = text[: fence.start("text")].count("\n") + 1
+        inside = re.sub(rf"^{fence['indent']}", "", fence["text"], flags=re.M)
+        found.append(Block(line, fence["language"], inside, kept[1] if kept else ""))
+    return found
+
+
+def commands(block: Block) -> list[Command]:
+    """The lines of a block that are to be typed. Of a block that says it is a shell's, every line must be one.
+
+    Raises:
+        ValueError: a line of a shell's block begins with no command that is known.
+    """
+    if block.language not in SHELL or block.file:
+        return []
+    found = []
+    for number, line in enumerate(block.text.splitlines(), start=block.line):
+        words = tuple(shlex.split(line.removeprefix("$ "), comments=True))
+        if not words:
+            continue
+        if words[0] not in FIRST:
+            if block.language:
+                raise ValueError(f"line {number}: nobody knows how to check {line!r}")
+            continue
+        told = re.search(r"#.*exit code (\d)", line)
+        found.append(Command(number, words, int(told[1]) if told else 0))
+    return found
+
+
+def told_by_the_way(text: str) -> list[tuple[str, ...]]:
+    """Words of the commands that stand inside sentences of a page, as ``a465 look`` may."""
+    prose = re.sub(r"^ *```.*?^ *```", "", text, flags=re.M | re.S)
+    return [tuple(shlex.split(found)[1:]) for found in re.findall(r"`(a465 [^`|]+)", prose)]
+
+
+def unknown_to(command: Any, words: tuple[str, ...]) -> list[str]:
+    """Verbs and options that a command line does not have.
+
+    Args:
+        command: of typer, with all its verbs.
+        words: after ``a465``.
+    """
+    for word in words:
+        if hasattr(command, "commands") and not word.startswith("-"):
+            if word not in command.commands:
+                return [word]
+            command = command.commands[word]
+    options = {name for p in command.params for name in (*p.opts, *p.secondary_opts)}
+    inner = getattr(command, "commands", {})
+    options |= {name for c in inner.values() for p in c.params for name in p.opts}
+    used = (word.partition("=")[0] for word in words if word.startswith("-") and not word[1:2].isdigit())
+    return [word for word in used if word not in options]
+
+
+def options_of(script: Path) -> set[str]:
+    """Names of the options that a script's parser knows."""
+    calls = (node for node in ast.walk(ast.parse(script.read_text())) if isinstance(node, ast.Call))
+    return {
+        argument.value
+        for call in calls
+        if isinstance(call.func, ast.Attribute) and call.func.attr == "add_argument"
+        for argument in call.args
+        if isinstance(argument, ast.Constant) and isinstance(argument.value, str)
+    }
+
+
+def require_script(words: tuple[str, ...]) -> None:
+    """A script is there and its parser knows the options; it is not run."""
+    script = ROOT / words[1]
+    assert script.is_file(), f"there is no {words[1]}"
+    unknown = {word.partition("=")[0] for word in words[2:] if word.startswith("-")} - options_of(script)
+    assert not unknown, f"{words[1]} has no {', '.join(sorted(unknown))}"
+
+
+def require_target(name: str) -> None:
+    """The Makefile has a target of this name."""
+    assert re.search(rf"^{re.escape(name)}:", (ROOT / "Makefile").read_text(), re.M), f"no target {name}"
+
+
+@dataclass
+class Reader:
+    """Someone who types what a page says, one line after the other.
+
+    Attributes:
+        folder: gets the scenes, and everything that the commands write.
+        export: takes the name and the value of what is exported.
+    """
+
+    folder: Path
+    export: Callable[[str, str], None]
+    said: str = ""
+    _units: dict[str, subprocess.Popen[str]] = field(default_factory=dict)
+    _shots: dict[str, str] = field(default_factory=dict)
+    _codes: dict[str, str] = field(default_factory=dict)
+    _typed: set[tuple[str, ...]] = field(default_factory=set)
+    _on_pages_before: frozenset[tuple[str, ...]] = frozenset()
+    _task: str = "scenes/task2.toml"
+    _real: tuple[str, str] | None = None
+
+    def __post_init__(self) -> None:
+        scenes = small_scenes(self.folder)
+        self._cheapen(scenes / "uncalibrated")
+        self._with_few_cubes(scenes)
+
+    def _cheapen(self, cell_folder: Path) -> None:
+        """A cell whose camera costs less."""
+        write_camera(cell_folder / "camera.toml", smaller(read_camera(cell_folder / "camera.toml"), 0.5))
+        replace_in(cell_folder / "cell.toml", "photographs = 5", "photographs = 2")
+
+    def _with_few_cubes(self, scenes: Path) -> None:
+        """One to a board, and not four."""
+        for world in scenes.rglob("*.world.toml"):
+            replace_in(world, "cubes = [1, 2, 3, 4]", "cubes = [1]")
+
+    def type(self, command: Command) -> None:
+        """Do what a line says, unless a page before has said the same word for word.
+
+        Raises:
+            AssertionError: it ends otherwise than the page says.
+        """
+        if command.words in self._on_pages_before and "--port" not in command.words:
+            return
+        self._typed.add(command.words)
+        match command.words:
+            case ("a465", "emulate", *options):
+                self._emulate(list(options))
+            case ("a465", *words):
+                self._a465(list(words), command.code)
+            case ("python", *_):
+                require_script(command.words)
+            case (".venv/bin/pytest", test, *_):
+                assert (ROOT / test).is_file(), f"there is no {test}"
+            case ("make", *targets):
+                for target in targets:
+                    require_target(target)
+            case ("cp", "-r", source, copy):
+                shutil.copytree(self.folder / source, self.folder / copy)
+            case ("export", setting):
+                name, _, value = setting.partition("=")
+                self.export(name, value)
+            case (".", ".venv/bin/activate"):
+                pass
+            case _:
+                raise AssertionError(f"nobody knows how to type {' '.join(command.words)}")
+
+    def turn_the_page(self) -> None:
+        """The next line is of another page."""
+        self._on_pages_before = frozenset(self._typed)
+
+    def with_an_emulated_port(self, code: str) -> str:
+        """Python for the port of a real arm, for that of an emulated one."""
+        if '"/dev/mars"' not in code:
+            return code
+        if LINK not in self._units:
+            self._emulate(["--link", LINK])
+        return code.replace("/dev/mars", LINK)
+
+    def close(self) -> None:
+        """End the units, and see that none ended badly."""
+        for link in list(self._units):
+            self._end(link)
+
+    def _a465(self, words: list[str], code: int) -> None:
+        words = [IN_PLACE_OF.get(word, word) for word in words]
+        self._task = next((word for word in words if re.search(r"task\d\.toml$", word)), self._task)
+        self._with_an_emulated_arm(words)
+        self._shortened(words)
+        self.said += "".join(a465(*words, code=code, cwd=self.folder))
+        if words[0] in ("doctor", "calibrate") and LINK in self._units:
+            self._end(LINK)  # nobody asks for its photographs until the next command begins with another
+            self._real = None
+        if words[0] == "new-cell":
+            self._cheapen(self.folder / words[1])
+            self._with_few_cubes(self.folder / words[1])
+        if words[0] == "preview" and words[1].endswith(".json"):
+            page = Path(_value(words, "-o") or str(Path(words[1]).with_suffix(".html")))
+            shown = re.search(r'"code": ?"(\w{4}-\w{4})"', (self.folder / page).read_text())
+            assert shown, f"{page} shows no code"
+            self._codes[words[1]] = shown[1]
+
+    def _with_an_emulated_arm(self, words: list[str]) -> None:
+        """Port, camera and code as a reader without an arm has them."""
+        port, camera = _value(words, "--port"), _value(words, "--camera")
+        if port == "/dev/mars":
+            port = LINK
+            hand = _value(words, "--target") or "scenes/targets/hand.toml" if "--collect" in words else ""
+            self._real_unit(self._task, hand)
+        if port:
+            assert port in self._units, f"no emulated unit of this page is on {port}"
+            _set(words, "--port", port)
+        if camera and port and words[0] != "doctor":
+            words[words.index("--camera")] = "--images"
+            _set(words, "--images", self._shots[port])
+        elif camera and words[:2] == ["calibrate", "camera"]:
+            words[words.index("--camera")] = "--simulated"
+            _set(words, "--simulated", self._task)
+            self._views_before(words)
+        elif camera:
+            _set(words, "--camera", SERIAL)
+            self._give_photographs()
+        if "--homed" in words:
+            words.remove("--homed")  # the emulated unit was just switched on
+        if port and (words[0] == "run" or "--collect" in words) and "--unseen" not in words:
+            words.append("--unseen")  # a terminal would ask
+        if words[0] == "execute" and port:
+            assert words[1] in self._codes, f"the code of {words[1]} is asked for, and no preview was written"
+            if "--yes" not in words:
+                words += ["--yes", ""]
+            _set(words, "--yes", self._codes[words[1]])
+
+    def _real_unit(self, task: str, hand: str) -> None:
+        """What is on /dev/mars: among the boards of a task, with or without a target in its hand."""
+        if self._real == (task, hand):
+            return
+        self._real = (task, hand)
+        held = ["--hand", hand] if hand else []
+        self._emulate(["--task", task, "--photographs", "shots", "--link", LINK, *held])
+
+    def _give_photographs(self) -> None:
+        """To pylon's emulated camera, by the cell file, as docs/cameras.md says."""
+        self.export("PYLON_CAMEMU", "1")
+        cell = self.folder / Path(self._task).parent / "cell.toml"
+        folder = cell.parent / "seen"
+        if folder.exists():
+            return
+        a465("render", self._task, "-o", folder, cwd=self.folder)
+        camera = next(
+            p for p in (cell.with_name("camera.toml"), cell.parent / "cameras/lab.toml") if p.exists()
+        )
+        width, height = read_camera(camera).size
+        replace_in(
+            cell,
+            "\n[motion]",
+            f'\n[look.basler]\nfeatures = {{ TestImageSelector = "Off", ImageFilename = "{folder}", '
+            f'ImageFileMode = "On", Width = {width}, Height = {height} }}\n\n[motion]',
+        )
+
+    def _views_before(self, words: list[str]) -> None:
+        """A session that goes on with the views of one before takes less than all of it."""
+        target = _value(words, "--target") or "charuco"
+        views = ("--target", target, "--count", VIEWS, "-o", words[2])
+        a465("render", self._task, *views, cwd=self.folder)
+
+    def _shortened(self, words: list[str]) -> None:
+        """The same in less time."""
+        collects = "--collect" in words
+        if (words[0] in ("run", "execute") or collects) and "--port" not in words:
+            words += ["--time-scale", f"{FASTER:g}"]
+        if "--speed" in words and words[0] == "execute":  # which only lowers the plan's
+            place = words.index("--speed")
+            del words[place : place + 2]
+        elif "--speed" in words:
+            _set(words, "--speed", f"{SPEED:g}")
+        if collects and "--poses" not in words:
+            words += ["--poses", str(POSES)]
+
+    def _emulate(self, options: list[str]) -> None:
+        link = _value(options, "--link") or "no link"
+        if link in self._units:
+            self._end(link)
+        if _value(options, "--time-scale"):
+            place = options.index("--time-scale")
+            del options[place : place + 2]
+        program = [sys.executable, "-c", "from cell.cli.start import main; main()", "emulate"]
+        unit = subprocess.Popen(
+            [*program, *options, "--time-scale", f"{TIME_SCALE:g}"],
+            cwd=self.folder,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self._units[link] = unit
+        assert unit.stdout is not None
+        first = unit.stdout.readline()
+        self.said += first
+        assert " on " in first, f"the unit does not say where it is: {unit.communicate(timeout=180)}"
+        shots = _value(options, "--photographs")
+        if shots:
+            self._shots[link] = shots
+            self._wait_for_photographs(self.folder / shots)
+
+    def _wait_for_photographs(self, folder: Path) -> None:
+        """As long as a person takes for the next line."""
+        end = time.monotonic() + WAIT_S
+        while not (folder.is_dir() and len(list(folder.glob("*.png"))) >= 2):
+            assert time.monotonic() < end, f"no photographs came into {folder.name}"
+            time.sleep(0.05)
+
+    def _end(self, link: str) -> None:
+        unit = self._units.pop(link)
+        unit.send_signal(signal.SIGINT)
+        said, errors = unit.communicate(timeout=180)
+        self.said += said
+        assert (unit.returncode, errors) == (0, ""), f"the unit on {link} ended badly: {errors}"
+
+
+def _value(words: list[str], option: str) -> str | None:
+    """What follows an option, or None."""
+    return (
+        words[words.index(option) + 1] if option in words and words.index(option) + 1 < len(words) else None
+    )
+
+
+def _set(words: list[str], option: str, value: str) -> None:
+    words[words.index(option) + 1] = value
+
+
+def followed(page: Path) -> Iterator[Block | Command]:
+    """What a page has its reader do, in order: lines to type, files to keep, and what is to be seen then."""
+    for block in blocks(page.read_text()):
+        if block.file or block.language in ("python", "text"):
+            yield block
+        yield from commands(block)

@@ -1,0 +1,1 @@
+"""The emulated unit from outside: clients, faults, damage and logs."""
