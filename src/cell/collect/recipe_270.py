@@ -25,14 +25,10 @@ J1_TURN, J1_TURNS = np.radians(1.5), 25  # between rows, and rows to each side
 WRIST_STEP = np.radians([2.5, 0.875, 2.5])  # of J4, J5 and J6, between poses of a row
 LONGEST_ROW = 60
 OTHER_EVERY = 5
-SHIFT, LEAN = (
-    np.radians(3.0),
-    np.radians(10.0),
-)  # largest change of J2 and J3, and of J4 to J6, in every fifth pose
+SHIFT, LEAN = np.radians((3.0, 10.0))  # largest change of J2 and J3, and of J4 to J6, in every fifth pose
 _YAWS = 24  # tried for the first target
-_PLACES = tuple(
-    np.array(p) for p in [(0.5, 0.5), (0.3, 0.5), (0.7, 0.5), (0.5, 0.3), (0.5, 0.7)]
-)  # of the image
+# Of the image.
+_PLACES = tuple(np.array(p) for p in [(0.5, 0.5), (0.3, 0.5), (0.7, 0.5), (0.5, 0.3), (0.5, 0.7)])
 _LEANS = tuple(
     np.radians(d) * np.array(a) for d in (0, 15, 30, 45) for a in [(1, 0), (-1, 0), (0, 1), (0, -1)]
 )

@@ -154,9 +154,8 @@ def _split_matrix(count: int) -> Array:
     """Return matrices (count, 4, 4) from the control points of a cubic to those of its equal parts."""
     if count == 1:
         return np.eye(4)[None]
-    left = (
-        np.array([[8, 0, 0, 0], [4, 4, 0, 0], [2, 4, 2, 0], [1, 3, 3, 1]]) / 8.0
-    )  # de Casteljau at the middle
+    # de Casteljau at the middle
+    left = np.array([[8, 0, 0, 0], [4, 4, 0, 0], [2, 4, 2, 0], [1, 3, 3, 1]]) / 8.0
     right = left[::-1, ::-1]
     finer = _split_matrix(count // 2)
     return np.concatenate([mul(finer, left), mul(finer, right)])

@@ -36,15 +36,8 @@ from plan.trajectory.time_estimates import path_time, path_times
 from plan.transit.optimise import Ends, TransitOptimiser
 from plan.transit.rrt_connect import RrtConnect
 
-_FIRST_LOOKS = (
-    0.5,
-    0.25,
-    0.75,
-    0.125,
-    0.375,
-    0.625,
-    0.875,
-)  # fractions of a line to sample before a certificate
+# Fractions of a line to sample before a certificate.
+_FIRST_LOOKS = 0.5, 0.25, 0.75, 0.125, 0.375, 0.625, 0.875
 # Durations of paths, relative to the straight one: above the first the search goes on, up to the second it ends.
 _POOR = 1.25
 _ALMOST = 1.1

@@ -69,10 +69,7 @@ def seen(scenes: Path, task: Task) -> Seen:
 
 def _changed_digits(text: str) -> Iterator[dict[str, Any]]:
     """The JSON value with each of its digits (hexadecimal ones too, in hashes) changed, where that is still JSON."""
-    digits, inside = (
-        "0123456789abcdef",
-        False,
-    )  # a quoted text: only hashes and such have digits that are letters
+    digits, inside = "0123456789abcdef", False  # a quoted text: only there, letters are digits
     for i, c in enumerate(text):
         inside ^= c == '"'
         if c not in digits or (c.isalpha() and not inside):

@@ -256,7 +256,10 @@ def test_a_session_without_anybody_ends(photographs: Path, tmp_path: Path, capsy
     def session(folder: Path, views: list[Image]) -> int:
         console = Console(as_json=True)
         camera, limits = Nobody(views), CalibrationLimits()
-        return take_views(folder, Target(), camera, None, None, limits, console, 5.0, lambda: camera.now)
+        try:
+            return take_views(folder, Target(), camera, None, None, limits, console, 5.0, lambda: camera.now)
+        finally:
+            assert camera.now <= 1.0 + 2.0 * len(views) + 6.0
 
     with pytest.raises(
         CalibrationRefused, match=r"no view of the target in 5 s; is it the one of the target file"
