@@ -40,6 +40,7 @@ from arm.controller.unit import Limits, Unit, load_unit
 from arm.errors import ExecutionStopped
 from arm.robot.model import Robot, load_a465
 from arm.se3 import Array
+from arms.blended_paths import time_blended
 from arms.count_paths import departures
 from driver.emulator import Emulator, EmulatorOptions
 from driver.emulator.line.memory import MemoryLine
@@ -48,7 +49,6 @@ from driver.execution.stream import stream
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
 from plan.trajectory.integer_segments import to_segments
-from plan.trajectory.timing import time_path
 from wire.line_damage import ANSWER, KINDS, SEGMENT, BitErrors, Damage, Kind
 
 UNITS = ("crs93", "crs97")
@@ -121,7 +121,7 @@ def motion(unit: Unit, seed: int) -> CountPath:
     q = begin + np.outer(share, unit.soft_home - begin)
     q[1] += np.radians(rng.uniform(-4.0, 4.0, 6))
     q[-1] = unit.positions(unit.counts(q[-1]))
-    return to_segments(time_path(q, limits), unit, 100, limits=sent)
+    return to_segments(time_blended(q, limits), unit, 100, limits=sent)
 
 
 @cache

@@ -29,6 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 from arm.controller.segments import CountPath
 from arm.controller.unit import Limits, Unit, load_unit
 from arm.se3 import Array
+from arms.blended_paths import time_blended
 from arms.count_paths import off_path_deg
 from driver.emulator import Emulator, EmulatorOptions
 from driver.emulator.commands import Interpreter
@@ -158,7 +159,8 @@ def planned(unit: Unit, seed: int, start: tuple[int, ...], options: argparse.Nam
         step = rng.normal(size=6) * limits.velocity * rng.uniform(0.3, 1.5)
         q.append(np.clip(q[-1] + step, limits.lower + ROOM, limits.upper - ROOM))
     q[-1] = unit.positions(unit.counts(q[-1]))
-    trajectory = time_path(np.array(q), limits, corners=str(rng.choice(["blend", "stop"])))
+    timed = time_path if str(rng.choice(["blend", "stop"])) == "stop" else time_blended
+    trajectory = timed(np.array(q), limits)
     return to_segments(trajectory, unit, options.segment_ms, limits=sent)
 
 

@@ -23,9 +23,9 @@ from plan.collision.certificate import ClearanceCertificate, certify_move
 from plan.collision.world import World
 from plan.options import PlanOptions
 from plan.trajectory.integer_segments import LineTolerance, MarksTooNear, to_marked_segments, to_segments
-from plan.trajectory.jerk_limited import time_joined, time_smooth
+from plan.trajectory.jerk_limited import time_smooth
 from plan.trajectory.joint_path import joined, polyline, smooth_path
-from plan.trajectory.timing import time_line, time_path
+from plan.trajectory.timing import time_curve, time_line, time_path
 
 _BLENDS = (1.0, 0.4, 0.15)  # factors on the duration of blends, in the order of the attempts
 
@@ -126,7 +126,7 @@ class MotionBuilder:
             self.tool_speed,
             blend,
         )
-        trajectory = time_joined(path, self.planned)
+        trajectory = time_curve(path.path, self.planned, path.caps)
         marks = [mark for mark, phase in zip(path.marks, (before, after), strict=True) if phase]
         try:
             sent = to_marked_segments(
@@ -163,7 +163,7 @@ class MotionBuilder:
         q = self.unit.positions(self.unit.counts(leg.waypoints))
         if len(q) > 2 or not np.array_equal(q[0], q[-1]):
             trajectory = (
-                time_path(q, self.planned, corners="stop")
+                time_path(q, self.planned)
                 if self.jerk is None
                 else time_smooth(polyline(q), self.planned, self.jerk)
             )

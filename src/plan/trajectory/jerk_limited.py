@@ -25,8 +25,8 @@ import ruckig
 from arm.controller.unit import Limits
 from arm.errors import ImpossibleError, InputError
 from arm.se3 import Array, frozen
-from plan.trajectory.joint_path import Joined, Path
-from plan.trajectory.timing import Caps, State, Trajectory, rate_caps, time_curve
+from plan.trajectory.joint_path import Path
+from plan.trajectory.timing import Caps, State, Trajectory, rate_caps
 
 _SAMPLES = 400  # places between knots where limits are checked
 _ROOM = 1.001  # factor on sampled loads, which may be slightly larger between samples
@@ -218,16 +218,3 @@ def _profile(length: float, velocity: float, acceleration: float, jerk: float) -
     if not keep[-1]:
         keep[np.flatnonzero(keep)[-1]], keep[-1] = False, True
     return np.stack([t * second, p * length, v * velocity, a * length / second**2])[:, keep]
-
-
-def time_joined(joined: Joined, limits: Limits, jerk: Array | None = None) -> Trajectory:
-    """Time the lines and transits joined by `plan.trajectory.joint_path.joined`, from rest to rest.
-
-    Args:
-        joined: the path.
-        limits: limits of velocity and acceleration.
-        jerk: limits (n,) in rad/s^3, with which the motion stops where lines and blends begin; or None.
-    """
-    if jerk is not None:
-        return time_smooth(joined.path, limits, jerk, joined.caps)
-    return time_curve(joined.path, limits, joined.caps)

@@ -87,47 +87,6 @@ def polyline(q: npt.ArrayLike) -> Path:
     return PPoly(np.stack([np.diff(points, axis=0) / lengths[:, None], points[:-1]]), s)
 
 
-def blended(q: npt.ArrayLike, deviation: float) -> Path:
-    """Connect way-points q (m, n) by straight pieces and parabolas at most `deviation` rad (Euclidean) off the corners.
-
-    In a parabola that begins and ends at a distance l from its corner, the direction changes at a constant rate from
-    d0 to d1, and the curve passes the corner at a distance of |d1 - d0| l / 4.
-
-    Raises:
-        InputError: fewer than two different way-points, or a deviation that is not positive.
-    """
-    if not deviation > 0.0:
-        raise InputError(
-            f"blend = {deviation:g} rad: must be positive; use corners='stop' for sharp corners",
-            value=deviation,
-        )
-    points = _distinct(q)
-    steps = np.diff(points, axis=0)
-    lengths = np.linalg.norm(steps, axis=1)
-    directions = steps / lengths[:, None]
-    bends = np.diff(directions, axis=0)
-    sharpness = np.linalg.norm(bends, axis=1)
-    room = np.minimum(lengths[:-1], lengths[1:]) / 2.0
-    cut = np.minimum(room, 4.0 * deviation / np.maximum(sharpness, 1e-12))
-    cut[sharpness < 1e-9] = 0.0
-    before, after = np.concatenate([[0.0], cut]), np.concatenate([cut, [0.0]])
-
-    pieces: list[tuple[float, Array]] = []
-    for i, (start, direction) in enumerate(zip(points[:-1], directions, strict=True)):
-        straight = lengths[i] - before[i] - after[i]
-        if straight > _SAME:
-            pieces.append((straight, np.stack([0.0 * direction, direction, start + before[i] * direction])))
-        if i < len(cut) and cut[i] > 0.0:
-            pieces.append(
-                (
-                    2 * cut[i],
-                    np.stack([bends[i] / (4 * cut[i]), direction, points[i + 1] - cut[i] * direction]),
-                )
-            )
-    s = np.concatenate([[0.0], np.cumsum([length for length, _ in pieces])])
-    return PPoly(np.stack([c for _, c in pieces], axis=1), s)
-
-
 def _distinct(q: npt.ArrayLike) -> Array:
     points = np.atleast_2d(np.asarray(q, dtype=float))
     keep = np.ones(len(points), dtype=bool)

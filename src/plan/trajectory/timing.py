@@ -19,10 +19,9 @@ from arm.controller.unit import Limits
 from arm.errors import InputError
 from arm.se3 import Array, frozen
 from plan.cartesian.line import JointPath
-from plan.trajectory.joint_path import Path, blended, polyline, smooth_path
+from plan.trajectory.joint_path import Path, polyline, smooth_path
 from plan.trajectory.topp_ra import gridpoints, parametrise
 
-CORNERS = ("blend", "stop")
 Caps = float | Array | None  # on the rate of the path parameter, for a whole path or for each piece of it
 
 GRID = 200  # intervals over all curved pieces; fewer give slower motions
@@ -159,25 +158,13 @@ class Peaks:
         return max(1.0, self.velocity, float(np.sqrt(self.acceleration)))
 
 
-def time_path(q: npt.ArrayLike, limits: Limits, corners: str = "blend", blend: float = 0.02) -> Trajectory:
-    """Time the straight joint-space pieces between way-points, from rest to rest.
-
-    Args:
-        q: way-points (m, n) rad, m >= 2.
-        limits: limits of velocity and acceleration.
-        corners: ``stop``: exactly on the pieces, with a stop at each corner; ``blend``: round each corner, at most
-            `blend` off it.
-        blend: rad, Euclidean in joint space.
+def time_path(q: npt.ArrayLike, limits: Limits) -> Trajectory:
+    """Time the straight joint-space pieces between way-points q (m, n) rad, with a stop at each corner.
 
     Raises:
-        InputError: fewer than two different way-points, or an unknown `corners`.
+        InputError: fewer than two different way-points.
     """
-    if corners not in CORNERS:
-        raise InputError(f"corners = {corners!r}: must be one of {', '.join(CORNERS)}", corners=corners)
-    straight = polyline(q)
-    if corners == "stop" or len(straight.x) == 2:
-        return _trapezoids(straight, limits)
-    return time_curve(blended(q, blend), limits)
+    return _trapezoids(polyline(q), limits)
 
 
 def time_line(path: JointPath, limits: Limits, tool_speed: float | None = None) -> Trajectory:

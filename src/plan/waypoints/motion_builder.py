@@ -189,7 +189,7 @@ class PoseMotionBuilder:
             trajectory = time_line(piece.line.path, self.planned, piece.line.speed)
         else:
             q = self.unit.positions(self.unit.counts([] if piece.way is None else piece.way))
-            trajectory = time_path(q, self.planned, corners="stop")
+            trajectory = time_path(q, self.planned)
         path = to_segments(
             trajectory, self.unit, self.options.segment_ms, limits=self.sent, deviation=self.deviation
         )

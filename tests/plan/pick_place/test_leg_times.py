@@ -12,8 +12,8 @@ from arm.se3 import Array, frozen
 from plan.cartesian.line import JointPath, follow_line
 from plan.cartesian.reachability import GraspCandidate, reach
 from plan.pick_place.leg_times import LineEnds, leg_bounds, leg_times, line_ends, standing
-from plan.trajectory.jerk_limited import time_joined
 from plan.trajectory.joint_path import joined
+from plan.trajectory.timing import time_curve
 from tasks.task2 import Q_START, Task2, task2
 
 OFFSET = 0.1
@@ -59,7 +59,8 @@ def timed(
     """Of the motion along a line, through way-points and along another line (or home), as it would be planned, s."""
     last = None if into is None else JointPath(frozen(into.q[::-1]), frozen(into.s[-1] - into.s[::-1]))
     goal = np.array(Q_START) if last is None else last.q[0]
-    return time_joined(joined(out, np.stack([out.q[-1], *way, goal]), last, limits, cap), limits).duration
+    path = joined(out, np.stack([out.q[-1], *way, goal]), last, limits, cap)
+    return time_curve(path.path, limits, path.caps).duration
 
 
 @pytest.mark.parametrize("speed", SPEEDS)

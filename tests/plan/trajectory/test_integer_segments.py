@@ -13,6 +13,7 @@ from arm.controller.unit import Limits, Unit
 from arm.errors import ImpossibleError, InputError
 from arm.robot.model import Robot
 from arm.se3 import rot_x, rot_z, rotation, transform
+from arms.blended_paths import time_blended
 from plan.cartesian.line import JointPath, Line, follow_line
 from plan.cartesian.reachability import reach
 from plan.kinematics.product_of_exponentials import product_of_exponentials
@@ -27,10 +28,9 @@ from plan.trajectory.integer_segments import (
     to_marked_segments,
     to_segments,
 )
-from plan.trajectory.jerk_limited import time_joined
 from plan.trajectory.joint_path import Joined, joined
 from plan.trajectory.rounding import VERTEX_S
-from plan.trajectory.timing import time_line, time_path
+from plan.trajectory.timing import time_curve, time_line
 
 
 def _planned(limits: Limits) -> Limits:
@@ -74,7 +74,7 @@ def test_random_moves_keep_every_limit(unit: Unit, speed: float) -> None:
         q = rng.uniform(limits.lower, limits.upper, (2, 6))
         if k % 3 == 0:
             q[1] = np.clip(q[0] + rng.normal(0, 0.02, 6), limits.lower, limits.upper)  # short moves too
-        trajectory = time_path(q, _planned(limits))
+        trajectory = time_blended(q, _planned(limits))
         path = to_segments(trajectory, unit, limits=limits)
         _check_chain(path, unit, q[0], q[1])
         _check_limits(path, unit, limits)
@@ -91,7 +91,7 @@ def test_bends_keep_every_limit(unit: Unit) -> None:
     limits, rng = unit.limits(), np.random.default_rng(2)
     for _ in range(8):
         q = rng.uniform(limits.lower, limits.upper, (4, 6))
-        path = to_segments(time_path(q, _planned(limits), blend=0.05), unit, limits=limits)
+        path = to_segments(time_blended(q, _planned(limits), blend=0.05), unit, limits=limits)
         _check_chain(path, unit, q[0], q[-1])
         _check_limits(path, unit, limits)
 
@@ -100,7 +100,7 @@ def test_without_any_room_for_rounding_limits_still_hold(unit: Unit) -> None:
     limits, rng = unit.limits().scaled(0.5), np.random.default_rng(3)
     for _ in range(10):
         q = rng.uniform(limits.lower, limits.upper, (3, 6))
-        trajectory = time_path(q, limits, blend=0.05)
+        trajectory = time_blended(q, limits, blend=0.05)
         path = to_segments(trajectory, unit)
         _check_limits(path, unit, limits)
         assert path.duration_s < 1.12 * trajectory.duration
@@ -112,7 +112,7 @@ def test_segments_are_halved_where_the_motion_asks_for_shorter_ones(unit: Unit, 
     limits, rng = unit.limits(), np.random.default_rng(7)
     planned = Limits(limits.lower, limits.upper, limits.velocity * 0.6, limits.acceleration * 0.3)
     for _ in range(6):
-        trajectory = time_path(rng.uniform(limits.lower, limits.upper, (4, 6)), planned, blend=0.2)
+        trajectory = time_blended(rng.uniform(limits.lower, limits.upper, (4, 6)), planned, blend=0.2)
         path = to_segments(trajectory, unit, segment_ms, limits=limits)
         _check_limits(path, unit, limits)
         t = np.arange(0.0, path.duration_s, 0.004)
@@ -126,7 +126,7 @@ def test_segments_are_halved_where_the_motion_asks_for_shorter_ones(unit: Unit, 
 @pytest.mark.parametrize("joint", range(6))
 def test_what_exceeds_a_limit_is_timed_anew_below_it_and_the_rest_as_before(unit: Unit, joint: int) -> None:
     limits = unit.limits()
-    trajectory = time_path(np.array([np.zeros(6), np.full(6, -0.3)]), limits)
+    trajectory = time_blended(np.array([np.zeros(6), np.full(6, -0.3)]), limits)
     for kind, over, below in (("velocity", 1.02, 1.001), ("acceleration", 1.2, 1.01)):
         load = {"velocity": np.full((3, 6), 0.9), "acceleration": np.full((3, 6), 1.0)}
         load[kind][1, joint] = over
@@ -214,7 +214,7 @@ def test_joined_motions_have_joins_at_their_marks(robot: Robot, unit: Unit, room
         limits.lower, limits.upper, limits.velocity * (0.4 + 0.6 * room), limits.acceleration * room
     )
     for before, leg, after in _legs(robot, planned, 12):
-        trajectory = time_joined(leg, planned)
+        trajectory = time_curve(leg.path, planned, leg.caps)
         tolerances = (LineTolerance(robot, before), LineTolerance(robot, after))
         marked = to_marked_segments(trajectory, unit, limits=limits, marks=leg.marks, lines=tolerances)
         path, (first, last) = marked.path, marked.first
@@ -241,7 +241,7 @@ def test_joined_motions_have_joins_at_their_marks(robot: Robot, unit: Unit, room
 
 def test_marks_at_the_ends_need_no_join_and_none_fits_between_two_places(crs97: Unit) -> None:
     limits, q = crs97.limits(), np.array([np.zeros(6), np.full(6, -0.3)])
-    trajectory = time_path(q, limits)
+    trajectory = time_blended(q, limits)
     begin, end = trajectory.s[[0, -1]]
     marked = to_marked_segments(trajectory, crs97, limits=limits, marks=(begin, end))
     assert marked.first == (0, len(marked.path.segments))
@@ -280,14 +280,14 @@ def test_extremes_are_those_of_a_dense_sample(crs97: Unit) -> None:
 
 
 def test_what_cannot_be_segmented_is_refused(crs97: Unit) -> None:
-    trajectory = time_path(np.array([np.zeros(6), np.full(6, -0.3)]), crs97.limits())
+    trajectory = time_blended(np.array([np.zeros(6), np.full(6, -0.3)]), crs97.limits())
     with pytest.raises(InputError, match="at least 40"):
         to_segments(trajectory, crs97, 10)
     with pytest.raises(InputError, match="0 ms"):
         segment_extremes(CountPath((0,) * 6, (Segment(0, ((0,) * 6,)),)), crs97)
     crawl = crs97.limits().scaled(1e-4)
     with pytest.raises(ImpossibleError, match=r"axis B exceeds its limits after rounding to counts"):
-        to_segments(time_path(np.array([np.zeros(6), np.full(6, -1e-4)]), crawl), crs97)
+        to_segments(time_blended(np.array([np.zeros(6), np.full(6, -1e-4)]), crawl), crs97)
 
 
 def test_the_join_of_the_last_of_several_marks_is_not_before_it_and_of_the_others_not_after(
@@ -295,7 +295,7 @@ def test_the_join_of_the_last_of_several_marks_is_not_before_it_and_of_the_other
 ) -> None:
     """So nothing of a transit is in a line."""
     limits = crs97.limits()
-    trajectory = time_path(np.array([np.zeros(6), np.full(6, -0.3)]), limits)
+    trajectory = time_blended(np.array([np.zeros(6), np.full(6, -0.3)]), limits)
     for first, last in ((0.31, 0.77), (0.2, 0.5), (0.45, 0.91)):
         marks = tuple(float(trajectory.s[0] + part * np.ptp(trajectory.s)) for part in (first, last))
         for late, given_ in (((False, True), None), ((True, False), (True, False))):

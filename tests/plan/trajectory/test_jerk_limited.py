@@ -11,9 +11,9 @@ from arm.errors import InputError
 from plan.cartesian.line import JointPath
 from plan.trajectory.extremes import segment_extremes
 from plan.trajectory.integer_segments import to_marked_segments, to_segments
-from plan.trajectory.jerk_limited import JerkTrajectory, time_joined, time_smooth
+from plan.trajectory.jerk_limited import JerkTrajectory, time_smooth
 from plan.trajectory.joint_path import joined, polyline, smooth_path
-from plan.trajectory.timing import time_line, time_path
+from plan.trajectory.timing import time_curve, time_line, time_path
 
 LIMITS = load_unit("crs97").limits()
 JERK = 8.0 * LIMITS.acceleration
@@ -80,7 +80,7 @@ def _leg() -> tuple[JointPath, np.ndarray, JointPath]:
 def test_a_joined_motion_keeps_jerk_and_rests_where_blends_begin() -> None:
     before, q, after = _leg()
     leg = joined(before, q, after, LIMITS, 0.1, blend=0.01)
-    timed = time_joined(leg, LIMITS, JERK)
+    timed = time_smooth(leg.path, LIMITS, JERK, leg.caps)
     assert isinstance(timed, JerkTrajectory)
     _check(timed, LIMITS, JERK)
     at_marks = timed.at(timed.passed(leg.marks))
@@ -89,10 +89,9 @@ def test_a_joined_motion_keeps_jerk_and_rests_where_blends_begin() -> None:
     pieces = np.clip(np.searchsorted(leg.path.x, timed.s, side="right") - 1, 0, len(leg.caps) - 1)
     assert (timed.rate <= leg.caps[pieces] * (1 + 1e-9)).all()
     stops = (
-        sum(time_line(line, LIMITS, 0.1).duration for line in (before, after))
-        + time_path(q, LIMITS, "stop").duration
+        sum(time_line(line, LIMITS, 0.1).duration for line in (before, after)) + time_path(q, LIMITS).duration
     )
-    assert time_joined(leg, LIMITS).duration < timed.duration < 1.5 * stops
+    assert time_curve(leg.path, LIMITS, leg.caps).duration < timed.duration < 1.5 * stops
     # and it can be sent
     unit = load_unit("crs97")
     marked = to_marked_segments(timed, unit, limits=LIMITS, marks=leg.marks)

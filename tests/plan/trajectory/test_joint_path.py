@@ -9,8 +9,9 @@ import pytest
 
 from arm.controller.unit import Limits, Unit, load_unit
 from arm.errors import InputError
+from arms.blended_paths import blended
 from plan.cartesian.line import JointPath
-from plan.trajectory.joint_path import Joined, Stretch, blended, chained, joined, polyline, smooth_path
+from plan.trajectory.joint_path import Joined, Stretch, chained, joined, polyline, smooth_path
 
 
 def test_a_polyline_passes_its_points_with_unit_slope() -> None:
@@ -58,8 +59,6 @@ def test_a_spline_passes_its_points() -> None:
 def test_one_place_is_not_a_path() -> None:
     with pytest.raises(InputError, match="two different way-points"):
         polyline(np.zeros((3, 6)))
-    with pytest.raises(InputError, match="must be positive"):
-        blended(np.eye(6), 0.0)
 
 
 def _line(rng: np.random.Generator, end: np.ndarray, away: bool) -> JointPath:

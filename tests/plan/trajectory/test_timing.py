@@ -9,6 +9,7 @@ import plan.trajectory.timing
 import plan.trajectory.topp_ra
 from arm.controller.unit import Limits, Unit
 from arm.errors import InputError
+from arms.blended_paths import time_blended
 from plan.cartesian.line import JointPath
 from plan.trajectory.timing import Trajectory, time_line, time_path
 
@@ -69,7 +70,7 @@ def test_corners_blended_or_stopped_at(unit: Unit) -> None:
     limits, rng = unit.limits(), np.random.default_rng(3)
     for _ in range(8):
         q = rng.uniform(limits.lower, limits.upper, (4, 6))
-        stopped, passed = time_path(q, limits, "stop"), time_path(q, limits, blend=0.05)
+        stopped, passed = time_path(q, limits), time_blended(q, limits, blend=0.05)
         _check(stopped, q[0], q[-1], limits)
         _check(passed, q[0], q[-1], limits)
         assert passed.stretch < 1.02
@@ -111,8 +112,3 @@ def test_a_solver_that_lies_costs_time_not_limits(crs97: Unit, monkeypatch: pyte
     _check(trajectory, path.q[0], path.q[-1], limits)
     assert trajectory.stretch > 1.0
     assert trajectory.duration >= best * (1 - 1e-9)
-
-
-def test_an_unknown_corner_rule_is_refused(crs97: Unit) -> None:
-    with pytest.raises(InputError, match="one of blend, stop"):
-        time_path(np.eye(6), crs97.limits(), corners="cut")

@@ -11,7 +11,8 @@ import pytest
 
 from arm.controller.unit import Limits, load_unit
 from arm.errors import InputError
-from plan.trajectory.joint_path import Path, blended, polyline, smooth_path
+from arms.blended_paths import blended
+from plan.trajectory.joint_path import Path, polyline, smooth_path
 from plan.trajectory.time_estimates import straight_time
 from plan.trajectory.timing import GRID, time_curve, time_path
 

@@ -22,6 +22,7 @@ from arm.controller.segments import CountPath
 from arm.controller.unit import Limits, load_unit
 from arm.errors import A465Error, ExecutionStopped, ImpossibleError
 from arm.se3 import Array
+from arms.blended_paths import time_blended
 from arms.count_paths import off_path_deg
 from driver.emulator import Emulator, EmulatorOptions, Fault, When
 from driver.execution.stream import stream
@@ -29,7 +30,6 @@ from driver.line.stepped_clock import SteppedClock
 from driver.line.wire_log import WireLog
 from driver.mars.mars import Mars
 from plan.trajectory.integer_segments import to_segments
-from plan.trajectory.timing import time_path
 
 MOMENTS = ("idle", "homing", "streaming", "gripping", "waiting")
 F, T, S, U, R = "finishes", "told", "stops", "unknown", "refuses"
@@ -197,7 +197,7 @@ def motion() -> CountPath:
     q: Array = unit.positions(np.zeros(6)) + np.outer([0.0, 0.6, 1.5], inwards * sent.velocity * 1.2)
     q[1] += 0.1 * sent.velocity
     q[-1] = unit.positions(unit.counts(q[-1]))
-    return to_segments(time_path(q, limits), unit, 100, limits=sent)
+    return to_segments(time_blended(q, limits), unit, 100, limits=sent)
 
 
 def run_case(name: str, moment: str, seed: int, folder: Path) -> Outcome:
