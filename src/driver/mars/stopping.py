@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -63,6 +64,8 @@ class RestState:
         parts = ["the arm has stopped and is still under power"]
         if self.status is not None and self.status.fault:
             parts = [f"the arm has stopped ({', '.join(self.status.faults())})"]
+        elif self.note:  # after a power cycle the brakes may hold the arm instead of the motors
+            parts = ["the arm has stopped"]
         if self.note:
             parts.append(self.note)
         elif self.counts is not None:
@@ -106,7 +109,7 @@ def read_position(link: Link, axes: int) -> Position:
     try:
         position = ask_again(link, "COORDAP", lambda text: parse_position(text, axes))
     except NoAnswer:
-        if all(link.ask_optional("COORDAP") is None for _ in range(2)):
+        if group_is_gone(link):
             link.restarted = True
             refuse_restarted(link, "position")
         raise
@@ -114,6 +117,15 @@ def read_position(link: Link, axes: int) -> Position:
         link.restarted = True
         refuse_restarted(link, "position")
     return position
+
+
+def group_is_gone(link: Link) -> bool:
+    """Whether the unit no longer answers for the coordinated group that was formed: it was switched off and on.
+
+    Raises:
+        LinkLost.
+    """
+    return all(link.ask_optional("COORDAP") is None for _ in range(2))
 
 
 def refuse_restarted(link: Link, what: str) -> None:
@@ -283,5 +295,7 @@ class _Stopping:
         link.events.clear()
         if link.echoes:
             link.echo.resume()  # everything that was sent has been executed
+        with suppress(ExecutionStopped):  # the arm is at rest, even if the link is lost now
+            link.restarted = link.restarted or (self._by_axis and group_is_gone(link))
         note = "the unit has lost its positions: home it again" if link.restarted else ""
         return RestState(True, self.counts if self.axes else None, self.status, note, self.stops)

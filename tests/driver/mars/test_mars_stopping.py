@@ -28,6 +28,27 @@ def test_a_unit_that_forgets_its_group_or_its_time_was_switched_off_and_on(
         mars.move_to(SOFT_HOME)
     assert stopped.value.data["reason"] == "restarted"
     assert "lost its positions" in stopped.value.data["state"]["note"]
+    assert "under power" not in str(stopped.value)
+
+
+def test_a_stop_after_a_power_cycle_reports_neither_positions_nor_power(
+    mars: Mars, fake: Any, unit: Unit
+) -> None:
+    fake.hooks["COORDAP"] = lambda line: []  # the group is gone; every axis answers alone
+    state = mars.stop()
+    assert state.at_rest is True
+    assert mars.link.restarted
+    assert state.describe(unit) == "the arm has stopped, the unit has lost its positions: home it again"
+
+
+def test_a_stop_that_misses_one_answer_for_the_group_reports_positions_and_power(
+    mars: Mars, fake: Any, unit: Unit
+) -> None:
+    answers = iter([[]])
+    fake.hooks["COORDAP"] = lambda line: next(answers, None)
+    state = mars.stop()
+    assert not mars.link.restarted
+    assert state.describe(unit).startswith("the arm has stopped and is still under power, at [")
 
 
 def test_an_interrupt_is_a_stop_within_a_tenth_of_a_second(fake: Any, unit: Unit, clock: Clock) -> None:
