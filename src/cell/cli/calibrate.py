@@ -6,8 +6,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from arm.errors import CalibrationRefused
+from cell.cli.options import (
+    NO_PORT,
+    Camera,
+    Free,
+    Homed,
+    Images,
+    Json,
+    Port,
+    Speed,
+    TimeScale,
+    Unseen,
+    WorldFile,
+    answering,
+    refuse,
+    refuse_given,
+)
 
 if TYPE_CHECKING:
     from cell.console import Console
@@ -20,6 +37,19 @@ app = typer.Typer(
     no_args_is_help=True,
 )
 
+_TARGET = "Target file; default: ChArUco 7 x 5, 30/22 mm, DICT_5X5_100."
+_Report = Annotated[Path | None, Option(help="HTML report; default: beside the file that -o writes.")]
+_LimitMm = Annotated[
+    float | None, Option(help="Largest accepted error of predicted images; default 1, for a NAO 2.")
+]
+_EncoderStep = Annotated[
+    float | None, Option(help="Encoder resolution; default: estimated from the readings.")
+]
+_OF_COLLECT = (  # options of hand-eye
+    *("target", "poses", "recipe", "seed", "port", "world", "images", "camera", "speed", "time_scale"),
+    *("unseen", "homed", "free", "folder", "apply"),
+)
+
 
 @app.command(
     name="camera",
@@ -29,58 +59,39 @@ app = typer.Typer(
     epilog="Example: a465 calibrate camera photographs -o camera.toml; then open camera.html",
 )
 def calibrate_lens(
-    images: Annotated[Path, typer.Argument(help="Folder of images of the target.", metavar="IMAGES")],
-    target: Annotated[
-        Path | None,
-        typer.Option("--target", help="Target file; default: ChArUco 7 x 5, 30/22 mm, DICT_5X5_100."),
-    ] = None,
+    images: Annotated[Path, Argument(help="Folder of images of the target.", metavar="IMAGES")],
+    target: Annotated[Path | None, Option(help=_TARGET)] = None,
     hold: Annotated[
-        list[str] | None,
-        typer.Option("--hold", help="Fix k1, k2, p1, p2 or k3 at zero. May be repeated."),
+        list[str] | None, Option(help="Fix k1, k2, p1, p2 or k3 at zero. May be repeated.")
     ] = None,
     work_mm: Annotated[
         tuple[float, float] | None,
-        typer.Option(
-            "--work-mm",
-            help="Nearest and farthest working distance from the camera; default: those of the views.",
-        ),
+        Option(help="Nearest and farthest working distance from the camera; default: those of the views."),
     ] = None,
     limit_mm: Annotated[
-        float | None,
-        typer.Option(
-            "--limit-mm", help="Largest accepted standard deviation at the work points; default 0.3."
-        ),
+        float | None, Option(help="Largest accepted standard deviation at the work points; default 0.3.")
     ] = None,
     most_views: Annotated[
-        int | None, typer.Option("--most-views", help="Fit at most this many; hold out the rest. Default 40.")
+        int | None, Option(help="Largest number of views to fit; the others are held out. Default 40.")
     ] = None,
     live: Annotated[
         bool,
-        typer.Option(
-            "--live", help="Take the images now, guided: where to hold the target, until the views suffice."
+        Option(
+            "--live",
+            help="Take the images now, with advice where to hold the target, until the views suffice.",
         ),
     ] = False,
     camera: Annotated[
-        str | None, typer.Option("--camera", help="With --live: Basler camera, such as name:camera-crs93.")
+        str | None, Option(help="With --live: Basler camera, such as name:camera-crs93.")
     ] = None,
-    simulated: Annotated[
-        Path | None, typer.Option("--simulated", help="With --live: use this task's simulated camera.")
-    ] = None,
+    simulated: Annotated[Path | None, Option(help="With --live: use this task's simulated camera.")] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Camera file to write if the lens is accepted.")
+        Path | None, Option("-o", "--output", help="Camera file to write if the lens is accepted.")
     ] = None,
-    report: Annotated[
-        Path | None, typer.Option("--report", help="HTML report; default: beside the camera file.")
-    ] = None,
-    as_json: Annotated[
-        bool,
-        typer.Option("--json", help="Print one JSON object on standard output, the rest on standard error."),
-    ] = False,
+    report: _Report = None,
+    as_json: Json = False,
 ) -> None:
-    from cell.console import Console
-
-    console = Console(as_json)
-    with console.doing("calibrating"):
+    with answering("calibrating", as_json) as console:
         from cell.commands.calibration.camera import LensOptions, camera_step
 
         options = LensOptions(target, tuple(hold or ()), work_mm, limit_mm, most_views, output, report)
@@ -88,165 +99,80 @@ def calibrate_lens(
     _finish(result, output, console)
 
 
-_LIMIT = Annotated[
-    float | None,
-    typer.Option("--limit-mm", help="Largest accepted error of predicted images; default 1, for a NAO 2."),
-]
-_STEP = Annotated[
-    float | None,
-    typer.Option("--encoder-step-deg", help="Encoder resolution; default: estimated from the readings."),
-]
-_REPORT = Annotated[
-    Path | None, typer.Option("--report", help="HTML report; default: beside the file that -o writes.")
-]
-_JSON = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object on standard output, the rest on standard error.")
-]
-
-
 @app.command(
     name="hand-eye",
     short_help="Calibrate the camera's pose and the arm's joint offsets.",
     help="Estimate the pose of the fixed camera, the pose of the target in the gripper, and the arm's joint offsets "
     "(zeros) and link errors. "
-    "A result that is not accurate enough is refused (exit code 5), with the reason and what would help.",
+    "A result that is not accurate enough is refused (exit code 5), with the reason and what would help. "
+    "With --collect, DATA is recorded first; the options from --target to --folder, and --apply, need it.",
     epilog="Example: a465 calibrate hand-eye recorded.json --collect scenes/task2.toml -o calibration.toml",
 )
 def calibrate_hand_eye(
+    context: typer.Context,
     data: Annotated[
-        Path, typer.Argument(help="Recorded images and joints (JSON, docs/hand-eye.md).", metavar="DATA")
+        Path, Argument(help="Recorded images and joints (JSON, docs/hand-eye.md).", metavar="DATA")
     ],
     collect: Annotated[
         Path | None,
-        typer.Option(
-            "--collect",
-            help="Record DATA first, in the cell of this task file: simulated, or real with --port.",
-        ),
+        Option(help="Record DATA first, in the cell of this task file: simulated, or real with --port."),
     ] = None,
     target: Annotated[
-        Path | None,
-        typer.Option(
-            "--target",
-            help="With --collect: target in the gripper; default: scenes/targets/hand.toml.",
-        ),
+        Path | None, Option(help="Target in the gripper; default: scenes/targets/hand.toml.")
     ] = None,
-    poses: Annotated[
-        int | None,
-        typer.Option("--poses", help="With --collect: number of poses; default 24, with --recipe 270."),
-    ] = None,
+    poses: Annotated[int | None, Option(help="Number of poses; default 24, with --recipe 270.")] = None,
     recipe: Annotated[
         bool,
-        typer.Option(
-            "--recipe", help="With --collect: the fixed poses of the first report, not the most informative."
+        Option(
+            "--recipe",
+            help="Use the fixed poses of the original report instead of the most informative ones.",
         ),
     ] = False,
-    seed: Annotated[
-        int | None, typer.Option("--seed", help="With --collect: seed for choosing the poses.")
-    ] = None,
-    port: Annotated[
-        str | None, typer.Option("--port", help="With --collect: serial port of the real controller.")
-    ] = None,
-    world: Annotated[
-        Path | None, typer.Option("--world", help="With --collect: ground truth of the simulated cell.")
-    ] = None,
-    images: Annotated[
-        Path | None, typer.Option("--images", help="With --port: folder in which new images arrive.")
-    ] = None,
-    camera: Annotated[str | None, typer.Option("--camera", help="With --port: Basler camera.")] = None,
-    speed: Annotated[
-        float | None,
-        typer.Option(
-            "--speed",
-            help="With --collect: fraction of the speed registers, 0.01 to 1; default: the cell file's.",
-        ),
-    ] = None,
-    time_scale: Annotated[
-        float | None, typer.Option("--time-scale", help="With --collect: time scale of the simulated cell.")
-    ] = None,
-    unseen: Annotated[
-        bool,
-        typer.Option("--unseen", help="With --port: execute plans without preview and without asking."),
-    ] = False,
-    homed: Annotated[
-        bool,
-        typer.Option(
-            "--homed",
-            help="With --port: do not home; you state that the unit was homed since power-up.",
-        ),
-    ] = False,
-    free: Annotated[
-        bool,
-        typer.Option("--free", help="With --port: home without asking; you state that the cell is clear."),
-    ] = False,
-    folder: Annotated[
-        Path | None, typer.Option("--folder", help="With --collect: folder for plans and the wire log.")
-    ] = None,
+    seed: Annotated[int | None, Option(help="Seed of the choice of poses.")] = None,
+    port: Port = None,
+    world: WorldFile = None,
+    images: Images = None,
+    camera: Camera = None,
+    speed: Speed = None,
+    time_scale: TimeScale = None,
+    unseen: Unseen = False,
+    homed: Homed = False,
+    free: Free = False,
+    folder: Annotated[Path | None, Option(help="Folder for plans and the wire log.")] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Calibration file to write if it is accepted.")
+        Path | None, Option("-o", "--output", help="Calibration file to write if it is accepted.")
     ] = None,
-    apply: Annotated[
-        bool,
-        typer.Option("--apply", help="With --collect: enter the calibration file in the cell file."),
-    ] = False,
-    report: _REPORT = None,
-    limit_mm: _LIMIT = None,
-    encoder_step_deg: _STEP = None,
-    as_json: _JSON = False,
+    apply: Annotated[bool, Option("--apply", help="Enter the calibration file in the cell file.")] = False,
+    report: _Report = None,
+    limit_mm: _LimitMm = None,
+    encoder_step_deg: _EncoderStep = None,
+    as_json: Json = False,
 ) -> None:
-    from cell.console import Console
+    if collect is None:
+        refuse_given(context, _OF_COLLECT, "needs --collect TASK; without it, DATA is only read")
+        with answering("calibrating", as_json) as console:
+            from cell.commands.calibration.chain import hand_eye_step
 
-    console = Console(as_json)
-    if collect is not None:
+            result = hand_eye_step(data, output, report, limit_mm, encoder_step_deg, console)
+        _finish(result, output, console)
+        return
+    if port is None:
+        refuse_given(context, ("unseen", "homed", "free"), NO_PORT)
+    with answering("starting", as_json) as console:
         from arm.io.storage import data_file
         from cell.collect.collector import CollectOptions
         from cell.commands.calibration.collect import CollectFiles, collect_step
         from cell.session.connection import WhichCell
-        from cell.task.approval import Consent, require_a_port
+        from cell.task.approval import Consent
         from cell.task.free_cell import before_homing
 
-        require_a_port("--unseen", unseen, port)
-        require_a_port("--homed", homed, port)
-        require_a_port("--free", free, port)
-        confirm = (
-            None if port is None else before_homing(Consent(unseen, console), port, homed, free, console)
-        )
-        hand = target or data_file("scenes/targets/hand.toml")
-        files = CollectFiles(data, collect, hand, output, report, apply, folder)
-        where = WhichCell(port, world, images, camera, speed, time_scale, homed)
-        options = CollectOptions.of(poses, seed, recipe)
-        result = collect_step(files, options, limit_mm, where, console, encoder_step_deg, confirm)
-    else:
-        _only_with_collect(
-            target=target,
-            poses=poses,
-            recipe=recipe or None,
-            seed=seed,
-            port=port,
-            world=world,
-            images=images,
-            camera=camera,
-            speed=speed,
-            time_scale=time_scale,
-            unseen=unseen or None,
-            homed=homed or None,
-            free=free or None,
-            folder=folder,
-            apply=apply or None,
-        )
-        with console.doing("calibrating"):
-            from cell.commands.calibration.chain import hand_eye_step
-
-            result = hand_eye_step(data, output, report, limit_mm, encoder_step_deg, console)
+    confirm = None if port is None else before_homing(Consent(unseen, console), port, homed, free, console)
+    hand = target or data_file("scenes/targets/hand.toml")
+    files = CollectFiles(data, collect, hand, output, report, apply, folder)
+    where = WhichCell(port, world, images, camera, speed, time_scale, homed)
+    options = CollectOptions.of(poses, seed, recipe)
+    result = collect_step(files, options, limit_mm, where, console, encoder_step_deg, confirm)
     _finish(result, output, console)
-
-
-def _only_with_collect(**options: object) -> None:
-    given = [name for name, value in options.items() if value is not None]
-    if given:
-        from arm.errors import InputError
-
-        name = f"--{given[0].replace('_', '-')}"
-        raise InputError(f"{name} needs --collect TASK; without it, DATA is only read", option=name)
 
 
 @app.command(
@@ -257,23 +183,14 @@ def _only_with_collect(**options: object) -> None:
     epilog="Example: a465 calibrate target scenes/targets/hand.toml -o hand.svg",
 )
 def print_target(
-    target: Annotated[
-        Path | None,
-        typer.Argument(
-            help="Target file; default: ChArUco 7 x 5, 30/22 mm, DICT_5X5_100.", metavar="[TARGET]"
-        ),
-    ] = None,
-    output: Annotated[Path, typer.Option("-o", "--output", help="SVG to write.")] = Path("target.svg"),
-    as_json: _JSON = False,
+    target: Annotated[Path | None, Argument(help=_TARGET, metavar="[TARGET]")] = None,
+    output: Annotated[Path, Option("-o", "--output", help="SVG to write.")] = Path("target.svg"),
+    as_json: Json = False,
 ) -> None:
-    from cell.console import Console
-
-    console = Console(as_json)
-    with console.doing("drawing"):
+    with answering("drawing", as_json) as console:
         from cell.commands.calibration.print_target import target_print_step
 
-        result = target_print_step(target, output, console)
-    console.result(result)
+        console.result(target_print_step(target, output, console))
 
 
 @app.command(
@@ -284,21 +201,16 @@ def print_target(
     epilog="Example: a465 calibrate kinematic recorded.json -o nao.json",
 )
 def calibrate_kinematic(
-    data: Annotated[
-        Path, typer.Argument(help="Recorded images and joints (JSON, docs/nao.md).", metavar="DATA")
-    ],
+    data: Annotated[Path, Argument(help="Recorded images and joints (JSON, docs/nao.md).", metavar="DATA")],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Result to write (JSON) if it is accepted.")
+        Path | None, Option("-o", "--output", help="Result to write (JSON) if it is accepted.")
     ] = None,
-    report: _REPORT = None,
-    limit_mm: _LIMIT = None,
-    encoder_step_deg: _STEP = None,
-    as_json: _JSON = False,
+    report: _Report = None,
+    limit_mm: _LimitMm = None,
+    encoder_step_deg: _EncoderStep = None,
+    as_json: Json = False,
 ) -> None:
-    from cell.console import Console
-
-    console = Console(as_json)
-    with console.doing("calibrating"):
+    with answering("calibrating", as_json) as console:
         from cell.commands.calibration.chain import kinematic_step
 
         result = kinematic_step(data, output, report, limit_mm, encoder_step_deg, console)
@@ -306,10 +218,8 @@ def calibrate_kinematic(
 
 
 def _finish(result: dict[str, Any], output: Path | None, console: Console) -> None:
-    from cell.console import say_on_stderr
-
+    """Print the result; exit with the code of a refused calibration if it is one."""
     console.result(result)
     if result["reasons"]:
         not_written = f"; {output} was not written" if output is not None else ""
-        say_on_stderr(f"a465: refused: {'; '.join(result['reasons'])}{not_written}")
-        raise typer.Exit(CalibrationRefused.exit_code)
+        refuse(f"refused: {'; '.join(result['reasons'])}{not_written}", CalibrationRefused.exit_code)

@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from arm.errors import A465Error, ExecutionStopped, InputError
 from cell.cli.calibrate import app as calibrate_app
 from cell.cli.failure import fail
 from cell.cli.options import (
+    NO_PORT,
     Advice,
     Budget,
     Camera,
@@ -25,6 +27,7 @@ from cell.cli.options import (
     LookFile,
     Output,
     PlanFile,
+    PlanOutput,
     Port,
     Preload,
     Speed,
@@ -32,10 +35,12 @@ from cell.cli.options import (
     TimeScale,
     Unseen,
     WorldFile,
+    answering,
     refuse,
+    refuse_given,
 )
 from cell.cli.tools import tools
-from cell.console import Console, say_on_stderr
+from cell.console import Console
 from driver.line.signals import interruptible
 
 if TYPE_CHECKING:
@@ -63,7 +68,7 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def _root(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+        bool, Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
     """Global options."""
@@ -76,6 +81,7 @@ def _root(
     epilog="Example: a465 run scenes/task2.toml --speed 0.5",
 )
 def run(
+    context: typer.Context,
     task: TaskFile,
     port: Port = None,
     world: WorldFile = None,
@@ -84,8 +90,7 @@ def run(
     speed: Speed = None,
     time_scale: TimeScale = None,
     output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="New folder of the run; default: runs/TASK-1, -2, ..."),
+        Path | None, Option("-o", "--output", help="New folder of the run; default: runs/TASK-1, -2, ...")
     ] = None,
     advice: Advice = True,
     budget: Budget = None,
@@ -98,17 +103,15 @@ def run(
     live_port: LivePort = None,
     as_json: Json = False,
 ) -> None:
-    console = Console(as_json)
-    with console.doing("starting"):
+    if port is None:
+        refuse_given(context, ("unseen", "homed", "free"), NO_PORT)
+    with answering("starting", as_json) as console:
         from cell.commands.run import run_task
         from cell.session.budget import budget_of
         from cell.session.connection import WhichCell
-        from cell.task.approval import Consent, require_a_port
+        from cell.task.approval import Consent
         from cell.task.free_cell import before_homing
 
-    require_a_port("--unseen", unseen, port)
-    require_a_port("--homed", homed, port)
-    require_a_port("--free", free, port)
     allowed = budget_of(budget, give_up)
     confirm = None if port is None else before_homing(Consent(unseen, console), port, homed, free, console)
     where = WhichCell(port, world, images, camera, speed, time_scale, homed, preload)
@@ -122,43 +125,34 @@ def run(
     epilog="Example: a465 look scenes/task2.toml -o look.json",
 )
 def look(
+    context: typer.Context,
     task: Annotated[
-        Path | None, typer.Argument(help="Task file, such as scenes/task2.toml.", metavar="TASK")
+        Path | None, Argument(help="Task file, such as scenes/task2.toml.", metavar="TASK")
     ] = None,
     images: Images = None,
     camera: Camera = None,
     detections: Annotated[
-        Path | None,
-        typer.Option("--detections", help="File of recorded marker corners to use instead of images."),
+        Path | None, Option(help="File of recorded marker corners to use instead of images.")
     ] = None,
     world: WorldFile = None,
     output: Output = None,
-    picture: Annotated[
-        Path | None, typer.Option("--picture", help="PNG to write, annotated with the detections.")
-    ] = None,
+    picture: Annotated[Path | None, Option(help="PNG to write, annotated with the detections.")] = None,
     as_json: Json = False,
 ) -> None:
-    console = Console(as_json)
     if detections is not None:
-        others = {"--images": images, "--camera": camera, "--world": world, "--picture": picture}
-        for name, given in others.items():
-            if given is not None:
-                raise InputError(
-                    f"{name} cannot be combined with --detections, which needs no images", option=name
-                )
-        with console.doing("looking"):
+        with_images = "cannot be combined with --detections, which needs no images"
+        refuse_given(context, ("images", "camera", "world", "picture"), with_images)
+        with answering("looking", as_json) as console:
             from cell.commands.look_recorded import detections_step
 
-            result = detections_step(detections, task, output, console)
-        console.result(result)
+            console.result(detections_step(detections, task, output, console))
         return
     if task is None:
         raise InputError("look: give a TASK file, such as scenes/task2.toml, or --detections FILE", task=None)
-    with console.doing("looking"):
+    with answering("looking", as_json) as console:
         from cell.commands.steps import look_step
 
-        result = look_step(task, images, world, output, picture, console, camera)
-    console.result(result)
+        console.result(look_step(task, images, world, output, picture, console, camera))
 
 
 @app.command(
@@ -168,12 +162,10 @@ def look(
     epilog="Example: a465 reach scenes/task2.toml --look look.json",
 )
 def reach(task: TaskFile, look: LookFile, advice: Advice = True, as_json: Json = False) -> None:
-    console = Console(as_json)
-    with console.doing("checking reach"):
+    with answering("checking reach", as_json) as console:
         from cell.commands.steps import reach_step
 
-        result = reach_step(task, look, console, advice)
-    console.result(result)
+        console.result(reach_step(task, look, console, advice))
 
 
 @app.command(
@@ -184,20 +176,18 @@ def reach(task: TaskFile, look: LookFile, advice: Advice = True, as_json: Json =
 def plan(
     task: TaskFile,
     look: LookFile,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Plan file to write.")] = Path("plan.json"),
+    output: PlanOutput = Path("plan.json"),
     speed: Speed = None,
     advice: Advice = True,
     budget: Budget = None,
     give_up: GiveUp = None,
     as_json: Json = False,
 ) -> None:
-    console = Console(as_json)
-    with console.doing("planning"):
+    with answering("planning", as_json) as console:
         from cell.commands.steps import plan_step
         from cell.session.budget import budget_of
 
-        result = plan_step(task, look, output, speed, console, advice, budget_of(budget, give_up))
-    console.result(result)
+        console.result(plan_step(task, look, output, speed, console, advice, budget_of(budget, give_up)))
 
 
 @app.command(
@@ -209,36 +199,30 @@ def plan(
     "a465 plan-poses scenes/task2.toml poses.npy --frame flange --look look.json",
 )
 def plan_poses(
-    place: Annotated[Path, typer.Argument(help="Cell file, or task file with its cell.", metavar="CELL")],
-    poses: Annotated[Path, typer.Argument(help="List of poses: JSON, CSV or .npy.", metavar="POSES")],
+    place: Annotated[Path, Argument(help="Cell file, or task file with its cell.", metavar="CELL")],
+    poses: Annotated[Path, Argument(help="List of poses: JSON, CSV or .npy.", metavar="POSES")],
     look: Annotated[
-        Path | None, typer.Option("--look", help="Detected boards; default: only the table and the walls.")
+        Path | None, Option(help="Detected boards; default: only the table and the walls.")
     ] = None,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Plan file to write.")] = Path("plan.json"),
+    output: PlanOutput = Path("plan.json"),
     frame: Annotated[
-        str | None,
-        typer.Option("--frame", help="Frame of poses without a key: flange (as in ctu_crs) or tool."),
+        str | None, Option(help="Frame of poses without a key: flange (as in ctu_crs) or tool.")
     ] = None,
-    angles: Annotated[
-        str | None, typer.Option("--angles", help="Unit of joint angles without a key: rad or deg.")
-    ] = None,
-    lengths: Annotated[str, typer.Option("--lengths", help="Unit of positions in poses: m or mm.")] = "m",
+    angles: Annotated[str | None, Option(help="Unit of joint angles without a key: rad or deg.")] = None,
+    lengths: Annotated[str, Option(help="Unit of positions in poses: m or mm.")] = "m",
     speed: Speed = None,
-    back: Annotated[bool, typer.Option("--back", help="Return to q_start at the end.")] = False,
+    back: Annotated[bool, Option("--back", help="Return to q_start at the end.")] = False,
     budget: Budget = None,
     give_up: GiveUp = None,
     as_json: Json = False,
 ) -> None:
-    console = Console(as_json)
-    with console.doing("planning"):
+    with answering("planning", as_json) as console:
         from cell.commands.plan_poses import plan_poses_step
         from cell.files.pose_list import reading_of
         from cell.session.budget import budget_of
 
-        reading = reading_of(frame, angles, lengths)
-        allowed = budget_of(budget, give_up)
-        result = plan_poses_step(place, poses, look, output, reading, speed, back, console, allowed)
-    console.result(result)
+        reading, allowed = reading_of(frame, angles, lengths), budget_of(budget, give_up)
+        console.result(plan_poses_step(place, poses, look, output, reading, speed, back, console, allowed))
 
 
 @app.command(
@@ -251,17 +235,13 @@ def plan_poses(
 )
 def check(
     file: Annotated[
-        Path,
-        typer.Argument(help="Plan file, or scene file such as scenes/fixtures/capsule.toml.", metavar="FILE"),
+        Path, Argument(help="Plan file, or scene file such as scenes/fixtures/capsule.toml.", metavar="FILE")
     ],
-    task: Annotated[Path | None, typer.Argument(help="Task file of the plan.", metavar="TASK")] = None,
-    q: Annotated[
-        str | None, typer.Option("--q", help="J1 to J6 in deg, separated by commas.", metavar="Q")
-    ] = None,
+    task: Annotated[Path | None, Argument(help="Task file of the plan.", metavar="TASK")] = None,
+    q: Annotated[str | None, Option(help="J1 to J6 in deg, separated by commas.", metavar="Q")] = None,
     as_json: Json = False,
 ) -> None:
-    console = Console(as_json)
-    with console.doing("checking"):
+    with answering("checking", as_json) as console:
         from cell.commands.check import check_step
 
         report = check_step(file, task, q, console)
@@ -279,22 +259,18 @@ def check(
 )
 def preview(
     file: Annotated[
-        Path,
-        typer.Argument(help="Plan file, or log of a run such as runs/task2-1/wire.jsonl.", metavar="FILE"),
+        Path, Argument(help="Plan file, or log of a run such as runs/task2-1/wire.jsonl.", metavar="FILE")
     ],
     task: Annotated[
-        Path | None,
-        typer.Argument(help="Task file of the plan; a log names its own.", metavar="TASK"),
+        Path | None, Argument(help="Task file of the plan; a log names its own.", metavar="TASK")
     ] = None,
     output: Output = None,
     as_json: Json = False,
 ) -> None:
-    console = Console(as_json)
-    with console.doing("drawing"):
+    with answering("drawing", as_json) as console:
         from cell.commands.preview import preview_file
 
-        result = preview_file(file, task, output, console)
-    console.result(result)
+        console.result(preview_file(file, task, output, console))
 
 
 @app.command(
@@ -304,6 +280,7 @@ def preview(
     epilog="Example: a465 execute plan.json scenes/task2.toml --speed 0.5",
 )
 def execute(
+    context: typer.Context,
     plan: PlanFile,
     task: TaskFile,
     port: Port = None,
@@ -312,15 +289,13 @@ def execute(
     camera: Camera = None,
     speed: Speed = None,
     resume: Annotated[
-        bool,
-        typer.Option("--resume", help="After a stop: replan the remaining work from where the arm is."),
+        bool, Option("--resume", help="After a stop: replan the remaining work from where the arm is.")
     ] = False,
     budget: Budget = None,
     give_up: GiveUp = None,
     time_scale: TimeScale = None,
     yes: Annotated[
-        str | None,
-        typer.Option("--yes", help="With --port: the code that the plan's preview shows; default: ask."),
+        str | None, Option(help="With --port: the code that the plan's preview shows; default: ask.")
     ] = None,
     homed: Homed = False,
     free: Free = False,
@@ -329,18 +304,17 @@ def execute(
     live_port: LivePort = None,
     as_json: Json = False,
 ) -> None:
-    console = Console(as_json)
-    with console.doing("starting"):
+    if not resume:
+        refuse_given(context, ("budget", "give_up"), "needs --resume: executing a plan needs no search")
+    if port is None:
+        refuse_given(context, ("yes", "homed", "free"), NO_PORT)
+    with answering("starting", as_json) as console:
         from cell.commands.run import execute_plan, resume_plan
-        from cell.session.budget import budget_of, require_planning
+        from cell.session.budget import budget_of
         from cell.session.connection import WhichCell
-        from cell.task.approval import Approval, require_a_port
+        from cell.task.approval import Approval
         from cell.task.free_cell import before_homing
 
-    require_planning(resume, budget, give_up)
-    require_a_port("--yes", yes is not None, port)
-    require_a_port("--homed", homed, port)
-    require_a_port("--free", free, port)
     confirm = None
     if port is not None:
         approval = Approval(plan, yes, console, resumes=resume)
@@ -369,8 +343,8 @@ def _finish(console: Console, report: dict[str, Any]) -> None:
     console.result(report)
     left = [cube["from"] for cube in report["cubes"] if not cube["placed"]]
     if left:
-        say_on_stderr(f"a465: not finished: cubes not placed: {', '.join(left)}; the arm is at q_start")
-        raise typer.Exit(ExecutionStopped.exit_code)
+        why = f"not finished: cubes not placed: {', '.join(left)}; the arm is at q_start"
+        refuse(why, ExecutionStopped.exit_code)
 
 
 app.registered_commands += tools.registered_commands

@@ -1,60 +1,45 @@
-"""Arguments, options and an exit that several commands share."""
+"""Arguments, options and ends that several commands share. Valued options are named after their parameter."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
-from arm.errors import ImpossibleError
-from cell.console import say_on_stderr
+from arm.errors import ImpossibleError, InputError
+from cell.console import Console, say_on_stderr
 
-TaskFile = Annotated[Path, typer.Argument(help="Task file, such as scenes/task2.toml.", metavar="TASK")]
-PlanFile = Annotated[Path, typer.Argument(help="Plan file, as written by a465 plan.", metavar="PLAN")]
-LookFile = Annotated[Path, typer.Option("--look", help="File of detected boards, as written by a465 look.")]
+TaskFile = Annotated[Path, Argument(help="Task file, such as scenes/task2.toml.", metavar="TASK")]
+PlanFile = Annotated[Path, Argument(help="Plan file, as written by a465 plan.", metavar="PLAN")]
+LookFile = Annotated[Path, Option(help="File of detected boards, as written by a465 look.")]
 Json = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object on standard output, the rest on standard error.")
+    bool, Option("--json", help="Print one JSON object on standard output, the rest on standard error.")
 ]
 Speed = Annotated[
     float | None,
-    typer.Option(
-        "--speed",
+    Option(
         help="Fraction of the speed registers, 0.01 to 1; accelerations scale with its square. Default: motion.speed "
         "of the cell file. An execution defaults to the plan's value and may only lower it.",
     ),
 ]
 WorldFile = Annotated[
-    Path | None,
-    typer.Option("--world", help="Ground truth of the simulated cell; default: TASK with .world.toml."),
+    Path | None, Option(help="Ground truth of the simulated cell; default: TASK with .world.toml.")
 ]
-Port = Annotated[
-    str | None,
-    typer.Option("--port", help="Serial port of the controller, such as /dev/mars or socket://..."),
-]
-Images = Annotated[
-    Path | None, typer.Option("--images", help="Folder of images to use in place of a camera.")
-]
-Camera = Annotated[
-    str | None,
-    typer.Option(
-        "--camera",
-        help="Basler camera: name:NAME, serial:NUMBER, ip:ADDRESS, class:CLASS, "
-        "or cell for the one in the cell file.",
-        metavar="SELECTOR",
-    ),
-]
+Port = Annotated[str | None, Option(help="Serial port of the controller, such as /dev/mars or socket://...")]
+Images = Annotated[Path | None, Option(help="Folder of images to use in place of a camera.")]
+SELECTORS = "name:NAME, serial:NUMBER, ip:ADDRESS, class:CLASS, or cell for the one in the cell file."
+Camera = Annotated[str | None, Option(help=f"Basler camera: {SELECTORS}", metavar="SELECTOR")]
 TimeScale = Annotated[
-    float | None,
-    typer.Option("--time-scale", help="Most emulated seconds per second (simulated cell only); default: 10."),
+    float | None, Option(help="Maximum emulated seconds per second (simulated cell only); default: 10.")
 ]
-Advice = Annotated[
-    bool, typer.Option("--advice/--no-advice", help="After a refusal, search for a change that would help.")
-]
+Advice = Annotated[bool, Option(help="After a refusal, search for a change that would help.")]
 Budget = Annotated[
     float | None,
-    typer.Option(
-        "--budget",
+    Option(
         help="Planning effort in nominal seconds. It is counted, not timed, so the result is repeatable: the best "
         "complete plan within the budget.",
         metavar="S",
@@ -62,37 +47,29 @@ Budget = Annotated[
 ]
 GiveUp = Annotated[
     float | None,
-    typer.Option(
-        "--give-up",
-        help="Stop planning with a refusal after this wall time; it changes no plan.",
-        metavar="S",
-    ),
+    Option(help="Wall time after which planning is refused, in s. It never changes a plan.", metavar="S"),
 ]
-Output = Annotated[
-    Path | None, typer.Option("-o", "--output", help="File to write; an existing one is replaced.")
-]
-LiveFlag = Annotated[bool, typer.Option("--live", help="Show the run live in a browser on this machine.")]
-LivePort = Annotated[
-    int | None,
-    typer.Option("--live-port", help="Port of the live view on 127.0.0.1; default: any free port."),
-]
+Output = Annotated[Path | None, Option("-o", "--output", help="File to write; an existing one is replaced.")]
+PlanOutput = Annotated[Path, Option("-o", "--output", help="Plan file to write.")]
+LiveFlag = Annotated[bool, Option("--live", help="Show the run live in a browser on this machine.")]
+LivePort = Annotated[int | None, Option(help="Port of the live view on 127.0.0.1; default: any free port.")]
 Unseen = Annotated[
     bool,
-    typer.Option(
+    Option(
         "--unseen",
         help="With --port: do not ask for the arm's name before executing plans that have no preview.",
     ),
 ]
 Homed = Annotated[
     bool,
-    typer.Option(
+    Option(
         "--homed",
         help="With --port: do not home; you state that the unit was homed since power-up. It cannot be verified.",
     ),
 ]
 Preload = Annotated[
     bool,
-    typer.Option(
+    Option(
         "--preload",
         help="For a noisy serial line: load each motion (its first 149 segments) into the unit and verify it before "
         "it begins; damaged segments are sent again.",
@@ -100,14 +77,41 @@ Preload = Annotated[
 ]
 Free = Annotated[
     bool,
-    typer.Option(
+    Option(
         "--free",
         help="With --port: home without asking; you state that the arm's reach is clear and the boards are in place.",
     ),
 ]
+NO_PORT = "needs --port: the simulated cell asks for no confirmation"
 
 
-def refuse(message: str) -> None:
-    """Exit as "refused" after the report has been printed."""
+@contextmanager
+def answering(what: str, as_json: bool) -> Iterator[Console]:
+    """Yield the console of a command, with a busy line while it works."""
+    console = Console(as_json)
+    with console.doing(what):
+        yield console
+
+
+def refuse_given(context: typer.Context, names: tuple[str, ...], rule: str) -> None:
+    """Refuse options that do not apply.
+
+    Args:
+        context: context of the command.
+        names: parameters of the command.
+        rule: why they do not apply; follows the name of the option in the message.
+
+    Raises:
+        InputError: one of them is on the command line.
+    """
+    for parameter in context.command.params:
+        source = context.get_parameter_source(parameter.name or "")
+        if parameter.name in names and source is not None and source.name == "COMMANDLINE":
+            option = parameter.opts[-1]
+            raise InputError(f"{option} {rule}", option=option)
+
+
+def refuse(message: str, exit_code: int = ImpossibleError.exit_code) -> None:
+    """Report why a command did not succeed, and exit, after its result has been printed."""
     say_on_stderr(f"a465: {message}")
-    raise typer.Exit(ImpossibleError.exit_code)
+    raise typer.Exit(exit_code)

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
-from cell.cli.options import Json, TaskFile, WorldFile, refuse
+from cell.cli.options import SELECTORS, Json, TaskFile, WorldFile, answering, refuse, refuse_given
 from cell.console import Console
 
 tools = typer.Typer()  # `cell.cli.main` registers these commands
@@ -21,41 +22,32 @@ tools = typer.Typer()  # `cell.cli.main` registers these commands
     "a465 emulate --unit crs93 --link mars --fault scenes/faults/noisy-line.toml --log unit.jsonl",
 )
 def emulate(
-    unit: Annotated[
-        str | None, typer.Option("--unit", help="crs93 or crs97; default: that of the task, else crs93.")
-    ] = None,
-    link: Annotated[
-        Path | None, typer.Option("--link", help="Symbolic link to create to the pseudo-terminal.")
-    ] = None,
+    context: typer.Context,
+    unit: Annotated[str | None, Option(help="crs93 or crs97; default: that of the task, else crs93.")] = None,
+    link: Annotated[Path | None, Option(help="Symbolic link to create to the pseudo-terminal.")] = None,
     tcp: Annotated[
-        int | None, typer.Option("--tcp", help="Listen on this loopback TCP port too; 0 takes any free one.")
+        int | None, Option(help="Listen on this loopback TCP port too; 0 takes any free one.")
     ] = None,
     fault: Annotated[
-        Path | None,
-        typer.Option("--fault", help="File of faults to inject, such as scenes/faults/bad-day.toml."),
+        Path | None, Option(help="File of faults to inject, such as scenes/faults/bad-day.toml.")
     ] = None,
     log: Annotated[
-        Path | None,
-        typer.Option("--log", help="File for every line received and sent, faults and protocol violations."),
+        Path | None, Option(help="File for every line received and sent, faults and protocol violations.")
     ] = None,
-    task: Annotated[
-        Path | None, typer.Option("--task", help="Task file whose simulated cell the arm works in.")
-    ] = None,
+    task: Annotated[Path | None, Option(help="Task file whose simulated cell the arm works in.")] = None,
     world: WorldFile = None,
     photographs: Annotated[
-        Path | None,
-        typer.Option(
-            "--photographs", help="Folder for images of that cell, taken while the arm stands still."
-        ),
+        Path | None, Option(help="Folder for images of that cell, taken while the arm stands still.")
     ] = None,
     hand: Annotated[
-        Path | None,
-        typer.Option("--hand", help="Target in the gripper, such as scenes/targets/hand.toml."),
+        Path | None, Option(help="Target in the gripper, such as scenes/targets/hand.toml.")
     ] = None,
-    time_scale: Annotated[float, typer.Option("--time-scale", help="Emulated seconds per second.")] = 1.0,
+    time_scale: Annotated[float, Option(help="Emulated seconds per second.")] = 1.0,
 ) -> None:
     from cell.commands.emulate import emulate_step
 
+    if task is None:
+        refuse_given(context, ("world", "photographs", "hand"), "needs --task: there is no cell without it")
     emulate_step(unit, link, tcp, time_scale, fault, log, task, world, photographs, hand)
 
 
@@ -67,29 +59,22 @@ def emulate(
 def render(
     task: TaskFile,
     world: WorldFile = None,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder to write.")] = None,
-    count: Annotated[
-        int | None, typer.Option("--count", help="Number of images; default: the cell file's.")
-    ] = None,
+    output: Annotated[Path | None, Option("-o", "--output", help="Folder to write.")] = None,
+    count: Annotated[int | None, Option(help="Number of images; default: the cell file's.")] = None,
     target: Annotated[
-        str | None,
-        typer.Option("--target", help="Render a calibration target instead: a target file, or charuco."),
+        str | None, Option(help="Render a calibration target instead: a target file, or charuco.")
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the target's poses and of the noise.")] = 0,
+    seed: Annotated[int, Option(help="Seed of the target's poses and of the noise.")] = 0,
     as_json: Json = False,
 ) -> None:
-    console = Console(as_json)
-    if target is not None:
-        with console.doing("rendering"):
-            from cell.commands.calibration.render_target import target_step
+    folder = output or Path("photographs")
+    with answering("rendering", as_json) as console:
+        from cell.commands.render import render_step, target_step
 
-            result = target_step(task, target, seed, output or Path("photographs"), count, console)
-    else:
-        with console.doing("rendering"):
-            from cell.commands.steps import render_step
-
-            result = render_step(task, world, output or Path("photographs"), count, console)
-    console.result(result)
+        if target is None:
+            console.result(render_step(task, world, folder, count, console))
+        else:
+            console.result(target_step(task, target, seed, folder, count, console))
 
 
 @tools.command(
@@ -102,43 +87,33 @@ def render(
 def export(
     file: Annotated[
         Path,
-        typer.Argument(
-            help="Log of a run, plan, scene, cell or task file; the content decides.", metavar="FILE"
+        Argument(
+            help="Log of a run, plan, scene, cell or task file; its content determines the kind.",
+            metavar="FILE",
         ),
     ],
     form: Annotated[
-        str | None,
-        typer.Option("--format", help="csv, trajectory, mcap or urdf; default: csv, for a scene urdf."),
+        str | None, Option("--format", help="csv, trajectory, mcap or urdf; default: csv, for a scene urdf.")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="File to write; for urdf a new folder.")
+        Path | None, Option("-o", "--output", help="File to write; for urdf a new folder.")
     ] = None,
     planned: Annotated[
-        bool,
-        typer.Option("--planned", help="Trajectory of a log: as sent, not as measured."),
+        bool, Option("--planned", help="Trajectory of a log: as sent, not as measured.")
     ] = False,
-    unit: Annotated[
-        str | None, typer.Option("--unit", help="For a log: crs93 or crs97; default: the one it names.")
-    ] = None,
-    period: Annotated[
-        float | None, typer.Option("--period", help="For a plan: sampling period in s; default: 0.02.")
-    ] = None,
+    unit: Annotated[str | None, Option(help="For a log: crs93 or crs97; default: the one it names.")] = None,
+    period: Annotated[float | None, Option(help="For a plan: sampling period in s; default: 0.02.")] = None,
     cell: Annotated[
-        Path | None,
-        typer.Option("--cell", help="For a plan of a calibrated arm: its cell or task file."),
+        Path | None, Option(help="For a plan of a calibrated arm: its cell or task file.")
     ] = None,
-    look: Annotated[
-        Path | None, typer.Option("--look", help="For a cell or task file: detected boards to include.")
-    ] = None,
+    look: Annotated[Path | None, Option(help="For a cell or task file: detected boards to include.")] = None,
     as_json: Json = False,
 ) -> None:
-    console = Console(as_json)
-    with console.doing("exporting"):
+    with answering("exporting", as_json) as console:
         from cell.export.export import ExportOptions, export_file
 
         options = ExportOptions(form, output, planned, unit, period, cell, look)
-        result = export_file(file, options, console)
-    console.result(result)
+        console.result(export_file(file, options, console))
 
 
 @tools.command(
@@ -149,13 +124,11 @@ def export(
     epilog="Example: a465 new-cell my-cell --unit crs97",
 )
 def new_cell(
-    folder: Annotated[Path, typer.Argument(help="New or empty folder.", metavar="DIR")],
+    folder: Annotated[Path, Argument(help="New or empty folder.", metavar="DIR")],
     unit: Annotated[
-        str | None, typer.Option("--unit", help="Arm of the cell: crs93 or crs97; default: ask.")
+        str | None, Option(help="Arm of the cell: crs93 or crs97. Required: it cannot be detected.")
     ] = None,
-    name: Annotated[
-        str | None, typer.Option("--name", help="Name of the cell; default: that of the folder.")
-    ] = None,
+    name: Annotated[str | None, Option(help="Name of the cell; default: that of the folder.")] = None,
     as_json: Json = False,
 ) -> None:
     from cell.commands.new_cell import new_cell_step
@@ -172,23 +145,13 @@ def new_cell(
 )
 def doctor(
     port: Annotated[
-        str | None,
-        typer.Option(
-            "--port", help="Identify the controller on this port; only ECHO, STAMP and VER are sent."
-        ),
+        str | None, Option(help="Identify the controller on this port; only ECHO, STAMP and VER are sent.")
     ] = None,
     camera: Annotated[
-        str | None,
-        typer.Option(
-            "--camera",
-            help="Take an image with this Basler camera: name:NAME, serial:NUMBER, ip:ADDRESS, class:CLASS, or "
-            "cell for the one in the cell file.",
-            metavar="SELECTOR",
-        ),
+        str | None, Option(help=f"Take an image with this Basler camera: {SELECTORS}", metavar="SELECTOR")
     ] = None,
     cell: Annotated[
-        Path | None,
-        typer.Option("--cell", help="Cell or task file to check; default: the built-in one.", metavar="CELL"),
+        Path | None, Option(help="Cell or task file to check; default: the built-in one.", metavar="CELL")
     ] = None,
     as_json: Json = False,
 ) -> None:

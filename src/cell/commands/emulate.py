@@ -68,7 +68,7 @@ def emulate_step(
     if tcp is not None and not 0 <= tcp <= 65535:
         raise InputError(f"tcp = {tcp}: must be a port from 0 to 65535", tcp=tcp)
     keep_apart(log_file, fault_file, task_file, world)
-    simulated = _cell(task_file, world, photographs, hand_file)
+    simulated = _cell(task_file, world, hand_file)
     unit, clock = _unit(unit_name, simulated), Clock(time_scale)
     options = EmulatorOptions(faults=read_faults(fault_file) if fault_file else ())
     over = threading.Event()
@@ -112,14 +112,9 @@ def _is_dead(link: Path) -> bool:
     return link.is_symlink() and os.readlink(link).startswith("/dev/pts/") and not link.exists()
 
 
-def _cell(
-    task_file: Path | None, world: Path | None, photographs: Path | None, hand_file: Path | None
-) -> SimulatedCell | None:
+def _cell(task_file: Path | None, world: Path | None, hand_file: Path | None) -> SimulatedCell | None:
     """Return the simulated cell of the task, or None."""
     if task_file is None:
-        for name, value in (("--world", world), ("--photographs", photographs), ("--hand", hand_file)):
-            if value is not None:
-                raise InputError(f"{name} needs --task: there is no cell without it", value=str(value))
         return None
     from cell.files.task import read_task
     from cell.session.connection import simulated_cell

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from arm.errors import ExecutionStopped, ImpossibleError, InputError
+from arm.errors import ExecutionStopped, ImpossibleError
+from arm.former import FormerNames
 from arm.io.storage import canonical_json, keep_apart, write_atomic
 from arm.plan_file import Move, Plan, read_plan, write_plan
 from cell.config.cell import Cell
@@ -25,6 +26,8 @@ from plan.options import clearance_words
 
 if TYPE_CHECKING:
     from vision.camera.frame_source import FrameSource
+else:
+    __getattr__ = FormerNames(__name__, "cell.commands.render", "render_step")
 
 
 def look_step(
@@ -57,29 +60,17 @@ def look_step(
 @contextmanager
 def _frames(task: Task, images: Path | None, camera: str | None, world: Path | None) -> Iterator[FrameSource]:
     from cell.session.cameras import open_basler
+    from cell.session.connection import camera_at_start
     from vision.camera.frame_source import ImageFolder
 
     if camera is not None:
         with open_basler(task.cell, camera) as opened:
             yield opened
     else:
-        yield ImageFolder(images) if images is not None else _simulated_frames(task, world)
-
-
-def _simulated_frames(task: Task, world: Path | None) -> Any:
-    from cell.files.world import read_world
-    from cell.session.connection import world_file
-    from cell.sim.cell import SimulatedCamera, SimulatedCell
-
-    cell = task.cell
-    truth = read_world(world_file(task, world), cell.boards[0].marker_size)
-    simulated = SimulatedCell(cell, truth)
-    at_start = cell.unit.counts(cell.q_start)
-    return SimulatedCamera(simulated, truth.camera or cell.nominal_camera, lambda: at_start, cell.dictionary)
+        yield ImageFolder(images) if images is not None else camera_at_start(task, world)
 
 
 def _print_look(seen: Seen, console: Console) -> None:
-
     rows = []
     for board in seen.boards:
         for hole, state in zip(board.pose.holes, board.occupancy, strict=True):
@@ -225,22 +216,3 @@ def preview_step(plan_file: Path, task_file: Path, output: Path, console: Consol
     console.say(f"open {output} in a browser")
     result = {"page": str(output), "plan_sha256": plan.sha256, "bytes": output.stat().st_size}
     return result if warning is None else {**result, "warning": warning}
-
-
-def render_step(
-    task_file: Path, world: Path | None, output: Path, count: int | None, console: Console
-) -> dict[str, Any]:
-    """``a465 render``."""
-    from cell.task.look import write_png
-
-    task = read_task(task_file)
-    wanted = task.cell.photographs if count is None else count
-    if not 1 <= wanted <= 1000:
-        raise InputError(f"count = {wanted}: must be from 1 to 1000", count=wanted)
-    names = []
-    for number, image in enumerate(_simulated_frames(task, world).grab(wanted), start=1):
-        path = output / f"photograph-{number:03d}.png"
-        write_png(path, image)
-        names.append(str(path))
-    console.say(f"{len(names)} images written to {output}")
-    return {"photographs": names}

@@ -25,17 +25,6 @@ def budget_of(effort_s: float | None, give_up_s: float | None) -> SearchBudget |
         raise InputError(text, **error.data) from error
 
 
-def require_planning(plans: bool, effort_s: float | None, give_up_s: float | None) -> None:
-    """Refuse a budget for a command that does not plan.
-
-    Raises:
-        InputError: a budget was given, but nothing is planned.
-    """
-    for option, value in (("--budget", effort_s), ("--give-up", give_up_s)):
-        if value is not None and not plans:
-            raise InputError(f"{option} needs --resume: executing a plan needs no search", option=option)
-
-
 @contextmanager
 def spending(budget: SearchBudget | None) -> Iterator[None]:
     """Let all planning inside share the budget.

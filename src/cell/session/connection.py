@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy.typing as npt
 
 from arm.errors import InputError
 from cell.config.camera_keys import OF_CELL
@@ -236,11 +238,25 @@ def simulated_cell(task: Task, world: Path | None) -> SimulatedCell:
 
 def join(simulated: SimulatedCell, emulator: Emulator) -> SimulatedCamera:
     """Couple a simulated cell to the time of its emulated unit; return the camera that sees the unit's arm."""
+    simulated.now_ms = emulator.now_ms
+    return _camera(simulated, emulator.counts)
+
+
+def camera_at_start(task: Task, world: Path | None) -> SimulatedCamera:
+    """The camera of the simulated cell, with the arm at q_start.
+
+    Raises:
+        InputError: as `simulated_cell`.
+    """
+    counts = task.cell.unit.counts(task.cell.q_start)
+    return _camera(simulated_cell(task, world), lambda: counts)
+
+
+def _camera(simulated: SimulatedCell, counts: Callable[[], npt.ArrayLike]) -> SimulatedCamera:
     from cell.sim.cell import SimulatedCamera
 
-    simulated.now_ms = emulator.now_ms
     camera = simulated.world.camera or simulated.cell.nominal_camera
-    return SimulatedCamera(simulated, camera, emulator.counts, simulated.cell.dictionary)
+    return SimulatedCamera(simulated, camera, counts, simulated.cell.dictionary)
 
 
 @contextmanager

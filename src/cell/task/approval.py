@@ -194,13 +194,3 @@ def _place(run: TaskRun) -> str:
         f"{d:.0f}" for d in np.round(np.degrees(run.task.cell.unit.positions(counters))) + 0.0
     )
     return f"at [{degrees}] deg by its counters, which are correct if it was homed since it was switched on"
-
-
-def require_a_port(option: str, given: bool, port: str | None) -> None:
-    """Refuse an option that confirms the motion of a real arm if there is no port.
-
-    Raises:
-        InputError: the option was given without a port.
-    """
-    if given and port is None:
-        raise InputError(f"{option} needs --port: the simulated cell asks for no confirmation", option=option)

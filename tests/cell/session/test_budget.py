@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm.errors import ImpossibleError, InputError
+from arm.errors import ImpossibleError
 from arm.plan_file import read_plan
 from arm.se3 import rot_x, transform
 from cell.commands.run import run_task
 from cell.console import Console
-from cell.session.budget import budget_of, require_planning, within
+from cell.session.budget import budget_of, within
 from plan.budget import BudgetSpent, SearchBudget
 from plan.pick_place import search as sequence
 from tasks.small import small_scenes
@@ -111,15 +111,6 @@ def test_a_spent_budget_anywhere_inside_is_a_refusal() -> None:
         raise BudgetSpent("effort", 2.0, 2.0)
     assert budget_of(None, None) is None
     assert budget_of(2.0, None) == SearchBudget(2.0)
-
-
-@pytest.mark.parametrize("option", ["--budget", "--give-up"])
-def test_a_budget_goes_with_what_plans(option: str) -> None:
-    given = (1.0, None) if option == "--budget" else (None, 1.0)
-    require_planning(True, *given)
-    require_planning(False, None, None)
-    with pytest.raises(InputError, match=f"{option} needs --resume"):
-        require_planning(False, *given)
 
 
 def test_a_run_whose_budget_is_spent_is_refused_before_anything_moves(tmp_path: Path) -> None:

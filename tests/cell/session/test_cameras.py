@@ -14,8 +14,9 @@ import cell.session.connection
 from arm.errors import ExecutionStopped, InputError
 from arm.io.storage import data_file
 from cell.cli.main import app
+from cell.commands.render import render_step
 from cell.commands.run import execute_plan
-from cell.commands.steps import look_step, plan_step, render_step
+from cell.commands.steps import look_step, plan_step
 from cell.config.cell_file import read_cell
 from cell.config.inputs import changes
 from cell.console import Console

@@ -10,7 +10,8 @@ import pytest
 
 from arm.errors import ImpossibleError
 from arm.io.storage import data_file
-from cell.commands.steps import look_step, render_step
+from cell.commands.render import render_step
+from cell.commands.steps import look_step
 from cell.console import Console
 
 

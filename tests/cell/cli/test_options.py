@@ -1,0 +1,63 @@
+"""Options that do not apply to a command as it is given are refused by their name, before anything is read."""
+
+from __future__ import annotations
+
+import pytest
+
+from arm.errors import InputError
+from cell.cli.main import app
+
+EXECUTE, COLLECT = ("execute", "PLAN", "TASK"), ("calibrate", "hand-eye", "DATA", "--collect", "TASK")
+NO_PLANNING = "needs --resume: executing a plan needs no search"
+NO_PORT = "needs --port: the simulated cell asks for no confirmation"
+
+
+def _refused(*arguments: str) -> str:
+    with pytest.raises(InputError) as refused:
+        app([*arguments], standalone_mode=False)
+    assert refused.value.data["option"] == str(refused.value).split()[0]
+    return str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "option", "rule"),
+    [
+        (EXECUTE, "--budget 1", NO_PLANNING),
+        (EXECUTE, "--give-up 1", NO_PLANNING),
+        (EXECUTE, "--yes CODE", NO_PORT),
+        (EXECUTE, "--homed", NO_PORT),
+        (EXECUTE, "--free", NO_PORT),
+        (("run", "TASK"), "--unseen", NO_PORT),
+        (("run", "TASK"), "--homed", NO_PORT),
+        (("run", "TASK"), "--free", NO_PORT),
+        (COLLECT, "--unseen", NO_PORT),
+        (COLLECT, "--homed", NO_PORT),
+        (COLLECT, "--free", NO_PORT),
+        (("emulate",), "--world W", "needs --task: there is no cell without it"),
+        (("emulate",), "--photographs W", "needs --task: there is no cell without it"),
+        (("emulate",), "--hand W", "needs --task: there is no cell without it"),
+    ],
+)
+def test_an_option_that_needs_another_one_is_refused_without_it(
+    arguments: tuple[str, ...], option: str, rule: str
+) -> None:
+    assert _refused(*arguments, *option.split()) == f"{option.split()[0]} {rule}"
+
+
+@pytest.mark.parametrize("option", ["--images I", "--camera C", "--world W", "--picture P"])
+def test_recorded_corners_need_no_images(option: str) -> None:
+    told = _refused("look", "--detections", "D", *option.split())
+    assert told == f"{option.split()[0]} cannot be combined with --detections, which needs no images"
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        *("--target T", "--poses 9", "--recipe", "--seed 0", "--port P", "--world W", "--images I"),
+        *("--camera C", "--speed 0.1", "--time-scale 1", "--unseen", "--homed", "--free"),
+        *("--folder F", "--apply"),
+    ],
+)
+def test_what_only_a_collection_needs_is_refused_without_one(option: str) -> None:
+    told = _refused("calibrate", "hand-eye", "DATA", *option.split())
+    assert told == f"{option.split()[0]} needs --collect TASK; without it, DATA is only read"
