@@ -59,8 +59,6 @@ class MoveScene:
 
     world: World
     standing: tuple[Body, ...]
-    held: Body | None
-    T_tool_held: Array | None
 
 
 def move_scenes(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, MoveScene]]:
@@ -235,7 +233,7 @@ def _setting(
     standing = tuple(c for name, c in cubes.items() if name != held)
     bodies = (*scene.bodies, *standing)
     if held is None:
-        return MoveScene(World(scene.robot_open, bodies), standing, None, None)
+        return MoveScene(World(scene.robot_open, bodies), standing)
     touching = [frozenset((held, name)) for name in move.allowed_collisions]
     if touching and (move.role not in ON_LINES or not scene.allowed.issuperset(touching)):
         raise ImpossibleError(
@@ -245,7 +243,7 @@ def _setting(
             touching=list(move.allowed_collisions),
         )
     world = World(scene.robot_holding, bodies, cubes[held], T_tool_held, touching)
-    return MoveScene(world, standing, cubes[held], T_tool_held)
+    return MoveScene(world, standing)
 
 
 def _require_meetings(motion: Motion, unit: Unit, limits: Limits, joints: tuple[str, ...]) -> None:

@@ -131,7 +131,6 @@ def test_a_world_is_asked_about_configurations(which: str, world: World) -> None
         lambda: world.distances_below(q, 0.1),
         lambda: world.distance(q),
         lambda: world.in_collision(q, 0.01),
-        lambda: world.motion_radii(q),
         lambda: world.pair_distances(q, np.arange(1)),
     ):
         with pytest.raises(InputError, match=r"^q.*must be 6 finite numbers"):

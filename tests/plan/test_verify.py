@@ -14,6 +14,7 @@ from arm.errors import ImpossibleError, InputError
 from arm.plan_file import GripperStep, LookStep, Move, Plan, Step
 from arm.robot.shapes import Body, Box
 from arm.se3 import frozen, transform
+from arms.count_paths import reversed_path
 from plan.collision.certificate import certify_move
 from plan.pick_place.planner import plan_task
 from plan.scene import Scene, scene_from_json
@@ -247,7 +248,7 @@ def test_a_line_that_goes_past_its_station_is_none(plan: Plan, scene: Scene) -> 
     knots = down.path.knots()
     tail = CountPath(tuple(int(c) for c in knots[-3]), down.path.segments[-2:])
     dip = replace(
-        down, role="retract", path=CountPath(tail.start, (*tail.segments, *down.path.reversed().segments))
+        down, role="retract", path=CountPath(tail.start, (*tail.segments, *reversed_path(down.path).segments))
     )
     heights = [scene.robot_open.T_base_tool(q)[2, 3] for q in UNIT.positions(knots[[0, -3]])]
     normal = scene.robot_open.T_base_tool(UNIT.positions(knots[-1]))[2, 2]
@@ -256,7 +257,7 @@ def test_a_line_that_goes_past_its_station_is_none(plan: Plan, scene: Scene) -> 
         _require_line(dip, scene, UNIT, length)
     assert found.value.data["past_m"] > 3e-4
     assert found.value.data["length_m"] == pytest.approx(length, abs=1e-4)
-    up = replace(down, role="retract", path=down.path.reversed())
+    up = replace(down, role="retract", path=reversed_path(down.path))
     _require_line(up, scene, UNIT, 0.1)
 
 
@@ -312,7 +313,7 @@ def test_jaws_that_close_on_nothing_are_found(plan: Plan, scene: Scene, case: Ta
         )
         moved = move_scenes(plan, replace(scene, cubes=cubes), UNIT)
         if closes:
-            assert any(setting.held is not None for _, setting in moved)
+            assert any(move.held is not None for move, _ in moved)
             continue
         with pytest.raises(ImpossibleError, match="closes the jaws where no cube stands"):
             list(moved)

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from arm.controller.unit import Counts
-from arm.errors import A465Error, InputError
+from arm.errors import InputError
 from arm.se3 import Array
 
 
@@ -33,21 +33,6 @@ class Segment:
     def end(self) -> Counts:
         """Return the displacement over the whole segment, (6,) counts."""
         return np.asarray(np.array(self.coefficients, dtype=np.int64).sum(axis=0), dtype=np.int64)
-
-    def reversed(self) -> Segment:
-        """Return the reversed segment, c(1 - u) - c(1), with integer coefficients.
-
-        Raises:
-            A465Error: the order is above 3.
-        """
-        if len(self.coefficients) > 3:
-            raise A465Error(
-                f"segment of order {len(self.coefficients)}: the order must be at most 3 to reverse it"
-            )
-        a = np.zeros((3, len(self.coefficients[0])), dtype=np.int64)
-        a[: len(self.coefficients)] = self.coefficients
-        back = np.stack([-(a[0] + 2 * a[1] + 3 * a[2]), a[1] + 3 * a[2], -a[2]])[: len(self.coefficients)]
-        return Segment(self.duration_ms, tuple(tuple(int(c) for c in row) for row in back))
 
     def displacement(self, u: float | Array) -> Array:
         """Return counts from the segment's start at parameter u (scalar or (m,)); shape (6,) or (m, 6)."""
@@ -96,10 +81,6 @@ class CountPath:
     def end(self) -> tuple[int, ...]:
         """Counts at the end, (6,)."""
         return tuple(int(c) for c in self.knots()[-1])
-
-    def reversed(self) -> CountPath:
-        """Return the path from its end to its start, exact to the count."""
-        return CountPath(self.end, tuple(s.reversed() for s in reversed(self.segments)))
 
     def sample(self, step_s: float = 1e-3) -> Array:
         """Return counts (m, 6), not rounded, on a regular time grid that includes both ends."""

@@ -24,13 +24,11 @@ class Manners:
         adapter: lines are echoed after ``ECHO:0`` too. Then a device between host and unit echoes, which proves
             nothing.
         takes_turns: echoes and answers come interleaved, so the host has to wait for each in turn.
-        round_trip_s: from the last byte of a stamp to its echo, or to its answer if nothing is echoed.
     """
 
     echoes: bool
     adapter: bool
     takes_turns: bool
-    round_trip_s: float
 
     def describe(self) -> str:
         """Describe the echo in one line for the operator."""
@@ -59,13 +57,13 @@ def learn_manners(link: Link) -> Manners:
     adapter = all(_echoed(link, 0) for _ in range(ATTEMPTS))
     if adapter or not any(_echoed(link, 1) for _ in range(ATTEMPTS)):
         link.answer_trip_s = min(_set_echo(link, 0) for _ in range(ATTEMPTS))
-        return Manners(False, adapter, False, link.answer_trip_s)
+        return Manners(False, adapter, False)
     link.echoes = True
     mixes = all(_mixes(link) for _ in range(2))  # a bad line may damage one burst
     link.takes_turns = mixes or link.echo.mixed  # a burst may come back whole by chance
     link.synchronise(attempts=ATTEMPTS)  # from here on every echo is checked
     link.synchronise(attempts=ATTEMPTS)
-    return Manners(True, False, link.takes_turns, link.echo.round_trip_s)
+    return Manners(True, False, link.takes_turns)
 
 
 def _set_echo(link: Link, on: int) -> float:

@@ -17,7 +17,6 @@ from arm.errors import ExecutionStopped, InputError
 BAUD = 19200
 BYTES_PER_SECOND = BAUD / 10.0  # 8N1: ten bits a byte
 MAX_LINE = 149  # characters; the longest line known to work has about 150 [I]
-QUEUE_LENGTH = 200  # coordinated segments that fit into the unit's queue [D]
 VERTEX_STEPS = (
     5  # COORDDISCONT: "best performance" of the vendor's toolbox, in acceleration steps of 1 ms [D]
 )
@@ -278,11 +277,6 @@ class Status:
     def busy(self) -> bool:
         """An axis still generates motion."""
         return bool(self.word & 0x10)
-
-    @property
-    def queue_nearly_full(self) -> bool:
-        """At most 50 more segments fit into the queue."""
-        return bool(self.word & 0x80)
 
     @property
     def arm_power_off(self) -> bool:

@@ -74,7 +74,7 @@ class Mars:
         self.reference: tuple[int, ...] | None = None
         self.speed_registers = unit.speed_registers
         self.acceleration_registers = unit.acceleration_registers
-        self.manners = Manners(echoes=False, adapter=False, takes_turns=False, round_trip_s=0.0)
+        self.manners = Manners(echoes=False, adapter=False, takes_turns=False)
         self.parameters = ParameterScale()
         self.registers = Registers(self.link)
         self._group_formed = False

@@ -30,7 +30,6 @@ from plan.scene import Station
 STEP, STEPS = 0.010, 12  # m between displacements of a body, and their number
 TURNS = tuple(float(np.radians(d)) for d in (15.0, -15.0, 30.0, -30.0, 45.0, -45.0, 90.0, -90.0))
 FIXED = ("table", "post")  # kinds of bodies to leave in place: cameras and tables are calibrated
-_ASLANT = tuple(float(np.radians(d)) for d in (20.0, 45.0))  # off the direction to the base
 _TILTED = np.radians(3.0)  # boards that are tilted more can also be rotated about their normal
 _UP = np.array([0.0, 0.0, 1.0])
 

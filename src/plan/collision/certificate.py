@@ -13,7 +13,7 @@ The bound assumes nothing about the path from q to q', and nothing has to be max
 
 For two bodies, a on joint i and b on joint j >= i, take the frame of joint i. Only joints i + 1 to j move b relative to
 a, and the distance of the two drops by at most m = sum over i < k <= j of delta_k R_k, where delta_k bounds
-|q'_k - q_k| and R_k is the largest r_k over b's points (`World.motion_radii`, `DistanceBounds.motion`). Hence, if the
+|q'_k - q_k| and R_k is the largest r_k over b's points (`Placed.radii`, `DistanceBounds.motion`). Hence, if the
 pair has distance d at q, it has at least d - m at every q' with |q'_k - q_k| <= delta_k.
 
 **Subdivision.** A motion is a chain of cubics. Each stays between the least and greatest of its four Bernstein control

@@ -224,14 +224,6 @@ class World:
         """Return the index of the joint that moves a body, 1 to n; 0 for a fixed body."""
         return int(self._joint[self.names.index(name)])
 
-    def motion_radii(self, q: npt.ArrayLike) -> Array:
-        """Return bounds (bodies, n) on the motion of each moving body per joint, m/rad (1 for a prismatic joint).
-
-        Entry (b, k) is the largest distance of a point of body b from the axis of joint k at configuration q, and 0
-        for joints beyond the body. `plan.collision.certificate` states what it proves.
-        """
-        return np.asarray(self.volumes.placed(self._configuration(q)[None]).radii[0])
-
     def distance(self, q: npt.ArrayLike) -> Distance:
         """Return the smallest distance over all pairs at configuration q (n,) rad; infinite if there is no pair."""
         values = self.pair_distances(q, np.arange(len(self.pairs)))

@@ -36,13 +36,11 @@ class Joined:
         path: over tau in s, with continuous first derivative.
         marks: tau where the first line ends and where the last begins; an end of the path if there is no line.
         caps: (pieces,) largest d tau/dt that the tool speed allows in each piece of the path; inf without a cap.
-        deviation: largest distance of the transit from the straight lines through its way-points, rad (Euclidean).
     """
 
     path: Path
     marks: tuple[float, float]
     caps: Array
-    deviation: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,13 +51,11 @@ class Chained:
         path: over tau in s, with continuous first derivative.
         edges: (parts + 1,) tau where each part begins, and the end.
         caps: (pieces,) as in `Joined`.
-        deviation: as in `Joined`, the largest of all transits.
     """
 
     path: Path
     edges: Array
     caps: Array
-    deviation: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +135,6 @@ def joined(
             float(chain.edges[-1] if after is None else chain.edges[-2]),
         ),
         chain.caps,
-        chain.deviation,
     )
 
 
@@ -165,25 +160,22 @@ def chained(parts: Sequence[Stretch | npt.ArrayLike], limits: Limits, blend: flo
             ends = (transits[i - 1] if i else None), (transits[i + 1] if i + 1 < len(parts) else None)
             meets = (None if ends[0] is None else ends[0][-1], None if ends[1] is None else ends[1][0])
             made[i] = _line(part.path, meets, limits, part.tool_speed)
-    deviation = 0.0
     for i, points in enumerate(transits):
         if points is not None:
             before, after = made[i - 1] if i else None, made[i + 1] if i + 1 < len(parts) else None
-            transit = _transit(
+            made[i] = _transit(
                 points,
                 None if before is None else before.path(before.path.x[-1], 1),
                 None if after is None else after.path(after.path.x[0], 1),
                 limits,
                 blend,
             )
-            deviation = max(deviation, _farthest(transit.path, points))
-            made[i] = transit
     found = [part for part in made if part is not None]
     starts = np.concatenate([[0.0], np.cumsum([float(part.path.x[-1]) for part in found])])
     x = np.concatenate([[0.0], *(b + part.path.x[1:] for b, part in zip(starts, found, strict=False))])
     path = PPoly(np.concatenate([_cubic(part.path.c) for part in found], axis=1), x)
     caps = np.concatenate([np.full(part.path.c.shape[1], part.cap) for part in found])
-    return Chained(path, frozen(starts), frozen(caps), deviation)
+    return Chained(path, frozen(starts), frozen(caps))
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,19 +275,3 @@ def _lines(points: Array, enter: Array | None, leave: Array | None, limits: Limi
     velocity = steps / span[:, None]
     ends = (velocity[0] if enter is None else enter, velocity[-1] if leave is None else leave)
     return _Lines(corners, span, np.concatenate([ends[0][None], velocity, ends[1][None]]))
-
-
-def _farthest(path: Path, points: Array) -> float:
-    """Return the largest distance of a path from the straight lines through points."""
-    places = np.linspace(path.x[:-1], path.x[1:], 33).T.ravel()
-    at = int(np.argmax(_distance(path(places), points)))
-    near = np.linspace(places[max(at - 1, 0)], places[min(at + 1, len(places) - 1)], 65)
-    return float(_distance(path(near), points).max())
-
-
-def _distance(q: Array, points: Array) -> Array:
-    """Return the distances (m,) of q (m, n) from the straight lines through points."""
-    step = np.diff(points, axis=0)
-    offset = q[:, None] - points[:-1]
-    along = np.clip((offset * step).sum(-1) / (step * step).sum(-1), 0.0, 1.0)
-    return np.asarray(np.sqrt(((offset - along[..., None] * step) ** 2).sum(-1)).min(axis=1))

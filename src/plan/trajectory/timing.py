@@ -133,29 +133,12 @@ class Trajectory:
         every = np.abs([first, middle, last, first + at * (tilt + at * bend)])
         return velocity.max(axis=(1, 2)), every.max(axis=(0, 2))
 
-    def peaks(self) -> Peaks:
-        """Return the largest of `loads`."""
-        velocity, acceleration = self.loads()
-        return Peaks(float(velocity.max()), float(acceleration.max()))
-
     def _drive(self) -> Array:
         """Return the second derivative of s with respect to time between knots, (k - 1,)."""
         return np.asarray(np.diff(self.rate**2) / (2 * np.diff(self.s)))
 
     def _acceleration(self, s: Array, rate: Array, drive: Array) -> Array:
         return np.asarray(self.path(s, 2) * rate[..., None] ** 2 + self.path(s, 1) * drive[..., None])
-
-
-@dataclass(frozen=True)
-class Peaks:
-    """Largest ratios of a joint's velocity and acceleration to its limits."""
-
-    velocity: float
-    acceleration: float
-
-    def stretch(self) -> float:
-        """Return the factor on time that brings both to at most 1."""
-        return max(1.0, self.velocity, float(np.sqrt(self.acceleration)))
 
 
 def time_path(q: npt.ArrayLike, limits: Limits) -> Trajectory:
@@ -202,7 +185,7 @@ def time_curve(path: Path, limits: Limits, rate_cap: Caps = None) -> Trajectory:
         np.maximum.at(ease, which, ease[which] * (1.0 + _ROOM * np.maximum(0.0, acceleration - 1.0)))
     # a velocity that is too high at `_INSIDE` may be slightly higher between these places
     velocity = 1.0 + _ROOM * (velocity - 1.0)
-    excess = Peaks(float(velocity.max()), float(acceleration.max())).stretch()
+    excess = max(1.0, float(velocity.max()), float(np.sqrt(acceleration.max())))
     return trajectory if excess <= 1.0 + 1e-12 else trajectory.stretched(excess * (1.0 + 1e-12))
 
 

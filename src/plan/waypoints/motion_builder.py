@@ -37,7 +37,6 @@ _BLENDS = (1.0, 0.4, 0.15, 0.05)  # parts of a full blend, the fastest first
 _SMALLER = 0.7  # each time a cut corner passes too far
 _CUTS = 4  # sizes of a cut that are tried
 _OFF_LINE = 1e-4  # of the tool as it is sent, m
-_LEAST_WAY = 1e-6  # rad: less is no way
 
 
 @dataclass(frozen=True, eq=False)

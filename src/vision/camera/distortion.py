@@ -6,8 +6,6 @@ x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2), and y' like
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from arm.se3 import Array
@@ -15,15 +13,8 @@ from arm.se3 import Array
 _INVERSE_STEPS, _STEP_TOLERANCE, _WORST_STEP = 50, 1e-13, 1e-9
 
 
-class DistortionTerms(NamedTuple):
-    """Parts of the distortion at points (...): `radial` factor (...), `tangential` shift (..., 2)."""
-
-    radial: Array
-    tangential: Array
-
-
-def distortion_terms(coefficients: Array, points: Array) -> DistortionTerms:
-    """Radial factor and tangential shift at undistorted `points` (..., 2)."""
+def distortion_terms(coefficients: Array, points: Array) -> tuple[Array, Array]:
+    """Radial factor (...) and tangential shift (..., 2) at undistorted `points` (..., 2)."""
     k1, k2, p1, p2, k3 = coefficients
     x, y = points[..., 0], points[..., 1]
     with np.errstate(over="ignore", invalid="ignore"):
@@ -32,7 +23,7 @@ def distortion_terms(coefficients: Array, points: Array) -> DistortionTerms:
         tangential = np.empty_like(points)
         tangential[..., 0] = 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
         tangential[..., 1] = p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
-    return DistortionTerms(radial, tangential)
+    return radial, tangential
 
 
 def distort(coefficients: Array, points: Array) -> Array:

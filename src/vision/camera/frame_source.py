@@ -70,11 +70,6 @@ class ImageFolder:
         self.path = path
         self._used: set[str] = {p.name for p in path.iterdir()} if only_new else set()
 
-    def fresh(self) -> int:
-        """Number of images not yet returned."""
-        names = (p.name for p in self.path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
-        return len(set(names) - self._used)
-
     def grab(self, count: int) -> list[Image]:
         """Return the next `count` new images.
 

@@ -35,14 +35,12 @@ class Quality:
         contrast: grey levels between white and black squares, median over the edges.
         saturated: share of saturated samples in white squares, 0 to 1.
         marker_share: apparent edge of the markers in squares; NaN without markers.
-        marker_share_sigma: its standard deviation.
     """
 
     blur_px: float
     contrast: float
     saturated: float
     marker_share: float
-    marker_share_sigma: float
 
 
 def measure_quality(image: Image, target: Target, view: TargetView) -> Quality:
@@ -66,13 +64,11 @@ def measure_quality(image: Image, target: Target, view: TargetView) -> Quality:
         steps += list(np.abs(high - low))
         white.append(np.maximum(profile[:, :3], profile[:, -3:]).ravel())
         blur.append(float(np.median(_widths(profile, half))))
-    share, sigma = _marker_share(grey, target, view)
     return Quality(
         max(blur) if blur else float("nan"),
         float(np.median(steps)) if steps else 0.0,
         float(np.mean(np.concatenate(white) >= SATURATED)) if white else 0.0,
-        share,
-        sigma,
+        _marker_share(grey, target, view),
     )
 
 
@@ -121,11 +117,10 @@ def _widths(profile: Array, half: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
-def _marker_share(grey: Image, target: Target, view: TargetView) -> tuple[float, float]:
+def _marker_share(grey: Image, target: Target, view: TargetView) -> float:
     """Edge of the markers in units of the square around each, which is small enough to ignore distortion."""
-    nothing = (float("nan"), float("nan"))
     if not len(view.marker_ids):
-        return nothing
+        return float("nan")
     height, width = grey.shape
     # a camera without distortion: a side is short enough
     f = 3.0 * width
@@ -139,7 +134,7 @@ def _marker_share(grey: Image, target: Target, view: TargetView) -> tuple[float,
         grey, view.outlines_px, straight, predefined(target.dictionary).markerSize + 2
     )
     if not lines.good.any():
-        return nothing
+        return float("nan")
     sides = np.array(
         [
             np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1).mean()
@@ -148,10 +143,7 @@ def _marker_share(grey: Image, target: Target, view: TargetView) -> tuple[float,
             for outline in [_in_square(lines.corners_px[marker], square)]
         ]
     )
-    if not len(sides):
-        return nothing
-    spread = 1.4826 * float(np.median(np.abs(sides - np.median(sides))))
-    return float(np.median(sides)), max(spread, 1e-4) / np.sqrt(len(sides))
+    return float(np.median(sides)) if len(sides) else float("nan")
 
 
 def _whole_squares(target: Target, view: TargetView) -> list[tuple[int, Array]]:

@@ -38,15 +38,6 @@ def test_derivatives_match_finite_differences() -> None:
         assert segment.derivative(u, 2) == pytest.approx(acceleration, rel=1e-6, abs=1e-2)
 
 
-def test_a_reversed_path_is_the_same_path() -> None:
-    path = _random_path(5)
-    back = path.reversed()
-    assert (back.start, back.end) == (path.end, path.start)
-    times = np.linspace(0.0, path.duration_s, 777)
-    assert back.at(path.duration_s - times) == pytest.approx(path.at(times), abs=1e-5)
-    assert back.reversed() == path
-
-
 def test_sampling_meets_every_knot_and_is_continuous() -> None:
     path = _random_path(3)
     ends = np.concatenate([[0], np.cumsum([s.duration_ms for s in path.segments])]) / 1e3

@@ -27,10 +27,10 @@ def add(
 def run(path: PathGenerator, ticks: int = 200_000) -> Samples:
     """Every ms until idle, the start included."""
     samples = [path.at]
-    while path.running and len(samples) < ticks:
+    while path.queue and len(samples) < ticks:
         path.tick()
         samples.append(path.at)
-    assert not path.running
+    assert not path.queue
     return np.array(samples)
 
 
@@ -166,7 +166,7 @@ def test_stop_brakes_on_the_path_at_the_acceleration(after_ms: int) -> None:
 def test_a_segment_of_nothing_in_no_time_is_nothing() -> None:
     path = PathGenerator((1,) * 6)
     add(path, [[0]] * 6)
-    assert not path.running
+    assert not path.queue
 
 
 @pytest.mark.parametrize("seed", range(4))

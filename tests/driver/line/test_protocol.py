@@ -133,7 +133,6 @@ def test_status_bits_are_masked() -> None:
     assert not Status(0x47 | 0x800).fault
     assert not Status(0x47).busy
     assert Status(0x10 | 0x1).busy
-    assert Status(0x80).queue_nearly_full
     assert Status(0x8).faults() == ("an axis is in error",)
     assert Status(0x30000).faults() == ("arm power is off", "motion stop is pressed")
     assert parse_status("131088") == Status(0x20010)

@@ -247,5 +247,5 @@ def test_what_planes_take_off_beyond_first_order_is_no_less_and_hardly_more_than
     assert 0.098 - bound == pytest.approx(lost, rel=0.03)
     # a spread about the hull takes off the same, and what its direction, which is not known, may do to first order
     stray = world.volumes.plane_distances(placed, none, none, found.normal, q[None], np.abs(swing)[None])[0]
-    first_order = float(world.motion_radii(q[0])[0] @ np.abs(swing))
+    first_order = float(world.volumes.placed(np.atleast_2d(q[0])).radii[0][0] @ np.abs(swing))
     assert stray == pytest.approx(bound - first_order, abs=1e-4)

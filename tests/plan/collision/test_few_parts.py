@@ -56,7 +56,7 @@ def test_an_arm_without_bodies_touches_nothing(tmp_path: Path) -> None:
         assert world.distance(Q0).value == np.inf
         assert world.distances_below(Q0, 10.0) == []
         assert not world.in_collision(Q0, 0.5)
-        assert world.motion_radii(Q0).shape == (0, 7)
+        assert world.volumes.placed(np.atleast_2d(Q0)).radii[0].shape == (0, 7)
         assert len(world.near(np.stack([Q0, Q1]), 1.0).row) == 0
         for tight in (False, True):
             checked = certify_curve(world, curve_of_waypoints([Q0, Q1, Q0]), 0.01, tight)
@@ -101,7 +101,7 @@ def test_an_arm_of_one_joint_goes_through_all_doors(tmp_path: Path) -> None:
     assert robot.jacobian([0.2]).shape == (6, 1)
     near = Body("near", Box((0.05, 0.05, 0.4)), transform(t=(0.0, 0.3, 0.2)), "wall")
     world = World(robot, [near])
-    radius = world.motion_radii([0.1]).max()
+    radius = world.volumes.placed(np.atleast_2d([0.1])).radii[0].max()
     assert radius == pytest.approx(np.hypot(0.33, 0.03), abs=1e-6)
     assert world.distance([0.0]).value > 0.2
     checked = certify_curve(world, curve_of_waypoints([[0.0], [1.0]]), 0.01, tight=True)
@@ -133,4 +133,4 @@ def test_the_gradient_of_a_distance_is_right_for_one_joint(tmp_path: Path) -> No
 
 def test_the_seven_joints_with_bodies_are_as_before(tmp_path: Path) -> None:
     world = World(arm(tmp_path, SEVEN), [BLOCK])
-    assert world.motion_radii(Q0).shape == (len(world.robot.bodies) - 1, 7)
+    assert world.volumes.placed(np.atleast_2d(Q0)).radii[0].shape == (len(world.robot.bodies) - 1, 7)

@@ -170,7 +170,7 @@ def test_no_point_of_a_body_moves_further_than_the_bound() -> None:
     for q in random_q(robot, rng, 300):
         delta = rng.uniform(0.0, rng.choice([0.01, 0.3, 2.0]), 6) * rng.integers(0, 2, 6)
         q_after = q + delta * rng.choice([-1.0, 1.0], 6)
-        bounds = world.motion_radii(q) @ delta
+        bounds = world.volumes.placed(np.atleast_2d(q)).radii[0] @ delta
         before, after = robot.joint_poses(q), robot.joint_poses(q_after)
         for body, bound in zip(moving, bounds, strict=True):
             points = apply(body.T_joint_body, surface(body.shape, rng, 20))
@@ -356,7 +356,7 @@ def test_a_radius_is_what_the_farthest_point_of_a_body_has_from_the_axis() -> No
     data = robot.model.createData()
     for q in random_q(robot, rng, 20):
         pin.forwardKinematics(robot.model, data, q)
-        radii = world.motion_radii(q)
+        radii = world.volumes.placed(np.atleast_2d(q)).radii[0]
         for row, body in zip(radii, (b for b in robot.bodies if b.joint > 0), strict=True):
             corners, ball = hull(body.shape)
             T = data.oMi[body.joint].homogeneous @ body.T_joint_body

@@ -107,9 +107,6 @@ def test_joined_lines_are_kept_and_corners_are_smooth(blend: float) -> None:
         else:
             line = smooth_path(after.q, after.s)
             np.testing.assert_allclose(path(last + (path.x[-1] - last) * u), line(0.1 * u), atol=1e-9)
-        transit = path(np.linspace(first, last, 3001))
-        assert _distance(transit, q).max() <= result.deviation * 1.01 + 1e-9
-        assert result.deviation <= _distance(transit, q).max() + 3e-3
         assert len(result.caps) == len(path.x) - 1
         inside = (path.x[:-1] >= first) & (path.x[1:] <= last)
         assert np.isinf(result.caps[inside]).all()
@@ -135,7 +132,7 @@ def test_a_joined_polyline_without_lines_is_its_blends() -> None:
     q[1:, 0], q[2, 1] = 1.0, 1.0
     result = joined(None, q, None, limits)
     np.testing.assert_allclose(result.path.x, [0.0, 1.875, 2.125, 4.0])
-    assert result.deviation == pytest.approx(0.5 * 0.25 / 8, rel=1e-9)
+    assert _distance(result.path(np.array([2.0])), q) == pytest.approx(0.5 * 0.25 / 8, rel=1e-9)
     assert np.isinf(result.caps).all()
 
 

@@ -50,6 +50,16 @@ def _cubics(
     return CountPath(start, tuple(cubics))
 
 
+def reversed_path(path: CountPath) -> CountPath:
+    """The path from its end to its start, exact to the count."""
+    back = []
+    for segment in reversed(path.segments):
+        a1, a2, a3 = np.array(segment.coefficients)  # cubics
+        rows = (-(a1 + 2 * a2 + 3 * a3), a2 + 3 * a3, -a3)
+        back.append(Segment(segment.duration_ms, tuple(tuple(int(c) for c in row) for row in rows)))
+    return CountPath(path.end, tuple(back))
+
+
 def distances_deg(unit: Unit, executed: Counts, path: CountPath) -> npt.NDArray[np.float64]:
     """How far each executed sample (m, 6) is from the nearest point of the path, deg, worst joint: (m,)."""
     ideal = np.degrees(unit.positions(path.sample(2.5e-4)))

@@ -55,7 +55,7 @@ def quality(
     blur_px: float = 0.8, contrast: float = 180.0, saturated: float = 0.0, share: float = 22 / 30
 ) -> Quality:
     """A photograph's quality, good by default."""
-    return Quality(blur_px, contrast, saturated, share, 1e-3)
+    return Quality(blur_px, contrast, saturated, share)
 
 
 def photos(views: Sequence[TargetView], marked: Quality | None = None) -> list[TargetPhoto]:

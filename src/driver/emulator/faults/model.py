@@ -103,15 +103,6 @@ class When:
             f"must be one of {', '.join(KNOWN)}, with or without an axis letter",
         )
 
-    def describe(self) -> str:
-        """Return the trigger as text, for messages and logs."""
-        event = "start"
-        if self.command:
-            event = f"{self.command} number {self.nth}"
-        elif self.segment:
-            event = f"segment {self.segment}"
-        return f"{event} + {self.after_ms:g} ms"
-
 
 @dataclass(frozen=True)
 class Fault:

@@ -37,10 +37,6 @@ class PathGenerator:
         self._rate = 0.0
 
     @property
-    def running(self) -> bool:
-        return bool(self.queue)
-
-    @property
     def end(self) -> tuple[int, ...]:
         """Start of the next segment: the end of the last one queued, or the reference at rest."""
         return self.queue[-1].end if self.queue else self.at

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm.controller.unit import Counts
-from arm.se3 import Array
 
 _INT32 = 2**31
 
@@ -38,11 +37,6 @@ class Record:
 
     time_ms: Counts
     counts: Counts
-
-    def velocity(self) -> Array:
-        """Return counts/ms between successive samples of one motion, (k, 6); gaps between motions are left out."""
-        step = np.diff(self.time_ms)
-        return np.asarray(np.diff(self.counts, axis=0)[step == 1], dtype=float)
 
 
 class Recorder:
