@@ -10,10 +10,7 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "        still = at is None or before is None or farthest(before, at) <= STILL_COUNTS\n",
         "        still = True\n",
         "at rest while counts change",
-        (
-            "driver/mars/test_stopping.py",
-            "driver/mars/test_mars_stopping.py",
-        ),
+        ("driver/mars/test_stopping.py",),
     ),
     (
         "rest-while-busy",
@@ -21,10 +18,7 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "        quiet = self._fresh is not None and (not self._fresh.busy or self._fresh.fault)\n",
         "        quiet = self._fresh is not None\n",
         "at rest while busy",
-        (
-            "driver/mars/test_stopping.py",
-            "driver/mars/test_mars_stopping.py",
-        ),
+        ("driver/mars/test_stopping.py",),
     ),
     (
         "rest-not-obeyed",
@@ -32,10 +26,7 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "        executed = self.link.echo.stops > 0 or not self.link.echoes\n",
         "        executed = True\n",
         "at rest though STOP was not echoed",
-        (
-            "driver/mars/test_stopping.py",
-            "driver/mars/test_mars_stopping.py",
-        ),
+        ("driver/mars/test_stopping.py",),
     ),
     (
         "link-endless-line",
@@ -43,7 +34,11 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "        if len(self._rest) > self._longest:\n",
         "        if False:\n",
         "a line without an end is kept",
-        ("driver/line/test_link.py",),
+        (
+            "driver/line/test_link.py",
+            "driver/line/test_port.py",
+            "driver/line/test_transport.py",
+        ),
     ),
     (
         "link-flood",
@@ -51,7 +46,11 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "        if self._inbox.qsize() > UNREAD_ANSWERS:\n",
         "        if False:\n",
         "lines that nobody asked for fill the memory",
-        ("driver/line/test_link.py",),
+        (
+            "driver/line/test_link.py",
+            "driver/line/test_port.py",
+            "driver/line/test_transport.py",
+        ),
     ),
     (
         "link-identified",
@@ -61,7 +60,10 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "anything is sent to a unit that is not identified",
         (
             "driver/line/test_link.py",
+            "driver/line/test_port.py",
+            "driver/line/test_transport.py",
             "driver/mars/test_mars.py",
+            "driver/mars/test_gripper.py",
         ),
     ),
     (
@@ -73,6 +75,7 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         (
             "driver/line/test_echo.py",
             "driver/execution/test_stream.py",
+            "driver/execution/test_stream_run.py",
         ),
     ),
     (
@@ -84,6 +87,7 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         (
             "driver/line/test_echo.py",
             "driver/execution/test_stream.py",
+            "driver/execution/test_stream_run.py",
         ),
     ),
     (
@@ -94,7 +98,8 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "a damaged register line is no matter",
         (
             "driver/line/test_echo.py",
-            "driver/mars/test_mars_startup.py",
+            "driver/mars/test_identity.py",
+            "driver/mars/test_startup.py",
         ),
     ),
     (
@@ -106,6 +111,7 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         (
             "driver/line/test_echo.py",
             "driver/execution/test_stream.py",
+            "driver/execution/test_stream_run.py",
         ),
     ),
     (
@@ -114,7 +120,10 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "        if self._astray >= ASTRAY:\n",
         "        if False:\n",
         "an arm off its path is not stopped",
-        ("driver/execution/test_stream.py",),
+        (
+            "driver/execution/test_stream.py",
+            "driver/execution/test_stream_run.py",
+        ),
     ),
     (
         "lookahead-braking",
@@ -138,6 +147,9 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "    if others and not _has_gripper(answers.get(own)):\n",
         "    if False:\n",
         "another unit's arm gets this one's registers",
-        ("driver/mars/test_mars_startup.py",),
+        (
+            "driver/mars/test_identity.py",
+            "driver/mars/test_startup.py",
+        ),
     ),
 )

@@ -2,37 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
-from arm.controller.unit import load_unit
-from driver.emulator.commands import Interpreter
 from driver.emulator.options import EmulatorOptions
-from driver.emulator.unit.machine import Machine
-
-UNIT = load_unit("crs93")
-
-
-def made(options: EmulatorOptions | None = None) -> Interpreter:
-    return Interpreter(Machine(UNIT, None, options or EmulatorOptions()))
-
-
-def grouped(options: EmulatorOptions | None = None) -> Interpreter:
-    unit = made(options)
-    unit.take("COORDGRP:A,B,C,D,E,F")
-    return unit
-
-
-def finish(unit: Interpreter, most_ms: int = 120_000) -> list[str]:
-    """Run until idle; what was answered on the way."""
-    answers = []
-    for _ in range(most_ms):
-        if not unit.machine.busy:
-            break
-        unit.machine.run(1)
-        answers += unit.ready()
-    assert not unit.machine.busy
-    return answers
+from emulated.lineless_unit import UNIT, finish, grouped, made
 
 
 def test_identity_and_order() -> None:
@@ -106,31 +79,6 @@ def test_faults_fail_waits_and_stop_motion(fault: str, bit: int) -> None:
     assert machine.faulty == (fault != "axis")
 
 
-def test_homing_makes_the_mark_zero_and_the_truth_agrees() -> None:
-    unit = grouped()
-    stood = unit.machine.true_counts()
-    assert stood == tuple(UNIT.counts(np.radians(EmulatorOptions().power_up_deg)))
-    assert unit.take("APA?") == ["APA=0"]
-    for group in UNIT.homing:
-        for axis in group:
-            unit.take(f"HH{axis}:")
-        assert unit.take("R:") == []
-        assert finish(unit) == ["R!"]
-    assert unit.machine.true_counts() == (0,) * 6
-    assert unit.take("COORDAP?")[0].split(",")[3:] == ["0"] * 6
-    assert all(unit.machine.homed)
-
-
-def test_a_stopped_homing_is_no_homing() -> None:
-    unit = grouped()
-    unit.take("HHA:")
-    unit.machine.run(500)
-    unit.take("STOP:")
-    finish(unit)
-    assert not unit.machine.homed[0]
-    assert unit.machine.true_counts()[0] != 0
-
-
 def test_coordap_has_time_number_place_and_the_group_in_its_order() -> None:
     unit = made()
     unit.take("COORDGRP:C,A")
@@ -150,82 +98,12 @@ def test_coordap_has_time_number_place_and_the_group_in_its_order() -> None:
     assert int(unit.take("COORDAP?")[0][8:].split(",")[0]) < 65536
 
 
-def test_the_queue_holds_200_and_tells_when_50_are_left() -> None:
-    unit = grouped()
-    bits = []
-    for _ in range(200):
-        assert unit.take("COORDRELMVT:100,10,0,0,0,0,0") == []
-        bits.append(bool(int(unit.take("ST?")[0][3:]) & 0x80))
-    assert bits.index(True) == 149  # the 150th leaves 50
-    assert not unit.machine.violations
-    unit.take("COORDRELMVT:100,10,0,0,0,0,0")
-    assert "beyond" in unit.machine.violations[0].what
-    finish(unit)
-    assert unit.machine.reference[0] == 2000
-    full = grouped(EmulatorOptions(overflow="fail", queue=1))
-    full.take("COORDMV:1,0,0,0,0,0")
-    assert full.take("COORDMV:2,0,0,0,0,0") == ["FAIL!"]
-
-
 def test_spline_is_axis_major_and_starts_where_the_one_before_ends() -> None:
     unit = grouped()
     unit.take("COORDSPLINET:200,3,100,20,3,0,0,0,0,0,0,0,0,0,0,0,0,-5,-6,-7")
     unit.take("COORDSPLINET:200,2,1,1,2,2,0,0,0,0,0,0,0,0")
     finish(unit)
     assert unit.machine.reference == (125, 4, 0, 0, 0, -18)
-
-
-def test_a_segment_after_stop_starts_where_the_arm_stopped() -> None:
-    unit = grouped()
-    unit.take("COORDMV:20000,0,0,0,0,0")
-    unit.machine.run(300)
-    unit.take("STOP:")
-    unit.take("COORDRELMVT:100,0,50,0,0,0,0")
-    finish(unit)
-    a, b, *_ = unit.machine.reference
-    assert 0 < a < 20000
-    assert b == 50
-
-
-def test_purge_then_stop_when_idle_leaves_it_idle() -> None:
-    unit = made()
-    unit.take("PURGE:")
-    unit.take("STOP:")
-    assert unit.take("ST?") == ["ST=0"]
-
-
-def test_engaging_the_shoulder_takes_its_time_and_moves_nothing() -> None:
-    unit = made()
-    unit.take("SPDTB:0,300")
-    unit.take("RB:")
-    begin = unit.machine.now_ms
-    assert finish(unit) == ["RB!"]
-    assert unit.machine.now_ms - begin in (300, 301)
-    assert unit.take("APB?") == ["APB=0"]
-
-
-@pytest.mark.parametrize(("target", "end"), [(103, 103), (-800, 103), (500, 500), (2000, 840)])
-def test_the_gripper_keeps_inside_its_stroke(target: int, end: int) -> None:
-    unit = made()
-    unit.take("GG:300")
-    finish(unit)
-    unit.take("RELEASEG:")
-    unit.take(f"GG:{target}")
-    finish(unit)
-    assert unit.take("APG?") == [f"APG={end}"]
-
-
-def test_leaving_the_limits_is_noted_and_not_prevented() -> None:
-    unit = grouped()
-    for axis in "ABCDEF":
-        unit.take(f"HH{axis}:")
-    finish(unit)
-    unit.machine.violations.clear()
-    unit.take("COORDMV:0,200000,0,0,0,0")
-    finish(unit)
-    assert unit.machine.reference[1] == 200000
-    assert len(unit.machine.violations) == 1
-    assert "axis B" in unit.machine.violations[0].what
 
 
 def test_registers_may_be_readable() -> None:

@@ -8,8 +8,6 @@ import socket
 import statistics
 import termios
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import pytest
 import serial
@@ -20,22 +18,10 @@ from driver.emulator.commands import Interpreter
 from driver.emulator.line.uart import Wire
 from driver.emulator.unit.machine import Machine
 from driver.line.clock import Clock
-from driver.line.stepped_clock import SteppedClock
-from wire.client import Client, SteppedClient
+from emulated.connected_unit import connected
+from wire.client import Client
 
 UNIT = load_unit("crs93")
-
-
-@contextmanager
-def connected(unit: Unit, **options: object) -> Iterator[tuple[Emulator, SteppedClient]]:
-    made = EmulatorOptions(**options)  # type: ignore[arg-type]
-    with (
-        Emulator(unit, SteppedClock(), options=made) as emulator,
-        SteppedClient(emulator.open_line()) as client,
-    ):
-        client.send("ECHO:0")
-        client.read_until(b"ECHO:0\n")
-        yield emulator, client
 
 
 def grouped(**options: object) -> Interpreter:
@@ -53,9 +39,6 @@ def idle(unit: Interpreter) -> int:
     return unit.machine.now_ms - begin
 
 
-# -- 1: the port
-
-
 def test_1_hardware_handshake_is_accepted_and_a_reopened_port_finds_the_same_positions(unit: Unit) -> None:
     with Emulator(unit, Clock(20.0)) as emulator:
         path = emulator.open_pty()
@@ -67,9 +50,6 @@ def test_1_hardware_handshake_is_accepted_and_a_reopened_port_finds_the_same_pos
             if number:
                 assert lines == [b"APA=700\r\n", b"APB=0\r\n"]
             port.close()
-
-
-# -- 2: lines
 
 
 def test_2_every_line_is_one_write() -> None:
@@ -109,29 +89,6 @@ def test_2_the_status_is_a_plain_number_of_at_most_18_bits() -> None:
     assert max(words) < 2**18
 
 
-def test_2_nothing_is_said_unasked(unit: Unit) -> None:
-    with connected(unit) as (emulator, client):
-        client.send("HHB:", "GA:3000", "RA:", "FOO:1", "COORDGRP:A,B", "STAMP:7")
-        assert client.read_until(b"RA!\r\n") == b"STAMP=7\r\nRA!\r\n"
-        emulator.set_power(False)
-        emulator.set_power(True)
-        assert client.read_for(10.0) == b""
-
-
-# -- 3: order
-
-
-def test_3_many_waits_of_several_axes_end_in_the_order_of_the_axes_ends(unit: Unit) -> None:
-    with connected(unit) as (_, client):
-        client.send("GA:9000", "GB:300", "R:", "RA:", "RB:", "RA:", "STAMP:1", "RC:")
-        told = client.read_until(b"RA!\r\nRA!\r\n").decode().split()
-        assert told[:3] == ["STAMP=1", "RC!", "RB!"]
-        assert sorted(told[3:]) == ["R!", "RA!", "RA!"]
-
-
-# -- 4: what is understood
-
-
 def test_4_coorddiscont_is_honoured_and_its_misspelling_is_not() -> None:
     def duration(*settings: str) -> tuple[int, int]:
         unit = grouped(vertex_steps=0)
@@ -159,9 +116,6 @@ def test_4_malformed_registers_are_ignored_without_an_answer(line: str) -> None:
     assert grouped(unknown="fail").take(line) == ["FAIL!"]
 
 
-# -- 5: positions and homing with the group
-
-
 def test_5_coordap_is_three_numbers_and_the_axes_in_the_order_of_the_group(unit: Unit) -> None:
     with connected(unit) as (_, client):
         for group in ("A,B,C,D,E,F", "F,A"):
@@ -182,9 +136,6 @@ def test_5_axes_are_homed_with_the_group_formed_and_coordap_tells_it(unit: Unit)
         assert emulator.counts()[1] == 0
 
 
-# -- 6: clearing
-
-
 def test_6_purge_and_stop_leave_it_idle_at_once_or_when_it_has_braked(unit: Unit) -> None:
     with connected(unit) as (_, client):
         client.send("PURGE:", "STOP:")
@@ -197,9 +148,6 @@ def test_6_purge_and_stop_leave_it_idle_at_once_or_when_it_has_braked(unit: Unit
     assert unit_.take("ST?") == ["ST=16"]
     assert 0 < idle(unit_) <= 410  # 404 ms to and from the default speed
     assert unit_.take("ST?") == ["ST=0"]
-
-
-# -- 7: time and options
 
 
 @pytest.mark.parametrize("scale", [1.0, 5.0, 20.0])
@@ -224,15 +172,6 @@ def test_7_motion_and_line_take_their_time(unit: Unit) -> None:
         client.read_until(b"!\r\n")
         # 60000 counts at 30 a ms, 150 ms of acceleration; 13 bytes to it, 5 back; looked at every 4 ms
         assert emulator.clock.now() - begin == pytest.approx(2.0 + 0.1506 + 18 / 1920.0, abs=6e-3)
-
-
-def test_7_an_answer_may_take_its_time(unit: Unit) -> None:
-    with connected(unit, reply_delay_ms=400.0) as (emulator, client):
-        begin = emulator.clock.now()
-        client.send("STAMP:1", "STAMP:2")
-        assert client.read_until(b"=2\r\n") == b"STAMP=1\r\nSTAMP=2\r\n"
-        # each is late, one not behind the other
-        assert emulator.clock.now() - begin == pytest.approx(0.4 + (16 + 9) / 1920.0, abs=5e-3)
 
 
 def test_7_a_static_error_is_there_at_rest_only_and_drawn_anew_by_the_seed() -> None:
@@ -263,9 +202,6 @@ def test_7_a_full_queue_may_refuse_or_drop() -> None:
         assert len(unit.machine.violations) == 1
 
 
-# -- 8: the gripper
-
-
 class Block:
     def jaws(self, counts: tuple[int, ...], from_adc: int, to_adc: int) -> int:
         return max(to_adc, 471)
@@ -287,9 +223,6 @@ def test_8_jaws_stall_on_an_object_although_their_axis_says_ready_and_release_ho
     unit.machine.run(500)
     assert unit.take("APG?") == [part_way]
     assert 471 < int(part_way.removeprefix("APG=")) < 840
-
-
-# -- 9: no limits, but a record
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from arm.errors import InputError
 from arm.io.storage import data_file
 from driver.emulator.faults.file import read_faults
 from driver.emulator.faults.model import KINDS, NEEDED, USED, Fault, When
-from driver.emulator.faults.schedule import Schedule
 
 
 def written(folder: Path, text: str) -> Path:
@@ -136,51 +135,3 @@ def test_a_field_of_another_kind_is_refused() -> None:
         Fault("lag")
     with pytest.raises(InputError, match="must be one of power_off"):
         Fault("flood")  # type: ignore[arg-type]
-
-
-def due(schedule: Schedule, until: float = 1e9) -> list[tuple[float, str, bool]]:
-    found = []
-    while schedule.next_at() <= until:
-        at = schedule.next_at()
-        fault, over = schedule.take()
-        found.append((at, fault.kind, over))
-    return found
-
-
-def test_a_schedule_counts_lines_by_name_with_or_without_axis() -> None:
-    faults = [
-        Fault("power_off", When(command="HH", nth=3)),
-        Fault("motion_stop", When(5, command="HHB")),
-        Fault("early_ready", When(command="R", nth=2)),
-        Fault("missed_grasp", When(command="COORDMV")),
-    ]
-    schedule = Schedule(faults)
-    lines = [
-        "HHA:",
-        "RELEASEG:",
-        "HHB:",
-        "REGMSA:3",
-        "R:",
-        "COORDMVT:1",
-        "RG:",
-        "HHC:",
-        "COORDMV:1\r",
-        "HHB:",
-    ]
-    for ms, line in enumerate(lines):
-        schedule.line(line, float(ms))
-    assert due(schedule) == [
-        (6.0, "early_ready", False), (7.0, "motion_stop", False), (7.0, "power_off", False),
-        (8.0, "missed_grasp", False),
-    ]  # fmt: skip
-
-
-def test_a_schedule_starts_with_the_first_byte_and_keeps_the_order_of_equals() -> None:
-    schedule = Schedule(
-        [Fault("noise", When(10)), Fault("power_off", When(10)), Fault("motion_stop", When(3))]
-    )
-    assert due(schedule) == []
-    schedule.first_byte(100.0)
-    schedule.first_byte(200.0)
-    schedule.inject(Fault("lag", When(1), lag_ms=5), 50.0)
-    assert [kind for _, kind, _ in due(schedule)] == ["lag", "motion_stop", "noise", "power_off"]

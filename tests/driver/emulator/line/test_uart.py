@@ -3,45 +3,19 @@
 from __future__ import annotations
 
 import os
-import select
 import socket
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from arm.controller.unit import Unit
-from arm.errors import InputError
 from driver.emulator import Emulator, EmulatorOptions
 from driver.emulator.line.uart import Wire
 from driver.line.clock import Clock
 from driver.line.stepped_clock import SteppedClock
+from emulated.terminal import Terminal
 from wire.client import SteppedClient
-
-
-class Terminal:
-    """A raw client."""
-
-    def __init__(self, path: str) -> None:
-        self.descriptor = os.open(path, os.O_RDWR | os.O_NOCTTY)
-
-    def send(self, data: bytes) -> None:
-        os.write(self.descriptor, data)
-
-    def receive(self, ends: bytes, wall_s: float = 30.0) -> bytes:
-        """Bytes until they end like that."""
-        data, deadline = b"", time.monotonic() + wall_s
-        while not data.endswith(ends) and time.monotonic() < deadline:
-            if select.select([self.descriptor], [], [], 0.05)[0]:
-                data += os.read(self.descriptor, 4096)
-        return data
-
-    def quiet(self, wall_s: float = 0.1) -> bool:
-        return not select.select([self.descriptor], [], [], wall_s)[0]
-
-    def close(self) -> None:
-        os.close(self.descriptor)
 
 
 @pytest.fixture
@@ -113,41 +87,6 @@ def test_power_up_noise(unit: Unit, clock: Clock) -> None:
         terminal.close()
 
 
-def test_clients_come_and_go(emulator: Emulator, tmp_path: Path) -> None:
-    link = tmp_path / "mars"
-    path = emulator.open_pty(link)
-    first = Terminal(str(link))
-    first.send(b"ECHO:0\nGA:500\nRA:\n")
-    assert first.receive(b"RA!\r\n").endswith(b"RA!\r\n")
-    first.close()
-    time.sleep(0.05)
-    second = Terminal(path)
-    second.send(b"APA?\n")
-    assert second.receive(b"\n") == b"APA=500\r\n"
-    second.close()
-    emulator.close()
-    assert not link.exists()
-
-
-def test_a_link_that_exists_is_left_alone(emulator: Emulator, tmp_path: Path) -> None:
-    link = tmp_path / "mars"
-    link.write_text("mine")
-    with pytest.raises(InputError, match="cannot link to"):
-        emulator.open_pty(link)
-    assert link.read_text() == "mine"
-
-
-def test_tcp_clients_come_and_go(emulator: Emulator) -> None:
-    port = int(emulator.open_tcp().rsplit(":", 1)[1])
-    for stamp in (b"1", b"2"):
-        with socket.create_connection(("127.0.0.1", port), timeout=60.0) as client:
-            client.sendall(b"ECHO:0\nSTAMP:" + stamp + b"\n")
-            data = b""
-            while not data.endswith(b"=" + stamp + b"\r\n"):
-                data += client.recv(4096)
-    assert emulator.counts() == emulator.machine.true_counts()
-
-
 def test_what_a_client_sent_before_it_left_is_obeyed(unit: Unit) -> None:
     clock = Clock(1.0)
     with Emulator(unit, clock) as emulator:
@@ -200,42 +139,3 @@ def test_an_idle_unit_costs_nothing(emulator: Emulator, terminal: Terminal) -> N
     begin = time.process_time()
     time.sleep(0.5)
     assert time.process_time() - begin < 0.05
-
-
-def test_closing_twice_and_with_a_client_is_fine(emulator: Emulator, terminal: Terminal) -> None:
-    terminal.send(b"GA:100000\n")
-    time.sleep(0.02)
-    emulator.close()
-    emulator.close()
-
-
-def test_a_second_client_is_turned_away_until_the_first_one_leaves(emulator: Emulator) -> None:
-    port = int(emulator.open_tcp().rsplit(":", 1)[1])
-    with socket.create_connection(("127.0.0.1", port), timeout=60.0) as first:
-        first.sendall(b"ECHO:0\nSTAMP:1\n")
-        assert _until(first, b"STAMP=1\r\n")
-        with socket.create_connection(("127.0.0.1", port), timeout=60.0) as second:
-            assert second.recv(100) == b""
-        first.sendall(b"STAMP:2\n")
-        assert _until(first, b"STAMP=2\r\n")
-    deadline = time.monotonic() + 30.0
-    while time.monotonic() < deadline:
-        with socket.create_connection(("127.0.0.1", port), timeout=60.0) as third:
-            third.sendall(b"STAMP:3\n")
-            if _until(third, b"STAMP=3\r\n"):
-                return
-    raise AssertionError("nobody was let in again")
-
-
-def _until(client: socket.socket, ends: bytes) -> bool:
-    """Whether such bytes come before the other side closes."""
-    data = b""
-    while not data.endswith(ends):
-        try:
-            part = client.recv(4096)
-        except ConnectionError:
-            return False
-        if not part:
-            return False
-        data += part
-    return True

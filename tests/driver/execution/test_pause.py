@@ -1,73 +1,25 @@
-"""Pause, abort and override of a stream, at the wire of a scripted unit."""
+"""A pause of a stream, at the wire of a scripted unit: the arm stops on its path, and moves on only from there."""
 
 from __future__ import annotations
 
-import os
-import signal
 from collections.abc import Callable
-from itertools import pairwise
 from typing import Any
 
-import numpy as np
 import pytest
 
-from arm.controller.segments import CountPath, Segment
 from arm.controller.unit import Unit
-from arm.errors import ExecutionStopped, InputError
-from driver.execution.control import LEAST_OVERRIDE, Control
+from arm.errors import ExecutionStopped
+from driver.execution.control import Control
 from driver.execution.progress import Progress, Sent, StreamOptions
-from driver.execution.speed_override import stretched
 from driver.execution.stream import stream
 from driver.line.clock import Clock
-from driver.line.protocol import BYTES_PER_SECOND
-from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
-from wire.soft_home import SOFT_HOME
+from wire.controlled_stream import Script, moved, moved_after_stop, opened, reaches, run
 
 
 @pytest.fixture
 def mars(fake: Any, unit: Unit, clock: Clock) -> Any:
     yield from opened(fake, unit, clock)
-
-
-def opened(fake: Any, unit: Unit, clock: Clock) -> Any:
-    fake.counts = list(SOFT_HOME)
-    with Mars(fake.line, unit, clock) as mars:
-        mars.identify()
-        mars.initialise(home=False)
-        mars.move_to(SOFT_HOME)
-        fake.lines.clear()
-        fake.times.clear()
-        yield mars
-
-
-def run(segments: int, duration_ms: int = 100) -> CountPath:
-    """At constant speed, as cubics."""
-    zero = (0,) * 6
-    return CountPath(SOFT_HOME, (Segment(duration_ms, ((100, 20, -30, 5, 0, 0), zero, zero)),) * segments)
-
-
-def moved(fake: Any) -> list[str]:
-    """The segments received, without the dwell."""
-    return [x for x in fake.lines if x.startswith("COORD") and "COORDSPLINET" in x][1:]
-
-
-class Script:
-    """Does one thing after another as the motion goes on: each when its condition holds."""
-
-    def __init__(self, *acts: tuple[Callable[[Progress], bool], Callable[[], None]]) -> None:
-        self.acts = list(acts)
-
-    def __call__(self, progress: Progress) -> None:
-        if self.acts and self.acts[0][0](progress):
-            self.acts.pop(0)[1]()
-
-
-def reaches(done: int) -> Callable[[Progress], bool]:
-    return lambda progress: progress.done >= done
-
-
-# -- pause
 
 
 def paused_and_continued(mars: Mars, fake: Any, control: Control) -> tuple[Sent, list[int], list[list[int]]]:
@@ -221,10 +173,6 @@ def standing(
     return stopped.value
 
 
-def moved_after_stop(fake: Any) -> list[str]:
-    return [line for line in fake.since("STOP:") if line.startswith("COORD") and ":" in line]
-
-
 @pytest.mark.parametrize("bits", [0x10000, 0x20000, 0x8])
 def test_a_fault_in_a_pause_stops(mars: Mars, fake: Any, bits: int) -> None:
     error = standing(mars, fake, lambda: setattr(fake, "status_bits", bits), lambda p: False)
@@ -263,133 +211,6 @@ def test_a_pause_ends_before_the_unit_would_release_the_arm(fake: Any, unit: Uni
         with pytest.raises(ExecutionStopped, match="about to release the arm") as stopped:
             stream(mars, run(60), Script((reaches(10), control.pause)), None, control)
         assert stopped.value.data["reason"] == "idle"
-
-
-# -- abort
-
-
-@pytest.mark.parametrize("ask", ["control", "SIGINT"])
-@pytest.mark.parametrize("after_s", [0.05, 0.61, 0.617, 0.74, 0.87, 3.3])
-def test_stop_is_at_the_wire_within_100_ms(
-    mars: Mars, fake: Any, clock: SteppedClock, ask: str, after_s: float
-) -> None:
-    """Whenever it is asked for, behind no more bytes than may be on their way."""
-    control = Control()
-    asked: list[float] = []
-
-    def do() -> None:
-        asked.append(clock.now())
-        if ask == "control":
-            control.abort()
-        else:
-            os.kill(os.getpid(), signal.SIGINT)
-
-    clock.call_after(after_s, do)
-    with pytest.raises(ExecutionStopped) as stopped:
-        stream(mars, run(60), None, None, control)
-    assert stopped.value.data["reason"] == {"control": "aborted", "SIGINT": "interrupted"}[ask]
-    assert stopped.value.data["state"]["at_rest"] is True
-    assert moved_after_stop(fake) == []
-    stop = fake.lines.index("STOP:")
-    assert fake.times[stop] - asked[0] < 0.1
-    carried_at = 0.0  # when a line of 19200 baud has carried all that was sent before STOP
-    for at, data in fake.line.sent[: min(k for k, (_, d) in enumerate(fake.line.sent) if b"STOP" in d)]:
-        carried_at = max(carried_at, at) + len(data) / BYTES_PER_SECOND
-    assert (carried_at - asked[0]) * BYTES_PER_SECOND <= 64 + 32  # and the piece that was being written
-
-
-def test_an_abort_while_the_arm_stands_in_a_pause(mars: Mars, fake: Any) -> None:
-    control = Control()
-    script = Script((reaches(10), control.pause), (lambda p: control.standing, control.abort))
-    with pytest.raises(ExecutionStopped, match="aborted on request; the arm has stopped") as stopped:
-        stream(mars, run(60), script, None, control)
-    assert stopped.value.data["reason"] == "aborted"
-    assert moved_after_stop(fake) == []
-
-
-def test_nothing_is_streamed_after_an_abort(mars: Mars, fake: Any) -> None:
-    control = Control()
-    control.abort()
-    with pytest.raises(ExecutionStopped, match="aborted"):
-        stream(mars, run(5), None, None, control)
-    assert moved(fake) == []
-
-
-# -- override
-
-
-@pytest.mark.parametrize("override", [0.7, 0.33, LEAST_OVERRIDE])
-def test_an_override_stretches_time_and_keeps_the_path_to_the_count(
-    mars: Mars, fake: Any, override: float
-) -> None:
-    path = run(20, 90)
-    sent = stream(mars, path, control=Control(override))
-    assert [s.coefficients for s in sent.path.segments] == [s.coefficients for s in path.segments]
-    for line, segment in zip(moved(fake), sent.path.segments, strict=True):
-        ms, order, *values = (int(v) for v in line.split(":")[1].split(","))
-        assert 90 / override <= ms < 90 / override + 1
-        assert (ms, order) == (segment.duration_ms, 3)
-        assert tuple(tuple(values[i::3]) for i in range(3)) == segment.coefficients
-    assert sent.end_counts == path.end
-    assert sent.duration_s >= path.duration_s / override - 0.05  # this unit has a line as soon as it is sent
-    assert sent.ahead_s <= max(1.5, 0.4 + 2 * max(s.duration_ms for s in sent.path.segments) / 1e3)
-
-
-def test_an_override_of_one_is_the_path_itself(mars: Mars) -> None:
-    assert stretched(run(5), 1.0) == run(5)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_an_override_only_lowers(seed: int, unit: Unit) -> None:
-    """Random smooth cubics: velocity by the factor, acceleration by its square, and vertices by the unit's rule."""
-    rng = np.random.default_rng(seed)
-    times = np.cumsum([0, *rng.integers(20, 140, 60)]) / 1e3
-    w = rng.uniform(0.3, 1.2, 6)
-    amplitude = (
-        0.8
-        * np.minimum(  # of sines that stay within the registers
-            unit.limits().velocity / w, unit.limits().acceleration / w**2
-        )
-        * np.abs(unit.counts_per_rad)
-    )
-    at = np.rint(amplitude * np.sin(np.outer(times, w))).astype(int)
-    slope = amplitude * w * np.cos(np.outer(times, w))
-    segments = []
-    for k, (a, b) in enumerate(pairwise(times)):
-        v0, v1, d = np.rint(slope[k] * (b - a)), np.rint(slope[k + 1] * (b - a)), at[k + 1] - at[k]
-        rows = (v0, 3 * d - 2 * v0 - v1, v0 + v1 - 2 * d)
-        segments.append(Segment(round(1e3 * (b - a)), tuple(tuple(int(c) for c in row) for row in rows)))
-    path = CountPath(tuple(int(c) for c in at[0]), tuple(segments))
-    override = float(rng.uniform(0.05, 0.99))
-    slow = stretched(path, override)
-    step = 5e-3 * unit.limits().acceleration * np.abs(unit.counts_per_rad)  # COORDDISCONT:5
-    for before, after in zip(path.segments, slow.segments, strict=True):
-        for u in (0.0, 0.3, 1.0):
-            assert (np.abs(after.derivative(u)) <= override * np.abs(before.derivative(u)) + 1e-9).all()
-            assert (
-                np.abs(after.derivative(u, 2)) <= override**2 * np.abs(before.derivative(u, 2)) + 1e-6
-            ).all()
-    for one, two in pairwise(slow.segments):
-        assert (np.abs(one.derivative(1.0) - two.derivative(0.0)) <= step).all()
-
-
-@pytest.mark.parametrize("factor", [0.0, 0.04, 1.01, -1.0, float("nan")])
-def test_an_override_out_of_range_is_refused(factor: float) -> None:
-    with pytest.raises(InputError, match=r"must be from 0\.05 to 1; an override only slows down"):
-        Control().override = factor
-    with pytest.raises(InputError, match="only slows down"):
-        Control(factor)
-
-
-def test_an_override_stays_below_its_ceiling() -> None:
-    control = Control(ceiling=0.4)
-    assert control.override == 0.4
-    with pytest.raises(InputError, match=r"must be from 0.05 to 0.4"):
-        control.override = 0.5
-    for ceiling in (0.0, 1.2, float("nan")):
-        with pytest.raises(InputError, match="must be above 0 and at most 1"):
-            Control(ceiling=ceiling)
-    assert Control(ceiling=0.02).override == 0.02
 
 
 def test_a_lost_link_leaves_no_more_than_the_look_ahead_in_a_pause(mars: Mars, fake: Any) -> None:

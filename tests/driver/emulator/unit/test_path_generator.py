@@ -1,4 +1,4 @@
-"""The emulated path generator: on the path to the count, inside speed and acceleration, at rest when starved."""
+"""The path generator alone: the vertex rule, the path, its limits, and stops on it."""
 
 from __future__ import annotations
 
@@ -6,32 +6,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from arm.controller.unit import load_unit
 from driver.emulator.unit.path_generator import PathGenerator
-from driver.emulator.unit.segment import QueuedSegment
-
-UNIT = load_unit("crs93")
-SPEED = [r / 256.0 for r in UNIT.speed_registers]
-ACCELERATION = [r / 256.0 for r in UNIT.acceleration_registers]
-Samples = npt.NDArray[np.int64]
-
-
-def add(
-    path: PathGenerator, rows: list[list[int]], least_ms: float = 0.0, steps: float = 5.0
-) -> QueuedSegment:
-    segment = QueuedSegment(path.end, rows, least_ms, SPEED, ACCELERATION, path.number + len(path.queue) + 1)
-    path.append(segment, steps)
-    return segment
-
-
-def run(path: PathGenerator, ticks: int = 200_000) -> Samples:
-    """Every ms until idle, the start included."""
-    samples = [path.at]
-    while path.queue and len(samples) < ticks:
-        path.tick()
-        samples.append(path.at)
-    assert not path.queue
-    return np.array(samples)
+from emulated.queued_segments import ACCELERATION, SPEED, add, run
 
 
 def lines(deltas: npt.NDArray[np.int64]) -> list[list[list[int]]]:
@@ -49,9 +25,6 @@ def cubics(n: int, distance: npt.NDArray[np.float64]) -> list[list[list[int]]]:
         a1, a3 = np.rint(slopes[i]).astype(int), np.rint(slopes[i] + slopes[i + 1] - 2 * d).astype(int)
         pieces.append(np.stack([a1, d - a1 - a3, a3], axis=1).tolist())
     return pieces
-
-
-# The reported position is rounded to whole counts: a difference of two may be off by 1, a second difference by 2.
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -169,23 +142,6 @@ def test_a_segment_of_nothing_in_no_time_is_nothing() -> None:
     assert not path.queue
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_cubics_are_fast_inside_too(seed: int) -> None:
-    """As fast as the limits allow, with the steepest place inside the segment (a rest-to-rest cubic: in the middle)."""
-    rng = np.random.default_rng(seed)
-    path = PathGenerator((0,) * 6)
-    total = np.zeros(6, dtype=int)
-    for _ in range(6):
-        d = rng.integers(-6000, 6001, 6)
-        add(path, [[0, 3 * int(v), -2 * int(v)] for v in d])
-        total += d
-    at = run(path)
-    assert np.array_equal(at[-1], total)
-    velocity = np.abs(np.diff(at, axis=0))
-    assert np.all(velocity <= np.array(SPEED) + 1)
-    assert np.any(velocity > 0.8 * np.array(SPEED))
-
-
 def test_a_straight_way_whose_pace_changes_is_not_stopped_at() -> None:
     path = PathGenerator((0,) * 6)
     add(path, [[2000], [0], [0], [0], [0], [0]], 100.0)
@@ -193,9 +149,3 @@ def test_a_straight_way_whose_pace_changes_is_not_stopped_at() -> None:
     at = run(path)[:, 0]
     crossing = int(np.searchsorted(at, 2000))
     assert at[crossing] - at[crossing - 1] >= 9  # the second's own pace is 10 counts/ms
-
-
-def test_order_four_and_more() -> None:
-    path = PathGenerator((0,) * 6)
-    add(path, [[0, 0, 0, 9000, -7200], *[[0] * 5] * 5], 1000.0)
-    assert run(path)[-1][0] == 1800

@@ -1,0 +1,113 @@
+"""The emulated unit without its line: whatever it is told, for however long, it neither falls over nor grows."""
+
+from __future__ import annotations
+
+import hypothesis.strategies as st
+import numpy as np
+from hypothesis import example, given, settings
+
+from driver.emulator import EmulatorOptions
+from driver.emulator.commands import Interpreter
+from driver.emulator.unit.machine import Machine
+from emulated.lineless_unit import UNIT, finish, grouped, made
+from emulated.random_lines import lines
+
+
+@example(
+    [(f"REG{name}A:2147483647", 0) for name in ("MS", "ACC")]
+    + [("COORDRELMVT:1,2147483647,0,0,0,0,0", 900)] * 2
+)
+@example([("GA:nan", 1), ("COORDMV:inf,0,0,0,0,0", 1), ("SPDA:1e300", 1), ("REGMSA:nan", 1)])
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(st.lists(st.tuples(lines, st.integers(0, 60)), max_size=40))
+def test_any_lines_at_any_time_leave_a_unit_that_answers(script: list[tuple[str, int]]) -> None:
+    unit = Interpreter(Machine(UNIT, None, EmulatorOptions(keep_lines=50, keep_ms=100)))
+    unit.take("COORDGRP:A,B,C,D,E,F")
+    for line, ms in script:
+        for answer in unit.take(line):
+            assert answer.isascii()
+            assert "\n" not in answer
+        unit.machine.run(ms)
+        unit.ready()
+    (status,) = unit.take("ST?")[:1]
+    assert 0 <= int(status.removeprefix("ST=")) < 2**18
+    unit.take("STOP:")
+    unit.machine.run(10)
+    assert unit.take("STAMP:5")[0] == "STAMP=5"
+    assert len(unit.lines) <= 50
+    assert len(unit.machine.recorder) <= 113
+
+
+def test_what_is_remembered_is_bounded_unless_all_is_asked_for() -> None:
+    bounded = Interpreter(Machine(UNIT, None, EmulatorOptions()))
+    assert bounded.lines.maxlen == bounded.ignored.maxlen == bounded.machine.violations.maxlen == 100_000
+    everything = Interpreter(Machine(UNIT, None, EmulatorOptions(keep_lines=None, keep_ms=None)))
+    assert everything.lines.maxlen is None
+    few = Interpreter(Machine(UNIT, None, EmulatorOptions(keep_lines=3)))
+    for number in range(10):
+        few.take(f"FOO:{number}")
+        few.machine.violate(str(number))
+    assert [text for _, text in few.ignored] == ["FOO:7", "FOO:8", "FOO:9"]
+    assert [violation.what for violation in few.machine.violations] == ["7", "8", "9"]
+    assert few.machine.violated == 10
+
+
+def test_homing_makes_the_mark_zero_and_the_truth_agrees() -> None:
+    unit = grouped()
+    stood = unit.machine.true_counts()
+    assert stood == tuple(UNIT.counts(np.radians(EmulatorOptions().power_up_deg)))
+    assert unit.take("APA?") == ["APA=0"]
+    for group in UNIT.homing:
+        for axis in group:
+            unit.take(f"HH{axis}:")
+        assert unit.take("R:") == []
+        assert finish(unit) == ["R!"]
+    assert unit.machine.true_counts() == (0,) * 6
+    assert unit.take("COORDAP?")[0].split(",")[3:] == ["0"] * 6
+    assert all(unit.machine.homed)
+
+
+def test_a_stopped_homing_is_no_homing() -> None:
+    unit = grouped()
+    unit.take("HHA:")
+    unit.machine.run(500)
+    unit.take("STOP:")
+    finish(unit)
+    assert not unit.machine.homed[0]
+    assert unit.machine.true_counts()[0] != 0
+
+
+def test_the_queue_holds_200_and_tells_when_50_are_left() -> None:
+    unit = grouped()
+    bits = []
+    for _ in range(200):
+        assert unit.take("COORDRELMVT:100,10,0,0,0,0,0") == []
+        bits.append(bool(int(unit.take("ST?")[0][3:]) & 0x80))
+    assert bits.index(True) == 149  # the 150th leaves 50
+    assert not unit.machine.violations
+    unit.take("COORDRELMVT:100,10,0,0,0,0,0")
+    assert "beyond" in unit.machine.violations[0].what
+    finish(unit)
+    assert unit.machine.reference[0] == 2000
+    full = grouped(EmulatorOptions(overflow="fail", queue=1))
+    full.take("COORDMV:1,0,0,0,0,0")
+    assert full.take("COORDMV:2,0,0,0,0,0") == ["FAIL!"]
+
+
+def test_a_segment_after_stop_starts_where_the_arm_stopped() -> None:
+    unit = grouped()
+    unit.take("COORDMV:20000,0,0,0,0,0")
+    unit.machine.run(300)
+    unit.take("STOP:")
+    unit.take("COORDRELMVT:100,0,50,0,0,0,0")
+    finish(unit)
+    a, b, *_ = unit.machine.reference
+    assert 0 < a < 20000
+    assert b == 50
+
+
+def test_purge_then_stop_when_idle_leaves_it_idle() -> None:
+    unit = made()
+    unit.take("PURGE:")
+    unit.take("STOP:")
+    assert unit.take("ST?") == ["ST=0"]

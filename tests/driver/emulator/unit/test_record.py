@@ -1,0 +1,26 @@
+"""What the emulated unit remembers of where it was."""
+
+from __future__ import annotations
+
+from array import array
+
+import numpy as np
+
+from driver.emulator.unit.record import Recorder
+
+
+def test_a_record_keeps_the_newest_in_step() -> None:
+    recorder = Recorder(2, keep=100)
+    for ms in range(1000):
+        recorder.add(ms, (ms, -ms))
+    record = recorder.record()
+    assert 100 <= len(record.time_ms) <= 113
+    assert record.time_ms[-1] == 999
+    assert np.array_equal(record.counts[:, 0], record.time_ms)
+    assert np.array_equal(record.counts[:, 1], -record.time_ms)
+    everything = Recorder(2)
+    for ms in range(1000):
+        everything.add(ms, (ms, 2**40))
+    assert len(everything) == 1000
+    assert everything.record().counts[5].tolist() == [5, 2**31 - 1]
+    assert array("i").itemsize == 4

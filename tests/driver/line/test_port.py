@@ -1,0 +1,85 @@
+"""Ports that a link opens: exclusively, with a clear refusal, and never waiting without a deadline."""
+
+from __future__ import annotations
+
+import os
+import pty
+import socket
+import threading
+import tty
+from pathlib import Path
+
+import pytest
+
+from arm.controller.unit import Unit
+from arm.errors import InputError
+from driver.emulator import Emulator
+from driver.line.clock import Clock
+from driver.line.link import Link, LinkLost
+from driver.line.wire_log import WireLog
+from wire.whole_line import send_many
+
+
+@pytest.mark.parametrize(
+    ("url", "said"),
+    [
+        ("/dev/mars-that-is-not-there", "is not there"),
+        ("/dev/null", "is not a serial line"),
+        ("/tmp", "is a folder"),
+        ("socket://127.0.0.1:9", "refused"),
+        ("nonsense://x", "nonsense"),
+        ("loop://", "must be a device, or socket://HOST:PORT"),
+    ],
+)
+def test_a_port_that_cannot_be_opened_is_one_clear_line(url: str, said: str) -> None:
+    with pytest.raises(InputError, match=said) as refused:
+        Link(url, Clock())
+    assert url in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_two_programs_on_one_port(unit: Unit, tmp_path: Path) -> None:
+    with Emulator(unit, Clock(1.0)) as emulator:
+        url = emulator.open_pty()
+        link = Link(url, emulator.clock)
+        other_name = tmp_path / "mars"
+        other_name.symlink_to(url)
+        with pytest.raises(InputError, match="in use by another program"):
+            Link(str(other_name), emulator.clock)
+        link.synchronise()  # the first is not disturbed
+        link.close()
+
+
+def test_a_unit_that_takes_no_bytes_is_an_error_not_a_hang(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("driver.line.transport.LEAST_WALL_S", 1.0)  # as it is
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    link = Link(os.ttyname(slave), Clock(1000.0))
+    with pytest.raises(LinkLost):
+        send_many(link, "VER?" + " " * 90)
+    link.close()
+    os.close(slave)
+    os.close(master)
+
+
+def test_socket_urls_are_links_too(tmp_path: Path) -> None:
+    clock = Clock(1.0)
+    server = socket.create_server(("127.0.0.1", 0))
+
+    def serve() -> None:
+        connection, _ = server.accept()
+        with connection:
+            while data := connection.recv(100):
+                for line in data.decode().splitlines():
+                    if line.startswith("STAMP:"):
+                        connection.sendall(line.replace(":", "=").encode() + b"\r\n")
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    with WireLog(tmp_path / "log.jsonl", clock) as log:
+        link = Link(f"socket://127.0.0.1:{server.getsockname()[1]}", clock, log)
+        link.synchronise()
+        link.close()
+    thread.join()
+    server.close()
+    assert '"kind":"received","data":"STAMP=' in (tmp_path / "log.jsonl").read_text()

@@ -1,0 +1,1 @@
+"""An emulated unit, and parts of one, in tests."""
