@@ -22,7 +22,7 @@ from arm.errors import ImpossibleError  # noqa: E402
 from arm.robot.model import load_a465  # noqa: E402
 from arm.robot.shapes import Body, Box  # noqa: E402
 from arm.se3 import rot_x, transform  # noqa: E402
-from plan.budget import LOOKS_A_SECOND, allowed  # noqa: E402
+from plan.budget import CHECKS_PER_SECOND, allowed  # noqa: E402
 from plan.options import PlanOptions  # noqa: E402
 from plan.pick_place.planner import plan_task  # noqa: E402
 from plan.waypoints.planner import plan_poses  # noqa: E402
@@ -65,7 +65,7 @@ def main() -> None:
     """Run each, print looks, time and their quotient."""
     print(
         f"conditions: Python {platform.python_version()}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}; "
-        f"process time; {LOOKS_A_SECOND:g} looks a second of effort"
+        f"process time; {CHECKS_PER_SECOND:g} looks a second of effort"
     )
     for seed in range(SEEDS):
         kind, search = refused(seed)

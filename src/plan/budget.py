@@ -1,8 +1,8 @@
 """Budgets of searches, counted in operations instead of seconds. Other modules can import it cheaply.
 
 The unit of effort is one collision check of a configuration (here "look"), so a request costs the same on every machine
-and under any load. Users give budgets in seconds of effort, `LOOKS_A_SECOND` collision checks each. Code that does work
-calls `spend`, which counts on the meter of the current search (`allowed`).
+and under any load. Users give budgets in seconds of effort, `CHECKS_PER_SECOND` collision checks each. Code that does
+work calls `spend`, which counts on the meter of the current search (`allowed`).
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING
 
 from arm.arguments import integer, number
 from arm.errors import A465Error
+from arm.former import FormerNames
 
 if TYPE_CHECKING:
     from arm.plan_file import Plan
 
 # About what one processor core of 2020 does, measured on searches that failed (bench/budget.py).
-LOOKS_A_SECOND = 20_000.0
+CHECKS_PER_SECOND = 20_000.0
 # Costs of other work, in collision checks.
 PROOF_LOOKS = 4.0  # one piece of a clearance certificate, without its distances
 DISTANCE_LOOKS = 0.2  # one distance
@@ -136,13 +137,13 @@ class Meter:
     def __init__(self, budget: SearchBudget) -> None:
         self.budget = budget
         self.looks, self._next_glance = 0.0, 0.0
-        self.most = float("inf") if budget.effort_s is None else budget.effort_s * LOOKS_A_SECOND
+        self.most = float("inf") if budget.effort_s is None else budget.effort_s * CHECKS_PER_SECOND
         self._until = float("inf") if budget.give_up_s is None else time.monotonic() + budget.give_up_s
 
     @property
     def effort_s(self) -> float:
         """Effort spent, to 0.01 s."""
-        return round(self.looks / LOOKS_A_SECOND, 2)
+        return round(self.looks / CHECKS_PER_SECOND, 2)
 
     def spend(self, looks: float) -> None:
         """Count `looks` collision checks.
@@ -202,3 +203,7 @@ def allowed(budget: SearchBudget | None) -> Iterator[Meter]:
         yield meter
     finally:
         _meter.reset(token)
+
+
+if not TYPE_CHECKING:
+    __getattr__ = FormerNames(__name__, __name__, LOOKS_A_SECOND="CHECKS_PER_SECOND")

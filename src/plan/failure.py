@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from arm.errors import ImpossibleError
+from arm.former import renamed_arguments
 from plan.cartesian.reachability import GraspCandidate
 
 OUT_OF_REACH = "out of reach"
@@ -16,8 +17,10 @@ LINE_BLOCKED = "line blocked"
 NO_WAY_ACROSS = "no way across"
 START_BLOCKED = "start blocked"
 AFTER_TIMING = "clearance after timing"
+_JSON_KEYS = {"required_mm": "asked_mm"}  # of `Rejected`, where they differ
 
 
+@renamed_arguments(asked_mm="required_mm")
 @dataclass(frozen=True)
 class Rejected:
     """One rejected candidate and the reason.
@@ -30,7 +33,7 @@ class Rejected:
         outside_mm: distance of the line beyond the reach of the links.
         pair: the two bodies with the smallest distance.
         distance_mm: their distance; negative if they overlap.
-        asked_mm: the required clearance.
+        required_mm: the required clearance; ``asked_mm`` in JSON.
     """
 
     where: str
@@ -42,11 +45,11 @@ class Rejected:
     outside_mm: float | None = None
     pair: tuple[str, str] | None = None
     distance_mm: float | None = None
-    asked_mm: float | None = None
+    required_mm: float | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the attributes that are not None, as JSON types."""
-        known = {key: value for key, value in vars(self).items() if value is not None}
+        known = {_JSON_KEYS.get(key, key): value for key, value in vars(self).items() if value is not None}
         return {**known, "pair": list(self.pair)} if self.pair else known
 
 
@@ -106,10 +109,16 @@ class Failure:
 
 def failure_from_json(value: Mapping[str, Any]) -> Failure:
     """Invert `Failure.to_json`."""
-    ways = tuple(Rejected(**{**w, "pair": tuple(w["pair"]) if "pair" in w else None}) for w in value["ways"])
+    ways = tuple(_rejected(way) for way in value["ways"])
     return Failure(
         value["kind"], value["step"], tuple(value["stations"]), value["headline"], ways, value["body"]
     )
+
+
+def _rejected(way: Mapping[str, Any]) -> Rejected:
+    names = {key: name for name, key in _JSON_KEYS.items()}
+    known = {names.get(key, key): value for key, value in way.items()}
+    return Rejected(**{**known, "pair": tuple(known["pair"]) if "pair" in known else None})
 
 
 def failure_in(error: ImpossibleError) -> Failure | None:

@@ -13,7 +13,7 @@ from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box
 from arm.se3 import transform
 from plan.budget import (
-    LOOKS_A_SECOND,
+    CHECKS_PER_SECOND,
     BudgetSpent,
     Meter,
     PlanningInterrupted,
@@ -130,11 +130,11 @@ def test_ctrl_c_tells_how_far_it_came(robot: Robot, crs97: Unit, monkeypatch: py
 def test_looks_are_counted_against_what_is_allowed() -> None:
     spend(1e12)  # nobody counts
     with allowed(SearchBudget(effort_s=1.0)) as meter:
-        spend(0.6 * LOOKS_A_SECOND)
+        spend(0.6 * CHECKS_PER_SECOND)
         with pytest.raises(BudgetSpent), meter.part(0.5):
-            spend(0.3 * LOOKS_A_SECOND)
+            spend(0.3 * CHECKS_PER_SECOND)
         with meter.lifted():
-            spend(5.0 * LOOKS_A_SECOND)
+            spend(5.0 * CHECKS_PER_SECOND)
         with allowed(None) as inner:
             assert inner is meter
         with pytest.raises(BudgetSpent, match="budget of 1 s") as caught:

@@ -82,6 +82,18 @@ class CountPath:
         """Counts at the end, (6,)."""
         return tuple(int(c) for c in self.knots()[-1])
 
+    def cubics(self) -> Array:
+        """Return a1, a2 and a3 of every segment, (3, segments, 6); the order is at most 3."""
+        a = np.zeros((3, len(self.segments), len(self.start)))
+        for k, segment in enumerate(self.segments):
+            a[: len(segment.coefficients), k] = segment.coefficients
+        return a
+
+    def extremes(self) -> tuple[Counts, Counts]:
+        """Return the lowest and highest counts of every axis between the knots too, (6,) each, rounded outwards."""
+        low, high = self.knots()[:-1] + cubic_position_range(self.cubics())
+        return np.floor(low.min(axis=0)).astype(np.int64), np.ceil(high.max(axis=0)).astype(np.int64)
+
     def sample(self, step_s: float = 1e-3) -> Array:
         """Return counts (m, 6), not rounded, on a regular time grid that includes both ends."""
         times = np.arange(0.0, self.duration_s + step_s / 2, step_s)
@@ -108,6 +120,18 @@ class CountPath:
             )
             out[rows] = knots[index] + segment.displacement(np.clip(u, 0.0, 1.0))
         return out
+
+
+def cubic_position_range(a: Array) -> Array:
+    """Return the smallest and largest a1 u + a2 u^2 + a3 u^3 over u in [0, 1], (2, ...), for a (3, ...)."""
+    # roots of a1 + 2 a2 u + 3 a3 u^2; nan if there is none
+    half = -(a[1] + np.copysign(np.sqrt(np.maximum(a[1] ** 2 - 3 * a[2] * a[0], 0.0)), a[1]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        roots = np.stack([half / (3 * a[2]), a[0] / half])
+    roots = np.where(np.isfinite(roots), np.clip(roots, 0.0, 1.0), 0.0)
+    values = roots * (a[0] + roots * (a[1] + roots * a[2]))
+    every = np.concatenate([values, np.zeros((1, *a.shape[1:])), a.sum(axis=0)[None]])
+    return np.stack([every.min(axis=0), every.max(axis=0)])
 
 
 def chain(paths: Sequence[CountPath]) -> CountPath:

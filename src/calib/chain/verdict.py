@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arm.former import FormerNames
 from calib.chain.result import ChainCalibration
 from calib.chain.score_tests import ChainErrorHypothesis
 
@@ -14,7 +16,7 @@ HIGH = 0.95  # correlations to report
 _HINT = 2.0  # standard deviations from which a wrong target size is mentioned
 
 
-def judged(c: ChainCalibration, shown: Callable[[str, float], str]) -> ChainCalibration:
+def with_verdict(c: ChainCalibration, shown: Callable[[str, float], str]) -> ChainCalibration:
     """Return the calibration with its verdict; each reason gives value, limit and remedy.
 
     Args:
@@ -160,3 +162,7 @@ def _remarks(c: ChainCalibration) -> list[str]:
 def _would_matter(c: ChainCalibration, s: ChainErrorHypothesis) -> bool:
     """Whether it is a wrong target size compensated by link errors: it would matter but is hardly significant."""
     return s.name == "target size" and abs(s.amount) > _HINT * s.sigma and s.moves > c.limits.held_out
+
+
+if not TYPE_CHECKING:
+    __getattr__ = FormerNames(__name__, __name__, judged="with_verdict")

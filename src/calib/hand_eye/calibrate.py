@@ -19,7 +19,7 @@ from calib.chain.flipped_targets import flipped_targets
 from calib.chain.model_selection import Part
 from calib.chain.per_image_poses import fit_per_image_poses
 from calib.chain.result import ChainCalibration, ChainLimits, calibrate_chain
-from calib.chain.verdict import judged
+from calib.chain.verdict import with_verdict
 from calib.hand_eye.chain import CAMERA, OFFSETS, TARGET, arm_chain, place_and_mount, unknown_names
 from calib.recordings.arm import ArmRecording
 from calib.recordings.encoder_steps import encoder_sigmas
@@ -182,7 +182,7 @@ def _calibrated(recording: ArmRecording, limits: ChainLimits, encoder_step: floa
         length = lengths[names.index(name)]
         return f"{1e3 * value:.3g} mm" if length else f"{np.degrees(value):.3g} deg"
 
-    chain = judged(chain, in_words)
+    chain = with_verdict(chain, in_words)
     flipped = tuple(
         f"{len(images)} of the rejected images show the target rotated by {turn} deg (a flipped marker): "
         f"{', '.join(map(str, images[:8]))}{', ...' if len(images) > 8 else ''}"

@@ -11,7 +11,7 @@ from calib.chain.fit import MOST_STEPS, Problem
 from calib.chain.model_selection import Choice, Part, choose_model
 from calib.chain.per_image_poses import fit_per_image_poses
 from calib.chain.result import ChainCalibration, ChainLimits, calibrate_chain
-from calib.chain.verdict import judged
+from calib.chain.verdict import with_verdict
 from calib.nao.backlash import fit_compliance_and_backlash
 from calib.nao.chain import SIDES, NaoUnknowns
 from calib.nao.recording import NaoRecording
@@ -128,7 +128,7 @@ def _calibrated(recording: NaoRecording, limits: ChainLimits, encoder_step: floa
         unit = name.rpartition("_")[2] if "_per_" not in name else "deg/Nm"
         return f"{value / si[names.index(name)]:.3g} {unit}"
 
-    calibration = judged(calibration, in_words)
+    calibration = with_verdict(calibration, in_words)
     return replace(calibration, reasons=(*calibration.reasons, *_negative_compliance(calibration)))
 
 

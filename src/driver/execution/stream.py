@@ -11,7 +11,6 @@ from collections.abc import Callable
 from arm.controller.segments import CountPath
 from arm.errors import ImpossibleError, InputError
 from driver.execution.control import Control
-from driver.execution.extremes import extremes
 from driver.execution.preload import preloaded, refuse_preload
 from driver.execution.progress import Progress, Sent, StreamOptions
 from driver.execution.speed_override import stretched
@@ -51,7 +50,7 @@ def stream(
     options = options or StreamOptions()
     if options.preload:
         refuse_preload(mars)
-    for corner in extremes(path):
+    for corner in path.extremes():
         mars.refuse_outside(corner.tolist(), "the path reaches")
     with mars.guarded("stream"):
         control.require()

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
-import coal
 import numpy as np
 
 from arm.errors import ImpossibleError, InputError
@@ -21,7 +20,7 @@ from arm.robot.shapes import Body, Box
 from plan.advice.candidates import Family, families, skipped_for
 from plan.advice.changes import Change, Groups, MoveBodies, Request, SkipCubes, groups_of
 from plan.cartesian.reachability import GraspCandidate, ReachTable
-from plan.collision.world import World, coal_shape
+from plan.collision.world import World, distance_of
 from plan.failure import AFTER_TIMING, LINE_BLOCKED, NO_WAY_ACROSS, START_BLOCKED, Failure, failure_in
 from plan.pick_place.cause import worlds_at
 from plan.scene import Scene, Station
@@ -307,13 +306,7 @@ def _base(scene: Scene) -> set[str]:
 
 
 def _overlap(a: Body, b: Body) -> bool:
-    request, result = coal.DistanceRequest(), coal.DistanceResult()
-    shapes = [(coal_shape(x.shape), coal.Transform3s(*_parts(x))) for x in (a, b)]
-    return bool(coal.distance(*shapes[0], *shapes[1], request, result) < -_TOUCHING)
-
-
-def _parts(body: Body) -> tuple[Any, Any]:
-    return np.array(body.T_base_body[:3, :3]), np.array(body.T_base_body[:3, 3])
+    return distance_of(a, b).value < -_TOUCHING
 
 
 def _on_a_table(body: Body, scene: Scene) -> bool:

@@ -23,7 +23,7 @@ from plan.kinematics.configuration import require_limits
 from plan.kinematics.ik import BRANCH_NAMES, RawBranches, all_branches, nearest_turns
 
 _SAMPLE_STEP = (
-    0.005  # m between poses along a line; away from singularities, joints move smoothly between them
+    0.005  # m between poses along a line; joints move smoothly between them, away from singularities
 )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.arguments import numbers, shown
-from arm.controller.segments import CountPath, Segment
+from arm.controller.segments import CountPath
 from arm.controller.unit import Unit
 from arm.errors import InputError
 from arm.se3 import Array
@@ -33,11 +33,13 @@ class Curve:
 
 def curve_of_counts(path: CountPath, unit: Unit) -> Curve:
     """Return the motion that the controller executes for integer segments."""
-    knots = path.knots()
-    control = [_bernstein(start, segment) for start, segment in zip(knots, path.segments, strict=False)]
-    points = np.array(control or [np.repeat(knots[:1], 4, axis=0)], dtype=float)
+    a1, a2, a3 = path.cubics() if path.segments else np.zeros((3, 1, len(path.start)))
+    start = path.knots()[: len(a1)]
+    control = np.stack(
+        [start, start + a1 / 3.0, start + (2.0 * a1 + a2) / 3.0, start + (a1 + a2 + a3)], axis=1
+    )
     ends = np.cumsum([s.duration_ms for s in path.segments] or [0]) / 1e3
-    return Curve(unit.positions(points), ends)
+    return Curve(unit.positions(control), ends)
 
 
 def curve_of_waypoints(waypoints: npt.ArrayLike) -> Curve:
@@ -64,13 +66,3 @@ def curve_of_waypoints(waypoints: npt.ArrayLike) -> Curve:
     fractions = np.array([0.0, 1.0, 2.0, 3.0])[:, None] / 3.0
     control = q[:-1, None, :] + (q[1:] - q[:-1])[:, None, :] * fractions
     return Curve(control, np.arange(1.0, len(q)))
-
-
-def _bernstein(start: npt.NDArray[np.int64], segment: Segment) -> Array:
-    """Return the control points (4, 6) in counts of a segment of order 1 to 3."""
-    rows = np.zeros((3, len(start)))
-    rows[: len(segment.coefficients)] = segment.coefficients
-    a1, a2, a3 = rows
-    return np.asarray(
-        start + np.stack([0.0 * a1, a1 / 3.0, (2.0 * a1 + a2) / 3.0, a1 + a2 + a3]), dtype=float
-    )

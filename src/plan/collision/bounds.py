@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from arm.former import renamed_arguments
 from arm.numerics.products import mul, norm
 from arm.robot.shapes import Box, Capsule, Convex, Cylinder, Shape, Sphere
 from arm.se3 import Array, cross, skew
@@ -42,6 +43,7 @@ class Part:
     padding: float = 0.0
 
 
+@renamed_arguments(turning="revolute")
 class DistanceBounds:
     """Bounds on motion and distance of the pairs of one world, from balls, boxes and hulls of its bodies.
 
@@ -57,7 +59,7 @@ class DistanceBounds:
         at_zero = self._axes.poses_at_zero
         placed = np.stack([part.T_joint_body for part in parts]) if parts else np.zeros((0, 4, 4))
         poses = mul(at_zero[[part.joint for part in parts]], placed)
-        self._hulls = _Hulls([(parts[i], poses[i]) for i in moving], self._axes.turning)
+        self._hulls = _Hulls([(parts[i], poses[i]) for i in moving], self._axes.revolute)
         joints = np.array([part.joint for part in parts], dtype=np.intp)
         row = np.cumsum(joints > 0) - 1  # index among the moving bodies
         self._outer = row[pairs[:, 1]]
@@ -67,9 +69,9 @@ class DistanceBounds:
         self._separation = _Separation(parts, poses, pairs)
 
     @property
-    def turning(self) -> Flags:
+    def revolute(self) -> Flags:
         """Flags (n,): True for a revolute joint, False for a prismatic one."""
-        return self._axes.turning
+        return self._axes.revolute
 
     def placed(self, q: Array) -> Placed:
         """Place bodies and axes at configurations q (m, n) rad."""
@@ -117,12 +119,12 @@ class DistanceBounds:
         low, high = self._shared[pairs], self._joints[pairs]
         between = (joints >= low[:, None]) & (joints < high[:, None])
         axis, point = at.axis[rows], at.point[rows]
-        turning = self._axes.turning
-        lever = np.where((between & turning)[..., None], cross(normals[:, None], axis), 0.0)
+        revolute = self._axes.revolute
+        lever = np.where((between & revolute)[..., None], cross(normals[:, None], axis), 0.0)
         moves = hulls[rows] - at.q[rows, None]
         # n . (motion of a point p) is lever . (p - o) for a small rotation and n . axis for a prismatic joint
         at_zero = np.where(
-            turning, -(lever * point).sum(-1), np.where(between, (axis * normals[:, None]).sum(-1), 0.0)
+            revolute, -(lever * point).sum(-1), np.where(between, (axis * normals[:, None]).sum(-1), 0.0)
         )
         tilted = normals[:, None] + mul(moves, lever)
         shift = (mul(moves, at_zero[..., None]))[..., 0]
@@ -173,19 +175,18 @@ class Axes:
         data = model.createData()
         # Pinocchio returns a vector for an arm with one joint
         J = pin.computeJointJacobians(model, data, np.zeros(model.nq)).reshape(6, -1)
-        self.count = int(model.nq)
         self.poses_at_zero = np.stack([M.homogeneous for M in data.oMi])
         velocity, direction = np.array(J[:3]).T, np.array(J[3:]).T
-        turning = np.linalg.norm(direction, axis=1) > 0.5
-        self.turning: Flags = turning
-        self.point = np.where(turning[:, None], np.cross(direction, velocity), 0.0)
-        self.direction = np.where(turning[:, None], direction, velocity)
+        revolute = np.linalg.norm(direction, axis=1) > 0.5
+        self.revolute: Flags = revolute
+        self.point = np.where(revolute[:, None], np.cross(direction, velocity), 0.0)
+        self.direction = np.where(revolute[:, None], direction, velocity)
         eye = np.eye(3)
         along = np.einsum("ki,kj->kij", direction, direction)
-        self._along = np.where(turning[:, None, None], along, eye)
-        self._across = np.where(turning[:, None, None], eye - along, 0.0)
+        self._along = np.where(revolute[:, None, None], along, eye)
+        self._across = np.where(revolute[:, None, None], eye - along, 0.0)
         self._turn = np.stack([skew(d) for d in direction])
-        self._slide = np.where(turning[:, None], 0.0, velocity)
+        self._slide = np.where(revolute[:, None], 0.0, velocity)
 
     def place(self, q: Array) -> tuple[Array, Array]:
         """Return rotations (m, n + 1, 3, 3) and translations (m, n + 1, 3) of E_0 .. E_n."""
@@ -210,7 +211,7 @@ class Axes:
 class _Hulls:
     """Hulls of equal balls that contain the moving bodies: balls about their corners or the ends of their axes."""
 
-    def __init__(self, bodies: Sequence[tuple[Part, Array]], turning: Flags) -> None:
+    def __init__(self, bodies: Sequence[tuple[Part, Array]], revolute: Flags) -> None:
         hulls = [hull(part.shape) for part, _ in bodies]
         self.ball = np.array([radius for _, radius in hulls])
         points = [
@@ -222,8 +223,8 @@ class _Hulls:
         joints = np.array([part.joint for part, _ in bodies], dtype=np.intp)
         self.joint = np.repeat(joints, counts)
         self.first = np.cumsum(counts) - counts
-        self.moves = (np.arange(len(turning)) < joints[:, None]).astype(float)
-        self.turning = turning
+        self.moves = (np.arange(len(revolute)) < joints[:, None]).astype(float)
+        self.revolute = revolute
 
     def radii(self, R: Array, t: Array, axis_point: Array, axis: Array) -> Array:
         """Return distances (m, bodies, n) m from the axes; 1 for a prismatic joint, which moves all points alike."""
@@ -237,7 +238,7 @@ class _Hulls:
         )
         far = np.maximum.reduceat(square - along * along, self.first, axis=1)
         reach = np.sqrt(np.maximum(far, 0.0)) + (self.ball[:, None] + ROUNDING)
-        return np.asarray(np.where(self.turning, reach, 1.0) * self.moves)
+        return np.asarray(np.where(self.revolute, reach, 1.0) * self.moves)
 
 
 class _Separation:

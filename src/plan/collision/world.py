@@ -262,7 +262,7 @@ class World:
         row, pair = row[close], pair[close]
         normal, point = found.normal[close][:, None], found.point[close][:, None]
         axis_point, axis = at.point[row], at.axis[row]
-        motion = np.where(self.volumes.turning[:, None], cross(axis, point - axis_point), axis)
+        motion = np.where(self.volumes.revolute[:, None], cross(axis, point - axis_point), axis)
         gradient = np.where(self._between[pair], (motion * normal).sum(-1), 0.0)
         return Near(row, pair, found.distance[close], gradient)
 

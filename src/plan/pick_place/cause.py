@@ -207,7 +207,9 @@ class _Cause:
     def _blocked(self, where: str, pair: Sequence[str], distance: float, asked: float) -> Rejected:
         first, second = pair
         reason = nearness(pair, distance, asked)
-        return Rejected(where, reason, pair=(first, second), distance_mm=distance * 1e3, asked_mm=asked * 1e3)
+        return Rejected(
+            where, reason, pair=(first, second), distance_mm=distance * 1e3, required_mm=asked * 1e3
+        )
 
     def _body(self, pair: Iterable[str]) -> str | None:
         """The one of two bodies that is not of the arm and not held."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arm.controller.segments import CountPath
+from arm.controller.segments import CountPath, cubic_position_range
 from arm.controller.unit import Unit
 from arm.errors import InputError
 from arm.se3 import Array
@@ -40,8 +40,6 @@ def segment_extremes(path: CountPath, unit: Unit) -> SegmentExtremes:
     Raises:
         InputError: a segment has an order above 3, or no duration.
     """
-    count = len(path.segments)
-    a = np.zeros((3, count, len(path.start)))
     for k, segment in enumerate(path.segments):
         if len(segment.coefficients) > 3 or segment.duration_ms <= 0:
             raise InputError(
@@ -49,7 +47,7 @@ def segment_extremes(path: CountPath, unit: Unit) -> SegmentExtremes:
                 "and longer than 0 ms",
                 segment=k,
             )
-        a[: len(segment.coefficients), k] = segment.coefficients
+    a = path.cubics()
     duration = np.array([s.duration_ms for s in path.segments], dtype=float)[:, None] / 1e3
     scale = np.abs(unit.counts_per_rad)
     position = cubic_position_range(a)
@@ -67,18 +65,6 @@ def segment_extremes(path: CountPath, unit: Unit) -> SegmentExtremes:
         acceleration=cubic_acceleration(a) / duration**2 / scale,
         jumps=joins / scale,
     )
-
-
-def cubic_position_range(a: Array) -> Array:
-    """Return the smallest and largest a1 u + a2 u^2 + a3 u^3 over u in [0, 1], (2, ...), for a (3, ...)."""
-    # roots of a1 + 2 a2 u + 3 a3 u^2; nan if there is none
-    half = -(a[1] + np.copysign(np.sqrt(np.maximum(a[1] ** 2 - 3 * a[2] * a[0], 0.0)), a[1]))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        roots = np.stack([half / (3 * a[2]), a[0] / half])
-    roots = np.where(np.isfinite(roots), np.clip(roots, 0.0, 1.0), 0.0)
-    values = roots * (a[0] + roots * (a[1] + roots * a[2]))
-    every = np.concatenate([values, np.zeros((1, *a.shape[1:])), a.sum(axis=0)[None]])
-    return np.stack([every.min(axis=0), every.max(axis=0)])
 
 
 def cubic_speed(a: Array) -> Array:

@@ -16,7 +16,7 @@ from arm.errors import CameraError
 from vision.camera.basler_devices import Selector, find_devices, read_selector
 from vision.camera.basler_features import (
     Feature,
-    said,
+    message_of,
     set_exposure,
     set_features,
     set_gain,
@@ -238,7 +238,7 @@ class BaslerCamera:
             except self._genicam.GenericException as error:
                 if self.device is not None and self.device.IsCameraDeviceRemoved():
                     raise removed(self.selector) from error
-                words = said(error)
+                words = message_of(error)
                 if "another client" in words or "another application" in words:
                     raise CameraError(
                         self.selector, "in use", f"is in use by another program; end that first ({words})"

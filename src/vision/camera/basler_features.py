@@ -99,7 +99,7 @@ def set_features(
         try:
             node.FromString(str(int(value)) if isinstance(value, bool) else str(value))
         except errors as error:
-            raise refuse(f"features.{name}", value, said(error)) from error
+            raise refuse(f"features.{name}", value, message_of(error)) from error
 
 
 def set_mono(nodes: Any) -> None:
@@ -107,7 +107,7 @@ def set_mono(nodes: Any) -> None:
     _choose(nodes, "PixelFormat", "Mono8")
 
 
-def said(error: Exception) -> str:
+def message_of(error: Exception) -> str:
     """Message of one of the library's errors, without the location in its source."""
     return str(error).rsplit(" : ", 1)[0].strip().rstrip(".")
 

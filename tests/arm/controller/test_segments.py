@@ -54,3 +54,16 @@ def test_before_and_after_the_motion_the_arm_rests() -> None:
     still = CountPath((1, 2, 3, 4, 5, 6), ())
     assert still.end == still.start
     assert still.at([0.0, 1.0]) == pytest.approx(np.array([still.start] * 2))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_extremes_bound_a_dense_sampling(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rows = [tuple(tuple(int(c) for c in r) for r in rng.integers(-3000, 3000, (3, 6))) for _ in range(4)]
+    path = CountPath((0, 12, -7, 90000, 5, -1), tuple(Segment(100, r) for r in rows))
+    low, high = path.extremes()
+    dense = path.sample(1e-4)
+    assert (dense >= low - 1e-6).all()
+    assert (dense <= high + 1e-6).all()
+    assert (dense.min(axis=0) - low).max() < 3.0
+    assert (high - dense.max(axis=0)).max() < 3.0

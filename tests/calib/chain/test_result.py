@@ -13,7 +13,7 @@ from arm.se3 import Array, frozen
 from calib.chain.fit import fit_chains
 from calib.chain.model_selection import Choice
 from calib.chain.result import FOLDS, ChainCalibration, hold_out
-from calib.chain.verdict import judged
+from calib.chain.verdict import with_verdict
 from calib.hand_eye.calibrate import calibrate_hand_eye
 from recorded.arm_sets import TARGETS, draw_truth, recorded, wide
 
@@ -79,7 +79,7 @@ def test_corners_that_were_not_seen_and_parts_without_images_do_not_count(
     assert 0.0 < held.metres < 1e-3
     none = hold_out(replace(choice, fit=replace(choice.fit, weights=(np.zeros(n),))))
     assert np.isnan([none.px, none.metres]).all(), "what was never predicted is not accurate"
-    judged_none = judged(replace(plain, held_out=none), lambda name, value: name)
+    judged_none = with_verdict(replace(plain, held_out=none), lambda name, value: name)
     assert any("held-out targets are off by nan mm" in reason for reason in judged_none.reasons)
 
 
@@ -102,7 +102,7 @@ def test_an_image_that_is_predicted_where_the_camera_sees_nothing_is_not_predict
     held = hold_out(choice)
     assert held.metres == np.inf
     assert held.px == pytest.approx(np.sqrt(2.5 + 3.0**2), rel=1e-9)
-    refused = judged(replace(plain, held_out=held), lambda name, value: name)
+    refused = with_verdict(replace(plain, held_out=held), lambda name, value: name)
     assert any("off by more than a metre" in reason for reason in refused.reasons)
 
 

@@ -10,7 +10,7 @@ from arm.errors import CalibrationRefused
 from arm.se3 import frozen
 from calib.chain.result import ChainLimits, chi2_limit
 from calib.chain.score_tests import ChainErrorHypothesis, sudden_change
-from calib.chain.verdict import describe, judged
+from calib.chain.verdict import describe, with_verdict
 from calib.hand_eye.calibrate import calibrate_hand_eye
 from calib.recordings.points import numbers_of_this_world
 from recorded.arm_sets import TARGETS, draw_truth, recorded, spoilt, wide
@@ -91,10 +91,10 @@ def test_a_sudden_change_is_a_reason_of_its_own():
     truth = draw_truth(rng)
     c = calibrate_hand_eye(recorded(truth, wide(truth, TARGETS["marker"], 12, rng), "marker", rng)).chain
     assert c.accepted
-    changed = judged(replace(c, change=7), lambda name, value: f"{name} {value}")
+    changed = with_verdict(replace(c, change=7), lambda name, value: f"{name} {value}")
     assert changed.reasons == ("images from number 7 on do not fit the earlier ones",)
     moved = ChainErrorHypothesis("camera moved", 1e-3, 1e-5, "m", 900.0, 10.0, 1e-3, 7)
-    named = judged(replace(c, change=7, suspects=(moved,)), lambda name, value: f"{name} {value}")
+    named = with_verdict(replace(c, change=7, suspects=(moved,)), lambda name, value: f"{name} {value}")
     assert len(named.reasons) == 1
     assert (
         "earlier ones: most likely a movement of the camera by about 1.00 mm before image 7"

@@ -14,7 +14,6 @@ from arm.controller.segments import CountPath, Segment
 from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arms.wave_paths import wave
-from driver.execution.extremes import extremes
 from driver.execution.progress import Progress, StreamOptions
 from driver.execution.stream import stream
 from driver.line.clock import Clock
@@ -80,7 +79,7 @@ def test_a_path_from_a_few_counts_off_is_anchored(mars: Mars, fake: Any) -> None
 def test_a_path_that_bulges_out_of_the_limits_moves_nothing(mars: Mars, fake: Any) -> None:
     """Both ends of the segment are inside; the cubic between them is not."""
     bulge = Segment(1000, ((0,) * 6, (0, 600_000, 0, 0, 0, 0), (0, -600_000, 0, 0, 0, 0)))
-    _, high = extremes(CountPath(SOFT_HOME, (bulge,)))
+    _, high = CountPath(SOFT_HOME, (bulge,)).extremes()
     assert high[1] - SOFT_HOME[1] == pytest.approx(600_000 * 4 / 27, abs=1.0)
     over = Segment(1000, ((0,) * 6, (0, 900_000, 0, 0, 0, 0), (0, -900_000, 0, 0, 0, 0)))
     with pytest.raises(ImpossibleError, match=r"the path reaches .* deg on axis B"):

@@ -205,7 +205,7 @@ def test_the_largest_clearance_that_the_start_keeps_is_offered(gap_mm: float, of
 def test_a_clearance_is_halved_down_to_where_it_plans(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever the largest that plans is, a few plans find it to within a few millimetres, and never above it."""
     asked = request(task2(cubes=1), options=PlanOptions(look="never", clearance=0.04))
-    seen = Rejected("from a to b", "near", pair=("palm", "wall"), distance_mm=22.1, asked_mm=40.0)
+    seen = Rejected("from a to b", "near", pair=("palm", "wall"), distance_mm=22.1, required_mm=40.0)
     for where in ("from a to b", "a"):
         for least, most in ((4, 4), (5, 7), (8, 9), (10, 16), (14, 20), (22, 27), (31, 39)):
             failure = Failure(NO_WAY_ACROSS, "from a to b", (), "no", (replace(seen, where=where),))
@@ -253,7 +253,7 @@ def test_a_clearance_lost_to_timing_names_step_and_pair() -> None:
     failure = failure_in(error)
     assert failure is not None
     assert (failure.kind, failure.step) == (AFTER_TIMING, "cube 1: home")
-    assert (failure.ways[0].distance_mm, failure.ways[0].asked_mm) == (7.0, 10.0)
+    assert (failure.ways[0].distance_mm, failure.ways[0].required_mm) == (7.0, 10.0)
     assert error.data["proved_m"] == 0.0065
     unproved = ImpossibleError(str(why), **{**why.data, "distance_m": 0.0101, "proved_m": 0.009996})
     told = find_cause(unproved, task.scene, task.transfers, Q_START, asked.options, table)
