@@ -23,7 +23,8 @@ import pinocchio as pin
 from arm.former import renamed_arguments
 from arm.numerics.products import mul, norm
 from arm.robot.shapes import Box, Capsule, Convex, Cylinder, Shape, Sphere
-from arm.se3 import Array, cross, skew
+from arm.se3 import Array, cross
+from plan.kinematics.product_of_exponentials import axis_of
 
 Indices = npt.NDArray[np.intp]
 Flags = npt.NDArray[np.bool_]
@@ -165,7 +166,7 @@ class Placed:
 
 
 class Axes:
-    """Joint axes of an arm at q = 0, and its product of exponentials.
+    """Joint axes of an arm at q = 0, and its product of exponentials up to each joint.
 
     Args:
         model: Pinocchio model of a chain of revolute and prismatic joints.
@@ -174,19 +175,15 @@ class Axes:
     def __init__(self, model: Any) -> None:
         data = model.createData()
         # Pinocchio returns a vector for an arm with one joint
-        J = pin.computeJointJacobians(model, data, np.zeros(model.nq)).reshape(6, -1)
+        twists = pin.computeJointJacobians(model, data, np.zeros(model.nq)).reshape(6, -1).T
+        axes = [axis_of(twist) for twist in twists]
         self.poses_at_zero = np.stack([M.homogeneous for M in data.oMi])
-        velocity, direction = np.array(J[:3]).T, np.array(J[3:]).T
-        revolute = np.linalg.norm(direction, axis=1) > 0.5
-        self.revolute: Flags = revolute
-        self.point = np.where(revolute[:, None], np.cross(direction, velocity), 0.0)
-        self.direction = np.where(revolute[:, None], direction, velocity)
-        eye = np.eye(3)
-        along = np.einsum("ki,kj->kij", direction, direction)
-        self._along = np.where(revolute[:, None, None], along, eye)
-        self._across = np.where(revolute[:, None, None], eye - along, 0.0)
-        self._turn = np.stack([skew(d) for d in direction])
-        self._slide = np.where(revolute[:, None], 0.0, velocity)
+        self.revolute: Flags = np.array([not axis.slides for axis in axes])
+        self.point, self.direction = np.stack([(axis.point, axis.direction) for axis in axes], axis=1)
+        self._along, self._across, self._turn = np.stack(
+            [(axis.along, axis.across, axis.turn) for axis in axes], axis=1
+        )
+        self._slide = np.where(self.revolute[:, None], 0.0, self.direction)
 
     def place(self, q: Array) -> tuple[Array, Array]:
         """Return rotations (m, n + 1, 3, 3) and translations (m, n + 1, 3) of E_0 .. E_n."""

@@ -31,7 +31,8 @@ class Axis:
     Attributes:
         direction: unit vector (3,).
         point: the point of the axis nearest to the base's origin (3,), m; zero for a prismatic joint.
-        along, across, turn: the 3x3 parts of Rodrigues' formula, R(angle) = along + cos across + sin turn.
+        along, across, turn: the 3x3 parts of Rodrigues' formula, R(angle) = along + cos across + sin turn; the identity
+            and zeros for a prismatic joint.
         slides: whether the joint is prismatic; q is then in m.
     """
 
@@ -51,6 +52,19 @@ class Axis:
         """Rotate columns (3, ..., N) by N angles; a negated `sine` rotates them back."""
         parts = (mul(self.parts, columns.reshape(3, -1))).reshape(3, *columns.shape)
         return np.asarray(parts[0] + cosine * parts[1] + sine * parts[2])
+
+
+def axis_of(twist: Array) -> Axis:
+    """Return the axis of a joint by its twist (6,) at q = 0 in the base frame, translation first."""
+    velocity, direction = twist[:3], twist[3:]
+    if norm(direction) < 1e-9:
+        none = frozen(np.zeros((3, 3)))
+        return Axis(frozen(velocity), frozen(np.zeros(3)), frozen(np.eye(3)), none, none, slides=True)
+    along = np.outer(direction, direction)
+    point = np.cross(direction, velocity)
+    return Axis(
+        frozen(direction), frozen(point), frozen(along), frozen(np.eye(3) - along), frozen(skew(direction))
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,27 +142,13 @@ def product_of_exponentials(robot: Robot) -> ProductOfExponentials:
     """
     zero = np.zeros(robot.model.nq)
     T_base_tool = robot.T_base_tool(zero)
-    twists = mul(adjoint(T_base_tool), robot.jacobian(zero).reshape(6, -1))
-    axes = []
-    for name, twist in zip(robot.joint_names, twists.T, strict=True):
-        velocity, direction = twist[:3], twist[3:]
-        slides = bool(norm(direction) < 1e-9)
-        if slides:
-            direction, velocity = velocity, np.zeros(3)
-        if abs(norm(direction) - 1.0) > 1e-9 or abs(mul(velocity, direction)) > 1e-9:
+    twists = mul(adjoint(T_base_tool), robot.jacobian(zero).reshape(6, -1)).T
+    axes = tuple(axis_of(twist) for twist in twists)
+    for name, twist, axis in zip(robot.joint_names, twists, axes, strict=True):
+        pitch = 0.0 if axis.slides else abs(mul(twist[:3], axis.direction))
+        if abs(norm(axis.direction) - 1.0) > 1e-9 or pitch > 1e-9:
             raise InputError(f"joint {name}: must be revolute or prismatic", joint=name)
-        along = np.outer(direction, direction)
-        axes.append(
-            Axis(
-                frozen(direction),
-                frozen(np.cross(direction, velocity)),
-                frozen(along),
-                frozen(np.eye(3) - along),
-                frozen(skew(direction)),
-                slides,
-            )
-        )
-    return ProductOfExponentials(tuple(axes), T_base_tool)
+    return ProductOfExponentials(axes, T_base_tool)
 
 
 if not TYPE_CHECKING:
