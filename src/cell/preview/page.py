@@ -14,6 +14,7 @@ from arm.robot.model import Robot
 from cell.preview.clearance import CLEARANCE_EVERY_S, sample_clearance
 from cell.preview.content import page_content
 from cell.preview.overlays import CameraView, ExecutedMove
+from cell.report.html import render
 
 _HERE = Path(__file__).resolve().parent
 # Ordered: a later script may use what an earlier one defines.
@@ -30,7 +31,6 @@ SCRIPTS = (
     "main.js",
 )
 LIVE_SCRIPTS = ("live.js",)
-_POLICY = "img-src data: blob:"  # end of the pages' content security policy
 
 
 def write_preview(
@@ -118,52 +118,27 @@ def preview_page(
 
 def page(content: dict[str, Any]) -> str:
     """Return the HTML text for `content` (of `page_content`, plus the mark of a live page)."""
-    is_live = "live" in content
-    scripts = _scripts((*LIVE_SCRIPTS, *SCRIPTS) if is_live else SCRIPTS)
-    licence = read_text(_HERE / "vendor" / "LICENSE.three.txt").replace("--", "- -")
-    parts = {
-        "<!--style-->": f"<style>\n{_part('style.css')}</style>",
-        # without "<", no name in the plan can end the element early
-        "<!--content-->": '<script id="content" type="application/json">'
-        + canonical_json(content).replace("<", "\\u003c")
-        + "</script>",
-        "<!--three-->": f"<!-- three.js\n{licence}-->\n<script>{_vendored()}</script>",
-        "<!--scripts-->": scripts,
-    }
-    template = _part("page.html")
-    return _filled(_connected(template) if is_live else template, parts)
+    live = "live" in content
+    return render(
+        "preview/page/page.html.j2",
+        live=live,
+        style=_part("page/style.css"),
+        content=canonical_json(content).replace("<", "\\u003c"),  # no name in the plan ends the element early
+        licence=_part("vendor/LICENSE.three.txt").replace("--", "- -"),
+        three=_part("vendor/three.bundle.min.js").replace("</script", "<\\/script"),
+        scripts=_scripts((*LIVE_SCRIPTS, *SCRIPTS) if live else SCRIPTS),
+    )
 
 
 def waiting_page() -> str:
-    """Return the page of a run without a plan yet; it follows the same events as a live page."""
-    parts = {
-        "<!--style-->": f"<style>\n{_part('style.css')}</style>",
-        "<!--scripts-->": _scripts((*LIVE_SCRIPTS, "waiting.js")),
-    }
-    return _filled(_connected(_part("waiting.html")), parts)
+    """Return the page of a run without a plan yet; it follows the same state as a live page."""
+    scripts = _scripts((*LIVE_SCRIPTS, "waiting.js"))
+    return render("preview/page/waiting.html.j2", live=True, style=_part("page/style.css"), scripts=scripts)
 
 
-def _connected(template: str) -> str:
-    """Allow connections to the page's own server only, and prevent the request for an icon."""
-    allowed = template.replace(_POLICY, f"{_POLICY}; connect-src 'self'")
-    return allowed.replace("<title>", '<link rel="icon" href="data:,">\n<title>')
-
-
-def _filled(template: str, parts: dict[str, str]) -> str:
-    text = template
-    for mark, part in parts.items():
-        before, _, after = text.partition(mark)
-        text = before + part + after
-    return text
+def _scripts(names: Sequence[str]) -> list[str]:
+    return [_part(f"page/{name}") for name in names]
 
 
 def _part(name: str) -> str:
-    return read_text(_HERE / "page" / name)
-
-
-def _scripts(names: Sequence[str]) -> str:
-    return "".join(f"<script>\n{_part(name)}</script>\n" for name in names)
-
-
-def _vendored() -> str:
-    return read_text(_HERE / "vendor" / "three.bundle.min.js").replace("</script", "<\\/script")
+    return read_text(_HERE / name)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from html import escape
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -12,11 +12,12 @@ from calib.camera.result import CalibrationView, CameraCalibration
 from calib.camera.verdict import CELLS, cells, coverage, describe
 from calib.camera.working_volume import COLUMNS, LAYERS, ROWS
 from calib.model.intrinsics import NAMES, vector_of
-from cell.report.html import bullets, page, section, table
+from cell.report.html import Table, render
 
 ARROWS = 0.02  # length of the arrow of a typical residual, in image widths
 LABEL = 0.036  # font size of the views' numbers, in image widths
 DEEP = 340  # height of the drawing of the targets
+CELL = 60, 40  # of a work point: width and height
 
 
 def lens_page(c: CameraCalibration, source: str) -> str:
@@ -26,50 +27,45 @@ def lens_page(c: CameraCalibration, source: str) -> str:
         c: the calibration.
         source: of the photographs, for the title.
     """
-    badge = '<span class="badge">accepted</span>' if c.accepted else '<span class="badge no">refused</span>'
-    parts = [
-        f"<h1>Lens of a camera {badge}</h1>",
-        f'<p class="muted">{escape(source)}: {len(c.used)} of {len(c.views)} photographs, '
-        f"{escape(c.target.label())}</p>",
-        section(
-            "", bullets(c.reasons, "Why it is refused") + _figures(c) + bullets(c.remarks, "Worth knowing")
+    width, height = c.camera.size
+    return render(
+        "report/templates/lens.html.j2",
+        title=f"Lens: {source}",
+        source=source,
+        c=c,
+        width=width,
+        height=height,
+        figures=(
+            (f"{c.corner_sigma:.3f} px", "error of a corner"),
+            (f"{c.cross.sigma_px:.3f} px", "of views held out"),
+            (f"{1e3 * c.work_sigmas.max():.3f} mm", f"worst work point (limit {c.limits.work_mm:g} mm)"),
+            (f"{1e3 * float(np.sqrt(np.mean(c.work_sigmas**2))):.3f} mm", "mean work point"),
+            (f"{100 * coverage(c):.0f} %", "of the image covered"),
         ),
-        '<div class="two">',
-        section("Corners and their residuals", _residuals(c)),
-        section("Uncertainty of the work points", _work(c)),
-        section("Intrinsics", _numbers(c)),
-        section("Poses of the target", _side(c)),
-        section("Possible causes of error", _suspects(c)),
-        section("Views that would help most", _next(c)),
-        "</div>",
-        section("Views", _views(c)),
-    ]
-    return page(f"Lens: {source}", parts)
-
-
-def _figures(c: CameraCalibration) -> str:
-    shown = (
-        (f"{c.corner_sigma:.3f} px", "error of a corner"),
-        (f"{c.cross.sigma_px:.3f} px", "of views held out"),
-        (f"{1e3 * c.work_sigmas.max():.3f} mm", f"worst work point (limit {c.limits.work_mm:g} mm)"),
-        (f"{1e3 * float(np.sqrt(np.mean(c.work_sigmas**2))):.3f} mm", "mean work point"),
-        (f"{100 * coverage(c):.0f} %", "of the image covered"),
+        corners=_corners(c),
+        work=_work(c),
+        intrinsics=_intrinsics(c),
+        poses=_poses(c),
+        suspects=_suspects(c),
+        suspected=describe(c.suspects[0]) if c.suspects and c.suspects[0].sigmas > 5 else "",
+        next_views=list(_next_views(c)),
+        views=_views(c),
     )
-    return f'<div class="figures">{"".join(f"<div><b>{a}</b>{b}</div>" for a, b in shown)}</div>'
 
 
-def _residuals(c: CameraCalibration) -> str:
+def _corners(c: CameraCalibration) -> dict[str, Any]:
+    """Cells of the image shaded by their number of corners, and an arrow for the residual of every corner, px."""
     width, height = c.camera.size
     count, (columns, rows) = cells(c), CELLS
-    most = max(int(count.max()), 1)
-    shapes = [
-        f'<rect x="{x * width / columns:.0f}" y="{y * height / rows:.0f}" width="{width / columns:.0f}" '
-        f'height="{height / rows:.0f}" fill="var(--blue)" opacity="{0.25 * count[y, x] / most:.3f}"/>'
+    cell_w, cell_h, most = width / columns, height / rows, max(int(count.max()), 1)
+    shaded = [
+        (x * cell_w, y * cell_h, cell_w, cell_h, 0.25 * count[y, x] / most)
         for y in range(rows)
         for x in range(columns)
     ]
     typical = max(c.corner_sigma, 1e-6)
     scale = ARROWS * width / typical
+    arrows = []
     for view in c.used:
         if view.residual is None or view.photo.view is None or view.dropped is None:
             continue
@@ -77,62 +73,42 @@ def _residuals(c: CameraCalibration) -> str:
             view.photo.view.corners_px, view.residual, view.dropped, strict=True
         ):
             size = float(np.hypot(du, dv))
-            colour = "var(--bad)" if wrong else "var(--warm)" if size > 3.0 * typical else "var(--blue)"
+            colour = "bad" if wrong else "warm" if size > 3.0 * typical else "blue"
             shown = min(scale, 0.1 * width / max(size, 1e-9))
-            shapes.append(
-                f'<path d="M{u:.1f} {v:.1f}l{shown * du:.1f} {shown * dv:.1f}" stroke="{colour}" stroke-width="2.5"/>'
-                f'<circle cx="{u:.1f}" cy="{v:.1f}" r="4" fill="{colour}"/>'
-            )
-    return (
-        f'<figure><svg viewBox="-4 -4 {width + 8} {height + 8}"><rect class="frame" width="{width}" '
-        f'height="{height}" stroke-width="4"/>{"".join(shapes)}</svg><figcaption>Corners of all used views; shading: '
-        f"number. Arrows: residuals, enlarged {scale:.0f} times; orange beyond three standard deviations, red left "
-        "out.</figcaption></figure>"
-    )
+            arrows.append((u, v, shown * du, shown * dv, colour))
+    return {"cells": shaded, "arrows": arrows, "scale": scale}
 
 
-def _work(c: CameraCalibration) -> str:
+def _work(c: CameraCalibration) -> dict[str, Any]:
+    """Standard deviations of the work points, micrometres, as one grid over the image per distance."""
     sigmas = np.full((LAYERS, ROWS, COLUMNS), np.nan)  # NaN where the lens model has no inverse
     sigmas[:, c.work.seen] = 1e6 * c.work_sigmas.reshape(LAYERS, -1)
-    most = float(np.nanmax(sigmas))
-    limit = 1e3 * c.limits.work_mm
-    shapes, cell_w, cell_h = [], 60, 40
-    for layer in range(LAYERS):
-        top = layer * (ROWS * cell_h + 34)
-        z = c.work.near + (c.work.far - c.work.near) * layer / (LAYERS - 1)
-        shapes.append(f'<text x="0" y="{top + 16}">{1e3 * z:.0f} mm from the camera</text>')
-        for row in range(ROWS):
-            for column in range(COLUMNS):
-                value = float(sigmas[layer, row, column])
-                if np.isnan(value):
-                    continue
-                colour = "var(--bad)" if value > limit else "var(--good)"
-                shapes.append(
-                    f'<rect x="{column * cell_w}" y="{top + 24 + row * cell_h}" width="{cell_w - 2}" '
-                    f'height="{cell_h - 2}" rx="4" fill="{colour}" opacity="{0.15 + 0.7 * value / most:.3f}"/>'
-                    f'<text x="{(column + 0.5) * cell_w - 1}" y="{top + 24 + (row + 0.5) * cell_h + 3}" '
-                    f'text-anchor="middle" style="fill:var(--ink)">{value:.0f}</text>'
-                )
-    return (
-        f'<figure><svg viewBox="0 0 {COLUMNS * cell_w} {LAYERS * (ROWS * cell_h + 34)}">{"".join(shapes)}</svg>'
-        "<figcaption>One standard deviation across the line of sight, micrometres, over the image at three distances, "
-        "with the camera's pose determined again with this lens."
-        + (" No value: the lens model has no inverse there." if c.work.blind else "")
-        + "</figcaption></figure>"
-    )
+    most, limit = float(np.nanmax(sigmas)), 1e3 * c.limits.work_mm
+    cell_w, cell_h = CELL
+    layer_h = ROWS * cell_h + 34
+    distances = np.linspace(c.work.near, c.work.far, LAYERS)
+    return {
+        "size": (COLUMNS * cell_w, LAYERS * layer_h),
+        "cell": CELL,
+        "layers": [(layer * layer_h + 16, distance) for layer, distance in enumerate(distances)],
+        "cells": [
+            (column * cell_w, layer * layer_h + 24 + row * cell_h, s, 0.15 + 0.7 * s / most, s <= limit)
+            for (layer, row, column), s in np.ndenumerate(sigmas)
+            if np.isfinite(s)
+        ],
+    }
 
 
-def _numbers(c: CameraCalibration) -> str:
+def _intrinsics(c: CameraCalibration) -> Table:
     rows = []
     for name, value, sigma, free in zip(NAMES, vector_of(c.camera), c.sigmas, c.free, strict=True):
-        pixels = name in NAMES[:4]
-        shown = f"{value:.2f} px" if pixels else f"{value:.5g}"
-        rows.append(("", (name, shown, f"{sigma:.2g}" if free else "held")))
-    return table(("", "value", "std"), rows)
+        shown = f"{value:.2f} px" if name in NAMES[:4] else f"{value:.5g}"
+        rows.append((name, shown, f"{sigma:.2g}" if free else "held"))
+    return Table(("", "value", "std"), rows)
 
 
-def _side(c: CameraCalibration) -> str:
-    """Drawing of every target pose in the camera frame, along the image's x and along its y."""
+def _poses(c: CameraCalibration) -> dict[str, Any] | None:
+    """Outlines of the target in the camera frame, along the image's x and along its y; None without a pose."""
     width, height = c.target.size
     outline = np.array([[0, 0, 0], [width, 0, 0], [width, height, 0], [0, height, 0]], dtype=float)
     placed = [
@@ -141,84 +117,62 @@ def _side(c: CameraCalibration) -> str:
         if v.T_camera_target is not None
     ]
     if not placed:
-        return ""
+        return None
     points = np.concatenate(placed)
     reach = float(np.abs(points[:, :2]).max()) * 1.1
     far = float(points[:, 2].max()) * 1.05
     scale = DEEP / far
-    shapes = []
-    for panel, axis in enumerate((0, 1)):
-        middle = (2 * panel + 1) * reach * scale
-        half = c.camera.size[axis] / 2.0 / c.camera.K[axis, axis]
-        for side in (-half, half):
-            shapes.append(f'<path class="frame" d="M{middle:.1f} {DEEP}L{middle + side * DEEP:.1f} 0"/>')
-        for corners in placed:
-            path = "L".join(f"{middle + scale * p[axis]:.1f} {DEEP - scale * p[2]:.1f}" for p in corners)
-            shapes.append(
-                f'<path d="M{path}Z" fill="var(--blue)" fill-opacity="0.12" stroke="var(--blue)" stroke-width="1"/>'
-            )
-        shapes.append(
-            f'<text x="{middle:.0f}" y="{DEEP + 18}" text-anchor="middle">image {"xy"[axis]}</text>'
-        )
-    return (
-        f'<figure><svg viewBox="0 0 {4 * reach * scale:.0f} {DEEP + 24}">{"".join(shapes)}</svg><figcaption>'
-        f"Targets in the camera's view, along the image's x and y. Top: {1e3 * far:.0f} mm from the camera."
-        "</figcaption></figure>"
-    )
+    edges, outlines, labels = [], [], []
+    for axis in (0, 1):
+        middle = (2 * axis + 1) * reach * scale
+        half = DEEP * c.camera.size[axis] / 2.0 / c.camera.K[axis, axis]
+        edges += [(middle, -half), (middle, half)]
+        outlines += [
+            "L".join(f"{middle + scale * p[axis]:.1f} {DEEP - scale * p[2]:.1f}" for p in corners)
+            for corners in placed
+        ]
+        labels.append((middle, "xy"[axis]))
+    return {
+        "width": 4 * reach * scale,
+        "height": DEEP,
+        "far_m": far,
+        "edges": edges,
+        "outlines": outlines,
+        "labels": labels,
+    }
 
 
-def _suspects(c: CameraCalibration) -> str:
+def _suspects(c: CameraCalibration) -> Table:
     rows = [
         (
-            "",
-            (
-                s.name,
-                f"{1e3 * s.amount:.3f} +- {1e3 * s.sigma:.3f} mm"
-                if s.unit == "m"
-                else f"{100 * s.amount:+.3f} +- {100 * s.sigma:.3f} %",
-                f"{s.sigmas:.1f}",
-                f"{1e3 * float(np.sqrt(np.mean(c.work.shifts(s.lens_change) ** 2))):.4f} mm",
-            ),
+            s.name,
+            f"{1e3 * s.amount:.3f} +- {1e3 * s.sigma:.3f} mm"
+            if s.unit == "m"
+            else f"{100 * s.amount:+.3f} +- {100 * s.sigma:.3f} %",
+            f"{s.sigmas:.1f}",
+            f"{1e3 * float(np.sqrt(np.mean(c.work.shifts(s.lens_change) ** 2))):.4f} mm",
         )
         for s in c.suspects
     ]
-    strongest = (
-        f'<p class="muted">{escape(describe(c.suspects[0]))}</p>'
-        if c.suspects and c.suspects[0].sigmas > 5
-        else ""
-    )
-    return table(("cause", "amount", "standard deviations", "shift of work points"), rows) + strongest
+    return Table(("cause", "amount", "standard deviations", "shift of work points"), rows)
 
 
-def _next(c: CameraCalibration) -> str:
-    if not c.next:
-        return '<p class="muted">Not known until some views are tilted.</p>'
-    width, height = c.camera.size
+def _next_views(c: CameraCalibration) -> Iterator[tuple[int, str, float, float, float]]:
+    """Number, outline, position of the number and its font size, px, of each view to add that is in the image."""
     lines = np.array([[0, 0, 0], [c.target.size[0], 0, 0], [*c.target.size, 0], [0, c.target.size[1], 0]])
-    shapes: list[str] = []
     labels: list[Array] = []
-    size = LABEL * width
+    size = LABEL * c.camera.size[0]
     for number, view in enumerate(c.next, start=1):
         pixels = c.camera.project(
             _along(lines) @ view.T_camera_target[:3, :3].T + view.T_camera_target[:3, 3]
         )
         if not np.isfinite(pixels).all():
             continue
-        path = "L".join(f"{u:.0f} {v:.0f}" for u, v in pixels)
         label = pixels.mean(axis=0)
         while any(np.abs(label - other).max() < size for other in labels):
             label = label + (size, 0.0)  # targets at the same position with other rotations
         labels.append(label)
-        u, v = label
-        shapes.append(
-            f'<path d="M{path}Z" fill="var(--blue)" fill-opacity="0.1" stroke="var(--blue)" stroke-width="5"/>'
-            f'<text x="{u:.0f}" y="{v:.0f}" style="font-size:{size:.0f}px;fill:var(--blue)">{number}</text>'
-        )
-    items = "".join(f"<li>{escape(v.words)}: {100 * v.gain:.0f} % less error</li>" for v in c.next)
-    return (
-        f'<figure><svg viewBox="-40 -40 {width + 80} {height + 80}"><rect class="frame" width="{width}" '
-        f'height="{height}" stroke-width="4"/>{"".join(shapes)}</svg></figure><ol>{items}</ol>'
-    )
+        yield number, "L".join(f"{u:.0f} {v:.0f}" for u, v in pixels), *label, size
 
 
 def _along(corners: Array, steps: int = 12) -> Array:
@@ -228,36 +182,19 @@ def _along(corners: Array, steps: int = 12) -> Array:
     return np.concatenate([a + share * (b - a) for a, b in zip(corners, after, strict=True)])
 
 
-def _views(c: CameraCalibration) -> str:
+def _views(c: CameraCalibration) -> Table:
     worst = max((v.rms_px for v in c.used), default=1.0)
 
-    def row(v: CalibrationView) -> tuple[str, Sequence[str]]:
+    def row(v: CalibrationView) -> tuple[str, ...]:
         found = "0" if v.photo.view is None else str(len(v.photo.view.ids))
         blur = "" if v.photo.quality is None else f"{v.photo.quality.blur_px:.2f}"
         if not v.used:
-            return "out", (v.photo.name, found, "", "", "", blur, f"left out: {v.why_not}")
+            return v.photo.name, found, "", "", "", blur, f"left out: {v.why_not}"
         bar = "▇" * max(1, round(12 * v.rms_px / worst))
         lost = int(v.dropped.sum()) if v.dropped is not None else 0
         note = f"{bar}{f'  {lost} corners left out' if lost else ''}"
-        return "", (
-            v.photo.name,
-            found,
-            f"{v.rms_px:.3f}",
-            f"{1e3 * v.distance:.0f}",
-            f"{np.degrees(v.tilt):.0f}",
-            blur,
-            note,
-        )
+        distance, tilt = f"{1e3 * v.distance:.0f}", f"{np.degrees(v.tilt):.0f}"
+        return v.photo.name, found, f"{v.rms_px:.3f}", distance, tilt, blur, note
 
-    return table(
-        (
-            "photograph",
-            "corners",
-            "rms px",
-            "distance mm",
-            "tilt deg",
-            "blur px",
-            "residual",
-        ),
-        map(row, c.views),
-    )
+    header = ("photograph", "corners", "rms px", "distance mm", "tilt deg", "blur px", "residual")
+    return Table(header, [row(v) for v in c.views], [i for i, v in enumerate(c.views) if not v.used])

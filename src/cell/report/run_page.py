@@ -6,7 +6,6 @@ import base64
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +14,12 @@ import cv2
 from arm.errors import InputError
 from arm.plan_file import Plan
 from cell.files.task import Task
-from cell.report.html import bullets, page, section, table
+from cell.report.html import Table, render
 from cell.scene.arm_shape import arm_shape
 
 _WIDTH, _QUALITY = 960, 82  # of an image in the page: px, and JPEG quality
 _HEADER = ("cube", "from", "to", "placed", "planned s", "clearance mm", "error mm", "tilt deg", "remarks")
+_PLAN_HEADER = ("file", "cubes", "motion s", "clearance mm", "hash")
 
 
 @dataclass(frozen=True)
@@ -60,31 +60,10 @@ def run_page(
         plans: in order.
         began, ended: by the host's clock.
     """
-    return page(
-        f"{task.name} · a465",
-        [
-            _heading(task, report, began, ended),
-            section(
-                "Cubes",
-                table(_HEADER, _rows(report["cubes"])) if report["cubes"] else "<p>No cube was moved.</p>",
-            ),
-            _remarks(report),
-            *_pictures(pictures),
-            section("Plans", _plans(plans)),
-            section("Provenance", _provenance(task, plans)),
-        ],
-    )
-
-
-def _heading(task: Task, report: dict[str, Any], began: datetime, ended: datetime) -> str:
-    cubes = report["cubes"]
+    cubes, error = report["cubes"], report.get("error")
     placed = sum(cube["placed"] for cube in cubes)
-    error = report.get("error")
     wanted = max(len(cubes), report["cubes_planned"])
     good = error is None and placed == wanted
-    verdict = "done" if good else (error["word"] if error else "not done")
-    where = f"simulated cell, time scale {report['time_scale']:g}" if report["simulated"] else "real cell"
-    lowered = f", override {report['override']:g}" if report["override"] < 1.0 else ""
     figures = [
         *([(f"{placed} of {wanted}", "cubes placed")] if wanted else []),
         (f"{report['motion_s']:.1f} s", "of planned motion"),
@@ -92,14 +71,24 @@ def _heading(task: Task, report: dict[str, Any], began: datetime, ended: datetim
         *_extreme(cubes, "error_mm", max, "mm largest error (truth)", 3),
         *_extreme(cubes, "tilt_error_deg", max, "deg largest tilt (truth)", 3),
     ]
-    shown = "".join(f"<div><b>{value}</b>{escape(name)}</div>" for value, name in figures)
-    message = "" if error is None else f"<p><b>{escape(error['message'])}</b></p>"
-    return section(
-        "",
-        f'<h1>{escape(task.name)} <span class="badge{"" if good else " no"}">{escape(verdict)}</span></h1>'
-        f'<p class="muted">{escape(task.kind)} · {escape(report["unit"])} · {where} · speed {report["speed"]:g}'
-        f"{lowered} · {began:%Y-%m-%d %H:%M:%S} to {ended:%H:%M:%S}</p>{message}"
-        f'<div class="figures">{shown}</div>',
+    previews = [k.name.replace("plan", "preview") + ".html" for k in plans if k.name.startswith("plan")]
+    return render(
+        "report/templates/run.html.j2",
+        title=f"{task.name} · a465",
+        task=task,
+        report=report,
+        good=good,
+        verdict="done" if good else (error["word"] if error else "not done"),
+        error=error,
+        began=began,
+        ended=ended,
+        figures=figures,
+        cubes=Table(_HEADER, [_row(number, cube) for number, cube in enumerate(cubes, start=1)]),
+        looks=[_look(picture) for picture in pictures],
+        plans=Table(_PLAN_HEADER, [_plan_row(kept) for kept in plans]),
+        previews=previews,
+        provenance=Table(("what", "value"), _provenance(task)),
+        details=_details(plans),
     )
 
 
@@ -108,100 +97,75 @@ def _extreme(
 ) -> Iterator[tuple[str, str]]:
     values = [cube[key] for cube in cubes if cube[key] is not None]
     if values:
-        yield f"{of(values):.{decimals}f}", name
+        yield _shown(of(values), decimals), name
 
 
-def _rows(cubes: Sequence[dict[str, Any]]) -> Iterator[tuple[str, Sequence[str]]]:
-    for number, cube in enumerate(cubes, start=1):
-        yield (
-            "",
-            (
-                str(number),
-                cube["from"],
-                cube["to"],
-                "yes" if cube["placed"] else "NO",
-                f"{cube['motion_s']:.1f}",
-                _shown(cube["min_clearance_mm"], 1),
-                _shown(cube["error_mm"], 3),
-                _shown(cube["tilt_error_deg"], 3),
-                "; ".join(cube["remarks"]),
-            ),
-        )
+def _row(number: int, cube: dict[str, Any]) -> Sequence[str]:
+    return (
+        str(number),
+        cube["from"],
+        cube["to"],
+        "yes" if cube["placed"] else "NO",
+        _shown(cube["motion_s"], 1),
+        _shown(cube["min_clearance_mm"], 1),
+        _shown(cube["error_mm"], 3),
+        _shown(cube["tilt_error_deg"], 3),
+        "; ".join(cube["remarks"]),
+    )
 
 
 def _shown(value: float | None, decimals: int) -> str:
     return "-" if value is None else f"{value:.{decimals}f}"
 
 
-def _remarks(report: dict[str, Any]) -> str:
-    return section("", bullets(report["remarks"], "Remarks")) if report["remarks"] else ""
-
-
-def _pictures(pictures: Sequence[Picture]) -> list[str]:
-    shown = [_figure(number, picture) for number, picture in enumerate(pictures, start=1)]
-    return [section("Images", f'<div class="looks">{"".join(shown)}</div>')] if shown else []
-
-
-def _figure(number: int, picture: Picture) -> str:
-    caption = f"<figcaption>Look {number}: {escape(picture.why)}</figcaption>"
+def _look(picture: Picture) -> dict[str, str]:
+    """The reason of a look, and its image (JPEG, base 64) or why there is none."""
     if not picture.file.is_file():
-        return f"<figure>{caption}<p>The look was not finished.</p></figure>"
+        return {"why": picture.why, "jpeg": "", "fault": "The look was not finished."}
     image = cv2.imread(str(picture.file), cv2.IMREAD_COLOR)
     if image is None:
-        return f"<figure>{caption}<p>{escape(picture.file.name)} cannot be read</p></figure>"
+        return {"why": picture.why, "jpeg": "", "fault": f"{picture.file.name} cannot be read"}
     scale = min(1.0, _WIDTH / image.shape[1])
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     made, coded = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
     if not made:
         raise InputError(f"{picture.file}: cannot be encoded for the report", file=str(picture.file))
-    data = base64.b64encode(coded.tobytes()).decode()
-    return f'<figure><img alt="look {number}" src="data:image/jpeg;base64,{data}">{caption}</figure>'
+    return {"why": picture.why, "jpeg": base64.b64encode(coded.tobytes()).decode(), "fault": ""}
 
 
-def _plans(plans: Sequence[KeptPlan]) -> str:
-    if not plans:
-        return "<p>No plan was made.</p>"
-    rows = [
-        (
-            "",
-            (
-                f"{kept.name}.json",
-                str(len(kept.plan.task["cubes"])),
-                f"{kept.plan.duration_s:.1f}",
-                f"{1e3 * min((m.clearance for m in kept.plan.moves), default=0.0):.1f}",
-                kept.plan.sha256[:12],
-            ),
-        )
-        for kept in plans
-    ]
-    pages = [kept.name.replace("plan", "preview") + ".html" for kept in plans if kept.name.startswith("plan")]
-    links = " · ".join(f'<a href="{escape(name)}">{escape(name)}</a>' for name in pages)
-    return table(("file", "cubes", "motion s", "clearance mm", "hash"), rows) + (
-        f"<p>3D previews beside this file: {links}</p>" if links else ""
+def _plan_row(kept: KeptPlan) -> Sequence[str]:
+    return (
+        f"{kept.name}.json",
+        str(len(kept.plan.task["cubes"])),
+        f"{kept.plan.duration_s:.1f}",
+        f"{1e3 * min((m.clearance for m in kept.plan.moves), default=0.0):.1f}",
+        kept.plan.sha256[:12],
     )
 
 
-def _provenance(task: Task, plans: Sequence[KeptPlan]) -> str:
+def _provenance(task: Task) -> list[tuple[str, str]]:
     cell = task.cell
-    calibration = "none" if cell.calibration is None else cell.calibration.id
-    known = [
+    return [
         ("task file", task.file.name),
         ("cell file", cell.file.name),
         ("camera file", cell.camera_file.name),
-        ("hand-eye calibration", calibration),
+        ("hand-eye calibration", "none" if cell.calibration is None else cell.calibration.id),
         ("arm's shape", arm_shape(cell)),
         ("task and cell", task.digest[:12]),
     ]
+
+
+def _details(plans: Sequence[KeptPlan]) -> list[tuple[str, Table]]:
+    """Summaries and tables of what the last plan rests on."""
     last = plans[-1].plan if plans else None
-    rest = [] if last is None else [*_flat(last.provenance), *_flat(last.notes, "notes")]
-    inputs = [row for row in rest if row[0].startswith("inputs.")]
-    others = [row for row in rest if row not in inputs]
-    keys = [(key.removeprefix("inputs."), value) for key, value in inputs]
-    return table(("what", "value"), [("", row) for row in known]) + "".join(
-        f"<details><summary>{summary}</summary>{table(('key', 'value'), [('', row) for row in rows])}</details>"
-        for summary, rows in (("Provenance of the plan", others), ("Values of the input files", keys))
-        if rows
-    )
+    found = [] if last is None else [*_flat(last.provenance), *_flat(last.notes, "notes")]
+    inputs = [(key.removeprefix("inputs."), v) for key, v in found if key.startswith("inputs.")]
+    others = [(key, v) for key, v in found if not key.startswith("inputs.")]
+    header = ("key", "value")
+    return [
+        ("Provenance of the plan", Table(header, others)),
+        ("Values of the input files", Table(header, inputs)),
+    ]
 
 
 def _flat(value: Any, path: str = "") -> Iterator[tuple[str, str]]:

@@ -20,6 +20,7 @@ HEAVY = {
     "serial",
     "pypylon",
     "rich",
+    "jinja2",
     "matplotlib",
 }
 VERBS = (
