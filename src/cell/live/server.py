@@ -1,14 +1,16 @@
-"""A read-only server on the loopback that shows a run: one page, one stream of events.
+"""A read-only server on the loopback that shows a run: one page, and the run's state as JSON, which the page polls.
 
-The thread that drives the arm only puts messages into an inbox, which never blocks it. One thread takes them out, keeps
-the state and queues events for each client; a thread per client writes them. A client that reads too slowly is
-disconnected, and its page reconnects.
+The thread that drives the arm only puts messages into an inbox, which never blocks it. The server's thread takes them
+out several times a second and keeps the state; a thread per request answers. An answer waits for news for a while, so
+that the page shows them at once, and a page in the background, whose timers are slowed down, misses none.
 """
 
 from __future__ import annotations
 
+import json
+import math
 import queue
-import socket
+import re
 import socketserver
 import sys
 import threading
@@ -22,96 +24,21 @@ from cell.live.state import Ended, LiveState, Message
 from cell.preview.page import waiting_page
 
 HOST = "127.0.0.1"
-MOST_CLIENTS = 8  # event streams at a time
 MOST_CONNECTIONS = 32
-MOST_WAITING = 512  # queued events of a client
 MOST_MESSAGES = 20_000  # messages in the inbox; more are dropped
 PATIENCE_S = 5.0  # timeout of a client that neither sends nor reads
-BEAT_S = 1.0  # heartbeat of an idle stream
-BUFFER = 1 << 16  # bytes: the system's send buffer for a client
-GOODBYE_S = 1.0  # time to send the end of the run to the clients
+TICK_S = 0.1  # period in which messages become visible
+HOLD_S = 1.0  # longest wait of an answer for news
+GOODBYE_S = 0.5  # for pages that are open to ask for the end of the run
 HEADERS = {
     "Cache-Control": "no-store",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Resource-Policy": "same-origin",
     "Content-Security-Policy": "frame-ancestors 'none'",
+    "Connection": "close",
 }
-
-
-class Client:
-    """One reader of events.
-
-    Attributes:
-        dropped: it was too slow, or the run has ended: queued events are still written, no more are queued.
-        left: its connection is closed.
-    """
-
-    def __init__(self) -> None:
-        self.dropped = False
-        self.left = threading.Event()
-        self._waiting: queue.Queue[bytes] = queue.Queue(MOST_WAITING)
-
-    def offer(self, events: list[bytes]) -> None:
-        """Queue events to write. If the queue is full, the client is dropped."""
-        try:
-            if events and not self.dropped:
-                self._waiting.put_nowait(b"".join(events))
-        except queue.Full:
-            self.dropped = True
-
-    def take(self) -> bytes:
-        """Return everything to write now, or a heartbeat; empty at the end."""
-        try:
-            found = [self._waiting.get(timeout=BEAT_S / 10 if self.dropped else BEAT_S)]
-        except queue.Empty:
-            return b"" if self.dropped else b":\n\n"
-        while not self._waiting.empty():
-            found.append(self._waiting.get_nowait())
-        return b"".join(found)
-
-
-class Hub(threading.Thread):
-    """Keeps the state and sends events to the clients.
-
-    Attributes:
-        page: the page served now.
-    """
-
-    def __init__(self) -> None:
-        super().__init__(name="live view", daemon=True)
-        self._waiting_page = self.page = waiting_page().encode()
-        self.clients: list[Client] = []
-        self._inbox: queue.SimpleQueue[Message | Client] = queue.SimpleQueue()
-        self._state = LiveState()
-
-    def put(self, message: Message | Client) -> None:
-        """Queue a message, or a new client. Returns at once; may be called from any thread."""
-        if self._inbox.qsize() < MOST_MESSAGES:
-            self._inbox.put(message)
-
-    def run(self) -> None:
-        """Process messages until the run has ended."""
-        message: Message | Client | None = None
-        while not isinstance(message, Ended):
-            try:
-                message = self._inbox.get(timeout=BEAT_S / 5)
-            except queue.Empty:
-                self._tell(self._state.changes())
-                continue
-            if isinstance(message, Client):
-                message.offer(self._state.snapshot())
-                self.clients.append(message)
-            else:
-                self._tell(self._state.take(message))
-        for client in self.clients:
-            client.dropped = True
-
-    def _tell(self, events: list[bytes]) -> None:
-        self.page = self._state.page or self._waiting_page
-        for client in self.clients:
-            client.offer(events)
-        self.clients = [client for client in self.clients if not client.dropped]
+_STATE = re.compile(r"/state\?after=(\d{1,15})", re.ASCII)
 
 
 class LiveServer(ThreadingHTTPServer):
@@ -128,8 +55,10 @@ class LiveServer(ThreadingHTTPServer):
     request_queue_size = 2 * MOST_CONNECTIONS  # with a short queue, further connections wait for seconds
 
     def __init__(self, port: int) -> None:
-        self.hub = Hub()
-        self.seats = threading.BoundedSemaphore(MOST_CLIENTS)
+        self._inbox: queue.SimpleQueue[Message] = queue.SimpleQueue()
+        self._state, self._changed = LiveState(), threading.Condition()  # the state is used under its lock
+        self._waiting_page = waiting_page().encode()
+        self._asked_s = -math.inf  # when a page last asked for the state, monotonic
         self._connections = threading.BoundedSemaphore(MOST_CONNECTIONS)
         try:
             super().__init__((HOST, port), _Handler)
@@ -140,7 +69,7 @@ class LiveServer(ThreadingHTTPServer):
                 port=port,
             ) from error
         self._serving = threading.Thread(
-            target=self.serve_forever, args=(0.1,), name="live server", daemon=True
+            target=self.serve_forever, args=(TICK_S,), name="live server", daemon=True
         )
 
     def server_bind(self) -> None:
@@ -159,17 +88,40 @@ class LiveServer(ThreadingHTTPServer):
         return f"{HOST}:{self.server_port}", f"localhost:{self.server_port}"
 
     def start(self) -> None:
-        """Start the threads that serve."""
-        self.hub.start()
+        """Start the thread that serves."""
         self._serving.start()
 
+    def put(self, message: Message) -> None:
+        """Queue a message. Returns at once; may be called from any thread."""
+        if self._inbox.qsize() < MOST_MESSAGES:
+            self._inbox.put(message)
+
+    def service_actions(self) -> None:
+        """Take the messages. Called by `serve_forever` after each request and every TICK_S."""
+        with self._changed:
+            while not self._inbox.empty():
+                self._state.take(self._inbox.get())
+            self._state.refresh()
+            self._changed.notify_all()
+
+    def page(self) -> bytes:
+        """Return the page of the plan being executed, or the one that waits for it."""
+        with self._changed:
+            return self._state.page or self._waiting_page
+
+    def state(self, after: int) -> bytes:
+        """Return the state as JSON when it is later than a version, or after HOLD_S."""
+        self._asked_s = time.monotonic()
+        with self._changed:
+            self._changed.wait_for(lambda: self._state.version > after, HOLD_S)
+            state = self._state.since(after)
+        return json.dumps(state, separators=(",", ":"), allow_nan=False).encode()
+
     def end(self, text: str) -> None:
-        """Send the end of the run to the clients, wait at most GOODBYE_S, and close."""
-        self.hub.put(Ended(text))
-        over = time.monotonic() + GOODBYE_S
-        self.hub.join(GOODBYE_S)
-        for client in self.hub.clients:
-            client.left.wait(max(over - time.monotonic(), 0.0))
+        """Show the end of the run to the pages that are open, and close."""
+        self.put(Ended(text))
+        if time.monotonic() - self._asked_s < 2.0 * HOLD_S:
+            time.sleep(GOODBYE_S)
         self.shutdown()
         self.server_close()
 
@@ -194,7 +146,7 @@ class LiveServer(ThreadingHTTPServer):
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Answers one request: only GET of the page or of the events."""
+    """Answers one request: only GET of the page or of the state."""
 
     server: LiveServer
     timeout = PATIENCE_S
@@ -211,53 +163,29 @@ class _Handler(BaseHTTPRequestHandler):
         return True
 
     def do_GET(self) -> None:
-        """Send the page, the events, or a refusal."""
-        match self.path:
-            case "/":
-                page = self.server.hub.page
-                self._begin(HTTPStatus.OK, "text/html; charset=utf-8", len(page))
-                self.wfile.write(page)
-            case "/events":
-                self._events()
-            case _:
-                self._refuse(HTTPStatus.NOT_FOUND, "must be / or /events")
-
-    def _events(self) -> None:
-        # a foreign page must not use up the event streams; browsers name the origin of a request
-        if self.headers.get("Sec-Fetch-Site", "same-origin") not in ("same-origin", "none"):
-            self._refuse(HTTPStatus.FORBIDDEN, "only the page of this server may read events")
-            return
-        seats = self.server.seats
-        if not seats.acquire(blocking=False):
-            self._refuse(HTTPStatus.SERVICE_UNAVAILABLE, f"at most {MOST_CLIENTS} pages can be open")
-            return
-        client = Client()
-        try:
-            self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
-            self.server.hub.put(client)  # before the response begins, so that the client misses no event
-            self._begin(HTTPStatus.OK, "text/event-stream", None)
-            while (text := client.take()) and (self.server.hub.is_alive() or client.dropped):
-                self.wfile.write(text)
-        finally:
-            client.dropped = True
-            client.left.set()
-            seats.release()
+        """Send the page, the state, or a refusal."""
+        if self.path == "/":
+            self._send(HTTPStatus.OK, "text/html; charset=utf-8", self.server.page())
+        elif (asked := _STATE.fullmatch(self.path)) is None:
+            self._refuse(HTTPStatus.NOT_FOUND, "must be / or /state?after=VERSION")
+        # a foreign page must not keep connections busy; browsers name the origin of a request
+        elif self.headers.get("Sec-Fetch-Site", "same-origin") not in ("same-origin", "none"):
+            self._refuse(HTTPStatus.FORBIDDEN, "only the page of this server may read the state")
+        else:
+            self._send(HTTPStatus.OK, "application/json", self.server.state(int(asked[1])))
 
     def _refuse(self, status: HTTPStatus, text: str) -> bool:
-        body = f"{status.value} {status.phrase}: {text}\n".encode()
-        self._begin(status, "text/plain; charset=utf-8", len(body))
-        self.wfile.write(body)
+        self._send(status, "text/plain; charset=utf-8", f"{status.value} {status.phrase}: {text}\n".encode())
         return False
 
-    def _begin(self, status: HTTPStatus, kind: str, length: int | None) -> None:
+    def _send(self, status: HTTPStatus, kind: str, body: bytes) -> None:
         self.send_response(status)
-        for name, value in {**HEADERS, "Content-Type": kind, "Connection": "close"}.items():
+        for name, value in {**HEADERS, "Content-Type": kind, "Content-Length": str(len(body))}.items():
             self.send_header(name, value)
         if status == HTTPStatus.METHOD_NOT_ALLOWED:
             self.send_header("Allow", "GET")
-        if length is not None:
-            self.send_header("Content-Length", str(length))
         self.end_headers()
+        self.wfile.write(body)
 
     def version_string(self) -> str:
         """Value of the Server header."""

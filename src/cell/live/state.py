@@ -1,15 +1,16 @@
-"""State of a live view: the run as last reported, and each change as an event for the page.
+"""State of a live view: the run as last reported, in versions, so that a page asks only for what is new.
 
 A `LiveState` is not thread-safe. Times are on the clock of the plan's preview, so that the page can compare them.
 """
 
 from __future__ import annotations
 
-import json
+import secrets
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from itertools import takewhile
+from typing import Any, TypeVar
 
 from arm.controller.unit import Unit
 from arm.plan_file import Motion, Plan, Step
@@ -61,11 +62,7 @@ class Begun:
 
 
 Message = Begun | NewPlan | Step | Progress | Told | Ended
-
-
-def event(name: str, value: Mapping[str, Any]) -> bytes:
-    """Return one server-sent event (WHATWG HTML, 9.2.5)."""
-    return f"event: {name}\ndata: {json.dumps(value, separators=(',', ':'), allow_nan=False)}\n\n".encode()
+_T = TypeVar("_T")
 
 
 class LiveState:
@@ -73,10 +70,13 @@ class LiveState:
 
     Attributes:
         page: of the plan being executed; None before the first.
+        version: number of the last change.
     """
 
     def __init__(self) -> None:
         self.page: bytes | None = None
+        self.version = 0
+        self._run = secrets.token_hex(4)  # a page left open reloads when another run answers at its port
         self._control = Control()
         self._plan: dict[str, Any] | None = None
         self._unit: Unit | None = None
@@ -86,47 +86,49 @@ class LiveState:
         self._starts: list[float] = []
         self._index: int | None = None
         self._on_path: tuple[Motion, OnPath] | None = None
-        self._samples: deque[dict[str, Any]] = deque(maxlen=MOST_SAMPLES)
-        self._lines: deque[str] = deque(maxlen=MOST_LINES)
+        self._samples: deque[tuple[int, dict[str, Any]]] = deque(maxlen=MOST_SAMPLES)  # with their versions
+        self._lines: deque[tuple[int, str]] = deque(maxlen=MOST_LINES)
         self._step: dict[str, Any] | None = None
         self._ended: str | None = None
-        self._shown = self._state()
+        self._shown: dict[str, str] = {}
 
-    def take(self, message: Message) -> list[bytes]:
-        """Take a message. Return its events."""
+    def take(self, message: Message) -> None:
+        """Take a message."""
+        self.version += 1
         match message:
             case Begun(control):
-                self._control, events = control, []
+                self._control = control
             case NewPlan():
-                events = [self._follow(message)]
+                self._follow(message)
             case Told(text):
-                self._lines.append(text)
-                events = [event("told", {"lines": [text]})]
+                self._lines.append((self.version, text))
             case Ended(text):
-                self._ended, events = text, []
+                self._ended = text
             case Progress():
-                events = [event("sample", self._sample(message))]
+                self._samples.append((self.version, self._sample(message)))
             case _:
-                events = [self._enter(message)]
-        return events + self.changes()
+                self._enter(message)
 
-    def changes(self) -> list[bytes]:
-        """Return an event if the state (running, pausing, at rest ..) has changed."""
+    def refresh(self) -> None:
+        """Count a change of the run's state (running, pausing, at rest ..) as a new version."""
         state = self._state()
-        if state == self._shown:
-            return []
-        self._shown = state
-        return [event("state", state)]
+        if state != self._shown:
+            self._shown = state
+            self.version += 1
 
-    def snapshot(self) -> list[bytes]:
-        """Return the events that bring a page that is opened later to the present state."""
-        self._shown = self._state()
-        events = [] if self._plan is None else [event("plan", self._plan)]
-        events.append(event("past", {"lines": list(self._lines), "samples": list(self._samples)}))
-        events += [] if self._step is None else [event("step", self._step)]
-        return [*events, event("state", self._shown)]
+    def since(self, version: int) -> dict[str, Any]:
+        """Return the state as JSON types, with the lines and samples that came after a version (0: all kept)."""
+        return {
+            "run": self._run,
+            "version": self.version,
+            "plan": self._plan,
+            "step": self._step,
+            "lines": _after(version, self._lines),
+            "samples": _after(version, self._samples),
+            **self._state(),
+        }
 
-    def _state(self) -> dict[str, Any]:
+    def _state(self) -> dict[str, str]:
         if self._ended is not None:
             return {"state": "ended", "text": self._ended}
         if self._step is None:
@@ -135,7 +137,7 @@ class LiveState:
             return {"state": "stands" if self._control.standing else "pauses"}
         return {"state": "runs"}
 
-    def _follow(self, new: NewPlan) -> bytes:
+    def _follow(self, new: NewPlan) -> None:
         plan = new.plan
         self.page, self._unit, self._steps = new.page, new.unit, plan.steps
         self._starts = [timed.start_s for timed in timed_steps(plan)]
@@ -145,17 +147,15 @@ class LiveState:
         self._samples.clear()
         mark = None if new.page is None else new.mark
         self._plan = {"mark": mark, "name": new.name, "sha256": plan.sha256}
-        return event("plan", self._plan)
 
-    def _enter(self, step: Step) -> bytes:
+    def _enter(self, step: Step) -> None:
         self._index = self._places.get(id(step))
         start = None if self._index is None else round(self._starts[self._index], 6)
         self._step = {"index": self._index, "name": step.name, "t": start}
-        return event("step", self._step)
 
     def _sample(self, progress: Progress) -> dict[str, Any]:
         first, t = self._place(progress)
-        sample = {
+        return {
             "motion": first,
             "t": t,
             "ms": progress.position.time_ms,
@@ -165,8 +165,6 @@ class LiveState:
             "override": round(progress.override, 4),
             "jaws": None if progress.jaws is None else round(progress.jaws, 4),
         }
-        self._samples.append(sample)
-        return sample
 
     def _place(self, progress: Progress) -> tuple[int | None, float | None]:
         """First step of the present motion, and the sample's time on the plan's clock."""
@@ -179,3 +177,9 @@ class LiveState:
         q = self._unit.positions(progress.position.counts)
         time_s, _ = self._on_path[1].place(q, motion.starts[k] + progress.done)
         return motion.first, round(self._starts[motion.first] + time_s, 4)
+
+
+def _after(version: int, kept: deque[tuple[int, _T]]) -> list[_T]:
+    """The values of later versions, in order."""
+    newest: Iterable[tuple[int, _T]] = takewhile(lambda item: item[0] > version, reversed(kept))
+    return [value for _, value in newest][::-1]

@@ -11,7 +11,7 @@ from arm.errors import A465Error, InputError
 from arm.plan_file import Plan, Step
 from cell.console import Console
 from cell.files.task import Task
-from cell.live.server import Hub, LiveServer
+from cell.live.server import LiveServer
 from cell.live.state import Begun, NewPlan, Told
 from cell.preview.of_plan import live_page
 from cell.session.observer import RunObserver
@@ -25,18 +25,18 @@ class Live(RunObserver):
     """Reports a run to a server. Only `plan` takes time; the arm is at rest then.
 
     Args:
-        hub: of the server.
+        server: shows the run.
     """
 
-    def __init__(self, hub: Hub) -> None:
-        self._hub = hub
+    def __init__(self, server: LiveServer) -> None:
+        self._server = server
         self._task: Task | None = None
         self._run = secrets.token_hex(4)  # so that a page left open does not match a later run
         self._plans = count(1)
 
     def begins(self, task: Task, control: Control) -> None:
         self._task = task
-        self._hub.put(Begun(control))
+        self._server.put(Begun(control))
 
     def plan(self, plan: Plan, name: str) -> None:
         if self._task is None:
@@ -47,17 +47,17 @@ class Live(RunObserver):
         except A465Error as error:  # the run goes on without a page
             self.told(f"no live page of {name}: {error}")
             page = None
-        self._hub.put(NewPlan(mark, name, plan, self._task.cell.unit, page))
+        self._server.put(NewPlan(mark, name, plan, self._task.cell.unit, page))
 
     def step(self, step: Step) -> None:
-        self._hub.put(step)
+        self._server.put(step)
 
     def progress(self, progress: Progress) -> None:
-        self._hub.put(progress)
+        self._server.put(progress)
 
     def told(self, text: str) -> None:
         """Pass on a line of the console."""
-        self._hub.put(Told(text))
+        self._server.put(Told(text))
 
 
 @contextmanager
@@ -76,7 +76,7 @@ def live_view(console: Console, port: int = 0) -> Iterator[Live]:
             f"--live-port = {port}: must be from {LEAST_PORT} to 65535, or 0 for any free port", port=port
         )
     server = LiveServer(port)
-    live = Live(server.hub)
+    live = Live(server)
     server.start()
     console.listener = live.told
     text = "not done"

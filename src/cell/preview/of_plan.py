@@ -20,7 +20,7 @@ def write_page(task: Task, plan: Plan, path: Path) -> None:
 
 
 def live_page(task: Task, plan: Plan, mark: str) -> str:
-    """Return the page of a plan being executed, which follows the events of its server.
+    """Return the page of a plan being executed, which follows the state of its server.
 
     Args:
         mark: unique mark; see `cell.live.state.NewPlan`.

@@ -92,7 +92,7 @@ def preview_page(
         camera: drawn with its field of view.
         clearance_every_s: spacing of the clearance samples along the moves; 0 shows the plan's figures instead.
         executed: drawn over the plan.
-        live: the mark of a page that follows the events of its server (`cell.live.server`).
+        live: the mark of a page that follows the state of its server (`cell.live.server`).
 
     Raises:
         InputError: the plan does not fit the unit or the arms.

@@ -6,7 +6,6 @@ import http.client
 import re
 import socket
 import threading
-import time
 from contextlib import ExitStack, closing
 
 import pytest
@@ -15,12 +14,12 @@ from arm.io.storage import data_file
 from arm.plan_file import Move
 from cell.files.task import read_task
 from cell.live import server as liveserver
-from cell.live.server import MOST_CLIENTS, MOST_CONNECTIONS, MOST_MESSAGES, MOST_WAITING, Client, LiveServer
+from cell.live.server import MOST_CONNECTIONS, MOST_MESSAGES, LiveServer
 from cell.live.state import Begun, Told
 from cell.live.view import Live
 from cell.preview.page import page, waiting_page
 from driver.execution.control import Control
-from pages.live import OPENED, SOON_S, Reader, ask, new_plan, until
+from pages.live import SOON_S, Reader, ask, new_plan, until
 from wire.looks_at_motion import looks
 
 
@@ -32,11 +31,21 @@ def test_the_page_and_nothing_else(server: LiveServer) -> None:
     assert answer.headers["Cache-Control"] == "no-store"
     assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
     assert answer.read().decode() == waiting_page()
-    for path in ("/x", "/?q=1", "/events/", "/../etc/passwd", "//x", "/index.html"):
+    for path in (
+        "/x",
+        "/?q=1",
+        "/state",
+        "/state?after=",
+        "/state?after=-1",
+        "/state?after=1&x",
+        "/../etc/passwd",
+        "//x",
+        "/index.html",
+    ):
         assert ask(server.server_port, "GET", path).status == 404
 
 
-@pytest.mark.parametrize("path", ["/", "/events"])
+@pytest.mark.parametrize("path", ["/", "/state?after=0"])
 def test_only_get(server: LiveServer, path: str) -> None:
     for method in ("POST", "PUT", "DELETE", "HEAD", "OPTIONS", "PATCH", "TRACE", "STOP"):
         answer = ask(server.server_port, method, path)
@@ -44,7 +53,7 @@ def test_only_get(server: LiveServer, path: str) -> None:
         assert answer.headers["Allow"] == "GET"
 
 
-@pytest.mark.parametrize("path", ["/", "/events", "/x"])
+@pytest.mark.parametrize("path", ["/", "/state?after=0", "/x"])
 def test_only_under_its_own_name(server: LiveServer, path: str) -> None:
     port = server.server_port
     for host in (
@@ -65,15 +74,15 @@ def test_only_under_its_own_name(server: LiveServer, path: str) -> None:
     assert ask(server.server_port, "GET", "/", Host=f"localhost:{port}").status == 200
 
 
-def test_events_are_for_its_own_page(server: LiveServer) -> None:
+def test_the_state_is_for_its_own_page(server: LiveServer) -> None:
     for site in ("cross-site", "same-site"):
-        assert ask(server.server_port, "GET", "/events", Sec_Fetch_Site=site).status == 403
+        assert ask(server.server_port, "GET", "/state?after=0", Sec_Fetch_Site=site).status == 403
         assert (
             ask(server.server_port, "GET", "/", Sec_Fetch_Site=site).status == 200
         )  # a link that somebody follows
-    answer = ask(server.server_port, "GET", "/events", Sec_Fetch_Site="same-origin")
+    answer = ask(server.server_port, "GET", "/state?after=0", Sec_Fetch_Site="same-origin")
     assert answer.status == 200
-    assert answer.headers["Content-Type"] == "text/event-stream"
+    assert answer.headers["Content-Type"] == "application/json"
     assert "Access-Control-Allow-Origin" not in answer.headers
 
 
@@ -114,102 +123,109 @@ def test_a_live_page_may_ask_its_own_server_alone(preview_case) -> None:
     alone = re.search(policy, page(still))
     assert alone is not None
     assert "connect-src" not in alone[1]
-    assert "EventSource" not in page(still)
+    assert "fetch(" not in page(still)
     for text in (page({**still, "live": "mark"}), waiting_page()):
         found = re.search(policy, text)
         assert found is not None
         assert found[1] == alone[1] + "; connect-src 'self'"
-        assert "EventSource" in text
+        assert "fetch(" in text
         assert re.findall(r"https?://(?!www\.w3\.org)\S+", text.split("<!--", 1)[0]) == []
 
 
-def test_who_comes_late_is_told_the_present_first(server: LiveServer, preview_case) -> None:
+def test_who_comes_late_gets_the_present_and_then_what_is_new(server: LiveServer, preview_case) -> None:
     plan = preview_case.plan
     index, move = next((i, s) for i, s in enumerate(plan.steps) if isinstance(s, Move))
     samples = [progress for _, progress in looks(move)][:5]
     early = Reader(server.server_port)
     for message in (Begun(Control()), Told("a line"), new_plan(plan), move, *samples):
-        server.hub.put(message)
-    early.until("sample", counts=list(samples[-1].position.counts))
+        server.put(message)
+    early.until(lambda _: len(early.samples) == len(samples))
     late = Reader(server.server_port)
-    told = [late.event() for _ in range(4)]
-    assert [name for name, _ in told] == ["plan", "past", "step", "state"]
-    assert told[0][1]["mark"] == "run-plan"
-    assert told[1][1]["lines"] == ["a line"]
-    assert [s["counts"] for s in told[1][1]["samples"]] == [list(s.position.counts) for s in samples]
-    assert told[2][1]["index"] == index
-    assert told[3][1] == {"state": "runs"}
+    state = late.read()
+    assert state["plan"]["mark"] == "run-plan"
+    assert state["step"]["index"] == index
+    assert state["state"] == "runs"
+    assert late.lines == early.lines == ["a line"]
+    assert late.samples == early.samples
+    assert [s["counts"] for s in late.samples] == [list(s.position.counts) for s in samples]
     assert ask(server.server_port, "GET", "/").read() == b"<p>plan</p>"
-    server.hub.put(samples[0])
-    assert late.event() == ("sample", early.until("sample"))
+    server.put(samples[0])
+    for reader in (late, early):
+        reader.until(lambda _, reader=reader: len(reader.samples) == len(samples) + 1)
+    assert late.samples == early.samples
+    assert late.samples[-1]["counts"] == early.samples[0]["counts"]
 
 
-def test_the_end_is_told_and_the_server_goes(preview_case, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(liveserver, "GOODBYE_S", 120.0)
+def test_an_answer_waits_for_news(server: LiveServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(liveserver, "HOLD_S", 0.05)
+    reader = Reader(server.server_port)
+    first = reader.read()
+    assert reader.read() == first, "without news, the same after a while"
+    monkeypatch.setattr(liveserver, "HOLD_S", 2.0 * SOON_S)
+    states: list[dict[str, object]] = []
+    waiting = threading.Thread(target=lambda: states.append(reader.read()), daemon=True)
+    waiting.start()
+    until(lambda: server._changed._waiters)
+    server.put(Told("news"))
+    waiting.join(SOON_S)
+    assert [state["lines"] for state in states] == [["news"]]
+
+
+def test_the_end_is_shown_and_the_server_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(liveserver, "GOODBYE_S", 5.0)  # on a busy host
     server = LiveServer(0)
     server.start()
+    ends: list[str] = []
     readers = [Reader(server.server_port) for _ in range(3)]
-    server.hub.put(Told("a line"))
+    server.put(Told("a line"))
     for reader in readers:
-        reader.until("told")
-    began = time.monotonic()
+        reader.until(lambda _, reader=reader: reader.lines == ["a line"])
+    threads = [threading.Thread(target=lambda r=r: ends.append(r.end()), daemon=True) for r in readers]
+    for thread in threads:
+        thread.start()
     server.end("stopped: the reason")
-    assert time.monotonic() - began < 60.0  # as soon as they have been told, whatever it would wait for them
-    for reader in readers:
-        assert reader.rest()[-1] == ("state", {"state": "ended", "text": "stopped: the reason"})
+    for thread in threads:
+        thread.join(SOON_S)
+    assert ends == ["stopped: the reason"] * 3
     with pytest.raises(OSError, match="refused"):
         socket.create_connection(("127.0.0.1", server.server_port), 1.0)
 
 
-def test_eight_pages_and_no_more(server: LiveServer) -> None:
-    readers = [Reader(server.server_port) for _ in range(MOST_CLIENTS)]
-    assert ask(server.server_port, "GET", "/events").status == 503
-    assert ask(server.server_port, "GET", "/").status == 200
-    readers[0].close()
-    server.hub.put(Told("whoever went is noticed when he is written to"))
-
-    def seat_is_free() -> bool:
-        answer = ask(server.server_port, "GET", "/events")
-        answer.close()
-        return answer.status == 200
-
-    until(seat_is_free)
+def test_nobody_is_waited_for_where_nobody_watches(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(liveserver, "GOODBYE_S", -1.0)  # no time to sleep
+    server = LiveServer(0)
+    server.start()
+    server.end("done")
 
 
 def test_who_reads_too_slowly_is_let_go(server: LiveServer, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(liveserver._Handler, "timeout", 0.2)
-    slow = OPENED.enter_context(closing(socket.socket()))
-    slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-    slow.connect(("127.0.0.1", server.server_port))
-    slow.sendall(f"GET /events HTTP/1.1\r\nHost: localhost:{server.server_port}\r\n\r\n".encode())
-    until(lambda: len(server.hub.clients) == 1)
-    stuck = server.hub.clients[0]
+    finish = liveserver._Handler.finish
+    ended: list[str] = []
+
+    def finished(handler: liveserver._Handler) -> None:
+        ended.append(handler.path)
+        finish(handler)
+
+    monkeypatch.setattr(liveserver._Handler, "finish", finished)
+    for i in range(200):
+        server.put(Told(f"{i} " + "x" * 60_000))
     reader = Reader(server.server_port)
-    until(lambda: len(server.hub.clients) == 2)
-    for i in range(2 * MOST_WAITING):
-        server.hub.put(Told(f"{i} " + "x" * 2000))
-        if i % 100 == 99:  # who reads is not behind by more than a hundred
-            assert reader.until("told", lines=[f"{i} " + "x" * 2000])
-    until(stuck.left.is_set)
-    assert stuck not in server.hub.clients
-    server.hub.put(Told("and on"))
-    assert reader.until("told", lines=["and on"])
-
-
-def test_a_client_that_is_full_gets_what_waits_and_no_more() -> None:
-    client = Client()
-    for i in range(MOST_WAITING + 3):
-        client.offer([b"%d," % i])
-    assert client.dropped
-    assert client.take() == b"".join(b"%d," % i for i in range(MOST_WAITING))
-    client.offer([b"late"])
-    assert client.take() == b""
+    reader.until(lambda _: len(reader.lines) == 200)
+    ended.clear()
+    with closing(socket.socket()) as slow:
+        slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        slow.connect(("127.0.0.1", server.server_port))
+        slow.sendall(f"GET /state?after=0 HTTP/1.1\r\nHost: localhost:{server.server_port}\r\n\r\n".encode())
+        until(lambda: ended == ["/state?after=0"])
+    server.put(Told("and on"))
+    reader.until(lambda _: reader.lines[-1] == "and on")
 
 
 def test_who_drives_the_arm_never_waits(preview_case) -> None:
     """Nobody takes anything out of the inbox, as if the server hung."""
     server = LiveServer(0)
-    live = Live(server.hub)
+    live = Live(server)
     live.begins(read_task(data_file("scenes/task2.toml")), Control())
     move = next(preview_case.plan.moves)
     _, progress = next(looks(move))
@@ -224,5 +240,5 @@ def test_who_drives_the_arm_never_waits(preview_case) -> None:
     driving.start()
     driving.join(SOON_S)
     assert not driving.is_alive()
-    assert server.hub._inbox.qsize() == MOST_MESSAGES
+    assert server._inbox.qsize() == MOST_MESSAGES
     server.server_close()

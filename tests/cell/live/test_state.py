@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from cell.live.state import MOST_SAMPLES, Begun, Ended, LiveState, Told
 from cell.preview.executed import OnPath
 from cell.preview.timeline import timed_steps
 from driver.execution.control import Control
-from pages.live import UNIT, new_plan, told_by
+from pages.live import UNIT, new_plan
 from wire.looks_at_motion import looks
 
 
@@ -25,13 +26,13 @@ def test_a_sample_is_on_the_plans_clock_where_the_arm_is(preview_case) -> None:
     assert len(motion.moves) == 3
     for k, move in enumerate(motion.moves):
         index = motion.first + k
-        assert told_by(state.take(move))[0] == (
-            "step",
-            {"index": index, "name": move.name, "t": round(timed[index].start_s, 6)},
-        )
+        state.take(move)
+        start = round(timed[index].start_s, 6)
+        assert state.since(0)["step"] == {"index": index, "name": move.name, "t": start}
         for t, progress in looks(move, stretch=1.0 + 0.25 * k, off=3):
-            ((name, sample),) = told_by(state.take(progress))
-            assert name == "sample"
+            before = state.version
+            state.take(progress)
+            (sample,) = state.since(before)["samples"]
             assert sample["motion"] == motion.first
             assert sample["counts"] == list(progress.position.counts)
             assert sample["override"] == round(progress.override, 4)
@@ -58,31 +59,59 @@ def test_a_step_of_no_plan_has_a_name_alone(preview_case) -> None:
     move = next(plan.moves)
     state.take(new_plan(plan))
     state.take(replace(move, name="back out"))
-    ((_, sample),) = told_by(state.take(next(looks(move))[1]))
-    assert (sample["motion"], sample["t"]) == (None, None)
-    told = dict(told_by(state.snapshot()))
-    assert told["step"] == {"index": None, "name": "back out", "t": None}
+    state.take(next(looks(move))[1])
+    shown = state.since(0)
+    assert [(s["motion"], s["t"]) for s in shown["samples"]] == [(None, None)]
+    assert shown["step"] == {"index": None, "name": "back out", "t": None}
 
 
-def test_pauses_and_the_end_are_told_once(preview_case) -> None:
+def word(state: LiveState) -> tuple[str, str | None]:
+    """What is said of the run, and its reason."""
+    shown = state.since(0)
+    return shown["state"], shown.get("text")
+
+
+def test_pauses_and_the_end_are_new_versions(preview_case) -> None:
     control, state = Control(), LiveState()
-    state.take(Begun(control))
-    assert told_by(state.take(new_plan(preview_case.plan)))[-1][0] == "plan"
-    assert told_by(state.take(preview_case.plan.steps[0]))[-1] == ("state", {"state": "runs"})
-    assert state.changes() == []
-    control.paused = True
-    assert told_by(state.changes()) == [("state", {"state": "pauses"})]
-    control.standing = True
-    assert told_by(state.take(Told("paused: the arm stands"))) == [
-        ("told", {"lines": ["paused: the arm stands"]}),
-        ("state", {"state": "stands"}),
-    ]
-    control.paused = control.standing = False
-    assert told_by(state.changes()) == [("state", {"state": "runs"})]
-    assert told_by(state.take(Ended("stopped: why"))) == [
-        ("state", {"state": "ended", "text": "stopped: why"})
-    ]
-    assert told_by(state.snapshot())[-1] == ("state", {"state": "ended", "text": "stopped: why"})
+    for message in (Begun(control), new_plan(preview_case.plan)):
+        state.take(message)
+    assert word(state) == ("waits", None)
+    state.take(preview_case.plan.steps[0])
+    assert word(state) == ("runs", None)
+    state.refresh()
+    before = state.version
+    state.refresh()
+    assert state.version == before, "nothing has changed"
+    for paused, standing, said in ((True, False, "pauses"), (True, True, "stands"), (False, False, "runs")):
+        control.paused, control.standing = paused, standing
+        state.refresh()
+        assert (word(state), state.version) == ((said, None), before + 1)
+        before = state.version
+    state.take(Ended("stopped: why"))
+    assert state.version > before
+    assert word(state) == ("ended", "stopped: why")
+
+
+def test_who_asks_again_gets_what_is_new_and_nothing_twice(preview_case) -> None:
+    state = LiveState()
+    move = next(preview_case.plan.moves)
+    samples = [progress for _, progress in looks(move)][:6]
+    state.take(new_plan(preview_case.plan))
+    state.take(move)
+    lines, counts, version = [], [], 0
+    for k, progress in enumerate(samples):
+        state.take(progress)
+        state.take(Told(f"line {k}"))
+        if k % 2:
+            shown = state.since(version)
+            version = shown["version"]
+            lines += shown["lines"]
+            counts += [sample["counts"] for sample in shown["samples"]]
+    assert lines == [f"line {k}" for k in range(6)]
+    assert counts == [list(progress.position.counts) for progress in samples]
+    assert (state.since(version)["lines"], state.since(version)["samples"]) == ([], [])
+    assert state.since(version)["step"] == state.since(0)["step"], "what is now, every time"
+    assert LiveState().since(0)["run"] != state.since(0)["run"]
 
 
 def test_a_new_plan_begins_anew_and_memory_is_bounded(preview_case) -> None:
@@ -93,13 +122,10 @@ def test_a_new_plan_begins_anew_and_memory_is_bounded(preview_case) -> None:
     state.take(move)
     for _ in range(MOST_SAMPLES + 5):
         state.take(progress)
-    past = dict(told_by(state.snapshot()))["past"]
-    assert len(past["samples"]) == MOST_SAMPLES
-    assert len(b"".join(state.snapshot())) < 4e6
+    assert len(state.since(0)["samples"]) == MOST_SAMPLES
+    assert len(json.dumps(state.since(0))) < 4e6
     state.take(new_plan(plan, "plan", b"second"))
-    told = told_by(state.snapshot())
     assert state.page == b"second"
-    assert [name for name, _ in told] == ["plan", "past", "state"]
-    assert told[0][1] == {"mark": "run-plan", "name": "plan", "sha256": plan.sha256}
-    assert told[1][1]["samples"] == []
-    assert told[2][1] == {"state": "waits"}
+    shown = state.since(0)
+    assert shown["plan"] == {"mark": "run-plan", "name": "plan", "sha256": plan.sha256}
+    assert (shown["samples"], shown["step"], shown["state"]) == ([], None, "waits")

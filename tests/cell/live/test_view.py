@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import socket
+import threading
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
@@ -19,7 +20,7 @@ from cell.console import Console
 from cell.files.task import read_task
 from cell.live.view import Live, live_view
 from driver.execution.control import Control
-from pages.live import Reader, ask
+from pages.live import SOON_S, Reader, ask
 
 # -- the run
 
@@ -39,10 +40,35 @@ class Followed(Console):
         return int(re.fullmatch(r"live view: http://127\.0\.0\.1:(\d+)/", self.said[0])[1])
 
 
-def follow(console: Followed, run: Callable[[Live, Reader], None], readers: list[Reader]) -> None:
+class Watcher(Reader):
+    """A page that is open to the end."""
+
+    ended = ""
+
+    def __init__(self, port: int) -> None:
+        super().__init__(port)
+        self.read()
+        self._watching = threading.Thread(target=self._watch, args=(Reader(port),), daemon=True)
+        self._watching.start()
+
+    def _watch(self, reader: Reader) -> None:
+        self.ended = reader.end()
+
+    def joined(self) -> None:
+        self._watching.join(SOON_S)
+
+
+def follow(console: Followed, run: Callable[[Live, Reader], None], readers: list[Watcher]) -> None:
     """A run with a live view, and somebody who reads it from the beginning."""
+    try:
+        _follow(console, run, readers)
+    finally:
+        readers[0].joined()
+
+
+def _follow(console: Followed, run: Callable[[Live, Reader], None], readers: list[Watcher]) -> None:
     with live_view(console) as live:
-        readers.append(Reader(console.port))
+        readers.append(Watcher(console.port))
         live.begins(read_task(data_file("scenes/task2.toml")), Control())
         run(live, readers[0])
 
@@ -52,9 +78,10 @@ def test_a_run_is_told_from_its_first_line_to_its_end(preview_case) -> None:
 
     def run(live: Live, reader: Reader) -> None:
         console.step("it begins")
-        assert reader.until("told")["lines"][0].endswith(" s] it begins")
+        reader.until(lambda _: reader.lines)
+        assert reader.lines[0].endswith(" s] it begins")
         live.plan(preview_case.plan, "plan")
-        plan = reader.until("plan")
+        plan = reader.until(lambda state: state["plan"])["plan"]
         assert plan["sha256"] == preview_case.plan.sha256
         text = ask(console.port, "GET", "/").read().decode()
         assert f'"live":"{plan["mark"]}"' in text
@@ -64,20 +91,20 @@ def test_a_run_is_told_from_its_first_line_to_its_end(preview_case) -> None:
 
     with pytest.raises(ExecutionStopped):
         follow(console, run, readers)
-    assert readers[0].rest()[-1] == ("state", {"state": "ended", "text": "stopped: the reason"})
+    assert readers[0].ended == "stopped: the reason"
     assert console.listener is None
 
 
 def test_a_plan_that_cannot_be_shown_does_not_end_the_run(preview_case) -> None:
-    readers: list[Reader] = []
+    readers: list[Watcher] = []
 
     def run(live: Live, reader: Reader) -> None:
         live.plan(replace(preview_case.plan, unit="crs97"), "plan")
-        assert "no live page of plan: unit = 'crs93'" in reader.until("told")["lines"][0]
-        assert reader.until("plan")["mark"] is None
+        assert reader.until(lambda state: state["plan"])["plan"]["mark"] is None
+        assert "no live page of plan: unit = 'crs93'" in reader.lines[0]
 
     follow(Followed(), run, readers)
-    assert readers[0].rest()[-1] == ("state", {"state": "ended", "text": "done"})
+    assert readers[0].ended == "done"
 
 
 @pytest.mark.parametrize(
@@ -85,14 +112,14 @@ def test_a_plan_that_cannot_be_shown_does_not_end_the_run(preview_case) -> None:
     [(KeyboardInterrupt(), "interrupted"), (typer.Exit(4), "not done"), (InputError("x"), "wrong input: x")],
 )
 def test_how_it_ended_is_told(error: BaseException, text: str) -> None:
-    readers: list[Reader] = []
+    readers: list[Watcher] = []
 
     def run(live: Live, reader: Reader) -> None:
         raise error
 
     with pytest.raises(type(error)):
         follow(Followed(), run, readers)
-    assert readers[0].rest()[-1] == ("state", {"state": "ended", "text": text})
+    assert readers[0].ended == text
 
 
 def test_a_port_that_is_taken_is_refused_before_anything_is_opened(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import http.client
 import json
-import re
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -29,11 +28,6 @@ def new_plan(plan: Plan, name: str = "plan", text: bytes | None = b"<p>plan</p>"
     return NewPlan(f"run-{name}", name, plan, UNIT, text)
 
 
-def told_by(events: list[bytes]) -> list[tuple[str, dict[str, Any]]]:
-    found = re.findall(r"event: (\w+)\ndata: (.*)\n\n", b"".join(events).decode())
-    return [(name, json.loads(data)) for name, data in found]
-
-
 OPENED = ExitStack()
 
 
@@ -50,32 +44,30 @@ def ask(port: int, method: str, path: str, **headers: str) -> http.client.HTTPRe
 
 
 class Reader:
-    """A page's stream of events."""
+    """A page that polls the state of a run."""
 
     def __init__(self, port: int) -> None:
-        self.answer = ask(port, "GET", "/events")
-        assert self.answer.status == 200
+        self.port, self.version = port, 0
+        self.lines: list[str] = []
+        self.samples: list[dict[str, Any]] = []
 
-    def event(self) -> tuple[str, dict[str, Any]] | None:
-        """The next event, or None at the end."""
-        name, over = "", time.monotonic() + SOON_S
-        for raw in self.answer:
-            assert time.monotonic() < over, "nothing is told"  # though the stream lives
-            line = raw.decode().rstrip("\n")
-            if line.startswith("event: "):
-                name = line.removeprefix("event: ")
-            if line.startswith("data: "):
-                return name, json.loads(line.removeprefix("data: "))
-        return None
+    def read(self) -> dict[str, Any]:
+        """The state now or when there is news; lines and samples are kept."""
+        answer = ask(self.port, "GET", f"/state?after={self.version}")
+        assert answer.status == 200
+        state: dict[str, Any] = json.loads(answer.read())
+        self.version = state["version"]
+        self.lines += state["lines"]
+        self.samples += state["samples"]
+        return state
 
-    def until(self, name: str, **values: object) -> dict[str, Any]:
-        while (got := self.event()) is not None:
-            if got[0] == name and values.items() <= got[1].items():
-                return got[1]
-        raise AssertionError(f"the stream ended without {name} {values}")
+    def until(self, holds: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
+        """The first state of which something holds."""
+        over = time.monotonic() + SOON_S
+        while not holds(state := self.read()):
+            assert time.monotonic() < over, state
+        return state
 
-    def rest(self) -> list[tuple[str, dict[str, Any]]]:
-        return list(iter(self.event, None))
-
-    def close(self) -> None:
-        self.answer.close()
+    def end(self) -> str:
+        """How the run ended."""
+        return str(self.until(lambda state: state["state"] == "ended")["text"])

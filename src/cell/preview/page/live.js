@@ -1,43 +1,46 @@
 "use strict";
-// A running execution: events of the page's server, and the arm at the positions that the controller reports.
+// A running execution: the state that the page's server is polled for, and the arm at the positions that the
+// controller reports.
 
 const LIVE_TEXTS = { waits: "waiting", runs: "live", pauses: "pausing, the arm still moves", stands: "paused, the arm has stopped", lost: "connection lost" };
 const LIVE_SMOOTH_MS = 150; // longest interpolation from one sample to the next
 const LIVE_REDRAW_MS = 500; // between two redraws of all samples
+const LIVE_AGAIN_MS = 1000; // after a failed request
 const LIVE_LINES = 200;
 
-// Calls `on[name](value)` for every event. If the plan is not that of this page, the page is reloaded.
+// Calls on.news(state) for every answer, and on.state for what is shown of it. If the plan, or the run, is not that of
+// this page, the page is reloaded.
 function followRun(mark, on) {
-  const source = new EventSource("events");
-  const state = { source, plan: null, state: "waits" };
-  const tell = (value) => {
-    state.state = value.state;
-    on.state(value);
+  const run = { id: null, version: 0, plan: null, state: "waits" };
+  const show = (shown) => {
+    run.state = shown.state;
+    on.state(shown);
   };
-  const handlers = {
-    ...on,
-    plan: (value) => {
-      if (value.mark !== mark) {
-        source.close(); // further events belong to the other plan
+  const ask = async () => {
+    const answer = await fetch(`state?after=${run.version}`);
+    if (!answer.ok) throw new Error(answer.statusText);
+    return answer.json();
+  };
+  (async () => {
+    while (run.state !== "ended") {
+      const now = await ask().catch(() => null);
+      if (!now) {
+        show({ state: "lost", text: "the arm may be moving; the last state is shown" });
+        await new Promise((done) => setTimeout(done, LIVE_AGAIN_MS));
+        continue;
+      }
+      run.id ??= now.run;
+      if (now.run !== run.id || (now.plan?.mark ?? null) !== mark) {
         on.leave?.();
         location.reload();
         return;
       }
-      state.plan = value;
-    },
-    state: (value) => {
-      if (value.state === "ended") source.close();
-      tell(value);
-    },
-  };
-  for (const [name, handle] of Object.entries(handlers)) {
-    source.addEventListener(name, (event) => handle(JSON.parse(event.data)));
-  }
-  source.onerror = () => {
-    const refused = source.readyState === EventSource.CLOSED;
-    tell({ state: "lost", text: refused ? "too many pages are open: close one and reload this one" : "the arm may be moving; the last state is shown" });
-  };
-  return state;
+      Object.assign(run, { version: now.version, plan: now.plan });
+      on.news(now);
+      show(now);
+    }
+  })();
+  return run;
 }
 
 function showState({ state, text }) {
@@ -45,9 +48,8 @@ function showState({ state, text }) {
   document.getElementById("live-state").textContent = [LIVE_TEXTS[state] || state, text].filter(Boolean).join(": ");
 }
 
-function showTold(lines, anew = false) {
+function showTold(lines) {
   const list = document.getElementById("told");
-  if (anew) list.replaceChildren();
   for (const line of lines) {
     const row = document.createElement("li");
     row.textContent = line;
@@ -66,11 +68,9 @@ class LiveView {
     for (const part of [document.getElementById("live"), document.getElementById("messages"), this.button]) part.hidden = false;
     this.button.addEventListener("click", () => this.follow());
     this.setFollowing(true);
+    this.motion.addExecuted([]);
     this.run = followRun(content.live, {
-      past: (value) => this.past(value),
-      told: ({ lines }) => showTold(lines),
-      step: (value) => this.enter(value),
-      sample: (value) => this.take(value),
+      news: (value) => this.take(value),
       state: showState,
       leave: () => page.leave(),
     });
@@ -81,25 +81,15 @@ class LiveView {
     return this.following && this.step ? this.step.index : null;
   }
 
-  past({ lines, samples }) {
-    showTold(lines, true);
-    this.motion.addExecuted([]);
+  take({ lines, samples, step }) {
+    showTold(lines);
     samples.forEach((sample) => this.add(sample));
-    this.redraw();
-    if (samples.length) this.show();
-  }
-
-  enter(step) {
+    // A move is placed by its samples; other steps have none, and come after those of the move before.
+    const entered = step && (step.index !== this.step?.index || step.name !== this.step.name);
+    if (entered && step.t !== null && (!this.sample || this.motion.steps[step.index].kind !== "move")) this.place = step.t;
     this.step = step;
-    // A move is placed by its samples, which come later; other steps have none.
-    if (step.t !== null && (!this.sample || this.motion.steps[step.index].kind !== "move")) this.place = step.t;
-    this.show();
-  }
-
-  take(sample) {
-    this.add(sample);
-    this.redrawSoon();
-    this.show();
+    if (samples.length) this.redrawSoon();
+    if (samples.length || entered) this.show();
   }
 
   add(sample) {

@@ -7,8 +7,7 @@
   dark.addEventListener("change", setTheme);
   setTheme();
   window.a465 = followRun(null, {
-    past: ({ lines }) => showTold(lines, true),
-    told: ({ lines }) => showTold(lines),
+    news: ({ lines }) => showTold(lines),
     state: showState,
   });
 })();
