@@ -8,9 +8,11 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from arm.board import plate_name
 from arm.errors import ImpossibleError
+from arm.numerics.products import mul
 from arm.robot.shapes import Box
-from arm.se3 import Array
+from arm.se3 import Array, apply, inverse
 from cell.console import Console
 from cell.files.observation import Seen
 from cell.files.task import Task
@@ -55,7 +57,7 @@ def explain_failure(
                 console = Console(as_json=True)  # standard error
                 print_failure(console, failure)
                 request = _request(task, seen, q_from, speed, done or {}, on_table or {}, skip, every_hole)
-                advice = _advice(console, task, request, error) if wanted else ()
+                advice = _advice(console, task, seen, request, error) if wanted else ()
                 error.data["advice"] = [a.to_json() for a in advice]
                 keys = _keys(task, failure)
                 if keys:
@@ -95,12 +97,14 @@ def print_failure(console: Console, failure: Failure) -> None:
         console.say(f"and {hidden} more candidates; --json lists all")
 
 
-def _advice(console: Console, task: Task, request: Request, error: ImpossibleError) -> tuple[Advice, ...]:
+def _advice(
+    console: Console, task: Task, seen: Seen, request: Request, error: ImpossibleError
+) -> tuple[Advice, ...]:
     console.say("what would help (each suggestion was planned; --no-advice skips this):")
     advice = advise(
         request,
         error,
-        fits=lambda changed: _in_zone(task, changed),
+        fits=lambda changed: _may_stand(task, seen, request, changed),
         tell=lambda text: console.step(f"try: {text}"),
     )
     for piece in advice:
@@ -139,11 +143,19 @@ def _request(
     )
 
 
-def _in_zone(task: Task, changed: Request) -> bool:
-    """Whether all boards are in the cell file's zone."""
-    zone = task.cell.zone
+def _may_stand(task: Task, seen: Seen, request: Request, changed: Request) -> bool:
+    """Whether all boards are in the cell file's zone, and both markers of every board that moved in the image."""
+    zone, camera = task.cell.zone, task.cell.camera
     half = np.array(zone.shape.size[:2]) / 2.0 if isinstance(zone.shape, Box) else np.full(2, np.inf)
-    plates = [b for b in changed.scene.bodies if b.kind == "board"]
-    return all(
-        bool(np.all(np.abs((b.T_base_body[:3, 3] - zone.T_base_body[:3, 3])[:2]) <= half)) for b in plates
-    )
+    stood = {b.name: b.T_base_body for b in request.scene.bodies}
+    for plate in (b for b in changed.scene.bodies if b.kind == "board"):
+        if (np.abs((plate.T_base_body[:3, 3] - zone.T_base_body[:3, 3])[:2]) > half).any():
+            return False
+        board = seen.board(plate.name.removeprefix(plate_name("")))
+        if board is None or np.array_equal(plate.T_base_body, stood[plate.name]):
+            continue
+        T_base_board = mul(mul(plate.T_base_body, inverse(stood[plate.name])), board.pose.T_base_board)
+        pixels = camera.project_base(apply(T_base_board, board.pose.board.marker_corners()))
+        if not ((pixels >= 0.0) & (pixels <= np.array(camera.size) - 1.0)).all():  # NaN behind the camera
+            return False
+    return True

@@ -12,6 +12,10 @@ import pytest
 from arm.errors import ImpossibleError
 from cell.commands.steps import look_step, plan_step, reach_step
 from cell.console import Console
+from cell.files.observation import read_seen
+from cell.files.task import read_task
+from cell.task.explain import _may_stand, _request
+from plan.advice.changes import MoveBodies, groups_of
 
 SLAB = """
 [[walls]]
@@ -95,3 +99,20 @@ def test_holes_out_of_reach_are_explained_by_reach_alone(
     assert caught.value.data["failure"]["kind"] == "out of reach"
     assert "joint J3 goes" in told
     assert "out of reach: line at 01-02/2" in told
+
+
+def test_a_board_may_stand_in_the_zone_where_the_camera_sees_its_markers(scenes: Path) -> None:
+    look_step(scenes / "task2.toml", None, None, scenes / "look.json", None, Console(True))
+    task = read_task(scenes / "task2.toml")
+    seen = read_seen(scenes / "look.json", task.boards)
+    request = _request(task, seen, task.cell.q_start, 0.5, {}, {}, (), False)
+    group = groups_of(request.scene, request.stations())["board 01-02"]
+
+    def may(*by: float) -> bool:
+        change = MoveBodies("", "board 01-02", group, by)
+        return _may_stand(task, seen, request, change.apply(request))
+
+    assert may(0.0, 0.0, 0.0)
+    assert may(0.0, -0.1, 0.0)
+    assert not may(0.0, 0.2, 0.0)  # out of the zone
+    assert not may(-0.1, 0.0, 0.0)  # in the zone, out of the image
