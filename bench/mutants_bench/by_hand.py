@@ -53,7 +53,12 @@ _ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "    if agree < max(FEWEST, CONSENSUS * len(A)):\n",
         "    if agree < FEWEST:\n",
         "few pairs that agree are enough",
-        ("calib/robot_world/test_solve.py",),
+        (
+            "calib/robot_world/test_solve.py",
+            "calib/robot_world/test_noise_model.py",
+            "calib/robot_world/test_observability.py",
+            "calib/robot_world/test_reml.py",
+        ),
     ),
     (
         "pose-pairs-parallel",
@@ -61,7 +66,12 @@ _ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "    axes = refuse_parallel_axes(A[start.inliers, :3, :3])\n",
         "    axes = refuse_parallel_axes(A[:, :3, :3])\n",
         "axes of wrong pairs make up for parallel ones",
-        ("calib/robot_world/test_solve.py",),
+        (
+            "calib/robot_world/test_solve.py",
+            "calib/robot_world/test_noise_model.py",
+            "calib/robot_world/test_observability.py",
+            "calib/robot_world/test_reml.py",
+        ),
     ),
     (
         "chain-verdict-change",
@@ -69,7 +79,11 @@ _ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "    if c.change is None:\n        return []\n",
         "    if True:\n        return []\n",
         "a sudden change is not told",
-        ("calib/chain/test_verdict.py",),
+        (
+            "calib/chain/test_verdict.py",
+            "calib/chain/test_score_tests.py",
+            "calib/recordings/test_points.py",
+        ),
     ),
     (
         "occupancy-cut-hole",

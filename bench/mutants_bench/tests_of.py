@@ -152,8 +152,13 @@ _MORE: dict[str, tuple[str, ...]] = {
         "plan/trajectory/test_integer_segments.py",
     ),
     "arm/plan_file.py": ("plan/test_verify.py",),
-    "vision/observe.py": ("vision/boards/test_pose.py",),
-    "calib/chain/verdict.py": ("calib/chain/test_hold_out.py",),
+    "vision/observe.py": (
+        "vision/boards/test_pose.py",
+        "vision/boards/test_arrangement.py",
+        "vision/boards/test_marker_size.py",
+        "vision/boards/test_pose_fit.py",
+    ),
+    "calib/chain/verdict.py": ("calib/chain/test_result.py",),
     "calib/robot_world/solve.py": ("calib/robot_world/test_initial_guess.py",),
 }
 

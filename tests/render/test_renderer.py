@@ -7,23 +7,16 @@ import tracemalloc
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 import pytest
 
-from arm.board import read_board_csv
-from arm.errors import InputError
 from arm.io.storage import data_file
 from arm.robot.model import load_a465
 from arm.robot.shapes import Body, Box, Cylinder, Sphere
-from arm.se3 import apply, rot_y, rotation, transform
-from cell.files.world import board_placement
-from cell.scene.bodies import T_hole_cube, cube_body
-from render.edges import edge_pixels, pixel_offsets
+from arm.se3 import apply, rotation, transform
+from pictures.rendered import TABLE, board_with_cubes, grey_at
 from render.light import Light
-from render.renderer import PlacedBoard, render, with_noise
+from render.renderer import render, with_noise
 from vision.camera.model import Camera, read_camera
-
-TABLE = Body("table", Box((1.3, 1.5, 0.04)), transform(t=(0.35, 0.0, -0.02)), "table")
 
 
 @pytest.fixture(scope="module")
@@ -36,19 +29,6 @@ def small(camera: Camera) -> Camera:
     """The lab's view at a quarter of its resolution."""
     K = camera.K * np.array([[0.25], [0.25], [1.0]])
     return Camera(K, camera.distortion, (480, 300), camera.T_base_camera)
-
-
-def board_with_cubes(holes: tuple[int, ...]) -> tuple[PlacedBoard, list[Body]]:
-    board = read_board_csv(data_file("scenes/boards/positions_plate_01-02.csv"), 0.036)
-    T = board_placement((0.46, 0.0, 0.06), *np.radians((175.0, 7.0, 265.0)))
-    seat = T_hole_cube(0.04)
-    cubes = [cube_body(f"cube {h}", 0.04, T @ board.T_board_hole(h) @ seat) for h in holes]
-    return PlacedBoard(board, T), cubes
-
-
-def grey_at(image: npt.NDArray[np.float32], camera: Camera, point: npt.ArrayLike) -> float:
-    u, v = np.rint(camera.project_base(point)).astype(int)
-    return float(image[v, u])
 
 
 def test_what_the_eye_needs_to_tell_apart_differs(small: Camera) -> None:
@@ -65,32 +45,6 @@ def test_what_the_eye_needs_to_tell_apart_differs(small: Camera) -> None:
     assert max(floors) < plate - 50.0
     assert plate > table + 20.0
     assert white > black + 150.0
-
-
-def test_a_cube_shows_a_lit_top_and_darker_sides(small: Camera) -> None:
-    cube = cube_body("cube", 0.08, transform(rot_y(np.radians(30.0)), (0.46, 0.02, 0.15)))
-    image = render(small, [cube], [], light=Light(lamp=(0.2, 0.0, 2.5), shadow=0.0, vignette=0.0))
-    top = grey_at(image, small, apply(cube.T_base_body, (0.0, 0.0, 0.04)))
-    side = grey_at(image, small, apply(cube.T_base_body, (-0.04, 0.0, 0.0)))
-    towards = np.array([0.2, 0.0, 2.5]) - cube.T_base_body[:3, 3]
-    towards /= np.linalg.norm(towards)
-    for seen, normal in ((top, cube.T_base_body[:3, 2]), (side, -cube.T_base_body[:3, 0])):
-        assert seen == pytest.approx(205.0 * (0.45 + 0.55 * max(float(normal @ towards), 0.0)), abs=0.1)
-    assert side < top - 10.0
-
-
-def test_the_shadow_falls_away_from_the_lamp(small: Camera) -> None:
-    block = Body("block", Box((0.06, 0.06, 0.12)), transform(t=(0.46, 0.0, 0.06)), "cube")
-    for sign in (1.0, -1.0):
-        with_shadow, without = (
-            render(small, [TABLE, block], [], light=Light(lamp=(0.46, sign * 1.5, 1.5), shadow=share))
-            for share in (0.4, 0.0)
-        )
-        kept = with_shadow / without
-        behind, before = (0.46, -sign * 0.075, 0.0), (0.46, sign * 0.075, 0.0)
-        assert grey_at(kept, small, behind) == pytest.approx(0.6, abs=0.04)
-        assert grey_at(kept, small, before) == pytest.approx(1.0, abs=0.01)
-        assert grey_at(kept, small, (0.46, 0.0, 0.12)) == pytest.approx(1.0, abs=0.01)
 
 
 def test_exposure_scales_and_saturates(small: Camera) -> None:
@@ -139,26 +93,6 @@ def test_the_blur_is_the_one_asked_for(small: Camera) -> None:
     assert variance(1.5) - variance(0.0) == pytest.approx(1.5**2, rel=0.05)
 
 
-@pytest.mark.parametrize("count", [1, 2, 4, 16, 64])
-def test_sample_places_are_spread_over_all_columns_and_rows(count: int) -> None:
-    offsets = pixel_offsets(count)
-    expected = (np.arange(count) + 0.5) / count - 0.5
-    assert np.allclose(np.sort(offsets, axis=0), np.stack([expected, expected], axis=-1))
-    assert np.unique(offsets, axis=0).shape == (count, 2)
-
-
-@pytest.mark.parametrize("side", [2, 4, 8])
-def test_sample_places_are_spread_over_the_pixel(side: int) -> None:
-    cells = np.floor((pixel_offsets(side**2) + 0.5) * side)
-    assert len(np.unique(cells, axis=0)) == side**2
-
-
-def test_a_number_of_samples_that_cannot_be_spread_is_refused() -> None:
-    for count in (0, 12):
-        with pytest.raises(InputError, match=f"samples = {count}: must be a power of two"):
-            pixel_offsets(count)
-
-
 def test_the_order_of_bodies_does_not_matter(small: Camera) -> None:
     rng = np.random.default_rng(2)
     bodies = [TABLE] + [
@@ -171,22 +105,6 @@ def test_the_order_of_bodies_does_not_matter(small: Camera) -> None:
         for i in range(12)
     ]
     assert np.array_equal(render(small, bodies, []), render(small, bodies[::-1], []))
-
-
-def test_edges_get_many_rays_and_smooth_parts_one() -> None:
-    surface = np.zeros((9, 12), dtype=np.uint16)
-    surface[:, 6:] = 33
-    edge = edge_pixels(surface)
-    assert np.flatnonzero(edge.any(axis=0)).tolist() == [5, 6]
-
-
-def test_sixteen_rays_are_enough(small: Camera) -> None:
-    place, cubes = board_with_cubes((0, 1, 2))
-    arm = load_a465(0.134112, 0.06).bodies_at(np.radians([0.0, 12.0, -105.0, 0.0, -40.0, 20.0]))
-    picture, reference = (render(small, [TABLE, *cubes, *arm], [place], samples=n) for n in (16, 256))
-    difference = (picture - reference)[np.abs(picture - reference) > 0.01]
-    assert np.sqrt(np.mean(np.square(difference))) < 0.7
-    assert np.abs(difference).max() < 12.0
 
 
 def test_bodies_across_and_behind_the_camera_do_no_harm(small: Camera) -> None:

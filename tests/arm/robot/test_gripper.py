@@ -11,7 +11,7 @@ import pytest
 from arm.errors import InputError
 from arm.io.storage import data_file, read_text
 from arm.robot.gripper import Gripper
-from arm.robot.jaws import FINGERS, with_any_jaws
+from arm.robot.jaws import FINGERS
 from arm.robot.model import load_a465
 from arm.robot.shapes import Box, Cylinder
 from arm.se3 import inverse
@@ -59,13 +59,6 @@ def test_a_palm_that_begins_at_the_flange_has_no_round_body() -> None:
         InputError, match="length = 129 mm: must be at least that of fingers and palm, 130 mm"
     ):
         replace(LONG, length=0.129)
-
-
-def test_jaws_that_may_be_anywhere_follow_the_fingers() -> None:
-    drawn = {b.name: b.shape for b in with_any_jaws(LONG.robot(LONG.opening)).bodies}
-    shape = drawn["finger_l"]
-    assert isinstance(shape, Box)
-    assert shape.size == pytest.approx((0.03, 0.06 + 0.012, 0.09))
 
 
 def test_widths_are_linear_in_the_stroke() -> None:

@@ -1,14 +1,11 @@
 """Choosing measurements by what they will tell, and poses of an arm by that."""
 
-from itertools import combinations
-
 import numpy as np
 import pytest
 
 from arm.se3 import rotation, transform
 from calib.hand_eye.calibrate import calibrate_hand_eye
 from calib.hand_eye.next_poses import LEVER, OBLIQUE, WIDER, next_poses, plan_poses
-from calib.hand_eye.optimal_design import OptimalDesign
 from recorded.arm_sets import (
     LENS,
     MOUNTS,
@@ -22,45 +19,6 @@ from recorded.arm_sets import (
     seen,
     wide,
 )
-
-
-def some(seed, count=9, k=5, rank=2):
-    rng = np.random.default_rng(seed)
-    F = rng.standard_normal((count, k, rank)) * 10.0 ** rng.uniform(-1, 1, (count, 1, 1))
-    worth = rng.standard_normal((k, 3))
-    known = np.diag(10.0 ** rng.uniform(-2, 0, k))
-    return F @ np.swapaxes(F, 1, 2), known, worth
-
-
-def left(informations, known, worth, chosen):
-    return np.trace(worth.T @ np.linalg.inv(known + informations[list(chosen)].sum(axis=0)) @ worth)
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_the_choice_is_nearly_the_best_of_all_and_says_what_it_leaves(seed):
-    informations, known, worth = some(seed)
-    best = OptimalDesign(informations, known, worth).best(3)
-    every = [left(informations, known, worth, c) for c in combinations(range(9), 3)]
-    assert len(set(best.places)) == 3
-    assert best.variances[-1] == pytest.approx(left(informations, known, worth, best.places), rel=1e-8)
-    assert best.before == pytest.approx(left(informations, known, worth, []), rel=1e-8)
-    assert best.variances[-1] <= 1.02 * min(every)
-    assert list(best.variances) == sorted(best.variances, reverse=True)
-
-
-def test_the_first_is_the_best_alone_and_exchange_never_harms():
-    for seed in range(20):
-        informations, known, worth = some(seed, 30)
-        choice = OptimalDesign(informations, known, worth)
-        alone = [left(informations, known, worth, [i]) for i in range(30)]
-        assert choice.best(1).places == (int(np.argmin(alone)),)
-        greedy, exchanged = choice.best(5, exchange=False), choice.best(5)
-        assert exchanged.variances[-1] <= greedy.variances[-1] * (1 + 1e-9)
-
-
-def test_no_more_are_chosen_than_there_are():
-    informations, known, worth = some(1, 4)
-    assert sorted(OptimalDesign(informations, known, worth).best(7).places) == [0, 1, 2, 3]
 
 
 def about():

@@ -6,7 +6,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from arm.se3 import rot_x, rot_y, rot_z
 from calib.chain.fit import fit_chains
 from calib.nao.backlash import (
     MASS_SIGMA,
@@ -17,7 +16,6 @@ from calib.nao.backlash import (
     with_priors_of_a_make,
 )
 from calib.nao.chain import (
-    HEAD,
     LEG,
     SIDES,
     KnownSides,
@@ -26,20 +24,20 @@ from calib.nao.chain import (
     nao_model,
     nao_sightings,
 )
-from calib.nao.kinematics import STANDING, NaoKinematics, masses_off, pose_errors, standing_error
+from calib.nao.kinematics import STANDING, NaoKinematics, masses_off, standing_error
 from recorded.nao_scenes import (
+    ALL,
     BOARD,
     CAMERA,
     ON_ITS_BACK,
+    PAPER,
     PIXEL_SIGMA,
     STEP,
-    TABLE_2,
     problem,
     sightings,
     truth,
 )
 
-PAPER, ALL = NaoUnknowns(), NaoUnknowns(True, True, True)
 D = np.pi / 180.0
 
 
@@ -182,46 +180,3 @@ def test_unsure_torques_lie_between_the_sides():
     far = np.abs(gravity_torques("L", legs, STANDING)) > 1.0
     assert apart[far].max() < 1e-3
     assert apart.max() > 0.5 * half.min()
-
-
-def test_commands_meet_what_is_wanted():
-    """The compensation of section 2.2: offsets come off commands, because they add to readings (eq. 2)."""
-    wanted = np.radians([[-5.0, 3.0, -30.0, 50.0, -25.0, 2.0]])
-    rigid = NaoKinematics(PAPER, TABLE_2 * PAPER.si())
-    sent = rigid.commands("L", wanted, STANDING)
-    assert sent - wanted == pytest.approx(-TABLE_2[None, 3:9] * D, abs=1e-9)
-    soft = NaoKinematics(ALL, truth(ALL, np.random.default_rng(1)))
-    assert soft.angles("R", soft.commands("R", wanted, STANDING), STANDING) == pytest.approx(wanted, abs=1e-6)
-
-
-def test_camera_and_sole_are_where_pinocchio_has_them():
-    x = truth(NaoUnknowns(head=True), np.random.default_rng(0))
-    nao = NaoKinematics(NaoUnknowns(head=True), x)
-    model = nao_model()
-    data = model.createData()
-    leg, head = np.radians([[-5.0, 3.0, -30.0, 50.0, -25.0, 2.0]]), np.radians([[20.0, -10.0]])
-    q = np.zeros(model.nq)
-    q[[model.joints[model.getJointId(f"R{j}")].idx_q for j in LEG]] = leg[0] + x[9:15]
-    q[[model.joints[model.getJointId(j)].idx_q for j in HEAD]] = head[0] + np.radians([0.5, -0.4])
-    pin.framesForwardKinematics(model, data, q)
-    sole = data.oMf[model.getFrameId("R_sole")].homogeneous
-    camera = data.oMf[model.getFrameId("lower_camera")].homogeneous.copy()
-    camera[:3, :3] = camera[:3, :3] @ rot_y(x[1]) @ rot_x(x[2]) @ rot_z(x[0])
-    camera[:3, :3] = camera[:3, :3] @ [[0, 0, 1], [-1, 0, 0], [0, -1, 0]]
-    assert nao.T_torso_sole("R", leg, STANDING)[0] == pytest.approx(sole, abs=1e-9)
-    assert nao.T_torso_camera(head)[0] == pytest.approx(camera, abs=1e-9)
-    seen = nao.T_camera_sole("R", leg, head, STANDING)[0]
-    assert seen == pytest.approx(np.linalg.inv(camera) @ sole, abs=1e-9)
-    mounted = nao.T_camera_board("R", leg, head, STANDING)[0]
-    mount = np.eye(4)
-    mount[:3, :3] = rot_z(x[18])
-    mount[:3, 3] = mount[:3, :3] @ [x[19], x[20], 0.0]
-    assert mounted == pytest.approx(seen @ mount, abs=1e-9)
-
-
-def test_pose_errors_are_in_metres_and_radians():
-    a, b = np.tile(np.eye(4), (2, 1, 1)), np.tile(np.eye(4), (2, 1, 1))
-    b[1, :3, 3] = [0.003, 0.0, 0.004]
-    b[1, :3, :3] = rot_x(0.02)
-    e = pose_errors(a, b)
-    assert (e.rms, e.most, e.rotation_rms) == pytest.approx((0.005 / 2**0.5, 0.005, 0.02 / 2**0.5))

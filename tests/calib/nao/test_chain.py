@@ -6,12 +6,11 @@ import pytest
 
 from arm.se3 import rot_x, rot_y, rot_z
 from calib.chain.fit import fit_chains
-from calib.model.chain import Motion, Unknown
-from calib.model.from_urdf import chain_from_root
-from calib.nao.chain import LEG, LEG_JOINTS, NaoUnknowns, gravity_gains, nao_chain, nao_model
+from calib.nao.chain import LEG_JOINTS, NaoUnknowns, gravity_gains, nao_chain, nao_model
 from recorded.nao_scenes import PIXEL_SIGMA, problem, sightings
 
 PAPER, HEAD = NaoUnknowns(), NaoUnknowns(head=True)
+
 ALL = NaoUnknowns(head=True, springs=True, play=True)
 
 
@@ -121,15 +120,3 @@ def test_torques_are_those_of_gravity_as_it_acts():
         torque = -(energy(leg + step) - energy(leg - step)) / (2 * h)
         assert told[f"torque {joint}"][0] == pytest.approx(torque, abs=1e-6)
         assert told[f"play {joint}"][0] == pytest.approx(np.tanh(torque / 0.05), abs=1e-4)
-
-
-def test_geometric_errors_stand_after_the_joint_they_belong_to():
-    shift = Motion(np.array([0.0, 0.0, 1.0]), turns=False, unknowns=(Unknown(0),))
-    columns = {f"L{joint}": i for i, joint in enumerate(LEG)}
-    chain = chain_from_root(
-        nao_model(), "L_sole", columns, after=lambda joint: (shift,) if joint == "LKneePitch" else ()
-    )
-    q = np.zeros((1, 6))
-    q[0, 3] = np.pi / 2  # the tibia lies along -x then, and its length with it
-    longer, plain = (chain.evaluate(q, np.array([u])).T[0] for u in (0.01, 0.0))
-    assert longer[:3, 3] - plain[:3, 3] == pytest.approx([0.01, 0.0, 0.0], abs=1e-9)

@@ -5,49 +5,13 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from scipy.optimize import approx_fprime
-from scipy.spatial.transform import Rotation
 
 from arm.errors import CalibrationRefused, InputError
 from arm.se3 import inverse, rotation, transform
 from calib.robot_world.initial_guess import closed_form, initial_guess
-from calib.robot_world.noise_model import Covariances, NoiseModel
-from calib.robot_world.observability import motion_axes, refuse_parallel_axes
-from calib.robot_world.reml import Closed, _Likelihood, fit_pairs, inverses, moved
+from calib.robot_world.reml import inverses
 from calib.robot_world.solve import PosePairs, calibrate_pose_pairs
-
-HELD = transform(rotation([0.2, -0.3, 0.8]), (0.03, -0.02, 0.08))
-STANDING = transform(rotation([3.0, 0.3, 0.2]), (0.5, 0.1, 0.9))
-SHAPES = (NoiseModel(), NoiseModel("image"), NoiseModel("image", off_centre=True), NoiseModel(geometry=True))
-
-
-def twisted(rng, T, shift, turn):
-    """T times small random motions, of sizes in m and rad, per axis or for all."""
-    noise = np.tile(np.eye(4), (len(T), 1, 1))
-    noise[:, :3, :3] = Rotation.from_rotvec(rng.standard_normal((len(T), 3)) * turn).as_matrix()
-    noise[:, :3, 3] = rng.standard_normal((len(T), 3)) * shift
-    return T @ noise
-
-
-def views(rng, n, in_gripper):
-    """T_base_gripper and T_camera_target without error: the target 0.4 to 0.8 m away, tilted up to 45 deg, any roll."""
-    seen = np.tile(np.eye(4), (n, 1, 1))
-    tilt = Rotation.from_rotvec(np.c_[rng.uniform(-0.6, 0.6, (n, 2)), np.zeros(n)])
-    roll = Rotation.from_rotvec(np.c_[np.zeros((n, 2)), rng.uniform(-np.pi, np.pi, n)])
-    seen[:, :3, :3] = (Rotation.from_rotvec([np.pi, 0.0, 0.0]) * tilt * roll).as_matrix()
-    seen[:, :3, 3] = np.c_[rng.uniform(-0.08, 0.08, (n, 2)), rng.uniform(0.4, 0.8, n)]
-    if in_gripper:
-        return STANDING @ inverses(HELD @ seen), seen
-    return STANDING @ seen @ inverse(HELD), seen
-
-
-def drawn(seed, n=20, in_gripper=False, across=1e-3, along=3e-3, turn=2e-3, arm=(0.2e-3, 0.3e-3)):
-    """Pairs whose camera errs along its axes and whose arm errs about the flange."""
-    rng = np.random.default_rng(seed)
-    said, seen = views(rng, n, in_gripper)
-    seen = twisted(rng, seen, 0.0, turn)
-    seen[:, :3, 3] += rng.standard_normal((n, 3)) * (across, across, along)
-    return PosePairs(twisted(rng, said, *arm), seen, in_gripper)
+from recorded.posed_pairs import HELD, STANDING, cone, drawn, nees, off, twisted, views
 
 
 def photographed(seed, n=25, in_gripper=False, middle=(0.0, 0.0)):
@@ -78,70 +42,11 @@ def spoiled(pairs, seed, share, flipped):
     return PosePairs(pairs.T_base_gripper, seen, pairs.camera_in_gripper), wrong
 
 
-def off(found):
-    """Twists (12,) from what was found to the truth."""
-    E = [inverse(found.T_held) @ HELD, inverse(found.T_standing) @ STANDING]
-    return np.concatenate([np.r_[e[:3, 3], Rotation.from_matrix(e[:3, :3]).as_rotvec()] for e in E])
-
-
-def nees(found):
-    return off(found) @ np.linalg.solve(found.covariance, off(found)) / 12.0
-
-
 def shah(pairs):
     """How far the closed form is off in both shifts, m."""
     B = inverses(pairs.T_camera_target) if pairs.camera_in_gripper else pairs.T_camera_target
     X, Y = closed_form(pairs.T_base_gripper, B)
     return np.linalg.norm(np.r_[X[:3, 3] - HELD[:3, 3], Y[:3, 3] - STANDING[:3, 3]])
-
-
-@pytest.mark.parametrize("in_gripper", [False, True])
-def test_derivatives_of_the_predicted_pose_are_those_of_finite_differences(in_gripper):
-    rng = np.random.default_rng(1)
-    said, seen = views(rng, 6, in_gripper)
-    P, Q = (HELD, STANDING) if in_gripper else (STANDING, HELD)
-    at = Closed(said, seen, in_gripper).linearised(P, Q)
-    assert np.abs(at.residuals).max() < 1e-9
-    for k, step in enumerate(1e-6 * np.eye(12)):
-        then = Closed(said, seen, in_gripper).linearised(moved(P, step[:6]), moved(Q, step[6:]))
-        assert -then.residuals / 1e-6 == pytest.approx(at.by_unknowns[:, :, k], abs=1e-5)
-    for k, step in enumerate(1e-6 * np.eye(6)):
-        arm = said @ transform(rotation(step[3:]), step[:3])
-        then = Closed(arm, seen, in_gripper).linearised(P, Q)
-        assert -then.residuals / 1e-6 == pytest.approx(at.by_arm[:, :, k], abs=1e-5)
-
-
-@pytest.mark.parametrize("scatter", SHAPES)
-def test_the_gradient_of_the_likelihood_is_that_of_finite_differences(scatter):
-    pairs = drawn(2, 9)
-    rows = np.ones((9, 6), dtype=bool)
-    rows[2, 3:] = rows[4] = False
-    at = Closed(pairs.T_base_gripper, pairs.T_camera_target, False).linearised(STANDING, HELD)
-    likelihood = _Likelihood(Covariances(scatter, at), rows, np.linspace(0.4, 1.4, 9))
-    sizes = likelihood.covariances.typical()[0] + 0.2
-    expected = approx_fprime(sizes, lambda s: likelihood(s)[0], 1e-6)
-    assert likelihood(sizes)[1] == pytest.approx(expected, rel=1e-4, abs=1e-3)
-
-
-def test_pairs_that_are_not_used_are_as_if_they_had_not_been_given():
-    pairs, used = drawn(4, 14), np.ones(14, dtype=bool)
-    used[[2, 7]] = False
-    one, other = (
-        _Likelihood(
-            Covariances(
-                NoiseModel(),
-                Closed(pairs.T_base_gripper[k], pairs.T_camera_target[k], False).linearised(STANDING, HELD),
-            ),
-            np.repeat(used[k, None], 6, axis=1),
-            np.ones(len(used[k])),
-        )
-        for k in (np.arange(14), np.flatnonzero(used))
-    )
-    sizes = one.covariances.typical()[0]
-    assert one.solve(sizes).step == pytest.approx(other.solve(sizes).step, abs=1e-12)
-    assert one.solve(sizes).inverse == pytest.approx(other.solve(sizes).inverse, rel=1e-9, abs=1e-18)
-    assert one(sizes)[0] == pytest.approx(other(sizes)[0], abs=1e-8)
-    assert one(sizes)[1] == pytest.approx(other(sizes)[1], abs=1e-8)
 
 
 @pytest.mark.parametrize("in_gripper", [False, True])
@@ -210,68 +115,6 @@ def test_pairs_that_stray_are_told_and_have_less_weight():
     assert calibrate_pose_pairs(drawn(6, 60)).scatter.freedom is None
 
 
-def test_an_arm_whose_errors_depend_on_its_pose_is_told_and_hurts_less():
-    scores, with_it, without = [], [], []
-    for seed in range(4):
-        rng = np.random.default_rng(seed)
-        said, seen = views(rng, 40, False)
-        stretch = 0.01 * rng.standard_normal((3, 3))  # some 1 mm where the arm works
-        bent = said.copy()
-        bent[:, :3, 3] += (said[:, :3, 3] - said[:, :3, 3].mean(axis=0)) @ stretch.T
-        pairs = PosePairs(bent, twisted(rng, seen, 0.3e-3, 0.5e-3))
-        found = calibrate_pose_pairs(pairs)
-        assert found.scatter.geometry
-        assert "vary smoothly with its pose" in found.reason
-        scores.append(nees(found))
-        with_it.append(np.linalg.norm(found.T_held[:3, 3] - HELD[:3, 3]))
-        closed = Closed(bent, pairs.T_camera_target, False)
-        rigid = fit_pairs(closed, STANDING, HELD, NoiseModel(), np.ones((40, 2), dtype=bool))
-        without.append(np.linalg.norm(rigid.Q[:3, 3] - HELD[:3, 3]))
-    assert np.mean(scores) < 2.5
-    assert np.mean(with_it) < 0.7 * np.mean(without)
-
-
-def cone(seed, half_deg, turns_deg, n=20):
-    """R_base_gripper of motions about axes in a cone, either way round."""
-    rng = np.random.default_rng(seed)
-    main, R = Rotation.random(random_state=rng), [Rotation.random(random_state=rng)]
-    for _ in range(n - 1):
-        z, around = rng.uniform(np.cos(np.radians(half_deg)), 1.0), rng.uniform(-np.pi, np.pi)
-        axis = main.apply([np.sqrt(1 - z * z) * np.cos(around), np.sqrt(1 - z * z) * np.sin(around), z])
-        R.append(
-            R[-1] * Rotation.from_rotvec(axis * np.radians(rng.uniform(*turns_deg)) * rng.choice([-1, 1]))
-        )
-    return np.array([r.as_matrix() for r in R]), main.apply([0.0, 0.0, 1.0])
-
-
-@pytest.mark.parametrize("turns_deg", [(3, 8), (15, 30)])
-def test_motions_about_one_axis_are_refused_and_wide_cones_are_not(turns_deg):
-    for seed in range(10):
-        for half in (0, 2, 10):
-            R, main = cone(seed, half, turns_deg)
-            with pytest.raises(CalibrationRefused, match="rotated about one axis only") as refused:
-                refuse_parallel_axes(R)
-            assert refused.value.data["reason"] == "parallel_axes"
-            assert abs(main @ refused.value.data["axis"]) > 0.95
-        for half in (30, 45, 90):
-            assert not motion_axes(cone(seed, half, turns_deg)[0]).degenerate
-
-
-def test_a_dense_stream_is_not_taken_for_many_axes_because_of_its_noise():
-    rng = np.random.default_rng(2)
-    turned = Rotation.from_rotvec(np.outer(np.radians(np.arange(0.0, 40.0, 0.1)), [0.0, 0.6, 0.8]))
-    R = (turned * Rotation.from_rotvec(1e-3 * rng.standard_normal((400, 3)))).as_matrix()
-    axes = motion_axes(R)
-    assert axes.degenerate
-    assert axes.motions < 20
-    assert abs(axes.main @ [0.0, 0.6, 0.8]) > 0.999
-
-
-def test_an_arm_that_hardly_turned_has_no_axes():
-    R = Rotation.from_rotvec(0.01 * np.random.default_rng(3).standard_normal((20, 3))).as_matrix()
-    assert motion_axes(R).degenerate
-
-
 def test_the_estimator_refuses_parallel_axes_though_a_closed_form_exists():
     R, _ = cone(1, 0, (15, 30))
     rng = np.random.default_rng(1)
@@ -312,22 +155,6 @@ def test_less_than_two_fifths_or_four_that_agree_are_no_consensus(monkeypatch, c
         assert told.value.data["reason"] == "no_consensus"
     else:
         assert calibrate_pose_pairs(pairs).used.any()
-
-
-def test_wrong_pairs_do_not_lend_their_axes_to_the_right_ones():
-    """All pairs together turn about many axes, those that are right about one: the translation along it is unknown."""
-    R, _ = cone(1, 0, (15, 30))
-    rng = np.random.default_rng(1)
-    said = np.tile(np.eye(4), (26, 1, 1))
-    said[:20, :3, :3], said[:, :3, 3] = R, rng.uniform(-0.2, 0.2, (26, 3))
-    said[20:, :3, :3] = Rotation.random(6, random_state=5).as_matrix()
-    seen = twisted(rng, inverse(STANDING) @ said @ HELD, 1e-3, 1e-3)
-    seen[20:, :3, 3] = rng.uniform(-0.5, 0.5, (6, 3))
-    seen[20:, :3, :3] = Rotation.random(6, random_state=6).as_matrix()
-    refuse_parallel_axes(said[:, :3, :3])
-    with pytest.raises(CalibrationRefused, match="rotated about one axis only") as told:
-        calibrate_pose_pairs(PosePairs(said, seen))
-    assert told.value.data["reason"] == "parallel_axes"
 
 
 def test_frames_without_a_target_are_left_out_and_the_rest_is_the_same():

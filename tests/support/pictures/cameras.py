@@ -9,7 +9,10 @@ from typing import Any
 
 import cv2
 import numpy as np
+import pytest
 
+from arm.errors import CameraError
+from vision.camera.basler import BaslerCamera, BaslerSettings
 from vision.camera.frame_source import Image
 
 SERIAL = "serial:0815-0000"
@@ -70,3 +73,15 @@ def misnumbered(device: Any, number: Callable[[int], int]) -> Wrong:
 def nameless(nodes: Any, *hidden: str) -> Wrong:
     """A node map without some features, as on cameras of another generation."""
     return Wrong(nodes, GetNode=lambda name: nodes.GetNode("NoSuchFeature" if name in hidden else name))
+
+
+def settings(folder: Path, timeout: float = 2.0) -> BaslerSettings:
+    return BaslerSettings(timeout=timeout, features=showing(folder / "shots"))
+
+
+def refused(camera: BaslerCamera, reason: str, count: int = 1) -> str:
+    with pytest.raises(CameraError) as caught:
+        camera.grab(count)
+    assert caught.value.data["reason"] == reason
+    assert str(caught.value).startswith(f"camera {camera.selector}: ")
+    return str(caught.value)

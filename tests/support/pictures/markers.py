@@ -12,11 +12,11 @@ import cv2
 import numpy as np
 
 from arm.board import Board
-from arm.se3 import Array, frozen
+from arm.se3 import Array, apply, frozen
 from cell.scene.bodies import plate_body
-from pictures.boards import TABLE, lab_camera, window
+from pictures.boards import TABLE, lab_board, lab_camera, photograph, random_pose, window
 from render.renderer import PlacedBoard, render, with_noise
-from vision.camera.model import Camera
+from vision.camera.model import Camera, Image
 from vision.markers.detect import Marker, detect_markers
 
 MARGIN_PX = 48.0
@@ -104,3 +104,18 @@ def _glare(pane: Pane, places: Array, glare: tuple[float, float, float, int]) ->
     middle = pane.first_px + np.array(pane.camera.size) / 2.0 + (0.5 + away) * size * direction
     distance = ((places - middle) ** 2).sum(axis=-1)
     return np.asarray(grey * np.exp(-0.5 * distance / (spread * size) ** 2))
+
+
+def one_marker(
+    seed: int, tilt_deg: float, noise: float = 2.0, size: float = 0.036, dictionary: str = "DICT_4X4_50"
+) -> tuple[Image, Camera, Array]:
+    """A photograph of the lower marker alone, the camera that took it, and the true corners (4, 2) px."""
+    rng = np.random.default_rng(seed)
+    board, T = lab_board(marker_size=size), random_pose(rng, tilt_deg)
+    corners = apply(T, board.marker_corners()[0])
+    whole = lab_camera()
+    low = np.floor(whole.project_base(corners).min(axis=0) - 60.0)
+    high = np.ceil(whole.project_base(corners).max(axis=0) + 60.0)
+    camera = window(whole, low, (int(high[0] - low[0]), int(high[1] - low[1])))
+    shot = photograph(camera, [(board, T)], rng, noise=noise, dictionary=dictionary)
+    return shot.images[0], camera, camera.project_base(corners)

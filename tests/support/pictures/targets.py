@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from arm.se3 import Array, frozen
-from calib.camera.bundle_adjustment import View
+from calib.camera.bundle_adjustment import Bundle, View, adjust
 from calib.camera.view_selection import TargetPhoto
+from calib.model.intrinsics import COUNT, camera_of, vector_of
 from cell.sim.target_photos import corners_in_view, random_poses
 from pictures.boards import lab_camera
 from vision.camera.model import Camera
@@ -18,6 +21,8 @@ from vision.targets.target import Target, TargetView
 
 CHARUCO = Target()
 NOISE_PX = 0.03
+SIZE = (1920, 1200)
+ALL = np.ones(COUNT, dtype=bool)
 
 
 @lru_cache(maxsize=1)
@@ -78,3 +83,20 @@ def bent(sagitta: float) -> Callable[[Array], Array]:
         return away
 
     return shape
+
+
+def taken(seed: int, count: int = 14, tilt: float = 0.5, **how: Any) -> list[TargetView]:
+    """Views with noise; `how` goes to `seen`."""
+    rng = np.random.default_rng(seed)
+    return [seen(T, rng, **how) for T in poses(seed, count, tilt)]
+
+
+def fitted(
+    seed: int, noise_px: float = NOISE_PX, free: npt.NDArray[np.bool_] = ALL
+) -> tuple[list[View], Bundle]:
+    """Views with noise, and the intrinsics and poses that fit them; what is not free is zero."""
+    rng = np.random.default_rng(seed)
+    placed = poses(seed)
+    views = views_of([seen(T, rng, noise_px) for T in placed])
+    begun = camera_of(np.where(free, vector_of(camera()), 0.0), camera().size)
+    return views, adjust(views, begun, placed, free)

@@ -10,7 +10,7 @@ import numpy as np
 
 from arm.se3 import Array, frozen, transform
 from calib.recordings.arm import ArmRecording
-from recorded.arm_sets import TARGETS, Truth, recorded
+from recorded.arm_sets import TARGETS, Truth, draw_truth, recorded, wide
 
 Fault = Callable[[Truth, Array, str, np.random.Generator], ArmRecording]
 
@@ -54,3 +54,10 @@ FAULTS: dict[str, tuple[Fault, str]] = {
     **{f"J{j + 1} geared 0.2 % otherwise": (partial(geared, j), f"scale of J{j + 1}") for j in range(6)},
 }
 """By what is wrong: how it is drawn, and the name of its cause."""
+
+
+def faulty(name: str, seed: int = 1, count: int = 30, kind: str = "charuco") -> tuple[ArmRecording, Truth]:
+    """A recording with that fault, and the truth."""
+    rng = np.random.default_rng(seed)
+    truth = draw_truth(rng)
+    return FAULTS[name][0](truth, wide(truth, TARGETS[kind], count, rng), kind, rng), truth

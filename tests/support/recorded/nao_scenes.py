@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+import pinocchio as pin
 
 from arm.se3 import Array, frozen
 from calib.chain.fit import Problem, Sightings
-from calib.nao.chain import SIDES, NaoUnknowns, nao_sightings
+from calib.nao.chain import SIDES, NaoUnknowns, nao_model, nao_sightings
+from calib.nao.stance_design import Sensing
 from vision.camera.model import Camera
 
 CAMERA = Camera(np.array([[562.5, 0, 324], [0, 562.5, 189], [0, 0, 1]]), np.zeros(5), (640, 480), np.eye(4))
@@ -14,6 +18,8 @@ PIXEL_SIGMA = np.array([0.0486, 0.0403])
 ON_ITS_BACK = (-9.81, 0.0, 0.0)
 STEP = np.radians(0.1)
 BOARD = frozen([(0.1325 + 0.025 * i, 0.025 * j - 0.0625, 0.0) for i in range(4) for j in range(6)])
+PAPER, ALL = NaoUnknowns(), NaoUnknowns(True, True, True)
+SENSING = Sensing(CAMERA, BOARD, PIXEL_SIGMA, np.full(8, STEP / np.sqrt(12.0)))
 # Table 2, mean of three runs: camera, left leg, right leg, left mount, right mount
 TABLE_2 = np.array(
     [0.4660, -4.5338, -1.8354]
@@ -100,3 +106,17 @@ def problem(found: list[Sightings], unknowns: NaoUnknowns, step: float = STEP) -
     return Problem(
         found, CAMERA, np.zeros(count), np.full(count, np.inf), PIXEL_SIGMA, sigma, np.ones(count, dtype=bool)
     )
+
+
+def frames(q: Array) -> Callable[[str], pin.SE3]:
+    """Where each joint of the model is at a posture."""
+    model = nao_model()
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    return lambda name: data.oMf[model.getFrameId(name)]
+
+
+def of_board(across: float) -> Array:
+    """Points (n, 3) m of the board's plane in the sole's frame, `across` times as large as the board."""
+    x, y = np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 13))
+    return np.stack([0.17 + across * 0.0625 * x, across * 0.0875 * y, 0.0 * x], axis=-1).reshape(-1, 3)

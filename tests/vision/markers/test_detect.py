@@ -9,42 +9,10 @@ import numpy as np
 import pytest
 
 from arm.errors import InputError
-from arm.se3 import Array, apply
-from cell.config.board_keys import DICTIONARIES
-from pictures.boards import lab_board, lab_camera, leaning, photograph, random_pose, window
-from vision.camera.model import Camera, Image
+from arm.se3 import apply
+from pictures.boards import lab_board, lab_camera, leaning, photograph, random_pose
+from pictures.markers import one_marker
 from vision.markers.detect import detect_markers
-
-
-def one_marker(
-    seed: int, tilt_deg: float, noise: float = 2.0, size: float = 0.036, dictionary: str = "DICT_4X4_50"
-) -> tuple[Image, Camera, Array]:
-    """A photograph of the lower marker alone, the camera that took it, and the true corners (4, 2) px."""
-    rng = np.random.default_rng(seed)
-    board, T = lab_board(marker_size=size), random_pose(rng, tilt_deg)
-    corners = apply(T, board.marker_corners()[0])
-    whole = lab_camera()
-    low = np.floor(whole.project_base(corners).min(axis=0) - 60.0)
-    high = np.ceil(whole.project_base(corners).max(axis=0) + 60.0)
-    camera = window(whole, low, (int(high[0] - low[0]), int(high[1] - low[1])))
-    shot = photograph(camera, [(board, T)], rng, noise=noise, dictionary=dictionary)
-    return shot.images[0], camera, camera.project_base(corners)
-
-
-def test_corners_by_border_lines() -> None:
-    """The issue's figure, 0.02 px rms and 0.005 px bias. Of the 0.013 px seen most is the renderer's own."""
-    errors, truths = [], []
-    for seed in range(30):
-        image, camera, truth = one_marker(seed, 0.5 * seed, size=0.040)  # 0 to 14.5 deg
-        (marker,) = detect_markers(image, camera)
-        assert (marker.id, marker.method) == (1, "lines")
-        errors.append(marker.corners_px - truth)
-        truths.append(truth - truth.mean(axis=0))
-    error, outward = np.array(errors), np.array(truths)
-    assert np.sqrt(np.mean(error**2)) < 0.02
-    assert np.abs(error.mean(axis=(0, 1))).max() < 0.005
-    outward /= np.linalg.norm(outward, axis=-1, keepdims=True)
-    assert abs((error * outward).sum(axis=-1).mean()) < 0.005
 
 
 def test_four_markers_take_less_than_30_ms() -> None:
@@ -67,36 +35,6 @@ def test_four_markers_take_less_than_30_ms() -> None:
         cv2.setNumThreads(threads)
     assert [(m.id, m.method) for m in markers] == [(i, "lines") for i in (1, 2, 3, 4)]
     assert min(took) < 0.030
-
-
-@pytest.mark.parametrize("dictionary", DICTIONARIES)
-def test_every_dictionary(dictionary: str) -> None:
-    """Right id, and corners in the order in which the marker is printed."""
-    image, camera, truth = one_marker(2, 7.0, dictionary=dictionary)
-    (marker,) = detect_markers(image, camera, dictionary)
-    assert (marker.id, marker.method) == (1, "lines")
-    assert np.abs(marker.corners_px - truth).max() < 0.06
-
-
-def test_subpix_is_what_it_says_and_worse() -> None:
-    """A side that is mostly hidden has no line; the corners then come from cornerSubPix, and the marker says so."""
-    image, camera, truth = one_marker(3, 7.0)
-    covered = image.copy()
-    a, b = truth[0], truth[1]
-    for t in np.linspace(0.15, 0.7, 60):
-        cv2.circle(covered, tuple(np.rint(a + t * (b - a)).astype(int).tolist()), 5, 20, -1)
-    markers = detect_markers(covered, camera)
-    assert [m.method for m in markers] == ["subpix"]
-    assert 0.03 < np.sqrt(np.mean((markers[0].corners_px - truth) ** 2)) < 1.0
-
-
-def test_a_short_covered_stretch_does_not_move_the_line() -> None:
-    image, camera, truth = one_marker(4, 7.0)
-    middle = truth[:2].mean(axis=0)
-    cv2.circle(image, tuple(np.rint(middle).astype(int).tolist()), 8, 20, -1)
-    (marker,) = detect_markers(image, camera)
-    assert marker.method == "lines"
-    assert np.abs(marker.corners_px - truth).max() < 0.05
 
 
 def test_whole_photograph_is_searched_small_and_measured_large() -> None:

@@ -1,29 +1,15 @@
 """Calibration targets: their files, their corners in an image, and what a photograph of one is worth."""
 
-from dataclasses import replace
-
 import cv2
 import numpy as np
 import pytest
 
 from arm.errors import InputError
-from cell.sim.target_photos import Shot, corners_in_view, held, photograph_target, random_poses
-from pictures.boards import lab_camera
-from vision.targets.quality import measure_quality
+from cell.sim.target_photos import held, photograph_target
+from pictures.seen_targets import BOARD, CAMERA, photograph
 from vision.targets.target import Target, TargetFinder, read_target
 
-CAMERA = lab_camera()
-MIDDLE = np.array([960.0, 600.0])
-BOARD = Target()
 CHESS = Target("checkerboard", 9, 6, 0.025, 0.0, "")
-
-
-def photograph(target: Target, seed: int, shot: Shot | None = None, roll: float | None = None):
-    """A photograph of a target in the middle of the image, tilted, and its pose."""
-    rng = np.random.default_rng(seed)
-    turn = rng.uniform(-0.4, 0.4, 2)
-    T = held(CAMERA, target, MIDDLE, 1.05, turn, rng.uniform(-np.pi, np.pi) if roll is None else roll)
-    return photograph_target(CAMERA, target, T, rng, shot), T
 
 
 def errors(target: Target, view, T):
@@ -74,45 +60,6 @@ def test_no_target_is_none_and_another_dictionary_is_named():
     assert finder.seen_instead(empty) == ""
 
 
-@pytest.mark.parametrize("psf_px", [0.7, 2.0, 3.0])
-def test_blur_is_measured(psf_px):
-    image, _ = photograph(BOARD, 5, Shot(psf_px=psf_px))
-    view = TargetFinder(BOARD).find(image)
-    assert view is not None
-    # the pixel's own width adds to the lens's
-    assert measure_quality(image, BOARD, view).blur_px == pytest.approx(np.hypot(psf_px, 0.5), rel=0.12)
-
-
-def test_motion_blurs_the_edges_across_it_only_and_counts():
-    image, _ = photograph(BOARD, 6, roll=0.0)
-    moved = np.asarray(cv2.filter2D(image, -1, np.full((1, 9), 1 / 9)), dtype=np.uint8)
-    finder = TargetFinder(BOARD)
-    sharp, blurred = (measure_quality(i, BOARD, finder.find(i)).blur_px for i in (image, moved))
-    assert sharp < 1.2
-    assert blurred > 2.2
-
-
-def test_markers_are_measured_in_squares():
-    for true in (0.021, 0.022, 0.0235):
-        image, _ = photograph(BOARD, 8, Shot(true_marker=true))
-        view = TargetFinder(BOARD).find(image)
-        assert measure_quality(image, BOARD, view).marker_share == pytest.approx(true / 0.030, rel=0.004)
-
-
-def test_markers_are_measured_through_a_wide_lens_that_distorts():
-    f = 0.6 * 1920
-    wide = replace(
-        CAMERA,
-        K=np.array([[f, 0.0, 959.5], [0.0, f, 599.5], [0.0, 0.0, 1.0]]),
-        distortion=np.array([-0.3, 0.1, 0.0, 0.0, 0.0]),
-    )
-    T = held(wide, BOARD, np.array([700.0, 500.0]), 0.2, np.array([0.3, -0.2]), 0.1)
-    image = photograph_target(wide, BOARD, T, np.random.default_rng(10))
-    view = TargetFinder(BOARD).find(image)
-    assert view is not None
-    assert measure_quality(image, BOARD, view).marker_share == pytest.approx(22 / 30, rel=0.005)
-
-
 def test_a_mirrored_target_is_named_and_a_stray_marker_is_not():
     image, _ = photograph(BOARD, 12)
     finder = TargetFinder(BOARD)
@@ -123,37 +70,6 @@ def test_a_mirrored_target_is_named_and_a_stray_marker_is_not():
     marker = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50).generateImageMarker(3, 120)
     stray[90:210, 90:210] = marker
     assert finder.seen_instead(stray) == ""
-
-
-def test_overexposed_white_is_told():
-    image, _ = photograph(BOARD, 9)
-    bright = np.clip(image.astype(float) * 1.4, 0, 255).astype(np.uint8)
-    finder = TargetFinder(BOARD)
-    assert measure_quality(image, BOARD, finder.find(image)).saturated == 0.0
-    assert measure_quality(bright, BOARD, finder.find(bright)).saturated > 0.9
-
-
-def test_a_bent_target_is_drawn_bent():
-    rng = np.random.default_rng(1)
-    T = held(CAMERA, BOARD, MIDDLE, 1.0, np.array([0.0, 0.6]), 0.0)
-    flat, bent = (
-        TargetFinder(BOARD).find(photograph_target(CAMERA, BOARD, T, rng, Shot(bend=b))) for b in (0.0, 1e-3)
-    )
-    common, here, there = np.intersect1d(flat.ids, bent.ids, return_indices=True)
-    moved = bent.corners_px[there] - flat.corners_px[here]
-    points = BOARD.points()[common]
-    half = BOARD.size[0] / 2.0
-    rise = 1e-3 * (1.0 - (points[:, 0] / half - 1.0) ** 2)
-    raised = (points - rise[:, None] * (0.0, 0.0, 1.0)) @ T[:3, :3].T + T[:3, 3]
-    expected = CAMERA.project(raised) - CAMERA.project(points @ T[:3, :3].T + T[:3, 3])
-    assert np.abs(moved - expected).max() < 0.2
-    assert np.abs(expected).max() > 1.0
-
-
-def test_poses_that_are_drawn_show_most_of_the_target():
-    drawn = random_poses(CAMERA, BOARD, np.random.default_rng(14), 60)
-    shares = [corners_in_view(CAMERA, BOARD, T).mean() for T in drawn]
-    assert 0.6 <= min(shares) < 0.9
 
 
 def test_files_are_read_and_their_mistakes_named(tmp_path):

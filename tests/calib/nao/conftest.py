@@ -1,0 +1,16 @@
+"""Fixtures of several tests of this folder."""
+
+import numpy as np
+import pytest
+
+from calib.nao.chain import SIDES
+from calib.nao.stance_pool import (
+    find_stances,
+)
+from recorded.nao_scenes import CAMERA
+
+
+@pytest.fixture(scope="module")
+def pool():
+    rng = np.random.default_rng(7)
+    return [s for side in SIDES for s in find_stances(side, CAMERA, 40, rng)]

@@ -1,0 +1,25 @@
+"""Rays of a camera: the lens undone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from render.rays import pixel_rays, subpixel_rays
+from vision.camera.model import Camera
+
+
+def test_pixel_rays_project_back_to_their_pixels(camera: Camera) -> None:
+    rays = pixel_rays(camera)
+    points = np.stack([rays.x, rays.y, np.ones_like(rays.x)], axis=-1).astype(float)[::7, ::7]
+    u, v = np.meshgrid(np.arange(0, 1920, 7), np.arange(0, 1200, 7))
+    error = camera.project(points) - np.stack([u, v], axis=-1)
+    assert np.abs(error).max() < 2e-4
+
+
+def test_rays_inside_pixels_are_where_the_lens_puts_them(camera: Camera) -> None:
+    rng = np.random.default_rng(0)
+    row = np.append(rng.integers(0, 1200, 500), [0, 0, 1199, 1199])
+    column = np.append(rng.integers(0, 1920, 500), [0, 1919, 0, 1919])
+    moved = subpixel_rays(pixel_rays(camera), row, column).moved(0.46, -0.41)
+    pixels = camera.project(np.stack([moved.x, moved.y, np.ones_like(moved.x)], axis=-1))
+    assert np.abs(pixels - np.stack([column + 0.46, row - 0.41], axis=-1)).max() < 5e-4

@@ -1,0 +1,72 @@
+"""Doubts about a board's pose, each with its limit and figures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from arm.errors import ImpossibleError
+from arm.poses import BoardPose
+from pictures.board_errors import CAMERA, TILTS
+from pictures.boards import lab_board, random_pose, seen_corners, twist_between
+from vision.boards.checks import BoardLimits, Spread
+from vision.boards.pose import assess_board, estimate_board_pose
+
+
+def pose_of(size: float, common_px: float, seed: int = 0) -> BoardPose:
+    rng = np.random.default_rng(seed)
+    board, T = lab_board(marker_size=size), random_pose(rng, 7.0)
+    pose = assess_board(board, seen_corners(board, T, CAMERA, rng, common_px=common_px), CAMERA).pose
+    assert pose is not None
+    return pose
+
+
+def test_a_pose_too_uncertain_to_grasp_is_refused_with_its_figures() -> None:
+    rng = np.random.default_rng(0)
+    board, T = lab_board(marker_size=0.020), random_pose(rng, 7.0)
+    frames = seen_corners(board, T, CAMERA, rng, common_px=0.3)
+    limits = BoardLimits(turn_rad=np.radians(0.45))
+    with pytest.raises(
+        ImpossibleError, match=r"too uncertain to grasp: .*its turn to \d\.\d+ deg \(allowed 0\.45\)"
+    ) as e:
+        estimate_board_pose(board, frames, CAMERA, limits)
+    assert e.value.data["turn"] == pytest.approx(Spread.of(pose_of(0.020, 0.3)).turn)
+    wide = BoardLimits(sideways_m=1.0, height_m=1.0, turn_rad=1.0)
+    assert assess_board(board, frames, CAMERA, wide).accepted
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        (BoardLimits(sideways_m=1e-6), r"a hole sideways to 0\.\d+ mm \(allowed 0\.001\)"),
+        (BoardLimits(height_m=1e-6), r"a hole's height to 0\.\d+ mm"),
+        (BoardLimits(turn_rad=1e-6), r"its turn to 0\.\d+ deg"),
+    ],
+)
+def test_each_limit_counts(limits: BoardLimits, words: str) -> None:
+    rng = np.random.default_rng(0)
+    frames = seen_corners(lab_board(), random_pose(rng, 7.0), CAMERA, rng, noise_px=0.05)
+    assert assess_board(lab_board(), frames, CAMERA).accepted
+    with pytest.raises(ImpossibleError, match=words):
+        estimate_board_pose(lab_board(), frames, CAMERA, limits)
+
+
+def test_large_errors_are_flagged() -> None:
+    """20 mm markers with 0.3 px shared: every tenth pose is off by more than 2 deg, and its own covariance says so."""
+    wrong = flagged = right = kept = 0
+    strict = BoardLimits(turn_rad=np.radians(0.45))
+    for size, common_px, count in ((0.020, 0.3, 60), (0.040, 0.0, 60)):
+        board = lab_board(marker_size=size)
+        for seed in range(count):
+            rng = np.random.default_rng(seed)
+            T = random_pose(rng, TILTS[seed % 3])
+            frames = seen_corners(board, T, CAMERA, rng, common_px=common_px)
+            seen = assess_board(board, frames, CAMERA, strict)
+            assert seen.pose is not None
+            if np.linalg.norm(twist_between(seen.pose.T_base_board, T)[3:]) > np.radians(2.0):
+                wrong, flagged = wrong + 1, flagged + (not seen.accepted)
+            elif not common_px:
+                right, kept = right + 1, kept + seen.accepted
+    assert wrong >= 4
+    assert flagged == wrong
+    assert kept >= 0.98 * right
