@@ -15,7 +15,8 @@ offsets = np.radians([0.0, 0.2, -0.3, 0.1, -0.2, 0.0])  # what the calibration m
 points = np.array([(0.012 * i - 0.018, 0.012 * j - 0.030, 0.0) for i in range(4) for j in range(6)])
 T_tool_target = transform(rot_x(np.pi), (0.100, 0.0, -0.016))
 
-joints, images = [], []
+joints: list[np.ndarray] = []
+images: list[np.ndarray] = []
 while len(joints) < 24:
     q = np.radians(rng.uniform((-35, -62, -120, -180, -105, -180), (35, 20, 15, 180, 105, 180)))
     T_camera_target = inverse(camera.T_base_camera) @ robot.T_base_tool(q + offsets) @ T_tool_target
