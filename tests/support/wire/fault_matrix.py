@@ -43,7 +43,7 @@ EXPECTED: dict[str, tuple[frozenset[str] | str, ...]] = {
     "answer lost": (F, F, FS, F, F),  # an echo is one of the lines that come back
     # Three of ten; that of a query is asked for again. Too many in a row, and nothing is known of the jaws.
     "echo garbled": (frozenset((R, S)), S, S, FS | {U}, FS),
-    "answers delayed": (FS, F, FS, F, F),  # beyond the round trip that was measured, an echo may come too late
+    "answers delayed": (FS, F, FS, F, F),  # an echo beyond the measured round trip is late
     "bytes split": (F, F, F, F, F),
     "noise": (F, F, FS, F, F),
     "stray R!": (F, F, F, F, F),
