@@ -6,6 +6,7 @@ _REPLAY = ("plan/test_verify.py",)
 _PIECES = (
     "plan/collision/test_subdivision.py",
     "plan/collision/test_certificate.py",
+    "plan/collision/test_bezier.py",
     "plan/collision/test_certificate_attacked.py",
 )
 
@@ -149,6 +150,7 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         (
             "plan/collision/test_bounds.py",
             "plan/collision/test_certificate.py",
+            "plan/collision/test_bezier.py",
             "plan/collision/test_certificate_attacked.py",
         ),
     ),
@@ -161,6 +163,7 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         (
             "plan/collision/test_bounds.py",
             "plan/collision/test_certificate.py",
+            "plan/collision/test_bezier.py",
             "plan/collision/test_certificate_attacked.py",
         ),
     ),
@@ -173,6 +176,7 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         (
             "plan/collision/test_bounds.py",
             "plan/collision/test_certificate.py",
+            "plan/collision/test_bezier.py",
             "plan/collision/test_certificate_attacked.py",
         ),
     ),
@@ -206,7 +210,11 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "        inside = inside & ((turned >= limits.lower) & (turned <= limits.upper)).all(axis=-1)\n",
         "",
         "lifted corners beyond limits",
-        ("plan/transit/test_planner.py",),
+        (
+            "plan/transit/test_planner.py",
+            "plan/trajectory/test_time_estimates.py",
+            "plan/transit/test_rrt_connect.py",
+        ),
     ),
     (
         "transit-drawn-limits",
@@ -214,7 +222,11 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "        return np.clip(start + along * (goal - start) + offset, self.limits.lower, self.limits.upper)\n",
         "        return start + along * (goal - start) + offset\n",
         "drawn corners beyond limits",
-        ("plan/transit/test_planner.py",),
+        (
+            "plan/transit/test_planner.py",
+            "plan/trajectory/test_time_estimates.py",
+            "plan/transit/test_rrt_connect.py",
+        ),
     ),
     (
         "barrier-overlap",
@@ -222,7 +234,10 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "    normal = apart / norm(apart) * np.sign(signed)\n",
         "    normal = apart / norm(apart)\n",
         "in overlap the row pushes deeper",
-        ("plan/cartesian/test_collision_barrier.py",),
+        (
+            "plan/cartesian/test_collision_barrier.py",
+            "plan/cartesian/test_differential_ik.py",
+        ),
     ),
     (
         "barrier-padding",
@@ -230,7 +245,10 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "    signed = distance.value + world.padding_of(distance.pair)\n",
         "    signed = distance.value - world.padding_of(distance.pair)\n",
         "the padding's sign",
-        ("plan/cartesian/test_collision_barrier.py",),
+        (
+            "plan/cartesian/test_collision_barrier.py",
+            "plan/cartesian/test_differential_ik.py",
+        ),
     ),
     (
         "world-padding",
@@ -238,7 +256,11 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "        return np.asarray(np.maximum(values, UNKNOWN_DEPTH) - self.paddings[pairs])\n",
         "        return np.asarray(np.maximum(values, UNKNOWN_DEPTH))\n",
         "paddings are not taken off",
-        ("plan/collision/test_world.py", "plan/collision/test_certificate.py"),
+        (
+            "plan/collision/test_world.py",
+            "plan/collision/test_certificate.py",
+            "plan/collision/test_bezier.py",
+        ),
     ),
     (
         "sequence-clock",
@@ -246,6 +268,6 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         '            if self.complete is None or (isinstance(stop, BudgetSpent) and stop.by == "clock"):\n',
         "            if self.complete is None:\n",
         "what a clock cut off is planned, though another machine would have another plan",
-        ("plan/pick_place/test_planner_budget.py",),
+        ("plan/test_pick_place_budget.py",),
     ),
 )

@@ -131,15 +131,24 @@ _MORE: dict[str, tuple[str, ...]] = {
     ),
     "plan/collision/subdivision.py": (
         "plan/collision/test_certificate.py",
+        "plan/collision/test_bezier.py",
         "plan/collision/test_certificate_attacked.py",
     ),
     "plan/collision/bounds.py": (
         "plan/collision/test_certificate.py",
+        "plan/collision/test_bezier.py",
         "plan/collision/test_world.py",
         "plan/collision/test_certificate_attacked.py",
     ),
-    "plan/cartesian/collision_barrier.py": ("plan/cartesian/test_line.py",),
-    "plan/collision/world.py": ("plan/collision/test_certificate.py", "plan/collision/test_bounds.py"),
+    "plan/cartesian/collision_barrier.py": (
+        "plan/cartesian/test_line.py",
+        "plan/cartesian/test_differential_ik.py",
+    ),
+    "plan/collision/world.py": (
+        "plan/collision/test_certificate.py",
+        "plan/collision/test_bezier.py",
+        "plan/collision/test_bounds.py",
+    ),
     "plan/trajectory/integer_segments.py": ("plan/trajectory/test_jerk_limited.py",),
     "plan/transit/planner.py": ("plan/collision/test_few_parts.py",),
     "cell/task/plan_matches.py": ("cell/task/test_refused_plans.py", "cell/config/test_cell.py"),
@@ -150,6 +159,8 @@ _MORE: dict[str, tuple[str, ...]] = {
         "driver/mars/test_mars.py",
         "driver/mars/test_gripper.py",
         "plan/trajectory/test_integer_segments.py",
+        "plan/trajectory/test_extremes.py",
+        "plan/trajectory/test_rounding.py",
     ),
     "arm/plan_file.py": ("plan/test_verify.py",),
     "vision/observe.py": (

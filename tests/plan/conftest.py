@@ -9,7 +9,7 @@ from arm.plan_file import Plan
 from arm.robot.model import Robot, load_a465
 from plan.options import PlanOptions
 from plan.pick_place.planner import plan_task
-from tasks.task2 import Q_START, Task2, task2
+from tasks.task2 import Q_START, WALL, Task2, task2
 
 
 @pytest.fixture(scope="session")
@@ -45,3 +45,15 @@ def direct(case: Task2) -> Plan:
     return plan_task(
         case.scene, case.transfers, Q_START, load_unit("crs93"), options=PlanOptions(look="never")
     )
+
+
+@pytest.fixture(scope="session")
+def walled() -> Task2:
+    """Task 2 with a wall between the boards."""
+    return task2(extra=[WALL])
+
+
+@pytest.fixture(scope="session")
+def walled_plan(walled: Task2) -> Plan:
+    """Task 2 around the wall, for crs93."""
+    return plan_task(walled.scene, walled.transfers, Q_START, load_unit("crs93"))

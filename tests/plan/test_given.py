@@ -7,121 +7,33 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from arm.controller.unit import Limits, load_unit
+from arm.controller.unit import load_unit
 from arm.errors import InputError
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box
 from arm.se3 import transform
-from arms.made_up import RAIL, arm
 from plan.budget import TransitBudget
 from plan.cartesian.reachability import reach
-from plan.collision.bezier import Curve, curve_of_waypoints
+from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import BUDGET, certify_curve
 from plan.collision.world import World
-from plan.kinematics.configuration import check_configuration
 from plan.kinematics.ik import explain_pose, inverse_kinematics
 from plan.kinematics.numeric_ik import solve_ik
 from plan.options import PlanOptions
-from plan.pick_place.go_to import plan_joint_motion
-from plan.pick_place.planner import plan_task
 from plan.scene import Scene, Station
 from plan.transit.planner import plan_transit
-from plan.waypoints.planner import plan_poses
 from plan.waypoints.target import Target
-from tasks.task2 import Q_START, TABLE, Task2, task2
+from plans.given import HOME, INF, NAN, NO_CONFIGURATION
+from tasks.task2 import TABLE, task2
 
 UNIT = load_unit("crs93")
+
 LIMITS = UNIT.limits()
-NAN, INF = float("nan"), float("inf")
-HOME = np.array(Q_START)
-BEYOND = HOME + np.array([np.radians(300.0) - Q_START[0], 0.0, 0.0, 0.0, 0.0, 0.0])
-NO_CONFIGURATION = {
-    "three numbers": [0.0, 1.0, 2.0],
-    "two rows": np.zeros((2, 6)),
-    "nothing": None,
-    "text": "home",
-    "texts": ["0"] * 6,
-    "nan": [NAN, *HOME[1:]],
-    "inf": [*HOME[:5], INF],
-    "huge": np.full(6, 1e300),
-    "empty": [],
-    "ragged": [[0.0], [0.0, 1.0]],
-}
-
-
-@pytest.fixture(scope="module")
-def case() -> Task2:
-    return task2()
 
 
 @pytest.fixture(scope="module")
 def world(robot: Robot) -> World:
     return World(robot, [TABLE])
-
-
-@pytest.mark.parametrize("which", [*NO_CONFIGURATION, "beyond"])
-def test_every_door_refuses_a_place_where_the_arm_cannot_stand(
-    which: str, case: Task2, world: World, robot: Robot
-) -> None:
-    q = BEYOND if which == "beyond" else NO_CONFIGURATION[which]
-    target = Target("a", robot.T_base_tool(HOME))
-    doors = {
-        "q_start": [
-            lambda: plan_task(case.scene, case.transfers, q, UNIT),
-            lambda: plan_poses(robot, [], [target], q, LIMITS),
-        ],
-        "q_end": [lambda: plan_poses(robot, [], [target], HOME, LIMITS, q_end=q)],
-        "q_from": [
-            lambda: plan_joint_motion(case.scene, q, HOME, UNIT),
-            lambda: plan_transit(world, q, HOME, LIMITS, 0.01, 0),
-        ],
-        "q_to": [
-            lambda: plan_joint_motion(case.scene, HOME, q, UNIT),
-            lambda: plan_transit(world, HOME, q, LIMITS, 0.01, 0),
-        ],
-    }
-    for name, calls in doors.items():
-        for call in calls if not (name == "q_end" and q is None) else []:
-            with pytest.raises(InputError, match=f"^{name}") as caught:
-                call()
-            if which == "beyond":
-                assert "joint J1 = 300.00 deg: must be from -168.52 to 171.48 deg" in str(caught.value)
-                assert "-60.00 deg puts the tool at the same pose" in str(caught.value)
-                assert caught.value.data["joint"] == robot.joint_names[0]
-                assert caught.value.data["value"] == pytest.approx(np.radians(300.0))
-                assert caught.value.data["high"] == LIMITS.upper[0]
-
-
-def test_the_limit_itself_is_allowed_and_what_is_just_beyond_is_not(robot: Robot) -> None:
-    rng = np.random.default_rng(1)
-    for _ in range(200):
-        q = rng.uniform(LIMITS.lower, LIMITS.upper)
-        k, upper = int(rng.integers(6)), bool(rng.integers(2))
-        q[k] = LIMITS.upper[k] if upper else LIMITS.lower[k]
-        assert np.array_equal(check_configuration("q", q, robot, LIMITS), q)
-        q[k] += 1e-9 if upper else -1e-9
-        with pytest.raises(InputError, match=f"joint {robot.joint_names[k]}"):
-            check_configuration("q", q, robot, LIMITS)
-
-
-def test_a_sliding_joint_is_told_of_in_millimetres(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    rail = arm(tmp_path, RAIL)
-    limits = Limits(np.full(5, -0.6), np.full(5, 0.6), np.ones(5), np.ones(5))
-    with pytest.raises(InputError, match=r"joint q1 = 700\.00 mm: must be from -600\.00 to 600\.00 mm"):
-        check_configuration("q", [0.7, 0.0, 0.0, 0.0, 0.0], rail, limits)
-
-
-def test_limits_of_another_arm_are_refused(world: World, case: Task2, robot: Robot) -> None:
-    five = Limits(*(getattr(LIMITS, key)[:5] for key in ("lower", "upper", "velocity", "acceleration")))
-    for call in (
-        lambda: plan_transit(world, HOME, HOME, five, 0.01, 0),
-        lambda: plan_task(case.scene, case.transfers, HOME, UNIT, five),
-        lambda: plan_joint_motion(case.scene, HOME, HOME, UNIT, five),
-        lambda: plan_poses(robot, [], [Target("a", robot.T_base_tool(HOME))], HOME, five),
-        lambda: reach(robot, five, {"a": [robot.T_base_tool(HOME)]}, 0.1),
-    ):
-        with pytest.raises(InputError, match="given for 5 joints, the arm has 6"):
-            call()
 
 
 @pytest.mark.parametrize("which", [k for k in NO_CONFIGURATION if k != "huge"])
@@ -259,40 +171,6 @@ def test_budgets_are_counts() -> None:
     assert [type(v) for v in (made.seed, made.speed, made.segment_ms)] == [int, float, int]
     with pytest.raises(InputError, match="seed = -1"):
         plan_transit(World(task2().scene.robot_open, []), HOME, HOME, LIMITS, 0.01, -1)
-
-
-def test_a_curve_has_two_way_points_or_more_of_finite_numbers(world: World) -> None:
-    for wrong in (
-        [HOME],
-        [],
-        HOME,
-        np.zeros((2, 0)),
-        "way",
-        None,
-        [[0.0] * 6, [0.0] * 5],
-        np.zeros((2, 2, 6)),
-    ):
-        with pytest.raises(InputError, match=r"waypoints = .*must be \(m, n\), two or more rows"):
-            curve_of_waypoints(wrong)
-    for bad in (NAN, INF):
-        with pytest.raises(InputError, match=r"waypoints\[1\].*finite"):
-            curve_of_waypoints([HOME, np.full(6, bad)])
-        with pytest.raises(InputError, match="curve: a control point is not finite"):
-            certify_curve(world, Curve(np.full((1, 4, 6), bad), np.ones(1)), 0.01)
-        with pytest.raises(InputError, match="clearance = "):
-            certify_curve(world, curve_of_waypoints([HOME, HOME]), bad)
-    for n in (5, 7):
-        with pytest.raises(
-            InputError, match=r"must be \(m, 4, 6\) and \(m,\), m at least 1, for an arm of 6 joints"
-        ):
-            certify_curve(world, curve_of_waypoints(np.zeros((2, n))), 0.01)
-    for curve in (
-        Curve(np.zeros((0, 4, 6)), np.zeros(0)),
-        Curve(np.zeros((4, 6)), np.zeros(1)),
-        Curve(np.zeros((2, 4, 6)), np.zeros(1)),
-    ):
-        with pytest.raises(InputError, match="curve: control points of shape"):
-            certify_curve(world, curve, 0.01)
 
 
 def test_a_budget_that_is_spent_proves_nothing(monkeypatch, world: World) -> None:  # type: ignore[no-untyped-def]

@@ -9,40 +9,18 @@ import pinocchio as pin
 import pytest
 
 from arm.controller.unit import Unit
-from arm.errors import ImpossibleError, InputError
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box, Sphere
-from arm.se3 import rot_x, rot_z, transform
+from arm.se3 import transform
 from plan.cartesian import collision_barrier as barrier_module
 from plan.cartesian.collision_barrier import _differences, _gradient, collision_barrier
-from plan.cartesian.differential_ik import Barrier
-from plan.cartesian.line import SOLVERS, Line, LineOptions, follow_line
 from plan.collision.world import DISTANCE_ERROR, World
-from plan.kinematics.ik import inverse_kinematics
-from plan.kinematics.product_of_exponentials import product_of_exponentials
-
-CLEARANCE, NEAR = 0.005, 0.05
-START = transform(rot_x(np.pi), (0.40, -0.10, 0.08))
-YAW = 1.0
-END = transform(rot_x(np.pi), (0.40, 0.10, 0.08))
-
-
-def _world(robot: Robot, x: float = 0.45) -> World:
-    """A post beside the line: fingers across it do not pass, fingers along it do."""
-    post = Body("post", Box((0.04, 0.04, 0.2)), transform(t=(x + 0.02, 0.0, 0.1)), "wall")
-    return World(robot, [post])
-
-
-def _start(robot: Robot, unit: Unit, yaw: float) -> np.ndarray:
-    T = START @ transform(rot_z(yaw))
-    found = inverse_kinematics(robot, T, unit.lower, unit.upper).q
-    room = np.minimum(found - unit.lower, unit.upper - found).min(axis=1)
-    return found[np.argmax(np.round(room, 6))]
+from plans.barred_lines import start_above, with_post
 
 
 def test_rows_are_the_derivative_of_the_distance(robot: Robot, unit: Unit) -> None:
     rng = np.random.default_rng(21)
-    world, count = _world(robot), 0
+    world, count = with_post(robot), 0
     barrier = collision_barrier(world, 0.0, 0.08)
     for q in rng.uniform(unit.lower, unit.upper, (80, 6)):
         here = barrier(q)
@@ -101,7 +79,7 @@ def _ball_beside_a_finger(robot: Robot, q: np.ndarray, signed: float, rng: np.ra
 
 
 def test_rows_of_bodies_that_touch_come_from_differences(robot: Robot, crs97: Unit) -> None:
-    q = _start(robot, crs97, 0.0)
+    q = start_above(robot, crs97, 0.0)
     # a wall moved until its face is where the foremost body ends
     far = World(robot, [Body("wall", Box((0.04, 2.0, 2.0)), transform(t=(1.02, 0.0, 0.0)), "wall")])
     gap = far.distances_below(q, 10.0)
@@ -114,62 +92,6 @@ def test_rows_of_bodies_that_touch_come_from_differences(robot: Robot, crs97: Un
     # moving the tool straight along x (no turning) is what the row counts
     dq = np.linalg.lstsq(robot.jacobian(q), np.r_[T[:3, :3].T @ (1.0, 0.0, 0.0), 0, 0, 0], rcond=None)[0]
     assert barrier.G[row] @ dq == pytest.approx(1.0, abs=1e-3)
-
-
-@pytest.mark.parametrize("solver", SOLVERS)
-def test_a_free_yaw_bends_around_a_post(robot: Robot, crs97: Unit, solver: str) -> None:
-    world = _world(robot)
-    barrier = collision_barrier(world, CLEARANCE, NEAR)
-    q = _start(robot, crs97, YAW)
-    options = LineOptions(barrier=barrier, free_axis="z", solver=solver)
-    path = follow_line(robot, q, START, END, crs97.limits(), options)
-    clear = [world.distance(each).value for each in path.q]
-    assert min(clear) >= CLEARANCE - 1e-8
-    assert min(clear) < CLEARANCE + 1e-5  # it keeps no more away than asked
-    deviation = Line(START, END).deviation(product_of_exponentials(robot).tool_poses(path.q), "z")
-    assert deviation.distance.max() < 1e-6  # osqp meets its tolerance, no more
-    assert deviation.angle.max() < 1e-6
-    np.testing.assert_allclose(robot.T_base_tool(path.q[-1])[:3, 3], END[:3, 3], atol=1e-6)
-    without = follow_line(robot, q, START, END, crs97.limits(), LineOptions(free_axis="z"))
-    assert min(world.distance(each).value for each in without.q) < CLEARANCE
-    turned = path.q[np.argmin(clear)] - without.q[np.argmin(clear)]
-    assert np.abs(turned).max() > 0.02
-
-
-def test_without_freedom_the_pair_that_stops_the_line_is_named(robot: Robot, crs97: Unit) -> None:
-    world = _world(robot)
-    q = _start(robot, crs97, YAW)
-    T_start, T_end = START @ transform(rot_z(YAW)), END @ transform(rot_z(YAW))
-    options = LineOptions(barrier=collision_barrier(world, CLEARANCE, NEAR))
-    with pytest.raises(
-        ImpossibleError, match=r"line stops after \d+\.\d of 200\.0 mm: .* / post \(5\.\d\d mm apart\)"
-    ) as caught:
-        follow_line(robot, q, T_start, T_end, crs97.limits(), options)
-    data = caught.value.data
-    assert data["constraint"].endswith("/ post")
-    assert data["distance_m"] == pytest.approx(CLEARANCE, abs=0.001)
-    # where it stops is where the line without a barrier would come too near with its next step
-    free = follow_line(robot, q, T_start, T_end, crs97.limits())
-    clear = np.array([world.distance(each).value for each in free.q])
-    stop = int(np.searchsorted(free.s, data["done_m"] - 1e-9))
-    assert clear[: stop + 1].min() >= CLEARANCE > clear[stop + 1]
-
-
-def test_a_free_axis_turns_no_more_than_needed(robot: Robot, crs97: Unit) -> None:
-    """Without a barrier the joints move less than with the yaw held."""
-    q = _start(robot, crs97, YAW)
-    T_start, T_end = START @ transform(rot_z(YAW)), END @ transform(rot_z(YAW))
-    held = follow_line(robot, q, T_start, T_end, crs97.limits())
-    free = follow_line(robot, q, T_start, T_end, crs97.limits(), LineOptions(free_axis="z"))
-    assert np.abs(np.diff(free.q, axis=0)).sum() < np.abs(np.diff(held.q, axis=0)).sum()
-    with pytest.raises(InputError, match="free_axis = 'yaw': must be one of None, x, y, z"):
-        follow_line(robot, q, T_start, T_end, crs97.limits(), LineOptions(free_axis="yaw"))
-
-
-def test_a_barrier_needs_room(robot: Robot) -> None:
-    with pytest.raises(InputError, match="near = 5 mm: must be above the clearance of 5 mm"):
-        collision_barrier(_world(robot), 0.005, 0.005)
-    assert isinstance(collision_barrier(World(robot, []), 0.0, 1e-6)(np.zeros(6)), Barrier)
 
 
 def test_no_normal_is_taken_of_bodies_that_touch_or_of_points_that_are_not_known(
@@ -197,7 +119,7 @@ def test_where_the_nearest_points_are_one_or_their_bodies_touch_differences_tell
     robot: Robot, unit: Unit
 ) -> None:
     """There is no direction between them then; the row is finite, and still the derivative."""
-    world, q = _world(robot), 0.5 * (unit.lower + unit.upper)
+    world, q = with_post(robot), 0.5 * (unit.lower + unit.upper)
     J = pin.computeJointJacobians(robot.model, robot.model.createData(), q).reshape(6, -1)
     found = world.distances_below(q, 10.0)[0]
     for value, apart in ((-0.01, 0.0), (0.0, 0.02), (0.02, 0.0)):

@@ -9,21 +9,11 @@ from arm.controller.unit import Limits, Unit
 from arm.errors import ImpossibleError, InputError
 from arm.robot.model import Robot
 from arm.se3 import rot_x, rot_z, rotation, transform
-from plan.cartesian.line import SOLVERS, Barrier, Line, LineOptions, follow_line
+from plan.cartesian.line import Barrier, Line, LineOptions, follow_line
 from plan.cartesian.reachability import reach
-from plan.kinematics.ik import inverse_kinematics
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 from plan.trajectory.joint_path import smooth_path
-
-GRASP = transform(rot_x(np.pi), (0.46, 0.11, 0.05))
-
-
-def _up(T: np.ndarray, distance: float) -> np.ndarray:
-    return transform(T[:3, :3], T[:3, 3] - distance * T[:3, 2])
-
-
-def _start(robot: Robot, unit: Unit, T: np.ndarray = GRASP) -> np.ndarray:
-    return inverse_kinematics(robot, T, unit.lower, unit.upper).q[0]
+from plans.barred_lines import GRASP, start_at, up
 
 
 def _random_lines(robot: Robot, unit: Unit, count: int, seed: int):  # type: ignore[no-untyped-def]
@@ -43,7 +33,7 @@ def _random_lines(robot: Robot, unit: Unit, count: int, seed: int):  # type: ign
 def test_random_lines_are_straight_at_and_between_way_points(robot: Robot, unit: Unit) -> None:
     limits, arm, count = unit.limits(), product_of_exponentials(robot), 0
     for choice, T in _random_lines(robot, unit, 40, seed=11):
-        top = _up(T, 0.1)
+        top = up(T, 0.1)
         path = follow_line(robot, choice.q_hole, T, top, limits)
         count += 1
         line = Line(T, top)
@@ -63,7 +53,7 @@ def test_random_lines_are_straight_at_and_between_way_points(robot: Robot, unit:
 
 
 def test_steps_are_halved_until_the_spline_is_straight(robot: Robot, crs97: Unit) -> None:
-    q, top, arm = _start(robot, crs97), _up(GRASP, 0.1), product_of_exponentials(robot)
+    q, top, arm = start_at(robot, crs97), up(GRASP, 0.1), product_of_exponentials(robot)
     coarse = follow_line(robot, q, GRASP, top, crs97.limits(), LineOptions(step=0.1))
     fine = follow_line(robot, q, GRASP, top, crs97.limits(), LineOptions(step=0.1, tolerance=1e-8))
     assert 5 <= len(coarse.q) < len(fine.q)
@@ -75,18 +65,10 @@ def test_steps_are_halved_until_the_spline_is_straight(robot: Robot, crs97: Unit
     assert caught.value.data["constraint"] == "smoothness"
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-def test_solvers_agree(robot: Robot, crs97: Unit, solver: str) -> None:
-    q, top = _start(robot, crs97), _up(GRASP, 0.1)
-    path = follow_line(robot, q, GRASP, top, crs97.limits(), LineOptions(solver=solver))
-    exact = follow_line(robot, q, GRASP, top, crs97.limits())
-    np.testing.assert_allclose(path.q, exact.q, atol=1e-7)
-
-
 def test_turning_on_the_way_and_on_the_spot(robot: Robot, crs97: Unit) -> None:
     q, arm = np.radians([-10.0, -40.0, -80.0, 20.0, -60.0, 0.0]), product_of_exponentials(robot)
     GRASP = robot.T_base_tool(q)
-    for T_end in (_up(GRASP, 0.1) @ transform(rot_z(0.5)), GRASP @ transform(rot_x(0.2))):
+    for T_end in (up(GRASP, 0.1) @ transform(rot_z(0.5)), GRASP @ transform(rot_x(0.2))):
         path = follow_line(robot, q, GRASP, T_end, crs97.limits())
         np.testing.assert_allclose(robot.T_base_tool(path.q[-1]), T_end, atol=1e-9)
         assert Line(GRASP, T_end).deviation(arm.tool_poses(path.q)[[0, -1]]).distance.max() < 1e-8
@@ -94,7 +76,7 @@ def test_turning_on_the_way_and_on_the_spot(robot: Robot, crs97: Unit) -> None:
 
 
 def test_a_joint_limit_stops_the_line_and_is_named(robot: Robot, crs97: Unit) -> None:
-    q, top = _start(robot, crs97), _up(GRASP, 0.1)
+    q, top = start_at(robot, crs97), up(GRASP, 0.1)
     free = follow_line(robot, q, GRASP, top, crs97.limits())
     joint = int(np.argmax(np.abs(free.q[-1] - q)))
     stop = free.q[10, joint]  # way-point 10 of 20: 50 mm of 100
@@ -111,7 +93,7 @@ def test_a_joint_limit_stops_the_line_and_is_named(robot: Robot, crs97: Unit) ->
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_joint_that_cannot_keep_up_is_named(robot: Robot, crs97: Unit, side: float) -> None:
     """Sideways, joint 1 has to turn: to the left up, to the right down."""
-    q, limits = _start(robot, crs97), crs97.limits()
+    q, limits = start_at(robot, crs97), crs97.limits()
     velocity = limits.velocity.copy()
     velocity[0] = 0.01
     slow = Limits(limits.lower, limits.upper, velocity, limits.acceleration)
@@ -125,7 +107,7 @@ def test_a_joint_that_cannot_keep_up_is_named(robot: Robot, crs97: Unit, side: f
 
 def test_leaving_the_workspace_is_told(robot: Robot, crs97: Unit) -> None:
     T = transform(rotation((0.0, np.pi / 2, 0.0)), (0.7, 0.0, 0.3052))
-    q = _start(robot, crs97, T)
+    q = start_at(robot, crs97, T)
     wide = Limits(crs97.lower - 1, crs97.upper + 1, np.full(6, 50.0), crs97.limits().acceleration)
     with pytest.raises(ImpossibleError, match="out of the arm's reach") as caught:
         follow_line(robot, q, T, transform(T[:3, :3], (1.0, 0.0, 0.3052)), wide)
@@ -135,7 +117,7 @@ def test_leaving_the_workspace_is_told(robot: Robot, crs97: Unit) -> None:
 
 def test_a_barrier_stops_the_line_and_is_named(robot: Robot, crs97: Unit) -> None:
     """A ceiling on the tool's height, as a row on dq."""
-    q, top, ceiling = _start(robot, crs97), _up(GRASP, 0.1), 0.05 + 0.061
+    q, top, ceiling = start_at(robot, crs97), up(GRASP, 0.1), 0.05 + 0.061
 
     def below_ceiling(q: np.ndarray) -> Barrier:
         T = robot.T_base_tool(q)
@@ -161,9 +143,9 @@ def _shut(robot: Robot, q: np.ndarray, ceiling: float) -> Barrier:
 
 
 def test_a_wrong_start_is_refused(robot: Robot, crs97: Unit) -> None:
-    q = _start(robot, crs97)
+    q = start_at(robot, crs97)
     with pytest.raises(InputError, match="from the tool at q_start"):
-        follow_line(robot, q, _up(GRASP, 0.01), _up(GRASP, 0.1), crs97.limits())
+        follow_line(robot, q, up(GRASP, 0.01), up(GRASP, 0.1), crs97.limits())
     lower = crs97.lower.copy()
     lower[4] = q[4] + 0.1
     with pytest.raises(InputError, match=r"J5 5\.73 deg beyond"):
@@ -171,10 +153,10 @@ def test_a_wrong_start_is_refused(robot: Robot, crs97: Unit) -> None:
             robot,
             q,
             GRASP,
-            _up(GRASP, 0.1),
+            up(GRASP, 0.1),
             Limits(lower, crs97.upper, crs97.limits().velocity, crs97.limits().acceleration),
         )
     with pytest.raises(InputError, match="one of daqp, osqp"):
-        follow_line(robot, q, GRASP, _up(GRASP, 0.1), crs97.limits(), LineOptions(solver="magic"))
+        follow_line(robot, q, GRASP, up(GRASP, 0.1), crs97.limits(), LineOptions(solver="magic"))
     with pytest.raises(InputError, match="two different poses"):
         follow_line(robot, q, GRASP, GRASP, crs97.limits())

@@ -5,30 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from arm.controller.segments import CountPath, Segment
-from arm.controller.unit import load_unit
+from arm.controller.segments import CountPath
 from arm.errors import InputError
 from arm.robot.model import load_a465
-from arm.robot.shapes import Body, Box, Cylinder, Shape
-from arm.se3 import Array, apply, frozen, rotation, transform
-from plan.collision.bezier import Curve, curve_of_counts, curve_of_waypoints
+from arm.robot.shapes import Body, Box, Shape
+from arm.se3 import Array, apply, transform
+from arms.moved_worlds import UNIT, at, count_path, crowded_world
+from plan.collision.bezier import Curve, curve_of_waypoints
 from plan.collision.certificate import TIGHT_ABSOLUTE, TIGHT_RELATIVE, certify_curve, certify_move
 from plan.collision.world import DISTANCE_ERROR, World
-from tasks.task2 import POST, Q_START, TABLE, TOOL_LENGTH
-
-HELD = Body("held", Box((0.04, 0.04, 0.04)), frozen(np.eye(4)), "cube")
-UNIT = load_unit("crs93")
-
-
-def crowded_world(rng: np.random.Generator) -> World:
-    bodies = [TABLE, POST]
-    for i in range(6):
-        angle = rng.uniform(-2.5, 2.5)
-        place = np.array([0.65 * np.cos(angle), 0.65 * np.sin(angle), 0.25]) + rng.uniform(-0.15, 0.15, 3)
-        x, y, z = (float(v) for v in rng.uniform(0.02, 0.25, 3))
-        shape = Box((x, y, z)) if i % 2 else Cylinder(x / 2, z)
-        bodies.append(Body(f"body {i}", shape, transform(rotation(rng.normal(size=3)), place), "wall"))
-    return World(load_a465(TOOL_LENGTH, 0.04), bodies, HELD, transform(t=(0.0, 0.0, 0.003)))
+from tasks.task2 import Q_START, TABLE, TOOL_LENGTH
 
 
 def random_cubic(world: World, rng: np.random.Generator) -> Curve:
@@ -36,12 +22,6 @@ def random_cubic(world: World, rng: np.random.Generator) -> Curve:
     q = rng.uniform(UNIT.lower, UNIT.upper)
     control = q + rng.choice([0.01, 0.1, 0.5]) * rng.normal(size=(1, 4, 6))
     return Curve(control, np.array([1.0]))
-
-
-def at(curve: Curve, u: Array) -> Array:
-    """Configurations (m, n) of a one-piece curve."""
-    weights = np.stack([(1 - u) ** 3, 3 * u * (1 - u) ** 2, 3 * u**2 * (1 - u), u**3], axis=1)
-    return np.asarray(weights @ curve.control[0])
 
 
 def sampled(world: World, curve: Curve, count: int) -> float:
@@ -161,33 +141,6 @@ def test_decide_is_cheaper_than_tight_and_agrees() -> None:
     assert cost[False] <= cost[True]
 
 
-def count_path(rng: np.random.Generator, start: Array, orders: tuple[int, ...]) -> CountPath:
-    segments = tuple(
-        Segment(
-            int(rng.integers(40, 400)),
-            tuple(tuple(int(v) for v in rng.integers(-4000, 4000, 6)) for _ in range(order)),
-        )
-        for order in orders
-    )
-    return CountPath(tuple(int(c) for c in UNIT.counts(start)), segments)
-
-
-def test_the_curve_is_the_executed_motion() -> None:
-    """Lines, parabolas and cubics in counts: the Bernstein form passes where the controller goes."""
-    rng = np.random.default_rng(4)
-    path = count_path(rng, np.asarray(Q_START), (1, 3, 2, 3))
-    curve = curve_of_counts(path, UNIT)
-    begins = np.concatenate([[0.0], curve.ends[:-1]])
-    for i in range(4):
-        u = np.linspace(0.0, 1.0, 21)
-        piece = Curve(curve.control[i : i + 1], np.array([1.0]))
-        times = begins[i] + u * (curve.ends[i] - begins[i])
-        # a hair inside, so that `at` takes the same segment at its ends
-        times = np.clip(times, begins[i] + 1e-9, curve.ends[i] - 1e-9)
-        assert np.abs(at(piece, u) - UNIT.positions(path.at(times))).max() < 1e-6
-    assert curve.ends[-1] == pytest.approx(path.duration_s)
-
-
 def test_a_move_of_many_segments_is_proved_whole() -> None:
     rng = np.random.default_rng(12)
     world = crowded_world(rng)
@@ -228,19 +181,3 @@ def test_a_clearance_that_is_no_number_is_refused(clearance: object) -> None:
     curve = random_cubic(world, np.random.default_rng(0))
     with pytest.raises(InputError, match=r"clearance = .*must be a finite number in m"):
         certify_curve(world, curve, clearance)
-
-
-def test_a_curve_whose_parts_do_not_fit_is_refused_by_its_shape() -> None:
-    world = crowded_world(np.random.default_rng(1))
-    good = np.zeros((2, 4, 6))
-    for control, ends in (
-        (good, np.ones(3)),
-        (good, np.ones((2, 1))),
-        (np.zeros((2, 4, 5)), np.ones(2)),
-        (np.zeros((2, 3, 6)), np.ones(2)),
-        (np.zeros((0, 4, 6)), np.ones(0)),
-        (np.zeros((4, 6)), np.ones(4)),
-    ):
-        with pytest.raises(InputError, match=r"must be \(m, 4, 6\) and \(m,\), m at least 1") as refused:
-            certify_curve(world, Curve(control, ends), 0.005)
-        assert refused.value.data["shape"] == list(control.shape)

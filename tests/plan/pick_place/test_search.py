@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import cache
 from itertools import pairwise, permutations, product
 
@@ -13,36 +12,20 @@ import pytest
 
 from arm.controller.unit import load_unit
 from arm.errors import ImpossibleError
-from arm.plan_file import Step
 from arm.robot.model import load_a465
 from arm.robot.shapes import Body, Box
 from arm.se3 import Array, apply, frozen, inverse, rot_x, rot_z, transform
-from plan.budget import Meter, SearchBudget
 from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import certify_curve
 from plan.collision.world import World
 from plan.options import PlanOptions
 from plan.pick_place.edge_checks import MARGIN
-from plan.pick_place.motions import ClearanceLost
-from plan.pick_place.planner import Planner, plan_task
+from plan.pick_place.planner import plan_task
 from plan.pick_place.search import Found, Stop, TaskSearch
-from plan.pick_place.sequencing import Progress, best_order
-from plan.pick_place.worlds import CubePlacement
+from plan.pick_place.sequencing import best_order
 from plan.scene import Scene, Station, Transfer
-from tasks.task2 import CUBE, JAW_OPENING, Q_START, TABLE, TOOL_LENGTH, WALL, Task2, task2
-
-UNIT = load_unit("crs93")
-OPTIONS = PlanOptions(look="never", certificate="decide")
-CASES = {
-    "plain": (task2(cubes=2), OPTIONS),
-    "wall": (task2([WALL], cubes=2), OPTIONS),
-    "looks": (task2(cubes=2), replace(OPTIONS, look="each")),
-}
-
-
-def search_of(case: Task2, options: PlanOptions) -> TaskSearch:
-    planner = Planner(case.scene, np.array(Q_START), UNIT, UNIT.limits(), options)
-    return planner.search(case.transfers, ())
+from plans.small_search import CASES, OPTIONS, UNIT, search_of
+from tasks.task2 import CUBE, JAW_OPENING, Q_START, TABLE, TOOL_LENGTH, Task2, task2
 
 
 @cache
@@ -258,62 +241,6 @@ def test_a_cube_in_the_way_of_a_line_goes_first() -> None:
         changed.append(free.visits[0].pick == hemmed)
         assert found.time >= free.time - 1e-9
     assert any(changed)  # for one of the two, the order is another than without the cube in the way
-
-
-def test_a_leg_that_a_cube_blocks_is_open_again_when_the_cube_is_gone() -> None:
-    search = search_of(*CASES["plain"])
-    found = search.best()
-    first, second = found.stops
-    names = [search.stages.cubes[s.visit.pick].name for s in found.stops]
-
-    def across(stop: Stop, there: frozenset[CubePlacement]) -> float:
-        visit = stop.visit
-        picks = frozenset(i for i in range(2) if CubePlacement(False, i) not in there)
-        done = Progress(picks, frozenset(s.number for s in there if s.placed))
-        time = search.costs.now().carry(visit.pick, visit.place, done)
-        return float(time[visit.pick_way, visit.place_way])
-
-    first_there, later = first.before, second.before
-    error = ImpossibleError("too near", pair=["elbow", names[1]], role="transit")
-    search.forbid(found.stops, 0, "across", error)  # while the other cube still stands where it is picked
-    assert across(first, first_there) == np.inf
-    gone = first_there - {CubePlacement(False, second.visit.pick)} | {CubePlacement(True, second.visit.place)}
-    assert across(first, gone) < 100.0
-    error = ImpossibleError("too near", pair=["elbow", names[0]], role="transit")
-    search.forbid(found.stops, 1, "across", error)  # the first cube, where it was brought
-    assert across(second, later) == np.inf
-    assert (
-        across(second, second.before - {CubePlacement(True, first.visit.place)} | {CubePlacement(False, 0)})
-        < 100.0
-    )
-    search.forbid(
-        found.stops, 1, "across", ImpossibleError("too near", pair=["elbow", "table"], role="transit")
-    )
-    assert across(second, frozenset(CubePlacement(False, i) for i in range(2))) == np.inf
-    line = ImpossibleError("too near", pair=["palm", names[0]], role="approach")
-    search.forbid(found.stops, 0, "out", line)  # its own cube is always there
-    assert search.costs._closed(CubePlacement(False, first.visit.pick), frozenset()) == [first.visit.pick_way]
-
-
-def test_as_many_ways_are_tried_as_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A place may have sixteen, and each may fail once it is timed; here all but those of the last few branches."""
-    case = task2(cubes=1)
-    planner = Planner(case.scene, np.array(Q_START), UNIT, UNIT.limits(), OPTIONS)
-    search = planner.search(case.transfers, ())
-    written, left = Planner.written, [12]
-
-    def failing(self: Planner, search: TaskSearch, found: Found) -> list[Step]:
-        if left[0]:
-            left[0] -= 1
-            raise ClearanceLost(
-                0, "across", ImpossibleError("too near", pair=["palm", "table"], role="approach")
-            )
-        return written(self, search, found)
-
-    monkeypatch.setattr(Planner, "written", failing)
-    steps, _ = planner.steps(search, Meter(SearchBudget()))
-    assert steps
-    assert left == [0]
 
 
 def test_what_joint_1_cannot_pass_is_said_and_not_searched_for() -> None:

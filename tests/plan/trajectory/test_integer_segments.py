@@ -14,12 +14,12 @@ from arm.errors import ImpossibleError, InputError
 from arm.robot.model import Robot
 from arm.se3 import rot_x, rot_z, rotation, transform
 from arms.blended_paths import time_blended
+from arms.segmented import check_chain, check_limits, time_limits
 from plan.cartesian.line import JointPath, Line, follow_line
 from plan.cartesian.reachability import reach
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 from plan.trajectory.extremes import segment_extremes
 from plan.trajectory.integer_segments import (
-    SHORTEST_MS,
     LineTolerance,
     MarksTooNear,
     _first_knots,
@@ -29,81 +29,7 @@ from plan.trajectory.integer_segments import (
     to_segments,
 )
 from plan.trajectory.joint_path import Joined, joined
-from plan.trajectory.rounding import VERTEX_S
 from plan.trajectory.timing import time_curve, time_line
-
-
-def _planned(limits: Limits) -> Limits:
-    """The default fractions of speed and acceleration."""
-    return Limits(limits.lower, limits.upper, limits.velocity * 0.9, limits.acceleration * 0.5)
-
-
-def _check_limits(path: CountPath, unit: Unit, limits: Limits) -> None:
-    worst = segment_extremes(path, unit)
-    assert (worst.velocity / limits.velocity).max() <= 1.0
-    assert (worst.acceleration / limits.acceleration).max() <= 1.0
-    one_count = 1.0 / np.abs(unit.counts_per_rad)
-    assert (worst.lower >= limits.lower - one_count).all()
-    assert (worst.upper <= limits.upper + one_count).all()
-    # independent of `extremes`: every millisecond, by differences
-    q = unit.positions(path.sample(1e-3))
-    assert (np.abs(np.diff(q, axis=0)) * 1e3 / limits.velocity).max() <= 1.0 + 1e-9
-    # the controller's vertex rule, or what rounding to counts per segment costs on both sides of a join
-    rounding = 1.5 / (SHORTEST_MS / 1e3) / np.abs(unit.counts_per_rad)
-    vertex = np.maximum(VERTEX_S * limits.acceleration, rounding)
-    change = np.abs(np.diff(q, n=2, axis=0)) * 1e3
-    assert (change <= limits.acceleration * 1e-3 + vertex).all()
-    assert (worst.jumps <= vertex).all()
-
-
-def _check_chain(path: CountPath, unit: Unit, q_first: np.ndarray, q_last: np.ndarray) -> None:
-    np.testing.assert_array_equal(path.start, unit.counts(q_first))
-    np.testing.assert_array_equal(path.end, unit.counts(q_last))
-    first, last = np.array(path.segments[0].coefficients), np.array(path.segments[-1].coefficients)
-    np.testing.assert_array_equal(first[0], 0)  # at rest, exactly
-    np.testing.assert_array_equal(last[0] + 2 * last[1] + 3 * last[2], 0)
-    assert all(s.duration_ms >= SHORTEST_MS for s in path.segments)
-    assert all(isinstance(c, int) for s in path.segments for row in s.coefficients for c in row)
-    assert all(abs(c) < 2**31 for s in path.segments for row in s.coefficients for c in row)
-
-
-@pytest.mark.parametrize("speed", [1.0, 0.5, 0.1])
-def test_random_moves_keep_every_limit(unit: Unit, speed: float) -> None:
-    limits, rng = unit.limits().scaled(speed), np.random.default_rng(1)
-    for k in range(60 if speed == 1.0 else 30 if speed == 0.5 else 8):
-        q = rng.uniform(limits.lower, limits.upper, (2, 6))
-        if k % 3 == 0:
-            q[1] = np.clip(q[0] + rng.normal(0, 0.02, 6), limits.lower, limits.upper)  # short moves too
-        trajectory = time_blended(q, _planned(limits))
-        path = to_segments(trajectory, unit, limits=limits)
-        _check_chain(path, unit, q[0], q[1])
-        _check_limits(path, unit, limits)
-        t = np.arange(0.0, path.duration_s, 0.003)
-        planned = trajectory.stretched(path.duration_s / trajectory.duration).at(t).q
-        off = np.abs(unit.positions(path.at(t)) - planned)
-        assert (
-            off <= 2.2e-4 + 2.0 / np.abs(unit.counts_per_rad)
-        ).all() or path.duration_s > 1.01 * trajectory.duration
-        assert path.duration_s < 1.05 * trajectory.duration + 0.1
-
-
-def test_bends_keep_every_limit(unit: Unit) -> None:
-    limits, rng = unit.limits(), np.random.default_rng(2)
-    for _ in range(8):
-        q = rng.uniform(limits.lower, limits.upper, (4, 6))
-        path = to_segments(time_blended(q, _planned(limits), blend=0.05), unit, limits=limits)
-        _check_chain(path, unit, q[0], q[-1])
-        _check_limits(path, unit, limits)
-
-
-def test_without_any_room_for_rounding_limits_still_hold(unit: Unit) -> None:
-    limits, rng = unit.limits().scaled(0.5), np.random.default_rng(3)
-    for _ in range(10):
-        q = rng.uniform(limits.lower, limits.upper, (3, 6))
-        trajectory = time_blended(q, limits, blend=0.05)
-        path = to_segments(trajectory, unit)
-        _check_limits(path, unit, limits)
-        assert path.duration_s < 1.12 * trajectory.duration
 
 
 @pytest.mark.parametrize("segment_ms", [100, 400])
@@ -114,7 +40,7 @@ def test_segments_are_halved_where_the_motion_asks_for_shorter_ones(unit: Unit, 
     for _ in range(6):
         trajectory = time_blended(rng.uniform(limits.lower, limits.upper, (4, 6)), planned, blend=0.2)
         path = to_segments(trajectory, unit, segment_ms, limits=limits)
-        _check_limits(path, unit, limits)
+        check_limits(path, unit, limits)
         t = np.arange(0.0, path.duration_s, 0.004)
         off = np.abs(
             unit.positions(path.at(t)) - trajectory.stretched(path.duration_s / trajectory.duration).at(t).q
@@ -154,14 +80,14 @@ def test_lines_stay_on_the_line_every_millisecond(robot: Robot, unit: Unit, spee
             T = grasps[hole.hole][0]
             line = Line(T, transform(T[:3, :3], T[:3, 3] - 0.1 * T[:3, 2]))
             followed = follow_line(robot, choice.q_hole, line.T_start, line.T_end, limits)
-            trajectory = time_line(followed, _planned(limits), tool_speed=0.1 * speed)
+            trajectory = time_line(followed, time_limits(limits), tool_speed=0.1 * speed)
             path = to_segments(trajectory, unit, limits=limits, line=LineTolerance(robot, line))
             q = unit.positions(path.sample(1e-3))
             away = line.deviation(arm.tool_poses(q))
             assert away.distance.max() <= 1e-4
             assert away.angle.max() <= np.radians(0.05)
-            _check_chain(path, unit, followed.q[0], followed.q[-1])
-            _check_limits(path, unit, limits)
+            check_chain(path, unit, followed.q[0], followed.q[-1])
+            check_limits(path, unit, limits)
             count += 1
     assert count >= 12
 
@@ -173,7 +99,7 @@ def test_long_segments_are_halved_until_the_tool_is_on_its_line(robot: Robot, un
     choice = next(c for hole in reach(robot, limits, {"0": [T]}, 0.25).holes for c in hole.feasible())
     line = Line(T, transform(T[:3, :3], T[:3, 3] - 0.25 * T[:3, 2]))
     followed = follow_line(robot, choice.q_hole, line.T_start, line.T_end, limits)
-    trajectory, found = time_line(followed, _planned(limits), tool_speed=0.1), {}
+    trajectory, found = time_line(followed, time_limits(limits), tool_speed=0.1), {}
     for tolerance in (None, LineTolerance(robot, line, 3e-5)):
         path = to_segments(trajectory, unit, 3000, limits=limits, line=tolerance, deviation=0.05)
         found[tolerance is None] = line.deviation(
@@ -218,8 +144,8 @@ def test_joined_motions_have_joins_at_their_marks(robot: Robot, unit: Unit, room
         tolerances = (LineTolerance(robot, before), LineTolerance(robot, after))
         marked = to_marked_segments(trajectory, unit, limits=limits, marks=leg.marks, lines=tolerances)
         path, (first, last) = marked.path, marked.first
-        _check_chain(path, unit, leg.path(leg.path.x[0]), leg.path(leg.path.x[-1]))
-        _check_limits(path, unit, limits)
+        check_chain(path, unit, leg.path(leg.path.x[0]), leg.path(leg.path.x[-1]))
+        check_limits(path, unit, limits)
         losses.append(path.duration_s / trajectory.duration - 1.0)
         # the joins are where the marks are, to a ms of travel and what positions may be off
         knots = unit.positions(path.knots())
@@ -251,32 +177,6 @@ def test_marks_at_the_ends_need_no_join_and_none_fits_between_two_places(crs97: 
     assert 0 < marked.first[0] < len(marked.path.segments)
     with pytest.raises(MarksTooNear, match="must be 40 ms apart"):
         to_marked_segments(trajectory, crs97, limits=limits, marks=(middle, middle + 1e-3 * (end - begin)))
-
-
-def test_extremes_are_those_of_a_dense_sample(crs97: Unit) -> None:
-    rng = np.random.default_rng(5)
-    segments = tuple(
-        Segment(
-            int(rng.integers(40, 200)),
-            tuple(tuple(int(c) for c in row) for row in rng.integers(-900, 900, (order, 6))),
-        )
-        for order in (1, 2, 3, 3, 3, 3, 3, 3)
-    )
-    path = CountPath((0,) * 6, segments)
-    worst, u = segment_extremes(path, crs97), np.linspace(0, 1, 20001)
-    for k, segment in enumerate(segments):
-        q = crs97.positions(path.knots()[k] + segment.displacement(u))
-        np.testing.assert_allclose(worst.lower[k], q.min(axis=0), atol=1e-7)
-        np.testing.assert_allclose(worst.upper[k], q.max(axis=0), atol=1e-7)
-        scale = np.abs(crs97.counts_per_rad)
-        np.testing.assert_allclose(
-            worst.velocity[k], np.abs(segment.derivative(u)).max(axis=0) / scale, rtol=1e-6
-        )
-        np.testing.assert_allclose(
-            worst.acceleration[k], np.abs(segment.derivative(u, 2)).max(axis=0) / scale, rtol=1e-6
-        )
-    join = segments[3].derivative(1.0) - segments[4].derivative(0.0)
-    np.testing.assert_allclose(worst.jumps[3], np.abs(join) / np.abs(crs97.counts_per_rad))
 
 
 def test_what_cannot_be_segmented_is_refused(crs97: Unit) -> None:

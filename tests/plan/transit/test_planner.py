@@ -9,30 +9,30 @@ import pytest
 
 from arm.controller.unit import Limits, load_unit
 from arm.errors import ImpossibleError
-from arm.robot.model import load_a465
 from arm.robot.shapes import Body, Box
 from arm.se3 import Array, transform
 from plan.budget import TransitBudget
 from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import certify_curve
 from plan.collision.world import World
-from plan.trajectory.time_estimates import path_time, path_times, straight_time
+from plan.trajectory.time_estimates import path_time, straight_time
 from plan.transit.planner import TransitPlanner, plan_transit
-from tasks.task2 import POST, Q_START, TABLE, TOOL_LENGTH
+from plans.transits import ROBOT, world_with
+from tasks.task2 import Q_START
 
 UNIT = load_unit("crs93")
+
 LIMITS = UNIT.limits().scaled(0.5)
-ROBOT = load_a465(TOOL_LENGTH, 0.06)
+
 RIGHT = np.array(Q_START)
+
 LEFT = RIGHT * np.array([-1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
+
 # across the straight way, lower than the arm can go over
 LOW_WALL = Body("wall", Box((0.3, 0.02, 0.3)), transform(t=(0.45, 0.0, 0.15)), "wall")
+
 # higher than it can go over without folding up
 PILLAR = Body("pillar", Box((0.08, 0.08, 1.2)), transform(t=(0.45, 0.0, 0.6)), "post")
-
-
-def world_with(*bodies: Body) -> World:
-    return World(ROBOT, [TABLE, POST, *bodies])
 
 
 def closest(world: World, waypoints: Array) -> float:
@@ -76,14 +76,6 @@ def test_shortening_only_improves() -> None:
     assert certify_curve(world, curve_of_waypoints(better), 0.011).proved
 
 
-def test_rrt_finds_a_way_alone() -> None:
-    world = world_with(LOW_WALL)
-    way = plan_transit(world, RIGHT, LEFT, LIMITS, 0.011, 0, TransitBudget(corner_edges=0))
-    assert np.array_equal(way[0], RIGHT)
-    assert np.array_equal(way[-1], LEFT)
-    assert certify_curve(world, curve_of_waypoints(way), 0.011).proved
-
-
 def test_the_same_seed_gives_the_same_way() -> None:
     ways = [plan_transit(world_with(LOW_WALL), RIGHT, LEFT, LIMITS, 0.011, seed) for seed in (5, 5, 6)]
     assert np.array_equal(ways[0], ways[1])
@@ -114,30 +106,6 @@ def test_no_way_says_what_is_in_it() -> None:
         plan_transit(world_with(*walls), RIGHT, LEFT, LIMITS, 0.011, 0, budget)
     assert caught.value.data["pair"][1] == "partition"
     assert caught.value.exit_code == 3
-
-
-def test_travel_times_are_those_of_the_slowest_joint() -> None:
-    """Against a trapezoid integrated joint by joint, for long and short moves."""
-    rng = np.random.default_rng(1)
-    for size in (1.0, 0.3, 0.01):
-        for _ in range(50):
-            step = rng.uniform(-size, size, 6)
-            needed = 0.0
-            for way, v, a in zip(np.abs(step), LIMITS.velocity, LIMITS.acceleration, strict=True):
-                needed = max(needed, way / v + v / a if way > v * v / a else 2 * np.sqrt(way / a))
-            # all joints in step can be no faster than the slowest alone
-            assert straight_time(step, LIMITS) >= needed - 1e-12
-    one = np.array([0.7, 0.0, 0.0, 0.0, 0.0, 0.0])
-    v, a = LIMITS.velocity[0], LIMITS.acceleration[0]
-    assert straight_time(one, LIMITS) == pytest.approx(0.7 / v + v / a)
-    assert path_time(np.stack([0.0 * one, one]), LIMITS) == pytest.approx(0.7 / v + v / a)
-    assert straight_time(0.0 * one, LIMITS) == 0.0
-
-
-def test_times_of_many_paths_are_times_of_each() -> None:
-    rng = np.random.default_rng(2)
-    paths = rng.uniform(-1.0, 1.0, (20, 4, 6))
-    assert np.allclose(path_times(paths, LIMITS), [path_time(p, LIMITS) for p in paths])
 
 
 def near_limits(rng: np.random.Generator) -> Limits:

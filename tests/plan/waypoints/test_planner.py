@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 
 import numpy as np
@@ -10,19 +9,14 @@ import pytest
 
 from arm.controller.unit import Unit
 from arm.robot.model import Robot
-from arm.robot.shapes import Body, Box, Cylinder, Sphere
-from arm.se3 import angle_between, rot_x, rot_z, transform
+from arm.robot.shapes import Body, Box
+from arm.se3 import transform
 from arms.mujoco_cell import MujocoCell
-from plan.budget import Meter, SearchBudget
 from plan.collision.certificate import certify_move
-from plan.kinematics.numeric_ik import SearchOptions
 from plan.kinematics.straight_line import Line
-from plan.trajectory.virtual_unit import virtual_unit
 from plan.waypoints.attachments import AttachmentWorlds
-from plan.waypoints.line_chains import _nearest
 from plan.waypoints.plan import Pause, PosePlan
-from plan.waypoints.planner import SearchEffort, _Problem, plan_poses
-from plan.waypoints.search import PoseSearch
+from plan.waypoints.planner import plan_poses
 from plan.waypoints.target import Target
 from tasks.pose_lists import EFFORT, FAST, TABLE, check_plan, down
 
@@ -114,47 +108,6 @@ def test_the_same_in_the_counts_of_a_unit_and_twice_the_same(robot: Robot, crs97
     assert json.dumps(plan.to_json()) == json.dumps(made().to_json())
 
 
-def test_the_sequence_is_the_best_of_all(robot: Robot, crs97: Unit) -> None:
-    """Every sequence of candidates is walked through, with the same costs."""
-    bodies = [TABLE, Body("post", Cylinder(0.03, 0.5), transform(t=(0.42, 0.02, 0.2)), "post")]
-    targets = [
-        Target("a", down(0.45, -0.2, 0.1), free="rz", approach=0.05, retract=0.05),
-        Target("b", down(0.45, 0.2, 0.12), free="rz"),
-        Target("c", down(0.3, -0.25, 0.2), free="rz", approach=0.04),
-    ]
-    effort = SearchEffort(candidates=3, detours=99, ik=SearchOptions(samples=8))
-    found: list[PoseSearch] = []
-
-    class Spy(_Problem):
-        def moved(self, search: PoseSearch, meter: Meter):  # type: ignore[no-untyped-def]
-            found.append(search)
-            return super().moved(search, meter)
-
-    q = np.radians([-35, -35, -85, 0, -60, 0])
-    problem = Spy(
-        robot, bodies, targets, crs97.limits(), virtual_unit(robot, crs97.limits()), FAST, effort, 0.0
-    )
-    meter = Meter(SearchBudget())
-    plan = problem.solved(problem.check_configuration("q_start", q), None, meter)
-    search = found[-1]
-    best = search.best(meter)
-    from plan.waypoints.search import _State
-
-    times = {}
-    for indices in itertools.product(*(range(len(layer.chains)) for layer in search.layers[1:])):
-        state: _State | None = _State(0, 0, search.worlds.start, 0.0, ())
-        for index in indices:
-            state = search._taken(state, index) if state is not None else None
-        if state is not None:
-            times[indices] = state.cost
-    assert len(times) > 8
-    assert plan.detours > 0
-    assert best.time == pytest.approx(min(times.values()), abs=1e-9)
-    assert max(times.values()) > best.time + 0.1
-    assert search.bound() <= min(times.values())
-    assert plan.lower_bound_s <= plan.duration_s < 1.5 * plan.lower_bound_s
-
-
 def test_export(row: tuple[PosePlan, list[Target]]) -> None:
     plan, _ = row
     header, *rows = plan.rows(0.02)
@@ -173,48 +126,3 @@ def test_export(row: tuple[PosePlan, list[Target]]) -> None:
         begin += step.get("dwell_s", 0.0)
     assert begin == pytest.approx(plan.duration_s)
     np.testing.assert_allclose(plan.at(t), q, atol=1e-9)
-
-
-def test_what_is_carried_stands_where_it_was_brought(robot: Robot) -> None:
-    cup = Body("cup", Sphere(0.02), transform(t=(0.4, -0.2, 0.1)), "cube")
-    pick = Target("pick", down(0.4, -0.2, 0.12), attach="cup")
-    place = Target("place", down(0.4, 0.2, 0.22), detach=True)
-    worlds = AttachmentWorlds(robot, [TABLE, cup], [pick, place], 0.0)
-    held = worlds.after(worlds.start, pick, pick.T_base_tool)
-    assert held.held == "cup"
-    np.testing.assert_allclose(held.T_tool_held[:3, 3], (0.0, 0.0, 0.02), atol=1e-12)
-    brought = worlds.after(held, place, place.T_base_tool)
-    assert brought.held is None
-    np.testing.assert_allclose(dict(brought.moved)["cup"][:3, 3], (0.4, 0.2, 0.2), atol=1e-12)
-    assert len({worlds.start.key, held.key, brought.key}) == 3
-
-
-def test_a_line_keeps_what_is_free_as_it_is() -> None:
-    T, now = down(0.4, 0.1, 0.2), down(0.5, 0.3, 0.25) @ transform(rot_x(0.3)) @ transform(rot_z(0.4))
-    shifted = _nearest(now, Target("t", T, free=("x", "y")))
-    np.testing.assert_allclose(shifted[:3, 3], (0.5, 0.3, 0.2), atol=1e-12)
-    np.testing.assert_allclose(shifted[:3, :3], T[:3, :3], atol=1e-12)
-    turned = _nearest(now, Target("t", T, free="rz"))
-    np.testing.assert_allclose(turned[:3, 2:], T[:3, 2:], atol=1e-12)
-    nearest = angle_between(turned[:3, :3], now[:3, :3])
-    for angle in (-0.01, 0.01):
-        assert angle_between(turned[:3, :3] @ rot_z(angle), now[:3, :3]) > nearest
-    np.testing.assert_allclose(
-        _nearest(now, Target("t", T, free=("rx", "ry", "rz")))[:3, :3], now[:3, :3], atol=1e-9
-    )
-
-
-def test_where_the_tool_turns_back_there_is_no_corner_to_cut(robot: Robot, crs97: Unit) -> None:
-    target = Target("a", down(0.45, -0.2, 0.1), free="rz", approach=0.03, retract=0.03, blend_radius=0.01)
-    plan = plan_poses(
-        robot,
-        [TABLE],
-        [target],
-        np.radians([-35, -35, -85, 0, -60, 0]),
-        crs97.limits(),
-        options=FAST,
-        effort=EFFORT,
-    )
-    check_plan(plan, [target], crs97.limits())
-    tips = np.stack([robot.T_base_tool(q)[:3, 3] for q in plan.sample(0.01)[1]])
-    assert np.linalg.norm(tips - target.T_base_tool[:3, 3], axis=1).min() < 2e-4

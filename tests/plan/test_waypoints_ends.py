@@ -14,20 +14,11 @@ from arm.robot.shapes import Body, Box, Sphere
 from arm.se3 import transform
 from plan.collision.world import World
 from plan.trajectory.extremes import segment_extremes
-from plan.waypoints.plan import Pause, PosePlan
+from plan.waypoints.plan import Pause
 from plan.waypoints.planner import plan_poses
 from plan.waypoints.target import Target
+from plans.waypoints import FEW, Q_START, planned
 from tasks.pose_lists import EFFORT, FAST, TABLE, down
-
-Q_START = np.radians([-35, -35, -85, 0, -60, 0])
-FEW = replace(EFFORT, candidates=4, detours=1)
-
-
-def planned(robot: Robot, unit: Unit, bodies: list[Body], *targets: Target, **more: object) -> PosePlan:
-    options, q_start = more.pop("options", FAST), more.pop("q_start", Q_START)
-    return plan_poses(
-        robot, bodies, targets, q_start, unit.limits(), unit=unit, options=options, effort=FEW, **more
-    )  # type: ignore[arg-type]
 
 
 def beside_the_hand(robot: Robot, q: np.ndarray, gap: float) -> Body:
@@ -57,17 +48,6 @@ def test_an_arm_that_keeps_the_clearance_may_leave_and_arrive(robot: Robot, crs9
     assert caught.value.data["distance_m"] == pytest.approx(FAST.clearance + room, abs=1e-6)
 
 
-def test_a_refused_way_names_the_clearance_that_was_asked_for(robot: Robot, crs97: Unit) -> None:
-    cage = [Body("wall", Box((0.9, 0.02, 1.0)), transform(t=(0.58, 0.0, 0.45)), "wall")]
-    cage.append(Body("back", Box((0.9, 0.02, 1.0)), transform(t=(-0.58, 0.0, 0.45)), "wall"))
-    cage.append(Body("lid", Box((2.0, 2.0, 0.02)), transform(t=(0.0, 0.0, 0.7)), "wall"))
-    turned = np.radians([-60, -35, -85, 0, -60, 0])
-    with pytest.raises(ImpossibleError, match=r"no way on to other side") as caught:
-        planned(robot, crs97, [TABLE, *cage], Target("other side", down(0.3, 0.35, 0.2)), q_start=turned)
-    assert caught.value.data["clearance_m"] == FAST.clearance
-    assert f"(required: {FAST.clearance * 1e3:g} mm)" in str(caught.value)
-
-
 @pytest.mark.parametrize("counts", [True, False])
 def test_the_first_pose_may_be_where_the_arm_stands(robot: Robot, crs97: Unit, counts: bool) -> None:
     q = crs97.positions(crs97.counts(Q_START)) if counts else Q_START
@@ -86,45 +66,6 @@ def test_the_first_pose_may_be_where_the_arm_stands(robot: Robot, crs97: Unit, c
     alone = plan_poses(robot, [TABLE], [first], q, crs97.limits(), unit=crs97, options=FAST, effort=FEW)
     assert not alone.moves
     assert [r.target for r in alone.reached] == ["here"]
-
-
-def test_a_body_is_taken_only_where_the_hand_is_at_it(robot: Robot, crs97: Unit) -> None:
-    box = Body("box", Box((0.03, 0.03, 0.03)), transform(t=(-0.2, 0.5, 0.015)), "cube")
-    pick = Target(
-        "pick",
-        down(0.45, 0.1, 0.1),
-        attach="box",
-        allowed_collisions={("finger_l", "box"), ("finger_r", "box")},
-    )
-    with pytest.raises(ImpossibleError) as caught:
-        planned(robot, crs97, [TABLE, box], pick)
-    gap = caught.value.data["distance_m"]
-    assert 0.6 < gap < 0.8
-    assert f"'pick': attach = 'box': is {gap * 1e3:.1f} mm from" in str(caught.value)
-    assert "at most 10 mm" in str(caught.value)
-    assert "attach_within" in str(caught.value)
-    assert caught.value.data["pair"][1] == "box"
-    # a rule of the list's own
-    taken = planned(robot, crs97, [TABLE, box], replace(pick, attach_within=0.8))
-    assert [step.attached for step in taken.steps if isinstance(step, Pause)] == ["box"]
-
-
-def test_a_body_that_was_brought_elsewhere_is_looked_for_there(robot: Robot, crs97: Unit) -> None:
-    touching = {("finger_l", "box"), ("finger_r", "box"), ("palm", "box"), ("table", "box")}
-    place = down(0.4, 0.15, 0.06)
-    box = Body("box", Box((0.03, 0.03, 0.03)), transform(t=(0.4, 0.15, 0.06)), "cube")
-    lines = {"approach": 0.05, "retract": 0.05, "allowed_collisions": touching}
-    targets = [
-        Target("pick", place, attach="box", **lines),
-        Target("put", down(0.4, -0.15, 0.06), detach=True, **lines),
-    ]
-    again = Target("pick again", place, attach="box", **lines)
-    assert planned(robot, crs97, [TABLE, box], *targets).moves
-    with pytest.raises(
-        ImpossibleError, match=r"'pick again': attach = 'box': is 2\d\d\.\d mm from"
-    ) as caught:
-        planned(robot, crs97, [TABLE, box], *targets, again)
-    assert 0.2 < caught.value.data["distance_m"] < 0.3
 
 
 def test_what_is_sent_in_whole_counts_stays_within_limits(robot: Robot, crs97: Unit) -> None:

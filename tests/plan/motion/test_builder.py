@@ -1,0 +1,58 @@
+"""Motions as they are sent: joined without a stop, at rest only where something is done."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from arm.controller.unit import load_unit
+from arm.plan_file import Plan
+from plan.verify import VERTEX_S
+from tasks.task2 import Q_START
+
+UNIT = load_unit("crs93")
+
+LIMITS = UNIT.limits()
+
+
+def test_moves_meet_to_the_count_and_at_speed(plan: Plan, direct: Plan, walled_plan: Plan) -> None:
+    """The arm is at rest where the jaws act, where it looks and at home; elsewhere it goes on, by the vertex rule."""
+    jump = VERTEX_S * LIMITS.scaled(plan.speed).acceleration
+    scale = np.abs(UNIT.counts_per_rad)
+    for made in (plan, direct, walled_plan):
+        moves = list(made.moves)
+        assert made.start == moves[-1].path.end == tuple(int(c) for c in UNIT.counts(Q_START))
+        for before, after in itertools.pairwise(moves):
+            assert before.path.end == after.path.start
+        for motion in made.motions:
+            first, last = motion.moves[0].path.segments[0], motion.moves[-1].path.segments[-1]
+            assert np.all(np.abs(first.derivative(0.0)) / scale <= jump)
+            assert np.all(np.abs(last.derivative(1.0)) / scale <= jump)
+            for before, after in itertools.pairwise(motion.moves):
+                left, entered = before.path.segments[-1], after.path.segments[0]
+                velocity = [x / scale for x in (left.derivative(1.0), entered.derivative(0.0))]
+                assert np.all(np.abs(velocity[1] - velocity[0]) <= jump)
+                # the line's end is passed at the tool's own speed, or what the way across allows
+                assert np.abs(velocity[0]).max() > 0.02, (before.name, after.name)
+
+
+def test_the_arm_rests_only_where_something_is_done(plan: Plan, direct: Plan) -> None:
+    to, across, back = ["transit", "approach"], ["retract", "transit", "approach"], ["retract", "home"]
+    on = ["retract", "transit", "approach"]
+    assert [[m.role for m in motion.moves] for motion in plan.motions] == [to, across, back] * 4
+    assert [[m.role for m in motion.moves] for motion in direct.motions] == [
+        to,
+        across,
+        *[on, across] * 3,
+        back,
+    ]
+
+
+def test_no_motion_comes_to_a_stop_on_its_way(plan: Plan, direct: Plan) -> None:
+    """Also inside moves: but for its first and last 0.2 s some joint is always moving."""
+    for motion in (*plan.motions, *direct.motions):
+        q = UNIT.positions(motion.path.sample(1e-3))
+        fastest = np.abs(np.diff(q, axis=0)).max(axis=1) / 1e-3
+        over_20_ms = np.convolve(fastest, np.full(20, 1 / 20), mode="valid")
+        assert over_20_ms[200:-200].min() > 0.01, [m.name for m in motion.moves]

@@ -1,0 +1,36 @@
+"""Sequences whose clearance is lost in whole counts are written anew."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from arm.errors import ImpossibleError
+from arm.plan_file import Step
+from plan.budget import Meter, SearchBudget
+from plan.pick_place.motions import ClearanceLost
+from plan.pick_place.planner import Planner
+from plan.pick_place.search import Found, TaskSearch
+from plans.small_search import OPTIONS, UNIT
+from tasks.task2 import Q_START, task2
+
+
+def test_as_many_ways_are_tried_as_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A place may have sixteen, and each may fail once it is timed; here all but those of the last few branches."""
+    case = task2(cubes=1)
+    planner = Planner(case.scene, np.array(Q_START), UNIT, UNIT.limits(), OPTIONS)
+    search = planner.search(case.transfers, ())
+    written, left = Planner.written, [12]
+
+    def failing(self: Planner, search: TaskSearch, found: Found) -> list[Step]:
+        if left[0]:
+            left[0] -= 1
+            raise ClearanceLost(
+                0, "across", ImpossibleError("too near", pair=["palm", "table"], role="approach")
+            )
+        return written(self, search, found)
+
+    monkeypatch.setattr(Planner, "written", failing)
+    steps, _ = planner.steps(search, Meter(SearchBudget()))
+    assert steps
+    assert left == [0]

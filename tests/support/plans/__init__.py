@@ -1,0 +1,1 @@
+"""Motions, searches and refusals of the planners in tests."""
