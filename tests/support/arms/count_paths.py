@@ -84,18 +84,20 @@ def departures(
     unit: Unit, counts: npt.ArrayLike, curve: npt.ArrayLike
 ) -> list[tuple[float, npt.NDArray[np.float64]]]:
     """Of each position how far its worst axis is from the nearest point of the curve, deg, and that point, counts."""
-    per_deg = np.abs(unit.counts_per_rad) * np.pi / 180.0
-    points, corners = np.asarray(counts) / per_deg, np.asarray(curve) / per_deg
+    per_deg = np.abs(unit.counts_per_rad)[:, None] * np.pi / 180.0
+    # axes first: sums and extremes over axes then run along the memory
+    points, corners = np.asarray(counts).T / per_deg, np.ascontiguousarray(np.asarray(curve).T / per_deg)
+    begins, ways = corners[:, :-1], np.diff(corners)
+    lengths = np.maximum(np.einsum("ij,ij->j", ways, ways), 1e-30)
     found, near = [], 0
-    for point in points:
-        low = min(max(near - 300, 0), len(corners) - 2)
-        begin = corners[low : near + 900]
-        way = np.diff(begin, axis=0)
-        length = np.maximum((way**2).sum(axis=1), 1e-30)
-        share = np.clip(((point - begin[:-1]) * way).sum(axis=1) / length, 0.0, 1.0)
-        nearest = begin[:-1] + share[:, None] * way
-        distance = np.abs(nearest - point).max(axis=1)
+    for point in points.T[:, :, None]:
+        low = min(max(near - 300, 0), ways.shape[1] - 1)
+        part = slice(low, near + 899)
+        off, way = begins[:, part] - point, ways[:, part]
+        share = np.clip(np.einsum("ij,ij->j", off, way) / -lengths[part], 0.0, 1.0)
+        off += share * way
+        distance = np.abs(off).max(axis=0)
         best = int(np.argmin(distance))
         near = low + best
-        found.append((float(distance[best]), nearest[best] * per_deg))
+        found.append((float(distance[best]), ((point + off[:, best, None]) * per_deg)[:, 0]))
     return found
