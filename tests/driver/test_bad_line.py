@@ -140,7 +140,7 @@ NUMBER = rb"(?<=COORDAP=)(\d+),(\d+)(?=,)"
         (NUMBER, lambda found: b"%s,1" % found[1]),  # is over
     ],
 )
-@pytest.mark.parametrize("nth", [1, 2, 7])
+@pytest.mark.parametrize("nth", [1, 2, pytest.param(7, marks=pytest.mark.slow)])
 def test_one_wrong_answer_is_asked_for_again(
     unit: Unit, clock: SteppedClock, answer: bytes, wrong: Any, nth: int, echo: str
 ) -> None:
@@ -162,7 +162,9 @@ def test_one_wrong_answer_is_asked_for_again(
     assert off_deg < OFF_DEG
 
 
-@pytest.mark.parametrize("latency_s", [0.0, 0.016, 0.1, 0.2])
+@pytest.mark.parametrize(
+    "latency_s", [0.0, 0.2, *(pytest.param(s, marks=pytest.mark.slow) for s in (0.016, 0.1))]
+)
 @pytest.mark.parametrize(
     ("echo", "echo_end", "echo_order"),
     [

@@ -10,7 +10,7 @@ from calib.nao.stance_pool import (
 from recorded.nao_scenes import CAMERA
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def pool():
     rng = np.random.default_rng(7)
     return [s for side in SIDES for s in find_stances(side, CAMERA, 40, rng)]

@@ -90,7 +90,7 @@ def test_everything_is_sent_before_the_arm_moves(unit: Unit, clock: SteppedClock
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("nth", [1, 39])
+@pytest.mark.parametrize("nth", [pytest.param(1, marks=pytest.mark.slow), 39])
 def test_a_damaged_motion_is_sent_again_and_ends_where_it_should(
     unit: Unit, clock: SteppedClock, kind: Any, nth: int
 ) -> None:

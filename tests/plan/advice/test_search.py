@@ -21,7 +21,7 @@ from plans.unplannable import advice_that_holds, refused, rng
 from tasks.refused import far, on_its_edge, request, slab_above
 from tasks.task2 import task2
 
-SEEDS = (0, 1)
+SEEDS = (0, pytest.param(1, marks=pytest.mark.slow))
 
 
 def least_distance(asked: Request, station: str, q: Array) -> float:

@@ -13,10 +13,19 @@ from plan.trajectory.integer_segments import (
 )
 
 
-@pytest.mark.parametrize("speed", [1.0, 0.5, 0.1])
-def test_random_moves_keep_every_limit(unit: Unit, speed: float) -> None:
-    limits, rng = unit.limits().scaled(speed), np.random.default_rng(1)
-    for k in range(60 if speed == 1.0 else 30 if speed == 0.5 else 8):
+@pytest.mark.parametrize(
+    ("speed", "seed", "moves"),
+    [
+        (1.0, 1, 24),
+        (0.5, 1, 12),
+        (0.1, 1, 8),
+        pytest.param(1.0, 2, 60, marks=pytest.mark.slow),
+        pytest.param(0.5, 2, 30, marks=pytest.mark.slow),
+    ],
+)
+def test_random_moves_keep_every_limit(unit: Unit, speed: float, seed: int, moves: int) -> None:
+    limits, rng = unit.limits().scaled(speed), np.random.default_rng(seed)
+    for k in range(moves):
         q = rng.uniform(limits.lower, limits.upper, (2, 6))
         if k % 3 == 0:
             q[1] = np.clip(q[0] + rng.normal(0, 0.02, 6), limits.lower, limits.upper)  # short moves too
