@@ -7,7 +7,10 @@ from pathlib import Path
 
 # Beside tests/<folder>/test_<module>.py, where there is one.
 _MORE: dict[str, tuple[str, ...]] = {
-    "cell/task/free_cell.py": ("cell/session/test_homed.py",),
+    "cell/task/free_cell.py": (
+        "cell/session/test_homed.py",
+        "cell/task/test_free_cell.py",
+    ),
     "driver/mars/stopping.py": (
         "driver/mars/test_stopping.py",
         "driver/mars/test_mars.py",
@@ -122,7 +125,12 @@ _MORE: dict[str, tuple[str, ...]] = {
         "driver/mars/test_startup.py",
         "driver/test_bad_line.py",
     ),
-    "cell/session/dialogue.py": ("cell/task/test_approval.py", "cell/session/test_homed.py"),
+    "cell/session/dialogue.py": (
+        "cell/task/test_approval.py",
+        "cell/session/test_overview.py",
+        "cell/session/test_homed.py",
+        "cell/task/test_free_cell.py",
+    ),
     "cell/files/board_shift.py": ("cell/task/test_plan_matches.py",),
     "plan/collision/certificate.py": (
         "plan/collision/test_certificate_attacked.py",
@@ -151,8 +159,16 @@ _MORE: dict[str, tuple[str, ...]] = {
     ),
     "plan/trajectory/integer_segments.py": ("plan/trajectory/test_jerk_limited.py",),
     "plan/transit/planner.py": ("plan/collision/test_few_parts.py",),
-    "cell/task/plan_matches.py": ("cell/task/test_refused_plans.py", "cell/config/test_cell.py"),
-    "cell/config/inputs.py": ("cell/task/test_plan_matches.py", "cell/config/test_cell.py"),
+    "cell/task/plan_matches.py": (
+        "cell/runs/test_refused_plans.py",
+        "cell/config/test_cell.py",
+        "cell/files/test_world.py",
+    ),
+    "cell/config/inputs.py": (
+        "cell/task/test_plan_matches.py",
+        "cell/config/test_cell.py",
+        "cell/files/test_world.py",
+    ),
     "cell/task/approval.py": (),
     "cell/task/resume.py": (),
     "arm/controller/unit.py": (

@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from arm.errors import InputError
 from arm.io.storage import data_file
 from arm.robot.model import load_a465
 from arm.robot.shapes import Body, Box, Capsule, Cylinder, Shape, Sphere, convex
 from arm.se3 import rotation, transform
 from arms.expected_distances import MujocoScene
 from arms.mujoco_cell import MujocoCell
-from cell.cli.main import main
 from cell.commands.check_scene import AGREES, answer_motion, answer_query, check_scene
 from cell.console import Console
 from cell.files.scene import SceneFile, read_scene_file
 from plan.collision.world import World
+from tasks.scene_files import FOLDER, changed, run
 
-FOLDER = data_file("scenes/fixtures")
 FILES = sorted(FOLDER.glob("*.toml"))
+
 TOOL_LENGTH = 0.134112
 
 
@@ -62,23 +60,6 @@ def test_mujoco_finds_what_the_file_expects(scene: SceneFile) -> None:
         distance, _ = judge.least(motion.ends, motion.allowed, samples=201)
         assert motion.expected.distance == pytest.approx(distance, abs=AGREES)
         assert motion.expected.verdict == ("clear" if distance >= motion.asked else "too close")
-
-
-def test_the_fixtures_cover_what_they_should() -> None:
-    scenes = [read_scene_file(path) for path in FILES]
-    assert len(scenes) >= 12
-    assert {type(b.shape) for s in scenes for b in s.bodies} == set(Shape.__args__)
-    verdicts = [q.expected.verdict for s in scenes for q in s.queries]
-    assert min(verdicts.count(v) for v in ("free", "collides")) >= 12
-    verdicts = [m.expected.verdict for s in scenes for m in s.motions]
-    assert min(verdicts.count(v) for v in ("clear", "too close")) >= 8
-    assert any(s.padding for s in scenes)
-    hidden = read_scene_file(FOLDER / "hidden_hit.toml")
-    sweep = hidden.motions[0]
-    free = [q.q for q in hidden.queries if q.expected.verdict == "free"]
-    for s in (0.0, 0.5, 1.0):
-        assert any(np.allclose(sweep.ends[0] + s * (sweep.ends[1] - sweep.ends[0]), q) for q in free)
-    assert sweep.expected.verdict == "too close"
 
 
 def random_bodies(rng: np.random.Generator) -> list[Body]:
@@ -143,23 +124,8 @@ def test_coal_is_mujoco_in_random_scenes_of_all_shapes() -> None:
     assert np.mean(np.array(overlaps) <= 1e-4) >= 0.98
 
 
-def _run(arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> int:
-    monkeypatch.setattr(sys, "argv", ["a465", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    return int(ended.value.code or 0)
-
-
-def _changed(tmp_path: Path, old: str, new: str, name: str = "capsule") -> Path:
-    text = (FOLDER / f"{name}.toml").read_text()
-    assert old in text
-    path = tmp_path / f"{name}.toml"
-    path.write_text(text.replace(old, new, 1))
-    return path
-
-
 def test_check_tells_a_table_and_ends_with_0(monkeypatch, capsys) -> None:
-    assert _run(["check", str(FOLDER / "capsule.toml")], monkeypatch) == 0
+    assert run(["check", str(FOLDER / "capsule.toml")], monkeypatch) == 0
     out = capsys.readouterr().out
     assert "over its middle" in out
     assert "finger_r - rail" in out
@@ -181,8 +147,8 @@ def test_check_tells_a_table_and_ends_with_0(monkeypatch, capsys) -> None:
     ],
 )
 def test_what_differs_ends_with_3(old, new, name, monkeypatch, capsys, tmp_path: Path) -> None:
-    path = _changed(tmp_path, old, new)
-    assert _run(["check", str(path), "--json"], monkeypatch) == 3
+    path = changed(tmp_path, old, new)
+    assert run(["check", str(path), "--json"], monkeypatch) == 3
     captured = capsys.readouterr()
     report = json.loads(captured.out)
     assert not report["as_expected"]
@@ -190,63 +156,9 @@ def test_what_differs_ends_with_3(old, new, name, monkeypatch, capsys, tmp_path:
     assert f"not as expected: {report['differing'][0]}" in captured.err
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ('unit = "crs93"', 'unit = "crs9"', "unit = 'crs9': must be one of crs93, crs97"),
-        (
-            "q_deg = [10, -40",
-            "q_deg = [10, -140",
-            r"queries\[0\].q_deg = .*J2 must be from -88.7 to 89.0 deg",
-        ),
-        (
-            '"rail"\nshape',
-            '"palm"\nshape',
-            r"bodies\[1\].name = 'palm': is used twice, or is a body of the arm",
-        ),
-        (
-            '["finger_r", "rail"]',
-            '["finger_r", "rial"]',
-            r"queries\[0\].pair = .*names 'rial', which is not a body",
-        ),
-        ('["finger_r", "rail"]', '["rail", "rail"]', r"queries\[0\].pair = .*must name two different bodies"),
-        (
-            'verdict = "clear"',
-            'verdict = "free"',
-            r"motions\[0\].verdict = 'free': must be one of clear, too close",
-        ),
-        (
-            "asked_mm = 5",
-            "asked_m = 5",
-            r"motions\[0\].asked_mm: is missing.*the file has motions\[0\].asked_m",
-        ),
-        ("jaw_opening_mm = 60", "jaw_opening_mm = 60\npading_mm = 1", "pading_mm = 1: is not a known key"),
-        ("asked_mm = 5", 'asked_mm = 5\nallowed = ["rail"]', r"motions\[0\].allowed = .*must name two"),
-        ("[[queries]]", "[queries", "is not valid TOML"),
-    ],
-)
-def test_mistakes_in_a_scene_are_told(old, new, message, monkeypatch, capsys, tmp_path: Path) -> None:
-    path = _changed(tmp_path, old, new)
-    with pytest.raises(InputError, match=message):
-        read_scene_file(path)
-    assert _run(["check", str(path)], monkeypatch) == 2
-    assert str(path) in capsys.readouterr().err
-
-
-def test_a_scene_may_expect_nothing_or_only_a_verdict(tmp_path: Path) -> None:
-    path = _changed(tmp_path, "distance_mm = 18.4368\n", "")
-    report = check_scene(read_scene_file(path), Console())
-    assert report["as_expected"]
-    assert report["queries"][0]["expected"]["distance_mm"] is None
-    assert report["queries"][0]["distance_mm"] == pytest.approx(18.4368, abs=0.01)
-    path.write_text(path.read_text().split("[[queries]]")[0])
-    with pytest.raises(InputError, match=r"nothing to check; add \[\[queries\]\]"):
-        check_scene(read_scene_file(path), Console())
-
-
 def test_any_configuration_of_a_scene(monkeypatch, capsys) -> None:
     path = str(FOLDER / "capsule.toml")
-    assert _run(["check", path, "--q", "10,-40,-80,0,-60,0", "--json"], monkeypatch) == 0
+    assert run(["check", path, "--q", "10,-40,-80,0,-60,0", "--json"], monkeypatch) == 0
     report = json.loads(capsys.readouterr().out)
     assert len(report["closest"]) == 5
     assert set(report["closest"][0]["pair"]) == {"finger_r", "rail"}
@@ -254,13 +166,13 @@ def test_any_configuration_of_a_scene(monkeypatch, capsys) -> None:
     distances = [c["distance_mm"] for c in report["closest"]]
     assert distances == sorted(distances)
     for wrong in ("10,20", "a,b,c,d,e,f", "1,2,3,4,5,nan"):
-        assert _run(["check", path, f"--q={wrong}"], monkeypatch) == 2
+        assert run(["check", path, f"--q={wrong}"], monkeypatch) == 2
         assert "must be six angles in deg" in capsys.readouterr().err
 
 
 def test_a_configuration_beyond_the_limits_is_refused_as_in_the_file(monkeypatch, capsys) -> None:
     for file in (FOLDER / "capsule.toml", data_file("scenes/cell.toml"), data_file("scenes/task2.toml")):
-        assert _run(["check", str(file), "--q", "0,-140,-80,0,-60,0"], monkeypatch) == 2
+        assert run(["check", str(file), "--q", "0,-140,-80,0,-60,0"], monkeypatch) == 2
         assert "J2 must be from -88.7 to 89.0 deg on crs93" in capsys.readouterr().err
 
 
@@ -269,9 +181,9 @@ def test_any_configuration_of_a_cell(monkeypatch, capsys) -> None:
     reports = []
     for name in ("cell", "task2"):
         path = str(data_file(f"scenes/{name}.toml"))
-        assert _run(["check", path, "--q", "0,-85,-80,0,-60,0", "--json"], monkeypatch) == 0
+        assert run(["check", path, "--q", "0,-85,-80,0,-60,0", "--json"], monkeypatch) == 0
         reports.append(json.loads(capsys.readouterr().out))
-        assert _run(["check", path], monkeypatch) == 2
+        assert run(["check", path], monkeypatch) == 2
         assert (
             "file; check needs a plan and its task (a465 check PLAN.json TASK.toml)"
             in capsys.readouterr().err
@@ -311,21 +223,21 @@ def test_what_collides_and_is_expected_nowhere_is_not_as_expected(
         "motions": f'[[motions]]\nname = "bare"\nfrom_deg = {high}\nto_deg = {low}\nasked_mm = 0\n',
     }[kind]
     path.write_text(head + question)
-    assert _run(["check", str(path)], monkeypatch) == 3
+    assert run(["check", str(path)], monkeypatch) == 3
     assert "not as expected: bare" in capsys.readouterr().err
     path.write_text((head + question).replace(low, high))
-    assert _run(["check", str(path)], monkeypatch) == 0
+    assert run(["check", str(path)], monkeypatch) == 0
 
 
 def test_plans_and_scenes_are_told_apart(monkeypatch, capsys, tmp_path: Path) -> None:
     plan = tmp_path / "plan.json"
     plan.write_text('{"kind": "plan"}')
-    assert _run(["check", str(plan)], monkeypatch) == 2
+    assert run(["check", str(plan)], monkeypatch) == 2
     assert "give its task file too: a465 check" in capsys.readouterr().err
-    assert _run(["check", str(plan), "--q", "0,0,0,0,0,0"], monkeypatch) == 2
+    assert run(["check", str(plan), "--q", "0,0,0,0,0,0"], monkeypatch) == 2
     assert "--q needs a scene, cell or task file" in capsys.readouterr().err
     scene, task = str(FOLDER / "capsule.toml"), str(data_file("scenes/task2.toml"))
-    assert _run(["check", scene, task], monkeypatch) == 2
+    assert run(["check", scene, task], monkeypatch) == 2
     assert "is not a plan and needs no task" in capsys.readouterr().err
-    assert _run(["check", str(tmp_path / "none.toml")], monkeypatch) == 2
+    assert run(["check", str(tmp_path / "none.toml")], monkeypatch) == 2
     assert "cannot be read" in capsys.readouterr().err

@@ -9,7 +9,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from arm.errors import FileInputError, InputError
-from arm.io.storage import data_file
 from arm.io.toml_reader import TomlTable
 from arm.robot.shapes import Capsule, Convex, Cylinder, Sphere, convex, shape_from_json, shape_to_json
 from cell.config.bodies import read_pose
@@ -17,7 +16,6 @@ from cell.config.cell_file import read_cell
 from cell.config.inputs import changes
 from cell.config.key_notes import CELL, known_keys
 from cell.files.task import read_task
-from cell.files.world import board_placement, read_world
 from cell.task.plan_matches import _same_shape as same_shape
 from cell.task.planning import options_of
 from typed.command_line import replace_in
@@ -93,24 +91,6 @@ def test_only_what_is_meant_counts(scenes: Path) -> None:
         (scenes / file).write_text(before)
     replace_in(scenes / "task2.toml", 'look_after = "each"', "look_after = 2")
     assert changes(task.inputs, read_task(scenes / "task2.toml").inputs) == ["look_after each, now 2"]
-
-
-def test_the_shipped_world_stands_where_the_fact_sheet_says() -> None:
-    world = read_world(data_file("scenes/task2.world.toml"), 0.036)
-    origins = [b.T_base_board[:3, 3] for b in world.boards]
-    assert origins[0] == pytest.approx([0.5557, 0.1714, 0.0485], abs=5e-5)
-    assert origins[1] == pytest.approx([0.5300, -0.2169, 0.0667], abs=5e-5)
-    assert [np.degrees(np.arccos(b.T_base_board[2, 2])) for b in world.boards] == pytest.approx([7, 15])
-
-
-def test_placement_puts_the_plates_centre_and_leans_where_it_is_told() -> None:
-    rng = np.random.default_rng(4)
-    for _ in range(50):
-        centre, azimuth = rng.uniform(-1, 1, 3), rng.uniform(-np.pi, np.pi)
-        T = board_placement(centre, rng.uniform(-np.pi, np.pi), 0.2, azimuth)
-        assert T @ np.array([0.09, 0.07, 0, 1]) == pytest.approx([*centre, 1], abs=1e-12)
-        assert np.arctan2(T[1, 2], T[0, 2]) == pytest.approx(azimuth, abs=1e-9)
-        assert T[2, 2] == pytest.approx(np.cos(0.2))
 
 
 @pytest.mark.parametrize(
@@ -215,20 +195,6 @@ def test_mistakes_are_told(scenes: Path, file: str, old: str, new: str, message:
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("cubes = [1, 2, 3, 4]", "cubes = [0, 1]", r"boards\[0\].cubes"),
-        ("tilt_deg = 7", "tilt_deg = -7", r"boards\[0\].tilt_deg = -7"),
-        ("noise_grey = 2.0", 'noise_grey = "low"', "noise_grey = 'low'"),
-    ],
-)
-def test_mistakes_in_a_world_are_told(scenes: Path, old: str, new: str, message: str) -> None:
-    replace_in(scenes / "task2.world.toml", old, new)
-    with pytest.raises(InputError, match=message):
-        read_world(scenes / "task2.world.toml", 0.036)
-
-
 def test_a_cell_file_alone_is_enough_for_its_cell(scenes: Path) -> None:
     cell = read_cell(scenes / "cell.toml")
     assert cell.board((2, 1)).name == "01-02"
@@ -239,6 +205,7 @@ def test_a_cell_file_alone_is_enough_for_its_cell(scenes: Path) -> None:
 WEDGE = "".join(
     f"v {x} {y} {z}\n" for x, y, z in [(0, 0, 0), (80, 0, 0), (0, 60, 0), (0, 0, 90), (10, 10, 10)]
 )
+
 WALLS = """
 [[walls]]
 name = "column"

@@ -3,92 +3,38 @@
 from __future__ import annotations
 
 import shutil
-import stat
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
-import coal
 import numpy as np
-import pinocchio as pin
 import pytest
 
-import cell.export.folder
 from arm.calibration_file import ArmCalibration, write_arm_calibration
 from arm.controller.unit import load_unit
 from arm.errors import InputError
 from arm.io.storage import data_file
 from arm.robot.dh import A465
 from arm.robot.link_errors import LinkErrors
-from arm.robot.mesh import read_mesh_points
 from arm.robot.model import load_a465
 from arm.robot.shapes import Body, Box, Capsule, Sphere, convex
-from arm.se3 import frozen, rot_x, rot_y, rot_z, rotation, transform
+from arm.se3 import frozen, rot_x, rot_y, rotation, transform
 from cell.config.cell_file import read_cell
 from cell.console import Console
 from cell.export.export import ExportOptions, export_file
-from cell.export.folder import write_folder
 from cell.export.scene import surroundings_of_file
-from cell.export.urdf import Surroundings, describe, link_names, rpy_of, stl_of
+from cell.export.urdf import Surroundings, describe
 from cell.files.apply_calibration import apply_calibration
 from cell.files.task import read_task
 from cell.task.planning import scene_of
-from plan.collision.world import GJK_TOLERANCE, World
+from plan.collision.world import World
+from tasks.described import Exported, written
 from tasks.true_look import true_look
 from typed.command_line import a465, replace_in
 
 FIXTURES = sorted(data_file("scenes/fixtures").glob("*.toml"))
+
 COUNT = 50  # configurations of each scene
-
-
-class Exported:
-    """A folder as Pinocchio reads it; the arm's joints first among its six and two."""
-
-    def __init__(self, folder: Path) -> None:
-        urdf, srdf = str(folder / "cell.urdf"), str(folder / "cell.srdf")
-        self.model = pin.buildModelFromUrdf(urdf)
-        self.geometry = pin.buildGeomFromUrdf(
-            self.model, urdf, pin.GeometryType.COLLISION, package_dirs=[str(folder)]
-        )
-        for thing in self.geometry.geometryObjects:
-            if type(thing.geometry).__name__.startswith("BVHModel"):
-                thing.geometry.buildConvexHull(True, "Qt")
-                thing.geometry = thing.geometry.convex
-        self.geometry.addAllCollisionPairs()
-        pin.removeCollisionPairs(self.model, self.geometry, srdf)
-        pin.loadReferenceConfigurations(self.model, srdf)
-        self.states = {s.attrib["name"]: s for s in ElementTree.parse(srdf).iter("group_state")}
-        self.data, self.distances = self.model.createData(), pin.GeometryData(self.geometry)
-        request = coal.DistanceRequest()
-        request.gjk_tolerance = request.epa_tolerance = GJK_TOLERANCE
-        for i in range(len(self.geometry.collisionPairs)):
-            self.distances.distanceRequests[i] = request
-
-    def q(self, q: np.ndarray, jaw_opening: float) -> np.ndarray:
-        assert list(self.model.names)[1:] == [*(f"J{n}" for n in range(1, 7)), "jaw_l", "jaw_r"]
-        return np.array([*q, jaw_opening / 2.0, jaw_opening / 2.0])
-
-    def link(self, index: int) -> str:
-        return str(self.model.frames[self.geometry.geometryObjects[index].parentFrame].name)
-
-    def pair_distances(self, q: np.ndarray) -> dict[frozenset[str], float]:
-        """Of pairs of links that are still checked: the least over their parts."""
-        pin.updateGeometryPlacements(self.model, self.data, self.geometry, self.distances, q)
-        found: dict[frozenset[str], float] = {}
-        for i, pair in enumerate(self.geometry.collisionPairs):
-            names = frozenset((self.link(pair.first), self.link(pair.second)))
-            value = pin.computeDistance(self.geometry, self.distances, i).min_distance
-            found[names] = min(value, found.get(names, np.inf))
-        return found
-
-    def T_base(self, frame: str, q: np.ndarray) -> np.ndarray:
-        pin.framesForwardKinematics(self.model, self.data, q)
-        return np.array(self.data.oMf[self.model.getFrameId(frame)].homogeneous)
-
-
-def written(there: Surroundings, folder: Path) -> Exported:
-    write_folder(folder, describe(there).files)
-    return Exported(folder)
 
 
 def require_same(there: Surroundings, folder: Path, seed: int) -> None:
@@ -228,62 +174,6 @@ def test_the_srdf_has_groups_states_and_a_reason_for_every_pair(tmp_path: Path) 
     assert ("forearm", "elbow", "adjacent") in off
     colliding = [e for e in urdf.iter("link") if e.find("collision") is not None]
     assert all(len(e.findall("visual")) == len(e.findall("collision")) for e in colliding)
-
-
-def test_roll_pitch_yaw_also_where_the_pitch_is_a_right_angle() -> None:
-    rng = np.random.default_rng(7)
-    turns = [rotation(v) for v in rng.normal(size=(200, 3)) * 2.0]
-    for a, b in rng.normal(size=(50, 2)):
-        for off in (0.0, 1e-12, 1e-9, 1e-6):
-            turns += [rot_z(a) @ rot_y(sign * (np.pi / 2 - off)) @ rot_x(b) for sign in (-1.0, 1.0)]
-    for R in turns:
-        roll, pitch, yaw = rpy_of(R)
-        assert np.abs(np.array(pin.rpy.rpyToMatrix(roll, pitch, yaw)) - R).max() < 1e-14
-
-
-def test_hulls_as_stl_have_their_corners_and_face_outwards(tmp_path: Path) -> None:
-    shape = convex(np.random.default_rng(8).normal(size=(30, 3)) + (1.0, 2.0, 3.0))
-    (tmp_path / "hull.stl").write_bytes(stl_of(shape))
-    read = read_mesh_points(tmp_path / "hull.stl")
-    wanted = np.unique(np.array(shape.points, dtype=np.float32).astype(float), axis=0)
-    assert np.array_equal(read, wanted)
-    layout = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-    triangles = np.frombuffer((tmp_path / "hull.stl").read_bytes(), dtype=layout, offset=84)
-    a, b, c = np.moveaxis(triangles["corners"].astype(float), 1, 0)
-    turned = np.cross(b - a, c - a)
-    assert np.all((turned * triangles["normal"]).sum(axis=1) > 0.0)
-    assert np.all(((a - wanted.mean(axis=0)) * triangles["normal"]).sum(axis=1) > 0.0)
-
-
-def test_link_names_are_plain_and_differ() -> None:
-    found = link_names(["a b", "a.b", "a_b", "", "č", "base"], {"base", "a_b_2"})
-    assert len(set(found.values()) | {"base", "a_b_2"}) == 8
-    assert all(name.isascii() and name.replace("_", "a").isalnum() for name in found.values() if name)
-
-
-def test_a_folder_is_there_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = tmp_path / "out"
-    folder.mkdir()
-    write_folder(folder, {"a": "1", "b/c": b"2"})  # an empty one may be there
-    assert (folder / "b/c").read_bytes() == b"2"
-    assert stat.S_IMODE(folder.stat().st_mode) & 0o700 == 0o700
-    assert stat.S_IMODE(folder.stat().st_mode) == stat.S_IMODE((folder / "b").stat().st_mode)
-    for taken in (folder, folder / "a"):
-        with pytest.raises(InputError, match="must be a new or an empty folder"):
-            write_folder(taken, {"a": "3"})
-    assert (folder / "a").read_text() == "1"
-    with pytest.raises(InputError, match="cannot be written"):
-        write_folder(folder / "a" / "deeper", {"a": "3"})
-
-    def full(path: Path, data: bytes | str) -> None:
-        if path.name == "second":
-            raise InputError("no space")
-        path.write_text("half")
-
-    monkeypatch.setattr(cell.export.folder, "write_atomic", full)
-    with pytest.raises(InputError, match="no space"):
-        write_folder(tmp_path / "new", {"first": "1", "second": "2"})
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["out"]
 
 
 def test_padding_is_told_because_urdf_has_none(tmp_path: Path) -> None:

@@ -10,11 +10,7 @@ import pytest
 
 from arm.errors import ImpossibleError
 from arm.io.storage import data_file
-from arm.plan_file import Plan
-from cell.files.observation import Seen
 from cell.files.task import TablePlaces, Task, read_task
-from cell.scene.build import T_base_cube_on_table
-from cell.task.cube_cycles import cube_cycles
 from cell.task.plan_matches import check_plan
 from cell.task.planning import (
     options_of,
@@ -26,19 +22,9 @@ from cell.task.planning import (
     work_left,
 )
 from plan.advice.changes import Request
+from tasks.seen_cells import planned
 from tasks.true_look import true_look
 from vision.occupancy.classify import FAINT, OTHER
-
-
-def _planned(
-    task: Task, seen: Seen | None = None, done: dict[str, str] | None = None
-) -> tuple[Plan, dict[str, str]]:
-    """The plan of what is left from q_start, and where each cube goes in it."""
-    done = done or {}
-    on_table = {f"cube {place}": T_base_cube_on_table(task, place) for place in done.values()}
-    plan = plan_rest(task, seen or true_look(task), task.cell.q_start, 0.5, done, on_table)
-    assert plan is not None
-    return plan, {c["cube"]: c["to"] for c in plan.task["cubes"]}
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +39,7 @@ def task2() -> Task:
 
 def test_places_on_the_table_are_chosen_for_time_unless_they_are_given(task1: Task) -> None:
     given = replace(task1, order="given", assignment="given")
-    (free_plan, free), (given_plan, first) = _planned(task1), _planned(given)
+    (free_plan, free), (given_plan, first) = planned(task1), planned(given)
     in_reach = reachable_places(task1, true_look(task1))
     assert list(first.items()) == [(f"cube 01-02/{i + 1}", in_reach[i]) for i in range(4)]
     assert set(free) == set(first)
@@ -99,10 +85,10 @@ def test_holes_below_the_table_are_told(task2: Task) -> None:
 
 
 def test_what_was_moved_stays_where_it_is(task1: Task) -> None:
-    whole, goes = _planned(task1)
+    whole, goes = planned(task1)
     cube = whole.task["cubes"][0]["cube"]
     seen = true_look(task1).with_moves({cube: goes[cube]})
-    rest, left = _planned(task1, seen, {cube: goes[cube]})
+    rest, left = planned(task1, seen, {cube: goes[cube]})
     assert set(left) == set(goes) - {cube}
     assert goes[cube] not in left.values()
     assert rest.duration_s < whole.duration_s
@@ -122,7 +108,7 @@ def test_only_free_holes_are_filled(task2: Task) -> None:
     work = work_left(task2, seen, {})
     assert [t.cube for t in work.transfers] == ["cube 01-02/2", "cube 01-02/4"]
     assert not work.spare
-    _, goes = _planned(task2, seen)
+    _, goes = planned(task2, seen)
     assert set(goes) == {"cube 01-02/2", "cube 01-02/4"}
     assert set(goes.values()) == {"03-04/1", "03-04/4"}
     one = replace(seen, boards=(replace(source, occupancy=("cube", *["empty"] * 3)), seen.boards[1]))
@@ -142,23 +128,12 @@ def test_a_hole_that_is_unsure_is_no_place_and_says_why(task2: Task) -> None:
         work_left(task2, replace(seen, boards=(source, doubtful)), {})
 
 
-@pytest.mark.parametrize(
-    ("look_after", "looks"),
-    [("each", [True] * 4), ("never", [False] * 4), (2, [False, True] * 2), (3, [False, False, True, True])],
-)
-def test_the_arm_looks_as_often_as_the_task_says(
-    task2: Task, look_after: str | int, looks: list[bool]
-) -> None:
-    plan, _ = _planned(replace(task2, look_after=look_after))
-    assert [v.looks for v in cube_cycles(plan)] == looks
-
-
 def test_a_table_full_of_places_is_planned_in_reasonable_time(task1: Task) -> None:
     x, y = np.meshgrid(0.2 + 0.062 * np.arange(10), -0.6 + 0.062 * np.arange(20))
     many = TablePlaces(tuple(zip(x.ravel().tolist(), y.ravel().tolist(), strict=True)), 0.0)
-    few, _ = _planned(task1)
+    few, _ = planned(task1)
     begin = time.process_time()
-    plan, goes = _planned(replace(task1, places=many))
+    plan, goes = planned(replace(task1, places=many))
     assert time.process_time() - begin <= 30.0
     assert len(set(goes.values())) == 4
     assert plan.duration_s < few.duration_s

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from arm.se3 import Array
+from cell.collect.record import HandRecord
 from cell.console import Console
 from cell.session.connection import WhichCell
 
@@ -18,3 +22,8 @@ class Heard(Console):
 
 
 FAST = WhichCell(speed=1.0, time_scale=100.0)
+
+
+def taken(record: HandRecord, number: int) -> tuple[tuple[int, ...], Array]:
+    corners = len(record.hand.target.points())
+    return (100 * number,) * 6, np.random.default_rng(number).uniform(10.0, 900.0, (corners, 2))

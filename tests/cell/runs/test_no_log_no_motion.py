@@ -1,16 +1,13 @@
 """Where the log of a run cannot be written nothing is sent; where it can no longer be written the arm is stopped."""
 
 from __future__ import annotations
-
 import errno
 import json
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
-
 import pytest
-
 import cell.commands.run
 from arm.controller.segments import CountPath
 from arm.controller.unit import Unit, load_unit
@@ -29,31 +26,21 @@ from driver.line.stepped_clock import SteppedClock
 from driver.line.wire_log import WireLog
 from driver.log.read import read_log
 from driver.mars.mars import Mars
+from tasks.full_disks import TASK, execute
 
 pytestmark = pytest.mark.xdist_group("logs")
-TASK = data_file("scenes/task2.toml")
-
 
 @pytest.fixture
 def unit() -> Unit:
     return load_unit("crs93")
-
 
 @pytest.fixture
 def emulator(unit: Unit) -> Iterator[Emulator]:
     with Emulator(unit, Clock(20.0)) as emulator:
         yield emulator
 
-
 def _run(port: str, images: Path) -> None:
     cell.commands.run.run_task(TASK, Console(), WhichCell(port, images=images))
-
-
-def _execute(port: str, images: Path) -> None:
-    cell.commands.run.execute_plan(
-        images.parent / "plan.json", TASK, Console(), WhichCell(port, images=images)
-    )
-
 
 @pytest.fixture
 def place(tmp_path: Path, unit: Unit, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -74,11 +61,9 @@ def place(tmp_path: Path, unit: Unit, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(cell.commands.run, "require_start_at", lambda *_: None)
     return tmp_path
 
-
 def _a_file_in_the_way(place: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     (place / "runs").write_text("")
     return "Not a directory|File exists"
-
 
 def _read_only(place: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     """As a file system that is mounted read-only answers; rights alone do not hold back a superuser."""
@@ -92,11 +77,9 @@ def _read_only(place: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     monkeypatch.setattr(Path, "mkdir", mkdir)
     return "Read-only file system"
 
-
 def _full(place: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     _fill_disk(monkeypatch, lambda: True)
     return "No space left on device"
-
 
 def _fill_disk(monkeypatch: pytest.MonkeyPatch, full: Callable[[], bool]) -> None:
     """Writing to the log, and to nothing else, fails while `full` says so."""
@@ -109,9 +92,8 @@ def _fill_disk(monkeypatch: pytest.MonkeyPatch, full: Callable[[], bool]) -> Non
 
     monkeypatch.setattr(os, "write", write)
 
-
 @pytest.mark.parametrize("spoil", [_a_file_in_the_way, _read_only, _full], ids=lambda f: f.__name__)
-@pytest.mark.parametrize("verb", [_run, _execute], ids=lambda f: f.__name__)
+@pytest.mark.parametrize("verb", [_run, execute], ids=lambda f: f.__name__)
 def test_without_a_log_not_one_byte_is_sent(
     verb: Callable[[str, Path], None],
     spoil: Callable[[Path, pytest.MonkeyPatch], str],
@@ -130,18 +112,15 @@ def test_without_a_log_not_one_byte_is_sent(
     assert emulator.lines == ()
     assert emulator.counts() == stood
 
-
 @pytest.fixture
 def stepped(unit: Unit) -> Iterator[Emulator]:
     with Emulator(unit, SteppedClock()) as emulator:
         yield emulator
 
-
 def _used(use: Callable[[Mars], None], place: Path, unit: Unit, emulator: Emulator) -> None:
     clock = emulator.clock
     with WireLog(place / "wire.jsonl", clock) as log, Mars(emulator.open_line(), unit, clock, log) as mars:
         use(mars)
-
 
 def test_a_disk_that_fills_before_homing_moves_nothing(
     place: Path, unit: Unit, stepped: Emulator, monkeypatch: pytest.MonkeyPatch
@@ -159,7 +138,6 @@ def test_a_disk_that_fills_before_homing_moves_nothing(
         _used(use, place, unit, stepped)
     assert stepped.counts() == stood
     assert not [line for _, line in stepped.lines if line.startswith(("HH", "COORD", "SPDT", "G"))]
-
 
 @pytest.mark.slow
 def test_a_disk_that_fills_while_the_arm_moves_stops_it_and_leaves_a_log_that_reads(
@@ -189,33 +167,3 @@ def test_a_disk_that_fills_while_the_arm_moves_stops_it_and_leaves_a_log_that_re
     session = read_log(place / "wire.jsonl")
     assert session.damaged == 0
     assert session.motions[-1].start == path.start
-
-
-def test_a_report_that_cannot_be_written_does_not_hide_how_the_run_ended(
-    place: Path, emulator: Emulator, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def full(file: Path, _: bytes | str) -> None:
-        raise InputError(f"{file}: cannot be written: No space left on device")
-
-    monkeypatch.setattr("cell.report.run_report.write_atomic", full)
-    with pytest.raises(A465Error, match="photograph"):
-        _execute(emulator.open_pty(), place / "images")
-    told = capsys.readouterr()
-    assert "no report: runs/task2-1/report.json: cannot be written: No space left" in told.err + told.out
-
-
-def test_an_output_that_is_lost_while_the_end_is_told_does_not_hide_how_the_run_ended(
-    place: Path, emulator: Emulator, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def lost(run: TaskRun) -> None:
-        raise OutputLost(BrokenPipeError(errno.EPIPE, "Broken pipe"))
-
-    def stopped(run: TaskRun, why: str) -> None:
-        raise ExecutionStopped("an axis stands still")
-
-    monkeypatch.setattr(TaskRun, "tell_rows", lost)
-    monkeypatch.setattr(TaskRun, "try_look", stopped)
-    with pytest.raises(ExecutionStopped, match="an axis stands still; the arm has stopped") as ended:
-        _execute(emulator.open_pty(), place / "images")
-    assert not isinstance(ended.value, OutputLost)
-    assert json.loads((place / "runs/task2-1/report.json").read_text())["error"]["exit_code"] == 4

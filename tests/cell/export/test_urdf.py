@@ -1,0 +1,44 @@
+"""URDF of a scene: angles, meshes and names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from arm.robot.mesh import read_mesh_points
+from arm.robot.shapes import convex
+from arm.se3 import rot_x, rot_y, rot_z, rotation
+from cell.export.urdf import link_names, rpy_of, stl_of
+
+
+def test_roll_pitch_yaw_also_where_the_pitch_is_a_right_angle() -> None:
+    rng = np.random.default_rng(7)
+    turns = [rotation(v) for v in rng.normal(size=(200, 3)) * 2.0]
+    for a, b in rng.normal(size=(50, 2)):
+        for off in (0.0, 1e-12, 1e-9, 1e-6):
+            turns += [rot_z(a) @ rot_y(sign * (np.pi / 2 - off)) @ rot_x(b) for sign in (-1.0, 1.0)]
+    for R in turns:
+        roll, pitch, yaw = rpy_of(R)
+        assert np.abs(np.array(pin.rpy.rpyToMatrix(roll, pitch, yaw)) - R).max() < 1e-14
+
+
+def test_hulls_as_stl_have_their_corners_and_face_outwards(tmp_path: Path) -> None:
+    shape = convex(np.random.default_rng(8).normal(size=(30, 3)) + (1.0, 2.0, 3.0))
+    (tmp_path / "hull.stl").write_bytes(stl_of(shape))
+    read = read_mesh_points(tmp_path / "hull.stl")
+    wanted = np.unique(np.array(shape.points, dtype=np.float32).astype(float), axis=0)
+    assert np.array_equal(read, wanted)
+    layout = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    triangles = np.frombuffer((tmp_path / "hull.stl").read_bytes(), dtype=layout, offset=84)
+    a, b, c = np.moveaxis(triangles["corners"].astype(float), 1, 0)
+    turned = np.cross(b - a, c - a)
+    assert np.all((turned * triangles["normal"]).sum(axis=1) > 0.0)
+    assert np.all(((a - wanted.mean(axis=0)) * triangles["normal"]).sum(axis=1) > 0.0)
+
+
+def test_link_names_are_plain_and_differ() -> None:
+    found = link_names(["a b", "a.b", "a_b", "", "č", "base"], {"base", "a_b_2"})
+    assert len(set(found.values()) | {"base", "a_b_2"}) == 8
+    assert all(name.isascii() and name.replace("_", "a").isalnum() for name in found.values() if name)

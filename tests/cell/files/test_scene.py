@@ -1,0 +1,88 @@
+"""Scene files: mistakes are named, and what they may leave out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm.errors import InputError
+from arm.robot.shapes import Shape
+from cell.commands.check_scene import check_scene
+from cell.console import Console
+from cell.files.scene import read_scene_file
+from tasks.scene_files import FOLDER, changed, run
+
+FILES = sorted(FOLDER.glob("*.toml"))
+
+
+def test_the_fixtures_cover_what_they_should() -> None:
+    scenes = [read_scene_file(path) for path in FILES]
+    assert len(scenes) >= 12
+    assert {type(b.shape) for s in scenes for b in s.bodies} == set(Shape.__args__)
+    verdicts = [q.expected.verdict for s in scenes for q in s.queries]
+    assert min(verdicts.count(v) for v in ("free", "collides")) >= 12
+    verdicts = [m.expected.verdict for s in scenes for m in s.motions]
+    assert min(verdicts.count(v) for v in ("clear", "too close")) >= 8
+    assert any(s.padding for s in scenes)
+    hidden = read_scene_file(FOLDER / "hidden_hit.toml")
+    sweep = hidden.motions[0]
+    free = [q.q for q in hidden.queries if q.expected.verdict == "free"]
+    for s in (0.0, 0.5, 1.0):
+        assert any(np.allclose(sweep.ends[0] + s * (sweep.ends[1] - sweep.ends[0]), q) for q in free)
+    assert sweep.expected.verdict == "too close"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('unit = "crs93"', 'unit = "crs9"', "unit = 'crs9': must be one of crs93, crs97"),
+        (
+            "q_deg = [10, -40",
+            "q_deg = [10, -140",
+            r"queries\[0\].q_deg = .*J2 must be from -88.7 to 89.0 deg",
+        ),
+        (
+            '"rail"\nshape',
+            '"palm"\nshape',
+            r"bodies\[1\].name = 'palm': is used twice, or is a body of the arm",
+        ),
+        (
+            '["finger_r", "rail"]',
+            '["finger_r", "rial"]',
+            r"queries\[0\].pair = .*names 'rial', which is not a body",
+        ),
+        ('["finger_r", "rail"]', '["rail", "rail"]', r"queries\[0\].pair = .*must name two different bodies"),
+        (
+            'verdict = "clear"',
+            'verdict = "free"',
+            r"motions\[0\].verdict = 'free': must be one of clear, too close",
+        ),
+        (
+            "asked_mm = 5",
+            "asked_m = 5",
+            r"motions\[0\].asked_mm: is missing.*the file has motions\[0\].asked_m",
+        ),
+        ("jaw_opening_mm = 60", "jaw_opening_mm = 60\npading_mm = 1", "pading_mm = 1: is not a known key"),
+        ("asked_mm = 5", 'asked_mm = 5\nallowed = ["rail"]', r"motions\[0\].allowed = .*must name two"),
+        ("[[queries]]", "[queries", "is not valid TOML"),
+    ],
+)
+def test_mistakes_in_a_scene_are_told(old, new, message, monkeypatch, capsys, tmp_path: Path) -> None:
+    path = changed(tmp_path, old, new)
+    with pytest.raises(InputError, match=message):
+        read_scene_file(path)
+    assert run(["check", str(path)], monkeypatch) == 2
+    assert str(path) in capsys.readouterr().err
+
+
+def test_a_scene_may_expect_nothing_or_only_a_verdict(tmp_path: Path) -> None:
+    path = changed(tmp_path, "distance_mm = 18.4368\n", "")
+    report = check_scene(read_scene_file(path), Console())
+    assert report["as_expected"]
+    assert report["queries"][0]["expected"]["distance_mm"] is None
+    assert report["queries"][0]["distance_mm"] == pytest.approx(18.4368, abs=0.01)
+    path.write_text(path.read_text().split("[[queries]]")[0])
+    with pytest.raises(InputError, match=r"nothing to check; add \[\[queries\]\]"):
+        check_scene(read_scene_file(path), Console())

@@ -1,0 +1,23 @@
+"""Cells as they are seen."""
+
+from __future__ import annotations
+
+from arm.plan_file import Plan
+from cell.files.observation import Seen
+from cell.files.task import Task
+from cell.scene.build import T_base_cube_on_table
+from cell.task.planning import (
+    plan_rest,
+)
+from tasks.true_look import true_look
+
+
+def planned(
+    task: Task, seen: Seen | None = None, done: dict[str, str] | None = None
+) -> tuple[Plan, dict[str, str]]:
+    """The plan of what is left from q_start, and where each cube goes in it."""
+    done = done or {}
+    on_table = {f"cube {place}": T_base_cube_on_table(task, place) for place in done.values()}
+    plan = plan_rest(task, seen or true_look(task), task.cell.q_start, 0.5, done, on_table)
+    assert plan is not None
+    return plan, {c["cube"]: c["to"] for c in plan.task["cubes"]}
