@@ -7,43 +7,20 @@ their walls block part of the ambient light.
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
-from arm.board import PLATE_CENTRE, PLATE_SIZE, SECOND_MARKER, Board
-from arm.errors import InputError
+from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_DEPTH, SECOND_MARKER, Board
 from arm.se3 import Array, apply, frozen, inverse, transform
 from render.light import FINGER_HOLE, KIND_GREY, MARKER_BLACK, MARKER_WHITE, Light
 from render.rays import Bundle, Floats, Indices, PixelRays, bundle_in
 from render.solids import Cast, cast_box
+from vision.markers.dictionaries import marker_modules
 
-POCKET_DEPTH = 0.010  # m
 FINGER_HOLE_RADIUS = 0.008  # m
 FLOOR_LIGHT = 0.45  # share of the light that reaches a pocket's floor
 TOP_FACE = 2  # region of the plate's top, see `cast_box`
 BLACK, WHITE, WALLS, FLOOR, HOLE = 6, 7, 8, 12, 13  # further regions; four walls
-
-
-def marker_modules(dictionary: str, marker_id: int) -> npt.NDArray[np.bool_]:
-    """The modules of a marker with its black border, True for white; row 0 is at its top.
-
-    Raises:
-        InputError: OpenCV has no such dictionary, or the dictionary no such id.
-    """
-    number = getattr(cv2.aruco, dictionary, None)
-    if not dictionary.startswith("DICT_") or not isinstance(number, int):
-        raise InputError(
-            f"dictionary = {dictionary!r}: OpenCV has no such dictionary; one is DICT_4X4_50",
-            dictionary=dictionary,
-        )
-    known = cv2.aruco.getPredefinedDictionary(number)
-    if not 0 <= marker_id < len(known.bytesList):
-        raise InputError(
-            f"marker id = {marker_id}: {dictionary} has ids 0 to {len(known.bytesList) - 1}",
-            marker_id=marker_id,
-        )
-    return np.asarray(known.generateImageMarker(marker_id, known.markerSize + 2, borderBits=1) > 127)
 
 
 class PlateSolid:

@@ -9,7 +9,7 @@ from arm.se3 import Array, frozen, inverse, transform
 from render.light import Light
 from render.rays import Floats, PixelRays, bundle_in
 from render.solids import Cast
-from vision.markers.dictionaries import predefined
+from vision.markers.dictionaries import marker_modules
 from vision.targets.target import Target
 
 PAPER, INK = 235.0, 22.0
@@ -52,10 +52,8 @@ class TargetSolid:
         """All markers with their black borders, (markers, m, m), True for white."""
         if self._target.kind == "checkerboard":
             return np.empty((0, 1, 1), dtype=bool)
-        known = predefined(self._target.dictionary)
-        across = known.markerSize + 2
         count = len(self._target.marker_squares())
-        return np.stack([known.generateImageMarker(i, across, borderBits=1) > 127 for i in range(count)])
+        return np.stack([marker_modules(self._target.dictionary, i) for i in range(count)])
 
     def cast(self, T_base_camera: Array, rays: PixelRays) -> Cast:
         """Cast the rays of a camera at the plate. Regions: 0 ink, 1 paper, 2 the paper's margin."""

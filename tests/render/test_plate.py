@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from arm.board import CUBE_SEAT_DEPTH, Board, read_board_csv
+from arm.board import CUBE_SEAT_DEPTH, POCKET_DEPTH, Board, read_board_csv
 from arm.errors import InputError
 from arm.io.storage import data_file
 from arm.robot.shapes import Body, Box, Cylinder, Sphere
@@ -19,9 +19,9 @@ from arm.se3 import Array, apply, rot_z, transform
 from cell.files.world import board_placement
 from cell.scene.bodies import T_hole_cube, cube_body, plate_body
 from render.light import Light
-from render.plate import POCKET_DEPTH, marker_modules
 from render.renderer import PlacedBoard, render, with_noise
 from vision.camera.model import Camera, read_camera
+from vision.markers.dictionaries import marker_modules
 
 TABLE = Body("table", Box((1.3, 1.5, 0.04)), transform(t=(0.35, 0.0, -0.02)), "table")
 CUBE = 0.040
@@ -207,5 +207,5 @@ def test_an_unknown_dictionary_is_named(dictionary: str) -> None:
 def test_an_id_beyond_the_dictionary_is_named(camera: Camera, boards: list[PlacedBoard]) -> None:
     b = boards[0].board
     strange = PlacedBoard(Board(b.name, (1, 50), b.holes, b.marker_size), boards[0].T_base_board)
-    with pytest.raises(InputError, match="marker id = 50: DICT_4X4_50 has ids 0 to 49"):
+    with pytest.raises(InputError, match="marker id = 50: must be from 0 to 49 in DICT_4X4_50"):
         render(camera, [], [strange])

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import cv2
 import numpy as np
 
 from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_DEPTH, Board, plate_name
-from arm.errors import InputError
 from arm.robot.shapes import Body, Convex, Shape, hull_faces, shape_to_json
 from arm.se3 import Array, transform
+from vision.markers.dictionaries import marker_modules
 
 _DIGITS = 7  # of lengths in m: a tenth of a micrometre
 
@@ -84,20 +83,8 @@ def marker_rows(dictionary: str, marker_id: int) -> list[str]:
     Raises:
         InputError: OpenCV has no such dictionary, or the dictionary has no such marker.
     """
-    number = getattr(cv2.aruco, dictionary, None)
-    if not dictionary.startswith("DICT_") or not isinstance(number, int):
-        raise InputError(
-            f"dictionary = {dictionary!r}: must be a marker dictionary of OpenCV such as DICT_4X4_50",
-            value=dictionary,
-        )
-    known = cv2.aruco.getPredefinedDictionary(number)
-    count = len(known.bytesList)
-    if not 0 <= marker_id < count:
-        raise InputError(
-            f"marker id = {marker_id}: must be from 0 to {count - 1} in {dictionary}", value=marker_id
-        )
-    image = known.generateImageMarker(marker_id, known.markerSize + 2)
-    return ["".join("1" if v else "0" for v in row) for row in image]
+    modules = marker_modules(dictionary, marker_id)
+    return ["".join("1" if white else "0" for white in row) for row in modules]
 
 
 def board_to_json(board: Board, T_base_board: Array, dictionary: str) -> dict[str, Any]:

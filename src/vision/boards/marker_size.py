@@ -16,7 +16,7 @@ from vision.boards.pose_fit import Fit, pose_jacobian
 from vision.camera.model import Camera
 
 _STEPS = 8
-DETERMINED = 1e-9  # smallest ratio of the information's eigenvalues
+DETERMINED = 1e-9  # smallest ratio of the information's eigenvalues, in m and rad
 
 
 @dataclass(frozen=True)

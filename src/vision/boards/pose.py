@@ -17,6 +17,7 @@ from arm.poses import BoardPose
 from arm.se3 import Array, angle_between, frozen
 from vision.boards.checks import BoardLimits, ambiguous, misfit, moved, uncertain
 from vision.boards.corner_noise import mean_corner_variance
+from vision.boards.marker_size import DETERMINED
 from vision.boards.pose_fit import Corners, Fit, fit_again, fit_pose, planar_poses, pose_jacobian
 from vision.boards.shared_errors import Fitted, fit_with_shared, left_over, shared_errors
 from vision.boards.tilt_prior import log_odds_of_tilts, tilt_hypothesis
@@ -28,7 +29,6 @@ __all__ = ["BoardLimits", "BoardSeen", "assess_board", "estimate_board_pose"]
 COMMON_MODE_PX = {"lines": 0.02, "subpix": 0.15, "recorded": 0.02}
 """Least corner error common to all frames: light, blur, distortion. More frames do not average it out."""
 MERGED_RAD = 1e-3  # a second solution this near is the first one
-DETERMINED = 1e-9  # smallest ratio of the information's eigenvalues, in m and rad
 RATIO_CAP = 1e3  # of `BoardPose.hypothesis_ratio`; also its value without a second solution
 
 

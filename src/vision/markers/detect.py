@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from arm.errors import InputError
 from arm.se3 import Array, frozen
 from vision.camera.frame_source import Image
 from vision.camera.model import Camera
 from vision.markers.border_shift import border_shift, moved_outwards
+from vision.markers.dictionaries import predefined
 from vision.markers.edge_lines import refine_by_border_lines
 
 SEARCH_WIDTH_PX = 960  # images are searched at the integer fraction of their size that is at least this wide
@@ -103,19 +103,10 @@ def _bits(dictionary: str, marker_id: int) -> npt.NDArray[np.uint8]:
 
 @lru_cache(maxsize=4)
 def _detector(dictionary: str) -> cv2.aruco.ArucoDetector:
-    known = sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_"))
-    if dictionary not in known:
-        raise InputError(
-            f"dictionary = {dictionary!r}: must be one of {', '.join(known)}",
-            dictionary=dictionary,
-            choices=known,
-        )
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_NONE
     # by default the white border around a marker counts as the same candidate, and if the image cuts it off, the marker
     # is lost too
     parameters.minMarkerDistanceRate = 0.05
     parameters.minDistanceToBorder = 0  # boards fill the view; the border lines reject cut markers
-    return cv2.aruco.ArucoDetector(
-        cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary)), parameters
-    )
+    return cv2.aruco.ArucoDetector(predefined(dictionary), parameters)

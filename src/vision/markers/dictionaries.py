@@ -1,8 +1,10 @@
-"""Dictionaries of markers, by OpenCV's names."""
+"""Dictionaries of markers, by OpenCV's names, and what their markers look like."""
 
 from __future__ import annotations
 
 import cv2
+import numpy as np
+import numpy.typing as npt
 
 from arm.errors import InputError
 
@@ -24,3 +26,18 @@ def predefined(name: str) -> cv2.aruco.Dictionary:
             f"dictionary = {name!r}: must be one of {', '.join(known)}", dictionary=name, choices=known
         )
     return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
+
+
+def marker_modules(dictionary: str, marker_id: int) -> npt.NDArray[np.bool_]:
+    """Return the modules (m, m) of a marker with its black border, True for white; row 0 is at its top.
+
+    Raises:
+        InputError: OpenCV has no such dictionary, or the dictionary no such id.
+    """
+    known = predefined(dictionary)
+    count = len(known.bytesList)
+    if not 0 <= marker_id < count:
+        raise InputError(
+            f"marker id = {marker_id}: must be from 0 to {count - 1} in {dictionary}", marker_id=marker_id
+        )
+    return np.asarray(known.generateImageMarker(marker_id, known.markerSize + 2, borderBits=1) > 127)

@@ -22,9 +22,9 @@ from arm.se3 import Array
 from pictures.boards import TABLE
 from pictures.holes import POCKET_DEPTH, HoleScene, exposed
 from render.light import FINGER_HOLE, KIND_GREY, MARKER_BLACK, MARKER_WHITE
-from render.plate import marker_modules
 from render.rays import Floats, pixel_rays
 from vision.camera.model import Camera, Image
+from vision.markers.dictionaries import marker_modules
 
 BORDER_PX = 60  # of the pinhole image, for what the lens draws in
 SEGMENTS = 32  # of a finger hole's rim

@@ -20,7 +20,6 @@ class PathGenerator:
     """Segment queue and execution. `at` is the reference position in the unit's counts.
 
     Attributes:
-        running: a segment is being executed.
         stopping: braking on the path; the remaining segments are dropped at rest.
         number: of the present segment, or of the last one.
         u: parameter of the present segment, 0 when idle.
