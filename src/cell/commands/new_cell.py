@@ -17,11 +17,11 @@ from typing import Any
 from arm.controller.unit import UNITS
 from arm.errors import InputError
 from arm.io.storage import data_file, read_text
-from arm.io.temporary import TemporaryFolder
 from arm.io.toml_writer import toml_value
 from cell.config import key_notes as cellnotes
 from cell.config.key_notes import Notes
 from cell.console import Console
+from cell.export.folder import write_folder
 
 PLACEHOLDER = "placeholder"
 LONGEST_NAME = 60
@@ -71,7 +71,7 @@ def new_cell_step(folder: Path, unit: str | None, name: str | None, console: Con
     _require_free(folder, place)
     title = _require_name(place.name if name is None else name)
     texts = cell_files(unit, title)
-    _write_all(folder, place, texts)
+    write_folder(place, texts)
     console.say(
         f"{folder}: cell {title!r} with arm {unit}, {len(texts)} files; their comments say what to measure"
     )
@@ -172,24 +172,6 @@ def _require_free(folder: Path, place: Path) -> None:
             folder=str(folder),
             holds=held[0],
         )
-
-
-def _write_all(folder: Path, place: Path, texts: Mapping[str, str]) -> None:
-    """Write all files or none: write a temporary folder, then rename it.
-
-    Raises:
-        InputError: the folder cannot be written, or is no longer empty.
-    """
-    try:
-        place.parent.mkdir(parents=True, exist_ok=True)
-        with TemporaryFolder(place) as beside:
-            for name, text in texts.items():
-                file = beside.path / name
-                file.parent.mkdir(parents=True, exist_ok=True)
-                file.write_text(text, encoding="utf-8")
-            beside.become()
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written: {error.strerror}", folder=str(folder)) from error
 
 
 def _commented(values: Mapping[str, Any], notes: Notes, name: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +21,7 @@ from cell.export.series import Executed, executed, planned, unit_of
 from driver.log.read import Session, is_log, read_log
 
 if TYPE_CHECKING:
+    from cell.export.ros import Message
     from cell.export.urdf import Surroundings
 
 PERIOD_S = 0.02  # between samples of a plan
@@ -107,28 +109,38 @@ def _plan_step(file: Path, asked: ExportOptions, console: Console) -> dict[str, 
     period = PERIOD_S if asked.period is None else asked.period
     if form == "csv":
         samples = sampled(plan, unit, period)
-        content: str | bytes = csv_of(samples)
+        content: bytes | str = csv_of(samples)
         counted: dict[str, Any] = {"samples": len(samples.time_s)}
     elif form == "trajectory":
-        trajectory = trajectory_of(plan, unit)
-        content = json.dumps(trajectory, separators=(",", ":"), allow_nan=False) + "\n"
-        counted = {"points": len(trajectory["points"])}
+        content, counted = _points(trajectory_of(plan, unit))
     else:
-        from cell.export.mcap import mcap_of
+        content, counted = _messages(messages_of(plan, unit, period))
+    summary = {"plan": str(file), "plan_sha256": plan.sha256, "format": form, "unit": unit.name}
+    return _write(path, content, summary, counted | {"damaged": 0}, console)
 
-        content, topics = mcap_of(messages_of(plan, unit, period))
-        counted = {"messages": topics}
+
+def _points(trajectory: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    text = json.dumps(trajectory, separators=(",", ":"), allow_nan=False) + "\n"
+    return text, {"points": len(trajectory["points"])}
+
+
+def _messages(messages: Sequence[Message]) -> tuple[bytes, dict[str, Any]]:
+    from cell.export.mcap import mcap_of
+
+    content, topics = mcap_of(messages)
+    return content, {"messages": topics}
+
+
+def _write(
+    path: Path, content: bytes | str, source: dict[str, Any], counted: dict[str, Any], console: Console
+) -> dict[str, Any]:
+    """Write the file, print what it has, and return the summary."""
     write_atomic(path, content)
-    summary = {
-        "plan": str(file),
-        "plan_sha256": plan.sha256,
-        "format": form,
-        "unit": unit.name,
-        "file": str(path),
-    }
-    summary |= {**counted, "damaged": 0, "bytes": path.stat().st_size}
-    console.say(_phrase(summary))
-    return summary
+    number = counted.get("samples", counted.get("points", sum(counted.get("messages", {}).values())))
+    what = {"csv": "samples", "trajectory": "points", "mcap": "messages"}[source["format"]]
+    damaged = f"; {counted['damaged']} damaged records left out" if counted["damaged"] else ""
+    console.say(f"{number} {what} of {source['unit']} in {path}{damaged}")
+    return {**source, "file": str(path), **counted, "bytes": path.stat().st_size}
 
 
 def _urdf_step(there: Surroundings, output: Path, console: Console) -> dict[str, Any]:
@@ -183,37 +195,23 @@ def export_step(
     unit = unit_of(session, unit_name)
     path = output or log.with_suffix(SUFFIXES[form])
     keep_apart(path, log)
-    summary: dict[str, Any] = {"log": str(log), "format": form, "unit": unit.name, "file": str(path)}
-    if form == "trajectory":
-        trajectory = _sent(session, unit) if sent else _seen(executed(session, unit))
-        content: str | bytes = json.dumps(trajectory, separators=(",", ":"), allow_nan=False) + "\n"
-        summary |= {"planned": sent, "points": len(trajectory["points"])}
-    elif form == "csv":
+    if form == "csv":
         seen = executed(session, unit)
-        content = csv_text(seen)
-        summary |= {"samples": len(seen.time_s), "before_homing": seen.unhomed}
+        content: bytes | str = csv_text(seen)
+        counted: dict[str, Any] = {"samples": len(seen.time_s), "before_homing": seen.unhomed}
+    elif form == "trajectory":
+        content, counted = _points(_sent(session, unit) if sent else _seen(executed(session, unit)))
+        counted = {"planned": sent, **counted}
     else:
-        from cell.export.mcap import mcap_bytes
+        from cell.export.mcap import messages_of
 
-        seen, motions = executed(session, unit), planned(session, unit)
-        content, counted = mcap_bytes(session, JOINTS, seen, motions)
-        summary |= {"messages": counted}
-    write_atomic(path, content)
-    summary |= {
+        content, counted = _messages(messages_of(session, executed(session, unit), planned(session, unit)))
+    counted |= {
         "motions": len(session.motions),
         "plans_sha256": [note.data.get("sha256") for note in session.noted("plan")],
         "damaged": session.damaged,
-        "bytes": path.stat().st_size,
     }
-    console.say(_phrase(summary))
-    return summary
-
-
-def _phrase(summary: dict[str, Any]) -> str:
-    count = summary.get("samples", summary.get("points", sum(summary.get("messages", {}).values())))
-    what = {"csv": "samples", "trajectory": "points", "mcap": "messages"}[summary["format"]]
-    damaged = f"; {summary['damaged']} damaged records left out" if summary["damaged"] else ""
-    return f"{count} {what} of {summary['unit']} in {summary['file']}{damaged}"
+    return _write(path, content, {"log": str(log), "format": form, "unit": unit.name}, counted, console)
 
 
 def csv_text(seen: Executed) -> str:

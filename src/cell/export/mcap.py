@@ -12,6 +12,8 @@ from arm.errors import InputError
 from cell.export.ros import (
     JOINT_STATE_SCHEMA,
     JOINT_TRAJECTORY_SCHEMA,
+    JOINTS,
+    Message,
     joint_state,
     joint_trajectory,
     nanoseconds,
@@ -37,19 +39,8 @@ TOPICS = {
 }
 
 
-def mcap_bytes(
-    session: Session, names: Sequence[str], seen: Executed, sent: Sequence[Planned]
-) -> tuple[bytes, dict[str, int]]:
-    """Return the file and the number of messages per topic. The same session gives the same bytes.
-
-    Raises:
-        InputError: the library `mcap` is not installed.
-    """
-    return mcap_of(_messages(session, names, seen, sent))
-
-
-def mcap_of(messages: Sequence[tuple[int, str, dict[str, Any]]]) -> tuple[bytes, dict[str, int]]:
-    """Return a file of messages (time in ns, topic of `TOPICS`, value), and their number per topic.
+def mcap_of(messages: Sequence[Message]) -> tuple[bytes, dict[str, int]]:
+    """Return a file of messages, and their number per topic. The same messages give the same bytes.
 
     Raises:
         InputError: the library `mcap` is not installed.
@@ -77,23 +68,21 @@ def mcap_of(messages: Sequence[tuple[int, str, dict[str, Any]]]) -> tuple[bytes,
     return buffer.getvalue(), counted
 
 
-def _messages(
-    session: Session, names: Sequence[str], seen: Executed, sent: Sequence[Planned]
-) -> list[tuple[int, str, dict[str, Any]]]:
-    """Time in ns, topic and message, unordered."""
-    found: list[tuple[int, str, dict[str, Any]]] = []
+def messages_of(session: Session, seen: Executed, sent: Sequence[Planned]) -> list[Message]:
+    """Return the messages of a log, unordered."""
+    found: list[Message] = []
 
     def add(time_s: float, topic: str, message: dict[str, Any]) -> None:
         found.append((max(nanoseconds(time_s), 0), topic, message))
 
     for i, time in enumerate(seen.time_s):
         time_s = float(time)
-        add(time_s, "/joint_states", joint_state(names, time_s, seen.q[i], seen.velocity[i]))
+        add(time_s, "/joint_states", joint_state(JOINTS, time_s, seen.q[i], seen.velocity[i]))
         if math.isfinite(seen.jaws[i]):
             add(time_s, "/jaws", {"fraction_closed": round(float(seen.jaws[i]), 6)})
     for motion in sent:
         start_s = float(motion.time_s[0])
-        trajectory = joint_trajectory(names, motion.time_s, motion.q, motion.velocity, start_s)
+        trajectory = joint_trajectory(JOINTS, motion.time_s, motion.q, motion.velocity, start_s)
         add(motion.sent_s, "/planned", trajectory)
     for note in session.notes:
         add(note.time_s, "/events", {"kind": note.kind, "data": note.data})

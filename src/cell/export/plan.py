@@ -17,14 +17,14 @@ from arm.controller.unit import Unit
 from arm.errors import InputError
 from arm.plan_file import GripperStep, LookStep, Move, Plan, Step
 from arm.se3 import Array, frozen
-from cell.export.ros import JOINTS, joint_state, joint_trajectory, nanoseconds, stamp
+from cell.export.ros import JOINTS, Message, joint_state, joint_trajectory, nanoseconds, stamp
 
 PERIODS = (0.001, 10.0)  # s between rows
 TICK = 1e-9  # s: tolerance for floats; steps and segments begin at whole milliseconds
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class TimedStep:
     """One step of a plan on its clock.
 
     Attributes:
@@ -74,9 +74,9 @@ class Samples:
     step: tuple[str, ...]
 
 
-def stretches(plan: Plan, unit: Unit) -> tuple[Stretch, ...]:
+def timed_steps(plan: Plan, unit: Unit) -> tuple[TimedStep, ...]:
     """Return the plan's steps on its clock, in order."""
-    found: list[Stretch] = []
+    found: list[TimedStep] = []
     now, jaws, q = 0.0, 0.0, unit.positions(plan.start)
     for step in plan.steps:
         path, end = None, now
@@ -87,7 +87,7 @@ def stretches(plan: Plan, unit: Unit) -> tuple[Stretch, ...]:
                 jaws, end = step.fraction_closed, now + step.settle_s
             case LookStep():
                 pass
-        found.append(Stretch(step.name, now, end, path, frozen(q), jaws))
+        found.append(TimedStep(step.name, now, end, path, frozen(q), jaws))
         now = end
         if path is not None:
             q = unit.positions(path.end)
@@ -109,14 +109,14 @@ def sampled(plan: Plan, unit: Unit, period: float) -> Samples:
     return _at(parts, unit, np.concatenate([grid, *(part.knots_s() for part in parts)]))
 
 
-def _lasting(plan: Plan, unit: Unit) -> list[Stretch]:
-    parts = [part for part in stretches(plan, unit) if part.end_s > part.begin_s]
+def _lasting(plan: Plan, unit: Unit) -> list[TimedStep]:
+    parts = [part for part in timed_steps(plan, unit) if part.end_s > part.begin_s]
     if not parts:
         raise InputError("the plan contains no motion, so there is nothing to export", motion_s=0.0)
     return parts
 
 
-def _at(parts: Sequence[Stretch], unit: Unit, times: Array) -> Samples:
+def _at(parts: Sequence[TimedStep], unit: Unit, times: Array) -> Samples:
     """Sample at times in any order. Times are rounded to a microsecond, duplicates dropped."""
     time_s = np.unique(np.round(times, 6))
     which = np.searchsorted([part.begin_s for part in parts], time_s + TICK, side="right") - 1
@@ -177,25 +177,25 @@ def trajectory_of(plan: Plan, unit: Unit) -> dict[str, Any]:
             "fraction_closed": step.fraction_closed,
             "settle_s": step.settle_s,
         }
-        for step, part in zip(plan.steps, stretches(plan, unit), strict=True)
+        for step, part in zip(plan.steps, timed_steps(plan, unit), strict=True)
         if isinstance(step, GripperStep)
     ]
     return {**joint_trajectory(JOINTS, ends.time_s, ends.q, velocity, 0.0), "gripper_events": events}
 
 
-def messages_of(plan: Plan, unit: Unit, period: float) -> list[tuple[int, str, dict[str, Any]]]:
+def messages_of(plan: Plan, unit: Unit, period: float) -> list[Message]:
     """Return messages for `cell.export.mcap`: joints and jaws every `period` s, a trajectory per motion, step events.
 
     Raises:
         InputError: see `sampled`.
     """
     seen = sampled(plan, unit, period)
-    found: list[tuple[int, str, dict[str, Any]]] = []
+    found: list[Message] = []
     for time, q, velocity, jaws in zip(seen.time_s, seen.q, seen.velocity, seen.jaws, strict=True):
         time_s = float(time)
         found.append((nanoseconds(time_s), "/joint_states", joint_state(JOINTS, time_s, q, velocity)))
         found.append((nanoseconds(time_s), "/jaws", {"fraction_closed": float(jaws)}))
-    parts = stretches(plan, unit)
+    parts = timed_steps(plan, unit)
     for motion in plan.motions:
         moving = [p for p in parts[motion.first : motion.first + len(motion.moves)] if p.end_s > p.begin_s]
         if moving:

@@ -13,6 +13,8 @@ from arm.se3 import Array
 
 JOINTS = ("J1", "J2", "J3", "J4", "J5", "J6")  # of the arm's URDF
 NS = 1_000_000_000
+Message = tuple[int, str, dict[str, Any]]
+"""Time in ns, topic of `cell.export.mcap.TOPICS`, and value."""
 DIGITS = 9  # decimals of an angle in rad, much finer than a count
 
 

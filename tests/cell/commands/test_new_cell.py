@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 import typer
 
+import cell.export.folder
 from arm.errors import InputError
-from arm.io.storage import data_file
+from arm.io.storage import data_file, write_atomic
 from cell.cli.main import app
 from cell.commands import new_cell as newcell
 from cell.commands.new_cell import PLACEHOLDER, new_cell_step, next_commands
@@ -184,15 +185,15 @@ def test_a_refusal_is_the_same_optimised(tmp_path: Path) -> None:
 
 def test_all_files_are_written_or_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "mine").mkdir()
-    write, count = Path.write_text, [0]
+    count = [0]
 
-    def full_disk(self: Path, *args: Any, **kwargs: Any) -> int:
+    def full_disk(path: Path, data: bytes | str) -> None:
         count[0] += 1
         if count[0] == 10:
             raise OSError(errno.ENOSPC, "No space left on device")
-        return write(self, *args, **kwargs)
+        write_atomic(path, data)
 
-    monkeypatch.setattr(Path, "write_text", full_disk)
+    monkeypatch.setattr(cell.export.folder, "write_atomic", full_disk)
     with pytest.raises(InputError, match="mine: cannot be written: No space left on device"):
         new_cell_step(tmp_path / "mine", "crs93", None, Console(as_json=True))
     assert count[0] == 10
@@ -201,8 +202,12 @@ def test_all_files_are_written_or_none(tmp_path: Path, monkeypatch: pytest.Monke
 
 def test_what_somebody_puts_there_meanwhile_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "mine").mkdir()
-    (tmp_path / "mine/x").write_text("kept")
-    monkeypatch.setattr(newcell, "_require_free", lambda *_: None)
+
+    def beside_another_program(path: Path, data: bytes | str) -> None:
+        (tmp_path / "mine/x").write_text("kept")
+        write_atomic(path, data)
+
+    monkeypatch.setattr(cell.export.folder, "write_atomic", beside_another_program)
     with pytest.raises(InputError, match="cannot be written: Directory not empty"):
         new_cell_step(tmp_path / "mine", "crs93", None, Console(as_json=True))
     assert sorted(tmp_path.rglob("*")) == [tmp_path / "mine", tmp_path / "mine/x"]

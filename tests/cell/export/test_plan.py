@@ -21,7 +21,7 @@ from arm.io.storage import data_file
 from arm.plan_file import GripperStep, LookStep, Move, Plan, read_plan, write_plan
 from cell.console import Console
 from cell.export.export import ExportOptions, export_file
-from cell.export.plan import sampled, stretches, trajectory_of
+from cell.export.plan import sampled, timed_steps, trajectory_of
 from cell.export.scene import surroundings_of_plan
 from cell.export.urdf import describe
 from cell.files.place import read_place
@@ -112,7 +112,7 @@ def test_csv_has_even_rows_and_the_ends_of_segments(
     assert {0.0, 0.4} == set(jaws)
     ends = [
         end
-        for part in stretches(plan, unit)
+        for part in timed_steps(plan, unit)
         if part.path is not None
         for end in part.begin_s + np.cumsum([s.duration_ms for s in part.path.segments]) / 1e3
     ]
@@ -189,7 +189,7 @@ def test_mcap_has_the_logs_topics_and_schemas(
     assert [t for t, _ in found["/joint_states"]] == pytest.approx(1e9 * samples.time_s, abs=1e3)
     assert [m["fraction_closed"] for _, m in found["/jaws"]] == pytest.approx(samples.jaws)
     assert len(found["/planned"]) == len(plan.motions)
-    parts = stretches(plan, unit)
+    parts = timed_steps(plan, unit)
     for (time_ns, message), motion in zip(found["/planned"], plan.motions, strict=True):
         assert time_ns == pytest.approx(1e9 * parts[motion.first].begin_s, abs=1e3)
         assert message["points"][-1]["positions"] == pytest.approx(unit.positions(motion.path.end))
@@ -204,7 +204,7 @@ def test_looks_take_no_time_and_held_cubes_are_no_matter(
     make_preview_case: Callable[[int], Any],
 ) -> None:
     case = make_preview_case(1)
-    parts = stretches(case.plan, case.unit)
+    parts = timed_steps(case.plan, case.unit)
     assert any(isinstance(s, LookStep) for s in case.plan.steps)
     assert [p.name for p in parts] == [s.name for s in case.plan.steps]
     made = sampled(case.plan, case.unit, 0.1)
