@@ -9,22 +9,8 @@ import typer
 from typer import Argument, Option
 
 from arm.errors import CalibrationRefused
-from cell.cli.options import (
-    NO_PORT,
-    Camera,
-    Free,
-    Homed,
-    Images,
-    Json,
-    Port,
-    Speed,
-    TimeScale,
-    Unseen,
-    WorldFile,
-    answering,
-    refuse,
-    refuse_given,
-)
+from cell.cli import options as shared
+from cell.cli.options import NO_PORT, answering, refuse, refuse_given
 
 if TYPE_CHECKING:
     from cell.console import Console
@@ -89,7 +75,7 @@ def calibrate_lens(
         Path | None, Option("-o", "--output", help="Camera file to write if the lens is accepted.")
     ] = None,
     report: _Report = None,
-    as_json: Json = False,
+    as_json: shared.Json = False,
 ) -> None:
     with answering("calibrating", as_json) as console:
         from cell.commands.calibration.camera import LensOptions, camera_step
@@ -129,15 +115,15 @@ def calibrate_hand_eye(
         ),
     ] = False,
     seed: Annotated[int | None, Option(help="Seed of the choice of poses.")] = None,
-    port: Port = None,
-    world: WorldFile = None,
-    images: Images = None,
-    camera: Camera = None,
-    speed: Speed = None,
-    time_scale: TimeScale = None,
-    unseen: Unseen = False,
-    homed: Homed = False,
-    free: Free = False,
+    port: shared.Port = None,
+    world: shared.WorldFile = None,
+    images: shared.Images = None,
+    camera: shared.Camera = None,
+    speed: shared.Speed = None,
+    time_scale: shared.TimeScale = None,
+    unseen: shared.Unseen = False,
+    homed: shared.Homed = False,
+    free: shared.Free = False,
     folder: Annotated[Path | None, Option(help="Folder for plans and the wire log.")] = None,
     output: Annotated[
         Path | None, Option("-o", "--output", help="Calibration file to write if it is accepted.")
@@ -146,14 +132,14 @@ def calibrate_hand_eye(
     report: _Report = None,
     limit_mm: _LimitMm = None,
     encoder_step_deg: _EncoderStep = None,
-    as_json: Json = False,
+    as_json: shared.Json = False,
 ) -> None:
     if collect is None:
         refuse_given(context, _OF_COLLECT, "needs --collect TASK; without it, DATA is only read")
         with answering("calibrating", as_json) as console:
-            from cell.commands.calibration.chain import hand_eye_step
+            from cell.commands.calibration.chain import ChainOptions, hand_eye_step
 
-            result = hand_eye_step(data, output, report, limit_mm, encoder_step_deg, console)
+            result = hand_eye_step(data, ChainOptions(output, report, limit_mm, encoder_step_deg), console)
         _finish(result, output, console)
         return
     if port is None:
@@ -161,6 +147,7 @@ def calibrate_hand_eye(
     with answering("starting", as_json) as console:
         from arm.io.storage import data_file
         from cell.collect.collector import CollectOptions
+        from cell.commands.calibration.chain import ChainOptions
         from cell.commands.calibration.collect import CollectFiles, collect_step
         from cell.session.connection import WhichCell
         from cell.task.approval import Consent
@@ -168,10 +155,10 @@ def calibrate_hand_eye(
 
     confirm = None if port is None else before_homing(Consent(unseen, console), port, homed, free, console)
     hand = target or data_file("scenes/targets/hand.toml")
-    files = CollectFiles(data, collect, hand, output, report, apply, folder)
+    files = CollectFiles(data, collect, hand, folder, apply)
     where = WhichCell(port, world, images, camera, speed, time_scale, homed)
-    options = CollectOptions.of(poses, seed, recipe)
-    result = collect_step(files, options, limit_mm, where, console, encoder_step_deg, confirm)
+    options = ChainOptions(output, report, limit_mm, encoder_step_deg)
+    result = collect_step(files, CollectOptions.of(poses, seed, recipe), options, where, console, confirm)
     _finish(result, output, console)
 
 
@@ -185,7 +172,7 @@ def calibrate_hand_eye(
 def print_target(
     target: Annotated[Path | None, Argument(help=_TARGET, metavar="[TARGET]")] = None,
     output: Annotated[Path, Option("-o", "--output", help="SVG to write.")] = Path("target.svg"),
-    as_json: Json = False,
+    as_json: shared.Json = False,
 ) -> None:
     with answering("drawing", as_json) as console:
         from cell.commands.calibration.print_target import target_print_step
@@ -208,12 +195,12 @@ def calibrate_kinematic(
     report: _Report = None,
     limit_mm: _LimitMm = None,
     encoder_step_deg: _EncoderStep = None,
-    as_json: Json = False,
+    as_json: shared.Json = False,
 ) -> None:
     with answering("calibrating", as_json) as console:
-        from cell.commands.calibration.chain import kinematic_step
+        from cell.commands.calibration.chain import ChainOptions, kinematic_step
 
-        result = kinematic_step(data, output, report, limit_mm, encoder_step_deg, console)
+        result = kinematic_step(data, ChainOptions(output, report, limit_mm, encoder_step_deg), console)
     _finish(result, output, console)
 
 

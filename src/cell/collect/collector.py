@@ -22,7 +22,7 @@ from cell.collect.recipe_270 import recipe_poses
 from cell.collect.record import HandRecord
 from cell.console import Console
 from cell.scene.build import unseen_scene
-from cell.session.homed import keep_home
+from cell.session.homed import initialise_without_homing
 from cell.task.planning import options_of, plan_fingerprint
 from cell.task.run import TaskRun
 from driver.mars.stopping import STILL_COUNTS, farthest
@@ -91,7 +91,7 @@ def hand_scene(record: HandRecord) -> Scene:
     return Scene(robot, robot, unseen_scene(record.cell).bodies, ())
 
 
-def choose(record: HandRecord, scene: Scene, options: CollectOptions, console: Console) -> Choice:
+def choose_poses(record: HandRecord, scene: Scene, options: CollectOptions, console: Console) -> Choice:
     """Choose the configurations that a recording still needs.
 
     Raises:
@@ -104,10 +104,10 @@ def choose(record: HandRecord, scene: Scene, options: CollectOptions, console: C
         console.progress("poses in view of the camera", part)
 
     missing, taken = options.poses - len(record), record.configurations()
-    pool = others(hand_pool(view, POOL, options.seed, progress).q, taken)
+    pool = not_taken(hand_pool(view, POOL, options.seed, progress).q, taken)
     if options.recipe:
         recipe = recipe_poses(view, options.poses, options.seed, progress)
-        left = others(recipe, taken)[:missing]
+        left = not_taken(recipe, taken)[:missing]
         console.step(f"{len(left)} of the recipe's {len(recipe)} poses to take")
         return Choice(left, pool)
     plan = plan_poses(
@@ -127,7 +127,7 @@ def choose(record: HandRecord, scene: Scene, options: CollectOptions, console: C
     return Choice(pool[list(plan.places)], pool)
 
 
-def others(q: Array, taken: Array) -> Array:
+def not_taken(q: Array, taken: Array) -> Array:
     """Those of the configurations (n, 6) that are not in `taken`."""
     if not len(taken):
         return q
@@ -149,11 +149,11 @@ class Collector:
         self.run, self.record, self.scene, self.console = run, record, scene, console
         self.finder = TargetFinder(record.hand.target)
 
-    def take_into_use(self) -> None:
+    def initialise_arm(self) -> None:
         """Home the arm, unless it was homed before. The jaws are not moved: they may hold the plate."""
         mars, cell = self.run.connection.mars, self.run.task.cell
         if self.run.homed_before:
-            keep_home(mars, cell, self.console, jaws_too=False)
+            initialise_without_homing(mars, cell, self.console, jaws_too=False)
         else:
             self.console.step(
                 "homing: the controller moves every axis, without collision checks; the jaws do not move, so the plate "

@@ -14,7 +14,7 @@ from arm.robot.model import Robot
 from arm.robot.shapes import Body, convex
 from arm.se3 import Array, frozen, inverse
 from cell.files.hand_target import PLATE, HandTarget
-from cell.sim.target_photos import held
+from cell.sim.target_photos import target_pose
 from plan.collision.world import World
 from plan.kinematics.ik import Branches, inverse_kinematics
 from vision.camera.model import Camera
@@ -72,7 +72,7 @@ class HandView:
         """Pose of the target at a configuration (6,) rad, 4x4."""
         return np.asarray(mul(self.robot.T_base_tool(q), inverse(self._T_target_tool)))
 
-    def ways(self, T_base_target: Array) -> Branches:
+    def ik_solutions(self, T_base_target: Array) -> Branches:
         """Configurations that hold targets at poses (n, 4, 4)."""
         return inverse_kinematics(self.robot, mul(T_base_target, self._T_target_tool), self.lower, self.upper)
 
@@ -134,7 +134,7 @@ def hand_pool(
         seen = [T for T in drawn if view.in_image(T)]
         tried += _BATCH
         why["out of the image"] += _BATCH - len(seen)
-        branches = view.ways(mul(view.camera.T_base_camera, np.array(seen).reshape(-1, 4, 4)))
+        branches = view.ik_solutions(mul(view.camera.T_base_camera, np.array(seen).reshape(-1, 4, 4)))
         why["out of reach"] += len(seen) - len(np.unique(branches.pose))
         for pose in np.unique(branches.pose):
             q = branches.q[rng.choice(np.flatnonzero(branches.pose == pose))]
@@ -161,7 +161,7 @@ def hand_pool(
 def _held(view: HandView, rng: np.random.Generator) -> Array:
     """A random T_camera_target with the target's centre in the image."""
     angle = rng.uniform(0.0, 2.0 * np.pi)
-    return held(
+    return target_pose(
         view.camera,
         view.hand.target,
         rng.uniform(0.1, 0.9, 2) * np.array(view.camera.size),

@@ -16,7 +16,7 @@ import numpy as np
 from arm.errors import ImpossibleError
 from arm.se3 import Array, frozen
 from cell.collect.pose_pool import DISTANCES, HandView
-from cell.sim.target_photos import held
+from cell.sim.target_photos import target_pose
 
 POSES = 270
 AT_A_HEIGHT = 100
@@ -72,8 +72,10 @@ def _facing(view: HandView, distance: float) -> Array | None:
     yaws = 2.0 * np.pi * np.arange(_YAWS) / _YAWS
     size = np.array(view.camera.size)
     for lean, place in product(_LEANS, _PLACES):
-        T = np.array([held(view.camera, view.hand.target, place * size, distance, lean, yaw) for yaw in yaws])
-        q = view.ways(view.camera.T_base_camera @ T).q
+        T = np.array(
+            [target_pose(view.camera, view.hand.target, place * size, distance, lean, yaw) for yaw in yaws]
+        )
+        q = view.ik_solutions(view.camera.T_base_camera @ T).q
         room = np.minimum(q - view.lower, view.upper - q)[:, 3:].min(axis=1)
         for i in np.argsort(-room):
             if view.shows(q[i]):

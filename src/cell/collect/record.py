@@ -14,9 +14,8 @@ from calib.recordings.arm import ArmRecording, read_arm_recording, write_arm_rec
 from cell.config.cell import Cell
 from cell.files.hand_target import HandTarget
 
-CHANGED = (
-    "changed meanwhile"  # reason of an error: the file differs from what this command last read or wrote
-)
+CHANGED = "changed meanwhile"
+"""Reason of an error: the file differs from what this command last read or wrote."""
 
 
 class HandRecord:
@@ -26,9 +25,6 @@ class HandRecord:
         file: existing recording to continue, or a new file.
         cell: with arm and camera.
         hand: the held target.
-
-    Attributes:
-        before: number of poses in the file at the start.
 
     Raises:
         InputError: the file is not a recording, or belongs to another target, camera or arm.
@@ -41,7 +37,6 @@ class HandRecord:
         self._known = self._on_disk()
         if file.exists():
             self._go_on(read_arm_recording(file))
-        self.before = len(self)
 
     def _go_on(self, before: ArmRecording) -> None:
         points = self.hand.target.points()

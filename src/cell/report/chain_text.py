@@ -13,6 +13,7 @@ from calib.chain.self_test import TWINS, SelfTest
 from calib.hand_eye.calibrate import GAUGES, HandEye
 from calib.hand_eye.next_poses import NextPose
 from cell.console import Console
+from cell.report.verdict_text import print_verdict, verdict_json
 
 _MOST_CORRELATIONS = 6
 
@@ -123,9 +124,7 @@ def _chain_json(c: ChainCalibration, images: Sequence[Numbers] = ()) -> dict[str
             {"name": s.name, "amount": s.amount, "std": s.sigma, "sure": s.sure, "cost_drop": s.drop}
             for s in c.suspects
         ],
-        "verdict": "accepted" if c.accepted else "refused",
-        "reasons": list(c.reasons),
-        "remarks": list(c.remarks),
+        **verdict_json(c),
     }
 
 
@@ -213,16 +212,16 @@ def hand_eye_tables(h: HandEye) -> Tables:
     ]
 
 
-def tell_kinematic(c: ChainCalibration, si: Any, console: Console, images: Sequence[Numbers] = ()) -> None:
+def print_kinematic(c: ChainCalibration, si: Any, console: Console, images: Sequence[Numbers] = ()) -> None:
     """Print the parameters and the verdict."""
-    _tell_tables(kinematic_tables(c, si), console)
-    _tell_chain(c, console, images)
+    _print_tables(kinematic_tables(c, si), console)
+    _print_chain(c, console, images)
 
 
-def tell_hand_eye(h: HandEye, console: Console, more: Sequence[NextPose] = ()) -> None:
+def print_hand_eye(h: HandEye, console: Console, more: Sequence[NextPose] = ()) -> None:
     """Print poses, joint offsets (zeros), link errors, the verdict, and further poses that would help most."""
-    _tell_tables(hand_eye_tables(h), console)
-    _tell_chain(h.chain, console)
+    _print_tables(hand_eye_tables(h), console)
+    _print_chain(h.chain, console)
     if more:
         console.say(
             "poses that would help most (joints in deg; reduction of the predicted target's error, each together with "
@@ -233,13 +232,13 @@ def tell_hand_eye(h: HandEye, console: Console, more: Sequence[NextPose] = ()) -
         console.say(f"  {shown}   {100.0 * pose.gain:.0f} %")
 
 
-def _tell_tables(tables: Tables, console: Console) -> None:
+def _print_tables(tables: Tables, console: Console) -> None:
     for _, header, rows in tables:
         console.table(header, rows)
         console.say()
 
 
-def _tell_chain(c: ChainCalibration, console: Console, images: Sequence[Numbers] = ()) -> None:
+def _print_chain(c: ChainCalibration, console: Console, images: Sequence[Numbers] = ()) -> None:
     used = c.images - sum(map(len, c.wrong))
     x, y = c.problem.pixel_sigma
     console.say(f"images:      {used} of {c.images} used; noise of the corners {x:.3f} / {y:.3f} px (x / y)")
@@ -256,8 +255,4 @@ def _tell_chain(c: ChainCalibration, console: Console, images: Sequence[Numbers]
     console.say(
         f"held out:    {c.held_out.px:.3f} px, {1e3 * c.held_out.metres:.3f} mm across the line of sight"
     )
-    for remark in c.remarks:
-        console.say(f"note: {remark}")
-    console.say("accepted" if c.accepted else "refused:")
-    for reason in c.reasons:
-        console.say(f"  {reason}")
+    print_verdict(c, console)

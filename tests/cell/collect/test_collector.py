@@ -20,9 +20,10 @@ from arm.errors import ImpossibleError, InputError
 from arm.io.storage import data_file
 from arm.se3 import Array, angle_between
 from calib.recordings.arm import read_arm_recording, recording_json
-from cell.collect.collector import SAME_POSE, CollectOptions, others
+from cell.collect.collector import SAME_POSE, CollectOptions, not_taken
 from cell.collect.pose_pool import HandView, hand_pool, nearest_order
 from cell.collect.record import HandRecord
+from cell.commands.calibration.chain import ChainOptions
 from cell.commands.calibration.collect import CollectFiles, collect_step
 from cell.config.cell_file import read_cell
 from cell.files.hand_target import read_hand_target
@@ -65,8 +66,8 @@ def test_readings_are_by_the_units_own_zeros(tmp_path: Path) -> None:
 def test_poses_that_were_taken_are_not_chosen_again() -> None:
     q = np.random.default_rng(1).uniform(-1.0, 1.0, (6, 6))
     nearly = q[[1, 4]] + 0.9 * SAME_POSE
-    assert np.array_equal(others(q, nearly), q[[0, 2, 3, 5]])
-    assert np.array_equal(others(q, q[:0]), q)
+    assert np.array_equal(not_taken(q, nearly), q[[0, 2, 3, 5]])
+    assert np.array_equal(not_taken(q, q[:0]), q)
 
 
 def test_the_next_pose_is_the_nearest() -> None:
@@ -90,9 +91,11 @@ class Collected:
 
     @property
     def files(self) -> CollectFiles:
-        return CollectFiles(
-            self.recording, self.scenes / "task2.toml", HAND, self.scenes / "calibration.toml"
-        )
+        return CollectFiles(self.recording, self.scenes / "task2.toml", HAND)
+
+    @property
+    def options(self) -> ChainOptions:
+        return ChainOptions(self.scenes / "calibration.toml")
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +105,7 @@ def once(tmp_path_factory: pytest.TempPathFactory) -> Collected:
     collected = Collected(folder / "scenes" / "uncalibrated", folder / "recorded.json", {})
     replace_in(collected.scenes / "cell.toml", "photographs = 5", "photographs = 1")
     files = replace(collected.files, apply=True, folder=folder / "run")
-    collected.result = collect_step(files, CollectOptions(8, 1), None, FAST, Heard())
+    collected.result = collect_step(files, CollectOptions(8, 1), collected.options, FAST, Heard())
     return collected
 
 
@@ -156,7 +159,11 @@ def test_what_was_interrupted_goes_on_without_the_calibration_that_is_missing(co
     (collected.scenes / "calibration.toml").unlink()
     console = Heard()
     result = collect_step(
-        replace(collected.files, folder=collected.scenes / "run"), CollectOptions(8, 1), None, FAST, console
+        replace(collected.files, folder=collected.scenes / "run"),
+        CollectOptions(8, 1),
+        collected.options,
+        FAST,
+        console,
     )
     told = "\n".join(console.told)
     assert "started without the cell's calibration" in told
@@ -175,7 +182,7 @@ def test_a_target_that_was_put_in_anew_is_told_before_anything_is_added(collecte
     before = collected.recording.read_bytes()
     files = replace(collected.files, folder=collected.scenes / "run")
     with pytest.raises(ImpossibleError, match="it was remounted") as told:
-        collect_step(files, CollectOptions(9, 1), None, FAST, Heard())
+        collect_step(files, CollectOptions(9, 1), collected.options, FAST, Heard())
     assert told.value.data["off_px"] > 2.0
     assert collected.recording.read_bytes() == before
 
@@ -184,7 +191,7 @@ def test_a_target_that_was_put_in_anew_is_told_before_anything_is_added(collecte
 def test_nothing_opens_for_a_recording_that_is_complete(collected: Collected) -> None:
     console = Heard()
     nowhere = replace(FAST, port="/dev/none", time_scale=None)
-    result = collect_step(collected.files, CollectOptions(8, 1), None, nowhere, console)
+    result = collect_step(collected.files, CollectOptions(8, 1), collected.options, nowhere, console)
     assert any("so nothing moves" in line for line in console.told)
     assert result["folder"] is None
     assert result["id"] == collected.result["id"]
@@ -217,7 +224,7 @@ def test_the_arm_behind_a_port_is_collected_from_with_photographs_of_a_folder(
             result = collect_step(
                 replace(collected.files, folder=collected.scenes / "run"),
                 CollectOptions(8, 1),
-                None,
+                collected.options,
                 WhichCell(port=emulator.open_pty(), images=shots, speed=1.0),
                 Heard(),
             )
@@ -292,6 +299,6 @@ def test_the_estimator_gets_all_that_a_collection_was_asked_for(
     (with_step, without) = asked
     assert with_step[3].held_out == pytest.approx(0.7e-3)
     assert with_step[4] == pytest.approx(np.radians(0.5))
-    assert with_step[6:8] == (task.parent / "cell.toml", False)
+    assert (with_step[2].cell, with_step[2].apply) == (task.parent / "cell.toml", False)
     assert without[4] is None
-    assert without[6:8] == (task.parent / "cell.toml", True)
+    assert (without[2].cell, without[2].apply) == (task.parent / "cell.toml", True)

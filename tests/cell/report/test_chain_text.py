@@ -16,7 +16,7 @@ from cell.report.chain_text import (
     kinematic_json,
     kinematic_tables,
     numbers,
-    tell_hand_eye,
+    print_hand_eye,
     with_std,
 )
 from recorded.found_chains import MORE, Heard, nao_named, refused
@@ -145,7 +145,7 @@ def test_numbers_of_a_nao_are_in_the_units_of_their_names(found: HandEye) -> Non
 
 def test_what_a_person_is_told_of_a_chain(found: HandEye) -> None:
     heard = Heard()
-    tell_hand_eye(found, heard, MORE)
+    print_hand_eye(found, heard, MORE)
     c = found.chain
     assert "images:      28 of 30 used" in heard.all
     assert "left out:    4, 11 (images count from 0)" in heard.told
@@ -159,7 +159,7 @@ def test_what_a_person_is_told_of_a_chain(found: HandEye) -> None:
     assert pose.split() == ["10.0", "-20.0", "30.0", "40.0", "-50.0", "60.0", "25", "%"]
     exact = replace(c, problem=replace(c.problem, reading_sigma=np.zeros(6)))
     heard = Heard()
-    tell_hand_eye(replace(refused(found), chain=replace(exact, reasons=("too far off", "too few"))), heard)
+    print_hand_eye(replace(refused(found), chain=replace(exact, reasons=("too far off", "too few"))), heard)
     assert heard.told[-3:] == ["refused:", "  too far off", "  too few"]
     assert "encoders" not in heard.all
     assert "would help" not in heard.all
@@ -168,7 +168,7 @@ def test_what_a_person_is_told_of_a_chain(found: HandEye) -> None:
 def test_nothing_is_told_of_images_left_out_where_none_is(found: HandEye) -> None:
     whole = replace(found.chain, fit=replace(found.chain.fit, weights=(np.ones(30),)))
     heard = Heard()
-    tell_hand_eye(replace(found, chain=whole), heard)
+    print_hand_eye(replace(found, chain=whole), heard)
     assert "left out" not in heard.all
     assert "(images count from 0)" not in chain_page("", "", whole, [])
 

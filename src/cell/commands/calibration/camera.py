@@ -6,17 +6,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from arm.errors import InputError
-from arm.io.storage import keep_apart, sha256, write_atomic
+from arm.io.storage import sha256
 from calib.camera.calibrate import calibrate_camera
 from calib.camera.result import CalibrationLimits, CameraCalibration
-from calib.camera.verdict import coverage, marker_share
 from calib.camera.view_selection import TargetPhoto
 from calib.model.intrinsics import NAMES, vector_of
+from cell.commands.calibration.options import Results, checked_limit, option_error
 from cell.console import Console
 from cell.report.camera import lens_page
+from cell.report.lens_text import lens_json, print_lens
 from vision.camera.frame_source import IMAGE_SUFFIXES, Image, read_grey
 from vision.camera.model import write_camera
 from vision.markers.exposure import darkness
@@ -56,12 +55,10 @@ class LensOptions:
         """
         limits = CalibrationLimits()
         if self.limit_mm is not None:
-            if not 0.0 < self.limit_mm < np.inf:
-                raise _option("--limit-mm", self.limit_mm, "must be above 0 mm and finite")
-            limits = replace(limits, work_mm=self.limit_mm)
+            limits = replace(limits, work_mm=checked_limit(self.limit_mm))
         if self.most_views is not None:
             if self.most_views < limits.views:
-                raise _option("--most-views", self.most_views, f"must be at least {limits.views}")
+                raise option_error("--most-views", self.most_views, f"must be at least {limits.views}")
             limits = replace(limits, most_views=self.most_views)
         return limits
 
@@ -75,7 +72,7 @@ class LensOptions:
             return None
         near, far = self.work_mm
         if not 0.0 < near < far:
-            raise _option(
+            raise option_error(
                 "--work-mm", list(self.work_mm), "must be two distances in mm, the nearer one first"
             )
         return near / 1e3, far / 1e3
@@ -88,12 +85,8 @@ class LensOptions:
         """
         for name in self.hold:
             if name not in HOLDABLE:
-                raise _option("--hold", name, f"must be one of {', '.join(HOLDABLE)}")
+                raise option_error("--hold", name, f"must be one of {', '.join(HOLDABLE)}")
         return self.hold
-
-
-def _option(name: str, value: object, rule: str) -> InputError:
-    return InputError(f"{name} {value}: {rule}", option=name, value=value)
 
 
 def camera_step(
@@ -120,8 +113,7 @@ def camera_step(
     """
     limits, work, hold = options.limits(), options.work(), options.held()
     output = options.output
-    report = options.report or (output.with_suffix(".html") if output is not None else None)
-    _check_written(output, report, options.target)
+    results = Results.beside(output, options.report, (options.target,), {})
     target = read_target(options.target) if options.target is not None else Target()
     if live:
         from cell.commands.calibration.camera_live import open_source, take_views
@@ -133,37 +125,14 @@ def camera_step(
     photos, size = find_target(images, target, console)
     console.step(f"fit: {sum(p.view is not None for p in photos)} views of {target.label()}")
     calibration = calibrate_camera(photos, target, size, held=hold, work=work, limits=limits)
-    if report is not None:
-        write_atomic(report, lens_page(calibration, images.name))
-    tell(calibration, console)
-    if report is not None:
-        console.say(f"report: {report}")
+    print_lens(calibration, console)
+    results.write_report(lambda: lens_page(calibration, images.name), console)
     if output is not None and calibration.accepted:
         write_lens(output, calibration)
         console.say(f"written: {output}")
     elif output is None and calibration.accepted:
         console.say("no camera file was written; give -o FILE to write one")
-    return to_json(calibration)
-
-
-def _check_written(output: Path | None, report: Path | None, target: Path | None) -> None:
-    """Check the output files before images are taken, which may take an hour.
-
-    Raises:
-        InputError: an output file is a folder, the target file, named like an image, or named twice.
-    """
-    for option, written in (("--output", output), ("--report", report)):
-        if written is None:
-            continue
-        keep_apart(written, target)
-        if written.exists() and not written.is_file():
-            raise _option(option, written, "is not a regular file; give the name of a file")
-        if written.suffix.lower() in IMAGE_SUFFIXES:
-            raise _option(
-                option, written, "has the suffix of an image; use camera.toml, and camera.html for the report"
-            )
-    if output is not None and report is not None and output.resolve() == report.resolve():
-        raise _option("--output", output, "is also the name of the report; use camera.toml, or give --report")
+    return lens_json(calibration)
 
 
 def find_target(folder: Path, target: Target, console: Console) -> tuple[list[TargetPhoto], tuple[int, int]]:
@@ -212,104 +181,6 @@ def find_target(folder: Path, target: Target, console: Console) -> tuple[list[Ta
             instead=instead,
         )
     return photos, (first.shape[1], first.shape[0])
-
-
-def tell(c: CameraCalibration, console: Console) -> None:
-    """Print tables of the lens and the views, and the verdict."""
-    values = zip(NAMES, vector_of(c.camera), c.sigmas, c.free, strict=True)
-    console.table(
-        ("number", "value", "std"),
-        [
-            (n, f"{v:.5g}" if i > 3 else f"{v:.2f}", f"{s:.2g}" if f else "held")
-            for i, (n, v, s, f) in enumerate(values)
-        ],
-    )
-    console.say()
-    console.table(
-        ("view", "corners", "rms px", "distance mm", "tilt deg", "blur px", ""),
-        [
-            (
-                v.photo.name,
-                0 if v.photo.view is None else len(v.photo.view.ids),
-                f"{v.rms_px:.3f}" if v.used else "-",
-                f"{1e3 * v.distance:.0f}" if v.used else "-",
-                f"{np.degrees(v.tilt):.0f}" if v.used else "-",
-                f"{v.photo.quality.blur_px:.1f}" if v.photo.quality is not None else "-",
-                f"left out: {v.why_not}" if v.why_not else "",
-            )
-            for v in c.views
-        ],
-    )
-    console.say()
-    worst, mean = 1e3 * float(c.work_sigmas.max()), 1e3 * float(np.sqrt(np.mean(c.work_sigmas**2)))
-    console.say(
-        f"target:      {c.target.label()}; its size scales all distances and cannot be verified from images"
-    )
-    console.say(f"corners:     {c.corner_sigma:.3f} px (held-out views {c.cross.sigma_px:.3f} px)")
-    console.say(
-        f"work points: {mean:.3f} mm, at worst {worst:.3f} mm (one standard deviation, {1e3 * c.work.near:.0f} to "
-        f"{1e3 * c.work.far:.0f} mm away)"
-    )
-    console.say(
-        f"coverage:    {100 * coverage(c):.0f} % of the image, {len(c.used)} of {len(c.views)} views used"
-    )
-    for remark in c.remarks:
-        console.say(f"note: {remark}")
-    if c.next and not c.accepted:
-        console.say("views that would help most:")
-        for view in c.next:
-            console.say(f"  {view.words}")
-    console.say("accepted" if c.accepted else "refused:")
-    for reason in c.reasons:
-        console.say(f"  {reason}")
-
-
-def to_json(c: CameraCalibration) -> dict[str, Any]:
-    """Return the object for ``--json``."""
-    return {
-        "K_px": c.camera.K.tolist(),
-        "distortion_k1k2p1p2k3": c.camera.distortion.tolist(),
-        "size_px": list(c.camera.size),
-        "parameters": {
-            name: {"value": float(v), "std": float(s) if f else None}
-            for name, v, s, f in zip(NAMES, vector_of(c.camera), c.sigmas, c.free, strict=True)
-        },
-        "covariance": c.covariance.tolist(),
-        "corner_sigma_px": c.corner_sigma,
-        "held_out_px": c.cross.sigma_px,
-        "work": {
-            "near_mm": 1e3 * c.work.near,
-            "far_mm": 1e3 * c.work.far,
-            "std_mm": 1e3 * float(np.sqrt(np.mean(c.work_sigmas**2))),
-            "worst_std_mm": 1e3 * float(c.work_sigmas.max()),
-            "jackknife_mm": 1e3 * float(np.sqrt(np.mean(c.cross.work_sigmas**2))),
-        },
-        "coverage": coverage(c),
-        "marker_share": marker_share(c),
-        "views": [
-            {
-                "photograph": v.photo.name,
-                "used": v.used,
-                "why_not": v.why_not,
-                "corners": 0 if v.photo.view is None else len(v.photo.view.ids),
-                "dropped": []
-                if v.dropped is None or v.photo.view is None
-                else v.photo.view.ids[v.dropped].tolist(),
-                "rms_px": v.rms_px if v.used else None,
-                "T_camera_target": None if v.T_camera_target is None else v.T_camera_target.tolist(),
-            }
-            for v in c.views
-        ],
-        "suspects": [
-            {"name": s.name, "amount": s.amount, "std": s.sigma, "unit": s.unit, "sigmas": s.sigmas}
-            for s in c.suspects
-        ],
-        "undetermined": {name: None if v is None else v.words for name, v in c.undetermined.items()},
-        "next_views": [{"words": v.words, "T_camera_target": v.T_camera_target.tolist()} for v in c.next],
-        "verdict": "accepted" if c.accepted else "refused",
-        "reasons": list(c.reasons),
-        "remarks": list(c.remarks),
-    }
 
 
 def write_lens(path: Path, c: CameraCalibration) -> None:

@@ -16,7 +16,7 @@ from calib.camera.guided_capture import FIRST, Advice, GuidedViews
 from calib.camera.result import CalibrationLimits
 from calib.camera.view_selection import TargetPhoto
 from cell.console import Console
-from cell.sim.target_photos import held, photograph_target
+from cell.sim.target_photos import photograph_target, target_pose
 from cell.task.look import write_png
 from vision.camera.frame_source import IMAGE_SUFFIXES, FrameSource, Image, read_grey
 from vision.camera.model import Camera
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from cell.files.task import Task
 
 QUIET_S = 180.0  # wall time without a new view after which the session ends
-TOLD_EVERY_S = 10.0  # wall time between repetitions of the reason why no view is taken
+REPEAT_S = 10.0  # wall time between two messages why no view is taken
 MOST_VIEWS = 60
 
 
@@ -68,7 +68,7 @@ class SimulatedHand:
         fill = 0.6 * size[0] / self._camera.K[0, 0]
         distance = self._target.size[0] / fill * rng.uniform(1.0, 1.1)
         at = size / 2.0 + rng.normal(0.0, 0.06, 2) * size
-        return held(self._camera, self._target, at, distance, 0.5 * turn, rng.normal(0.0, 0.1))
+        return target_pose(self._camera, self._target, at, distance, 0.5 * turn, rng.normal(0.0, 0.1))
 
 
 @contextlib.contextmanager
@@ -153,7 +153,7 @@ def take_views(
         wrong = guided.consider(_photo(f"live-{number + 1:03d}.png", image, target, finder))
         if wrong:
             console.progress(f"{guided.advice.words}", min(len(guided.photos) / limits.views, 1.0), wrong)
-            if clock() - max(said, since) > TOLD_EVERY_S:
+            if clock() - max(said, since) > REPEAT_S:
                 said = clock()
                 console.say(f"waiting: {wrong}")
             continue

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,9 @@ from arm.errors import ExecutionStopped, InputError
 from arm.io.storage import keep_apart
 from arm.se3 import Array
 from calib.hand_eye.calibrate import HAND_EYE_LIMITS
-from cell.collect.collector import CollectOptions, Collector, choose, hand_scene
+from cell.collect.collector import CollectOptions, Collector, choose_poses, hand_scene
 from cell.collect.record import CHANGED, HandRecord
-from cell.commands.calibration.chain import Results, encoder_step_of, limits_of, solve_hand_eye
+from cell.commands.calibration.chain import ChainOptions, solve_hand_eye
 from cell.commands.run import Confirm, opened
 from cell.console import Console
 from cell.files.hand_target import read_hand_target
@@ -33,27 +33,23 @@ class CollectFiles:
         recording: recording to start or continue.
         task: task file with the cell.
         target: file of the target in the gripper.
-        output, report: files of the calibration; None: not written.
-        apply: enter an accepted calibration in the task's cell file.
         folder: folder for plans and the wire log; None: a new one.
+        apply: enter an accepted calibration in the task's cell file.
     """
 
     recording: Path
     task: Path
     target: Path
-    output: Path | None = None
-    report: Path | None = None
-    apply: bool = False
     folder: Path | None = None
+    apply: bool = False
 
 
 def collect_step(
     files: CollectFiles,
-    options: CollectOptions,
-    limit_mm: float | None,
+    poses: CollectOptions,
+    options: ChainOptions,
     where: WhichCell,
     console: Console,
-    encoder_step_deg: float | None = None,
     confirm: Confirm | None = None,
 ) -> dict[str, Any]:
     """Record the target in the gripper and calibrate. The recording is written after each pose.
@@ -67,11 +63,10 @@ def collect_step(
         ExecutionStopped: motion stopped; the same command continues the recording.
         CalibrationRefused: nothing could be computed.
     """
-    recording, output = files.recording, files.output
-    limits, encoder_step = limits_of(HAND_EYE_LIMITS, limit_mm), encoder_step_of(encoder_step_deg)
+    recording, limits, encoder_step = files.recording, options.limits(HAND_EYE_LIMITS), options.encoder_step()
     task = read_task(files.task, lambda why: console.step(f"started without the cell's calibration: {why}"))
     hand = read_hand_target(files.target)
-    if files.apply and output is None:
+    if files.apply and options.output is None:
         raise InputError(
             "--apply needs -o FILE, the calibration file to enter in the cell file", option="--apply"
         )
@@ -80,25 +75,16 @@ def collect_step(
     world = where.world or task.file.with_suffix(".world.toml")
     read = (files.task, files.target, task.cell.file, task.cell.camera_file, world)
     keep_apart(recording, *read)
-    results = Results.beside(output, files.report, recording, *read)
+    results = replace(options.results(recording, *read), cell=task.cell.file, apply=files.apply)
     record = HandRecord(recording, task.cell, hand)
     folder, pool = None, None
-    if len(record) < options.poses:
-        pool, folder = _add(task, record, options, files.folder, where, console, confirm)
+    if len(record) < poses.poses:
+        pool, folder = _add(task, record, poses, files.folder, where, console, confirm)
     else:
         console.step(f"{recording}: has {len(record)} poses already, so nothing moves")
     with console.doing("calibrating"):
-        result = solve_hand_eye(
-            recording,
-            record.recording(),
-            results,
-            limits,
-            encoder_step,
-            console,
-            task.cell.file,
-            files.apply,
-            pool,
-        )
+        found = record.recording()
+        result = solve_hand_eye(recording, found, results, limits, encoder_step, console, pool)
     return {**result, "recording": str(recording), "folder": None if folder is None else str(folder)}
 
 
@@ -121,13 +107,13 @@ def _add(
     require_openable(task, where)
     require_new_folder(folder)
     scene = hand_scene(record)
-    choice = choose(record, scene, options, console)
+    choice = choose_poses(record, scene, options, console)
     try:
         with opened(task, console, where, speed, folder, Control(), confirm) as run:
             if run.connection.simulated is not None:
                 run.connection.simulated.hold(record.hand)
             collector = Collector(run, record, scene, console)
-            collector.take_into_use()
+            collector.initialise_arm()
             if len(record):
                 collector.require_same_hold()
             taken = collector.collect(choice.q, nearest_first=not options.recipe)

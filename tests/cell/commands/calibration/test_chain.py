@@ -21,7 +21,8 @@ from calib.nao.calibrate import NAO_LIMITS
 from calib.nao.chain import NaoUnknowns
 from calib.recordings.arm import ArmRecording, recording_json
 from cell.commands.calibration import chain as calibratechain
-from cell.commands.calibration.chain import Results, hand_eye_step, kinematic_step, solve_hand_eye
+from cell.commands.calibration.chain import ChainOptions, hand_eye_step, kinematic_step, solve_hand_eye
+from cell.commands.calibration.options import Results
 from recorded.arm_sets import LENS, NOMINAL, TARGETS, Truth, recorded, wide
 from recorded.faults import larger
 from recorded.found_chains import MORE, Heard, nao_named, refused
@@ -72,7 +73,7 @@ def test_truth_and_noise_of_a_file_are_never_read(recording: Path, tmp_path: Pat
     results = []
     for name in ("whole.json", "stripped.json"):
         (tmp_path / name).write_text(json.dumps(value))
-        results.append(hand_eye_step(tmp_path / name, None, None, None, None, Heard()))
+        results.append(hand_eye_step(tmp_path / name, ChainOptions(), Heard()))
         value.pop("truth", None), value.pop("noise", None)
     for result in results:
         result.pop("solve_s")
@@ -110,7 +111,7 @@ def test_a_wrong_recording_is_told_by_its_key(
     content = json.loads(recording.read_text()) | {key: value}
     (tmp_path / "wrong.json").write_text(json.dumps(content))
     with pytest.raises(InputError) as told:
-        hand_eye_step(tmp_path / "wrong.json", tmp_path / "c.toml", None, None, None, Heard())
+        hand_eye_step(tmp_path / "wrong.json", ChainOptions(tmp_path / "c.toml"), Heard())
     assert "wrong.json" in str(told.value)
     assert words in str(told.value)
     assert not (tmp_path / "c.toml").exists()
@@ -195,7 +196,7 @@ def test_a_calibration_file_has_all_that_a_cell_needs(
     found: HandEye, asked: list[Asked], data: Path, tmp_path: Path
 ) -> None:
     heard = Heard()
-    result = hand_eye_step(data, tmp_path / "c.toml", None, 0.7, 0.5, heard)
+    result = hand_eye_step(data, ChainOptions(tmp_path / "c.toml", None, 0.7, 0.5), heard)
     (ask,) = asked
     assert ask.limits == replace(HAND_EYE_LIMITS, held_out=pytest.approx(0.7e-3))
     assert ask.step == pytest.approx(np.radians(0.5))
@@ -235,7 +236,7 @@ def test_a_calibration_file_has_all_that_a_cell_needs(
     assert (tmp_path / "c.html").exists()
     assert "was written" not in heard.all
     heard = Heard()
-    assert hand_eye_step(data, tmp_path / "c.toml", None, None, None, heard)["id"] == result["id"]
+    assert hand_eye_step(data, ChainOptions(tmp_path / "c.toml"), heard)["id"] == result["id"]
     assert any(line.startswith("written:") for line in heard.told), "over the one of before"
 
 
@@ -267,7 +268,7 @@ def test_what_is_to_be_done_with_a_calibration_is_told_as_it_is(
     data = tmp_path / "arm.json"
     data.write_text(json.dumps(recording_json(replace(found.recording, **changed))))
     heard = Heard()
-    hand_eye_step(data, tmp_path / "out" / "c.toml", None, None, None, heard)
+    hand_eye_step(data, ChainOptions(tmp_path / "out" / "c.toml"), heard)
     assert words in heard.told[-1]
     assert ("to use it" in heard.all) == (not changed)
 
@@ -281,12 +282,10 @@ def test_a_cell_that_is_known_gets_the_name_from_where_it_is(
     solve_hand_eye(
         data,
         found.recording,
-        Results(output, None),
+        Results(output, cell=cell),
         HAND_EYE_LIMITS,
         None,
         heard,
-        cell_file=cell,
-        apply=False,
     )
     assert heard.told[-1] == f'to use it, add to {cell}: calibration = "../out/c.toml"'
 
@@ -295,7 +294,7 @@ def test_without_a_file_to_write_none_is_written_and_that_is_told(
     asked: list[Asked], data: Path, tmp_path: Path
 ) -> None:
     heard = Heard()
-    result = hand_eye_step(data, None, tmp_path / "r.html", None, None, heard)
+    result = hand_eye_step(data, ChainOptions(None, tmp_path / "r.html"), heard)
     assert (asked[0].limits, asked[0].step) == (HAND_EYE_LIMITS, None)
     assert "no calibration file was written; give -o FILE to write one" in heard.told
     assert "id" not in result
@@ -306,13 +305,13 @@ def test_what_is_refused_is_reported_and_neither_tested_nor_written(
     found: HandEye, asked: list[Asked], data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(calibratechain, "calibrate_hand_eye", lambda *_: refused(found))
-    result = hand_eye_step(data, tmp_path / "c.toml", tmp_path / "r.html", None, None, Heard())
+    result = hand_eye_step(data, ChainOptions(tmp_path / "c.toml", tmp_path / "r.html"), Heard())
     assert result["verdict"] == "refused"
     assert "self_test" not in result
     assert {path.name for path in tmp_path.iterdir()} == {"arm.json", "r.html"}
     assert "Self-test:</b> not run" in (tmp_path / "r.html").read_text()
     heard = Heard()
-    hand_eye_step(data, None, None, None, None, heard)
+    hand_eye_step(data, ChainOptions(), heard)
     assert "no calibration file" not in heard.all, "as if -o FILE would have written one"
 
 
@@ -357,7 +356,7 @@ def test_the_result_of_a_nao_is_written_as_it_is_told(
     found: HandEye, asked: list[Asked], nao_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     heard = Heard()
-    result = kinematic_step(nao_data, tmp_path / "found.json", None, 3.0, 0.1, heard)
+    result = kinematic_step(nao_data, ChainOptions(tmp_path / "found.json", None, 3.0, 0.1), heard)
     (ask,) = asked
     # images 4 and 11 of the left leg, of which every other image of the file is
     assert result["wrong_images"] == [[8, 22]]
@@ -368,16 +367,16 @@ def test_the_result_of_a_nao_is_written_as_it_is_told(
     assert json.loads((tmp_path / "found.json").read_text()) == result
     assert result["self_test"]["passed"] is True
     assert (tmp_path / "found.html").exists()
-    kinematic_step(nao_data, None, None, None, None, Heard())
+    kinematic_step(nao_data, ChainOptions(), Heard())
     assert (asked[1].limits, asked[1].step) == (NAO_LIMITS, None)
     bad = replace(nao_named(found.chain)[0], reasons=("too far off",))
     monkeypatch.setattr(calibratechain, "calibrate_nao", lambda *_: bad)
-    assert "self_test" not in kinematic_step(nao_data, tmp_path / "other.json", None, None, None, Heard())
+    assert "self_test" not in kinematic_step(nao_data, ChainOptions(tmp_path / "other.json"), Heard())
     assert not (tmp_path / "other.json").exists()
     assert (tmp_path / "other.html").exists()
 
 
 @pytest.mark.parametrize("deg", [0.0, 5.0])
 def test_exact_and_very_coarse_encoders_may_be_stated(asked: list[Asked], data: Path, deg: float) -> None:
-    hand_eye_step(data, None, None, None, deg, Heard())
+    hand_eye_step(data, ChainOptions(None, None, None, deg), Heard())
     assert asked[0].step == pytest.approx(np.radians(deg))

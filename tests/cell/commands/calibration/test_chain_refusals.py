@@ -10,6 +10,7 @@ import pytest
 
 from arm.errors import InputError
 from arm.io.storage import data_file
+from cell.commands.calibration.chain import ChainOptions
 from recorded.found_chains import STEPS, Heard, Step
 
 
@@ -30,7 +31,7 @@ def test_options_are_seen_before_anything_is_read(
     tmp_path: Path, step: Step, limit_mm: float | None, encoder_step_deg: float | None, words: str
 ) -> None:
     with pytest.raises(InputError) as told:
-        step(tmp_path / "gone.json", None, None, limit_mm, encoder_step_deg, Heard())
+        step(tmp_path / "gone.json", ChainOptions(None, None, limit_mm, encoder_step_deg), Heard())
     assert words in str(told.value)
 
 
@@ -53,7 +54,7 @@ def test_files_that_cannot_be_written_are_refused_before_anything_is_read(
     data = tmp_path / "data.json"
     data.write_text("not a recording")
     with pytest.raises(InputError) as told:
-        step(data, tmp_path / output, None if report is None else tmp_path / report, None, None, Heard())
+        step(data, ChainOptions(tmp_path / output, None if report is None else tmp_path / report), Heard())
     assert words in str(told.value)
     assert data.read_text() == "not a recording"
 
@@ -79,7 +80,7 @@ def test_no_file_of_another_kind_is_written_over(
     shutil.copyfile(file, there)
     given = (tmp_path / "new.toml", there) if as_report else (there, None)
     with pytest.raises(InputError, match="that this command wrote, so it is not overwritten") as told:
-        step(tmp_path / "not read.json", *given, None, None, Heard())
+        step(tmp_path / "not read.json", ChainOptions(*given), Heard())
     assert str(there) in str(told.value)
     assert there.read_bytes() == file.read_bytes()
 
@@ -90,7 +91,7 @@ def test_a_name_that_can_have_no_folder_is_refused_before_anything_is_read(
 ) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="is not writable") as told:
-        step(tmp_path / "not read.json", tmp_path / "file" / "x" / "c.toml", None, None, None, Heard())
+        step(tmp_path / "not read.json", ChainOptions(tmp_path / "file" / "x" / "c.toml"), Heard())
     assert str(tmp_path / "file") in str(told.value)
 
 
@@ -103,6 +104,6 @@ def test_what_is_no_name_of_a_file_is_told(
     Path("loop.toml").symlink_to("loop.toml")
     for given in ((Path(name), None), (None, Path(name))):
         with pytest.raises(InputError, match="file") as told:
-            step(Path("not read.json"), *given, None, None, Heard())
+            step(Path("not read.json"), ChainOptions(*given), Heard())
         assert "not read" not in str(told.value)
         assert len(str(told.value).splitlines()) == 1

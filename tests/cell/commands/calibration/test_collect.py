@@ -14,6 +14,7 @@ import cell.session.connection
 from arm.errors import InputError
 from arm.io.storage import data_file
 from cell.collect.collector import CollectOptions
+from cell.commands.calibration.chain import ChainOptions
 from cell.commands.calibration.collect import CollectFiles, collect_step
 from cell.console import Console
 from cell.session.connection import WhichCell
@@ -30,7 +31,7 @@ def no_choice(monkeypatch: pytest.MonkeyPatch) -> None:
     def chosen(*_: object) -> None:
         raise RuntimeError("poses are chosen")
 
-    monkeypatch.setattr(cell.commands.calibration.collect, "choose", chosen)
+    monkeypatch.setattr(cell.commands.calibration.collect, "choose_poses", chosen)
 
 
 @pytest.mark.parametrize(
@@ -69,16 +70,15 @@ def test_what_cannot_be_is_refused_before_anything_opens(
         tmp_path / str(changed.get("recording", "recorded.json")),
         task,
         HAND,
-        named.get(output, output),  # type: ignore[call-overload]
-        None,
-        True,
         tmp_path / "run",
+        True,
     )
+    options = ChainOptions(named.get(output, output), encoder_step_deg=changed.get("step"))  # type: ignore[call-overload, arg-type]
     where = WhichCell(speed=changed.get("speed"))  # type: ignore[arg-type]
 
     def asked() -> None:
-        options = CollectOptions.of(changed.get("poses", 8), changed.get("seed"), False)  # type: ignore[arg-type]
-        collect_step(files, options, None, where, Console(), changed.get("step"))  # type: ignore[arg-type]
+        poses = CollectOptions.of(changed.get("poses", 8), changed.get("seed"), False)  # type: ignore[arg-type]
+        collect_step(files, poses, options, where, Console())
 
     with pytest.raises(InputError) as told:
         asked()
@@ -112,7 +112,7 @@ def test_where_the_poses_are_taken_is_seen_before_any_is_chosen(
 ) -> None:
     files = CollectFiles(tmp_path / "recorded.json", data_file("scenes/uncalibrated/task2.toml"), HAND)
     with pytest.raises(InputError) as told:
-        collect_step(files, CollectOptions(8), None, where, Heard())
+        collect_step(files, CollectOptions(8), ChainOptions(), where, Heard())
     assert words in str(told.value)
 
 
@@ -124,6 +124,6 @@ def test_a_folder_that_holds_something_is_refused_before_poses_are_chosen(
     task = data_file("scenes/uncalibrated/task2.toml")
     files = CollectFiles(tmp_path / "recorded.json", task, HAND, folder=tmp_path / "run")
     with pytest.raises(InputError, match="new or empty folder"):
-        collect_step(files, CollectOptions(8), None, FAST, Heard())
+        collect_step(files, CollectOptions(8), ChainOptions(), FAST, Heard())
     with pytest.raises(RuntimeError, match="poses are chosen"):
-        collect_step(replace(files, folder=None), CollectOptions(8), None, FAST, Heard())
+        collect_step(replace(files, folder=None), CollectOptions(8), ChainOptions(), FAST, Heard())
