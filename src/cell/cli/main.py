@@ -10,35 +10,10 @@ import typer
 from typer import Argument, Option
 
 from arm.errors import A465Error, ExecutionStopped, InputError
+from cell.cli import options as shared
 from cell.cli.calibrate import app as calibrate_app
 from cell.cli.failure import fail
-from cell.cli.options import (
-    NO_PORT,
-    Advice,
-    Budget,
-    Camera,
-    Free,
-    GiveUp,
-    Homed,
-    Images,
-    Json,
-    LiveFlag,
-    LivePort,
-    LookFile,
-    Output,
-    PlanFile,
-    PlanOutput,
-    Port,
-    Preload,
-    Speed,
-    TaskFile,
-    TimeScale,
-    Unseen,
-    WorldFile,
-    answering,
-    refuse,
-    refuse_given,
-)
+from cell.cli.options import NO_PORT, answering, refuse, refuse_given
 from cell.cli.tools import tools
 from cell.console import Console
 from driver.line.signals import interruptible
@@ -82,26 +57,26 @@ def _root(
 )
 def run(
     context: typer.Context,
-    task: TaskFile,
-    port: Port = None,
-    world: WorldFile = None,
-    images: Images = None,
-    camera: Camera = None,
-    speed: Speed = None,
-    time_scale: TimeScale = None,
+    task: shared.TaskFile,
+    port: shared.Port = None,
+    world: shared.WorldFile = None,
+    images: shared.Images = None,
+    camera: shared.Camera = None,
+    speed: shared.Speed = None,
+    time_scale: shared.TimeScale = None,
     output: Annotated[
         Path | None, Option("-o", "--output", help="New folder of the run; default: runs/TASK-1, -2, ...")
     ] = None,
-    advice: Advice = True,
-    budget: Budget = None,
-    give_up: GiveUp = None,
-    unseen: Unseen = False,
-    homed: Homed = False,
-    free: Free = False,
-    preload: Preload = False,
-    live: LiveFlag = False,
-    live_port: LivePort = None,
-    as_json: Json = False,
+    advice: shared.Advice = True,
+    budget: shared.Budget = None,
+    give_up: shared.GiveUp = None,
+    unseen: shared.Unseen = False,
+    homed: shared.Homed = False,
+    free: shared.Free = False,
+    preload: shared.Preload = False,
+    live: shared.LiveFlag = False,
+    live_port: shared.LivePort = None,
+    as_json: shared.Json = False,
 ) -> None:
     if port is None:
         refuse_given(context, ("unseen", "homed", "free"), NO_PORT)
@@ -129,15 +104,15 @@ def look(
     task: Annotated[
         Path | None, Argument(help="Task file, such as scenes/task2.toml.", metavar="TASK")
     ] = None,
-    images: Images = None,
-    camera: Camera = None,
+    images: shared.Images = None,
+    camera: shared.Camera = None,
     detections: Annotated[
         Path | None, Option(help="File of recorded marker corners to use instead of images.")
     ] = None,
-    world: WorldFile = None,
-    output: Output = None,
+    world: shared.WorldFile = None,
+    output: shared.Output = None,
     picture: Annotated[Path | None, Option(help="PNG to write, annotated with the detections.")] = None,
-    as_json: Json = False,
+    as_json: shared.Json = False,
 ) -> None:
     if detections is not None:
         with_images = "cannot be combined with --detections, which needs no images"
@@ -161,7 +136,9 @@ def look(
     "and what limits it.",
     epilog="Example: a465 reach scenes/task2.toml --look look.json",
 )
-def reach(task: TaskFile, look: LookFile, advice: Advice = True, as_json: Json = False) -> None:
+def reach(
+    task: shared.TaskFile, look: shared.LookFile, advice: shared.Advice = True, as_json: shared.Json = False
+) -> None:
     with answering("checking reach", as_json) as console:
         from cell.commands.steps import reach_step
 
@@ -174,14 +151,14 @@ def reach(task: TaskFile, look: LookFile, advice: Advice = True, as_json: Json =
     epilog="Example: a465 plan scenes/task2.toml --look look.json -o plan.json",
 )
 def plan(
-    task: TaskFile,
-    look: LookFile,
-    output: PlanOutput = Path("plan.json"),
-    speed: Speed = None,
-    advice: Advice = True,
-    budget: Budget = None,
-    give_up: GiveUp = None,
-    as_json: Json = False,
+    task: shared.TaskFile,
+    look: shared.LookFile,
+    output: shared.PlanOutput = Path("plan.json"),
+    speed: shared.Speed = None,
+    advice: shared.Advice = True,
+    budget: shared.Budget = None,
+    give_up: shared.GiveUp = None,
+    as_json: shared.Json = False,
 ) -> None:
     with answering("planning", as_json) as console:
         from cell.commands.steps import plan_step
@@ -204,17 +181,17 @@ def plan_poses(
     look: Annotated[
         Path | None, Option(help="Detected boards; default: only the table and the walls.")
     ] = None,
-    output: PlanOutput = Path("plan.json"),
+    output: shared.PlanOutput = Path("plan.json"),
     frame: Annotated[
         str | None, Option(help="Frame of poses without a key: flange (as in ctu_crs) or tool.")
     ] = None,
     angles: Annotated[str | None, Option(help="Unit of joint angles without a key: rad or deg.")] = None,
     lengths: Annotated[str, Option(help="Unit of positions in poses: m or mm.")] = "m",
-    speed: Speed = None,
+    speed: shared.Speed = None,
     back: Annotated[bool, Option("--back", help="Return to q_start at the end.")] = False,
-    budget: Budget = None,
-    give_up: GiveUp = None,
-    as_json: Json = False,
+    budget: shared.Budget = None,
+    give_up: shared.GiveUp = None,
+    as_json: shared.Json = False,
 ) -> None:
     with answering("planning", as_json) as console:
         from cell.commands.plan_poses import plan_poses_step
@@ -239,7 +216,7 @@ def check(
     ],
     task: Annotated[Path | None, Argument(help="Task file of the plan.", metavar="TASK")] = None,
     q: Annotated[str | None, Option(help="J1 to J6 in deg, separated by commas.", metavar="Q")] = None,
-    as_json: Json = False,
+    as_json: shared.Json = False,
 ) -> None:
     with answering("checking", as_json) as console:
         from cell.commands.check import check_step
@@ -264,8 +241,8 @@ def preview(
     task: Annotated[
         Path | None, Argument(help="Task file of the plan; a log names its own.", metavar="TASK")
     ] = None,
-    output: Output = None,
-    as_json: Json = False,
+    output: shared.Output = None,
+    as_json: shared.Json = False,
 ) -> None:
     with answering("drawing", as_json) as console:
         from cell.commands.preview import preview_file
@@ -281,28 +258,28 @@ def preview(
 )
 def execute(
     context: typer.Context,
-    plan: PlanFile,
-    task: TaskFile,
-    port: Port = None,
-    world: WorldFile = None,
-    images: Images = None,
-    camera: Camera = None,
-    speed: Speed = None,
+    plan: shared.PlanFile,
+    task: shared.TaskFile,
+    port: shared.Port = None,
+    world: shared.WorldFile = None,
+    images: shared.Images = None,
+    camera: shared.Camera = None,
+    speed: shared.Speed = None,
     resume: Annotated[
         bool, Option("--resume", help="After a stop: replan the remaining work from where the arm is.")
     ] = False,
-    budget: Budget = None,
-    give_up: GiveUp = None,
-    time_scale: TimeScale = None,
+    budget: shared.Budget = None,
+    give_up: shared.GiveUp = None,
+    time_scale: shared.TimeScale = None,
     yes: Annotated[
         str | None, Option(help="With --port: the code that the plan's preview shows; default: ask.")
     ] = None,
-    homed: Homed = False,
-    free: Free = False,
-    preload: Preload = False,
-    live: LiveFlag = False,
-    live_port: LivePort = None,
-    as_json: Json = False,
+    homed: shared.Homed = False,
+    free: shared.Free = False,
+    preload: shared.Preload = False,
+    live: shared.LiveFlag = False,
+    live_port: shared.LivePort = None,
+    as_json: shared.Json = False,
 ) -> None:
     if not resume:
         refuse_given(context, ("budget", "give_up"), "needs --resume: executing a plan needs no search")

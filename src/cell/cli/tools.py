@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from cell.cli.options import SELECTORS, Json, TaskFile, WorldFile, answering, refuse, refuse_given
+from cell.cli import options as shared
+from cell.cli.options import SELECTORS, answering, refuse, refuse_given
 from cell.console import Console
 
 tools = typer.Typer()  # `cell.cli.main` registers these commands
@@ -35,7 +36,7 @@ def emulate(
         Path | None, Option(help="File for every line received and sent, faults and protocol violations.")
     ] = None,
     task: Annotated[Path | None, Option(help="Task file whose simulated cell the arm works in.")] = None,
-    world: WorldFile = None,
+    world: shared.WorldFile = None,
     photographs: Annotated[
         Path | None, Option(help="Folder for images of that cell, taken while the arm stands still.")
     ] = None,
@@ -57,15 +58,15 @@ def emulate(
     epilog="Example: a465 render scenes/task2.toml -o photographs",
 )
 def render(
-    task: TaskFile,
-    world: WorldFile = None,
+    task: shared.TaskFile,
+    world: shared.WorldFile = None,
     output: Annotated[Path | None, Option("-o", "--output", help="Folder to write.")] = None,
     count: Annotated[int | None, Option(help="Number of images; default: the cell file's.")] = None,
     target: Annotated[
         str | None, Option(help="Render a calibration target instead: a target file, or charuco.")
     ] = None,
     seed: Annotated[int, Option(help="Seed of the target's poses and of the noise.")] = 0,
-    as_json: Json = False,
+    as_json: shared.Json = False,
 ) -> None:
     folder = output or Path("photographs")
     with answering("rendering", as_json) as console:
@@ -107,7 +108,7 @@ def export(
         Path | None, Option(help="For a plan of a calibrated arm: its cell or task file.")
     ] = None,
     look: Annotated[Path | None, Option(help="For a cell or task file: detected boards to include.")] = None,
-    as_json: Json = False,
+    as_json: shared.Json = False,
 ) -> None:
     with answering("exporting", as_json) as console:
         from cell.export.export import ExportOptions, export_file
@@ -129,7 +130,7 @@ def new_cell(
         str | None, Option(help="Arm of the cell: crs93 or crs97. Required: it cannot be detected.")
     ] = None,
     name: Annotated[str | None, Option(help="Name of the cell; default: that of the folder.")] = None,
-    as_json: Json = False,
+    as_json: shared.Json = False,
 ) -> None:
     from cell.commands.new_cell import new_cell_step
 
@@ -153,7 +154,7 @@ def doctor(
     cell: Annotated[
         Path | None, Option(help="Cell or task file to check; default: the built-in one.", metavar="CELL")
     ] = None,
-    as_json: Json = False,
+    as_json: shared.Json = False,
 ) -> None:
     from cell.doctor.doctor import doctor_step
 

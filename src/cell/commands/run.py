@@ -70,7 +70,7 @@ def run_task(
         before = run.try_look("before anything moves")
         if before is not None and not run.foresee(before):
             return run.report()
-        run.take_into_use()
+        run.initialise_arm()
         run.go_to_start(before)
         run.after_homing()
         seen = run.look("from q_start")
@@ -119,7 +119,7 @@ def execute_plan(
         before = run.try_look("before anything moves")
         if before is not None:
             require_scene(task.cell, plan, before)
-        run.take_into_use()
+        run.initialise_arm()
         run.go_to_start(before)
         run.after_homing()
         seen = run.look("from q_start")

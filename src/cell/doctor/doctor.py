@@ -38,7 +38,7 @@ def doctor_step(
         console: output.
     """
     findings: list[CheckResult] = []
-    for finding in _look(port, camera, cell_file):
+    for finding in _findings(port, camera, cell_file):
         findings.append(finding)
         console.progress(finding.check, len(findings) / ROWS)
     console.table(_HEADER, list(_rows(findings)))
@@ -52,7 +52,7 @@ def doctor_step(
     }
 
 
-def _look(port: str | None, camera: str | None, cell_file: Path | None) -> Iterator[CheckResult]:
+def _findings(port: str | None, camera: str | None, cell_file: Path | None) -> Iterator[CheckResult]:
     """Run the checks one after the other; each imports what it needs."""
     from cell.doctor import installation as install
 
@@ -71,11 +71,11 @@ def _look(port: str | None, camera: str | None, cell_file: Path | None) -> Itera
     yield from _self_test(cell)
 
 
-def _row(check: str, look: Rows, seconds: float, help: str = "") -> Iterator[CheckResult]:
+def _row(check: str, run: Rows, seconds: float, help: str = "") -> Iterator[CheckResult]:
     """Yield the rows of a check, or one row that says why it failed."""
 
     def all_rows() -> tuple[CheckResult, ...]:
-        found = look()
+        found = run()
         return (found,) if isinstance(found, CheckResult) else tuple(found)
 
     rows = guarded(check, all_rows, seconds, help)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, TypeVar
 
 from arm.errors import A465Error
@@ -34,27 +34,21 @@ class CheckResult:
 
     def to_json(self) -> dict[str, Any]:
         """Return all attributes."""
-        return {
-            "check": self.check,
-            "verdict": self.verdict,
-            "found": self.found,
-            "help": self.help,
-            "data": dict(self.data),
-        }
+        return asdict(self)
 
 
-def guarded(check: str, look: Callable[[], T], seconds: float, help: str) -> T | CheckResult:
-    """Return the result of `look`, or a row with the verdict wrong if it fails or exceeds its time.
+def guarded(check: str, run: Callable[[], T], seconds: float, help: str) -> T | CheckResult:
+    """Return the result of `run`, or a row with the verdict wrong if it fails or exceeds its time.
 
     Args:
         check: name of the row.
-        look: check to run; it may hang in a library, or need a missing one.
+        run: the check; it may hang in a library, or need a missing one.
         seconds: wall time limit.
         help: what would help if it fails.
     """
     worker = Worker(f"doctor: {check}")
     try:
-        return worker.call(look, seconds)
+        return worker.call(run, seconds)
     except ImportError as error:
         return CheckResult(check, WRONG, f"cannot be checked: {error}", REINSTALL)
     except (A465Error, OSError) as error:  # TimeoutError is an OSError

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 TIME_SCALE = 10.0  # of the simulated cell
 AWAIT_S = 120.0  # timeout for new images
-COPIED_S = 0.5  # without growing, for an image to be complete
+COPIED_S = 0.5  # an image file that has not grown for so long is complete
 POLL_S = 0.1
 
 
@@ -79,7 +79,7 @@ class Connection:
     emulator: Emulator | None = None
 
 
-class AwaitedPhotographs:
+class NewImageFolder:
     """A folder that receives new images for each look.
 
     Images that are there when a look begins are ignored: they may show the cell before the last motion.
@@ -172,7 +172,7 @@ def require_openable(task: Task, where: WhichCell) -> None:
     if port is None:
         world_file(task, where.world)
     elif images is not None:
-        AwaitedPhotographs(images)
+        NewImageFolder(images)
     elif camera in (None, OF_CELL) and task.cell.basler.device is None:
         raise InputError(
             "--port needs a camera: name one with --camera or in the cell file ([look.basler] device), or give a "
@@ -217,7 +217,7 @@ def _open_real(
 @contextmanager
 def _real_camera(cell: Cell, images: Path | None, camera: str | None) -> Iterator[FrameSource]:
     if images is not None:
-        yield AwaitedPhotographs(images)
+        yield NewImageFolder(images)
         return
     with open_basler(cell, camera) as frames:
         yield frames

@@ -10,6 +10,7 @@ import termios
 import time
 from collections.abc import Callable
 
+from arm.errors import InputError
 from cell.console import Console
 
 TRIES = 3
@@ -36,6 +37,31 @@ def asked(
         if left:
             console.say(f"that is not {wanted}; {left} more {'try' if left == 1 else 'tries'}")
     return False
+
+
+def require_word(
+    console: Console, question: str, word: str, answer: Callable[[], str | None], otherwise: str, option: str
+) -> None:
+    """Ask for a word, in capitals or not.
+
+    Args:
+        console: for the question.
+        question: to print.
+        word: the right answer.
+        answer: returns a typed line, or None if nobody can type.
+        otherwise: what a refusal means, for its message.
+        option: that makes the question unnecessary.
+
+    Raises:
+        InputError: the word was not typed.
+    """
+    if not asked(console, question, word, same_word(word), answer):
+        raise InputError(f"{word!r} was not typed; {otherwise}", option=option)
+
+
+def same_word(word: str) -> Callable[[str], bool]:
+    """Return whether a line is the word, in capitals or not."""
+    return lambda line: line.lower() == word.lower()
 
 
 def at_terminal() -> bool:

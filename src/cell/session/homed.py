@@ -1,7 +1,7 @@
 """Home the arm, which has no collision checks; or skip homing, if the unit kept its positions.
 
-With ``--homed`` nothing moves. Checked is what the unit can report: no fault, counters inside the limits and not those
-of power-up, an arm at rest. Whether its counters are correct cannot be checked.
+With ``--homed`` nothing moves. The unit must report no fault, an arm at rest, and counters that are inside the limits
+and not those of power-up. Whether the counters are correct cannot be checked.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def may_be_real(port: str) -> bool:
     return not os.path.realpath(port).startswith("/dev/pts/")
 
 
-def keep_home(mars: Mars, cell: Cell, console: Console, jaws_too: bool = True) -> None:
+def initialise_without_homing(mars: Mars, cell: Cell, console: Console, jaws_too: bool = True) -> None:
     """Check an arm that was homed before; nothing moves.
 
     Args:
@@ -56,15 +56,15 @@ def keep_home(mars: Mars, cell: Cell, console: Console, jaws_too: bool = True) -
     )
 
 
-def take_into_use(mars: Mars, cell: Cell, console: Console, homed_before: bool) -> None:
+def initialise_arm(mars: Mars, cell: Cell, console: Console, homed_before: bool) -> None:
     """Home the arm, unless it was homed before; open the jaws.
 
     Raises:
-        ImpossibleError: see `keep_home`.
+        ImpossibleError: see `initialise_without_homing`.
         ExecutionStopped: homing failed, or the jaws do not open.
     """
     if homed_before:
-        keep_home(mars, cell, console)
+        initialise_without_homing(mars, cell, console)
     else:
         console.step("homing: the controller moves every axis, without collision checks; then the jaws open")
         with console.doing("homing"):

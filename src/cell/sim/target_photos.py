@@ -51,7 +51,9 @@ def photograph_target(
     return with_noise(image, rng, shot.noise_grey)
 
 
-def held(camera: Camera, target: Target, pixel: Array, distance: float, turn: Array, roll: float) -> Array:
+def target_pose(
+    camera: Camera, target: Target, pixel: Array, distance: float, turn: Array, roll: float
+) -> Array:
     """T_camera_target of a target with its centre at `pixel` (2,), `distance` m along the camera's axis.
 
     Args:
@@ -100,7 +102,7 @@ def random_poses(
                 distances_m=list(distances),
             )
         pixel = size * rng.uniform(0.15, 0.85, 2)
-        T = held(
+        T = target_pose(
             camera,
             target,
             pixel,

@@ -16,7 +16,7 @@ from arm.errors import InputError
 from arm.plan_file import Plan, read_plan
 from cell.console import Console
 from cell.scene.arm_shape import arm_shape
-from cell.session.dialogue import asked, at_terminal, typed
+from cell.session.dialogue import asked, at_terminal, require_word, typed
 from cell.session.overview import overview
 from cell.task.run import TaskRun
 from driver.mars.refusals import is_unhomed
@@ -171,18 +171,7 @@ class Consent:
         if self.said:
             return
         question = f"type {name} to let it move:"
-        if not asked(
-            self.console,
-            question,
-            name,
-            _same_name(name),
-            self._answer or typed,
-        ):
-            raise InputError(f"{name!r} was not typed; nothing moved", option="--unseen")
-
-
-def _same_name(name: str) -> Callable[[str], bool]:
-    return lambda typed: typed.lower() == name.lower()
+        require_word(self.console, question, name, self._answer or typed, "nothing moved", "--unseen")
 
 
 def _place(run: TaskRun) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from arm.errors import InputError
 from cell.console import Console
-from cell.session.dialogue import asked, at_terminal, typed
+from cell.session.dialogue import at_terminal, require_word, typed
 from cell.session.homed import may_be_real
 
 if TYPE_CHECKING:
@@ -73,7 +73,4 @@ class FreeCell:
         )
 
     def _ask(self, question: str, wanted: str) -> None:
-        if not asked(
-            self.console, question, wanted, lambda word: word.lower() == wanted, self._answer or typed
-        ):
-            raise InputError(f"{wanted!r} was not typed; nothing more moves", option="--free")
+        require_word(self.console, question, wanted, self._answer or typed, "nothing more moves", "--free")

@@ -21,7 +21,7 @@ from cell.report.run_page import KeptPlan, Picture
 from cell.report.run_report import run_report, write_run_report
 from cell.session.connection import Connection
 from cell.session.grasp_monitor import GraspMonitor
-from cell.session.homed import take_into_use
+from cell.session.homed import initialise_arm
 from cell.session.observer import RunObserver
 from cell.task.confirm_placed import LetGo
 from cell.task.look import look_and_save
@@ -130,9 +130,9 @@ class OpenRun:
         with self.console.doing("looking"):
             return look_and_save(self.task, self.connection.frames, picture, self.console, why, arm_in_view)
 
-    def take_into_use(self) -> None:
+    def initialise_arm(self) -> None:
         """Home the arm, unless it was homed before; open the jaws."""
-        take_into_use(self.connection.mars, self.task.cell, self.console, self.homed_before)
+        initialise_arm(self.connection.mars, self.task.cell, self.console, self.homed_before)
         self.homed = True
 
     def q_now(self) -> Array:

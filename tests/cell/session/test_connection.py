@@ -16,7 +16,7 @@ from arm.errors import InputError
 from arm.io.storage import data_file
 from cell.files.task import Task, read_task
 from cell.session import connection
-from cell.session.connection import AwaitedPhotographs, WhichCell, open_cell, world_file
+from cell.session.connection import NewImageFolder, WhichCell, open_cell, world_file
 from driver.line.signals import SIGNALS, interruptible
 
 
@@ -33,7 +33,7 @@ def test_photographs_from_before_a_look_are_not_looked_at(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     _photograph(tmp_path / "a.png", 1)
-    frames = AwaitedPhotographs(tmp_path)
+    frames = NewImageFolder(tmp_path)
 
     def look(*levels: int) -> list[int]:
         def later() -> None:
@@ -62,7 +62,7 @@ def test_photographs_from_before_a_look_are_not_looked_at(
 
 def test_a_photograph_that_is_still_being_copied_is_waited_for(tmp_path: Path) -> None:
     whole = cv2.imencode(".jpg", np.full((64, 64), 200, dtype=np.uint8))[1].tobytes()
-    frames = AwaitedPhotographs(tmp_path)
+    frames = NewImageFolder(tmp_path)
 
     def later() -> None:
         time.sleep(0.3)
@@ -83,9 +83,9 @@ def test_photographs_that_do_not_come_are_told(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(connection, "AWAIT_S", 0.3)
     _photograph(tmp_path / "a.png", 1)
     with pytest.raises(InputError, match="has 0 new photographs"):
-        AwaitedPhotographs(tmp_path).grab(1)
+        NewImageFolder(tmp_path).grab(1)
     with pytest.raises(InputError, match="no such folder"):
-        AwaitedPhotographs(tmp_path / "none")
+        NewImageFolder(tmp_path / "none")
 
 
 def test_a_world_that_is_not_there_is_told(task: Task, tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
 from cell.console import Console
 from cell.session.connection import WhichCell
-from cell.session.homed import keep_home, may_be_real, take_into_use
+from cell.session.homed import initialise_arm, initialise_without_homing, may_be_real
 from driver.emulator import Emulator
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
@@ -76,7 +76,7 @@ def test_a_unit_that_was_homed_is_kept_and_told(
     mars.gripper(0.0)
     run.console = Console()
     before, homings = mars.counts(), _homings(emulator)
-    keep_home(run.connection.mars, run.task.cell, run.console)
+    initialise_without_homing(run.connection.mars, run.task.cell, run.console)
     assert _homings(emulator) == homings
     assert mars.counts() == before
     told = capsys.readouterr().out
@@ -89,14 +89,16 @@ def test_a_unit_as_after_power_up_is_refused_and_one_with_a_cube_in_the_jaws(
 ) -> None:
     run, emulator = unit
     with pytest.raises(ImpossibleError, match=r"must be homed|must be from"):
-        keep_home(run.connection.mars, run.task.cell, run.console)
+        initialise_without_homing(run.connection.mars, run.task.cell, run.console)
     assert _homings(emulator) == 0
     mars = run.connection.mars
     mars.initialise()
     monkeypatch.setattr(mars, "jaws", lambda: here.fraction_closed(here.cube_size))
     with pytest.raises(ImpossibleError, match="as on a cube"):
-        keep_home(run.connection.mars, run.task.cell, run.console)
-    keep_home(run.connection.mars, run.task.cell, run.console, jaws_too=False)  # a target may be in the hand
+        initialise_without_homing(run.connection.mars, run.task.cell, run.console)
+    initialise_without_homing(
+        run.connection.mars, run.task.cell, run.console, jaws_too=False
+    )  # a target may be in the hand
 
 
 @pytest.mark.parametrize(("kept", "stalled"), [(False, False), (False, True), (True, True)])
@@ -117,12 +119,12 @@ def test_homing_ends_at_the_marks_and_nothing_goes_on_with_jaws_that_do_not_open
         console=Console(as_json=True),
         homed_before=kept,
     )
-    monkeypatch.setattr(cell.session.homed, "keep_home", lambda *_: done.append("kept"))
+    monkeypatch.setattr(cell.session.homed, "initialise_without_homing", lambda *_: done.append("kept"))
     if stalled:
         with pytest.raises(ExecutionStopped, match="the jaws do not open: .*" + ("was" if kept else "marks")):
-            take_into_use(run.connection.mars, run.task.cell, run.console, run.homed_before)
+            initialise_arm(run.connection.mars, run.task.cell, run.console, run.homed_before)
     else:
-        take_into_use(run.connection.mars, run.task.cell, run.console, run.homed_before)
+        initialise_arm(run.connection.mars, run.task.cell, run.console, run.homed_before)
     assert done == ["kept" if kept else {"home": True, "soft_home": False}, ((1,) * 6, (2,) * 6)]
 
 

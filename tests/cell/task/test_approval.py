@@ -259,7 +259,7 @@ def test_only_a_whole_line_that_was_typed_after_the_question_answers_it(
         os.write(master, before.encode())
         console = Console()
         monkeypatch.setattr(console, "say", lambda text: os.write(master, then.encode()))
-        right = cell.task.approval._same_name("crs93")
+        right = cell.session.dialogue.same_word("crs93")
         assert not cell.session.dialogue.asked(console, "?", "crs93", right, cell.session.dialogue.typed)
         monkeypatch.setattr(console, "say", lambda text: os.write(master, b"CRS93\n"))
         assert cell.session.dialogue.asked(console, "?", "crs93", right, cell.session.dialogue.typed)
