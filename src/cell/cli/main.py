@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext
+import json
+import sys
+from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,10 +14,9 @@ from typer import Argument, Option
 from arm.errors import A465Error, ExecutionStopped, InputError
 from cell.cli import options as shared
 from cell.cli.calibrate import app as calibrate_app
-from cell.cli.failure import fail
 from cell.cli.options import NO_PORT, answering, refuse, refuse_given
 from cell.cli.tools import tools
-from cell.console import Console
+from cell.console import Console, OutputLost, say_on_stderr
 from driver.line.signals import interruptible
 
 if TYPE_CHECKING:
@@ -333,4 +334,15 @@ def main() -> None:
         try:
             app()
         except A465Error as error:
-            fail(error)
+            _fail(error)
+
+
+def _fail(error: A465Error) -> None:
+    """Print the error in one line, with ``--json`` also as an object, and exit with the code of its kind."""
+    if "--json" in sys.argv and not isinstance(error, OutputLost):
+        kind, code = type(error).__name__, error.exit_code
+        body = {"error": {"kind": kind, "message": str(error), "exit_code": code, **error.data}}
+        with suppress(OutputLost):  # standard error and the exit code report it too
+            Console().say(json.dumps(body, indent=2, default=str))
+    say_on_stderr(f"a465: {error.word}: {error}")
+    sys.exit(error.exit_code)
