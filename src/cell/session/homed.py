@@ -51,8 +51,8 @@ def initialise_without_homing(mars: Mars, cell: Cell, console: Console, jaws_too
         )
     degrees = ", ".join(f"{d:.1f}" for d in np.degrees(cell.unit.positions(counts)))
     console.step(
-        f"not homed: --homed states that it was since power-up, which cannot be verified; it is powered, without "
-        f"fault, and at [{degrees}] deg by its counters: compare with the arm"
+        "homing skipped: --homed states that the unit was homed since power-up, which cannot be verified; it is "
+        f"powered, without fault, and at [{degrees}] deg by its counters: compare with the arm"
     )
 
 

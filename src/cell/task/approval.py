@@ -21,9 +21,10 @@ from cell.session.overview import overview
 from cell.task.run import TaskRun
 from driver.mars.refusals import is_unhomed
 
-ABOUT_GOING_ON = "the arm is not homed: it continues from where it stands; keep clear"
+ABOUT_GOING_ON = "the arm will not be homed: it continues from where it stands; keep clear"
 ABOUT_KEPT = (
-    "the arm is not homed: --homed states that it was; compare the joint angles with the arm, and keep clear"
+    "the arm will not be homed again: --homed states that it was; compare the joint angles with the arm, and "
+    "keep clear"
 )
 ABOUT_HOMING = "first the controller homes the arm: every axis moves, without collision checks; keep clear"
 

@@ -80,7 +80,7 @@ def test_a_unit_that_was_homed_is_kept_and_told(
     assert _homings(emulator) == homings
     assert mars.counts() == before
     told = capsys.readouterr().out
-    assert "not homed: --homed states that it was" in told
+    assert "homing skipped: --homed states that the unit was homed" in told
     assert "-45.0" in told  # where it stands, to compare
 
 
