@@ -25,6 +25,10 @@ app = typer.Typer(
 
 _TARGET = "Target file; default: ChArUco 7 x 5, 30/22 mm, DICT_5X5_100."
 _Report = Annotated[Path | None, Option(help="HTML report; default: beside the file that -o writes.")]
+_Output = Annotated[
+    Path | None,
+    Option("-o", "--output", help="File to write if the result is accepted: TOML; of kinematic, JSON."),
+]
 _LimitMm = Annotated[
     float | None, Option(help="Largest accepted error of predicted images; default 1, for a NAO 2.")
 ]
@@ -71,9 +75,7 @@ def calibrate_lens(
         str | None, Option(help="With --live: Basler camera, such as name:camera-crs93.")
     ] = None,
     simulated: Annotated[Path | None, Option(help="With --live: use this task's simulated camera.")] = None,
-    output: Annotated[
-        Path | None, Option("-o", "--output", help="Camera file to write if the lens is accepted.")
-    ] = None,
+    output: _Output = None,
     report: _Report = None,
     as_json: shared.Json = False,
 ) -> None:
@@ -125,9 +127,7 @@ def calibrate_hand_eye(
     homed: shared.Homed = False,
     free: shared.Free = False,
     folder: Annotated[Path | None, Option(help="Folder for plans and the wire log.")] = None,
-    output: Annotated[
-        Path | None, Option("-o", "--output", help="Calibration file to write if it is accepted.")
-    ] = None,
+    output: _Output = None,
     apply: Annotated[bool, Option("--apply", help="Enter the calibration file in the cell file.")] = False,
     report: _Report = None,
     limit_mm: _LimitMm = None,
@@ -189,9 +189,7 @@ def print_target(
 )
 def calibrate_kinematic(
     data: Annotated[Path, Argument(help="Recorded images and joints (JSON, docs/nao.md).", metavar="DATA")],
-    output: Annotated[
-        Path | None, Option("-o", "--output", help="Result to write (JSON) if it is accepted.")
-    ] = None,
+    output: _Output = None,
     report: _Report = None,
     limit_mm: _LimitMm = None,
     encoder_step_deg: _EncoderStep = None,
