@@ -11,8 +11,8 @@ from arm.se3 import Array
 from calib.camera.result import CalibrationView, CameraCalibration
 from calib.camera.verdict import CELLS, cells, coverage, describe
 from calib.camera.working_volume import COLUMNS, LAYERS, ROWS
-from calib.model.intrinsics import NAMES, vector_of
 from cell.report.html import Table, render
+from cell.report.lens_text import VIEW_COLUMNS, intrinsics_rows, left_out, rms_mm, view_row
 
 ARROWS = 0.02  # length of the arrow of a typical residual, in image widths
 LABEL = 0.036  # font size of the views' numbers, in image widths
@@ -39,12 +39,12 @@ def lens_page(c: CameraCalibration, source: str) -> str:
             (f"{c.corner_sigma:.3f} px", "error of a corner"),
             (f"{c.cross.sigma_px:.3f} px", "of views held out"),
             (f"{1e3 * c.work_sigmas.max():.3f} mm", f"worst work point (limit {c.limits.work_mm:g} mm)"),
-            (f"{1e3 * float(np.sqrt(np.mean(c.work_sigmas**2))):.3f} mm", "mean work point"),
+            (f"{rms_mm(c.work_sigmas):.3f} mm", "mean work point"),
             (f"{100 * coverage(c):.0f} %", "of the image covered"),
         ),
         corners=_corners(c),
         work=_work(c),
-        intrinsics=_intrinsics(c),
+        intrinsics=Table(("", "value", "std"), intrinsics_rows(c)),
         poses=_poses(c),
         suspects=_suspects(c),
         suspected=describe(c.suspects[0]) if c.suspects and c.suspects[0].sigmas > 5 else "",
@@ -99,14 +99,6 @@ def _work(c: CameraCalibration) -> dict[str, Any]:
     }
 
 
-def _intrinsics(c: CameraCalibration) -> Table:
-    rows = []
-    for name, value, sigma, free in zip(NAMES, vector_of(c.camera), c.sigmas, c.free, strict=True):
-        shown = f"{value:.2f} px" if name in NAMES[:4] else f"{value:.5g}"
-        rows.append((name, shown, f"{sigma:.2g}" if free else "held"))
-    return Table(("", "value", "std"), rows)
-
-
 def _poses(c: CameraCalibration) -> dict[str, Any] | None:
     """Outlines of the target in the camera frame, along the image's x and along its y; None without a pose."""
     width, height = c.target.size
@@ -150,7 +142,7 @@ def _suspects(c: CameraCalibration) -> Table:
             if s.unit == "m"
             else f"{100 * s.amount:+.3f} +- {100 * s.sigma:.3f} %",
             f"{s.sigmas:.1f}",
-            f"{1e3 * float(np.sqrt(np.mean(c.work.shifts(s.lens_change) ** 2))):.4f} mm",
+            f"{rms_mm(c.work.shifts(s.lens_change)):.4f} mm",
         )
         for s in c.suspects
     ]
@@ -185,16 +177,11 @@ def _along(corners: Array, steps: int = 12) -> Array:
 def _views(c: CameraCalibration) -> Table:
     worst = max((v.rms_px for v in c.used), default=1.0)
 
-    def row(v: CalibrationView) -> tuple[str, ...]:
-        found = "0" if v.photo.view is None else str(len(v.photo.view.ids))
-        blur = "" if v.photo.quality is None else f"{v.photo.quality.blur_px:.2f}"
+    def residual(v: CalibrationView) -> str:
         if not v.used:
-            return v.photo.name, found, "", "", "", blur, f"left out: {v.why_not}"
-        bar = "▇" * max(1, round(12 * v.rms_px / worst))
+            return left_out(v)
         lost = int(v.dropped.sum()) if v.dropped is not None else 0
-        note = f"{bar}{f'  {lost} corners left out' if lost else ''}"
-        distance, tilt = f"{1e3 * v.distance:.0f}", f"{np.degrees(v.tilt):.0f}"
-        return v.photo.name, found, f"{v.rms_px:.3f}", distance, tilt, blur, note
+        return "▇" * max(1, round(12 * v.rms_px / worst)) + (f"  {lost} corners left out" if lost else "")
 
-    header = ("photograph", "corners", "rms px", "distance mm", "tilt deg", "blur px", "residual")
-    return Table(header, [row(v) for v in c.views], [i for i, v in enumerate(c.views) if not v.used])
+    rows = [(*view_row(v), residual(v)) for v in c.views]
+    return Table((*VIEW_COLUMNS, "residual"), rows, [i for i, v in enumerate(c.views) if not v.used])
