@@ -29,7 +29,6 @@ from calib.camera.view_selection import TargetPhoto
 from calib.model.intrinsics import NAMES, vector_of
 from cell.sim.target_photos import Shot, photograph_target, random_poses
 from vision.camera.model import read_camera
-from vision.targets.quality import measure_quality
 from vision.targets.target import Target, TargetFinder
 
 
@@ -81,9 +80,8 @@ def run(seed: int, views: int, fault: Fault | None = None) -> Outcome:
     for number, T in enumerate(random_poses(camera, target, rng, views, tilt=fault.tilt)):
         shot = replace(fault.shot, psf_px=2.5) if number < fault.blurred else fault.shot
         image = photograph_target(camera, target, T, rng, shot)
-        seen = finder.find(image)
-        quality = None if seen is None else measure_quality(image, target, seen)
-        photos.append(TargetPhoto(f"view-{number:02d}", seen, quality))
+        photos.append(TargetPhoto.of(f"view-{number:02d}", image, finder))
+        seen = photos[-1].view
         if seen is not None:
             points = target.points()[seen.ids] @ T[:3, :3].T + T[:3, 3]
             errors.append((seen.corners_px - camera.project(points)).ravel())

@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.se3 import Array
-from vision.targets.quality import Quality
-from vision.targets.target import FEWEST_CORNERS, TargetView
+from vision.camera.model import Image
+from vision.targets.quality import Quality, measure_quality
+from vision.targets.target import FEWEST_CORNERS, TargetFinder, TargetView
 
 BLURRED = 2.0  # largest blur relative to the sharpest quarter of the views,
 LEAST_BLUR_PX = 1.5  # but this much is always allowed
@@ -41,6 +42,13 @@ class TargetPhoto:
     view: TargetView | None
     quality: Quality | None
     taken_s: float | None = None
+
+    @classmethod
+    def of(cls, name: str, image: Image, finder: TargetFinder, taken_s: float | None = None) -> TargetPhoto:
+        """Detect the target in an image, and measure the quality of the detection."""
+        view = finder.find(image)
+        quality = None if view is None else measure_quality(image, finder.target, view)
+        return cls(name, view, quality, taken_s)
 
 
 def unusable(photos: Sequence[TargetPhoto]) -> list[str]:

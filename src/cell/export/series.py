@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -166,6 +166,4 @@ def _before(motion: Planned, end_s: float) -> Planned:
     """The part of a motion before the next one, for a motion that was stopped."""
     keep = motion.time_s < end_s
     velocity = None if motion.velocity is None else frozen(motion.velocity[keep])
-    return Planned(
-        motion.number, motion.sent_s, frozen(motion.time_s[keep]), frozen(motion.q[keep]), velocity
-    )
+    return replace(motion, time_s=frozen(motion.time_s[keep]), q=frozen(motion.q[keep]), velocity=velocity)

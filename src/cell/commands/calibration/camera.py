@@ -19,7 +19,6 @@ from cell.report.lens_text import lens_json, print_lens
 from vision.camera.frame_source import IMAGE_SUFFIXES, Image, read_grey
 from vision.camera.model import write_camera
 from vision.markers.exposure import darkness
-from vision.targets.quality import measure_quality
 from vision.targets.target import Target, TargetFinder, read_target
 
 HOLDABLE = NAMES[4:]
@@ -167,13 +166,10 @@ def find_target(folder: Path, target: Target, console: Console) -> tuple[list[Ta
                 f"{first.shape[0]} px; all images of a calibration must have the same size",
                 path=str(file),
             )
-        view = finder.find(image)
-        quality = None if view is None else measure_quality(image, target, view)
-        photos.append(TargetPhoto(file.name, view, quality, file.stat().st_mtime))
+        photos.append(TargetPhoto.of(file.name, image, finder, file.stat().st_mtime))
     if first is None or all(photo.view is None for photo in photos):
         image = read_grey(files[0])
-        instead = finder.seen_instead(image)
-        instead = instead or darkness(image) or ""
+        instead = finder.seen_instead(image) or darkness(image) or ""
         raise InputError(
             f"{folder}: none of {len(files)} images shows the target ({target.label()})"
             + (f"; {files[0].name} shows {instead}" if instead else ""),

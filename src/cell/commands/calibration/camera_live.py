@@ -20,7 +20,6 @@ from cell.sim.target_photos import photograph_target, target_pose
 from cell.task.look import write_png
 from vision.camera.frame_source import IMAGE_SUFFIXES, FrameSource, Image, read_grey
 from vision.camera.model import Camera
-from vision.targets.quality import measure_quality
 from vision.targets.target import Target, TargetFinder
 
 if TYPE_CHECKING:
@@ -136,7 +135,7 @@ def take_views(
     guided = GuidedViews(target, (first.shape[1], first.shape[0]), work, limits)
     if hand is not None:
         hand.advice = lambda: guided.advice
-    number = _resume(folder, target, finder, guided, console)
+    number = _resume(folder, finder, guided, console)
     taken, since = 0, clock()
     said = since
     console.say(f"show the target {guided.advice.words}")
@@ -150,7 +149,7 @@ def take_views(
             console.say(f"no new view for {quiet_s:.0f} s: continuing with {len(guided.photos)}")
             break
         (image,) = source.grab(1)
-        wrong = guided.consider(_photo(f"live-{number + 1:03d}.png", image, target, finder))
+        wrong = guided.consider(TargetPhoto.of(f"live-{number + 1:03d}.png", image, finder))
         if wrong:
             console.progress(f"{guided.advice.words}", min(len(guided.photos) / limits.views, 1.0), wrong)
             if clock() - max(said, since) > REPEAT_S:
@@ -163,16 +162,11 @@ def take_views(
     return taken
 
 
-def _photo(name: str, image: Image, target: Target, finder: TargetFinder) -> TargetPhoto:
-    view = finder.find(image)
-    return TargetPhoto(name, view, None if view is None else measure_quality(image, target, view))
-
-
-def _resume(folder: Path, target: Target, finder: TargetFinder, guided: GuidedViews, console: Console) -> int:
+def _resume(folder: Path, finder: TargetFinder, guided: GuidedViews, console: Console) -> int:
     """Add the images in the folder as views; return the number of the last one."""
     files = sorted(p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
     for file in files:
-        photo = _photo(file.name, read_grey(file), target, finder)
+        photo = TargetPhoto.of(file.name, read_grey(file), finder)
         guided.consider(photo)  # twice: a view counts only if the target is held still
         guided.consider(photo)
     if files:
