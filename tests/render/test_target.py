@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from cell.sim.target_photos import Shot, held, photograph_target
+from cell.sim.target_photos import Shot, photograph_target, target_pose
 from pictures.seen_targets import BOARD, CAMERA, MIDDLE
 from vision.targets.target import TargetFinder
 
 
 def test_a_bent_target_is_drawn_bent():
     rng = np.random.default_rng(1)
-    T = held(CAMERA, BOARD, MIDDLE, 1.0, np.array([0.0, 0.6]), 0.0)
+    T = target_pose(CAMERA, BOARD, MIDDLE, 1.0, np.array([0.0, 0.6]), 0.0)
     flat, bent = (
         TargetFinder(BOARD).find(photograph_target(CAMERA, BOARD, T, rng, Shot(bend=b))) for b in (0.0, 1e-3)
     )

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from cell.sim.target_photos import Shot, held, photograph_target
+from cell.sim.target_photos import Shot, photograph_target, target_pose
 from pictures.seen_targets import BOARD, CAMERA, photograph
 from vision.targets.quality import measure_quality
 from vision.targets.target import TargetFinder
@@ -44,7 +44,7 @@ def test_markers_are_measured_through_a_wide_lens_that_distorts():
         K=np.array([[f, 0.0, 959.5], [0.0, f, 599.5], [0.0, 0.0, 1.0]]),
         distortion=np.array([-0.3, 0.1, 0.0, 0.0, 0.0]),
     )
-    T = held(wide, BOARD, np.array([700.0, 500.0]), 0.2, np.array([0.3, -0.2]), 0.1)
+    T = target_pose(wide, BOARD, np.array([700.0, 500.0]), 0.2, np.array([0.3, -0.2]), 0.1)
     image = photograph_target(wide, BOARD, T, np.random.default_rng(10))
     view = TargetFinder(BOARD).find(image)
     assert view is not None

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from arm.errors import InputError
-from cell.sim.target_photos import held, photograph_target
+from cell.sim.target_photos import photograph_target, target_pose
 from pictures.seen_targets import BOARD, CAMERA, photograph
 from vision.targets.target import Target, TargetFinder, read_target
 
@@ -42,7 +42,7 @@ def test_a_checkerboard_is_told_from_its_half_turn(roll_deg):
 
 def test_a_target_that_is_cut_off_gives_the_corners_that_are_there():
     rng = np.random.default_rng(3)
-    T = held(CAMERA, BOARD, np.array([250.0, 600.0]), 1.0, np.array([0.1, 0.2]), 0.0)
+    T = target_pose(CAMERA, BOARD, np.array([250.0, 600.0]), 1.0, np.array([0.1, 0.2]), 0.0)
     view = TargetFinder(BOARD).find(photograph_target(CAMERA, BOARD, T, rng))
     assert view is not None
     assert 6 <= len(view.ids) < BOARD.corners
