@@ -14,7 +14,8 @@ from arm.controller.unit import Limits
 from arm.numerics.products import norm
 from arm.robot.model import Robot
 from arm.se3 import Array
-from plan.kinematics.ik import all_branches, nearest_turns
+from plan.kinematics.closed_form import all_branches
+from plan.kinematics.ik import nearest_turns
 from plan.scene import Station
 from planning_bench.query import OFFSET
 

@@ -14,7 +14,6 @@ from arm.numerics.angles import arccos
 from arm.numerics.products import norm
 from arm.se3 import Array
 from plan.advice.changes import (
-    AddPlaces,
     Change,
     ChangeOptions,
     Groups,
@@ -50,18 +49,15 @@ class Family:
     anchors: tuple[int, ...] = ()
 
 
-def families(
-    request: Request, failure: Failure, groups: Groups, spare: Sequence[Station]
-) -> Iterator[Family]:
+def families(request: Request, failure: Failure, groups: Groups) -> Iterator[Family]:
     """Yield all families for a failure, in order of rank.
 
     Args:
         request: the request that failed.
         failure: the reason.
         groups: names of boards to the names of the bodies that move with them.
-        spare: places that the task could use too.
     """
-    yield from _options(request, failure, spare)
+    yield from _options(request, failure)
     yield from _obstacle(request, failure, groups)
     yield from _boards(request, failure, groups)
     skipped = skipped_for(request, failure)
@@ -69,7 +65,7 @@ def families(
         yield Family(6, (skipped,))
 
 
-def _options(request: Request, failure: Failure, spare: Sequence[Station]) -> Iterator[Family]:
+def _options(request: Request, failure: Failure) -> Iterator[Family]:
     options = request.options
     if failure.kind in (LINE_BLOCKED, NO_WAY_ACROSS, OUT_OF_REACH):
         if options.order == "given" and failure.kind != OUT_OF_REACH:
@@ -77,11 +73,6 @@ def _options(request: Request, failure: Failure, spare: Sequence[Station]) -> It
         if options.assignment == "given":
             text = "let the planner choose the destinations of the cubes"
             yield Family(0, (ChangeOptions(text, (("assignment", "free"), ("order", "free"))),))
-        known = {s.name for s in request.stations()}
-        more = tuple(s for s in spare if s.name not in known)
-        if more:
-            names = ", ".join(s.name for s in more)
-            yield Family(0, (AddPlaces(f"let cubes go to {names} too", more),))
     racing = any(w.joint and w.excess_deg is None for w in failure.ways)
     if racing and options.speed < 1.0:
         # a joint was too slow for a line at the slowest tool speed

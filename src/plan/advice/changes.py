@@ -218,20 +218,6 @@ class ChangeOptions(Change):
 
 
 @dataclass(frozen=True)
-class AddPlaces(Change):
-    """Add places to choose from."""
-
-    stations: tuple[Station, ...]
-
-    def apply(self, request: Request) -> Request:
-        options = replace(request.options, assignment="free")
-        return replace(request, options=options, places=(*request.places, *self.stations))
-
-    def to_json(self) -> dict[str, Any]:
-        return {"change": "more places", "places": [s.name for s in self.stations]}
-
-
-@dataclass(frozen=True)
 class SkipCubes(Change):
     """Leave cubes where they are."""
 

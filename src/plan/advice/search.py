@@ -23,7 +23,7 @@ from plan.cartesian.reachability import GraspCandidate, ReachTable
 from plan.collision.world import World, distance_of
 from plan.failure import AFTER_TIMING, LINE_BLOCKED, NO_WAY_ACROSS, START_BLOCKED, Failure, failure_in
 from plan.pick_place.cause import worlds_at
-from plan.scene import Scene, Station
+from plan.scene import Scene
 
 BUDGET, WANTED = 12, 3
 _TOUCHING = 5e-4  # m, accepted overlap of bodies that stand on each other
@@ -69,7 +69,6 @@ def advise(
     error: ImpossibleError,
     budget: int = BUDGET,
     groups: Groups | None = None,
-    spare: Sequence[Station] = (),
     fits: Callable[[Request], bool] | None = None,
     tell: Callable[[str], None] | None = None,
     wanted: int = WANTED,
@@ -81,7 +80,6 @@ def advise(
         error: the error of `plan.pick_place.planner.plan_task`.
         budget: largest number of plans.
         groups: names to the bodies that move together; default: `plan.advice.changes.groups_of`.
-        spare: places that the task could use too.
         fits: returns whether a changed request is acceptable, such as where boards may stand; or None.
         tell: called before each plan with the text of the change; or None.
         wanted: number of changes after which the search ends.
@@ -96,7 +94,7 @@ def advise(
         groups = groups_of(request.scene, request.stations())
     trial = _Trial(request, failure, budget, fits, tell)
     found: list[Advice] = []
-    for _, rank in groupby(families(request, failure, groups, spare), key=lambda f: f.rank):
+    for _, rank in groupby(families(request, failure, groups), key=lambda f: f.rank):
         advice = trial.rank(list(rank))
         if advice is not None:
             found.append(advice)
@@ -152,8 +150,6 @@ class _Trial:
         if not self.reaches(changed, table):
             return False
         failing = self.failure.stations if kind in (LINE_BLOCKED, NO_WAY_ACROSS) else ()
-        if len(changed.places) > len(self.request.places):
-            failing = ()
         lines = [*failing]
         if isinstance(change, MoveBodies):  # what moves may be in the way elsewhere
             on_it = [s.name for s in changed.stations() if s.touches & change.bodies]

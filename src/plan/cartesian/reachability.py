@@ -19,8 +19,9 @@ from arm.former import FormerNames
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen
 from plan.cartesian.line import LineOptions
+from plan.kinematics.closed_form import BRANCH_NAMES, RawBranches, all_branches
 from plan.kinematics.configuration import require_limits
-from plan.kinematics.ik import BRANCH_NAMES, RawBranches, all_branches, nearest_turns
+from plan.kinematics.ik import nearest_turns
 
 _SAMPLE_STEP = (
     0.005  # m between poses along a line; joints move smoothly between them, away from singularities

@@ -20,7 +20,8 @@ from arm.errors import InputError
 from arm.numerics.products import mul
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen, skew
-from plan.kinematics.ik import BRANCH_NAMES, Indices, RawBranches, all_branches, nearest_turns
+from plan.kinematics.closed_form import BRANCH_NAMES, RawBranches, all_branches
+from plan.kinematics.ik import Indices, nearest_turns
 from plan.kinematics.straight_line import AXES
 
 _SAMPLES = 360

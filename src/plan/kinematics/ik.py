@@ -9,37 +9,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from arm.arguments import joints, poses
 from arm.errors import InputError
+from arm.former import FormerNames
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen
-from plan.kinematics.closed_form import (
-    BRANCH_NAMES,
-    POSE_TOLERANCE,
-    Flags,
-    RawBranches,
-    all_branches,
-    has_closed_form,
-)
-
-__all__ = [
-    "BRANCH_NAMES",
-    "POSE_TOLERANCE",
-    "BranchReport",
-    "Branches",
-    "Flags",
-    "Indices",
-    "RawBranches",
-    "all_branches",
-    "explain_pose",
-    "has_closed_form",
-    "inverse_kinematics",
-    "nearest_turns",
-]
+from plan.kinematics.closed_form import BRANCH_NAMES, Flags, all_branches
 
 Indices = npt.NDArray[np.intp]
 
@@ -162,3 +142,9 @@ def explain_pose(
 def nearest_turns(q: Array, reference: Array) -> Array:
     """Shift angles (..., 6) rad by whole revolutions to be nearest to `reference` (broadcast)."""
     return q - 2 * np.pi * np.rint((q - reference) / (2 * np.pi))
+
+
+if not TYPE_CHECKING:
+    __getattr__ = FormerNames(
+        __name__, "plan.kinematics.closed_form", "POSE_TOLERANCE", "RawBranches", "has_closed_form"
+    )

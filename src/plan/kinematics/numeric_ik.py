@@ -24,15 +24,9 @@ from arm.numerics.products import mul, solve_positive
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen
 from plan.budget import START_LOOKS, spend
+from plan.kinematics.closed_form import POSE_TOLERANCE, Flags, has_closed_form
 from plan.kinematics.free_axis import feasible_intervals, sample_free
-from plan.kinematics.ik import (
-    POSE_TOLERANCE,
-    Flags,
-    Indices,
-    has_closed_form,
-    inverse_kinematics,
-    nearest_turns,
-)
+from plan.kinematics.ik import Indices, inverse_kinematics, nearest_turns
 from plan.kinematics.product_of_exponentials import ProductOfExponentials, product_of_exponentials
 
 FREE = ("x", "y", "z", "rx", "ry", "rz")

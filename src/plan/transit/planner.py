@@ -30,8 +30,9 @@ from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import ClearanceCertificate, certify_curve
 from plan.collision.self_collision import self_collision_help
 from plan.collision.world import World
+from plan.kinematics.closed_form import all_branches
 from plan.kinematics.configuration import check_configuration
-from plan.kinematics.ik import all_branches, nearest_turns
+from plan.kinematics.ik import nearest_turns
 from plan.trajectory.time_estimates import path_time, path_times
 from plan.transit.optimise import Ends, TransitOptimiser
 from plan.transit.rrt_connect import RrtConnect

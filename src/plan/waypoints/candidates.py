@@ -14,7 +14,8 @@ from arm.errors import ImpossibleError
 from arm.robot.model import Robot
 from arm.se3 import Array
 from plan.collision.self_collision import self_collision_help
-from plan.kinematics.ik import explain_pose, has_closed_form
+from plan.kinematics.closed_form import has_closed_form
+from plan.kinematics.ik import explain_pose
 from plan.kinematics.numeric_ik import SearchOptions, solve_ik
 from plan.options import PlanOptions
 from plan.trajectory.time_estimates import straight_time

@@ -12,7 +12,7 @@ from arm.io.storage import data_file
 from arm.robot.model import Robot
 from arm.se3 import rot_x, rot_z, rotation, transform
 from plan.cartesian.reachability import reach
-from plan.kinematics.ik import BRANCH_NAMES, all_branches
+from plan.kinematics.closed_form import BRANCH_NAMES, all_branches
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 
 OFFSET = 0.1

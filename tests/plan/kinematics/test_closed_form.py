@@ -12,8 +12,8 @@ from arm.errors import InputError
 from arm.io.storage import data_file
 from arm.robot.model import Robot, load_robot
 from arm.se3 import Array, transform
-from plan.kinematics.closed_form import all_branches, has_closed_form
-from plan.kinematics.ik import BRANCH_NAMES, explain_pose, inverse_kinematics
+from plan.kinematics.closed_form import BRANCH_NAMES, all_branches, has_closed_form
+from plan.kinematics.ik import explain_pose, inverse_kinematics
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 
 SHOULDER = (0.0, 0.0, 0.3052)

@@ -9,8 +9,9 @@ from arm.controller.unit import Unit
 from arm.errors import InputError
 from arm.robot.model import Robot
 from arm.se3 import rot_x, transform
+from plan.kinematics.closed_form import BRANCH_NAMES, all_branches
 from plan.kinematics.free_axis import FreeInterval, feasible_intervals, sample_free, turned_poses
-from plan.kinematics.ik import BRANCH_NAMES, all_branches, inverse_kinematics, nearest_turns
+from plan.kinematics.ik import inverse_kinematics, nearest_turns
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 
 POSES = 4

@@ -10,7 +10,8 @@ from arm.errors import InputError
 from arm.io.storage import data_file
 from arm.robot.model import Robot, load_robot
 from arm.se3 import rot_x, transform
-from plan.kinematics.ik import BRANCH_NAMES, all_branches, explain_pose, inverse_kinematics
+from plan.kinematics.closed_form import BRANCH_NAMES, all_branches
+from plan.kinematics.ik import explain_pose, inverse_kinematics
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 
 SAMPLES = 100_000  # poses, as the issue asks; both units

@@ -11,7 +11,7 @@ from arm.controller.unit import Unit
 from arm.errors import InputError
 from arm.robot.model import Robot, load_robot
 from arm.se3 import rot_x, rot_z, rotation, transform
-from plan.kinematics.ik import BRANCH_NAMES
+from plan.kinematics.closed_form import BRANCH_NAMES
 from plan.kinematics.numeric_ik import SearchOptions, numeric_ik, solve_ik
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 
