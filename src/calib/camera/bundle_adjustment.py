@@ -1,5 +1,7 @@
 """Bundle adjustment of the intrinsics and the target pose of every view, by Levenberg-Marquardt.
 
+It minimises the reprojection errors of the corners.
+
 Views are coupled only through the intrinsics, so the pose of each view is eliminated (Schur complement; B. Triggs et
 al., "Bundle adjustment: a modern synthesis", 2000, section 6.1). The reduced 9 x 9 information matrices add up over
 views: selecting views, holding some out and proposing the next one all work on sums of them.

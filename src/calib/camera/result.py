@@ -65,7 +65,7 @@ class CalibrationView:
 
     @property
     def rms_px(self) -> float:
-        """Root mean square residual per coordinate, without dropped corners; NaN without a pose."""
+        """Reprojection error: rms per coordinate in px, without dropped corners; NaN without a pose."""
         if self.residual is None or self.dropped is None or self.dropped.all():
             return float("nan")
         return float(np.sqrt(np.mean(self.residual[~self.dropped] ** 2)))
