@@ -1,23 +1,34 @@
-"""Terminal output: lines, tables of 80 columns and progress bars, or one JSON object on standard output."""
+"""Terminal output: lines, tables and progress, or one JSON object on standard output.
+
+Tables and progress are laid out by rich, which is loaded when the first is shown. Tables are plain text everywhere: as
+wide as they need to be in a file or a pipe, wrapped at the width of a terminal. Progress is one line at the bottom of a
+terminal, on standard error.
+"""
 
 from __future__ import annotations
 
+import atexit
 import contextlib
+import io
 import json
 import math
 import os
-import shutil
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, ClassVar, TextIO
 
 from arm.errors import ExecutionStopped
 
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.live import Live
+
 WIDTH = 80
-TICK_S = 0.5  # period of the busy line; shorter work shows none
-_LABEL, _BAR, _LEAST_BAR = 22, 30, 6
+TICK_S = 0.5  # work that is shorter shows no busy line
+_REDRAWS = 10  # per second, of the progress line
+_UNBOUNDED = 100_000  # width of a table that is not wrapped
 
 
 class OutputLost(ExecutionStopped):
@@ -36,14 +47,17 @@ class Console:
         listener: called with every line of `step` before it is written, or None.
     """
 
+    _lock: ClassVar = threading.RLock()
+    _line: ClassVar[Live | None] = None  # the progress line that is shown; there is one terminal
+
     def __init__(self, as_json: bool = False) -> None:
         self.as_json = as_json
         self._stream: TextIO | None = sys.stderr if as_json else sys.stdout  # None: closed at the start
-        self._live = self._stream is not None and self._stream.isatty()
-        self._open_line = False
-        self._busy = ""  # text of the busy line
-        self._bar_at = -math.inf  # when a progress bar was last drawn; it replaces the busy line
-        self._lock = threading.Lock()
+        self._terminal = self._stream is not None and self._stream.isatty()
+        self._busy, self._busy_s = "", 0.0  # text of the busy line, and since when
+        self._bar: RenderableType = ""
+        # When the bar or a line was last written; no busy line for a while after it.
+        self._bar_s = -math.inf
         self._lost: OSError | None = None
         self._needed = False
         self._started = time.monotonic()
@@ -76,95 +90,115 @@ class Console:
         self.say(line)
 
     def progress(self, text: str, fraction: float, hint: str = "") -> None:
-        """Redraw a progress bar, followed by a hint. Terminals only."""
-        if not self._live:
-            return
-        line = progress_line(text, fraction, hint, shutil.get_terminal_size((WIDTH, 24)).columns)
-        self._bar_at = time.monotonic()
-        self._write(f"\r{line}\x1b[K", open_line=True)
+        """Show a progress bar, followed by a hint. Terminals only."""
+        if self._terminal:
+            self._bar, self._bar_s = progress_bar(text, fraction, hint), time.monotonic()
+            self._show_progress()
 
     @contextlib.contextmanager
     def doing(self, text: str) -> Iterator[None]:
         """Show a busy line with the elapsed time inside the block while nothing else is shown. Terminals only."""
-        before, self._busy = self._busy, text
-        if before or not self._live:
-            try:
-                yield
-            finally:
-                self._busy = before
-            return
-        over = threading.Event()
-        ticking = threading.Thread(target=self._tick, args=(over,), daemon=True)
-        ticking.start()
+        before, self._busy, self._busy_s = self._busy, text, time.monotonic()
         try:
+            self._show_progress()
             yield
         finally:
-            over.set()
-            ticking.join(TICK_S)
-            self._busy = ""
-            self._end_progress()
+            self._busy, self._busy_s = before, time.monotonic()
+            if not before:
+                self.hide_progress()
 
-    def _tick(self, over: threading.Event) -> None:
-        began, what, stream = time.monotonic(), self._busy, self._stream
-        while not over.wait(TICK_S):
-            now = time.monotonic()
-            if self._busy != what:
-                began, what = now, self._busy
-            if now - self._bar_at < 2.0 * TICK_S:
-                continue
-            columns = shutil.get_terminal_size((WIDTH, 24)).columns
-            line = f"{what} ... {now - began:.0f} s"[: columns - 1]
-            with self._lock:
-                if over.is_set() or stream is None or self._stream is not stream:
-                    return
-                try:
-                    stream.write(f"\r{line}\x1b[K")
-                    stream.flush()
-                except OSError:  # the next write reports it
-                    return
-                self._open_line = True
+    def _show_progress(self) -> None:
+        with self._lock:
+            if (
+                not self._terminal
+                or sys.stderr is None
+                or not sys.stderr.isatty()
+                or Console._line is not None
+            ):
+                return
+            from rich.console import Console as Terminal
+            from rich.live import Live
 
-    def table(self, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-        """Write a table with numbers right-aligned and text left-aligned."""
-        for line in table_lines(header, rows):
+            how: Any = {"refresh_per_second": _REDRAWS, "redirect_stdout": False, "redirect_stderr": False}
+            terminal = Terminal(file=_StandardError(), markup=False, highlight=False)
+            Console._line = Live(console=terminal, get_renderable=self._progress, transient=True, **how)
+            Console._line.start()
+
+    def _progress(self) -> RenderableType:
+        now = time.monotonic()
+        if not self._busy or now - self._bar_s < 2.0 * TICK_S:
+            return self._bar
+        elapsed_s = now - self._busy_s
+        return f"{self._busy} ... {elapsed_s:.0f} s" if elapsed_s >= TICK_S else ""
+
+    @classmethod
+    def hide_progress(cls) -> None:
+        """Erase the progress line."""
+        with cls._lock:
+            if Console._line is not None:
+                Console._line.stop()
+                Console._line = None
+
+    def table(
+        self, header: Sequence[str], rows: Iterable[Sequence[object]], width: int | None = None
+    ) -> None:
+        """Write a table with numbers right-aligned and text left-aligned.
+
+        Args:
+            width: at most, in columns; longer texts are wrapped. None: that of the terminal, or as wide as need be.
+        """
+        for line in table_lines(header, rows, width or (None if self._terminal else _UNBOUNDED)):
             self.say(line)
 
     def result(self, value: dict[str, Any]) -> None:
         """Write the JSON object if `as_json` is set."""
-        self._end_progress()
+        self.hide_progress()
         if self.as_json and sys.stdout is not None:
             self._stream = sys.stdout
             self._write(json.dumps(value, indent=2, allow_nan=False) + "\n")
 
-    def _end_progress(self) -> None:
-        if self._open_line:
-            self._write("")
-
-    def _write(self, text: str, open_line: bool = False) -> None:
+    def _write(self, text: str) -> None:
         with self._lock:
             stream = self._stream
             if stream is None:
                 return
-            ended, self._open_line = self._open_line and not open_line, open_line
+            self._bar, self._bar_s = "", time.monotonic()
+            self.hide_progress()
             try:
-                stream.write(f"\r\x1b[K{text}" if ended else text)
+                stream.write(text)
                 stream.flush()
             except OSError as error:
-                self._stream, self._live, self._lost = None, False, error
+                self._stream, self._terminal, self._lost = None, False, error
                 _silence(stream)
                 if self._needed or not isinstance(error, BrokenPipeError):
                     raise OutputLost(error) from error
+            if self._busy:
+                self._show_progress()
+
+
+atexit.register(Console.hide_progress)
 
 
 def say_on_stderr(text: str) -> None:
     """Write one line to standard error. Ignore a failed write: the exit code reports the outcome too."""
-    if sys.stderr is None:
-        return
-    try:
-        sys.stderr.write(f"{_harmless(text)}\n")
-        sys.stderr.flush()
-    except OSError:
-        _silence(sys.stderr)
+    Console.hide_progress()
+    _StandardError().write(f"{_harmless(text)}\n")
+
+
+class _StandardError(io.StringIO):
+    """Standard error as a terminal for rich. Failed writes are ignored."""
+
+    def isatty(self) -> bool:
+        return True
+
+    def write(self, text: str) -> int:
+        if sys.stderr is not None:
+            try:
+                sys.stderr.write(text)
+                sys.stderr.flush()
+            except OSError:
+                _silence(sys.stderr)
+        return len(text)
 
 
 def _harmless(text: str) -> str:
@@ -180,35 +214,41 @@ def _silence(stream: TextIO) -> None:
         os.close(null)
 
 
-def progress_line(text: str, fraction: float, hint: str, columns: int) -> str:
-    """Return a line of at most `columns` - 1 characters: text, a bar if there is room, percentage, hint."""
+def progress_bar(text: str, fraction: float, hint: str) -> RenderableType:
+    """Return a line of text, bar, percentage and hint; where there is little room, text and bar give way."""
+    from rich.progress_bar import ProgressBar
+    from rich.table import Table
+    from rich.text import Text
+
     part = min(max(fraction, 0.0), 1.0)
+    line = Table.grid(padding=(0, 1), expand=True)
+    line.add_column(ratio=3, no_wrap=True, overflow="ellipsis")
+    line.add_column(ratio=2)
+    line.add_column(no_wrap=True)
     tail = f"{100 * part:4.0f} %" + (f"  {hint}" if hint else "")
-    room = columns - 1 - len(tail) - 1
-    bar = min(room - max(_LABEL, len(text)) - 1, _BAR)
-    if bar < _LEAST_BAR:
-        return f"{text[: max(room, 0)]:<{max(room, 0)}} {tail}"[: columns - 1]
-    done = round(bar * part)
-    label = room - bar - 1
-    return f"{text:<{label}} {'#' * done}{'.' * (bar - done)} {tail}"
+    line.add_row(Text(_harmless(text)), ProgressBar(1.0, part), Text(tail))
+    return line
 
 
-def table_lines(header: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
-    """Return the lines of a table."""
-    texts = [[_text(value) for value in row] for row in rows]
-    numeric = (
-        [all(isinstance(row[i], int | float) or row[i] is None for row in rows) for i in range(len(header))]
-        if isinstance(rows, Sequence)
-        else [False] * len(header)
-    )
-    widths = [max(len(h), *(len(row[i]) for row in texts)) if texts else len(h) for i, h in enumerate(header)]
+def table_lines(header: Sequence[str], rows: Iterable[Sequence[object]], width: int | None) -> list[str]:
+    """Return the lines of a table, at most `width` columns wide; None: as wide as the terminal."""
+    from rich.box import Box
+    from rich.console import Console as Page
+    from rich.table import Table
+    from rich.text import Text
 
-    def line(cells: Sequence[str]) -> str:
-        return "  ".join(
-            c.rjust(w) if right else c.ljust(w) for c, w, right in zip(cells, widths, numeric, strict=True)
-        ).rstrip()
-
-    return [line(header), line(["-" * w for w in widths]), *(line(row) for row in texts)]
+    rule = Box("    \n" * 2 + " -  \n" + "    \n" * 5, ascii=True)  # dashes below the header, no other line
+    table = Table(box=rule, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
+    kept = list(rows)
+    for i, name in enumerate(header):
+        numbers = all(isinstance(row[i], int | float) or row[i] is None for row in kept)
+        table.add_column(Text(name), justify="right" if numbers else "left", no_wrap=numbers, overflow="fold")
+    for row in kept:
+        table.add_row(*(Text(_text(value)) for value in row))
+    page = Page(width=width, color_system=None)
+    with page.capture() as drawn:
+        page.print(table)
+    return [line.rstrip() for line in drawn.get().splitlines()]
 
 
 def _plain(value: object) -> str:

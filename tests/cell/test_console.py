@@ -6,9 +6,9 @@ import errno
 import io
 import json
 import os
+import re
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 
@@ -146,14 +146,37 @@ def test_an_interrupt_where_nothing_is_open_is_told_in_one_line(
 
 
 class Terminal(io.StringIO):
-    """What a person sees: the last line is what stands there now."""
+    """What a person sees, of a few lines: line feed, return, one up, and erase."""
 
     def isatty(self) -> bool:
         return True
 
     def lines(self) -> list[str]:
-        """As a terminal would show them."""
-        return [line.split("\r")[-1].replace("\x1b[K", "") for line in self.getvalue().split("\n")]
+        """As a terminal would show them, up to the last that is not empty."""
+        shown, row, column = [""], 0, 0
+        for part in re.findall(r"\x1b\[\??\d*[A-Za-z]|.|\n", self.getvalue(), flags=re.DOTALL):
+            if part == "\n":
+                row, column = row + 1, 0
+                shown += [""] * (row == len(shown))
+            elif part == "\r":
+                column = 0
+            elif part == "\x1b[1A":
+                row -= 1
+            elif part == "\x1b[2K":
+                shown[row] = ""
+            elif len(part) == 1:
+                shown[row] = shown[row][:column].ljust(column) + part + shown[row][column + 1 :]
+                column += 1
+        return "\n".join(line.rstrip() for line in shown).rstrip().splitlines()
+
+
+def terminal_of(monkeypatch: pytest.MonkeyPatch) -> Terminal:
+    """Standard output and error are one terminal."""
+    terminal = Terminal()
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(sys, "stdout", terminal)
+    monkeypatch.setattr(sys, "stderr", terminal)
+    return terminal
 
 
 def wait_for(terminal: Terminal, text: str) -> None:
@@ -167,35 +190,49 @@ def test_a_sign_of_life_is_shown_while_nothing_else_is_and_leaves_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(cell.console, "TICK_S", 0.02)
-    terminal = Terminal()
-    monkeypatch.setattr(sys, "stdout", terminal)
+    terminal = terminal_of(monkeypatch)
     console = Console()
     with console.doing("planning"):
-        wait_for(terminal, "\rplanning ... 0 s")
+        wait_for(terminal, "planning ... 0 s")
         console.say("one line")
+        console.say("another")
+        between = terminal.getvalue().split("one line")[1].split("another")[0]
+        assert "planning" not in between, "nothing flickers between two lines"
         with console.doing("looking"):
-            wait_for(terminal, "\rlooking ... 0 s")
+            wait_for(terminal, "looking ... 0 s")
         assert console.result({}) is None
-    assert terminal.lines() == ["one line", ""]
-    assert not any("_tick" in thread.name for thread in threading.enumerate())
-    quick = Terminal()
-    monkeypatch.setattr(sys, "stdout", quick)
+    assert terminal.lines() == ["one line", "another"]
+    assert terminal.getvalue().count("\x1b[?25l") == terminal.getvalue().count("\x1b[?25h"), (
+        "the cursor is back"
+    )
+    quick = terminal_of(monkeypatch)
     with Console().doing("what takes no time"):
         pass
-    assert quick.getvalue() == ""
+    assert "what takes no time" not in quick.getvalue()
+    assert quick.lines() == []
 
 
 def test_a_bar_is_a_sign_of_life_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cell.console, "TICK_S", 0.05)
-    terminal = Terminal()
-    monkeypatch.setattr(sys, "stdout", terminal)
+    monkeypatch.setattr(cell.console, "TICK_S", 0.2)
+    terminal = terminal_of(monkeypatch)
     console = Console()
     with console.doing("running"):
         for k in range(30):
-            console.progress("cube 1", k / 30)
+            console.progress("cube 1", k / 30, "space: pause")
             time.sleep(0.01)
     assert "running ..." not in terminal.getvalue()
-    assert terminal.lines() == [""]
+    assert re.search(r"cube 1 .*━━.* \d\d %  space: pause", terminal.getvalue())
+    assert terminal.lines() == []
+
+
+def test_an_error_is_told_below_what_was_said_and_not_beside_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = terminal_of(monkeypatch)
+    console = Console()
+    console.say("one line")
+    console.progress("a move", 0.5)
+    wait_for(terminal, "a move")
+    say_on_stderr("a465: stopped")
+    assert terminal.lines() == ["one line", "a465: stopped"]
 
 
 def test_a_terminal_that_goes_away_while_a_sign_of_life_is_shown_is_told_by_the_next_word(
@@ -205,20 +242,53 @@ def test_a_terminal_that_goes_away_while_a_sign_of_life_is_shown_is_told_by_the_
     stream = Gone(0, errno.EIO)
     monkeypatch.setattr(stream, "isatty", lambda: True, raising=False)
     monkeypatch.setattr(sys, "stdout", stream)
+    monkeypatch.setattr(sys, "stderr", stream)
     console = Console()
     with console.heard(), console.doing("homing"):
-        time.sleep(0.1)
+        time.sleep(0.3)
         with pytest.raises(OutputLost):
             console.say("a word")
 
 
-def test_nothing_of_it_is_piped(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("piped", ["stdout", "stderr"])
+def test_nothing_of_it_is_piped(monkeypatch: pytest.MonkeyPatch, piped: str) -> None:
     monkeypatch.setattr(cell.console, "TICK_S", 0.01)
-    piped = io.StringIO()
-    monkeypatch.setattr(sys, "stdout", piped)
-    with Console().doing("planning"):
+    terminal_of(monkeypatch)
+    monkeypatch.setattr(sys, piped, io.StringIO())
+    console = Console()
+    with console.doing("planning"):
+        console.progress("a move", 0.5)
         time.sleep(0.1)
-    assert piped.getvalue() == ""
+    assert sys.stdout.getvalue() == sys.stderr.getvalue() == ""
+
+
+ROWS = [("a", 1.234, None, "yes [bold]and[/bold] no :smile:"), ("b" * 30, 0.01234, 7, "word " * 60)]
+
+
+def test_tables_are_plain_and_whole_where_they_are_piped(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "40")
+    Console().table(("name", "mm", "count", "what"), ROWS)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split() == ["name", "mm", "count", "what"]
+    assert set(lines[1]) == {"-", " "}
+    assert lines[2].split("  ", 1)[0] == "a"
+    assert lines[2].endswith(" 1.23      -  yes [bold]and[/bold] no :smile:")
+    assert lines[3] == f"{'b' * 30}  0.012      7  {'word ' * 60}".rstrip()
+    assert len(lines) == 4
+
+
+def test_tables_are_wrapped_at_the_terminals_width(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = terminal_of(monkeypatch)
+    monkeypatch.setenv("COLUMNS", "20")
+    Console().table(("name", "mm", "count", "what"), ROWS)
+    lines = terminal.getvalue().splitlines()
+    assert max(map(len, lines)) <= 20
+    assert "".join(line[18:].strip() for line in lines).count("word") == 60
+    assert "\x1b" not in terminal.getvalue()
+    assert " 0.012 " in " ".join(lines), "numbers are not broken"
 
 
 def test_names_of_a_file_do_nothing_to_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:

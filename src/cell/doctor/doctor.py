@@ -5,7 +5,6 @@ Every check has a deadline and ends as a row of the table, whatever happens in i
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,7 +40,7 @@ def doctor_step(
     for finding in _findings(port, camera, cell_file):
         findings.append(finding)
         console.progress(finding.check, len(findings) / ROWS)
-    console.table(_HEADER, list(_rows(findings)))
+    console.table(_HEADER, [_table_row(finding) for finding in findings], WIDTH)
     verdict = max((f.verdict for f in findings), key=VERDICTS.index)
     counted = ", ".join(f"{sum(f.verdict == v for f in findings)} {v}" for v in VERDICTS)
     console.say(counted)
@@ -135,17 +134,7 @@ def _self_test(cell: Cell | None) -> Iterator[CheckResult]:
     yield from _row("self-test: unit", unit, _SELF_TEST_S, "check that /dev/pts exists")
 
 
-def _rows(findings: Iterable[CheckResult]) -> Iterator[tuple[str, str, str]]:
-    """Yield the lines of the table, at most 80 columns: the finding, and below it what would help."""
-    findings = list(findings)
-    room = WIDTH - max(len(f.check) for f in findings) - len(_HEADER[1]) - 4
-    for finding in findings:
-        lines = _wrapped(finding.found, room)
-        if finding.verdict != OK and finding.help:
-            lines += _wrapped(f"-> {finding.help}", room)
-        for number, line in enumerate(lines):
-            yield (finding.check, finding.verdict, line) if number == 0 else ("", "", line)
-
-
-def _wrapped(text: str, room: int) -> list[str]:
-    return textwrap.wrap(text, room, break_on_hyphens=False) or [""]
+def _table_row(finding: CheckResult) -> tuple[str, str, str]:
+    """What was found, and below it what would help."""
+    help = f"\n-> {finding.help}" if finding.verdict != OK and finding.help else ""
+    return finding.check, finding.verdict, finding.found + help

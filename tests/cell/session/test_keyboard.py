@@ -18,6 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from rich.console import Console as Page
 
 from arm.errors import ImpossibleError, InputError
 from arm.io.storage import data_file
@@ -25,7 +26,7 @@ from arm.plan_file import Move, Plan, read_plan
 from cell.cli.main import main
 from cell.commands.run import execute_plan
 from cell.commands.steps import look_step, plan_step
-from cell.console import Console, progress_line
+from cell.console import Console, progress_bar
 from cell.files.task import read_task
 from cell.session.connection import WhichCell
 from cell.session.keyboard import hint, on_key
@@ -72,15 +73,25 @@ def test_keys_ask_for_what_they_say() -> None:
     assert aborted == [1]
 
 
+def bar(text: str, hint: str, columns: int) -> str:
+    """A progress line as a terminal shows it."""
+    page = Page(width=columns, color_system=None)
+    with page.capture() as drawn:
+        page.print(progress_bar(text, 0.5, hint))
+    return drawn.get().rstrip()
+
+
 def test_the_status_line_fits_and_keeps_what_matters() -> None:
     name, keys = "cube 01-02/4: approach 03-04/1", "100 %, next 60 %  space + - q"
     for columns in range(20, 200):
         for text in (name, "move"):
-            line = progress_line(text, 0.5, keys, columns)
-            assert len(line) <= columns - 1
-            assert columns < 40 or line.endswith(f"  50 %  {keys}")
-    assert progress_line(name, 0.5, keys, 80).startswith(name + " ")
-    assert "###..." in progress_line(name, 0.5, "", 80)
+            line = bar(text, keys, columns)
+            assert "\n" not in line
+            assert len(line) <= columns
+            assert columns < 42 or line.endswith(f"  50 %  {keys}")
+    assert bar(name, keys, 100).startswith(name + " ")
+    assert "━━━" in bar(name, "", 80)
+    assert bar("[red]cube\x1b", "", 80).startswith("[red]cube\\x1b "), "as it is written"
 
 
 def test_plus_never_goes_above_the_speed_that_was_asked_for() -> None:
