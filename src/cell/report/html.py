@@ -18,8 +18,8 @@ _TEMPLATES = Environment(
     lstrip_blocks=True,
     keep_trailing_newline=True,
 )
-_NUMBER = re.compile(r"[-+]?[\d.]|-?$|held$")
-"""Matches the cells of a column of numbers, empty ones included."""
+_NUMBER = re.compile(r"[-+]?[\d.]+(e[-+]\d+)?([ +].*)?|-?|held")
+"""Matches the cells of a column of numbers, with what follows (a unit, a tolerance); empty ones included."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Table:
 
     def is_text(self, column: int) -> bool:
         """Return whether a column has other cells than numbers."""
-        return not all(_NUMBER.match(row[column]) for row in self.rows)
+        return not all(_NUMBER.fullmatch(row[column]) for row in self.rows)
 
 
 def render(template: str, **values: Any) -> str:

@@ -32,7 +32,8 @@ def test_a_name_that_is_not_given_is_an_error() -> None:
 
 
 def test_columns_of_numbers_are_on_the_right() -> None:
-    table = Table(("", "n", "x"), [("a", "1", "-"), ("2", "-3.5", "held"), ("c", "", "1 px")], out=[1])
+    rows = [("01-02/1", "1", "-"), ("2", "-3.5", "held"), ("4.png", "1e-05", "+1.2+-0.1"), ("5a", "", "1 px")]
+    table = Table(("", "n", "x"), rows, out=[1])
     html = shown("{{ parts.table(table) }}", table=table)
     assert '<tr><th class="t"></th><th>n</th><th>x</th></tr>' in html
     assert '<tr class="out"><td class="t">2</td><td>-3.5</td><td>held</td></tr>' in html
