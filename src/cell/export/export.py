@@ -230,7 +230,7 @@ def csv_text(seen: Executed) -> str:
 
 
 def _seen(seen: Executed) -> dict[str, Any]:
-    return joint_trajectory(JOINTS, seen.time_s, seen.q, seen.velocity, float(seen.time_s[0]))
+    return joint_trajectory(seen.time_s, seen.q, seen.velocity, float(seen.time_s[0]))
 
 
 def _sent(session: Session, unit: Unit) -> dict[str, Any]:
@@ -245,4 +245,4 @@ def _sent(session: Session, unit: Unit) -> dict[str, Any]:
     q = np.concatenate([m.q for m in motions])
     parts = [m.velocity for m in motions if m.velocity is not None]
     velocity = np.concatenate(parts) if len(parts) == len(motions) else None
-    return joint_trajectory(JOINTS, time_s, q, velocity, float(time_s[0]))
+    return joint_trajectory(time_s, q, velocity, float(time_s[0]))

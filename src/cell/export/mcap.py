@@ -12,7 +12,6 @@ from arm.errors import InputError
 from cell.export.ros import (
     JOINT_STATE_SCHEMA,
     JOINT_TRAJECTORY_SCHEMA,
-    JOINTS,
     Message,
     joint_state,
     joint_trajectory,
@@ -77,12 +76,12 @@ def messages_of(session: Session, seen: Executed, sent: Sequence[Planned]) -> li
 
     for i, time in enumerate(seen.time_s):
         time_s = float(time)
-        add(time_s, "/joint_states", joint_state(JOINTS, time_s, seen.q[i], seen.velocity[i]))
+        add(time_s, "/joint_states", joint_state(time_s, seen.q[i], seen.velocity[i]))
         if math.isfinite(seen.jaws[i]):
             add(time_s, "/jaws", {"fraction_closed": round(float(seen.jaws[i]), 6)})
     for motion in sent:
         start_s = float(motion.time_s[0])
-        trajectory = joint_trajectory(JOINTS, motion.time_s, motion.q, motion.velocity, start_s)
+        trajectory = joint_trajectory(motion.time_s, motion.q, motion.velocity, start_s)
         add(motion.sent_s, "/planned", trajectory)
     for note in session.notes:
         add(note.time_s, "/events", {"kind": note.kind, "data": note.data})

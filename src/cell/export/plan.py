@@ -180,7 +180,7 @@ def trajectory_of(plan: Plan, unit: Unit) -> dict[str, Any]:
         for step, part in zip(plan.steps, timed_steps(plan, unit), strict=True)
         if isinstance(step, GripperStep)
     ]
-    return {**joint_trajectory(JOINTS, ends.time_s, ends.q, velocity, 0.0), "gripper_events": events}
+    return {**joint_trajectory(ends.time_s, ends.q, velocity, 0.0), "gripper_events": events}
 
 
 def messages_of(plan: Plan, unit: Unit, period: float) -> list[Message]:
@@ -193,7 +193,7 @@ def messages_of(plan: Plan, unit: Unit, period: float) -> list[Message]:
     found: list[Message] = []
     for time, q, velocity, jaws in zip(seen.time_s, seen.q, seen.velocity, seen.jaws, strict=True):
         time_s = float(time)
-        found.append((nanoseconds(time_s), "/joint_states", joint_state(JOINTS, time_s, q, velocity)))
+        found.append((nanoseconds(time_s), "/joint_states", joint_state(time_s, q, velocity)))
         found.append((nanoseconds(time_s), "/jaws", {"fraction_closed": float(jaws)}))
     parts = timed_steps(plan, unit)
     for motion in plan.motions:
@@ -202,7 +202,7 @@ def messages_of(plan: Plan, unit: Unit, period: float) -> list[Message]:
             ends = _at(moving, unit, np.concatenate([part.knots_s() for part in moving]))
             velocity = None if any(part.straight for part in moving) else ends.velocity
             begin_s = moving[0].begin_s
-            trajectory = joint_trajectory(JOINTS, ends.time_s, ends.q, velocity, begin_s)
+            trajectory = joint_trajectory(ends.time_s, ends.q, velocity, begin_s)
             found.append((nanoseconds(begin_s), "/planned", trajectory))
     for step, part in zip(plan.steps, parts, strict=True):
         event = {"kind": "step", "data": {"name": step.name, "step": _kind(step)}}

@@ -6,7 +6,6 @@ Positions in rad, velocities in rad/s.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 from arm.se3 import Array
@@ -34,20 +33,17 @@ def header(time_s: float) -> dict[str, Any]:
     return {"stamp": stamp(time_s), "frame_id": ""}
 
 
-def joint_trajectory(
-    names: Sequence[str], time_s: Array, q: Array, velocity: Array | None, start_s: float
-) -> dict[str, Any]:
+def joint_trajectory(time_s: Array, q: Array, velocity: Array | None, start_s: float) -> dict[str, Any]:
     """trajectory_msgs/JointTrajectory that begins at `start_s`.
 
     Args:
-        names: of the joints.
         time_s: (m,), strictly increasing, none before `start_s`.
         q: (m, n) rad.
         velocity: (m, n) rad/s, or None to leave it out.
     """
     return {
         "header": header(start_s),
-        "joint_names": list(names),
+        "joint_names": list(JOINTS),
         "points": [
             {
                 "positions": _numbers(q[i]),
@@ -61,11 +57,11 @@ def joint_trajectory(
     }
 
 
-def joint_state(names: Sequence[str], time_s: float, q: Array, velocity: Array) -> dict[str, Any]:
+def joint_state(time_s: float, q: Array, velocity: Array) -> dict[str, Any]:
     """sensor_msgs/JointState."""
     return {
         "header": header(time_s),
-        "name": list(names),
+        "name": list(JOINTS),
         "position": _numbers(q),
         "velocity": _numbers(velocity),
         "effort": [],

@@ -44,16 +44,8 @@ def require_word(
 ) -> None:
     """Ask for a word, in capitals or not.
 
-    Args:
-        console: for the question.
-        question: to print.
-        word: the right answer.
-        answer: returns a typed line, or None if nobody can type.
-        otherwise: what a refusal means, for its message.
-        option: that makes the question unnecessary.
-
     Raises:
-        InputError: the word was not typed.
+        InputError: it was not typed; the message ends with `otherwise`, and `option` makes the question unnecessary.
     """
     if not asked(console, question, word, same_word(word), answer):
         raise InputError(f"{word!r} was not typed; {otherwise}", option=option)
