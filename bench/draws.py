@@ -16,7 +16,6 @@ from arm.robot.model import Robot
 from arm.se3 import Array, apply, transform
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
-from cell.files.observation import Seen, SeenBoard
 from cell.files.task import Task, read_task
 from cell.files.world import board_placement
 from cell.scene.build import build_scene, hole_station
@@ -27,6 +26,8 @@ from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import certify_curve
 from plan.collision.world import World
 from plan.scene import Station
+from vision.observation import Observation, ObservedBoard
+from vision.occupancy.classify import HoleState, Occupancy
 
 MARKER_MARGIN_PX = 3.0  # a marker's black square stays this far inside the image: nearer, a corner leaves it
 MARGIN_PX = 6.0  # and cubes in the holes this far
@@ -94,7 +95,7 @@ def draw_world(name: str, seed: int, scenes: Path, folder: Path) -> Drawn:
     raise RuntimeError(f"{name}, seed {seed}: no feasible world in {TRIES} draws")
 
 
-def _served(task: Task, seen: Seen) -> bool:
+def _served(task: Task, seen: Observation) -> bool:
     """Whether every hole has a yaw and branch whose whole approach line is in limits and clear of what stands."""
     table = reach_of(task, seen)
     if not table.ok:
@@ -103,12 +104,14 @@ def _served(task: Task, seen: Seen) -> bool:
     robot, limits = cell.robot(), cell.limits
     for board in seen.boards:
         for hole in board.pose.holes:
-            station = hole_station(cell, board.name, hole.name, hole.T_base_hole)
-            cubes = {
-                b.name: [i for i in range(4) if (b.name, i) != (board.name, hole.index)] for b in seen.boards
+            station = hole_station(cell, hole)
+            free: dict[str, HoleState] = {
+                h.name: "empty"
+                for b in seen.boards
+                for h in b.pose.holes
+                if h is hole or b.name != task.from_board.name
             }
-            standing = {n: i for n, i in cubes.items() if n == task.from_board.name}
-            scene = build_scene(cell, seen.poses, standing)
+            scene = build_scene(cell, seen.with_states(free))
             world = World(robot, (*scene.bodies, *scene.cubes))
             if not any(
                 _clear(robot, limits, world, station, c, cell.offset) for c in table[hole.name].feasible()
@@ -186,12 +189,12 @@ def _apart(placed: list[_Placed]) -> bool:
     return float(area) <= 0.0
 
 
-def _truth(task: Task, placed: list[_Placed]) -> Seen:
+def _truth(task: Task, placed: list[_Placed]) -> Observation:
     boards = []
     for board, p in zip(task.boards, placed, strict=True):
         pose = BoardPose(board, p.T_base_board, np.eye(6) * 1e-9, 0.1, 100.0)
-        boards.append(SeenBoard(pose, ("cube",) * 4))
-    return Seen(tuple(boards), {})
+        boards.append(ObservedBoard(pose, (Occupancy("cube"),) * 4))
+    return Observation(tuple(boards))
 
 
 def _write(name: str, seed: int, scenes: Path, folder: Path, placed: list[_Placed], rejected: int) -> Drawn:

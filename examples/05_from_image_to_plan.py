@@ -7,7 +7,7 @@ import numpy as np
 from arm.io.storage import data_file
 from cell.commands.steps import look_step
 from cell.console import Console
-from cell.files.observation import read_seen
+from cell.files.observation import read_observation
 from cell.files.task import read_task
 from cell.task.planning import plan_rest, reach_of
 
@@ -15,7 +15,7 @@ task_file = data_file("scenes/task2.toml")
 look_step(task_file, None, None, Path("runs/example-look.json"), None, Console())
 
 task = read_task(task_file)
-seen = read_seen(Path("runs/example-look.json"), task.cell.boards)
+seen = read_observation(Path("runs/example-look.json"), task.cell.boards)
 table = reach_of(task, seen)
 table.require()
 print(

@@ -34,7 +34,7 @@ _ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
     (
         "checking-occupancy",
         _C,
-        '            if state not in (planned_state, "unsure"):\n',
+        '            if now.state not in (planned_state, "unsure"):\n',
         "            if False:\n",
         "a hole that holds another thing than planned is no matter",
         _CHECKING,

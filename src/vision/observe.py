@@ -1,17 +1,17 @@
-"""Find boards and the cubes in their holes in the images of one look at the cell."""
+"""Detect boards and the cubes in their holes in images of the cell at rest."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
 from arm.board import Board
 from arm.errors import ImpossibleError, InputError
-from arm.poses import BoardPose
+from arm.former import FormerNames
 from arm.se3 import apply
 from vision.boards.pose import BoardLimits, estimate_board_pose
 from vision.camera.frame_source import Image
@@ -19,45 +19,13 @@ from vision.camera.model import Camera
 from vision.drawing import Pen
 from vision.markers.detect import Marker, detect_markers
 from vision.markers.exposure import darkness
-from vision.occupancy.classify import Occupancy, hole_occupancy
+from vision.observation import Observation, ObservedBoard
+from vision.occupancy.classify import hole_occupancy
 
 AXIS_LENGTH = 0.05  # m, of the axes drawn
 COLOURS = {"cube": (60, 170, 40), "empty": (200, 120, 30), "unsure": (30, 90, 230)}  # BGR
 AXES = (((0, 0, 220), "x"), ((0, 160, 0), "y"), ((220, 60, 0), "z"))
 MARKER_COLOUR = (200, 0, 200)
-
-
-@dataclass(frozen=True)
-class BoardSight:
-    """A board that was found: its pose, and the occupancy of its holes in the order of its CSV."""
-
-    pose: BoardPose
-    occupancy: tuple[Occupancy, ...]
-
-
-@dataclass(frozen=True)
-class Look:
-    """Result of one look.
-
-    Attributes:
-        boards: those found, in the order requested.
-        missing: name of each board not found, with the reason.
-        frames: markers detected in each image.
-    """
-
-    boards: tuple[BoardSight, ...]
-    missing: Mapping[str, str]
-    frames: tuple[tuple[Marker, ...], ...]
-
-    @property
-    def poses(self) -> tuple[BoardPose, ...]:
-        """Poses of the boards found."""
-        return tuple(board.pose for board in self.boards)
-
-    @property
-    def occupancy(self) -> dict[str, tuple[Occupancy, ...]]:
-        """Occupancy of the holes, by board name."""
-        return {board.pose.board.name: board.occupancy for board in self.boards}
 
 
 def look(
@@ -69,8 +37,8 @@ def look(
     limits: BoardLimits | None = None,
     arm_in_view: bool = False,
     tilts: Sequence[float] = (),
-) -> Look:
-    """Find boards and cubes in images of a cell at rest.
+) -> Observation:
+    """Detect boards and cubes in images of a cell at rest.
 
     Args:
         images: all of the same scene; more of them average the noise.
@@ -98,7 +66,7 @@ def look(
     seen = {marker.id for frame in frames for marker in frame}
     if not seen and (dark := darkness(max(images, key=np.max))):
         raise ImpossibleError(f"the photographs show {dark}", brightest=int(max(i.max() for i in images)))
-    found: list[BoardSight] = []
+    found: list[ObservedBoard] = []
     missing: dict[str, str] = {}
     for board in boards:
         hidden = [i for i in board.marker_ids if i not in seen]
@@ -113,8 +81,9 @@ def look(
             missing[board.name] = str(error)
             continue
         cubes = tuple(hole_occupancy(images, camera, pose, i, cube_size) for i in range(len(board.holes)))
-        found.append(BoardSight(pose, cubes))
-    return Look(tuple(found), missing, frames)
+        found.append(ObservedBoard(pose, cubes))
+    half_seen = tuple(b.name for b in boards if b.name in missing and seen & set(b.marker_ids))
+    return Observation(tuple(found), missing, half_seen, tuple(images), frames)
 
 
 def _why_missing(board: Board, hidden: Sequence[int]) -> str:
@@ -148,13 +117,13 @@ def _require_known(frames: Sequence[Sequence[Marker]], boards: Sequence[Board]) 
         )
 
 
-def annotated(image: Image, camera: Camera, seen: Look) -> Image:
+def annotated(image: Image, camera: Camera, seen: Observation) -> Image:
     """Draw the markers of the first frame, each board's axes and its holes' occupancy onto a copy in BGR.
 
     Args:
-        image: the first image of the look.
+        image: the first image of the observation.
         camera: that took it.
-        seen: the look.
+        seen: the observation.
     """
     colour_image = image.copy() if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     picture = np.asarray(colour_image, dtype=np.uint8)
@@ -176,3 +145,7 @@ def annotated(image: Image, camera: Camera, seen: Look) -> Image:
             pen.outline(outline, COLOURS[what.state])
             pen.text(f"{hole.name}\n{what.state}", outline.mean(axis=0), COLOURS[what.state])
     return picture
+
+
+if not TYPE_CHECKING:
+    __getattr__ = FormerNames(__name__, "vision.observation", Look="Observation", BoardSight="ObservedBoard")

@@ -29,7 +29,7 @@ from calib.recordings.arm import read_arm_recording, write_arm_recording
 from cell.config.cell_file import read_cell
 from cell.export.scene import surroundings_of_plan
 from cell.files.hand_target import read_hand_target
-from cell.files.observation import read_seen
+from cell.files.observation import read_observation
 from cell.files.pose_list import read_pose_list
 from cell.files.scene import read_scene_file
 from cell.files.task import read_task
@@ -143,7 +143,7 @@ POSES = {
 def test_json(whole: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     plain = whole.parent / "plain"  # which the plan was made for
     task = read_task(plain / "task2.toml")
-    seen = read_seen(plain / "look.json", task.cell.boards)
+    seen = read_observation(plain / "look.json", task.cell.boards)
 
     def judge_plan(path: Path) -> None:
         plan = read_plan(path)
@@ -158,7 +158,7 @@ def test_json(whole: Path, tmp_path: Path, name: str, monkeypatch: pytest.Monkey
         case "look":
             content, reader = (
                 json.loads(read_text(plain / "look.json")),
-                lambda p: read_seen(p, task.cell.boards),
+                lambda p: read_observation(p, task.cell.boards),
             )
         case "plan":
             content, reader = json.loads(read_text(plain / "plan.json")), judge_plan

@@ -52,15 +52,18 @@ def test_two_boards_and_one_that_is_not_there() -> None:
     assert time.process_time() - started < 2.0
     assert [p.board.name for p in seen.poses] == ["01-02", "03-04"]
     assert seen.missing == {"05-06": "neither of its markers 5 and 6 is in view"}
+    assert seen.half_seen == ()
+    assert all(a is b for a, b in zip(seen.images, shot.images, strict=True))
     assert len(seen.frames) == 5
-    for pose, placed in zip(seen.poses, shot.placed, strict=True):
+    for board, placed in zip(seen.boards, shot.placed, strict=True):
+        pose = board.pose
         twist = twist_between(pose.T_base_board, placed.T_base_board)
         assert np.linalg.norm(twist[:3]) < 0.15e-3
         assert np.linalg.norm(twist[3:]) < np.radians(0.1)
         assert twist @ np.linalg.solve(pose.covariance, twist) < 22.5  # chi-square with 6, 0.1 %
         assert pose.residual_px < 0.03
         assert pose.hypothesis_ratio > 10.0
-        states = [o.state for o in seen.occupancy[pose.board.name]]
+        states = [o.state for o in board.occupancy]
         assert states == ["cube" if c else "empty" for c in shot.cubes[pose.board.name]]
 
 
@@ -100,6 +103,7 @@ def test_a_board_with_one_hidden_marker_is_missing_with_its_reason() -> None:
         "the tilt"
     }
     assert [p.board.name for p in seen.poses] == ["03-04"]
+    assert seen.half_seen == ("01-02",)
 
 
 def test_a_wrong_marker_size_stops_the_look() -> None:
@@ -150,7 +154,7 @@ def test_a_board_at_the_edge_of_the_image_is_judged_by_what_is_in_it(margin: int
     first = left - margin
     camera = window(CAMERA, (first, 0), (CAMERA.size[0] - first, CAMERA.size[1]))
     seen = look([shot.images[0][:, first:].copy()], camera, [A], DICTIONARY, CUBE)
-    told = [(o.state, o.reason) for o in seen.occupancy[A.name]]
+    told = [(o.state, o.reason) for o in seen.boards[0].occupancy]
     assert told[:3] == [("cube", ""), ("empty", ""), ("cube", "")]
     assert told[3] in (("empty", ""), ("unsure", OUT))  # its mouth begins 16 px further out than the marker
     twist = twist_between(seen.poses[0].T_base_board, shot.placed[0].T_base_board)

@@ -15,7 +15,7 @@ from cell.config.cell_file import MADE_WITHIN_MM
 from cell.console import Console
 from cell.files.observation import member_words, pose_to_json
 from cell.files.task import read_task
-from vision.boards.pose import BoardLimits, BoardSeen, assess_board
+from vision.boards.pose import BoardAssessment, BoardLimits, assess_board
 from vision.markers.recorded import read_detections
 
 
@@ -45,7 +45,7 @@ def detections_step(
     return result
 
 
-def _to_json(name: str, seen: BoardSeen, T_base_camera: Array) -> dict[str, Any]:
+def _to_json(name: str, seen: BoardAssessment, T_base_camera: Array) -> dict[str, Any]:
     pose = seen.pose
     common = {
         "board": name,
@@ -71,7 +71,7 @@ def _tilt_deg(pose: BoardPose) -> float:
     return float(np.degrees(np.arccos(np.clip(abs(pose.T_base_board[2, 2]), 0.0, 1.0))))
 
 
-def _print_table(seen: list[BoardSeen], T_camera_base: Array, tilts: bool, console: Console) -> None:
+def _print_table(seen: list[BoardAssessment], T_camera_base: Array, tilts: bool, console: Console) -> None:
     rows = [
         (
             number,

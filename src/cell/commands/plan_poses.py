@@ -9,7 +9,7 @@ from arm.io.storage import keep_apart
 from arm.plan_file import Move, write_plan
 from cell.commands.steps import warn_of
 from cell.console import Console
-from cell.files.observation import read_seen
+from cell.files.observation import read_observation, require_boards
 from cell.files.place import POSES, read_place
 from cell.files.pose_list import Reading, read_pose_list
 from cell.session.budget import within
@@ -48,10 +48,10 @@ def plan_poses_step(
     keep_apart(output, place_file, poses_file, look)
     task = read_place(place_file)
     poses = read_pose_list(poses_file, reading)
-    seen = None if look is None else read_seen(look, task.cell.boards)
+    seen = None if look is None else read_observation(look, task.cell.boards)
     if seen is not None:
         if task.kind != POSES:
-            seen.require(task)
+            require_boards(seen, task)
         require_above_table(task, seen)
     with within(budget):
         plan = plan_pose_list(task, seen, poses, planning_speed(task.cell, speed), back)

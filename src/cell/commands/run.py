@@ -20,7 +20,7 @@ from cell.session.connection import WhichCell, open_cell
 from cell.session.keyboard import HELP, hint, keyboard
 from cell.session.observer import RunObserver
 from cell.session.speed import override_of, planning_speed, tool_words
-from cell.task.look import nominal_width
+from cell.task.confirm_placed import nominal_width
 from cell.task.plan_matches import replayed, require_match, require_scene, require_start_at
 from cell.task.resume import resume
 from cell.task.run import TaskRun

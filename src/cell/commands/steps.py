@@ -15,7 +15,7 @@ from arm.io.storage import canonical_json, keep_apart, write_atomic
 from arm.plan_file import Move, Plan, read_plan, write_plan
 from cell.config.cell import Cell
 from cell.console import Console
-from cell.files.observation import Seen, read_seen, seen_to_json, tilt_words
+from cell.files.observation import observation_to_json, read_observation, require_boards, tilt_words
 from cell.files.task import Task, read_task
 from cell.scene.arm_shape import arm_shape
 from cell.session.budget import within
@@ -23,6 +23,7 @@ from cell.session.speed import planning_speed, tool_words
 from cell.task.planning import plan_rest, reach_of, require_above_table
 from plan.budget import PlanningInterrupted, SearchBudget
 from plan.options import clearance_words
+from vision.observation import Observation
 
 if TYPE_CHECKING:
     from vision.camera.frame_source import FrameSource
@@ -49,11 +50,11 @@ def look_step(
     task = read_task(task_file)
     with _frames(task, images, camera, world) as frames:
         seen = look_and_save(task, frames, picture, console, "at the cell")
-    result = seen_to_json(seen, task.cell.camera.T_base_camera)
+    result = observation_to_json(seen, task.cell.camera.T_base_camera)
     if output is not None:
         write_atomic(output, canonical_json(result) + "\n")
     _print_look(seen, console)
-    seen.require(task)
+    require_boards(seen, task)
     return result
 
 
@@ -70,13 +71,13 @@ def _frames(task: Task, images: Path | None, camera: str | None, world: Path | N
         yield ImageFolder(images) if images is not None else camera_at_start(task, world)
 
 
-def _print_look(seen: Seen, console: Console) -> None:
+def _print_look(seen: Observation, console: Console) -> None:
     rows = []
     for board in seen.boards:
-        for hole, state in zip(board.pose.holes, board.occupancy, strict=True):
+        for hole, occupancy in zip(board.pose.holes, board.occupancy, strict=True):
             x, y, z = 1e3 * hole.T_base_hole[:3, 3]
             std = 1e3 * float(np.sqrt(np.trace(hole.covariance[:3, :3])))
-            rows.append((hole.name, float(x), float(y), float(z), std, state))
+            rows.append((hole.name, float(x), float(y), float(z), std, occupancy.state))
     console.table(("hole", "x mm", "y mm", "z mm", "std mm", "state"), rows)
     for board in seen.boards:
         console.say(
@@ -89,8 +90,8 @@ def reach_step(task_file: Path, look_file: Path, console: Console, advice: bool 
     from cell.task.explain import explain_failure
 
     task = read_task(task_file)
-    seen = read_seen(look_file, task.cell.boards)
-    seen.require(task)
+    seen = read_observation(look_file, task.cell.boards)
+    require_boards(seen, task)
     require_above_table(task, seen)
     table = reach_of(task, seen)
     console.table(
@@ -132,8 +133,8 @@ def plan_step(
 
     keep_apart(output, task_file, look_file)
     task = read_task(task_file)
-    seen = read_seen(look_file, task.cell.boards)
-    seen.require(task)
+    seen = read_observation(look_file, task.cell.boards)
+    require_boards(seen, task)
     speed, q_start = planning_speed(task.cell, speed), task.cell.q_start
     stopped: PlanningInterrupted | None = None
     try:

@@ -16,11 +16,11 @@ from arm.robot.tool import padded
 from cell.config.cell_file import ARM_PADDING_MM
 from cell.config.tool_keys import gripper_of_inputs
 from cell.export.urdf import Surroundings
-from cell.files.observation import read_seen
+from cell.files.observation import read_observation, require_boards
 from cell.files.place import POSES, read_place
 from cell.files.scene import read_scene_file
 from cell.files.task import Task
-from cell.task.planning import scene_of
+from cell.scene.build import build_scene
 from plan.scene import Scene, scene_from_json
 
 _ANOTHER = "give --cell FILE, the cell or task file that the plan was made for"
@@ -57,10 +57,10 @@ def _of_cell(task: Task, look: Path | None) -> Surroundings:
     cell = task.cell
     scene = Scene(cell.robot(), cell.robot(cell.cube_size), cell.fixed, ())
     if look is not None:
-        seen = read_seen(look, cell.boards)
+        seen = read_observation(look, cell.boards)
         if task.kind != POSES:
-            seen.require(task)
-        scene = scene_of(task, seen, {})
+            require_boards(seen, task)
+        scene = build_scene(cell, seen)
     return Surroundings(
         robot=scene.robot_open,
         limits=cell.limits,

@@ -9,6 +9,7 @@ import numpy as np
 from arm.board import CUBE_SEAT_DEPTH, PLATE_CENTRE, PLATE_SIZE, Board
 from arm.se3 import Array, angle_between, apply
 from cell.config.cell import Cell
+from vision.observation import Observation
 
 
 @dataclass(frozen=True)
@@ -50,3 +51,17 @@ def board_shift(board: Board, cube_size: float, T_then: Array, T_now: Array) -> 
     apart = apply(T_now, corners) - apply(T_then, corners)
     farthest = float(np.sqrt((apart * apart).sum(axis=1).max()))
     return BoardShift(farthest, angle_between(T_then[:3, :3], T_now[:3, :3]))
+
+
+def moved_boards(before: Observation, now: Observation, cell: Cell) -> list[str]:
+    """Describe the boards that moved beyond the cell's tolerance between two observations, one line per board."""
+    lines = [f"board {b.name} has come into view" for b in now.boards if before.board(b.name) is None]
+    for old in before.boards:
+        new = now.board(old.name)
+        if new is None:
+            lines.append(f"board {old.name} is no longer in view")
+            continue
+        shift = board_shift(old.pose.board, cell.cube_size, old.pose.T_base_board, new.pose.T_base_board)
+        if shift.beyond(cell):
+            lines.append(f"board {old.name} moved by {shift}")
+    return lines

@@ -1,157 +1,55 @@
-"""The result of a look and its file: board poses, holes and cubes, as the JSON of ``a465 look``."""
+"""The file of an observation: board poses, holes and cubes, as the JSON of ``a465 look``."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from arm.board import Board
 from arm.errors import A465Error, FileInputError, ImpossibleError
+from arm.former import FormerNames
 from arm.io.storage import read_json, require_finite
 from arm.numerics.products import mul
 from arm.poses import BoardPose, TiltHypothesis
 from arm.se3 import Array, frozen, inverse, orthonormalised
-from cell.config.cell import Cell
-from cell.files.board_shift import board_shift
 from cell.files.task import Task
-from vision.occupancy.seated import Sight
+from vision.observation import Observation, ObservedBoard
+from vision.occupancy.classify import Occupancy
 
 HEIGHT_TOLERANCE = 0.010  # between the stated and the detected height of Task 1's board, m
 FLAT_TOLERANCE = np.radians(2.0)
 
 
-@dataclass(frozen=True)
-class SeenBoard:
-    """A detected board.
+def require_boards(seen: Observation, task: Task) -> None:
+    """Require that the task's boards were detected, at poses that the task allows.
 
-    Attributes:
-        pose: its pose.
-        occupancy: state per hole: cube, empty or unsure.
-        doubts: per hole, the reason for unsure; else empty.
+    Raises:
+        ImpossibleError: names the board and the reason.
     """
-
-    pose: BoardPose
-    occupancy: tuple[str, ...]
-    doubts: tuple[str, ...] = ("",) * 4
-
-    @property
-    def name(self) -> str:
-        """Name of the board."""
-        return self.pose.board.name
-
-    def holes(self, *states: str) -> tuple[int, ...]:
-        """Return the holes (0 to 3) in one of these states."""
-        return tuple(i for i, state in enumerate(self.occupancy) if state in states)
-
-
-@dataclass(frozen=True)
-class Seen:
-    """The boards detected in one look, and why others were not.
-
-    Attributes:
-        boards: detected boards.
-        missing: per board name, the reason why it was not detected.
-        half_seen: names of missing boards that are partly in view, so that their pose is unknown.
-        sight: images for measuring cubes; None for a look that was read from a file.
-        moved_since: places that cubes left or reached after the images were taken.
-    """
-
-    boards: tuple[SeenBoard, ...]
-    missing: dict[str, str]
-    half_seen: tuple[str, ...] = ()
-    sight: Sight | None = field(default=None, compare=False, repr=False)
-    moved_since: frozenset[str] = field(default=frozenset(), compare=False)
-
-    @property
-    def poses(self) -> tuple[BoardPose, ...]:
-        """Poses of the detected boards."""
-        return tuple(b.pose for b in self.boards)
-
-    def board(self, name: str) -> SeenBoard | None:
-        """Return the board of that name, or None if it was not detected."""
-        return next((b for b in self.boards if b.name == name), None)
-
-    def missing_of(self, task: Task) -> list[str]:
-        """Return the names of the task's boards that were not detected."""
-        return [b.name for b in task.boards if self.board(b.name) is None]
-
-    def cubes_in(self) -> dict[str, tuple[int, ...]]:
-        """Return per board the holes that hold or may hold a cube: every hole that is not surely empty."""
-        return {b.name: b.holes("cube", "unsure") for b in self.boards}
-
-    def state(self, place: str) -> str | None:
-        """Return the state of a hole such as ``01-02/3``, or None if its board was not detected or it is no hole."""
-        name, _, number = place.rpartition("/")
-        board = self.board(name)
-        return None if board is None else board.occupancy[int(number) - 1]
-
-    def with_moves(self, moves: Mapping[str, str]) -> Seen:
-        """Return the expected look after moves of cubes, named by their hole, to places."""
-        states = {cube.removeprefix("cube "): "empty" for cube in moves} | dict.fromkeys(
-            moves.values(), "cube"
-        )
-        boards = tuple(
-            replace(b, occupancy=tuple(states.get(f"{b.name}/{i + 1}", s) for i, s in enumerate(b.occupancy)))
-            for b in self.boards
-        )
-        return replace(self, boards=boards, moved_since=self.moved_since | states.keys())
-
-    def changed(self, expected: Seen) -> list[str]:
-        """Describe the holes whose state surely differs from the expected one, one line per hole."""
-        lines = []
-        for board in self.boards:
-            for number, state in enumerate(board.occupancy, start=1):
-                was = expected.state(f"{board.name}/{number}")
-                if was not in (None, state, "unsure") and state != "unsure":
-                    lines.append(f"hole {board.name}/{number} looks {state}, not {was}")
-        return lines
-
-    def require(self, task: Task) -> None:
-        """Require that the task's boards were detected, at poses that the task allows.
-
-        Raises:
-            ImpossibleError: names the board and the reason.
-        """
-        for board in task.boards:
-            seen = self.board(board.name)
-            if seen is None:
-                why = self.missing.get(board.name, "its markers are not in the image")
-                raise ImpossibleError(
-                    f"board {board.name} was not found: {why}; move it completely into the camera's view",
-                    board=board.name,
-                    why=why,
-                )
-        if self.half_seen:
-            name = self.half_seen[0]
+    for board in task.boards:
+        if seen.board(board.name) is None:
+            why = seen.missing.get(board.name, "its markers are not in the image")
             raise ImpossibleError(
-                f"board {name} is partly in view, so its pose is unknown: {self.missing[name]}; move it completely "
-                "into the camera's view, or out of the cell",
-                board=name,
-                why=self.missing[name],
+                f"board {board.name} was not found: {why}; move it completely into the camera's view",
+                board=board.name,
+                why=why,
             )
-        if task.board_height is not None:
-            _require_flat(task, self.board(task.from_board.name))
-
-    def moved(self, before: Seen, cell: Cell) -> list[str]:
-        """Describe the boards that moved beyond the cell's tolerance since `before`, one line per board."""
-        lines = []
-        lines += [f"board {b.name} has come into view" for b in self.boards if before.board(b.name) is None]
-        for old in before.boards:
-            new = self.board(old.name)
-            if new is None:
-                lines.append(f"board {old.name} is no longer in view")
-                continue
-            shift = board_shift(old.pose.board, cell.cube_size, old.pose.T_base_board, new.pose.T_base_board)
-            if shift.beyond(cell):
-                lines.append(f"board {old.name} moved by {shift}")
-        return lines
+    if seen.half_seen:
+        name = seen.half_seen[0]
+        raise ImpossibleError(
+            f"board {name} is partly in view, so its pose is unknown: {seen.missing[name]}; move it completely "
+            "into the camera's view, or out of the cell",
+            board=name,
+            why=seen.missing[name],
+        )
+    if task.board_height is not None:
+        _require_flat(task, seen.board(task.from_board.name))
 
 
-def _require_flat(task: Task, seen: SeenBoard | None) -> None:
+def _require_flat(task: Task, seen: ObservedBoard | None) -> None:
     if seen is None or task.board_height is None:
         return
     T = seen.pose.T_base_board
@@ -167,7 +65,7 @@ def _require_flat(task: Task, seen: SeenBoard | None) -> None:
         )
 
 
-def seen_to_json(seen: Seen, T_base_camera: Array) -> dict[str, Any]:
+def observation_to_json(seen: Observation, T_base_camera: Array) -> dict[str, Any]:
     """Return the JSON of ``a465 look``: one scene, with the reasons for missing boards."""
     boards = [_board_to_json(b, T_base_camera) for b in seen.boards]
     return {"scenes": [{"boards": boards, "missing": dict(seen.missing), "half_seen": list(seen.half_seen)}]}
@@ -222,17 +120,17 @@ def tilt_words(pose: BoardPose) -> str:
     return tilt if pose.tilt_hypothesis is None else f"{tilt}, stand {member_words(pose)}"
 
 
-def _board_to_json(seen: SeenBoard, T_base_camera: Array) -> dict[str, Any]:
+def _board_to_json(seen: ObservedBoard, T_base_camera: Array) -> dict[str, Any]:
     value = pose_to_json(seen.pose, T_base_camera)
-    for hole, state in zip(value["holes"], seen.occupancy, strict=True):
-        hole["state"] = state
-    for number in seen.holes("unsure"):
-        value["holes"][number]["reason"] = seen.doubts[number]
+    for hole, occupancy in zip(value["holes"], seen.occupancy, strict=True):
+        hole["state"] = occupancy.state
+        if occupancy.state == "unsure":
+            hole["reason"] = occupancy.reason
     return {"board": seen.name, "verdict": "accepted", "reasons": [], **value}
 
 
-def read_seen(path: Path, boards: Sequence[Board]) -> Seen:
-    """Read a look file.
+def read_observation(path: Path, boards: Sequence[Board]) -> Observation:
+    """Read a look file; `boards`: those of the cell.
 
     Raises:
         FileInputError: the file is not a look file, or has boards that the cell does not list.
@@ -244,7 +142,7 @@ def read_seen(path: Path, boards: Sequence[Board]) -> Seen:
         found = [_board_from_json(path, entry, boards) for entry in scene["boards"]]
         half_seen = tuple(str(name) for name in scene.get("half_seen", []))
         missing = {str(name): str(why) for name, why in scene.get("missing", {}).items()}
-        return Seen(tuple(found), missing, tuple(name for name in half_seen if name in missing))
+        return Observation(tuple(found), missing, tuple(name for name in half_seen if name in missing))
     except KeyError as error:
         raise FileInputError(
             path, str(error.args[0]), None, "is missing; a465 look writes it", "look again"
@@ -266,7 +164,7 @@ def _tilt_from_json(entry: dict[str, Any] | None) -> TiltHypothesis | None:
     return TiltHypothesis(float(np.radians(nearest)), z, probability, bool(entry["fits"]))
 
 
-def _board_from_json(path: Path, entry: dict[str, Any], boards: Sequence[Board]) -> SeenBoard:
+def _board_from_json(path: Path, entry: dict[str, Any], boards: Sequence[Board]) -> ObservedBoard:
     board = next((b for b in boards if list(b.marker_ids) == entry["marker_ids"]), None)
     if board is None:
         raise FileInputError(path, "marker_ids", entry["marker_ids"], "is not a board of the cell file")
@@ -290,7 +188,7 @@ def _board_from_json(path: Path, entry: dict[str, Any], boards: Sequence[Board])
     states = tuple(hole["state"] for hole in entry["holes"])
     if len(states) != 4 or not set(states) <= {"cube", "empty", "unsure"}:
         raise FileInputError(path, f"{board.name}.holes", states, "must be four of cube, empty, unsure")
-    doubts = tuple(str(hole.get("reason", "")) for hole in entry["holes"])
+    occupancy = tuple(Occupancy(hole["state"], reason=str(hole.get("reason", ""))) for hole in entry["holes"])
     pose = BoardPose(
         board,
         T_base_board,
@@ -299,4 +197,15 @@ def _board_from_json(path: Path, entry: dict[str, Any], boards: Sequence[Board])
         float(entry["hypothesis_ratio"]),
         _tilt_from_json(entry.get("tilt_hypothesis")),
     )
-    return SeenBoard(pose, states, doubts)
+    return ObservedBoard(pose, occupancy)
+
+
+if not TYPE_CHECKING:
+    __getattr__ = FormerNames(
+        __name__,
+        __name__,
+        Seen="Observation",
+        SeenBoard="ObservedBoard",
+        read_seen="read_observation",
+        seen_to_json="observation_to_json",
+    )

@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 
 from arm.errors import ExecutionStopped
-from arm.se3 import Array, apply, transform
+from arm.se3 import Array, apply
+from cell.config.cell import Cell
 from cell.files.board_shift import board_shift
-from cell.files.observation import Seen
 from cell.files.task import Task
 from cell.report.cubes import CubeRow
-from cell.scene.build import T_base_cube_on_table
+from cell.scene.build import T_base_on_table
+from vision.observation import Observation
 from vision.occupancy.cube_top import CubeTop, EmptyPlace
-from vision.occupancy.seated import CubeWidth, Seating, seating, width_of
+from vision.occupancy.seated import CubeWidth, Seating, Sight, seating, width_of
 
 NO_PHOTOGRAPHS = Seating("unsure", "there are no images to measure it in")
 NOT_CONFIRMED = "not confirmed"
@@ -38,7 +39,7 @@ class Unconfirmed:
 
 
 def confirm(
-    task: Task, before: Seen, after: Seen, source: str, target: str, width: CubeWidth | None
+    task: Task, before: Observation, after: Observation, source: str, target: str, width: CubeWidth | None
 ) -> Unconfirmed | None:
     """Return None if a cube certainly moved from source to target, and the target's board did not move.
 
@@ -76,22 +77,33 @@ def confirm(
 
 
 def seated(
-    task: Task, seen: Seen, place: str, width: CubeWidth | None = None, without: Seen | None = None
+    task: Task,
+    seen: Observation,
+    place: str,
+    width: CubeWidth | None = None,
+    without: Observation | None = None,
 ) -> Seating:
     """Whether a cube is seated at a place, by size and position of its top; `without`: a look that shows it empty."""
-    if seen.sight is None:
+    if not seen.images:
         return NO_PHOTOGRAPHS
-    return seating(_top(task, seen, place, without), width or seen.sight.cube)
+    return seating(_top(task, seen, place, without), width or nominal_width(task.cell))
 
 
-def width_at(task: Task, seen: Seen, place: str, without: Seen | None = None) -> CubeWidth | None:
+def width_at(
+    task: Task, seen: Observation, place: str, without: Observation | None = None
+) -> CubeWidth | None:
     """Measure the width of the cube at a place; None without images, or if they do not determine it."""
-    return None if seen.sight is None else width_of(_top(task, seen, place, without), seen.sight.cube)
+    return width_of(_top(task, seen, place, without), nominal_width(task.cell))
 
 
-def unseen_places(task: Task, seen: Seen, places: Iterable[str]) -> str:
+def nominal_width(cell: Cell) -> CubeWidth:
+    """Width of an unmeasured cube: the cell file's, within its tolerance (two standard deviations)."""
+    return CubeWidth(cell.cube_size, cell.cube_tolerance / 2.0)
+
+
+def unseen_places(task: Task, seen: Observation, places: Iterable[str]) -> str:
     """A warning that names the places on the table that are out of view; empty if there are none."""
-    if task.places is None or seen.sight is None:
+    if task.places is None or not seen.images:
         return ""
     hidden = [place for place in places if not _in_view(task, seen, place)]
     if not hidden:
@@ -102,50 +114,54 @@ def unseen_places(task: Task, seen: Seen, places: Iterable[str]) -> str:
     )
 
 
-def _top(task: Task, seen: Seen, place: str, without: Seen | None) -> CubeTop | None:
-    T_base_place = _T_base_place(task, seen, place)
-    if seen.sight is None or T_base_place is None:
+def _top(task: Task, seen: Observation, place: str, without: Observation | None) -> CubeTop | None:
+    T_base_place, sight = _T_base_place(task, seen, place), _sight(task, seen)
+    if sight is None or T_base_place is None:
         return None
     empty = None if without is None else _empty(task, without, place)
     if _on_table(task, place):
-        return seen.sight.on_plane(T_base_place, empty)
-    return seen.sight.in_hole(T_base_place, empty)
+        return sight.on_plane(T_base_place, empty)
+    return sight.in_hole(T_base_place, empty)
 
 
-def _empty(task: Task, seen: Seen, place: str) -> EmptyPlace | None:
+def _sight(task: Task, seen: Observation) -> Sight | None:
+    """The images of an observation, for measuring cubes; None if it has none."""
+    if not seen.images:
+        return None
+    cell = task.cell
+    return Sight(seen.images, cell.camera, nominal_width(cell), cell.boards[0].pocket)
+
+
+def _empty(task: Task, seen: Observation, place: str) -> EmptyPlace | None:
     """The appearance of a place in a look that shows it certainly empty; otherwise None."""
-    T_base_place = _T_base_place(task, seen, place)
-    if seen.sight is None or T_base_place is None or place in seen.moved_since:
+    T_base_place, sight = _T_base_place(task, seen, place), _sight(task, seen)
+    if sight is None or T_base_place is None or place in seen.moved_since:
         return None
     if not _on_table(task, place) and seen.state(place) != "empty":
         return None
-    return seen.sight.empty(T_base_place)
+    return sight.empty(T_base_place)
 
 
 def _on_table(task: Task, place: str) -> bool:
     return place.startswith("table/") and task.to_board is None
 
 
-def _T_base_place(task: Task, seen: Seen, place: str) -> Array | None:
+def _T_base_place(task: Task, seen: Observation, place: str) -> Array | None:
     """Pose of a hole as seen, or of a place on the table; None for a hole whose board was not found."""
     if _on_table(task, place):
-        return _T_base_on_table(task, place)
+        return T_base_on_table(task, place)
     name, _, number = place.rpartition("/")
     board = seen.board(name)
     return None if board is None else board.pose.holes[int(number) - 1].T_base_hole
 
 
-def _T_base_on_table(task: Task, place: str) -> Array:
-    """Pose of a place on the table, at the bottom of the cube placed there."""
-    return np.asarray(T_base_cube_on_table(task, place) @ transform(t=(0.0, 0.0, -task.cell.cube_size / 2.0)))
-
-
-def _in_view(task: Task, seen: Seen, place: str) -> bool:
-    if seen.sight is None:
+def _in_view(task: Task, seen: Observation, place: str) -> bool:
+    sight = _sight(task, seen)
+    if sight is None:
         return False
     half = task.cell.cube_size / 2.0 + 3e-3
     corners = np.array([[x, y, task.cell.cube_size] for x in (-half, half) for y in (-half, half)])
-    return seen.sight.shows(apply(_T_base_on_table(task, place), corners))
+    return sight.shows(apply(T_base_on_table(task, place), corners))
 
 
 class LetGo:
@@ -153,13 +169,13 @@ class LetGo:
 
     def __init__(self, task: Task) -> None:
         self._task = task
-        self._waiting: list[tuple[CubeRow, Seen, CubeWidth | None]] = []
+        self._waiting: list[tuple[CubeRow, Observation, CubeWidth | None]] = []
 
-    def add(self, row: CubeRow, before: Seen, width: CubeWidth | None = None) -> None:
+    def add(self, row: CubeRow, before: Observation, width: CubeWidth | None = None) -> None:
         """Add a released cube; `before`: the last look with it at its source, `width`: its width if known."""
         self._waiting.append((row, before, width))
 
-    def judge(self, seen: Seen, picture: Path) -> Iterator[tuple[CubeRow, Unconfirmed]]:
+    def judge(self, seen: Observation, picture: Path) -> Iterator[tuple[CubeRow, Unconfirmed]]:
         """Judge all of them by a look; yield those not confirmed, each with a remark that names the picture."""
         waiting, self._waiting = self._waiting, []
         found = [
@@ -177,7 +193,7 @@ class LetGo:
                 row.remarks.append(f"{NOT_CONFIRMED}: {'; '.join(why.reasons)} (see {picture.name})")
         yield from ((row, why) for row, why in found if why is not None)
 
-    def _width(self, row: CubeRow, before: Seen, seen: Seen) -> CubeWidth | None:
+    def _width(self, row: CubeRow, before: Observation, seen: Observation) -> CubeWidth | None:
         """Width of a cube at its source, given a look that shows the source empty."""
         return None if row.source in before.moved_since else width_at(self._task, before, row.source, seen)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,14 +15,13 @@ from arm.numerics.products import mul
 from arm.robot.shapes import Box
 from arm.se3 import Array, apply, inverse
 from cell.console import Console
-from cell.files.observation import Seen
 from cell.files.task import Task
-from cell.scene.build import Work
-from cell.task.planning import hole_stations, options_of, reach_of, scene_of, work_left
+from cell.task.planning import empty_request, hole_stations, reach_of, request_of
 from plan.advice.changes import Request
 from plan.advice.search import Advice, advise
 from plan.failure import START_BLOCKED, Failure, Rejected, failure_in
 from plan.pick_place.cause import out_of_reach
+from vision.observation import Observation
 
 # Rows of the table of candidates: per place, and in all.
 _ROWS_A_PLACE, _ROWS = 3, 12
@@ -30,7 +30,7 @@ _ROWS_A_PLACE, _ROWS = 3, 12
 @contextmanager
 def explain_failure(
     task: Task,
-    seen: Seen,
+    seen: Observation,
     q_from: Array,
     speed: float,
     wanted: bool,
@@ -56,7 +56,12 @@ def explain_failure(
             if failure is not None:
                 console = Console(as_json=True)  # standard error
                 print_failure(console, failure)
-                request = _request(task, seen, q_from, speed, done or {}, on_table or {}, skip, every_hole)
+                try:
+                    request = request_of(task, seen, q_from, speed, done or {}, on_table or {}, skip)
+                except ImpossibleError:  # more cubes than reachable places: then only reach is checked
+                    request = empty_request(task, seen, q_from, speed, on_table or {})
+                if every_hole:
+                    request = replace(request, required=hole_stations(task, seen))
                 advice = _advice(console, task, seen, request, error) if wanted else ()
                 error.data["advice"] = [a.to_json() for a in advice]
                 keys = _keys(task, failure)
@@ -98,7 +103,7 @@ def print_failure(console: Console, failure: Failure) -> None:
 
 
 def _advice(
-    console: Console, task: Task, seen: Seen, request: Request, error: ImpossibleError
+    console: Console, task: Task, seen: Observation, request: Request, error: ImpossibleError
 ) -> tuple[Advice, ...]:
     console.say("what would help (each suggestion was planned; --no-advice skips this):")
     advice = advise(
@@ -116,34 +121,7 @@ def _advice(
     return advice
 
 
-def _request(
-    task: Task,
-    seen: Seen,
-    q_from: Array,
-    speed: float,
-    done: Mapping[str, str],
-    on_table: Mapping[str, Array],
-    skip: Iterable[int],
-    every_hole: bool,
-) -> Request:
-    cell = task.cell
-    try:
-        left = work_left(task, seen, done, skip, speed)
-    except ImpossibleError:  # more cubes than reachable places: then only reach is checked
-        left = Work((), ())
-    return Request(
-        scene_of(task, seen, on_table),
-        left.transfers,
-        q_from,
-        cell.unit,
-        cell.limits,
-        options_of(task, speed),
-        left.spare,
-        hole_stations(task, seen) if every_hole else (),
-    )
-
-
-def _may_stand(task: Task, seen: Seen, request: Request, changed: Request) -> bool:
+def _may_stand(task: Task, seen: Observation, request: Request, changed: Request) -> bool:
     """Whether all boards are in the cell file's zone, and both markers of every board that moved in the image."""
     zone, camera = task.cell.zone, task.cell.camera
     half = np.array(zone.shape.size[:2]) / 2.0 if isinstance(zone.shape, Box) else np.full(2, np.inf)

@@ -1,26 +1,21 @@
-"""Take images of the cell, find boards and cubes in them, and save a picture of the detections."""
+"""Take images of the cell, detect boards and cubes in them, and save a picture of the detections."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
 
-from arm.board import Board
 from arm.errors import ImpossibleError, InputError
 from arm.io.storage import write_atomic
-from cell.config.cell import Cell
 from cell.console import Console
-from cell.files.observation import Seen, SeenBoard
 from cell.files.task import Task
 from vision.camera.frame_source import FrameSource
-from vision.camera.model import Image
-from vision.markers.detect import Marker, detect_markers
+from vision.camera.model import Camera, Image
+from vision.markers.detect import detect_markers
 from vision.markers.exposure import exposure_complaint
-from vision.observe import Look, annotated, look
-from vision.occupancy.seated import CubeWidth, Sight
+from vision.observation import Observation
+from vision.observe import annotated, look
 
 
 def look_and_save(
@@ -30,8 +25,8 @@ def look_and_save(
     console: Console,
     why: str,
     arm_in_view: bool = False,
-) -> Seen:
-    """Take images of the cell, find boards and cubes, and write the first image with detections drawn in.
+) -> Observation:
+    """Take images of the cell, detect boards and cubes, and write the first image with detections drawn in.
 
     Args:
         arm_in_view: see `vision.observe.look`.
@@ -42,7 +37,7 @@ def look_and_save(
     cell = task.cell
     images = frames.grab(cell.photographs)
     try:
-        found = look(
+        seen = look(
             images,
             cell.camera,
             cell.boards,
@@ -54,45 +49,31 @@ def look_and_save(
         )
     except ImpossibleError:  # the image and its markers help to find the cause
         markers = tuple(detect_markers(images[0], cell.camera, cell.dictionary))
-        _complain(images[0], markers, console)
-        if picture is not None:
-            write_png(picture, annotated(images[0], cell.camera, Look((), {}, (markers,))))
+        seen = Observation(images=tuple(images), frames=(markers,))
+        _complain(seen, console)
+        _draw(picture, cell.camera, seen)
         raise
-    if picture is not None:
-        write_png(picture, annotated(images[0], cell.camera, found))
-    sight = Sight(images, cell.camera, nominal_width(cell), cell.boards[0].pocket)
-    seen = replace(seen_of(found, cell.boards), sight=sight)
+    _draw(picture, cell.camera, seen)
     boards = ", ".join(
         f"{b.name} ({len(b.holes('cube'))} cubes, {b.pose.residual_px:.3f} px)" for b in seen.boards
     )
     console.step(f"look {why}: {boards or 'no board'}")
     for board in seen.boards:
         for hole in board.holes("unsure"):
-            console.say(f"hole {board.name}/{hole + 1} is unsure: {board.doubts[hole]}")
-    _complain(images[0], found.frames[0], console)
+            console.say(f"hole {hole.name} is unsure: {board.occupancy[hole.index].reason}")
+    _complain(seen, console)
     return seen
 
 
-def nominal_width(cell: Cell) -> CubeWidth:
-    """Width of an unmeasured cube: the cell file's, within its tolerance (two standard deviations)."""
-    return CubeWidth(cell.cube_size, cell.cube_tolerance / 2.0)
-
-
-def _complain(image: Image, markers: Sequence[Marker], console: Console) -> None:
-    complaint = exposure_complaint(image, markers)
+def _complain(seen: Observation, console: Console) -> None:
+    complaint = exposure_complaint(seen.images[0], seen.frames[0])
     if complaint is not None:
         console.say(f"WARNING: the images are {complaint}")
 
 
-def seen_of(found: Look, known: Sequence[Board]) -> Seen:
-    """Convert a `vision.observe.Look` for the cell's commands; `known`: all boards of the cell."""
-    boards = tuple(
-        SeenBoard(b.pose, tuple(o.state for o in b.occupancy), tuple(o.reason for o in b.occupancy))
-        for b in found.boards
-    )
-    seen_ids = {marker.id for frame in found.frames for marker in frame}
-    half = tuple(b.name for b in known if b.name in found.missing and seen_ids & set(b.marker_ids))
-    return Seen(boards, dict(found.missing), half)
+def _draw(picture: Path | None, camera: Camera, seen: Observation) -> None:
+    if picture is not None:
+        write_png(picture, annotated(seen.images[0], camera, seen))
 
 
 def write_png(path: Path, image: Image) -> None:

@@ -14,7 +14,7 @@ from arm.errors import InputError
 from arm.plan_file import GripperStep, Plan, Step, write_plan
 from arm.se3 import Array, frozen
 from cell.console import Console
-from cell.files.observation import Seen
+from cell.files.observation import require_boards
 from cell.files.task import Task
 from cell.report.cubes import CubeRow, print_rows
 from cell.report.run_page import KeptPlan, Picture
@@ -30,6 +30,7 @@ from driver.execution.execute import StepResult, execute
 from driver.execution.preload import refuse_preload
 from driver.execution.progress import Progress, StreamOptions
 from plan.budget import SearchBudget
+from vision.observation import Observation
 from vision.occupancy.seated import CubeWidth
 
 
@@ -104,26 +105,26 @@ class OpenRun:
         if self.preload:
             refuse_preload(mars)
 
-    def look(self, why: str) -> Seen:
+    def look(self, why: str) -> Observation:
         """Look from where the arm is, and require the boards of the task.
 
         Raises:
             ImpossibleError: one is missing, or not where the task allows it.
         """
         seen = self.see(why)
-        seen.require(self.task)
+        require_boards(seen, self.task)
         return seen
 
-    def try_look(self, why: str) -> Seen | None:
+    def try_look(self, why: str) -> Observation | None:
         """Look while the arm may be in view; None if it hides a board."""
         seen = self.see(why)
-        if seen.missing_of(self.task) or seen.half_seen:
+        if seen.half_seen or any(seen.board(b.name) is None for b in self.task.boards):
             self.console.step("the arm may be in view: reach is checked from q_start")
             return None
-        seen.require(self.task)
+        require_boards(seen, self.task)
         return seen
 
-    def see(self, why: str, arm_in_view: bool = False) -> Seen:
+    def see(self, why: str, arm_in_view: bool = False) -> Observation:
         """Look from where the arm is, without requirements."""
         picture = self.folder / f"look-{next(self._looks)}.png"
         self.pictures.append(Picture(why, picture))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import astuple, replace
 from typing import Any
 
@@ -19,7 +19,6 @@ from arm.se3 import Array, apply, frozen, inverse, transform
 from cell.config.cell import Cell
 from cell.config.inputs import changes, shortened
 from cell.files.board_shift import board_shift
-from cell.files.observation import Seen
 from cell.files.task import Task
 from cell.scene.bodies import T_hole_cube, plate_body
 from cell.scene.build import RELEASE_GAP, T_base_cube_on_table, build_scene, cube_name
@@ -27,6 +26,8 @@ from cell.task.planning import options_of, plan_fingerprint, pose_list_options
 from plan.pick_place.grammar import require_grammar
 from plan.scene import Scene, scene_from_json
 from plan.verify import ReplayedMove, RequiredClearance, placed_cubes, replay
+from vision.observation import Observation, ObservedBoard
+from vision.occupancy.classify import Occupancy
 
 _FROM_FILES = ("task", "inputs", "seed", "options", "robot_open", "robot_holding")
 PLACED = 5e-4  # distance from a place to where the motion releases its cube, m; rounding to counts is 0.03 mm
@@ -162,7 +163,7 @@ def require_start_at(task: Task, plan: Plan) -> None:
         )
 
 
-def require_scene(cell: Cell, plan: Plan, seen: Seen) -> None:
+def require_scene(cell: Cell, plan: Plan, seen: Observation) -> None:
     """Require boards at their planned poses, within the cell's tolerance, and cubes in the planned holes.
 
     Raises:
@@ -183,10 +184,10 @@ def require_scene(cell: Cell, plan: Plan, seen: Seen) -> None:
             faults.append(f"{plate.name} is {shift} from its planned pose")
     holding = {c["name"].removeprefix(cube_name("")) for c in plan.scene["cubes"]}
     for board in seen.boards:
-        for number, state in enumerate(board.occupancy, start=1):
-            planned_state = "cube" if f"{board.name}/{number}" in holding else "empty"
-            if state not in (planned_state, "unsure"):
-                faults.append(f"hole {board.name}/{number} looks {state}, planned was {planned_state}")
+        for hole, now in zip(board.pose.holes, board.occupancy, strict=True):
+            planned_state = "cube" if hole.name in holding else "empty"
+            if now.state not in (planned_state, "unsure"):
+                faults.append(f"hole {hole.name} looks {now.state}, planned was {planned_state}")
     faults += [f"{name} of the plan was not seen" for name in bodies if name.startswith(plate_name(""))]
     if faults:
         raise ImpossibleError(
@@ -202,8 +203,7 @@ def scene_of_now(task: Task, plan: Plan) -> Scene:
     """
     cell = task.cell
     stated = scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
-    poses = [pose_of_plate(cell, body) for body in stated.bodies if body.name.startswith(plate_name(""))]
-    cubes_in: dict[str, list[int]] = {}
+    planned = planned_observation(cell, stated)
     on_table: dict[str, Array] = {}
     for cube in stated.cubes:
         place, _, number = cube.name.removeprefix(cube_name("")).rpartition("/")
@@ -211,16 +211,14 @@ def scene_of_now(task: Task, plan: Plan) -> Scene:
             raise ImpossibleError(f"the plan's scene has {cube.name!r}, which names no place; plan again")
         if place == "table":
             on_table[cube.name] = T_base_cube_on_table(task, f"{place}/{number}")
-        else:
-            cubes_in.setdefault(place, []).append(int(number) - 1)
     final = placed_cubes(plan, stated, cell.unit)
     for entry in plan.task.get("cubes", ()):
         if entry["cube"] != cube_name(entry["from"]):
             raise ImpossibleError(
                 f"the plan takes {entry['cube']!r} from {entry['from']!r}, where there is another cube; plan again"
             )
-        _require_placed(task, final, poses, entry)
-    now = build_scene(cell, poses, cubes_in, on_table)
+        _require_placed(task, final, planned.poses, entry)
+    now = build_scene(cell, planned, on_table)
     served = {
         frozenset((e["cube"], under(e[end]))) for e in plan.task.get("cubes", ()) for end in ("from", "to")
     }
@@ -267,12 +265,23 @@ def under(place: str) -> str:
     return "table" if board == "table" else plate_name(board)
 
 
-def pose_of_plate(cell: Cell, plate: Body) -> BoardPose:
-    """Pose of the board that a plate belongs to.
+def planned_observation(cell: Cell, scene: Scene, more: Iterable[str] = ()) -> Observation:
+    """The boards of a plan's scene, with a cube in each hole where the scene has one, and in those named by `more`.
 
     Raises:
         ImpossibleError: the cell file has no such board.
     """
+    holding = {cube.name.removeprefix(cube_name("")) for cube in scene.cubes} | set(more)
+    boards = []
+    for body in scene.bodies:
+        if body.name.startswith(plate_name("")):
+            pose = _pose_of_plate(cell, body)
+            occupancy = (Occupancy("cube" if hole.name in holding else "empty") for hole in pose.holes)
+            boards.append(ObservedBoard(pose, tuple(occupancy)))
+    return Observation(tuple(boards))
+
+
+def _pose_of_plate(cell: Cell, plate: Body) -> BoardPose:
     name = plate.name.removeprefix(plate_name(""))
     for board in cell.boards:
         if board.name == name:

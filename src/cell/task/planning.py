@@ -1,8 +1,8 @@
-"""From a look to a plan: reach of every hole, the plan of the task, and the fingerprint of its inputs."""
+"""From an observation to a plan: reach of every hole, the plan of the task, and the fingerprint of its inputs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import replace
 from importlib.metadata import version
 from typing import Any
@@ -10,29 +10,29 @@ from typing import Any
 from arm.errors import ImpossibleError
 from arm.io.storage import sha256
 from arm.plan_file import Move, Plan
+from arm.poses import HolePose
 from arm.se3 import Array
 from cell.config.cell import Cell
-from cell.files.observation import Seen, SeenBoard
 from cell.files.task import Task
 from cell.scene.build import (
-    CLEAR,
     RELEASE_GAP,
-    Work,
     build_scene,
+    cube_name,
     free_table_stations,
     hole_station,
     unseen_scene,
-    work,
 )
+from plan.advice.changes import Request
 from plan.cartesian.reachability import ReachTable, reach
 from plan.collision.world import World
 from plan.failure import nearness
 from plan.options import PlanOptions
 from plan.pick_place.go_to import plan_joint_motion
-from plan.pick_place.planner import plan_task, planned_limits
+from plan.pick_place.planner import planned_limits
 from plan.pick_place.recovery import plan_retreat
-from plan.scene import Scene, Station
-from vision.occupancy.classify import OTHER
+from plan.scene import Station, Transfer
+from vision.observation import Observation, ObservedBoard
+from vision.occupancy.classify import OTHER, Occupancy
 
 
 def options_of(task: Task, speed: float) -> PlanOptions:
@@ -83,7 +83,7 @@ def plan_fingerprint(task: Task) -> dict[str, Any]:
     }
 
 
-def require_above_table(task: Task, seen: Seen) -> None:
+def require_above_table(task: Task, seen: Observation) -> None:
     """Require that all holes were seen above the table.
 
     Raises:
@@ -111,18 +111,18 @@ def require_above_table(task: Task, seen: Seen) -> None:
     )
 
 
-def hole_stations(task: Task, seen: Seen) -> tuple[Station, ...]:
+def hole_stations(task: Task, seen: Observation) -> tuple[Station, ...]:
     """All holes of the task's boards as stations; at the target, cubes are released slightly above the hole."""
     gaps = {b.name: 0.0 if b is task.from_board else RELEASE_GAP for b in task.boards}
     return tuple(
-        hole_station(task.cell, board.name, hole.name, hole.T_base_hole, gaps[board.name])
+        hole_station(task.cell, hole, gaps[board.name])
         for board in seen.boards
         if board.name in gaps
         for hole in board.pose.holes
     )
 
 
-def reach_of(task: Task, seen: Seen, speed: float | None = None) -> ReachTable:
+def reach_of(task: Task, seen: Observation, speed: float | None = None) -> ReachTable:
     """The planner's table of reach for all holes of the task's boards, over all branches and the cube's four yaws.
 
     Args:
@@ -140,81 +140,113 @@ def _reach(task: Task, stations: Iterable[Station], speed: float | None) -> Reac
     )
 
 
-def reachable_places(task: Task, seen: Seen, speed: float | None = None) -> tuple[str, ...]:
-    """Names of the uncovered table places that the arm can reach (Task 1), in order of preference."""
+def reachable_places(task: Task, seen: Observation, speed: float | None = None) -> tuple[Station, ...]:
+    """The uncovered table places that the arm can reach (Task 1), in order of preference."""
     stations = free_table_stations(task, seen.poses)
     if not stations:
         return ()
     table = _reach(task, stations, speed)
-    return tuple(s.name for s in stations if table[s.name].ok)
+    return tuple(s for s in stations if table[s.name].ok)
 
 
-def work_left(
-    task: Task, seen: Seen, done: Mapping[str, str], skip: Iterable[int] = (), speed: float | None = None
-) -> Work:
-    """The remaining transfers.
+def request_of(
+    task: Task,
+    seen: Observation,
+    q_from: Array,
+    speed: float,
+    done: Mapping[str, str],
+    on_table: Mapping[str, Array],
+    skip: Iterable[int] = (),
+) -> Request:
+    """The rest of a task as a request to the planner: a transfer per cube, in the order of the holes.
 
     Args:
         task: the task.
-        seen: the last look.
+        seen: the last observation.
+        q_from: configuration from which the arm starts, at rest, (6,) rad.
+        speed: planned for.
         done: present place of each moved cube.
+        on_table: pose of the centre of each cube that was set down on the table.
         skip: holes of the source board (0 to 3) whose cube is not tried again.
-        speed: see `reach_of`.
 
     Raises:
-        ImpossibleError: more cubes than places.
+        ImpossibleError: more cubes than free places, or a board was not detected.
     """
     source = seen.board(task.from_board.name)
-    target = seen.board(task.to_board.name) if task.to_board is not None else None
     if source is None:
         raise ImpossibleError(f"board {task.from_board.name} was not found", board=task.from_board.name)
-    emptied = {int(cube.rsplit("/", 1)[1]) - 1 for cube in done}
-    holding = [i for i in source.holes("cube", "unsure") if i not in emptied | set(skip)]
-    for hole in holding:
-        _require_seat(source, hole)
-    filled = {int(place.rsplit("/", 1)[1]) - 1 for place in done.values()} if target is not None else set()
-    occupied = filled | (set(target.holes("cube", "unsure")) if target is not None else set())
-    notes = [] if target is None else [_taken(target, i) for i in sorted(occupied)]
-    doubted = target is not None and any(target.occupancy[i] == "unsure" for i in occupied - filled)
-    cure = "let the camera see the unsure holes, or clear the target board" if doubted else CLEAR
-    return work(
-        task,
-        seen.poses,
-        holding,
-        occupied,
-        taken_places=done.values(),
-        reachable_places=reachable_places(task, seen, speed) if task.places is not None else None,
-        notes=notes,
-        cure=cure,
+    stations = {s.name: s for s in hole_stations(task, seen)}
+    left_out = set(skip)
+    picks = [
+        h for h in source.holes("cube", "unsure") if h.index not in left_out and cube_name(h.name) not in done
+    ]
+    for hole in picks:
+        _require_seat(hole, source.occupancy[hole.index])
+    filled = set(done.values())
+    target = None if task.to_board is None else seen.board(task.to_board.name)
+    if task.to_board is None:
+        goals = [s for s in reachable_places(task, seen, speed) if s.name not in filled]
+    elif target is not None:
+        goals = [stations[h.name] for h in target.holes("empty") if h.name not in filled]
+    else:
+        name = task.to_board.name
+        raise ImpossibleError(f"board {name} was not seen, so its holes are not known", board=name)
+    if len(goals) < len(picks):
+        raise _too_few(len(picks), goals, target, filled)
+    transfers = (
+        Transfer(cube_name(hole.name), stations[hole.name], goal)
+        for hole, goal in zip(picks, goals, strict=False)
+    )
+    request = empty_request(task, seen, q_from, speed, on_table)
+    return replace(request, transfers=tuple(transfers), places=tuple(goals[len(picks) :]))
+
+
+def _too_few(
+    cubes: int, goals: Sequence[Station], target: ObservedBoard | None, filled: Set[str]
+) -> ImpossibleError:
+    """More cubes than free places; `filled` has the names of those that cubes were moved to."""
+    notes, cure = "", "clear the target board, or give the task file more places"
+    if target is not None:
+        free = {goal.name for goal in goals}
+        holes = zip(target.pose.holes, target.occupancy, strict=True)
+        notes = f" ({'; '.join(_taken(hole, now) for hole, now in holes if hole.name not in free)})"
+        if any(hole.name not in filled for hole in target.holes("unsure")):
+            cure = "let the camera see the unsure holes, or clear the target board"
+    return ImpossibleError(
+        f"{cubes} cubes to move but only {len(goals)} free and reachable places{notes}; {cure}",
+        cubes=cubes,
+        places=[goal.name for goal in goals],
     )
 
 
-def _require_seat(board: SeenBoard, hole: int) -> None:
+def empty_request(
+    task: Task, seen: Observation, q_from: Array, speed: float, on_table: Mapping[str, Array]
+) -> Request:
+    """A request that moves no cube; for the arguments see `request_of`."""
+    cell = task.cell
+    scene = build_scene(cell, seen, on_table)
+    return Request(scene, (), q_from, cell.unit, cell.limits, options_of(task, speed))
+
+
+def _require_seat(hole: HolePose, occupancy: Occupancy) -> None:
     """Require a seated cube: jaws that close on a cube beside its seat push it, and the palm may hit it.
 
     Raises:
         ImpossibleError: the hole shows something other than a seated cube.
     """
-    if board.occupancy[hole] == "unsure" and board.doubts[hole] == OTHER:
-        name = f"{board.name}/{hole + 1}"
+    if occupancy.state == "unsure" and occupancy.reason == OTHER:
         raise ImpossibleError(
-            f"no cube can be taken from hole {name}: {OTHER}; seat the cube, clear the hole, or remove the shadow, and "
-            "look again",
-            hole=name,
+            f"no cube can be taken from hole {hole.name}: {OTHER}; seat the cube, clear the hole, or remove the "
+            "shadow, and look again",
+            hole=hole.name,
             reason=OTHER,
         )
 
 
-def _taken(board: SeenBoard, hole: int) -> str:
-    name = f"hole {board.name}/{hole + 1}"
-    if board.occupancy[hole] != "unsure":
-        return f"{name} holds a cube"
-    return f"{name} may hold a cube; it is unsure ({board.doubts[hole] or 'no reason given'})"
-
-
-def scene_of(task: Task, seen: Seen, on_table: Mapping[str, Array]) -> Scene:
-    """The planner's scene for a look, plus the cubes set down on the table, which a look does not find."""
-    return build_scene(task.cell, seen.poses, seen.cubes_in(), on_table)
+def _taken(hole: HolePose, occupancy: Occupancy) -> str:
+    if occupancy.state != "unsure":
+        return f"hole {hole.name} holds a cube"
+    return f"hole {hole.name} may hold a cube; it is unsure ({occupancy.reason or 'no reason given'})"
 
 
 def _named(task: Task) -> dict[str, Any]:
@@ -223,7 +255,7 @@ def _named(task: Task) -> dict[str, Any]:
 
 def plan_rest(
     task: Task,
-    seen: Seen,
+    seen: Observation,
     q_from: Array,
     speed: float,
     done: Mapping[str, str],
@@ -236,32 +268,19 @@ def plan_rest(
         ImpossibleError: with step, hole, joint or pair of bodies and how much.
     """
     require_above_table(task, seen)
-    left = work_left(task, seen, done, skip, speed)
-    if not left.transfers:
-        return None
-    scene = scene_of(task, seen, on_table)
-    return plan_task(
-        scene,
-        left.transfers,
-        q_from,
-        task.cell.unit,
-        task.cell.limits,
-        options_of(task, speed),
-        plan_fingerprint(task),
-        _named(task),
-        left.spare,
-    )
+    request = request_of(task, seen, q_from, speed, done, on_table, skip)
+    return request.plan(plan_fingerprint(task), _named(task))
 
 
 def plan_to_start(
-    task: Task, seen: Seen | None, q_from: Array, speed: float, on_table: Mapping[str, Array]
+    task: Task, seen: Observation | None, q_from: Array, speed: float, on_table: Mapping[str, Array]
 ) -> Plan | None:
     """Plan a motion to q_start, avoiding what was seen or, without a look, the whole zone; None if the arm is there.
 
     Raises:
         ImpossibleError: there is no such motion.
     """
-    scene = unseen_scene(task.cell) if seen is None else scene_of(task, seen, on_table)
+    scene = unseen_scene(task.cell) if seen is None else build_scene(task.cell, seen, on_table)
     return plan_joint_motion(
         scene,
         q_from,
@@ -275,7 +294,7 @@ def plan_to_start(
 
 
 def plan_retreat_from(
-    task: Task, seen: Seen, approach: Move, speed: float, on_table: Mapping[str, Array]
+    task: Task, seen: Observation, approach: Move, speed: float, on_table: Mapping[str, Array]
 ) -> tuple[Move, ...]:
     """Plan the retract with empty jaws from the end of `approach`.
 
@@ -284,5 +303,5 @@ def plan_retreat_from(
     """
     cell = task.cell
     q = cell.unit.positions(approach.path.end)
-    scene, options = scene_of(task, seen, on_table), options_of(task, speed)
+    scene, options = build_scene(task.cell, seen, on_table), options_of(task, speed)
     return plan_retreat(scene, q, cell.unit, cell.limits, options)

@@ -20,11 +20,11 @@ from arm.robot.jaws import with_any_jaws
 from arm.robot.model import Robot
 from arm.robot.shapes import Body
 from arm.se3 import Array, frozen
-from cell.files.observation import Seen
 from cell.files.pose_list import Entry, PoseList
 from cell.files.scene import beyond_limits
 from cell.files.task import Task
-from cell.task.planning import plan_fingerprint, pose_list_options, scene_of
+from cell.scene.build import build_scene
+from cell.task.planning import plan_fingerprint, pose_list_options
 from plan.collision.certificate import certify_move
 from plan.collision.world import World
 from plan.failure import nearness
@@ -34,6 +34,7 @@ from plan.scene import Scene
 from plan.waypoints.plan import Pause
 from plan.waypoints.planner import plan_poses
 from plan.waypoints.target import Target
+from vision.observation import Observation
 
 _LONGEST_MS = 60_000  # of a segment in a plan file
 
@@ -66,7 +67,7 @@ class _Leg:
     goal: _Place | None
 
 
-def plan_pose_list(task: Task, seen: Seen | None, poses: PoseList, speed: float, back: bool) -> Plan:
+def plan_pose_list(task: Task, seen: Observation | None, poses: PoseList, speed: float, back: bool) -> Plan:
     """Plan from rest at the cell's q_start through the whole list.
 
     Args:
@@ -84,13 +85,13 @@ def plan_pose_list(task: Task, seen: Seen | None, poses: PoseList, speed: float,
 
 
 class _Planner:
-    def __init__(self, task: Task, seen: Seen | None, poses: PoseList, speed: float) -> None:
+    def __init__(self, task: Task, seen: Observation | None, poses: PoseList, speed: float) -> None:
         self.task, self.cell, self.poses = task, task.cell, poses
         self.options = pose_list_options(task, speed)
         self.closes = any(entry.jaws for entry in poses.entries)
         self.scene = Scene(self.cell.robot(), self.cell.robot(self.cell.cube_size), self.cell.fixed, ())
         if seen is not None:
-            self.scene = scene_of(task, seen, {})
+            self.scene = build_scene(self.cell, seen)
         # if the jaws close, what they hold is unknown: the fingers are extended to meet each other
         self.robot: Robot = with_any_jaws(self.scene.robot_open) if self.closes else self.scene.robot_open
         self.bodies: tuple[Body, ...] = (*self.scene.bodies, *self.scene.cubes)

@@ -10,22 +10,28 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from arm.board import plate_name
 from arm.errors import ExecutionStopped, ImpossibleError
 from arm.numerics.products import mul, norm
 from arm.plan_file import GripperStep, Move, Plan
 from arm.se3 import Array, frozen, inverse
-from cell.files.observation import Seen, SeenBoard
 from cell.files.task import Task
 from cell.report.cubes import CubeRow
-from cell.scene.build import RELEASE_GAP, T_base_cube_on_table, cube_name, hole_station, table_station
+from cell.scene.build import (
+    RELEASE_GAP,
+    T_base_cube_on_table,
+    build_scene,
+    cube_name,
+    hole_station,
+    table_station,
+)
 from cell.session.grasp_monitor import grip_of
 from cell.task.confirm_placed import NOT_CONFIRMED, seated
-from cell.task.plan_matches import pose_of_plate, under
-from cell.task.planning import options_of, plan_fingerprint, scene_of
+from cell.task.plan_matches import planned_observation, under
+from cell.task.planning import options_of, plan_fingerprint
 from cell.task.run import TaskRun
 from plan.pick_place.recovery import InJaws, place_held_object, plan_retreat
 from plan.scene import Station, scene_from_json
+from vision.observation import Observation
 
 STANDS = 3e-3  # m; jaws this close to open or shut count as such
 NEAR_PATH = np.radians(2.0)  # of a carrying move of the plan, to identify the cube in the jaws
@@ -81,24 +87,13 @@ def resume(run: TaskRun, plan: Plan) -> None:
     run.move_cubes(seen)
 
 
-def _known(seen: Seen, task: Task, plan: Plan) -> Seen:
+def _known(seen: Observation, task: Task, plan: Plan) -> Observation:
     """Boards as seen, or as planned if the arm hides them, with a cube wherever one may be."""
     cell = task.cell
     scene = scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
-    may_hold = {c.name.removeprefix(cube_name("")) for c in scene.cubes}
-    may_hold |= {transfer["to"] for transfer in plan.task["cubes"]}
-    boards = []
-    names = {b.name: b for b in scene.bodies if b.name.startswith(plate_name(""))}
-    for body in names.values():
-        pose = pose_of_plate(cell, body)
-        now = seen.board(pose.board.name)
-        if now is not None:
-            pose = now.pose
-        places = [f"{pose.board.name}/{n + 1}" for n in range(len(pose.board.holes))]
-        states = tuple("cube" if place in may_hold else "empty" for place in places)
-        boards.append(SeenBoard(pose, states))
-    more = [b for b in seen.boards if plate_name(b.name) not in names]
-    return Seen((*boards, *more), {})
+    planned = planned_observation(cell, scene, (transfer["to"] for transfer in plan.task["cubes"]))
+    boards = [b if (now := seen.board(b.name)) is None else replace(b, pose=now.pose) for b in planned.boards]
+    return Observation((*boards, *(b for b in seen.boards if planned.board(b.name) is None)))
 
 
 def _on_table(task: Task, plan: Plan) -> dict[str, Array]:
@@ -110,7 +105,7 @@ def _on_table(task: Task, plan: Plan) -> dict[str, Array]:
     return {cube_name(place): T_base_cube_on_table(task, place) for place in places}
 
 
-def carried_by(task: Task, plan: Plan, counts: tuple[int, ...], seen: Seen) -> Carried:
+def carried_by(task: Task, plan: Plan, counts: tuple[int, ...], seen: Observation) -> Carried:
     """Identify the cube in the jaws by the arm's position on the plan, or else by the hole that is empty.
 
     Args:
@@ -149,7 +144,7 @@ def _carried_near(task: Task, plan: Plan, q: Array) -> dict[str, str] | None:
     return best[1]
 
 
-def _missing(seen: Seen, plan: Plan) -> dict[str, str] | None:
+def _missing(seen: Observation, plan: Plan) -> dict[str, str] | None:
     """The only transfer whose cube is certainly at neither of its places; None if there is not exactly one."""
     gone = [
         transfer
@@ -159,7 +154,7 @@ def _missing(seen: Seen, plan: Plan) -> dict[str, str] | None:
     return gone[0] if len(gone) == 1 else None
 
 
-def _touched(task: Task, seen: Seen, transfer: dict[str, str], T_base_tool: Array) -> frozenset[str]:
+def _touched(task: Task, seen: Observation, transfer: dict[str, str], T_base_tool: Array) -> frozenset[str]:
     """What the held cube may touch: the board or table of a place whose approach line the tool is on."""
     reach_m = 1.2 * options_of(task, 1.0).offset
     near = []
@@ -170,33 +165,21 @@ def _touched(task: Task, seen: Seen, transfer: dict[str, str], T_base_tool: Arra
     return frozenset(near)
 
 
-def _station(task: Task, seen: Seen, place: str) -> Station:
+def _station(task: Task, seen: Observation, place: str) -> Station:
     """The station of a place, at its present pose."""
     board, _, number = place.rpartition("/")
     if board == "table" and task.places is not None:
-        x, y = task.places.centres[int(number) - 1]
-        return table_station(task.cell, place, x, y, task.places.yaw)
+        return table_station(task, place)
     found = seen.board(board)
     if found is None:
         raise ImpossibleError(f"board {board} was not seen, so its holes are not known", board=board)
-    hole = found.pose.holes[int(number) - 1]
-    return hole_station(task.cell, board, hole.name, hole.T_base_hole, RELEASE_GAP)
+    return hole_station(task.cell, found.pose.holes[int(number) - 1], RELEASE_GAP)
 
 
-def _set_down(run: TaskRun, plan: Plan, seen: Seen, carried: Carried, closed: float) -> None:
+def _set_down(run: TaskRun, plan: Plan, seen: Observation, carried: Carried, closed: float) -> None:
     task, cell, transfer = run.task, run.task.cell, carried.transfer
     run.on_table = {k: T for k, T in _on_table(task, plan).items() if k != cube_name(transfer["to"])}
-    boards = tuple(
-        replace(
-            b,
-            occupancy=tuple(
-                "empty" if f"{b.name}/{i + 1}" == transfer["to"] else state
-                for i, state in enumerate(b.occupancy)
-            ),
-        )
-        for b in seen.boards
-    )
-    scene = scene_of(task, replace(seen, boards=boards), run.on_table)
+    scene = build_scene(cell, seen.with_states({transfer["to"]: "empty"}), run.on_table)
     others = [t for t in plan.task["cubes"] if t != transfer]
     q = run.q_now()
     touches = _touched(task, seen, transfer, scene.robot_open.T_base_tool(q))
@@ -220,7 +203,12 @@ def _set_down(run: TaskRun, plan: Plan, seen: Seen, carried: Carried, closed: fl
 
 
 def _back_out_of(
-    task: Task, seen: Seen, q: Array, speed: float, on_table: Mapping[str, Array], blocked: ImpossibleError
+    task: Task,
+    seen: Observation,
+    q: Array,
+    speed: float,
+    on_table: Mapping[str, Array],
+    blocked: ImpossibleError,
 ) -> tuple[Move, ...]:
     """Plan a retract with open jaws, along the tool, from `q` (6,) rad where the arm was stopped.
 
@@ -229,7 +217,7 @@ def _back_out_of(
     Raises:
         ImpossibleError: there is none; names its obstacle and that of `blocked`, the motion to q_start.
     """
-    cell, scene, options = task.cell, scene_of(task, seen, on_table), options_of(task, speed)
+    cell, scene, options = task.cell, build_scene(task.cell, seen, on_table), options_of(task, speed)
     refused: ImpossibleError | None = None
     for part in (1.0, 0.6, 0.3):
         try:
@@ -246,7 +234,7 @@ def _back_out_of(
     )
 
 
-def _leave(run: TaskRun, seen: Seen) -> None:
+def _leave(run: TaskRun, seen: Observation) -> None:
     """Go to q_start with empty jaws, backing out first if the arm is on an approach or retract."""
     try:
         run.go_to_start(seen)
@@ -256,7 +244,7 @@ def _leave(run: TaskRun, seen: Seen) -> None:
         run.go_to_start(seen)
 
 
-def _take_stock(run: TaskRun, plan: Plan, seen: Seen) -> None:
+def _take_stock(run: TaskRun, plan: Plan, seen: Observation) -> None:
     """Mark the cubes that the look shows at their targets as done.
 
     A cube that is not certainly seated is left where it is, and the run ends as not confirmed.

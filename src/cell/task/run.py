@@ -10,8 +10,8 @@ import numpy as np
 
 from arm.errors import ExecutionStopped
 from arm.plan_file import Plan, Step
+from cell.files.board_shift import moved_boards
 from cell.files.cube_widths import width_kept
-from cell.files.observation import Seen
 from cell.report.cubes import CubeRow, judge_release
 from cell.report.run_report import TO_START
 from cell.scene.build import T_base_cube_on_table, cube_name
@@ -24,13 +24,14 @@ from cell.task.explain import explain_failure
 from cell.task.open_run import OpenRun
 from cell.task.planning import plan_rest, plan_retreat_from, plan_to_start, reach_of
 from driver.execution.progress import StreamOptions
+from vision.observation import Observation
 from vision.occupancy.seated import CubeWidth
 
 
 class TaskRun(OpenRun):
     """A run that moves cubes; every public method is one stage. Constructed like `OpenRun`."""
 
-    def check_reach(self, seen: Seen) -> None:
+    def check_reach(self, seen: Observation) -> None:
         """Require that every hole of the task's boards is in reach.
 
         Raises:
@@ -43,7 +44,7 @@ class TaskRun(OpenRun):
         least = min(float(np.degrees(h.best.margin)) for h in table.holes)
         self.console.step(f"reach: all {len(table.holes)} holes, at least {least:.1f} deg from every limit")
 
-    def foresee(self, seen: Seen) -> bool:
+    def foresee(self, seen: Observation) -> bool:
         """Plan the whole task from q_start before anything moves, so that an impossible task is refused here.
 
         Returns:
@@ -69,21 +70,21 @@ class TaskRun(OpenRun):
             self.tell(hidden)
         return True
 
-    def go_to_start(self, seen: Seen | None) -> None:
+    def go_to_start(self, seen: Observation | None) -> None:
         """Go to q_start, avoiding what was seen or, without a look, the whole zone for boards."""
         plan = plan_to_start(self.task, seen, self.q_now(), self.speed, self.on_table)
         if plan is not None:
             self.keep(plan, TO_START)
             self.execute(plan.steps)
 
-    def move_cubes(self, seen: Seen) -> None:
+    def move_cubes(self, seen: Observation) -> None:
         """Plan the rest and execute it, until nothing is left."""
         plan = self._plan_rest(seen)
         while plan is not None:
             seen, again = self.follow(plan, seen)
             plan = self._plan_rest(seen) if again else None
 
-    def _plan_rest(self, seen: Seen) -> Plan | None:
+    def _plan_rest(self, seen: Observation) -> Plan | None:
         q_now, rest = self.q_now(), (self.done, self.on_table, self.given_up)
         explaining = explain_failure(self.task, seen, q_now, self.speed, self.advice, *rest)
         with self.console.doing("planning"), explaining, spending(self.budget):
@@ -98,7 +99,7 @@ class TaskRun(OpenRun):
         self.keep(plan, "plan" if not any(p.task["cubes"] for p in self.plans) else f"plan-{len(self.plans)}")
         return plan
 
-    def follow(self, plan: Plan, seen: Seen) -> tuple[Seen, bool]:
+    def follow(self, plan: Plan, seen: Observation) -> tuple[Observation, bool]:
         """Execute a plan cube by cube; return early, with True, if the rest must be replanned.
 
         Raises:
@@ -132,7 +133,7 @@ class TaskRun(OpenRun):
                 continue
             expected, seen = seen, self.look(f"after cube {len(self.rows)}")
             self.confirm_placed(seen)
-            changes = seen.moved(planned, self.task.cell) + seen.changed(expected)
+            changes = moved_boards(planned, seen, self.task.cell) + seen.changed(expected)
             for line in changes:
                 self.tell(line + "; the rest is replanned")
             if changes and not last:
@@ -161,14 +162,14 @@ class TaskRun(OpenRun):
         finally:
             self.held = None
 
-    def _width(self, transfer: dict[str, Any], seen: Seen) -> CubeWidth | None:
+    def _width(self, transfer: dict[str, Any], seen: Observation) -> CubeWidth | None:
         """Width of a cube, by the last look at its source; None if that does not determine it."""
         known = self.widths.get(transfer["cube"])
         if known is None and transfer["from"] not in seen.moved_since:
             known = width_at(self.task, seen, transfer["from"])
         return known
 
-    def _missed(self, visit: CubeCycle, row: CubeRow, seen: Seen, why: str) -> Seen:
+    def _missed(self, visit: CubeCycle, row: CubeRow, seen: Observation, why: str) -> Observation:
         """The jaws hold no cube: open them on the spot, back out, go to q_start, look."""
         self.tell(f"cube of {row.source} is not gripped: {why}")
         row.remarks.append(why)
@@ -184,7 +185,7 @@ class TaskRun(OpenRun):
             )
         return after
 
-    def confirm_placed(self, seen: Seen) -> None:
+    def confirm_placed(self, seen: Observation) -> None:
         """Judge the cubes released since the last look.
 
         Raises:
@@ -212,7 +213,7 @@ class TaskRun(OpenRun):
             **self.report(),
         )
 
-    def _put_down(self, transfer: dict[str, Any], row: CubeRow, seen: Seen) -> None:
+    def _put_down(self, transfer: dict[str, Any], row: CubeRow, seen: Observation) -> None:
         """Record a released cube, to be confirmed by the next look; `seen`: the last look before."""
         self._let_go.add(row, seen, self.widths.get(transfer["cube"]))
         self.done[transfer["cube"]] = transfer["to"]
@@ -230,7 +231,7 @@ class TaskRun(OpenRun):
         transfer: dict[str, Any],
         grip: float,
         row: CubeRow,
-        seen: Seen,
+        seen: Observation,
     ) -> None:
         """Execute steps that start with a cube in the jaws, closed by `grip`, and then those that leave its target."""
         with width_kept(self.folder, transfer["cube"], partial(self._width, transfer, seen)):

@@ -43,8 +43,13 @@ class Request:
     places: tuple[Station, ...] = ()
     required: tuple[Station, ...] = ()
 
-    def plan(self) -> Plan | None:
+    def plan(
+        self, provenance: Mapping[str, Any] | None = None, task: Mapping[str, Any] | None = None
+    ) -> Plan | None:
         """Return the plan; None if there is nothing to move.
+
+        Args:
+            provenance, task: as `plan.pick_place.planner.plan_task`.
 
         Raises:
             ImpossibleError, InputError: as `plan.pick_place.planner.plan_task`.
@@ -58,7 +63,9 @@ class Request:
             self.unit,
             self.limits,
             self.options,
-            places=self.places,
+            provenance,
+            task,
+            self.places,
         )
 
     def planner(self) -> Planner:

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from arm.board import Board
 from arm.errors import ImpossibleError
+from arm.former import FormerNames
 from arm.poses import BoardPose
 from arm.se3 import Array, angle_between, frozen
 from vision.boards.checks import BoardLimits, ambiguous, misfit, moved, uncertain
@@ -24,7 +26,7 @@ from vision.boards.tilt_prior import log_odds_of_tilts, tilt_hypothesis
 from vision.camera.model import Camera
 from vision.markers.detect import Marker
 
-__all__ = ["BoardLimits", "BoardSeen", "assess_board", "estimate_board_pose"]
+__all__ = ["BoardAssessment", "BoardLimits", "assess_board", "estimate_board_pose"]
 
 COMMON_MODE_PX = {"lines": 0.02, "subpix": 0.15, "recorded": 0.02}
 """Least corner error common to all frames: light, blur, distortion. More frames do not average it out."""
@@ -33,7 +35,7 @@ RATIO_CAP = 1e3  # of `BoardPose.hypothesis_ratio`; also its value without a sec
 
 
 @dataclass(frozen=True, eq=False)
-class BoardSeen:
+class BoardAssessment:
     """A board's pose, and the doubts about it.
 
     Attributes:
@@ -78,7 +80,7 @@ def assess_board(
     camera: Camera,
     limits: BoardLimits | None = None,
     tilts: Sequence[float] = (),
-) -> BoardSeen:
+) -> BoardAssessment:
     """Estimate the pose of a board from the markers in each frame, and collect doubts.
 
     Args:
@@ -92,7 +94,7 @@ def assess_board(
     limits = limits or BoardLimits()
     corners = _gather(board, frames)
     if isinstance(corners, ImpossibleError):
-        return BoardSeen(None, (corners,))
+        return BoardAssessment(None, (corners,))
     hypotheses = _Hypotheses.of(corners, camera)
     floor = max(COMMON_MODE_PX[m.method] for frame in frames for m in frame if m.id in board.marker_ids)
     both = (hypotheses.best, hypotheses.second)
@@ -121,7 +123,7 @@ def assess_board(
     )
     if pose is not None and tilts:
         pose = replace(pose, tilt_hypothesis=tilt_hypothesis(pose, tilts))
-    return BoardSeen(pose, tuple(doubt for doubt in doubts if doubt is not None))
+    return BoardAssessment(pose, tuple(doubt for doubt in doubts if doubt is not None))
 
 
 def _shared(board: Board, fit: Fit, frames: Sequence[Sequence[Marker]], camera: Camera) -> Array | None:
@@ -212,3 +214,7 @@ def _gather(board: Board, frames: Sequence[Sequence[Marker]]) -> Corners | Impos
             photographs=len(frames),
         )
     return Corners(pixels.reshape(len(frames), 8, 2), board.marker_corners().reshape(8, 3))
+
+
+if not TYPE_CHECKING:
+    __getattr__ = FormerNames(__name__, __name__, BoardSeen="BoardAssessment")

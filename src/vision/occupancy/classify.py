@@ -90,6 +90,9 @@ FAINT = "poor contrast: neither a cube's nor an empty pocket's borders show well
 OTHER = "neither a seated cube nor an empty hole: something is across it or hides it, or a shadow's edge cuts it up"
 
 
+HoleState = Literal["cube", "empty", "unsure"]
+
+
 @dataclass(frozen=True)
 class Occupancy:
     """State of a hole.
@@ -97,12 +100,12 @@ class Occupancy:
     Attributes:
         state: "cube", "empty", or "unsure" if the image does not decide.
         score: probability of a seated cube, by its borders, assuming that the hole is otherwise empty; 0.5 if the
-            borders were not evaluated.
+            borders were not evaluated, None if the state is not from an image.
         reason: why the state is unsure; otherwise empty.
     """
 
-    state: Literal["cube", "empty", "unsure"]
-    score: float
+    state: HoleState
+    score: float | None = None
     reason: str = ""
 
 

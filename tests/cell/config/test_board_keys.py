@@ -13,7 +13,7 @@ from arm.io.storage import canonical_json
 from cell.config.board_keys import DICTIONARIES
 from cell.config.cell_file import read_cell
 from cell.console import Console
-from cell.files.observation import read_seen, seen_to_json
+from cell.files.observation import observation_to_json, read_observation
 from cell.files.task import read_task
 from cell.task.look import look_and_save
 from pictures.boards import lab_camera, photograph, random_pose, twist_between
@@ -135,8 +135,8 @@ def test_a_look_with_boards_of_any_dictionary(scenes: Path, dictionary: str) -> 
     shot = photograph(lab_camera(), [(board, T)], np.random.default_rng(3), dictionary=dictionary)
     seen = look_and_save(task, Folder(shot.images), None, Console(True), "at it")
     file = scenes / "look.json"
-    file.write_text(canonical_json(seen_to_json(seen, task.cell.camera.T_base_camera)))
-    (found,) = read_seen(file, task.cell.boards).boards
+    file.write_text(canonical_json(observation_to_json(seen, task.cell.camera.T_base_camera)))
+    (found,) = read_observation(file, task.cell.boards).boards
     xi = twist_between(found.pose.T_base_board, T)
     assert np.linalg.norm(xi[:3]) < 0.3e-3
     assert np.linalg.norm(xi[3:]) < np.radians(0.15)

@@ -17,7 +17,7 @@ from arm.robot.model import load_a465
 from cell.config.cell_file import read_cell
 from cell.export.scene import surroundings_of_plan
 from cell.export.urdf import describe
-from cell.files.observation import read_seen
+from cell.files.observation import read_observation
 from cell.files.task import read_task
 from cell.task.plan_matches import replayed
 from cell.task.planning import options_of, plan_rest, reach_of
@@ -59,7 +59,7 @@ def test_a_task_is_planned_checked_and_described_with_another_gripper(scenes: Pa
     a465("look", scenes / "task2.toml", "-o", scenes / "look.json")
     _other_gripper(scenes)
     task = read_task(scenes / "task2.toml")
-    cell, seen = task.cell, read_seen(scenes / "look.json", task.cell.boards)
+    cell, seen = task.cell, read_observation(scenes / "look.json", task.cell.boards)
     assert cell.gripper.width(options_of(task, 0.5).fraction_closed) == pytest.approx(0.02)
     assert all(hole.ok for hole in reach_of(task, seen).holes)
     plan = plan_rest(task, seen, cell.q_start, 0.5, {}, {})

@@ -26,7 +26,7 @@ from cell.export.scene import surroundings_of_file
 from cell.export.urdf import Surroundings, describe
 from cell.files.apply_calibration import apply_calibration
 from cell.files.task import read_task
-from cell.task.planning import scene_of
+from cell.scene.build import build_scene
 from plan.collision.world import World
 from tasks.described import Exported, written
 from tasks.true_look import true_look
@@ -74,7 +74,7 @@ def test_a_cell_with_boards_and_cubes_read_by_pinocchio_is_ours(tmp_path: Path) 
     task = read_task(data_file("scenes/task2.toml"))
     cell = surroundings_of_file(data_file("scenes/cell.toml"), None)
     assert {b.name for b in cell.bodies} == {"table", "camera post"}
-    scene = scene_of(task, true_look(task), {})
+    scene = build_scene(task.cell, true_look(task))
     there = replace(cell, bodies=(*scene.bodies, *scene.cubes), allowed=scene.allowed)
     assert {b.kind for b in there.bodies} == {"table", "wall", "board", "stand", "cube"}
     require_same(there, tmp_path / "out", seed=2)

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from arm.io.storage import data_file
-from cell.files.observation import Seen
 from cell.files.task import Task, read_task
 from cell.preview.overlays import board_to_json
 from cell.task.confirm_placed import _empty
 from tasks.true_look import true_look
-from vision.occupancy.seated import CubeWidth, Sight
+from vision.observation import Observation
 
 
 @pytest.fixture(scope="module")
@@ -21,10 +20,9 @@ def task() -> Task:
     return read_task(data_file("scenes/task2.toml"))
 
 
-def _photographed(task: Task) -> Seen:
-    images = [np.zeros(task.cell.camera.size[::-1], dtype=np.uint8)]
-    sight = Sight(images, task.cell.camera, CubeWidth(task.cell.cube_size, 5e-5))
-    return replace(true_look(task), sight=sight)
+def _photographed(task: Task) -> Observation:
+    image = np.zeros(task.cell.camera.size[::-1], dtype=np.uint8)
+    return replace(true_look(task), images=(image,))
 
 
 def test_only_a_place_that_the_photographs_show_empty_is_a_background(task: Task) -> None:
@@ -32,11 +30,11 @@ def test_only_a_place_that_the_photographs_show_empty_is_a_background(task: Task
     assert seen.state("03-04/2") == "empty"
     empty = _empty(task, seen, "03-04/2")
     assert empty is not None
-    assert empty.images is seen.sight.images  # type: ignore[union-attr]
+    assert empty.images is seen.images
     assert seen.state("01-02/1") == "cube"
     assert _empty(task, seen, "01-02/1") is None
     assert _empty(task, seen, "11-12/1") is None  # a board that was not found
-    assert _empty(task, replace(seen, sight=None), "03-04/2") is None
+    assert _empty(task, replace(seen, images=()), "03-04/2") is None
 
 
 def test_a_cube_that_left_after_the_photographs_is_still_in_them(task: Task) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from cell.files.task import read_task
-from cell.task.planning import plan_rest, scene_of
+from cell.scene.build import build_scene
+from cell.task.planning import plan_rest
 from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import certify_curve
 from plan.collision.world import World
@@ -21,7 +22,7 @@ def test_a_wall_in_the_way_is_gone_around(scenes: Path) -> None:
     plans = [plan_rest(t, true_look(t), t.cell.q_start, 0.5, {}, {}) for t in (free, walled)]
     assert plans[0] is not None
     assert plans[1] is not None
-    world = World(walled.cell.robot(), scene_of(walled, true_look(walled), {}).bodies)
+    world = World(walled.cell.robot(), build_scene(walled.cell, true_look(walled)).bodies)
     first = next(plans[0].moves)
     ends = walled.cell.unit.positions(first.path.knots()[[0, -1]])
     straight = certify_curve(world, curve_of_waypoints(ends), walled.cell.clearance)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -31,9 +30,7 @@ def task() -> Task:
 @pytest.fixture(scope="module")
 def plans(task: Task) -> dict[float, Plan]:
     """One cube at two speeds."""
-    seen = true_look(task)
-    board = seen.boards[0]
-    one = replace(seen, boards=(replace(board, occupancy=("cube", *("empty",) * 3)), *seen.boards[1:]))
+    one = true_look(task).with_states(dict.fromkeys(("01-02/2", "01-02/3", "01-02/4"), "empty"))
     made = {s: plan_rest(task, one, task.cell.q_start, s, {}, {}) for s in (0.5, 0.1)}
     return {s: plan for s, plan in made.items() if plan is not None}
 

@@ -111,9 +111,7 @@ def test_each_rule_alone_leaves_a_cube_unconfirmed(
     monkeypatch.setattr(
         "cell.task.confirm_placed.seated", lambda *_: SimpleNamespace(state=sits, reason="because")
     )
-    looks: Any = SimpleNamespace(
-        state={"a/1": source, "b/2": target}.get, board=lambda name: None, sight=None
-    )
+    looks: Any = SimpleNamespace(state={"a/1": source, "b/2": target}.get, board=lambda name: None, images=())
     on_board: Any = SimpleNamespace(to_board="b")
     found = confirm(on_board, looks, looks, "a/1", "b/2", None)
     assert found == (Unconfirmed(reasons, lost) if reasons else None)
@@ -122,7 +120,7 @@ def test_each_rule_alone_leaves_a_cube_unconfirmed(
 @pytest.mark.parametrize(("source", "lost"), [("empty", False), ("cube", True)])
 def test_a_place_on_the_table_that_no_look_shows_confirms_nothing(source: str, lost: bool) -> None:
     """The cube has surely left its hole, or else it may be anywhere."""
-    looks: Any = SimpleNamespace(state={"a/1": source}.get, board=lambda name: None, sight=None)
+    looks: Any = SimpleNamespace(state={"a/1": source}.get, board=lambda name: None, images=())
     on_table: Any = SimpleNamespace(to_board=None)
     found = confirm(on_table, looks, looks, "a/1", "table/1", None)
     assert found is not None
@@ -149,7 +147,7 @@ def test_a_cube_that_sits_on_a_board_that_was_pushed_is_not_confirmed_and_not_lo
             asked.append(name)
             return SimpleNamespace(pose=pose) if boards else None
 
-        return SimpleNamespace(state={"a/1": "empty", "b/2": "cube"}.get, board=board, sight=None)
+        return SimpleNamespace(state={"a/1": "empty", "b/2": "cube"}.get, board=board, images=())
 
     task: Any = SimpleNamespace(to_board="b", cell=SimpleNamespace(cube_size=0.04))
     found = confirm(task, look(known), look(True), "a/1", "b/2", None)

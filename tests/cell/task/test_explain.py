@@ -12,9 +12,10 @@ import pytest
 from arm.errors import ImpossibleError
 from cell.commands.steps import look_step, plan_step, reach_step
 from cell.console import Console
-from cell.files.observation import read_seen
+from cell.files.observation import read_observation
 from cell.files.task import read_task
-from cell.task.explain import _may_stand, _request
+from cell.task.explain import _may_stand
+from cell.task.planning import request_of
 from plan.advice.changes import MoveBodies, groups_of
 
 SLAB = """
@@ -104,8 +105,8 @@ def test_holes_out_of_reach_are_explained_by_reach_alone(
 def test_a_board_may_stand_in_the_zone_where_the_camera_sees_its_markers(scenes: Path) -> None:
     look_step(scenes / "task2.toml", None, None, scenes / "look.json", None, Console(True))
     task = read_task(scenes / "task2.toml")
-    seen = read_seen(scenes / "look.json", task.boards)
-    request = _request(task, seen, task.cell.q_start, 0.5, {}, {}, (), False)
+    seen = read_observation(scenes / "look.json", task.boards)
+    request = request_of(task, seen, task.cell.q_start, 0.5, {}, {})
     group = groups_of(request.scene, request.stations())["board 01-02"]
 
     def may(*by: float) -> bool:

@@ -21,7 +21,7 @@ from arm.plan_file import Plan, read_plan
 from arm.robot.shapes import Body, Box, body_from_json
 from arm.se3 import Array, frozen, rotation, transform
 from cell.files.board_shift import board_shift
-from cell.files.observation import Seen, read_seen
+from cell.files.observation import read_observation
 from cell.files.task import Task, read_task
 from cell.scene.build import board_bodies, build_scene
 from cell.task.plan_matches import (
@@ -39,6 +39,8 @@ from plan.collision.world import World
 from plan.scene import scene_from_json
 from plan.verify import ReplayedMove, move_scenes
 from typed.command_line import a465, replace_in
+from vision.observation import Observation
+from vision.occupancy.classify import HoleState, Occupancy
 
 pytestmark = pytest.mark.xdist_group("checking")
 
@@ -63,8 +65,8 @@ def plan(scenes: Path) -> Plan:
 
 
 @pytest.fixture(scope="module")
-def seen(scenes: Path, task: Task) -> Seen:
-    return read_seen(scenes / "look.json", task.cell.boards)
+def seen(scenes: Path, task: Task) -> Observation:
+    return read_observation(scenes / "look.json", task.cell.boards)
 
 
 def _changed_digits(text: str) -> Iterator[dict[str, Any]]:
@@ -166,20 +168,21 @@ def _moved(T: Array, cell_moved: float, rng: np.random.Generator, task: Task, na
 
 @pytest.mark.slow
 def test_wherever_boards_are_within_the_tolerance_the_certificate_holds(
-    task: Task, plan: Plan, seen: Seen
+    task: Task, plan: Plan, seen: Observation
 ) -> None:
     """Boards, stands and cubes stand elsewhere by all that is not noticed: the plan's clearances are still true."""
     rng, cell = np.random.default_rng(4), task.cell
     worst = np.inf
     for _ in range(3):
-        poses = [
-            replace(p, T_base_board=_moved(p.T_base_board, cell.moved, rng, task, p.board.name))
-            for p in seen.poses
-        ]
+        moved = seen
+        for p in seen.poses:
+            moved = _with_pose(
+                moved, p.board.name, _moved(p.T_base_board, cell.moved, rng, task, p.board.name)
+            )
         exact = replace(cell, moved=0.0)
-        truth = build_scene(exact, poses, seen.cubes_in())
+        truth = build_scene(exact, moved)
         by_name = {b.name: b for b in (*truth.bodies, *truth.cubes)}
-        stated = build_scene(cell, seen.poses, seen.cubes_in())
+        stated = build_scene(cell, seen)
         stated = replace(stated, allowed=frozenset(frozenset(pair) for pair in plan.scene["allowed"]))
         for move, setting in move_scenes(plan, stated, cell.unit):
             if move.held is not None or any(c.name not in by_name for c in setting.standing):
@@ -196,7 +199,7 @@ def test_wherever_boards_are_within_the_tolerance_the_certificate_holds(
     assert worst < 4e-3  # the tolerance was used, and not much more than it was taken off
 
 
-def test_stands_move_no_further_than_they_are_padded(task: Task, seen: Seen) -> None:
+def test_stands_move_no_further_than_they_are_padded(task: Task, seen: Observation) -> None:
     rng, cell = np.random.default_rng(5), task.cell
     for pose in seen.poses:
         before = {b.name: b for b in board_bodies(cell, [pose])}
@@ -218,14 +221,16 @@ def test_stands_move_no_further_than_they_are_padded(task: Task, seen: Seen) -> 
                 assert np.linalg.norm(now - then, axis=1).max() <= old.padding + 1e-9
 
 
-def _with_pose(seen: Seen, name: str, T: Array) -> Seen:
+def _with_pose(seen: Observation, name: str, T: Array) -> Observation:
     boards = tuple(
         replace(b, pose=replace(b.pose, T_base_board=frozen(T))) if b.name == name else b for b in seen.boards
     )
     return replace(seen, boards=boards)
 
 
-def test_a_saved_plan_is_refused_where_a_board_moved_or_turned(task: Task, plan: Plan, seen: Seen) -> None:
+def test_a_saved_plan_is_refused_where_a_board_moved_or_turned(
+    task: Task, plan: Plan, seen: Observation
+) -> None:
     cell, name = task.cell, "03-04"
     T = next(b for b in seen.boards if b.name == name).pose.T_base_board
     require_scene(cell, plan, seen)
@@ -251,7 +256,9 @@ def test_a_saved_plan_is_refused_where_a_board_moved_or_turned(task: Task, plan:
             require_scene(loose, plan, turned)
 
 
-def test_a_small_turn_that_moves_a_corner_too_far_counts_as_moved(task: Task, plan: Plan, seen: Seen) -> None:
+def test_a_small_turn_that_moves_a_corner_too_far_counts_as_moved(
+    task: Task, plan: Plan, seen: Observation
+) -> None:
     """Its centre stays: the board's corners are what the certificate is about."""
     name = "03-04"
     T = next(b for b in seen.boards if b.name == name).pose.T_base_board
@@ -261,7 +268,7 @@ def test_a_small_turn_that_moves_a_corner_too_far_counts_as_moved(task: Task, pl
 
 
 def test_a_saved_plan_is_refused_where_one_of_its_boards_is_not_seen(
-    task: Task, plan: Plan, seen: Seen
+    task: Task, plan: Plan, seen: Observation
 ) -> None:
     for gone in seen.boards:
         rest = replace(seen, boards=tuple(b for b in seen.boards if b.name != gone.name))
@@ -269,9 +276,11 @@ def test_a_saved_plan_is_refused_where_one_of_its_boards_is_not_seen(
             require_scene(task.cell, plan, rest)
 
 
-def test_a_board_that_the_plan_does_not_know_refuses_it(task: Task, plan: Plan, seen: Seen) -> None:
+def test_a_board_that_the_plan_does_not_know_refuses_it(task: Task, plan: Plan, seen: Observation) -> None:
     other = next(b for b in task.cell.boards if b.name == "05-06")
-    extra = replace(seen.boards[0], pose=replace(seen.boards[0].pose, board=other), occupancy=("empty",) * 4)
+    extra = replace(
+        seen.boards[0], pose=replace(seen.boards[0].pose, board=other), occupancy=(Occupancy("empty"),) * 4
+    )
     with pytest.raises(ImpossibleError, match="plate 05-06 is not in the plan"):
         require_scene(task.cell, plan, replace(seen, boards=(*seen.boards, extra)))
 
@@ -291,7 +300,9 @@ def test_a_plan_whose_paddings_were_taken_away_is_refused(task: Task, plan: Plan
         replayed(task, mended)
 
 
-def test_the_refusal_of_a_line_says_less_clearance_where_boards_may_move_more(task: Task, seen: Seen) -> None:
+def test_the_refusal_of_a_line_says_less_clearance_where_boards_may_move_more(
+    task: Task, seen: Observation
+) -> None:
     wide = replace(task, cell=replace(task.cell, moved=0.0045))
     with pytest.raises(A465Error, match=r"required: 5 mm"):
         plan_rest(wide, seen, wide.cell.q_start, 0.5, {}, {})
@@ -299,18 +310,12 @@ def test_the_refusal_of_a_line_says_less_clearance_where_boards_may_move_more(ta
 
 @pytest.mark.parametrize(("planned", "found"), [("cube", "empty"), ("empty", "cube")])
 def test_a_hole_that_looks_otherwise_than_planned_refuses_it_and_an_unsure_one_does_not(
-    task: Task, plan: Plan, seen: Seen, planned: str, found: str
+    task: Task, plan: Plan, seen: Observation, planned: HoleState, found: HoleState
 ) -> None:
-    def looks(state: str) -> Seen:
+    def looks(state: HoleState) -> Observation:
         """As it was seen, but for the first hole that was seen as planned."""
-        boards = list(seen.boards)
-        for index, board in enumerate(boards):
-            if planned in board.occupancy:
-                at = board.occupancy.index(planned)
-                occupancy = (*board.occupancy[:at], state, *board.occupancy[at + 1 :])
-                boards[index] = replace(board, occupancy=occupancy)
-                return replace(seen, boards=tuple(boards))
-        raise AssertionError(planned)
+        hole = next(h.name for p in seen.poses for h in p.holes if seen.state(h.name) == planned)
+        return seen.with_states({hole: state})
 
     require_scene(task.cell, plan, looks(planned))
     require_scene(task.cell, plan, looks("unsure"))

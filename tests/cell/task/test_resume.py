@@ -18,11 +18,12 @@ from arm.se3 import inverse
 from cell.commands.run import execute_plan, resume_plan
 from cell.console import Console
 from cell.files.cube_widths import FILE, read_widths
-from cell.files.observation import Seen
 from cell.scene.build import cube_name
 from cell.session.connection import WhichCell
 from cell.task.resume import _back_out_of, _carried_near, _known, _on_table, _station, carried_by, resume
 from plan.scene import scene_from_json
+from vision.observation import Observation
+from vision.occupancy.classify import Occupancy
 from vision.occupancy.seated import CubeWidth, Seating
 from wire.lasting_cell import LastingCell
 
@@ -170,10 +171,10 @@ def test_which_cube_is_in_the_jaws_is_told_or_refused(lasting: LastingCell) -> N
     task, plan = lasting.task, read_plan(lasting.plan)
     unit, transfers = task.cell.unit, plan.task["cubes"]
     states = {"01-02": ("cube", "empty", "cube", "empty"), "03-04": ("empty",) * 4}
-    boards = _known(Seen((), {}), task, plan).boards
-    there = Seen(tuple(replace(b, occupancy=states[b.name]) for b in boards), {})
+    boards = _known(Observation(), task, plan).boards
+    there = Observation(tuple(replace(b, occupancy=tuple(map(Occupancy, states[b.name]))) for b in boards))
     at_start = tuple(int(c) for c in unit.counts(task.cell.q_start))
-    for looked in (there, Seen((), {}), there.with_moves({t["cube"]: "nowhere/1" for t in transfers})):
+    for looked in (there, Observation(), there.with_moves({t["cube"]: "nowhere/1" for t in transfers})):
         with pytest.raises(ImpossibleError, match=r"it cannot be identified.*take it out of"):
             carried_by(task, plan, at_start, looked)
     one = there.with_moves({transfers[1]["cube"]: "nowhere/1"})
@@ -181,7 +182,7 @@ def test_which_cube_is_in_the_jaws_is_told_or_refused(lasting: LastingCell) -> N
     for index, transfer in enumerate(transfers):
         for move in (m for m in plan.moves if m.cube == index and m.held is not None):
             middle = tuple(int(c) for c in move.path.knots()[len(move.path.segments) // 2])
-            assert carried_by(task, plan, middle, Seen((), {})).transfer == transfer
+            assert carried_by(task, plan, middle, Observation()).transfer == transfer
 
 
 def test_what_the_jaws_hold_is_where_they_closed_on_it(lasting: LastingCell) -> None:
@@ -190,7 +191,7 @@ def test_what_the_jaws_hold_is_where_they_closed_on_it(lasting: LastingCell) -> 
     scene = scene_from_json(plan.scene, robot, task.cell.robot(task.cell.cube_size))
     for index, transfer in enumerate(plan.task["cubes"]):
         lift = next(m for m in plan.moves if m.cube == index and m.held is not None)
-        held = carried_by(task, plan, lift.path.end, Seen((), {})).jaws
+        held = carried_by(task, plan, lift.path.end, Observation()).jaws
         assert held.cube == transfer["cube"]
         at = robot.T_base_tool(unit.positions(lift.path.start)) @ held.T_tool_cube
         assert at == pytest.approx(scene.cube(held.cube).T_base_body, abs=1e-9)
@@ -244,7 +245,7 @@ def test_before_anything_moves_on_the_registers_are_those_of_the_cell(lasting: L
 
 def test_a_board_that_nobody_knows_is_named(lasting: LastingCell) -> None:
     with pytest.raises(ImpossibleError, match="board 03-04 was not seen, so its holes are not known"):
-        _station(lasting.task, Seen((), {}), "03-04/1")
+        _station(lasting.task, Observation(), "03-04/1")
 
 
 def test_a_way_out_that_there_is_not_is_told_by_what_blocked_the_longest(
@@ -257,7 +258,7 @@ def test_a_way_out_that_there_is_not_is_told_by_what_blocked_the_longest(
         raise ImpossibleError(f"blocked {len(tried)}")
 
     monkeypatch.setattr("cell.task.resume.plan_retreat", blocked)
-    seen = _known(Seen((), {}), lasting.task, read_plan(lasting.plan))
+    seen = _known(Observation(), lasting.task, read_plan(lasting.plan))
     q = lasting.task.cell.q_start
     with pytest.raises(
         ImpossibleError, match="the start: no; and backing out along the jaws: blocked 1; "

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from arm.plan_file import Plan
-from cell.files.observation import Seen
 from cell.files.task import Task
 from cell.scene.build import T_base_cube_on_table
 from cell.task.planning import (
     plan_rest,
 )
 from tasks.true_look import true_look
+from vision.observation import Observation
 
 
 def planned(
-    task: Task, seen: Seen | None = None, done: dict[str, str] | None = None
+    task: Task, seen: Observation | None = None, done: dict[str, str] | None = None
 ) -> tuple[Plan, dict[str, str]]:
     """The plan of what is left from q_start, and where each cube goes in it."""
     done = done or {}

@@ -6,16 +6,18 @@ import numpy as np
 
 from arm.io.storage import data_file
 from arm.poses import BoardPose
-from cell.files.observation import Seen, SeenBoard
 from cell.files.task import Task
 from cell.files.world import read_world
+from vision.observation import Observation, ObservedBoard
+from vision.occupancy.classify import Occupancy
 
 
-def true_look(task: Task) -> Seen:
+def true_look(task: Task) -> Observation:
     """What a look at the shipped world of a task would give if the camera were perfect."""
     world = read_world(data_file(f"scenes/{task.name}.world.toml"), task.cell.boards[0].marker_size)
     boards = []
     for b in world.boards:
         pose = BoardPose(b.board, b.T_base_board, 1e-8 * np.eye(6), 0.1, 100.0)
-        boards.append(SeenBoard(pose, tuple("cube" if hole in b.cubes else "empty" for hole in range(4))))
-    return Seen(tuple(boards), {})
+        holes = (Occupancy("cube" if hole in b.cubes else "empty") for hole in range(4))
+        boards.append(ObservedBoard(pose, tuple(holes)))
+    return Observation(tuple(boards))

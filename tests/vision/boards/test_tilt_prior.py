@@ -15,7 +15,7 @@ from cell.console import Console
 from pictures.boards import lab_board, lab_camera, leaning, random_pose, seen_corners, twist_between
 from recorded.sets import recorded_set
 from typed.command_line import replace_in
-from vision.boards.pose import BoardSeen, assess_board
+from vision.boards.pose import BoardAssessment, assess_board
 from vision.boards.pose_fit import planar_poses
 from vision.boards.tilt_prior import ANYWHERE, MOST_SAY, log_odds_of_tilts, tilt_hypothesis
 from vision.markers.detect import Marker
@@ -99,12 +99,12 @@ def between(T: Array, seed: int, share: float) -> list[list[Marker]]:
     ]
 
 
-def turned_by(a: BoardSeen, T: Array) -> float:
+def turned_by(a: BoardAssessment, T: Array) -> float:
     assert a.pose is not None
     return float(np.degrees(np.linalg.norm(twist_between(a.pose.T_base_board, T)[3:])))
 
 
-def is_ambiguous(seen: BoardSeen) -> bool:
+def is_ambiguous(seen: BoardAssessment) -> bool:
     return any("its tilt cannot be distinguished" in str(d) for d in seen.doubts)
 
 
