@@ -32,7 +32,10 @@ from plan.pick_place.planner import planned_limits
 from plan.pick_place.recovery import plan_retreat
 from plan.scene import Station, Transfer
 from vision.observation import Observation, ObservedBoard
-from vision.occupancy.classify import OTHER, Occupancy
+from vision.occupancy.classify import FAINT, LIGHT, NO_MARKER, OUT, POSE, Occupancy
+
+# Why a hole may be unsure though the cube in it is seated; reasons come from files, too, also of other versions.
+_MAY_BE_SEATED = ("", LIGHT, NO_MARKER, OUT, POSE, FAINT)
 
 
 def options_of(task: Task, speed: float) -> PlanOptions:
@@ -234,12 +237,12 @@ def _require_seat(hole: HolePose, occupancy: Occupancy) -> None:
     Raises:
         ImpossibleError: the hole shows something other than a seated cube.
     """
-    if occupancy.state == "unsure" and occupancy.reason == OTHER:
+    if occupancy.state == "unsure" and occupancy.reason not in _MAY_BE_SEATED:
         raise ImpossibleError(
-            f"no cube can be taken from hole {hole.name}: {OTHER}; seat the cube, clear the hole, or remove the "
-            "shadow, and look again",
+            f"no cube can be taken from hole {hole.name}: {occupancy.reason}; seat the cube, clear the hole, or remove "
+            "the shadow, and look again",
             hole=hole.name,
-            reason=OTHER,
+            reason=occupancy.reason,
         )
 
 

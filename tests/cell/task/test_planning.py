@@ -128,7 +128,7 @@ def test_a_table_full_of_places_is_planned_in_reasonable_time(task1: Task) -> No
 def test_no_cube_is_taken_from_a_hole_that_shows_something_else(task2: Task) -> None:
     seen = true_look(task2)
     name = task2.from_board.name
-    for doubt, refused in ((OTHER, True), (FAINT, False)):
+    for doubt, refused in ((OTHER, True), ("something leans there", True), (FAINT, False), ("", False)):
         boards = tuple(
             replace(b, occupancy=(Occupancy("unsure", reason=doubt), *b.occupancy[1:]))
             if b.name == name
@@ -138,7 +138,7 @@ def test_no_cube_is_taken_from_a_hole_that_shows_something_else(task2: Task) -> 
         after = replace(seen, boards=boards)
         if refused:
             with pytest.raises(
-                ImpossibleError, match=f"no cube can be taken from hole {name}/1: neither a seated"
+                ImpossibleError, match=f"no cube can be taken from hole {name}/1: {doubt}; seat the cube"
             ):
                 _request(task2, after)
         else:
