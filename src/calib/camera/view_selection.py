@@ -19,7 +19,6 @@ MOST_BLUR_PX = 4.0  # and this much never is
 LEAST_CONTRAST = 25.0  # grey levels
 SATURATED = 0.5  # largest share of saturated white
 SAME_PX = 4.0  # views whose corners differ by less than this count as the same
-STEEPEST = np.radians(65.0)
 OUTLIER_VIEW = 4.0  # standard deviations of a view's variance above that of the others,
 OUTLIER_SIGMA = 2.5  # and at least this multiple of their corner error: tilt, light and sharpness differ too,
 LEAST_OUTLIER_RMS_PX = 0.1  # and at least this: a target that moved gives more

@@ -150,8 +150,6 @@ def numeric_ik(
             lower=low.tolist(),
             upper=high.tolist(),
         )
-    if not np.isfinite(T).all():
-        raise InputError("T_base_tool: a pose has a number that is not finite", poses=len(T))
     task = _Task(arm, low, high, _free_names(free))
     sequence = qmc.Halton(len(low), scramble=True, rng=np.random.default_rng(options.seed))
     starts = low + (high - low) * sequence.random(options.starts)
