@@ -14,11 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from arm.io.keys import Keys, key
+from arm.io.node import Node, Rule
+from arm.io.rules import numbers, rigid, table, text
 from arm.io.storage import sha256, write_atomic
-from arm.io.toml_reader import TomlTable
 from arm.io.toml_writer import toml_lines, toml_rows
 from arm.robot.link_errors import LinkErrors
-from arm.se3 import Array, frozen
+from arm.se3 import Array
 
 LARGEST_LINK = (0.02, np.radians(2.0))  # m and rad, largest link errors
 LARGEST_ZERO = np.radians(5.0)  # rad, largest joint offset; a larger one means wrong homing
@@ -58,43 +60,12 @@ class ArmCalibration:
         return "hand-eye-" + sha256({**found, **of})[:12]
 
 
-def read_arm_calibration(path: Path) -> ArmCalibration:
-    """Read a calibration file.
-
-    Raises:
-        FileInputError: a value breaks its rule, or the id is not that of the values (they were edited by hand).
-    """
-    root = TomlTable.read(path)
-    written = root.text("id")
-    T_base_camera = root.rigid("T_base_camera")
-    offsets = root.numbers("joint_offsets_rad", 6, "rad", -LARGEST_ZERO, LARGEST_ZERO)
-    links = LinkErrors(
-        *(
-            root.numbers(key, 6, unit, -largest, largest, default=[0.0] * 6)
-            for key, unit, largest in (
-                ("dh_d_error_m", "m", LARGEST_LINK[0]),
-                ("dh_a_error_m", "m", LARGEST_LINK[0]),
-                ("dh_alpha_error_rad", "rad", LARGEST_LINK[1]),
-            )
-        )
-    )
-    made = _made(root.table("made", required=False))
-    unit, lens, dh = (root.text(key, default="") for key in ("unit", "lens", "dh"))
-    calibration = ArmCalibration(T_base_camera, frozen(offsets), links, unit, lens, dh, made)
-    if written != calibration.id:
-        raise root.error(
-            "id", f"must be {calibration.id}, that of the values; they were changed after the calibration"
-        )
-    root.finish()
-    return calibration
-
-
-def _made(table: TomlTable) -> dict[str, Any]:
+def _made(node: Node) -> dict[str, Any]:
     """Return the information on the calibration; only types that can be written back, because the id covers it."""
-    values = table.value_dict()
-    for key, value in values.items():
+    values = table().read(node)
+    for name, value in values.items():
         if not _writable(value):
-            raise table.error(key, "must be a text, a finite number, true or false, or a list of these")
+            raise node[name].error("must be a text, a finite number, true or false, or a list of these")
     return values
 
 
@@ -102,6 +73,48 @@ def _writable(value: object) -> bool:
     if isinstance(value, list):
         return all(map(_writable, value))
     return isinstance(value, str | int) or (isinstance(value, float) and math.isfinite(value))
+
+
+def _links(unit: str, largest: float) -> Rule[Array]:
+    return numbers(6, unit, -largest, largest)
+
+
+class CalibrationKeys(Keys):
+    """Keys of a calibration file."""
+
+    id: str = key("id", text())
+    T_base_camera: Array = key("T_base_camera", rigid())
+    joint_offsets: Array = key("joint_offsets_rad", _links("rad", LARGEST_ZERO))
+    d: Array = key("dh_d_error_m", _links("m", LARGEST_LINK[0]), [0] * 6)
+    a: Array = key("dh_a_error_m", _links("m", LARGEST_LINK[0]), [0] * 6)
+    alpha: Array = key("dh_alpha_error_rad", _links("rad", LARGEST_LINK[1]), [0] * 6)
+    unit: str = key("unit", text(), "")
+    lens: str = key("lens", text(), "")
+    dh: str = key("dh", text(), "")
+    made: Mapping[str, Any] = key("made", Rule("a table", _made), {})
+
+
+def read_arm_calibration(path: Path) -> ArmCalibration:
+    """Read a calibration file.
+
+    Raises:
+        FileInputError: a value breaks its rule, or the id is not that of the values (they were edited by hand).
+    """
+    root = Node.of_toml(path)
+    keys = CalibrationKeys.read(root)
+    calibration = ArmCalibration(
+        keys.T_base_camera,
+        keys.joint_offsets,
+        LinkErrors(keys.d, keys.a, keys.alpha),
+        keys.unit,
+        keys.lens,
+        keys.dh,
+        keys.made,
+    )
+    if keys.id != calibration.id:
+        rule = f"must be {calibration.id}, that of the values; they were changed after the calibration"
+        raise root.error_at("id", rule)
+    return calibration
 
 
 def write_arm_calibration(path: Path, calibration: ArmCalibration) -> None:

@@ -8,14 +8,15 @@ same plan has the same bytes, and its SHA-256 identifies it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from arm.controller.segments import CountPath, Segment, chain
 from arm.errors import FileInputError, InputError
-from arm.io.json_fields import JsonFields
+from arm.io.node import Node
+from arm.io.rules import flag, is_number, is_whole, number, rule_of, same, table, text
 from arm.io.storage import canonical_json, read_json, require_finite, sha256, write_atomic
 from arm.robot.shapes import body_from_json
 
@@ -205,7 +206,7 @@ def read_plan(path: Path) -> Plan:
             raise FileInputError(path, "scenes", None, "is from a look; a465 plan writes plan files")
         raise FileInputError(path, "format", found, f"must be {FORMAT!r}; plan again with this version")
     require_finite(path, value)
-    return _PlanReader(path).plan(value)
+    return _plan(Node(path, "", value, "plan again"))
 
 
 def _plan_to_json(plan: Plan) -> dict[str, Any]:
@@ -256,134 +257,126 @@ def _step_to_json(step: Step) -> dict[str, Any]:
             return {"step": "look", "name": step.name}
 
 
-class _PlanReader(JsonFields):
-    """Checks and builds a plan; every message names the key."""
+_SIX = rule_of(
+    "6 whole numbers that fit the controller's 32-bit integers",
+    lambda v: isinstance(v, list) and len(v) == 6 and all(is_whole(one, 1 - 2**31) for one in v),
+    tuple,
+)
+_CUBE = rule_of("a cube's index or null", lambda v: v is None or is_whole(v, -(2**63), 2**63), same)
+_HELD = rule_of("a body's name or null", lambda v: v is None or isinstance(v, str), same)
+_CLEARANCES = rule_of(
+    "numbers in m, one for each segment",
+    lambda v: isinstance(v, list) and all(is_number(one) and abs(one) <= 1e9 for one in v),
+    lambda v: tuple(map(float, v)),
+)
+_NAMES = rule_of("body names", lambda v: isinstance(v, list) and all(isinstance(n, str) for n in v), tuple)
+_TWO = rule_of("the names of two bodies", lambda v: _is_two(v), lambda v: (v[0], v[1]))
 
-    help = "plan again"
 
-    def scene(self, value: dict[str, Any]) -> dict[str, Any]:
-        """Return the scene as JSON types after a check of its bodies."""
-        scene: dict[str, Any] = self.get(value, "scene", "", dict, "a table")
-        for key in {"bodies", "cubes", "allowed"} & set(scene):
-            if not isinstance(scene[key], list):
-                raise self.fail(f"scene.{key}", scene[key], "must be a list")
-        for index, pair in enumerate(scene.get("allowed", ())):
-            if not isinstance(pair, list) or len(pair) != 2 or not all(isinstance(n, str) for n in pair):
-                raise self.fail(f"scene.allowed[{index}]", pair, "must be the names of two bodies")
-        for key in {"bodies", "cubes"} & set(scene):
-            for index, body in enumerate(scene[key]):
-                try:
-                    body_from_json(body)
-                except InputError as error:
-                    raise self.fail(f"scene.{key}[{index}]", None, f"is not a body: {error}") from error
-        return scene
+def _is_two(value: object) -> bool:
+    return isinstance(value, list) and len(value) == 2 and all(isinstance(n, str) for n in value)
 
-    def task(self, value: dict[str, Any]) -> dict[str, Any]:
-        """Return the task as JSON types after a check of its cubes."""
-        task: dict[str, Any] = self.get(value, "task", "", dict, "a table")
-        cubes = self.get(task, "cubes", "task.", list, "a list") if "cubes" in task else ()
-        for index, cube in enumerate(cubes):
-            for key in ("cube", "from", "to"):
-                self.get(cube, key, f"task.cubes[{index}].", str, "a name")
-        return task
 
-    def plan(self, value: dict[str, Any]) -> Plan:
-        steps = self.get(value, "steps", "", list, "a list of steps")
-        plan = Plan(
-            task=self.task(value),
-            unit=self.get(value, "unit", "", str, "a unit's name"),
-            speed=self.number(value, "speed", "", 1e-6, 1.0),
-            speed_registers=self.integers(value.get("speed_registers"), "speed_registers"),
-            acceleration_registers=self.integers(
-                value.get("acceleration_registers"), "acceleration_registers"
-            ),
-            steps=tuple(self.step(step, f"steps[{i}].") for i, step in enumerate(steps)),
-            provenance=self.get(value, "provenance", "", dict, "a table"),
-            notes=self.get(value, "notes", "", dict, "a table"),
-            scene=self.scene(value),
-        )
-        moves = list(plan.moves)
-        if not moves:
-            raise self.fail("steps", None, "have no move")
-        for before, after in pairwise(moves):
-            if before.path.end != after.path.start:
-                raise self.fail(
-                    "steps",
-                    after.name,
-                    f"starts at {after.path.start}, but {before.name!r} ends at {before.path.end}",
-                )
-        return plan
+def _plan(root: Node) -> Plan:
+    """Check and build a plan; every message names the key."""
+    plan = Plan(
+        task=_task(root),
+        unit=root.get("unit", text()),
+        speed=root.get("speed", number("", 1e-6, 1.0)),
+        speed_registers=root.get("speed_registers", _SIX),
+        acceleration_registers=root.get("acceleration_registers", _SIX),
+        steps=tuple(_step(step) for step in root["steps"].items()),
+        provenance=root.get("provenance", table()),
+        notes=root.get("notes", table()),
+        scene=_scene(root),
+    )
+    moves = list(plan.moves)
+    if not moves:
+        raise root["steps"].error("have no move")
+    for before, after in pairwise(moves):
+        if before.path.end != after.path.start:
+            rule = f"starts at {after.path.start}, but {before.name!r} ends at {before.path.end}"
+            raise replace(root["steps"], value=after.name).error(rule)
+    return plan
 
-    def step(self, value: object, where: str) -> Step:
-        kind = self.get(value, "step", where, str, "move, gripper or look")
-        name = self.get(value, "name", where, str, "a text")
-        match kind:
-            case "look":
-                return LookStep(name)
-            case "gripper":
-                return GripperStep(
-                    name=name,
-                    action=self.choice(value, "action", where, ("open", "close")),
-                    cube=self.get(value, "cube", where, (int, type(None)), "a cube's index or null"),
-                    fraction_closed=self.number(value, "fraction_closed", where, 0.0, 1.0),
-                    settle_s=self.number(value, "settle_s", where, 0.0, 60.0),
-                )
-            case "move":
-                return self.move(value, name, where)
-        raise self.fail(where + "step", kind, "must be move, gripper or look")
 
-    def move(self, value: object, name: str, where: str) -> Move:
-        segments = []
-        for i, row in enumerate(self.get(value, "segments", where, list, "a list of segments")):
-            key = f"{where}segments[{i}]"
-            if not isinstance(row, list) or not 2 <= len(row) <= 4:
-                raise self.fail(key, row, "must be a duration in ms and 1 to 3 rows of coefficients")
-            if not isinstance(row[0], int) or isinstance(row[0], bool) or not 0 <= row[0] <= 60_000:
-                raise self.fail(key, row[0], "duration must be a whole number of ms from 0 to 60000")
-            segments.append(Segment(row[0], tuple(self.integers(r, key) for r in row[1:])))
-        if not segments:
-            raise self.fail(where + "segments", [], "must be at least one segment")
-        clearance = self.number(value, "clearance", where)
-        touching = self.get(value, "touching", where, list, "body names")
-        if not all(isinstance(n, str) for n in touching):
-            raise self.fail(where + "touching", touching, "must be body names")
-        closest = self.get(value, "closest", where, list, "two body names")
-        if len(closest) != 2 or not all(isinstance(n, str) for n in closest):
-            raise self.fail(where + "closest", closest, "must be two body names")
-        certified = self.get(value, "certified", where, bool, "true or false")
-        return Move(
-            name=name,
-            role=self.choice(value, "role", where, ("home", "transit", "approach", "retract")),
-            cube=self.get(value, "cube", where, (int, type(None)), "a cube's index or null"),
-            path=CountPath(
-                self.integers(
-                    self.get(value, "start_counts", where, list, "six counts"), where + "start_counts"
-                ),
-                tuple(segments),
-            ),
-            held=self.get(value, "held", where, (str, type(None)), "a body's name or null"),
-            jaw_opening=self.number(value, "jaw_opening", where, 0.0, 1.0),
-            clearance=clearance,
-            closest=(closest[0], closest[1]),
-            certified=certified,
-            allowed_collisions=tuple(touching),
-            clearances=self.clearances(value, where, clearance, len(segments), may_lack=not certified),
-        )
+def _scene(root: Node) -> dict[str, Any]:
+    """Return the scene as JSON types after a check of its bodies."""
+    scene, values = root["scene"], root.get("scene", table())
+    for pair in scene["allowed"].items() if "allowed" in scene else ():
+        pair.read(_TWO)
+    for body in (body for key in ("bodies", "cubes") if key in scene for body in scene[key].items()):
+        try:
+            body_from_json(body.value)
+        except InputError as error:
+            raise body.error(f"is not a body: {error}") from error
+    return values
 
-    def clearances(
-        self, value: object, where: str, clearance: float, count: int, may_lack: bool
-    ) -> tuple[float, ...]:
-        """Return one clearance per segment, the smallest that of the move; an uncertified move may lack them."""
-        key = where + "clearances"
-        found = self.get(value, "clearances", where, list, "numbers, one for each segment")
-        if not all(isinstance(v, int | float) and not isinstance(v, bool) and abs(v) <= 1e9 for v in found):
-            raise self.fail(key, found, "must be numbers in m, one for each segment")
-        if len(found) != count and not (may_lack and not found):
-            raise self.fail(key, len(found), f"must be as many as the move has segments, {count}")
-        if found and not clearance <= min(found) <= clearance + ROUNDING:
-            raise self.fail(
-                key,
-                min(found),
-                f"the smallest must be the move's clearance, {clearance:g} m, up to rounding",
+
+def _task(root: Node) -> dict[str, Any]:
+    """Return the task as JSON types after a check of its cubes."""
+    task, values = root["task"], root.get("task", table())
+    for cube in task["cubes"].items() if "cubes" in task else ():
+        for key in ("cube", "from", "to"):
+            cube.get(key, text())
+    return values
+
+
+def _step(node: Node) -> Step:
+    kind, name = node.get("step", text()), node.get("name", text())
+    match kind:
+        case "look":
+            return LookStep(name)
+        case "gripper":
+            return GripperStep(
+                name=name,
+                action=node.get("action", text("open", "close")),
+                cube=node.get("cube", _CUBE),
+                fraction_closed=node.get("fraction_closed", number("", 0.0, 1.0)),
+                settle_s=node.get("settle_s", number("", 0.0, 60.0)),
             )
-        return tuple(float(v) for v in found)
+        case "move":
+            return _move(node, name)
+    raise node["step"].error("must be move, gripper or look")
+
+
+def _segment(node: Node) -> Segment:
+    row = node.value
+    if not isinstance(row, list) or not 2 <= len(row) <= 4:
+        raise node.error("must be a duration in ms and 1 to 3 rows of coefficients")
+    if not is_whole(row[0], 0, 60_000):
+        raise replace(node, value=row[0]).error("duration must be a whole number of ms from 0 to 60000")
+    return Segment(row[0], tuple(replace(node, value=r).read(_SIX) for r in row[1:]))
+
+
+def _move(node: Node, name: str) -> Move:
+    segments = tuple(map(_segment, node["segments"].items()))
+    if not segments:
+        raise node["segments"].error("must be at least one segment")
+    clearance, certified = node.get("clearance", number()), node.get("certified", flag())
+    return Move(
+        name=name,
+        role=node.get("role", text("home", "transit", "approach", "retract")),
+        cube=node.get("cube", _CUBE),
+        path=CountPath(node.get("start_counts", _SIX), segments),
+        held=node.get("held", _HELD),
+        jaw_opening=node.get("jaw_opening", number("", 0.0, 1.0)),
+        clearance=clearance,
+        closest=node.get("closest", _TWO),
+        certified=certified,
+        allowed_collisions=node.get("touching", _NAMES),
+        clearances=_clearances(node, clearance, len(segments), may_lack=not certified),
+    )
+
+
+def _clearances(move: Node, clearance: float, count: int, may_lack: bool) -> tuple[float, ...]:
+    """Return one clearance per segment, the smallest that of the move; an uncertified move may lack them."""
+    node = move["clearances"]
+    found = node.read(_CLEARANCES)
+    if len(found) != count and not (may_lack and not found):
+        rule = f"must be as many as the move has segments, {count}"
+        raise replace(node, value=len(found)).error(rule)
+    if found and not clearance <= min(found) <= clearance + ROUNDING:
+        rule = f"the smallest must be the move's clearance, {clearance:g} m, up to rounding"
+        raise replace(node, value=min(found)).error(rule)
+    return found

@@ -72,7 +72,7 @@ def test_the_id_is_of_all_that_it_says() -> None:
         ('unit = "crs93"', 'unit = "crs97"', "id"),
         ("joint_offsets_rad = [0.0,", "joint_offsets_rad = [0.1,", "joint_offsets_rad"),
         ("  [0.0, 0.0, 0.0, 1.0],\n", "  [0.0, 0.0, 0.1, 1.0],\n", "T_base_camera"),
-        ("[made]", "[maid]", "id"),
+        ("[made]", "[maid]", "maid"),
         ("poses = 24", "poses = 99", "id"),
         ("joint_offsets_rad = ", "joint_offset_rad = 1.0\njoint_offsets_rad = ", "joint_offset_rad"),
         ("dh_a_error_m = [", "dh_a_error_m = [0.0, ", "dh_a_error_m"),

@@ -15,15 +15,14 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.arguments import numbers, shown
+from arm.controller.unit_keys import REST_TOLERANCE, UnitKeys
 from arm.errors import InputError
+from arm.io.node import Node
 from arm.io.storage import data_file, read_bytes, sha256
-from arm.io.toml_reader import TomlTable
 from arm.se3 import Array, frozen
 
 Counts = npt.NDArray[np.int64]
 UNITS = ("crs93", "crs97")
-MOST_REST_TOLERANCE = 500  # counts, 0.45 to 0.9 deg
-REST_TOLERANCE = 25  # counts, static error of real units after a move (0.023 to 0.045 deg)
 
 
 @dataclass(frozen=True)
@@ -197,6 +196,14 @@ class Unit:
             digest=sha256({"unit": self.digest, "counts_at_zero": at_zero.tolist()}),
         )
 
+    def beyond_limits(self, q: Array) -> str:
+        """Return the position limit that a configuration (6,), rad, violates, as a rule; or ""."""
+        for joint, (value, low, high) in enumerate(zip(q, self.lower, self.upper, strict=True), start=1):
+            if not low <= value <= high:
+                low, high = np.degrees((low, high))
+                return f"J{joint} must be from {low:.1f} to {high:.1f} deg on {self.name}"
+        return ""
+
     def velocity(self, registers: npt.ArrayLike) -> Array:
         """Return the joint velocities in rad/s of speed registers (6,)."""
         return np.asarray(registers, dtype=float) / 256.0 * 1e3 / np.abs(self.counts_per_rad)
@@ -270,105 +277,48 @@ def load_unit(name: str | Path) -> Unit:
     return _read_unit(data_file(f"urdf/a465/{name}.toml"))
 
 
-def _letters(value: object) -> tuple[str, ...]:
-    """Return the axis letters in a list or a text; empty for anything else."""
-    letters = tuple(value) if isinstance(value, list | str) else ()
-    return letters if all(isinstance(a, str) and len(a) == 1 and "A" <= a <= "H" for a in letters) else ()
-
-
 def _read_unit(path: Path) -> Unit:
-    root = TomlTable.read(path)
-    name, _model, firmware = root.text("name"), root.text("model"), root.text("firmware")
-    axes = _letters(root.value("axes", "six axis letters"))
-    if len(axes) != 6:
-        raise root.error("axes", "must be six letters from A to H")
-
-    encoder = root.table("encoder")
-    per_turn = encoder.numbers("counts_per_turn", 6, "counts", 1, 1e6)
-    gear = encoder.numbers("gear", 6, "", 1, 1e4)
-    direction = encoder.numbers("direction", 6, "", -1, 1)
-    if not np.all(np.abs(direction) == 1):
-        raise encoder.error("direction", "must be six times 1 or -1")
-    at_zero = np.array(encoder.integers("counts_at_zero", 6, -(2**23), 2**23 - 1), dtype=np.int64)
+    root = Node.of_toml(path)
+    keys = UnitKeys.read(root)
+    if not np.all(np.abs(keys.direction) == 1):
+        raise root.error_at("encoder.direction", "must be six times 1 or -1")
+    groups = tuple(map(tuple, keys.homing))
+    if sorted(axis for group in groups for axis in group) != sorted(keys.axes):
+        raise root.error_at("homing.sequence", "must name every axis once, in groups")
+    at_zero = np.array(keys.at_zero, dtype=np.int64)
     at_zero.flags.writeable = False
-    counts_per_rad = frozen(per_turn * 4.0 * gear * direction / (2.0 * np.pi))
-    encoder.finish()
-
-    limits = root.table("limits")
-    bounds = np.array(
-        [limits.integers(key, 6, -(2**23), 2**23 - 1) for key in ("lower_counts", "upper_counts")]
-    )
-    sheet = np.radians(limits.numbers("data_sheet_deg", 6, "deg", 1, 360))
-    margin = np.radians(limits.number("margin_deg", "deg", 0, 30))
-    velocity_cap = frozen(np.radians(limits.numbers("data_sheet_deg_s", 6, "deg/s", 1, 1000)))
-    rest_tolerance = limits.integer("rest_tolerance_counts", 1, MOST_REST_TOLERANCE, default=REST_TOLERANCE)
-    limits.finish()
-    encoder_lower, encoder_upper = (bounds - at_zero) / counts_per_rad
-    lower = frozen(np.maximum(encoder_lower, -sheet) + margin)
-    upper = frozen(np.minimum(encoder_upper, sheet) - margin)
+    counts_per_rad = frozen(keys.per_turn * 4.0 * keys.gear * keys.direction / (2.0 * np.pi))
+    encoder_lower, encoder_upper = (np.array([keys.lower, keys.upper]) - at_zero) / counts_per_rad
+    lower = frozen(np.maximum(encoder_lower, -keys.sheet) + keys.margin)
+    upper = frozen(np.minimum(encoder_upper, keys.sheet) - keys.margin)
     if not np.all(lower < upper):
-        raise limits.error("lower_counts", "and upper_counts leave a joint without range; check direction")
-
-    registers = root.table("registers")
-    speed = registers.integers("speed", 6, 1, 32767)
-    acceleration = registers.integers("acceleration", 6, 1, 32767)
-    axis_registers = {
-        register: registers.integers(key, 6, 0, 32767)
-        for key, register in (
-            ("energy", "REGME"),
-            ("configuration", "REGCFG"),
-            ("p", "REGP"),
-            ("i", "REGI"),
-            ("d", "REGD"),
+        raise root.error_at(
+            "limits.lower_counts", "and upper_counts leave a joint without range; check direction"
         )
-    }
-    idle_release_s = registers.integer("idle_release_s", 0, 86400)
-    registers.finish()
-
-    homing = root.table("homing")
-    sequence = homing.value("sequence", "groups of axis letters")
-    groups = tuple(_letters(group) for group in sequence) if isinstance(sequence, list) else ()
-    if sorted(axis for group in groups for axis in group) != sorted(axes):
-        raise homing.error("sequence", "must name every axis once, in groups")
-    soft_home = frozen(np.radians(homing.numbers("soft_home_deg", 6, "deg", -360, 360)))
-    homing.finish()
-
-    gripper = root.table("gripper")
-    gripper_axis = GripperAxis(
-        axis=gripper.text("axis", choices=("G", "H")),
-        open_adc=gripper.integer("open_adc", 0, 4095),
-        closed_adc=gripper.integer("closed_adc", 0, 4095),
-        adc_channel=gripper.integer("adc_channel", 0, 64),
-        current_channel=gripper.integer("current_channel", 0, 64),
-        registers={
-            "REGS1": gripper.integer("current_channel", 0, 64),
-            "REGS2": gripper.integer("feedback", 0, 32767),
-            "REGME": gripper.integer("energy", 0, 20000),
-            "REGMS": gripper.integer("speed", 1, 32767),
-            "REGCFG": gripper.integer("configuration", 0, 32767),
-            "REGP": gripper.integer("p", 0, 32767),
-            "REGI": gripper.integer("i", 0, 32767),
-            "REGD": gripper.integer("d", 0, 32767),
-        },
-    )
-    gripper.finish()
-    root.finish()
+    of_gripper = {name: getattr(keys, name) for name in UnitKeys.declared() if name.startswith("gripper_REG")}
     return Unit(
-        name=name,
-        firmware=firmware,
-        axes=axes,
+        name=keys.name,
+        firmware=keys.firmware,
+        axes=keys.axes,
         counts_per_rad=counts_per_rad,
         counts_at_zero=at_zero,
         lower=lower,
         upper=upper,
-        velocity_cap=velocity_cap,
-        speed_registers=speed,
-        acceleration_registers=acceleration,
-        axis_registers=axis_registers,
-        idle_release_s=idle_release_s,
+        velocity_cap=keys.velocity_cap,
+        speed_registers=keys.speed,
+        acceleration_registers=keys.acceleration,
+        axis_registers={name: getattr(keys, name) for name in UnitKeys.declared() if name.startswith("REG")},
+        idle_release_s=keys.idle_release_s,
         homing=groups,
-        soft_home=soft_home,
-        gripper=gripper_axis,
+        soft_home=keys.soft_home,
+        gripper=GripperAxis(
+            axis=keys.gripper_axis,
+            open_adc=keys.open_adc,
+            closed_adc=keys.closed_adc,
+            adc_channel=keys.adc_channel,
+            current_channel=keys.gripper_REGS1,
+            registers={name.removeprefix("gripper_"): value for name, value in of_gripper.items()},
+        ),
         digest=sha256(read_bytes(path, "TOML")),
-        rest_tolerance=rest_tolerance,
+        rest_tolerance=keys.rest_tolerance,
     )

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from arm.io.json_reader import JsonNode
+from arm.io.node import Node
+from arm.io.rules import integer, line, number, numbers
 from arm.se3 import Array, frozen
 from calib.chain.fit import Sightings
 from calib.nao.chain import SIDES, NaoUnknowns, nao_sightings
@@ -64,8 +65,8 @@ class NaoRecording:
         ]
 
 
-def _gravity(node: JsonNode) -> Array:
-    gravity = node.numbers(3)
+def _gravity(node: Node) -> Array:
+    gravity = node.read(numbers(3))
     if not abs(np.linalg.norm(gravity) - GRAVITY) < _GRAVITY_VARIES:
         raise node.error(f"must have a magnitude of {GRAVITY} +- {_GRAVITY_VARIES} m/s^2")
     return gravity
@@ -77,12 +78,12 @@ def read_nao_recording(path: Path) -> NaoRecording:
     Raises:
         InputError: the format is broken (the message names the key), or an image is repeated.
     """
-    root = JsonNode.of_file(path)
+    root = Node.of_json(path)
     if "poses" in root and "images" not in root:
         raise root["poses"].error("belongs to a recording of an arm, which a465 calibrate hand-eye reads")
     node = root["camera"]
-    focal = float(node["focal_px"].numbers())
-    centre, size = node["centre_px"].numbers(2), node["size_px"].numbers(2)
+    focal = node["focal_px"].read(number())
+    centre, size = node["centre_px"].read(numbers(2)), node["size_px"].read(numbers(2))
     if focal <= 0.0:
         raise node["focal_px"].error("must be above 0 px")
     if (size < 1.0).any():
@@ -92,9 +93,9 @@ def read_nao_recording(path: Path) -> NaoRecording:
     images = root["images"].items()
     if not images:
         raise root["images"].error("must have at least one image")
-    side = np.array([SIDES.index(image["side"].text(*SIDES)) for image in images])
-    leg = np.radians([image["leg_encoder_deg"].numbers(6) for image in images])
-    head = np.radians([image["head_encoder_deg"].numbers(2) for image in images])
+    side = np.array([SIDES.index(image["side"].read(line(*SIDES))) for image in images])
+    leg = np.radians([image["leg_encoder_deg"].read(numbers(6)) for image in images])
+    head = np.radians([image["head_encoder_deg"].read(numbers(2)) for image in images])
     pixels = np.array(
         [seen_points(image["vertices_px"], len(board), _FEWEST_VERTICES, "vertices") for image in images]
     )
@@ -104,7 +105,7 @@ def read_nao_recording(path: Path) -> NaoRecording:
         board,
         _gravity(root["gravity_m_s2"]),
         frozen(side),
-        frozen(np.array([image["stance"].integer(0, _MOST_IMAGES) for image in images])),
+        frozen(np.array([image["stance"].read(integer(0, _MOST_IMAGES)) for image in images])),
         frozen(leg),
         frozen(head),
         frozen(pixels),

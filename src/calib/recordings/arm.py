@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from arm.io.json_reader import JsonNode
+from arm.io.node import Node
+from arm.io.rules import line, numbers
 from arm.io.storage import write_atomic
 from arm.robot.dh import DhTable
 from arm.se3 import Array, frozen
@@ -60,32 +61,32 @@ def read_arm_recording(path: Path) -> ArmRecording:
         InputError: the format is broken (the message names the key), a corner lies outside the image, or a pose is
             repeated.
     """
-    root = JsonNode.of_file(path)
+    root = Node.of_json(path)
     if "images" in root and "poses" not in root:
         raise root["images"].error("belongs to a recording of a NAO, which a465 calibrate kinematic reads")
     dh = root["dh"]
-    d = dh["d_m"].numbers(None)
-    others = [dh[key].numbers(len(d)) for key in ("a_m", "alpha_rad", "theta_offset_rad")]
+    d = dh["d_m"].read(numbers(None))
+    others = [dh[key].read(numbers(len(d))) for key in ("a_m", "alpha_rad", "theta_offset_rad")]
     camera = read_recorded_camera(root["camera"])
     points = target_points(root["target"]["points_m"], FEWEST_CORNERS, "points")
     poses = root["poses"].items()
     if not poses:
         raise root["poses"].error("must have at least one pose")
-    joints = frozen(np.array([pose["joints_rad"].numbers(len(d)) for pose in poses]))
+    joints = frozen(np.array([pose["joints_rad"].read(numbers(len(d))) for pose in poses]))
     pixels = frozen(np.array([_corners(pose["corners_px"], len(points), camera.size) for pose in poses]))
     refuse_repeats(poses, joints, pixels)
     return ArmRecording(
         camera,
         DhTable(d, *others),
         points,
-        root["target"]["kind"].text() if "kind" in root["target"] else "target",
+        root["target"]["kind"].read(line()) if "kind" in root["target"] else "target",
         joints,
         pixels,
-        root["unit"].text() if "unit" in root else "",
+        root["unit"].read(line()) if "unit" in root else "",
     )
 
 
-def _corners(node: JsonNode, count: int, size: tuple[int, int]) -> Array:
+def _corners(node: Node, count: int, size: tuple[int, int]) -> Array:
     pixels = seen_points(node, count, FEWEST_CORNERS, "corners")
     beyond = OUTSIDE * max(size)
     high = np.array(size) - 1.0 + beyond

@@ -9,7 +9,8 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from arm.errors import CalibrationRefused
-from arm.io.json_reader import JsonNode
+from arm.io.node import Node
+from arm.io.rules import numbers
 from arm.se3 import Array
 
 SAME_READING, SAME_POINT = 1e-6, 1e-3  # rad and px: closer than any arm and noise repeat
@@ -17,7 +18,7 @@ _UNSEEN = -1e6  # px
 _ON_A_LINE = 1e-3  # smallest ratio of a target's width to its length
 
 
-def target_points(node: JsonNode, fewest: int, called: str) -> Array:
+def target_points(node: Node, fewest: int, called: str) -> Array:
     """Read the points of a target, (n, 3) m.
 
     Args:
@@ -28,7 +29,7 @@ def target_points(node: JsonNode, fewest: int, called: str) -> Array:
     Raises:
         InputError: too few points, or all on one line, which does not determine a pose.
     """
-    points = node.numbers(None, 3)
+    points = node.read(numbers((None, 3)))
     if len(points) < fewest:
         raise node.error(f"must have at least {fewest} {called}")
     if _on_a_line(points):
@@ -41,7 +42,7 @@ def _on_a_line(points: Array) -> bool:
     return not width > _ON_A_LINE * length
 
 
-def seen_points(node: JsonNode, count: int, fewest: int, called: str) -> Array:
+def seen_points(node: Node, count: int, fewest: int, called: str) -> Array:
     """Read the points of one image, (count, 2) px, NaN where one was not detected (null).
 
     Args:
@@ -53,7 +54,7 @@ def seen_points(node: JsonNode, count: int, fewest: int, called: str) -> Array:
     Raises:
         InputError: not `count` points, too few detected ones, or all of these on one line.
     """
-    pixels = node.numbers(count, 2, gaps=True).copy()
+    pixels = node.read(numbers((count, 2), gaps=True)).copy()
     pixels[np.isnan(pixels).any(axis=1)] = np.nan
     seen = np.isfinite(pixels[:, 0])
     if seen.sum() < fewest:
@@ -63,7 +64,7 @@ def seen_points(node: JsonNode, count: int, fewest: int, called: str) -> Array:
     return pixels
 
 
-def refuse_repeats(images: Sequence[JsonNode], readings: Array, pixels: Array) -> None:
+def refuse_repeats(images: Sequence[Node], readings: Array, pixels: Array) -> None:
     """Refuse repeated images: the noise would seem averaged over two.
 
     The same readings alone are no repeat, as an arm may rest for two images. The same points alone are none either, as

@@ -18,7 +18,6 @@ from cell.files.scene import (
     Pair,
     Query,
     SceneFile,
-    beyond_limits,
 )
 from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import certify_curve
@@ -227,7 +226,7 @@ def closest_pairs(scene: SceneFile, configuration: str, console: Console) -> dic
             f"q = {configuration!r}: must be six angles in deg, J1 to J6, such as 0,10,-80,0,-60,0",
             q=configuration,
         )
-    rule = beyond_limits(np.radians(degrees), scene.unit)
+    rule = scene.unit.beyond_limits(np.radians(degrees))
     if rule:
         raise InputError(f"q = {configuration!r}: {rule}", q=configuration)
     found = scene.world().distances_below(np.radians(degrees), float("inf"))[:CLOSEST]

@@ -11,7 +11,7 @@ import numpy as np
 from arm.io.storage import canonical_json, keep_apart, write_atomic
 from arm.poses import BoardPose
 from arm.se3 import Array
-from cell.config.cell_file import MADE_WITHIN_MM
+from cell.config.board_keys import MADE_WITHIN_MM
 from cell.console import Console
 from cell.files.observation import member_words, pose_to_json
 from cell.files.task import read_task

@@ -1,50 +1,43 @@
 """``a465 new-cell``: write a complete cell to start from, which works in simulation at once.
 
-Values come from the project's own scenes, comments from `cell.config.key_notes`.
+Values come from the project's own scenes, comments from `cell.files.key_texts`.
 """
 
 from __future__ import annotations
 
 import os
 import shlex
-import textwrap
-import tomllib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from arm.controller.unit import UNITS
 from arm.errors import InputError
+from arm.io.keys import Keys
 from arm.io.storage import data_file, read_text
-from arm.io.toml_writer import toml_value
-from cell.config import key_notes as cellnotes
-from cell.config.key_notes import Notes
+from arm.io.toml_reader import read_toml
+from cell.config.cell_file import CellKeys
 from cell.console import Console
 from cell.export.folder import write_folder
+from cell.files.hand_target import HandCharucoKeys
+from cell.files.key_texts import commented
+from cell.files.task import Task1Keys, Task2Keys
+from cell.files.world import WorldKeys
+from vision.camera.model import CameraKeys
 
 PLACEHOLDER = "placeholder"
 LONGEST_NAME = 60
-_COLUMNS = 110
 
 
-@dataclass(frozen=True)
-class _Source:
-    """Source of a file of the new cell: the scene with its values, and its comments."""
-
-    scene: str
-    notes: Notes
-
-
-_FILES = {
-    "cell.toml": _Source("scenes/cell.toml", cellnotes.CELL),
-    "camera.toml": _Source("scenes/cameras/lab.toml", cellnotes.CAMERA),
-    "hand.toml": _Source("scenes/targets/hand.toml", cellnotes.HAND),
-    "task1.toml": _Source("scenes/task1.toml", cellnotes.TASK1),
-    "task1.world.toml": _Source("scenes/task1.world.toml", cellnotes.WORLD),
-    "task2.toml": _Source("scenes/task2.toml", cellnotes.TASK2),
-    "task2.world.toml": _Source("scenes/task2.world.toml", cellnotes.WORLD),
+_FILES: dict[str, tuple[str, str, type[Keys]]] = {
+    "cell.toml": ("scenes/cell.toml", "cell", CellKeys),
+    "camera.toml": ("scenes/cameras/lab.toml", "camera", CameraKeys),
+    "hand.toml": ("scenes/targets/hand.toml", "target", HandCharucoKeys),
+    "task1.toml": ("scenes/task1.toml", "task", Task1Keys),
+    "task1.world.toml": ("scenes/task1.world.toml", "world", WorldKeys),
+    "task2.toml": ("scenes/task2.toml", "task", Task2Keys),
+    "task2.world.toml": ("scenes/task2.world.toml", "world", WorldKeys),
 }
+"""Of each file of a new cell: the scene with its values, the name of its texts, and the declaration of its keys."""
 
 
 def new_cell_step(folder: Path, unit: str | None, name: str | None, console: Console) -> dict[str, Any]:
@@ -90,10 +83,10 @@ def new_cell_step(folder: Path, unit: str | None, name: str | None, console: Con
 
 def cell_files(unit: str, name: str) -> dict[str, str]:
     """Return the text of every file of a new cell, by its name in the folder."""
-    scenes = {file: tomllib.loads(read_text(data_file(source.scene))) for file, source in _FILES.items()}
+    scenes = {file: read_toml(data_file(scene)) for file, (scene, _, _) in _FILES.items()}
     scenes["cell.toml"] |= {"unit": unit, "camera": "camera.toml"}
     scenes["camera.toml"]["calibration"] = {"id": PLACEHOLDER}
-    texts = {file: _commented(values, _FILES[file].notes, name) for file, values in scenes.items()}
+    texts = {file: commented(values, *_FILES[file][1:], name) for file, values in scenes.items()}
     for board in scenes["cell.toml"]["boards"]["files"]:
         texts[board] = read_text(data_file(f"scenes/{board}"))
     return texts
@@ -172,49 +165,3 @@ def _require_free(folder: Path, place: Path) -> None:
             folder=str(folder),
             holds=held[0],
         )
-
-
-def _commented(values: Mapping[str, Any], notes: Notes, name: str) -> str:
-    """Return a TOML file with a comment above every key."""
-    lines = [*_comment(notes[""].replace("{name}", name)), *_table(values, notes, "")]
-    return "\n".join(lines) + "\n"
-
-
-def _table(values: Mapping[str, Any], notes: Notes, prefix: str) -> Iterator[str]:
-    """Yield the lines of a table, its own keys before its sub-tables, as TOML requires."""
-    tables = {key: value for key, value in values.items() if _is_tables(value)}
-    for key, value in values.items():
-        if key not in tables:
-            yield ""
-            yield from _comment(notes[prefix + key])
-            yield f"{key} = {_value(value)}"
-    if f"{prefix}*" in notes:
-        yield from ("", *notes[f"{prefix}*"].splitlines())
-    for key, value in tables.items():
-        many = isinstance(value, list)
-        for one in value if many else [value]:
-            yield ""
-            yield from _comment(notes.get(prefix + key, ""))
-            yield f"[[{prefix}{key}]]" if many else f"[{prefix}{key}]"
-            yield from _table(one, notes, f"{prefix}{key}.")
-
-
-def _is_tables(value: object) -> bool:
-    return isinstance(value, dict) or (isinstance(value, list) and any(isinstance(v, dict) for v in value))
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, list) and any(isinstance(v, str | list) for v in value):
-        return "[\n" + "".join(f"  {toml_value(v)},\n" for v in value) + "]"
-    return toml_value(value)
-
-
-def _comment(text: str) -> list[str]:
-    return textwrap.wrap(
-        text,
-        _COLUMNS,
-        initial_indent="# ",
-        subsequent_indent="# ",
-        break_on_hyphens=False,
-        break_long_words=False,
-    )

@@ -1,15 +1,22 @@
-"""Keys of the cell file about boards: tilts of the stands, pockets, and the accuracy that a pose needs."""
+"""Keys of the cell file about boards: their files, pockets, stands, zone, and the accuracy that a pose needs."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 
-from arm.board import CUBE_SEAT_DEPTH, POCKET_FLOOR, POCKET_MOUTH, seat_depth
-from arm.io.toml_reader import TomlTable
+from arm.board import CUBE_SEAT_DEPTH, POCKET_FLOOR, POCKET_MOUTH, Board, read_board_csv, seat_depth
+from arm.io.keys import Keys, key
+from arm.io.node import Node, Rule
+from arm.io.rules import is_number, number, numbers, rule_of, same, text, triple
+from arm.se3 import Array
 from vision.boards.checks import BoardLimits
 
 LEAST_FUNNEL = 1e-3  # least difference between the widths of mouth and floor, m
 SEAT_TOLERANCE = 1e-3  # largest deviation of a cube's depth from `CUBE_SEAT_DEPTH`, m
+MADE_WITHIN_MM = 0.1  # default manufacturing tolerance of boards
 
 DICTIONARIES = (
     *(f"DICT_{side}X{side}_{count}" for side in (4, 5, 6, 7) for count in (50, 100, 250, 1000)),
@@ -21,67 +28,94 @@ DICTIONARIES = (
     "DICT_APRILTAG_36h11",
 )
 """OpenCV's dictionaries, listed here so that reading a cell file does not load OpenCV."""
+DICTIONARY = Rule("one of OpenCV's dictionaries", text(*DICTIONARIES).read)
+_LIMITS = BoardLimits()
 
 
-def read_tilts(boards: TomlTable) -> tuple[float, ...]:
-    """Return ``tilts_deg`` of ``[boards]`` in rad, ascending; empty without the key.
+def _are_tilts(values: Any) -> bool:
+    good = isinstance(values, list) and all(is_number(v) and 0.0 <= v <= 45.0 for v in values)
+    return good and len(set(values)) == len(values)
 
-    Raises:
-        FileInputError: the values are not distinct numbers from 0 to 45.
-    """
-    if "tilts_deg" not in boards:
-        return ()
-    values = boards.value("tilts_deg", "a list of angles in deg")
-    good = isinstance(values, list) and all(
-        isinstance(v, int | float) and not isinstance(v, bool) and 0.0 <= v <= 45.0 for v in values
+
+class BoardKeys(Keys):
+    """Keys of ``[boards]``, and of ``[look]`` about the accuracy of a board's pose."""
+
+    board_files: list[str] = key(
+        "boards.files",
+        rule_of(
+            "a list of board CSV files",
+            lambda v: isinstance(v, list) and v and all(isinstance(one, str) for one in v),
+            list,
+        ),
     )
-    if not good or len(set(values)) < len(values):
-        raise boards.error(
-            "tilts_deg", "must be a list of different angles from 0 to 45 deg, such as [0, 7, 15]"
-        )
-    return tuple(float(np.radians(v)) for v in sorted(values))
+    marker_size: float = key("boards.marker_size_mm", number("mm", 5, 200))
+    pocket: Array = key(
+        "boards.pocket_mm",
+        numbers(2, "mm", 5, 60),
+        (1e3 * POCKET_MOUTH, 1e3 * POCKET_FLOOR),
+    )
+    made_within: float = key("boards.made_within_mm", number("mm", 0, 2), MADE_WITHIN_MM)
+    tilts_deg: list[float] = key(
+        "boards.tilts_deg",
+        rule_of("a list of different angles from 0 to 45 deg, such as [0, 7, 15]", _are_tilts, same),
+        [],
+    )
+    stand_size: Array = key("boards.stand_size_mm", numbers(2, "mm", 10, 240))
+    zone_centre: Array = key("boards.zone_centre_mm", numbers(3, "mm", -5000, 5000))
+    zone_size: tuple[float, float, float] = key("boards.zone_size_mm", triple("mm", 1, 10000))
+    sideways: float = key("look.least_certain_mm", number("mm", 0.01, 10), 1e3 * _LIMITS.sideways_m)
+    height: float = key(
+        "look.least_certain_height_mm", number("mm", 0.01, 20), default=1e3 * _LIMITS.height_m
+    )
+    turn: float = key(
+        "look.least_certain_deg", number("deg", 0.01, 10), default=float(np.degrees(_LIMITS.turn_rad))
+    )
 
 
-def read_pocket(boards: TomlTable, cube: TomlTable, cube_size: float) -> tuple[float, float]:
-    """Return ``pocket_mm`` of ``[boards]``: widths of mouth and floor, m.
+def boards_of(keys: BoardKeys, root: Node, cube_size: float) -> tuple[Board, ...]:
+    """Read the boards' files.
 
     Args:
-        boards: table ``[boards]``.
-        cube: table ``[cube]``, for messages.
+        keys: of the cell file.
+        root: the cell file, for messages.
         cube_size: edge of the cubes, m.
 
     Raises:
-        FileInputError: the pocket is no funnel, or a cube does not wedge in it at the depth that detection and
-            planning assume.
+        InputError: a file is missing or wrong, two boards share a marker, the pocket is no funnel, or a cube does not
+            wedge in it at the depth that detection and planning assume.
     """
-    mouth, floor = POCKET_MOUTH, POCKET_FLOOR
-    if "pocket_mm" in boards:
-        mouth, floor = (float(v) for v in boards.numbers("pocket_mm", 2, "mm", 5, 60) / 1e3)
+    pocket = _pocket(keys, root, cube_size)
+    boards: list[Board] = []
+    for name in keys.board_files:
+        path = root.file.parent / name
+        if not path.is_file():
+            raise root.error_at("boards.files", f"names a file that is not there: {path}")
+        board = replace(read_board_csv(path, keys.marker_size, keys.made_within), pocket=pocket)
+        taken = {i for b in boards for i in b.marker_ids} & set(board.marker_ids)
+        if taken:
+            rule = f"two boards have the marker {min(taken)}; ids must differ"
+            raise root.error_at("boards.files", rule, str(path))
+        boards.append(board)
+    return tuple(boards)
+
+
+def _pocket(keys: BoardKeys, root: Node, cube_size: float) -> tuple[float, float]:
+    """Return the widths of mouth and floor, m."""
+    mouth, floor = keys.pocket.tolist()
     if not mouth - floor >= LEAST_FUNNEL:
-        raise boards.error("pocket_mm", "must be the widths of mouth and floor, the floor at least 1 mm less")
-    shape = f"pockets are {1e3 * mouth:g} mm wide at the mouth and {1e3 * floor:g} mm at the floor (boards.pocket_mm)"
-    if cube_size > mouth:
-        raise cube.error("size_mm", f"must fit the pocket, but is wider than its mouth: {shape}")
-    if cube_size < floor:
-        raise cube.error("size_mm", f"must fit the pocket, but would lie loose on its floor: {shape}")
+        rule = "must be the widths of mouth and floor, the floor at least 1 mm less"
+        raise root.error_at("boards.pocket_mm", rule)
     depth = seat_depth(cube_size, (mouth, floor))
-    if abs(depth - CUBE_SEAT_DEPTH) > SEAT_TOLERANCE:
-        raise cube.error(
-            "size_mm",
+    if cube_size > mouth:
+        rule = "must fit the pocket, but is wider than its mouth"
+    elif cube_size < floor:
+        rule = "must fit the pocket, but would lie loose on its floor"
+    elif abs(depth - CUBE_SEAT_DEPTH) > SEAT_TOLERANCE:
+        rule = (
             f"must wedge in the pocket {1e3 * CUBE_SEAT_DEPTH:g} mm deep within {1e3 * SEAT_TOLERANCE:g} mm, but would "
-            f"wedge {1e3 * depth:.1f} mm deep: {shape}",
+            f"wedge {1e3 * depth:.1f} mm deep"
         )
-    return mouth, floor
-
-
-def read_board_limits(look: TomlTable) -> BoardLimits:
-    """Read ``least_certain_mm``, ``least_certain_height_mm`` and ``least_certain_deg`` of ``[look]``.
-
-    Raises:
-        FileInputError: a value is out of range.
-    """
-    default = BoardLimits()
-    sideways = look.number("least_certain_mm", "mm", 0.01, 10, default=1e3 * default.sideways_m)
-    height = look.number("least_certain_height_mm", "mm", 0.01, 20, default=1e3 * default.height_m)
-    turn = look.number("least_certain_deg", "deg", 0.01, 10, default=float(np.degrees(default.turn_rad)))
-    return BoardLimits(sideways_m=sideways / 1e3, height_m=height / 1e3, turn_rad=float(np.radians(turn)))
+    else:
+        return mouth, floor
+    shape = f"pockets are {1e3 * mouth:g} mm wide at the mouth and {1e3 * floor:g} mm at the floor (boards.pocket_mm)"
+    raise root.error_at("cube.size_mm", f"{rule}: {shape}")

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from arm.errors import InputError
-from arm.io.toml_reader import TomlTable
+from arm.io.keys import Keys, key
+from arm.io.node import Node, Rule
+from arm.io.rules import number, table, text
 from vision.camera.basler import BaslerSettings
 from vision.camera.basler_devices import read_selector
 
@@ -25,37 +29,44 @@ class CellCamera:
     settings: BaslerSettings = field(default_factory=BaslerSettings)
 
 
-def read_cell_camera(look: TomlTable) -> CellCamera:
-    """Read ``[look.basler]``: device, exposure_us, gain_db, timeout_s, heartbeat_s and features (GenICam names).
+def _selector(node: Node) -> str:
+    device = text().read(node)
+    try:
+        read_selector(device)
+    except InputError as error:
+        raise node.error(str(error).partition(": ")[2]) from error
+    if device == OF_CELL:
+        raise node.error(f"must be a camera; write name:{OF_CELL} for a camera of that name")
+    return device
 
-    Raises:
-        FileInputError: a value is wrong.
-    """
-    table = look.table("basler", required=False)
-    device = table.text("device") if "device" in table else None
-    if device is not None:
-        try:
-            read_selector(device)
-        except InputError as error:
-            raise table.error("device", str(error).partition(": ")[2]) from error
-        if device == OF_CELL:
-            raise table.error("device", f"must be a camera; write name:{OF_CELL} for a camera of that name")
-    default = BaslerSettings()
-    exposure_us = table.number("exposure_us", "us", 1, 6e7) if "exposure_us" in table else None
-    features = table.table("features", required=False).value_dict()
+
+def _features(node: Node) -> dict[str, Any]:
+    features = table().read(node)
     for name, value in features.items():
         if not isinstance(value, bool | int | float | str):
-            raise table.error("features", f"{name} must be a number, a text, true or false")
-    settings = BaslerSettings(
-        exposure=None if exposure_us is None else exposure_us / 1e6,
-        gain=table.number("gain_db", "dB", 0, 60) if "gain_db" in table else None,
-        timeout=table.number("timeout_s", "s", 0.01, 120, default=default.timeout),
-        heartbeat=table.number("heartbeat_s", "s", 0.5, 60, default=default.heartbeat),
-        features=features,
-    )
-    if settings.exposure is not None and settings.timeout <= settings.exposure:
-        raise table.error(
-            "timeout_s", f"must be more than the exposure, {settings.exposure:g} s", "default: 2"
-        )
-    table.finish()
-    return CellCamera(device, settings)
+            raise node.error(f"{name} must be a number, a text, true or false")
+    return features
+
+
+class CameraKeys(Keys):
+    """Keys of ``[look.basler]``."""
+
+    device: str | None = key("look.basler.device", Rule("a text", _selector), None)
+    exposure: float | None = key("look.basler.exposure_us", number("us", 1, 6e7), None)
+    gain: float | None = key("look.basler.gain_db", number("dB", 0, 60), None)
+    timeout: float = key("look.basler.timeout_s", number("s", 0.01, 120), BaslerSettings.timeout)
+    heartbeat: float = key("look.basler.heartbeat_s", number("s", 0.5, 60), BaslerSettings.heartbeat)
+    features: Mapping[str, Any] | None = key("look.basler.features", Rule("a table", _features), None)
+
+
+def camera_of(keys: CameraKeys, root: Node) -> CellCamera:
+    """Return the camera.
+
+    Raises:
+        FileInputError: the timeout is not longer than the exposure.
+    """
+    settings = BaslerSettings(keys.exposure, keys.gain, keys.timeout, keys.heartbeat, keys.features or {})
+    if keys.exposure is not None and keys.timeout <= keys.exposure:
+        rule = f"must be more than the exposure, {keys.exposure:g} s"
+        raise root.error_at("look.basler.timeout_s", rule, "default: 2")
+    return CellCamera(keys.device, settings)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,16 +15,15 @@ from arm.robot.link_errors import with_link_errors
 from arm.robot.model import Robot
 from arm.robot.shapes import Body
 from arm.robot.tool import padded
-from arm.se3 import Array
 from cell.config.camera_keys import CellCamera
+from cell.config.cell_values import CellValues
 from cell.config.inputs import Inputs
 from vision.boards.checks import BoardLimits
 from vision.camera.model import Camera
 
 
-@dataclass(frozen=True)
-class Cell:
-    """A work cell.
+class Cell(CellValues):
+    """A work cell: `CellValues`, and what the rest of its file describes.
 
     Attributes:
         file: cell file.
@@ -34,34 +32,14 @@ class Cell:
         calibration: calibration of camera and arm, or None.
         camera_file: file of the camera's lens and nominal pose.
         gripper: dimensions of the gripper.
-        arm_padding: subtracted from every distance to the arm's links, whose shapes are assumed, m; not from the
-            gripper's distances.
-        arm_compared: name and date of who compared the arm's bodies with the real arm; empty: not done.
-        grip_height: height of the finger tips above the plate when they grip a cube in its hole, m.
-        settle_s: least time for the jaws to act, s.
-        grip_tolerance: largest deviation of the jaw opening from the cube's width on a gripped cube, m.
-        cube_size: nominal edge of the cubes, m.
-        cube_tolerance: largest deviation of a cube's edge from `cube_size`, m.
         boards: boards that may stand in the cell.
-        dictionary: ArUco dictionary of the boards' markers.
         tilts: tilts of the stands, rad, ascending; empty: unknown.
         board_limits: accuracy that a board's pose needs.
         stand_size: footprint of a stand, (2,), m.
         zone: region where boards may stand, as a body.
         fixed: table, walls and posts.
-        table_z: height of the table's top, m.
-        q_start: configuration for looks, (6,), rad.
-        photographs: images per look.
         basler: Basler camera of the real cell, if any, and its settings.
-        moved, turned: displacement of any point (m) and rotation (rad) of a board that trigger a replan.
-        offset: length of the straight approach and retract, m.
-        clearance: clearance of transits, m.
-        least_clearance: smallest value allowed for `clearance`, m.
-        approach_speed: speed of the finger tips in approach and retract at speed 1, m/s.
-        speed: default fraction of the speed registers.
-        velocity_fraction, acceleration_fraction: fractions of the limits at a given speed that plans use.
         speed_registers, acceleration_registers: values of the controller's registers during operation.
-        jerk_time: time in which an acceleration builds up, s; 0: acceleration may step.
         inputs: values of the file by key; see `cell.config.inputs`.
         digest: SHA-256 of `inputs`.
     """
@@ -74,36 +52,15 @@ class Cell:
     calibration: ArmCalibration | None
     camera_file: Path
     gripper: Gripper
-    arm_padding: float
-    arm_compared: str
-    grip_height: float
-    settle_s: float
-    grip_tolerance: float
-    cube_size: float
-    cube_tolerance: float
     boards: tuple[Board, ...]
-    dictionary: str
     tilts: tuple[float, ...]
     board_limits: BoardLimits
     stand_size: tuple[float, float]
     zone: Body
     fixed: tuple[Body, ...]
-    table_z: float
-    q_start: Array
-    photographs: int
     basler: CellCamera
-    moved: float
-    turned: float
-    offset: float
-    clearance: float
-    least_clearance: float
-    approach_speed: float
-    speed: float
-    velocity_fraction: float
-    acceleration_fraction: float
     speed_registers: tuple[int, ...]
     acceleration_registers: tuple[int, ...]
-    jerk_time: float
     inputs: Inputs
     digest: str
 

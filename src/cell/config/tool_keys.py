@@ -4,81 +4,89 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from arm.controller.unit import Unit
 from arm.errors import InputError
-from arm.io.toml_reader import TomlTable
+from arm.io.keys import Keys, key
+from arm.io.node import Node
+from arm.io.rules import number, path, triple
 from arm.robot.gripper import Gripper, Size
 
 SHIPPED = Gripper()
 VOLTS_A_REGISTER = 7.5 / 10_000  # volts per step of REGME of the gripper's axis
 MOST_VOLTS = 11.25  # three quarters of 15 V; above, the maker allows the motor only 15 s
+SIZES = ("finger", "palm", "body_radius")  # fields of a gripper that is given by its dimensions
+_BOX = triple("mm", 1, 500)
 
 
-def read_gripper(tool: TomlTable, cube_size: float) -> Gripper:
-    """Read the gripper of ``[tool]``, given by its dimensions or by a URDF.
+class GripperKeys(Keys):
+    """Keys of the gripper, given by its dimensions or by a URDF."""
+
+    length: float = key("tool.length_mm", number("mm", 1, 1000))
+    opening: float = key("tool.jaw_opening_mm", number("mm", 1, 300))
+    shut: float = key("tool.jaw_shut_mm", number("mm", 0, 300), 0)
+    close_to: float | None = key("tool.close_to_mm", number("mm", 0, 300), None)
+    force_v: float | None = key("tool.force_v", number("V", 0.75, MOST_VOLTS), None)
+    finger: Size | None = key("tool.finger_mm", _BOX, None)
+    palm: Size | None = key("tool.palm_mm", _BOX, None)
+    body_radius: float | None = key("tool.body_radius_mm", number("mm", 1, 300), None)
+    urdf: Path | None = key("tool.urdf", path(), None)
+
+
+def gripper_of(keys: GripperKeys, root: Node, cube_size: float) -> Gripper:
+    """Return the gripper.
 
     Args:
-        tool: the table.
+        keys: its keys.
+        root: the cell file, for messages.
         cube_size: edge of the cubes that it grips, m.
 
     Raises:
-        InputError: a value is wrong, a dimension is missing, or the parts are longer than the gripper.
+        InputError: a dimension is missing, does not fit the cube, or the parts are longer than the gripper.
     """
-    length = tool.number("length_mm", "mm", 1, 1000) / 1e3
-    opening = tool.number("jaw_opening_mm", "mm", 1, 300) / 1e3
-    shut = tool.number("jaw_shut_mm", "mm", 0, 300, default=0.0) / 1e3
-    usual = 1e3 * (shut + 0.1 * (opening - shut))
-    close_to = tool.number("close_to_mm", "mm", 0, 300, default=usual) / 1e3
-    if cube_size >= opening:
-        raise tool.error("jaw_opening_mm", f"must be more than the cube's {cube_size * 1e3:g} mm")
-    if shut >= cube_size:
-        raise tool.error("jaw_shut_mm", f"must be less than the cube's {cube_size * 1e3:g} mm")
-    if not shut <= close_to < cube_size:
-        raise tool.error(
-            "close_to_mm",
-            f"must be from {shut * 1e3:g} mm (jaw_shut_mm) to less than the cube's {cube_size * 1e3:g} mm, so that "
-            "the jaws close on a cube",
+    edge = f"the cube's {cube_size * 1e3:g} mm"
+    close_to = keys.shut + 0.1 * (keys.opening - keys.shut) if keys.close_to is None else keys.close_to
+    if cube_size >= keys.opening:
+        raise root.error_at("tool.jaw_opening_mm", f"must be more than {edge}")
+    if keys.shut >= cube_size:
+        raise root.error_at("tool.jaw_shut_mm", f"must be less than {edge}")
+    if not keys.shut <= close_to < cube_size:
+        raise root.error_at(
+            "tool.close_to_mm",
+            f"must be from {keys.shut * 1e3:g} mm (jaw_shut_mm) to less than {edge}, so that the jaws close on a cube",
         )
-    own = tool.path("urdf") if "urdf" in tool else None
-    jaws = Gripper(opening=opening, shut=shut, close_to=close_to)
-    given = [key for key in ("finger_mm", "palm_mm", "body_radius_mm") if key in tool]
-    if own is not None:
-        if given:
-            raise tool.error(given[0], "cannot be combined with urdf, which describes the whole gripper")
-        return replace(jaws, length=length, urdf=own)
+    given = [name for name in SIZES if getattr(keys, name) is not None]
+    jaws = Gripper(opening=keys.opening, shut=keys.shut, close_to=close_to)
+    if keys.urdf is not None:
+        for name in given:
+            rule = "cannot be combined with urdf, which describes the whole gripper"
+            raise root.error_at(GripperKeys.declared()[name].name, rule)
+        return replace(jaws, length=keys.length, urdf=keys.urdf)
     if given:
-        finger, palm = _size(tool, "finger_mm"), _size(tool, "palm_mm")
-        radius = tool.number("body_radius_mm", "mm", 1, 300) / 1e3
-        if length < finger[2] + palm[2]:
-            raise tool.error(
-                "length_mm", f"must be at least that of fingers and palm, {1e3 * (finger[2] + palm[2]):g} mm"
-            )
-        return replace(jaws, length=length, finger=finger, palm=palm, body_radius=radius)
-    if abs(length - SHIPPED.length) > 1e-6:
-        raise tool.error(
-            "length_mm",
+        whole = {
+            name: root.get(one.name, one.rule)
+            for name, one in GripperKeys.declared().items()
+            if name in SIZES
+        }
+        parts = 1e3 * (whole["finger"][2] + whole["palm"][2])
+        if 1e3 * keys.length < parts:
+            raise root.error_at("tool.length_mm", f"must be at least that of fingers and palm, {parts:g} mm")
+        return replace(jaws, length=keys.length, **whole)
+    if abs(keys.length - SHIPPED.length) > 1e-6:
+        raise root.error_at(
+            "tool.length_mm",
             f"must be {SHIPPED.length * 1e3:g} mm, that of the shipped gripper, which is the default",
             "for another gripper give finger_mm, palm_mm and body_radius_mm, or its urdf",
         )
-    return replace(jaws, length=length)
+    return replace(jaws, length=keys.length)
 
 
-def _size(tool: TomlTable, key: str) -> Size:
-    x, y, z = (float(v) / 1e3 for v in tool.numbers(key, 3, "mm", 1, 500))
-    return x, y, z
-
-
-def with_force(unit: Unit, tool: TomlTable) -> Unit:
-    """Return the unit with the gripper's motor voltage set to ``force_v`` of ``[tool]``, if given.
-
-    Raises:
-        InputError: ``force_v`` is out of range.
-    """
-    if "force_v" not in tool:
+def with_force(unit: Unit, volts: float | None) -> Unit:
+    """Return the unit with the voltage of the gripper's motor, V, if given."""
+    if volts is None:
         return unit
-    volts = tool.number("force_v", "V", 0.75, MOST_VOLTS)
     registers = {**unit.gripper.registers, "REGME": round(volts / VOLTS_A_REGISTER)}
     return replace(unit, gripper=replace(unit.gripper, registers=registers))
 

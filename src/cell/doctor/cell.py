@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from arm.errors import InputError
+from arm.io.node import Node
+from arm.io.rules import path
 from arm.io.storage import data_file
-from arm.io.toml_reader import TomlTable
 from arm.robot.dh import A465
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
@@ -48,7 +49,7 @@ def read_named(file: Path | None) -> ReadCell:
     if file is None:
         return ReadCell(read_cell(data_file("scenes/cell.toml")), "the built-in scene", ())
     unusable: list[InputError] = []
-    is_task = "task" in TomlTable.read(file)
+    is_task = "task" in Node.of_toml(file)
     cell = read_task(file, unusable.append).cell if is_task else read_cell(file, unusable.append)
     return ReadCell(cell, str(file), tuple(unusable))
 
@@ -101,7 +102,7 @@ def _arm_finding(read: ReadCell) -> CheckResult:
     if calibration is None:
         found = f"none: the camera's pose is that of {cell.camera_file.name}, the arm's zeros are nominal"
         return CheckResult("hand-eye", NOTE, found, CALIBRATE_ARM, {"id": None})
-    dated, days = _age(TomlTable.read(cell.file).path("calibration"))
+    dated, days = _age(Node.of_toml(cell.file).get("calibration", path()))
     made = calibration.made
     data = {"id": calibration.id, "age_days": days, "unit": calibration.unit, "made": dict(made)}
     found = f"{calibration.id}, {dated}, of {calibration.unit}"

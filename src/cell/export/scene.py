@@ -8,12 +8,12 @@ from typing import Any
 
 from arm.controller.unit import Limits, Unit, load_unit
 from arm.errors import FileInputError
-from arm.io.toml_reader import TomlTable
+from arm.io.node import Node
 from arm.plan_file import Plan
 from arm.robot.gripper import HAND
 from arm.robot.model import Robot
 from arm.robot.tool import padded
-from cell.config.cell_file import ARM_PADDING_MM
+from cell.config.cell_values import ARM_PADDING_MM
 from cell.config.tool_keys import gripper_of_inputs
 from cell.export.urdf import Surroundings
 from cell.files.observation import read_observation, require_boards
@@ -32,7 +32,7 @@ def surroundings_of_file(path: Path, look: Path | None) -> Surroundings:
     Raises:
         InputError: the file is none of them, or invalid.
     """
-    root = TomlTable.read(path)
+    root = Node.of_toml(path)
     if "task" in root or "q_start_deg" in root or "camera" in root:
         return _of_cell(read_place(path), look)
     scene = read_scene_file(path)

@@ -17,7 +17,7 @@ from typing import Any
 
 from arm.errors import A465Error, InputError
 from arm.io.storage import read_bytes, write_atomic
-from arm.io.toml_reader import TomlTable
+from arm.io.toml_reader import read_toml
 from arm.io.toml_writer import toml_value
 from cell.config.cell_file import read_cell
 
@@ -49,7 +49,7 @@ def apply_calibration(cell_file: Path, calibration: Path) -> str:
     Raises:
         InputError: the cell file cannot be read or written, or is invalid with this calibration; it is left unchanged.
     """
-    wanted = TomlTable.read(cell_file).value_dict()
+    wanted = read_toml(cell_file)
     is_named = _KEY in wanted
     wanted[_KEY] = name_in(cell_file, calibration)
     value = toml_value(wanted[_KEY])

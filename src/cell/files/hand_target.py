@@ -7,13 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
+from arm.io.keys import Keys, key
+from arm.io.node import Node
+from arm.io.rules import numbers, triple
 from arm.io.storage import sha256
-from arm.io.toml_reader import TomlTable
 from arm.numerics.products import mul
 from arm.robot.model import LinkBody, Robot
 from arm.robot.shapes import Box
-from arm.se3 import Array, frozen, inverse, rot_x, rot_y, rot_z, rotation, transform
-from vision.targets.target import Target, target_of
+from arm.se3 import Array, frozen, inverse, rotation, transform
+from cell.config.bodies import pose_of
+from vision.targets.target import KIND, CharucoKeys, CheckerboardKeys, Target, target_of
 
 PLATE = "target plate"
 _ROUGH = (0.003, np.radians(2.0))  # standard deviations of a plate mounted by hand, m and rad per axis
@@ -69,24 +72,38 @@ class HandTarget:
         return np.vstack([on_target, T_base_camera[:3, 3]])
 
 
+class HandKeys(Keys):
+    """Keys of ``[hand]``."""
+
+    centre: Array = key("hand.centre_mm", numbers(3, "mm", -500, 500))
+    rpy: Array = key("hand.rpy_deg", numbers(3, "deg", -360, 360))
+    plate: tuple[float, float, float] = key("hand.plate_mm", triple("mm", 0.5, 500))
+
+
+class HandCharucoKeys(HandKeys, CharucoKeys):
+    """Keys of a target with markers in the gripper."""
+
+
+class _HandCheckerboardKeys(HandKeys, CheckerboardKeys):
+    pass
+
+
 def read_hand_target(path: Path) -> HandTarget:
-    """Read a target file with a table ``[hand]``: centre_mm, rpy_deg, plate_mm.
+    """Read a target file with a table ``[hand]``.
 
     Raises:
         FileInputError: a value is wrong.
     """
-    root = TomlTable.read(path)
-    target = target_of(root)
-    hand = root.table("hand")
-    centre = hand.numbers("centre_mm", 3, "mm", -500, 500) / 1e3
-    roll, pitch, yaw = np.radians(hand.numbers("rpy_deg", 3, "deg", -360, 360))
-    x, y, z = hand.numbers("plate_mm", 3, "mm", 0.5, 500) / 1e3
-    if x < target.size[0] or y < target.size[1]:
-        shown = " x ".join(f"{1e3 * v:g}" for v in target.size)
-        raise hand.error("plate_mm", f"must be at least as large as the chessboard, {shown} mm")
-    hand.finish()
-    root.finish()
-    R = mul(mul(rot_z(float(yaw)), rot_y(float(pitch))), rot_x(float(roll)))
+    root = Node.of_toml(path)
+    keys: HandCharucoKeys | _HandCheckerboardKeys
+    if root.get("kind", KIND, "charuco") == "charuco":
+        keys = HandCharucoKeys.read(root)
+    else:
+        keys = _HandCheckerboardKeys.read(root)
+    target = target_of(keys, root)
     width, height = target.size
-    T = mul(transform(R, centre), transform(t=(-width / 2.0, -height / 2.0, 0.0)))
-    return HandTarget(target, frozen(T), (float(x), float(y), float(z)))
+    if keys.plate[0] < width or keys.plate[1] < height:
+        rule = f"must be at least as large as the chessboard, {1e3 * width:g} x {1e3 * height:g} mm"
+        raise root.error_at("hand.plate_mm", rule)
+    T = mul(pose_of(keys.centre, keys.rpy), transform(t=(-width / 2.0, -height / 2.0, 0.0)))
+    return HandTarget(target, frozen(T), keys.plate)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from arm.io.node import Node
 from arm.io.storage import canonical_json, sha256
-from arm.io.toml_reader import TomlTable
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
 from cell.files.task import Task, read_task
@@ -19,7 +19,7 @@ def read_place(path: Path) -> Task:
     Raises:
         InputError: the file is neither, or is wrong.
     """
-    if "task" in TomlTable.read(path):
+    if "task" in Node.of_toml(path):
         return read_task(path)
     return _task_of(read_cell(path))
 

@@ -17,7 +17,9 @@ from typing import Any
 import numpy as np
 
 from arm.errors import A465Error, FileInputError, InputError
-from arm.io.json_reader import JsonNode
+from arm.io.keys import Keys, key
+from arm.io.node import Node, Rule
+from arm.io.rules import is_number, line, number, numbers, rule_of
 from arm.io.storage import read_bytes
 from arm.se3 import Array, frozen, orthonormalised
 
@@ -32,7 +34,6 @@ PRINTED = 1e-3  # tolerance for a rotation matrix printed with few digits
 _LEAST_BY_NUMBERS = {6: "six joint angles", 12: "the upper three rows of a 4x4 pose", 16: "a 4x4 pose"}
 _BY_KEY = ("T_base_flange", "T_base_tool", "q_rad", "q_deg")
 _AT_A_POSE = ("by", "free", "approach_mm", "retract_mm", "within_mm", "speed_mm_s")
-_ALWAYS = ("name", "dwell_s", "jaws")
 
 
 @dataclass(frozen=True)
@@ -158,8 +159,8 @@ def _of_array(path: Path, data: bytes, reading: Reading) -> Iterator[Entry]:
         raise FileInputError(
             path, "", list(array.shape), "must be an array of (n, 4, 4), (n, 16), (n, 12) or (n, 6)"
         )
-    for number, row in enumerate(array.astype(float), start=1):
-        yield _bare(path, f"row {number}", number, row, reading)
+    for place, row in enumerate(array.astype(float), start=1):
+        yield _bare(path, f"row {place}", place, row, reading)
 
 
 def _of_text(path: Path, data: bytes, reading: Reading) -> Iterator[Entry]:
@@ -169,16 +170,16 @@ def _of_text(path: Path, data: bytes, reading: Reading) -> Iterator[Entry]:
         raise FileInputError(
             path, "", None, "is neither text (CSV, JSON) nor a .npy file; use one of these formats"
         ) from error
-    number = 0
-    for line, words in enumerate(text.splitlines(), start=1):
+    count = 0
+    for row, words in enumerate(text.splitlines(), start=1):
         cells = [c for c in re.split(r"[,;\s]+", words.partition("#")[0].strip()) if c]
-        if not cells or (not number and not any(map(_is_number, cells))):
+        if not cells or (not count and not any(map(_is_number, cells))):
             continue  # empty, or the names of the columns
         wrong = next((cell for cell in cells if not _is_number(cell)), None)
         if wrong is not None:
-            raise FileInputError(path, f"row {line}", wrong, "must be a number")
-        number += 1
-        yield _bare(path, f"row {line}", number, np.array([float(c) for c in cells]), reading)
+            raise FileInputError(path, f"row {row}", wrong, "must be a number")
+        count += 1
+        yield _bare(path, f"row {row}", count, np.array([float(c) for c in cells]), reading)
 
 
 def _is_number(word: str) -> bool:
@@ -241,31 +242,84 @@ def _pose(path: Path, key: str, rows: Array, lengths: str) -> Array:
 
 
 def _of_json(path: Path, reading: Reading) -> Iterator[Entry]:
-    root = JsonNode.of_file(path)
+    root = Node.of_json(path)
     if isinstance(root.value, dict):
-        _require_known(root, ("entries", "frame", "angles", "lengths"))
+        given = _ListKeys.read(root)
         reading = Reading(
-            root["frame"].text(*FRAMES) if "frame" in root else reading.frame,
-            root["angles"].text(*ANGLES) if "angles" in root else reading.angles,
-            root["lengths"].text(*LENGTHS) if "lengths" in root else reading.lengths,
+            given.frame or reading.frame, given.angles or reading.angles, given.lengths or reading.lengths
         )
         root = root["entries"]
-    for number, node in enumerate(root.items(), start=1):
-        yield _entry(node, number, reading)
+    for place, node in enumerate(root.items(), start=1):
+        yield _entry(node, place, reading)
 
 
-def _require_known(node: JsonNode, known: tuple[str, ...]) -> None:
-    for name in node.value:
-        if name not in known:
-            raise node[name].error(f"is an unknown key; must be one of {', '.join(known)}")
+_JAWS = rule_of(
+    "open, close, or a number from 0 (open) to 1 (shut)",
+    lambda v: v in JAWS if isinstance(v, str) else is_number(v) and 0.0 <= v <= 1.0,
+    lambda v: float(JAWS.get(v, v)),
+)
 
 
-def _entry(node: JsonNode, number: int, reading: Reading) -> Entry:
+def _flat(*counts: int) -> Rule[Array]:
+    """Numbers in a list, or in a list of rows, row by row."""
+    words = " or ".join(map(str, counts)) + " numbers"
+
+    def read(node: Node) -> Array:
+        rows = isinstance(node.value, list) and bool(node.value) and isinstance(node.value[0], list)
+        values = np.ravel(node.read(numbers((None, None)) if rows else numbers(None)))
+        if rows and np.shape(node.value) not in ((4, 4), (3, 4)):
+            raise node.error("must be 4 (or 3) rows of 4 numbers")
+        if counts and len(values) not in counts:
+            raise node.error(f"must be {words}, not {len(values)}")
+        return values
+
+    return Rule(words, read)
+
+
+class _ListKeys(Keys):
+    entries: list[Any] = key("entries", rule_of("a list", lambda v: isinstance(v, list), list))
+    frame: str | None = key("frame", line(*FRAMES), None)
+    angles: str | None = key("angles", line(*ANGLES), None)
+    lengths: str | None = key("lengths", line(*LENGTHS), None)
+
+
+_LENGTH = number("mm", 0.0, 1000.0)
+
+
+class _EntryKeys(Keys):
+    T_base_flange: Array | None = key("T_base_flange", _flat(12, 16), None)
+    T_base_tool: Array | None = key("T_base_tool", _flat(12, 16), None)
+    q_rad: Array | None = key("q_rad", _flat(6), None)
+    q_deg: Array | None = key("q_deg", _flat(6), None)
+    name: str | None = key("name", line(), None)
+    by: str = key("by", line(*WAYS), "transit")
+    free: str = key("free", line(), "")
+    approach: float = key("approach_mm", _LENGTH, 0)
+    retract: float = key("retract_mm", _LENGTH, 0)
+    within: float = key("within_mm", _LENGTH, 0)
+    speed: float | None = key("speed_mm_s", number("mm/s", 0.1, 2000.0), None)
+    dwell_s: float = key("dwell_s", number("", 0.0, 60.0), 0)
+    jaws: float | None = key("jaws", _JAWS, None)
+
+
+_PASSED = (
+    "by",
+    "free",
+    "approach",
+    "retract",
+    "within",
+    "speed",
+    "dwell_s",
+    "jaws",
+)  # to an entry, as they are
+
+
+def _entry(node: Node, place: int, reading: Reading) -> Entry:
     if isinstance(node.value, list):
-        return _bare(node.path, node.key, number, _flat(node), reading)
+        return _bare(node.file, node.key, place, node.read(_flat()), reading)
     if not isinstance(node.value, dict):
         raise node.error("must be an object or a list of numbers")
-    _require_known(node, (*_BY_KEY, *_AT_A_POSE, *_ALWAYS))
+    keys = _EntryKeys.read(node)
     given = [key for key in _BY_KEY if key in node]
     if len(given) > 1:
         raise node[given[1]].error(f"cannot be combined with {given[0]}; an entry has one of them")
@@ -275,50 +329,11 @@ def _entry(node: JsonNode, number: int, reading: Reading) -> Entry:
     if not given and "jaws" not in node and "dwell_s" not in node:
         raise node.error(f"must have one of {', '.join(_BY_KEY)}, or only jaws or dwell_s")
     kind = given[0] if given else "rest"
-    named = {"T": "pose", "q": "configuration", "r": "rest"}[kind[0]]
-    return Entry(
-        key=node.key,
-        name=node["name"].text() if "name" in node else f"{named} {number}",
-        frame=kind.removeprefix("T_base_") if kind.startswith("T_") else "",
-        T=_pose(node.path, f"{node.key}.{kind}", _flat(node[kind], 12, 16).reshape(-1, 4), reading.lengths)
-        if kind.startswith("T_")
-        else None,
-        q=frozen(_flat(node[kind], 6) * ANGLES[kind.removeprefix("q_")]) if kind.startswith("q_") else None,
-        by=node["by"].text(*WAYS) if "by" in node else "transit",
-        free=node["free"].text() if "free" in node else "",
-        approach=_number(node, "approach_mm", 1000.0) / 1e3,
-        retract=_number(node, "retract_mm", 1000.0) / 1e3,
-        within=_number(node, "within_mm", 1000.0) / 1e3,
-        speed=_number(node, "speed_mm_s", 2000.0, 0.1) / 1e3 if "speed_mm_s" in node else None,
-        dwell_s=_number(node, "dwell_s", 60.0),
-        jaws=_jaws(node["jaws"]) if "jaws" in node else None,
-    )
-
-
-def _flat(node: JsonNode, *counts: int) -> Array:
-    """Return the numbers of a list, or of a list of rows, row by row."""
-    rows = isinstance(node.value, list) and bool(node.value) and isinstance(node.value[0], list)
-    values = np.ravel(node.numbers(None, None) if rows else node.numbers(None))
-    if rows and np.shape(node.value) not in ((4, 4), (3, 4)):
-        raise node.error("must be 4 (or 3) rows of 4 numbers")
-    if counts and len(values) not in counts:
-        raise node.error(f"must be {' or '.join(map(str, counts))} numbers, not {len(values)}")
-    return values
-
-
-def _number(node: JsonNode, key: str, high: float, low: float = 0.0) -> float:
-    if key not in node:
-        return 0.0
-    value: Any = node[key].value
-    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-        raise node[key].error(f"must be a number from {low:g} to {high:g}")
-    return float(value)
-
-
-def _jaws(node: JsonNode) -> float:
-    if isinstance(node.value, str):
-        return JAWS[node.text(*JAWS)]
-    value = node.value
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= 1.0:
-        raise node.error("must be open, close, or a number from 0 (open) to 1 (shut)")
-    return float(value)
+    named, frame, T, q = "rest", "", None, None
+    if kind.startswith("T_"):
+        named, frame = "pose", kind.removeprefix("T_base_")
+        T = _pose(node.file, f"{node.key}.{kind}", getattr(keys, kind).reshape(-1, 4), reading.lengths)
+    elif kind.startswith("q_"):
+        named, q = "configuration", frozen(getattr(keys, kind) * ANGLES[kind.removeprefix("q_")])
+    values = {name: getattr(keys, name) for name in _PASSED}
+    return Entry(node.key, keys.name or f"{named} {place}", frame, T, q, **values)

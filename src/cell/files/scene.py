@@ -8,16 +8,17 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
+from typing import Any
 
 from arm.controller.unit import UNITS, Unit, load_unit
 from arm.errors import InputError
-from arm.io.toml_reader import TomlTable
+from arm.io.keys import Keys, key
+from arm.io.node import Node, Rule
+from arm.io.rules import number, numbers, rule_of, tables, text
 from arm.robot.model import Robot, load_a465
 from arm.robot.shapes import Body, Box
 from arm.se3 import Array, frozen, transform
-from cell.config.bodies import read_body, read_pose
+from cell.config.bodies import PLACE, TURN, pose_of, read_body
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
 from cell.files.task import read_task
@@ -27,6 +28,9 @@ Pair = frozenset[str]
 # A query tests for overlap at one configuration, a motion for the requested clearance.
 QUERY_VERDICTS = ("free", "collides")
 MOTION_VERDICTS = ("clear", "too close")
+_PAIRS = rule_of("a list of pairs of names", lambda v: isinstance(v, list), list)
+_DISTANCE = number("mm", -1000, 10000)
+_JOINTS = numbers(6, "deg", -360, 360)
 
 
 @dataclass(frozen=True)
@@ -121,6 +125,56 @@ class SceneFile:
         )
 
 
+class _CubeKeys(Keys):
+    name: str = key("name", text())
+    size: float = key("size_mm", number("mm", 5, 80), 40)
+    place: Array = key("centre_mm", PLACE)
+    rpy: Array = key("rpy_deg", TURN, [0, 0, 0])
+
+
+def _cube(node: Node) -> Body:
+    """Read a cube. The pose of a held cube is in the tool frame."""
+    keys = _CubeKeys.read(node)
+    return Body(keys.name, Box((keys.size,) * 3), pose_of(keys.place, keys.rpy), "cube")
+
+
+class _ExpectedKeys(Keys):
+    name: str = key("name", text())
+    allowed: list[Any] = key("allowed", _PAIRS, [])
+    pair: Any = key("pair", Rule("two names", lambda node: node.value), None)
+
+
+class _QueryKeys(_ExpectedKeys):
+    q: Array = key("q_deg", _JOINTS)
+    verdict: str | None = key("verdict", text(*QUERY_VERDICTS), None)
+    distance: float | None = key("distance_mm", _DISTANCE, None)
+
+
+class _MotionKeys(_ExpectedKeys):
+    first: Array = key("from_deg", _JOINTS)
+    last: Array = key("to_deg", _JOINTS)
+    asked: float = key("asked_mm", number("mm", 0, 1000))
+    verdict: str | None = key("verdict", text(*MOTION_VERDICTS), None)
+    clearance: float | None = key("clearance_mm", _DISTANCE, None)
+
+
+class _SceneKeys(Keys):
+    unit: str = key("unit", text(*UNITS))
+    tool_length: float = key("tool_length_mm", number("mm", 1, 1000))
+    jaw_opening: float = key("jaw_opening_mm", number("mm", 1, 100))
+    padding: float = key("padding_mm", number("mm", 0, 100), 0)
+    allowed: list[Any] = key("allowed", _PAIRS, [])
+    bodies: tuple[Body, ...] = key("bodies", tables(lambda node: read_body(node, "wall")), [])
+    cubes: tuple[Body, ...] = key("cubes", tables(_cube), [])
+    held: Body | None = key("held", Rule("a table", _cube), None)
+    queries: tuple[tuple[Node, _QueryKeys], ...] = key(
+        "queries", tables(lambda node: (node, _QueryKeys.read(node))), []
+    )
+    motions: tuple[tuple[Node, _MotionKeys], ...] = key(
+        "motions", tables(lambda node: (node, _MotionKeys.read(node))), []
+    )
+
+
 def read_scene_file(path: Path) -> SceneFile:
     """Read a scene file.
 
@@ -133,7 +187,7 @@ def read_scene_file(path: Path) -> SceneFile:
     Raises:
         InputError: a value is wrong; names file, key, value, unit and rule.
     """
-    root = TomlTable.read(path)
+    root = Node.of_toml(path)
     if "task" in root or "q_start_deg" in root:
         kind = "task" if "task" in root else "cell"
         raise InputError(
@@ -141,85 +195,52 @@ def read_scene_file(path: Path) -> SceneFile:
             f"with queries or motions (docs/scenes.md), or a {kind} file with a configuration (--q)",
             file=str(path),
         )
-    unit = load_unit(root.text("unit", choices=UNITS))
-    jaw_opening = root.number("jaw_opening_mm", "mm", 1, 100) / 1e3
-    robot = load_a465(root.number("tool_length_mm", "mm", 1, 1000) / 1e3, jaw_opening)
-    tables = [*root.tables("bodies"), *root.tables("cubes")]
-    bodies = [read_body(table, "wall") for table in root.tables("bodies")]
-    bodies += [_cube(table) for table in root.tables("cubes")]
-    held = None
-    if "held" in root:
-        tables.append(root.table("held"))
-        held = _cube(root.table("held"))
+    keys = _SceneKeys.read(root)
+    unit = load_unit(keys.unit)
+    robot = load_a465(keys.tool_length, keys.jaw_opening)
+    nodes = [node for key in ("bodies", "cubes") if key in root for node in root[key].items()]
+    bodies = [*keys.bodies, *keys.cubes]
+    nodes += [root["held"]] if keys.held else []
 
     names = {b.name for b in robot.bodies}
-    for table, body in zip(tables, [*bodies, held] if held else bodies, strict=True):
+    for node, body in zip(nodes, [*bodies, keys.held] if keys.held else bodies, strict=True):
         if body.name in names:
-            raise table.error("name", "is used twice, or is a body of the arm; names must differ")
+            raise node.error_at("name", "is used twice, or is a body of the arm; names must differ")
         names.add(body.name)
-    scene = SceneFile(
+    return SceneFile(
         file=path,
         unit=unit,
         robot=robot,
-        jaw_opening=jaw_opening,
+        jaw_opening=keys.jaw_opening,
         bodies=tuple(bodies),
-        held=held,
-        T_tool_held=held.T_base_body if held else transform(),
-        allowed=_allowed(root, names),
-        padding=root.number("padding_mm", "mm", 0, 100, default=0.0) / 1e3,
-        queries=tuple(_query(table, unit, names) for table in root.tables("queries")),
-        motions=tuple(_motion(table, unit, names) for table in root.tables("motions")),
+        held=keys.held,
+        T_tool_held=keys.held.T_base_body if keys.held else transform(),
+        allowed=_allowed(root, keys.allowed, names),
+        padding=keys.padding,
+        queries=tuple(_query(*one, unit, names) for one in keys.queries),
+        motions=tuple(_motion(*one, unit, names) for one in keys.motions),
     )
-    root.finish()
-    return scene
 
 
-def _cube(table: TomlTable) -> Body:
-    """Read a cube. The pose of a held cube is in the tool frame."""
-    name = table.text("name")
-    size = table.number("size_mm", "mm", 5, 80, default=40.0) / 1e3
-    pose = read_pose(table, "centre_mm")
-    table.finish()
-    return Body(name, Box((size, size, size)), pose, "cube")
+def _query(node: Node, keys: _QueryKeys, unit: Unit, names: set[str]) -> Query:
+    q = _configuration(node, "q_deg", keys.q, unit)
+    expected = Expected(keys.verdict, keys.distance, _expected_pair(node, keys, names))
+    return Query(keys.name, q, _allowed(node, keys.allowed, names), expected)
 
 
-def _query(table: TomlTable, unit: Unit, names: set[str]) -> Query:
-    query = Query(
-        table.text("name"),
-        _configuration(table, "q_deg", unit),
-        _allowed(table, names),
-        _expected(table, QUERY_VERDICTS, "distance_mm", names),
-    )
-    table.finish()
-    return query
+def _motion(node: Node, keys: _MotionKeys, unit: Unit, names: set[str]) -> Motion:
+    ends = [
+        _configuration(node, "from_deg", keys.first, unit),
+        _configuration(node, "to_deg", keys.last, unit),
+    ]
+    expected = Expected(keys.verdict, keys.clearance, _expected_pair(node, keys, names))
+    return Motion(keys.name, frozen(ends), keys.asked, _allowed(node, keys.allowed, names), expected)
 
 
-def _motion(table: TomlTable, unit: Unit, names: set[str]) -> Motion:
-    motion = Motion(
-        table.text("name"),
-        frozen([_configuration(table, key, unit) for key in ("from_deg", "to_deg")]),
-        table.number("asked_mm", "mm", 0, 1000) / 1e3,
-        _allowed(table, names),
-        _expected(table, MOTION_VERDICTS, "clearance_mm", names),
-    )
-    table.finish()
-    return motion
-
-
-def _configuration(table: TomlTable, key: str, unit: Unit) -> Array:
-    q = np.radians(table.numbers(key, 6, "deg", -360, 360))
-    rule = beyond_limits(q, unit)
-    if rule:
-        raise table.error(key, rule)
-    return frozen(q)
-
-
-def beyond_limits(q: Array, unit: Unit) -> str:
-    """Return the joint limit that a configuration (6,), rad, violates, or ""."""
-    for joint, (value, low, high) in enumerate(zip(q, unit.lower, unit.upper, strict=True), start=1):
-        if not low <= value <= high:
-            return f"J{joint} must be from {np.degrees(low):.1f} to {np.degrees(high):.1f} deg on {unit.name}"
-    return ""
+def _configuration(node: Node, key: str, q: Array, unit: Unit) -> Array:
+    if rule := unit.beyond_limits(q):
+        raise node.error_at(key, rule)
+    return q
 
 
 def read_surroundings(path: Path) -> SceneFile:
@@ -228,7 +249,7 @@ def read_surroundings(path: Path) -> SceneFile:
     Raises:
         InputError: the file is none of these, or is wrong.
     """
-    root = TomlTable.read(path)
+    root = Node.of_toml(path)
     if "task" in root:
         return _of_cell(read_task(path).cell)
     if "q_start_deg" in root or "camera" in root:
@@ -244,29 +265,19 @@ def _of_cell(cell: Cell) -> SceneFile:
     )
 
 
-def _expected(table: TomlTable, verdicts: tuple[str, ...], distance_key: str, names: set[str]) -> Expected:
-    return Expected(
-        table.text("verdict", choices=verdicts) if "verdict" in table else None,
-        table.number(distance_key, "mm", -1000, 10000) / 1e3 if distance_key in table else None,
-        _pair(table, "pair", table.value("pair", "two names"), names) if "pair" in table else None,
-    )
+def _expected_pair(node: Node, keys: _ExpectedKeys, names: set[str]) -> Pair | None:
+    return None if keys.pair is None else _pair(node, "pair", keys.pair, names)
 
 
-def _allowed(table: TomlTable, names: set[str]) -> frozenset[Pair]:
-    if "allowed" not in table:
-        return frozenset()
-    pairs = table.value("allowed", "a list of pairs of names")
-    if not isinstance(pairs, list):
-        raise table.error("allowed", "must be a list of pairs of names")
-    return frozenset(_pair(table, "allowed", pair, names) for pair in pairs)
+def _allowed(node: Node, pairs: list[Any], names: set[str]) -> frozenset[Pair]:
+    return frozenset(_pair(node, "allowed", pair, names) for pair in pairs)
 
 
-def _pair(table: TomlTable, key: str, value: object, names: set[str]) -> Pair:
+def _pair(node: Node, key: str, value: object, names: set[str]) -> Pair:
     if not isinstance(value, list) or not all(isinstance(n, str) for n in value) or len(set(value)) != 2:
-        raise table.error(key, "must name two different bodies")
+        raise node.error_at(key, "must name two different bodies")
     unknown = sorted(set(value) - names)
     if unknown:
-        raise table.error(
-            key, f"names {unknown[0]!r}, which is not a body; must be of {', '.join(sorted(names))}"
-        )
+        known = ", ".join(sorted(names))
+        raise node.error_at(key, f"names {unknown[0]!r}, which is not a body; must be of {known}")
     return frozenset(value)

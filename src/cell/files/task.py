@@ -10,14 +10,19 @@ import numpy as np
 
 from arm.board import Board
 from arm.errors import InputError
+from arm.io.keys import Keys, key
+from arm.io.node import Node
+from arm.io.rules import integer, integers, is_whole, number, numbers, path, rule_of, same, text
 from arm.io.storage import canonical_json, sha256
-from arm.io.toml_reader import TomlTable
+from arm.se3 import Array
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
 from cell.config.inputs import Inputs, config_inputs
 from plan.options import CHOICES, LOOKS
 
 KINDS = ("clear-board", "board-to-board")
+KIND = text(*KINDS)
+_IDS = integers(2, 0, 999)
 
 
 @dataclass(frozen=True)
@@ -78,6 +83,42 @@ class Task:
         return (self.from_board,) if self.to_board is None else (self.from_board, self.to_board)
 
 
+class TaskKeys(Keys):
+    """Keys of every task file."""
+
+    task: str = key("task", KIND)
+    cell: Path = key("cell", path())
+    from_board: tuple[int, ...] = key("from_board", _IDS)
+    look_after: str | int = key(
+        "look_after",
+        rule_of(
+            f"one of {', '.join(LOOKS)}, or a number of cubes from 1 on",
+            lambda v: v in LOOKS or is_whole(v, 1),
+            same,
+        ),
+        "each",
+    )
+    order: str = key("order", text(*CHOICES), "free")
+    assignment: str = key("assignment", text(*CHOICES), "free")
+    seed: int = key("seed", integer(0, 2**31 - 1), 0)
+
+
+class Task1Keys(TaskKeys):
+    """Keys of Task 1."""
+
+    board_height: float = key("board_height_mm", number("mm", 15, 1000))
+    origin: Array = key("places.origin_mm", numbers(2, "mm", -2000, 2000))
+    step: Array = key("places.step_mm", numbers(2, "mm", 0, 500))
+    count: tuple[int, ...] = key("places.count", integers(2, 1, 20))
+    yaw: float = key("places.yaw_deg", number("deg", -360, 360), 0)
+
+
+class Task2Keys(TaskKeys):
+    """Keys of Task 2."""
+
+    to_board: tuple[int, ...] = key("to_board", _IDS)
+
+
 def read_task(path: Path, on_uncalibrated: Callable[[InputError], None] | None = None) -> Task:
     """Read a task file and the cell file that it names.
 
@@ -88,69 +129,51 @@ def read_task(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
     Raises:
         InputError: a value is wrong; names file, key, value and rule.
     """
-    root = TomlTable.read(path)
-    kind = root.text("task", choices=KINDS)
-    cell = read_cell(root.path("cell"), on_uncalibrated)
-    from_board = _board(root, cell, "from_board")
+    root = Node.of_toml(path)
+    keys: Task1Keys | Task2Keys
     to_board = places = height = None
-    if kind == "board-to-board":
-        to_board = _board(root, cell, "to_board")
-        if to_board == from_board:
-            raise root.error("to_board", "must be another board than from_board")
+    if root.get("task", KIND) == KINDS[0]:
+        keys = one = Task1Keys.read(root)
+        cell = read_cell(keys.cell, on_uncalibrated)
+        places, height = _places(one, root, cell), one.board_height
     else:
-        places = _places(root.table("places"), cell)
-        height = root.number("board_height_mm", "mm", 15, 1000) / 1e3
-    look_after = _look_after(root)
-    order, assignment = (root.text(key, choices=CHOICES, default="free") for key in ("order", "assignment"))
-    seed = root.integer("seed", 0, 2**31 - 1, default=0)
-    root.finish()
-    inputs = config_inputs(root.value_dict(), left_out=("cell",))
+        keys = two = Task2Keys.read(root)
+        cell = read_cell(keys.cell, on_uncalibrated)
+        to_board = _board(two.to_board, root, cell, "to_board")
+        if set(two.to_board) == set(two.from_board):
+            raise root.error_at("to_board", "must be another board than from_board")
+    inputs = config_inputs(root.value, left_out=("cell",))
     return Task(
         file=path,
-        kind=kind,
+        kind=keys.task,
         cell=cell,
-        from_board=from_board,
+        from_board=_board(keys.from_board, root, cell, "from_board"),
         to_board=to_board,
         places=places,
         board_height=height,
-        look_after=look_after,
-        order=order,
-        assignment=assignment,
-        seed=seed,
+        look_after=keys.look_after,
+        order=keys.order,
+        assignment=keys.assignment,
+        seed=keys.seed,
         inputs=inputs,
         digest=sha256(sha256(canonical_json(inputs)) + cell.digest),
     )
 
 
-def _look_after(root: TomlTable) -> str | int:
-    if "look_after" not in root:
-        return "each"
-    rule = f"one of {', '.join(LOOKS)}, or a number of cubes from 1 on"
-    value = root.value("look_after", rule)
-    if value in LOOKS or (isinstance(value, int) and not isinstance(value, bool) and value >= 1):
-        return value  # type: ignore[no-any-return]
-    raise root.error("look_after", f"must be {rule}")
-
-
-def _board(root: TomlTable, cell: Cell, key: str) -> Board:
-    low, high = root.integers(key, 2, 0, 999)
+def _board(ids: tuple[int, ...], root: Node, cell: Cell, key: str) -> Board:
     for board in cell.boards:
-        if set(board.marker_ids) == {low, high}:
+        if set(board.marker_ids) == set(ids):
             return board
     known = ", ".join(str(list(b.marker_ids)) for b in cell.boards)
-    raise root.error(key, f"must be the two marker ids of a board that {cell.file.name} lists: {known}")
+    raise root.error_at(key, f"must be the two marker ids of a board that {cell.file.name} lists: {known}")
 
 
-def _places(table: TomlTable, cell: Cell) -> TablePlaces:
-    origin = table.numbers("origin_mm", 2, "mm", -2000, 2000) / 1e3
-    gap = 1e3 * (cell.cube_size * np.sqrt(2.0) + 0.005)
-    step = table.numbers("step_mm", 2, "mm", gap, 500) / 1e3
-    nx, ny = table.integers("count", 2, 1, 20)
+def _places(keys: Task1Keys, root: Node, cell: Cell) -> TablePlaces:
+    gap = cell.cube_size * np.sqrt(2.0) + 0.005
+    if keys.step.min() < gap:
+        raise root.error_at("places.step_mm", f"must be 2 numbers in mm from {1e3 * gap:g} to 500")
+    nx, ny = keys.count
     if nx * ny < 4:
-        raise table.error("count", "must make at least four places")
-    yaw = float(np.radians(table.number("yaw_deg", "deg", -360, 360, default=0.0)))
-    table.finish()
-    centres = tuple(
-        (float(origin[0] + i * step[0]), float(origin[1] + j * step[1])) for j in range(ny) for i in range(nx)
-    )
-    return TablePlaces(centres, yaw)
+        raise root.error_at("places.count", "must make at least four places")
+    (x, y), (dx, dy) = keys.origin.tolist(), keys.step.tolist()
+    return TablePlaces(tuple((x + i * dx, y + j * dy) for j in range(ny) for i in range(nx)), keys.yaw)

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from arm.board import PLATE_CENTRE, Board, read_board_csv
-from arm.io.toml_reader import TomlTable
+from arm.io.keys import Keys, key
+from arm.io.node import Node, Rule
+from arm.io.rules import integer, is_whole, number, numbers, path, rule_of, same, tables
 from arm.numerics.products import mul
 from arm.robot.link_errors import LinkErrors
-from arm.se3 import Array, frozen, rot_z, rotation, transform
+from arm.se3 import Array, rot_z, rotation, transform
 from vision.camera.model import Camera, read_camera
 
 RELEASES = ("seated", "high", "half", "rim", "aside", "pushed")
@@ -63,6 +66,49 @@ def board_placement(centre: npt.ArrayLike, yaw: float, tilt: float, lean_azimuth
     return transform(R, np.asarray(centre, dtype=float) - mul(R, np.array([*PLATE_CENTRE, 0.0])))
 
 
+def _of_joints(unit: str, largest: float) -> Rule[Array]:
+    return numbers(6, unit, -largest, largest)
+
+
+def _is_holes(value: Any) -> bool:
+    return isinstance(value, list) and all(is_whole(h, 1, 4) for h in value) and len(set(value)) == len(value)
+
+
+class TrueBoardKeys(Keys):
+    """Keys of a board of the world file."""
+
+    file: Path = key("file", path())
+    centre: Array = key("centre_mm", numbers(3, "mm", -2000, 2000))
+    yaw: float = key("yaw_deg", number("deg", -360, 360))
+    tilt: float = key("tilt_deg", number("deg", 0, 60))
+    lean_azimuth: float = key("lean_azimuth_deg", number("deg", -360, 360), 0)
+    cubes: list[int] = key("cubes", rule_of("a list of different hole numbers from 1 to 4", _is_holes, same))
+
+
+class WorldKeys(Keys):
+    """Keys of a world file."""
+
+    camera: Path | None = key("camera", path(), None)
+    seed: int = key("seed", integer(0, 2**31 - 1), 0)
+    noise_grey: float = key("noise_grey", number("grey levels", 0, 50), 2)
+    joint_offsets: Array = key("joint_offsets_deg", _of_joints("deg", 5), [0] * 6)
+    d: Array = key("dh_d_error_mm", _of_joints("mm", 20), [0] * 6)
+    a: Array = key("dh_a_error_mm", _of_joints("mm", 20), [0] * 6)
+    alpha: Array = key("dh_alpha_error_deg", _of_joints("deg", 2), [0] * 6)
+    releases: list[str] = key(
+        "releases",
+        rule_of(
+            f"a list of {', '.join(RELEASES)}",
+            lambda v: isinstance(v, list) and all(one in RELEASES for one in v),
+            same,
+        ),
+        [],
+    )
+    boards: tuple[TrueBoardKeys, ...] = key(
+        "boards", tables(lambda node: TrueBoardKeys.read(node), TrueBoardKeys)
+    )
+
+
 def read_world(path: Path, marker_size: float) -> World:
     """Read a world file.
 
@@ -73,50 +119,22 @@ def read_world(path: Path, marker_size: float) -> World:
     Raises:
         InputError: a value is wrong; names file, key, value and rule.
     """
-    root = TomlTable.read(path)
-    boards = tuple(_true_board(table, marker_size) for table in root.tables("boards", required=True))
-    world = World(
+    keys = WorldKeys.read(Node.of_toml(path))
+    boards = tuple(
+        TrueBoard(
+            read_board_csv(board.file, marker_size),
+            board_placement(board.centre, board.yaw, board.tilt, board.lean_azimuth),
+            tuple(hole - 1 for hole in board.cubes),
+        )
+        for board in keys.boards
+    )
+    return World(
         file=path,
         boards=boards,
-        noise_grey=root.number("noise_grey", "grey levels", 0, 50, default=2.0),
-        seed=root.integer("seed", 0, 2**31 - 1, default=0),
-        joint_offsets=frozen(
-            np.radians(root.numbers("joint_offsets_deg", 6, "deg", -5, 5, default=[0.0] * 6))
-        ),
-        links=LinkErrors(
-            frozen(root.numbers("dh_d_error_mm", 6, "mm", -20, 20, default=[0.0] * 6) / 1e3),
-            frozen(root.numbers("dh_a_error_mm", 6, "mm", -20, 20, default=[0.0] * 6) / 1e3),
-            frozen(np.radians(root.numbers("dh_alpha_error_deg", 6, "deg", -2, 2, default=[0.0] * 6))),
-        ),
-        camera=read_camera(root.path("camera")) if "camera" in root else None,
-        releases=_releases(root),
+        noise_grey=keys.noise_grey,
+        seed=keys.seed,
+        joint_offsets=keys.joint_offsets,
+        links=LinkErrors(keys.d, keys.a, keys.alpha),
+        camera=None if keys.camera is None else read_camera(keys.camera),
+        releases=tuple(keys.releases),
     )
-    root.finish()
-    return world
-
-
-def _releases(root: TomlTable) -> tuple[str, ...]:
-    rule = f"a list of {', '.join(RELEASES)}"
-    value = root.value("releases", rule) if "releases" in root else []
-    if not isinstance(value, list) or not all(one in RELEASES for one in value):
-        raise root.error("releases", f"must be {rule}")
-    return tuple(value)
-
-
-def _true_board(table: TomlTable, marker_size: float) -> TrueBoard:
-    board = read_board_csv(table.path("file"), marker_size)
-    T_base_board = board_placement(
-        table.numbers("centre_mm", 3, "mm", -2000, 2000) / 1e3,
-        float(np.radians(table.number("yaw_deg", "deg", -360, 360))),
-        float(np.radians(table.number("tilt_deg", "deg", 0, 60))),
-        float(np.radians(table.number("lean_azimuth_deg", "deg", -360, 360, default=0.0))),
-    )
-    holes = table.value("cubes", "a list of hole numbers from 1 to 4")
-    if (
-        not isinstance(holes, list)
-        or not all(isinstance(h, int) and 1 <= h <= 4 for h in holes)
-        or len(set(holes)) != len(holes)
-    ):
-        raise table.error("cubes", "must be a list of different hole numbers from 1 to 4")
-    table.finish()
-    return TrueBoard(board, T_base_board, tuple(h - 1 for h in holes))

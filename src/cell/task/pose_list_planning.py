@@ -21,7 +21,6 @@ from arm.robot.model import Robot
 from arm.robot.shapes import Body
 from arm.se3 import Array, frozen
 from cell.files.pose_list import Entry, PoseList
-from cell.files.scene import beyond_limits
 from cell.files.task import Task
 from cell.scene.build import build_scene
 from cell.task.planning import plan_fingerprint, pose_list_options
@@ -133,7 +132,7 @@ class _Planner:
         """Require that a configuration is within limits and clear."""
         if entry is None or entry.q is None:
             return
-        rule = beyond_limits(entry.q, self.cell.unit)
+        rule = self.cell.unit.beyond_limits(entry.q)
         if rule:
             degrees = [round(float(v), 3) for v in np.degrees(entry.q)]
             raise FileInputError(self.poses.file, entry.key, degrees, f"in deg: {rule}")

@@ -17,8 +17,10 @@ import numpy.typing as npt
 
 from arm.errors import InputError
 from arm.former import FormerNames
+from arm.io.keys import Keys, key
+from arm.io.node import Node, Rule
+from arm.io.rules import integers, numbers, rigid, table, tables
 from arm.io.storage import sha256, write_atomic
-from arm.io.toml_reader import TomlTable
 from arm.io.toml_writer import toml_lines, toml_rows
 from arm.se3 import Array, apply, frozen, inverse
 from vision.camera.distortion import distort, distortion_jacobian, undistort
@@ -134,6 +136,30 @@ class Camera:
             )
 
 
+def _intrinsic_matrix(node: Node) -> Array:
+    K = numbers((3, 3), "px").read(node)
+    if min(K[0, 0], K[1, 1]) <= 0.0 or K[1, 0] != 0.0 or not np.array_equal(K[2], (0.0, 0.0, 1.0)):
+        raise node.error("must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with fx, fy above 0")
+    return K
+
+
+INTRINSIC_MATRIX = Rule(numbers((3, 3), "px").words, _intrinsic_matrix)
+
+
+class CameraKeys(Keys):
+    """Keys of a camera file."""
+
+    size: tuple[int, ...] = key("intrinsics.size_px", integers(2, 16, 20000))
+    K: Array = key("intrinsics.K_px", INTRINSIC_MATRIX)
+    distortion: Array = key("intrinsics.distortion_k1k2p1p2k3", numbers(5))
+    covariance: Array | None = key("intrinsics.covariance", numbers((9, 9)), None)
+    T_base_camera: Array | None = key("pose.T_base_camera", rigid(), None)
+    calibration: Mapping[str, Any] = key("calibration", table(), {})
+    views: tuple[Any, ...] = key(
+        "views", tables(lambda node: node.value), default=[]
+    )  # poses of the target, for people and for later calibrations
+
+
 def read_camera(path: Path) -> Camera:
     """Read a camera file: ``[intrinsics]``, ``[pose]`` and, for information, ``[calibration]`` and ``[[views]]``.
 
@@ -154,29 +180,20 @@ def read_intrinsics(path: Path) -> Camera:
 
 
 def _read(path: Path, placed: bool) -> Camera:
-    root = TomlTable.read(path)
-    intrinsics, pose = root.table("intrinsics"), root.table("pose", required=False)
-    if placed and "pose" not in root:
-        raise root.error(
-            "pose",
+    root = Node.of_toml(path)
+    keys = CameraKeys.read(root)
+    if keys.T_base_camera is None and ("pose" in root or placed):
+        raise root.error_at(
+            "pose.T_base_camera" if "pose" in root else "pose",
             "is missing: the file has intrinsics, but no extrinsics",
             "add [pose] with T_base_camera, 4 rows of 4 numbers, m",
         )
-    width, height = intrinsics.integers("size_px", 2, 16, 20000)
-    K = intrinsics.matrix("K_px", 3, 3, "px")
-    if min(K[0, 0], K[1, 1]) <= 0.0 or K[1, 0] != 0.0 or not np.array_equal(K[2], (0.0, 0.0, 1.0)):
-        raise intrinsics.error("K_px", "must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with fx, fy above 0")
-    distortion = intrinsics.numbers("distortion_k1k2p1p2k3", 5, "")
-    covariance = intrinsics.matrix("covariance", 9, 9) if "covariance" in intrinsics else None
-    T_base_camera = pose.rigid("T_base_camera") if "pose" in root else frozen(np.eye(4))
-    calibration = root.value("calibration", "a table") if "calibration" in root else {}
-    root.tables("views")  # of the target, for people and for later calibrations
-    for table in (intrinsics, pose, root):
-        table.finish()
-    camera = Camera(K, distortion, (width, height), T_base_camera, calibration, covariance)
+    T_base_camera = np.eye(4) if keys.T_base_camera is None else keys.T_base_camera
+    size = (keys.size[0], keys.size[1])
+    camera = Camera(keys.K, keys.distortion, size, T_base_camera, keys.calibration, keys.covariance)
     if not _has_inverse(camera):
-        raise intrinsics.error(
-            "distortion_k1k2p1p2k3",
+        raise root.error_at(
+            "intrinsics.distortion_k1k2p1p2k3",
             "has no inverse somewhere in the image",
             "the order is k1 k2 p1 p2 k3; calibration views must reach the image's corners",
         )

@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from arm.board import Board
-from arm.io.json_reader import JsonNode
-from vision.camera.model import Camera
+from arm.io.node import Node
+from arm.io.rules import integer, numbers
+from vision.camera.model import INTRINSIC_MATRIX, Camera
 from vision.markers.detect import Marker
 
 SAME = 1e-6  # m, largest deviation of corners in a file from a square
@@ -40,7 +41,7 @@ def read_detections(path: Path) -> Detections:
     Raises:
         FileInputError: the format is broken; the message names the key.
     """
-    root = JsonNode.of_file(path)
+    root = Node.of_json(path)
     return Detections(
         read_recorded_camera(root["camera"]),
         _board(root["board"]),
@@ -48,28 +49,30 @@ def read_detections(path: Path) -> Detections:
     )
 
 
-def read_recorded_camera(node: JsonNode) -> Camera:
+def read_recorded_camera(node: Node) -> Camera:
     """A camera at the origin from its intrinsics: ``K_px``, ``distortion_k1k2p1p2k3``, ``size_px``."""
-    K, size = node["K_px"].numbers(3, 3), node["size_px"].numbers(2)
-    if min(K[0, 0], K[1, 1]) <= 0.0 or K[1, 0] != 0.0 or not np.array_equal(K[2], (0.0, 0.0, 1.0)):
-        raise node["K_px"].error("must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with fx, fy above 0")
+    K, size = node.get("K_px", INTRINSIC_MATRIX), node.get("size_px", numbers(2))
     if not (size == np.rint(size)).all() or size.min() < 1.0:
         raise node["size_px"].error("must be width and height in whole px")
-    return Camera(K, node["distortion_k1k2p1p2k3"].numbers(5), (int(size[0]), int(size[1])), np.eye(4))
+    return Camera(K, node.get("distortion_k1k2p1p2k3", numbers(5)), (int(size[0]), int(size[1])), np.eye(4))
 
 
-def _board(node: JsonNode) -> Board:
+def _board(node: Node) -> Board:
     markers = node["markers"].items()
     if len(markers) != 2:
         raise node["markers"].error(f"must have two markers, not {len(markers)}")
-    low, high = (marker["id"].integer(0, 10**6) for marker in markers)
+    low, high = (marker["id"].read(integer(0, 10**6)) for marker in markers)
     if low == high:
         raise markers[1]["id"].error("must differ from that of the first marker")
-    corners = np.stack([marker["corners_m"].numbers(4, 3) for marker in markers])
+    corners = np.stack([marker["corners_m"].read(numbers((4, 3))) for marker in markers])
     size = float(np.linalg.norm(corners[0, 1] - corners[0, 0]))
     x, y, _ = corners[1].mean(axis=0) - corners[0].mean(axis=0)
     board = Board(
-        f"{low:02d}-{high:02d}", (low, high), node["holes_m"].numbers(4, 3), size, (float(x), float(y))
+        f"{low:02d}-{high:02d}",
+        (low, high),
+        node["holes_m"].read(numbers((4, 3))),
+        size,
+        (float(x), float(y)),
     )
     if np.abs(board.marker_corners() - corners).max() > SAME:
         raise node["markers"].error(
@@ -79,12 +82,12 @@ def _board(node: JsonNode) -> Board:
     return board
 
 
-def _scene(node: JsonNode) -> tuple[tuple[Marker, ...], ...]:
+def _scene(node: Node) -> tuple[tuple[Marker, ...], ...]:
     frames = node["frames"].items()
     if not frames:
         raise node["frames"].error("must have at least one photograph")
     return tuple(tuple(map(_marker, frame["markers"].items())) for frame in frames)
 
 
-def _marker(node: JsonNode) -> Marker:
-    return Marker(node["id"].integer(0, 10**6), node["corners_px"].numbers(4, 2), "recorded")
+def _marker(node: Node) -> Marker:
+    return Marker(node["id"].read(integer(0, 10**6)), node["corners_px"].read(numbers((4, 2))), "recorded")

@@ -15,7 +15,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from arm.io.toml_reader import TomlTable
+from arm.io.keys import Keys, key
+from arm.io.node import Node, Rule
+from arm.io.rules import integers, number, text
 from arm.se3 import Array, frozen
 from vision.camera.frame_source import Image
 from vision.markers.dictionaries import dictionary_names, predefined
@@ -24,6 +26,7 @@ _SADDLE_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 50, 0.001)
 FEWEST_CORNERS = 6
 """Fewer do not give a pose fit for calibration."""
 FEWEST_MARKERS = 3  # of another board; large dictionaries give false detections in any clutter
+KIND = text("charuco", "checkerboard")
 
 
 @dataclass(frozen=True)
@@ -90,42 +93,53 @@ class TargetView:
     marker_ids: npt.NDArray[np.intp]
 
 
+class CheckerboardKeys(Keys):
+    """Keys of a target without markers."""
+
+    kind: str = key("kind", KIND, "charuco")
+    squares: tuple[int, ...] = key("squares", integers(2, 3, 100))
+    square: float = key("square_mm", number("mm", 0.1, 1000))
+
+
+class CharucoKeys(CheckerboardKeys):
+    """Keys of a target with markers."""
+
+    marker: float = key("marker_mm", number("mm", 0.1, 1000))
+    dictionary: str = key("dictionary", Rule("one of OpenCV's dictionaries", text(*dictionary_names()).read))
+
+
 def read_target(path: Path) -> Target:
     """Read a target file: kind, squares = [columns, rows], square_mm, and of a ChArUco board marker_mm and dictionary.
 
     Raises:
         FileInputError: a value breaks its rule.
     """
-    root = TomlTable.read(path)
-    target = target_of(root)
-    root.finish()
-    return target
+    root = Node.of_toml(path)
+    is_charuco = root.get("kind", KIND, "charuco") == "charuco"
+    return target_of((CharucoKeys if is_charuco else CheckerboardKeys).read(root), root)
 
 
-def target_of(root: TomlTable) -> Target:
-    """Read the target from a file with further keys; the caller reads them and calls `finish`.
+def target_of(keys: CheckerboardKeys, root: Node) -> Target:
+    """Return the target of a file's keys; `root` is the file, for messages.
 
     Raises:
         FileInputError: a value breaks its rule.
     """
-    kind = root.text("kind", ("charuco", "checkerboard"), default="charuco")
-    columns, rows = root.integers("squares", 2, 3, 100)
-    square = root.number("square_mm", "mm", 0.1, 1000.0) / 1e3
-    if kind == "checkerboard":
+    columns, rows = keys.squares
+    if not isinstance(keys, CharucoKeys):
         if (columns + rows) % 2 == 0:
-            raise root.error(
+            raise root.error_at(
                 "squares",
                 "must be one even and one odd number: any other checkerboard looks the same rotated by 180 deg",
             )
-        return Target("checkerboard", columns, rows, square, 0.0, "")
-    marker = root.number("marker_mm", "mm", 0.1, 1000.0) / 1e3
-    if marker >= square:
-        raise root.error("marker_mm", f"must be less than square_mm = {1e3 * square:g}")
-    dictionary = root.text("dictionary", dictionary_names())
-    target = Target("charuco", columns, rows, square, marker, dictionary)
-    known = len(predefined(dictionary).bytesList)
+        return Target("checkerboard", columns, rows, keys.square, 0.0, "")
+    if keys.marker >= keys.square:
+        raise root.error_at("marker_mm", f"must be less than square_mm = {1e3 * keys.square:g}")
+    target = Target("charuco", columns, rows, keys.square, keys.marker, keys.dictionary)
+    known = len(predefined(keys.dictionary).bytesList)
     if len(target.marker_squares()) > known:
-        raise root.error("squares", f"need {len(target.marker_squares())} markers; {dictionary} has {known}")
+        rule = f"need {len(target.marker_squares())} markers; {keys.dictionary} has {known}"
+        raise root.error_at("squares", rule)
     return target
 
 

@@ -84,13 +84,13 @@ def test_corners_that_were_not_seen_are_null(tmp_path):
             lambda v: v["poses"][3].update(corners_px=[[300, 200]] * 4),
             "poses[3].corners_px: must have corners that do not all lie on one line",
         ),
-        (lambda v: v["target"]["points_m"][0].pop(), "target.points_m: must be n x 3 finite numbers"),
+        (lambda v: v["target"]["points_m"][0].pop(), "target.points_m: must be rows of 3 finite numbers"),
         (lambda v: v.update(poses=[]), "poses: must have at least one pose"),
         (lambda v: v["poses"][3].pop("joints_rad"), "poses[3].joints_rad: is missing"),
         (lambda v: v["poses"][3]["joints_rad"].pop(), "poses[3].joints_rad: must be 6 finite numbers"),
         (
             lambda v: v["poses"][3]["corners_px"].pop(),
-            "poses[3].corners_px: must be 4 x 2 finite numbers, or null",
+            "poses[3].corners_px: must be 4 rows of 2 finite numbers, or null",
         ),
         (
             lambda v: v["poses"][3]["corners_px"].__setitem__(0, [None, None]),
@@ -105,7 +105,7 @@ def test_what_breaks_the_format_is_named(tmp_path, break_it, said):
     break_it(value)
     with pytest.raises(FileInputError) as caught:
         read(tmp_path, value)
-    assert said in str(caught.value)
+    assert said in f"{caught.value.data['key']}: {caught.value.data['rule']}\n{caught.value}"
     assert "poses.json" in str(caught.value)
 
 

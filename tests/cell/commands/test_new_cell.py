@@ -16,6 +16,7 @@ import typer
 
 import cell.export.folder
 from arm.errors import InputError
+from arm.io.node import REQUIRED
 from arm.io.storage import data_file, write_atomic
 from cell.cli.main import app
 from cell.commands import new_cell as newcell
@@ -23,12 +24,14 @@ from cell.commands.new_cell import PLACEHOLDER, new_cell_step, next_commands
 from cell.config.cell_file import read_cell
 from cell.console import Console
 from cell.files.hand_target import read_hand_target
+from cell.files.key_texts import declared_keys
 from cell.files.task import read_task
 from cell.files.world import read_world
 from cell.task.planning import plan_rest
 from tasks.true_look import true_look
 from typed.command_line import a465, refused, replace_in
 
+NOT_OFFERED = ("calibration", "tool.urdf", "look.basler.features", "camera", "intrinsics.covariance", "views")
 KEY = re.compile(r"^(\w+) = ")
 
 
@@ -92,16 +95,20 @@ def test_it_places_a_cube_in_the_simulated_cell(tmp_path: Path) -> None:
 
 
 def test_every_key_has_a_comment_and_every_comment_a_key(written: dict[str, Path]) -> None:
-    for name, source in newcell._FILES.items():
-        lines = (written["crs93"] / name).read_text().splitlines()
+    for name, (_, _, kind) in newcell._FILES.items():
+        text = (written["crs93"] / name).read_text()
+        lines = text.splitlines()
         keys = [i for i, line in enumerate(lines) if KEY.match(line)]
         assert keys
         assert all(lines[i - 1].startswith("# ") for i in keys), name
         assert max(map(len, lines)) <= 120
-        named = set(_names("", tomllib.loads("\n".join(lines))))
-        notes = {key for key in source.notes if key and not key.endswith("*")}
-        assert notes <= named
-        assert {key.removesuffix(".*") for key in source.notes if key.endswith(".*")} <= named
+        named = set(_names("", tomllib.loads(text)))
+        offered = set(re.findall(r"^# (\w+) = .*# \w", text, re.M))
+        for key, one in declared_keys(kind).items():
+            if "[]" not in key and key not in NOT_OFFERED:
+                assert key in named or (key.rpartition(".")[2] in offered and one.default is not REQUIRED), (
+                    key
+                )
 
 
 def _names(prefix: str, value: dict[str, Any]) -> list[str]:

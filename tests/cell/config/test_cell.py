@@ -9,12 +9,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from arm.errors import FileInputError, InputError
-from arm.io.toml_reader import TomlTable
 from arm.robot.shapes import Capsule, Convex, Cylinder, Sphere, convex, shape_from_json, shape_to_json
-from cell.config.bodies import read_pose
+from cell.config.bodies import pose_of
 from cell.config.cell_file import read_cell
 from cell.config.inputs import changes
-from cell.config.key_notes import CELL, known_keys
 from cell.files.task import read_task
 from cell.task.plan_matches import _same_shape as same_shape
 from cell.task.planning import options_of
@@ -284,8 +282,7 @@ def test_bodies_are_turned_as_in_urdf() -> None:
     rng = np.random.default_rng(7)
     for _ in range(20):
         degrees = rng.uniform(-180.0, 180.0, 3)
-        table = TomlTable(Path("cell.toml"), {"centre_mm": [10, 20, 30], "rpy_deg": degrees.tolist()})
-        T = read_pose(table, "centre_mm")
+        T = pose_of(np.array([0.01, 0.02, 0.03]), np.radians(degrees))
         assert T[:3, :3] == pytest.approx(Rotation.from_euler("xyz", degrees, degrees=True).as_matrix())
         assert T[:3, 3] == pytest.approx([0.01, 0.02, 0.03])
 
@@ -325,13 +322,17 @@ def test_a_misspelt_key_is_named_even_where_another_is_missing(scenes: Path) -> 
         )
 
 
-def test_keys_that_are_known_are_those_that_are_read(scenes: Path) -> None:
-    """A key of a shipped file, or one that is offered, is never told to be another."""
-    root = TomlTable.read(scenes / "cell.toml")
-    root.knows(known_keys(CELL))
-    with pytest.raises(FileInputError) as told:
-        root.text("none")
-    assert "known key" not in str(told.value)
+def test_an_unknown_key_is_named_even_where_none_is_like_it_and_a_value_is_wrong(scenes: Path) -> None:
+    cell = scenes / "cell.toml"
+    replace_in(cell, "[motion]", "[motion]\nxyz = 1")
+    replace_in(cell, "speed = 0.5", "speed = 5")
+    with pytest.raises(FileInputError, match=r"speed = 5: must be .*\(motion.xyz is not a known key\)"):
+        read_cell(cell)
+    replace_in(cell, "speed = 5", "speed = 0.5")
+    with pytest.raises(
+        FileInputError, match=r"motion.xyz = 1: is not a known key \(known: .*velocity_fraction"
+    ):
+        read_cell(cell)
 
 
 def test_a_tolerance_that_lets_a_cube_out_from_between_the_jaws_is_refused(

@@ -62,7 +62,7 @@ def test_the_fixtures_cover_what_they_should() -> None:
         (
             "asked_mm = 5",
             "asked_m = 5",
-            r"motions\[0\].asked_mm: is missing.*the file has motions\[0\].asked_m",
+            r"motions\[0\].asked_mm: is missing.*motions\[0\].asked_m is not a known key: did you",
         ),
         ("jaw_opening_mm = 60", "jaw_opening_mm = 60\npading_mm = 1", "pading_mm = 1: is not a known key"),
         ("asked_mm = 5", 'asked_mm = 5\nallowed = ["rail"]', r"motions\[0\].allowed = .*must name two"),

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from arm.controller.segments import CountPath
-from arm.controller.unit import REST_TOLERANCE
+from arm.controller.unit_keys import REST_TOLERANCE
 from arm.errors import A465Error, ImpossibleError
 from arm.io.storage import data_file
 from arm.plan_file import Plan, read_plan

@@ -10,11 +10,12 @@ from typing import Any
 import cv2
 
 from arm.errors import InputError
+from arm.io.node import Node
 from arm.io.storage import keep_apart, write_atomic
-from arm.io.toml_reader import TomlTable
 from cell.console import Console
+from cell.files.hand_target import read_hand_target
 from vision.markers.dictionaries import predefined
-from vision.targets.target import Target, target_of
+from vision.targets.target import Target, read_target
 
 MARGIN_MM, SCALE_MM = 10.0, 100.0
 
@@ -30,7 +31,7 @@ def target_print_step(target_file: Path | None, output: Path, console: Console) 
         raise InputError(
             f"{output}: the name must end in .svg, a format that keeps its size in print", file=str(output)
         )
-    target = Target() if target_file is None else target_of(TomlTable.read(target_file))
+    target = Target() if target_file is None else _read(target_file)
     write_atomic(output, target_svg(target))
     width, height = (1e3 * size for size in target.size)
     console.say(f"{output}: {target.label()}; the chessboard is {width:g} x {height:g} mm")
@@ -38,6 +39,10 @@ def target_print_step(target_file: Path | None, output: Path, console: Console) 
         "print it at 100 %, not fitted to the page; then measure the ruler below it and ten squares in a row"
     )
     return {"file": str(output), "width_mm": width, "height_mm": height, "square_mm": 1e3 * target.square}
+
+
+def _read(path: Path) -> Target:
+    return read_hand_target(path).target if "hand" in Node.of_toml(path) else read_target(path)
 
 
 def target_svg(target: Target) -> str:

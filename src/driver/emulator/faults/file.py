@@ -7,13 +7,15 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from arm.errors import InputError
-from arm.io.toml_reader import TomlTable
+from arm.io.keys import Key, read_values
+from arm.io.node import REQUIRED, Node, Rule
+from arm.io.rules import integer, number, tables, text
 from driver.emulator.faults.model import DIRECTIONS, KINDS, NEEDED, USED, Fault, When
 
 _T = TypeVar("_T", Fault, When)
 
 _MOST = 1000  # faults per file
-_TEXTS = ("axis", "direction", "text")
+_TEXTS = ("kind", "axis", "direction", "text", "command")
 _WHOLE = ("byte", "line", "count", "most_counts", "queue", "seed", "segment", "nth")
 
 
@@ -25,51 +27,44 @@ def read_faults(path: Path) -> tuple[Fault, ...]:
     Raises:
         InputError: with file, key, value and rule.
     """
-    root = TomlTable.read(path)
-    tables = root.tables("fault", required=True)
-    root.finish()
-    if len(tables) > _MOST:
-        raise root.error("fault", f"has {len(tables)} tables, must have at most {_MOST}")
-    return tuple(_fault(table) for table in tables)
+    root = Node.of_toml(path)
+    faults: tuple[Fault, ...] = read_values({"fault": Key("fault", tables(_fault), REQUIRED)}, root)["fault"]
+    if len(faults) > _MOST:
+        raise root.error_at("fault", f"has {len(faults)} tables, must have at most {_MOST}")
+    return faults
 
 
-def _fault(table: TomlTable) -> Fault:
-    kind = table.text("kind", KINDS)
-    values: dict[str, Any] = {"kind": kind}
-    for name in USED[kind]:  # type: ignore[index]
-        required = name in NEEDED.get(kind, ())  # type: ignore[call-overload]
-        if required or name in table:
-            values[name] = _value(table, name)
-    if "when" in table:
-        values["when"] = _when(table.table("when"))
-    table.finish()
-    return _made(Fault, table, values)
+def _fault(node: Node) -> Fault:
+    kind = node.get("kind", text(*KINDS))
+    needed = NEEDED.get(kind, ())  # type: ignore[call-overload]
+    declared = {name: _key(name, name in needed) for name in USED[kind]}  # type: ignore[index]
+    declared |= {"kind": _key("kind", True), "when": Key("when", Rule("a table", _when), None)}
+    return _made(Fault, node, read_values(declared, node))
 
 
-def _when(table: TomlTable) -> When:
-    values = {f.name: _value(table, f.name) for f in fields(When) if f.name in table}
-    if values.get("segment") == 0:
-        raise table.error("segment", "must be 1 or more")
-    table.finish()
-    return _made(When, table, values)
+def _when(node: Node) -> When:
+    values = read_values({f.name: _key(f.name, False) for f in fields(When)}, node)
+    if values["segment"] == 0:
+        raise node.error_at("segment", "must be 1 or more")
+    return _made(When, node, values)
 
 
-def _value(table: TomlTable, name: str) -> Any:
-    if name == "direction":
-        return table.text(name, DIRECTIONS)
-    if name in _TEXTS or name == "command":
-        return table.text(name)
-    if name in _WHOLE:
-        return table.integer(name, 0, 2**31)
-    return table.number(name, "")
+def _key(name: str, required: bool) -> Key:
+    rule: Rule[Any] = number()
+    if name in _TEXTS:
+        rule = text(*(DIRECTIONS if name == "direction" else ()))
+    elif name in _WHOLE:
+        rule = integer(0, 2**31)
+    return Key(name, rule, REQUIRED if required else None)
 
 
-def _made(kind: type[_T], table: TomlTable, values: dict[str, Any]) -> _T:
-    """Create a `kind` from the values; raise its errors with the file's name."""
+def _made(kind: type[_T], node: Node, values: dict[str, Any]) -> _T:
+    """Create a `kind` from the values that are given; raise its errors with the file's name."""
+    given = {name: value for name, value in values.items() if value is not None}
     try:
-        return kind(**values)
+        return kind(**given)
     except InputError as error:
         key = str(error.data["key"]).removeprefix("when.")
-        raise table.error(
-            key if key in values else next(iter(values), ""), str(error.data["rule"])
+        raise node.error_at(
+            key if key in given else next(iter(given), ""), str(error.data["rule"])
         ) from error

@@ -58,7 +58,7 @@ def test_a_file_says_what_the_data_type_says(tmp_path: Path) -> None:
         ("[[fault]]\nkind = 'stuck_axis'\naxis = 'AB'", "fault[0].axis = 'AB': must be A to H"),
         ("[[fault]]\nkind = 'power_off'\naxis = 'A'", "fault[0].axis = 'A': is not a known key"),
         ("[[fault]]\nkind = 'power_off'\nfor_ms = -1", "fault[0].for_ms = -1: must be from 0 to 1e+09"),
-        ("[[fault]]\nkind = 'power_off'\nfor_ms = nan", "fault[0].for_ms = nan: must be a number"),
+        ("[[fault]]\nkind = 'power_off'\nfor_ms = nan", "fault[0].for_ms = nan: must be a finite number"),
         ("[[fault]]\nkind = 'noise'\ncount = 1.5", "fault[0].count = 1.5: must be a whole number"),
         (
             "[[fault]]\nkind = 'lost_bytes'\nprobability = 2",

@@ -1,0 +1,144 @@
+"""Values of TOML and JSON files with their file and key; every error states file, key, value, rule and what helps."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from arm.errors import MOST_VALUE, FileInputError
+from arm.io.storage import read_json
+from arm.io.toml_reader import read_toml
+
+T = TypeVar("T")
+T_co = TypeVar("T_co", covariant=True)
+REQUIRED: Any = object()
+
+
+@dataclass(frozen=True)
+class Rule(Generic[T_co]):
+    """What a value must be (`arm.io.rules`).
+
+    Attributes:
+        words: the rule in words, such as ``a number in mm from 1 to 300``.
+        read: checks a value and converts it; raises its `Node.error`.
+        tables: declarations of the keys of the tables in the value (`arm.io.keys.Keys`).
+    """
+
+    words: str
+    read: Callable[[Node], T_co]
+    tables: tuple[Any, ...] = ()
+
+
+@dataclass(frozen=True)
+class Node:
+    """A value with its file and key.
+
+    Attributes:
+        file: the file.
+        key: such as ``tool.length_mm`` or ``poses[3].joints_rad``; "" for the whole file.
+        value: the parsed value.
+        help: what may help where a rule is broken or a key is missing.
+    """
+
+    file: Path
+    key: str
+    value: Any
+    help: str = ""
+
+    @classmethod
+    def of_toml(cls, path: Path) -> Node:
+        """Read a TOML file.
+
+        Raises:
+            FileInputError: it cannot be read, or is not TOML.
+        """
+        return cls(path, "", read_toml(path))
+
+    @classmethod
+    def of_json(cls, path: Path) -> Node:
+        """Read a JSON file.
+
+        Raises:
+            FileInputError: it cannot be read, or is not JSON.
+        """
+        return cls(path, "", read_json(path))
+
+    def error(self, rule: str, help: str = "") -> FileInputError:
+        """Return the error to raise if the value breaks `rule`; a long value is not shown."""
+        hidden = not self.key or len(repr(self.value)) > MOST_VALUE
+        return FileInputError(self.file, self.key, None if hidden else self.value, rule, help or self.help)
+
+    def error_at(self, name: str, rule: str, help: str = "") -> FileInputError:
+        """Return the error to raise if the value of a key, dotted for a key of a table, breaks `rule`."""
+        node = self._find(name)
+        return (node or self._child(name, None)).error(rule, help)
+
+    def __contains__(self, name: str) -> bool:
+        return isinstance(self.value, dict) and name in self.value
+
+    def __getitem__(self, name: str) -> Node:
+        """Return the value of a required key.
+
+        Raises:
+            FileInputError: the key is missing, or this is not a table.
+        """
+        if (node := self._find(name)) is None:
+            raise self._child(name, None).error("is missing")
+        return node
+
+    def get(self, name: str, rule: Rule[T], default: Any = REQUIRED) -> T:
+        """Return the checked value of a key, dotted for a key of a table.
+
+        Args:
+            name: the key.
+            rule: what the value must be.
+            default: value for a missing key, as the file would have it, or None; `REQUIRED` refuses.
+
+        Raises:
+            FileInputError: the value breaks the rule, or is missing.
+        """
+        if (node := self._find(name)) is not None:
+            return rule.read(node)
+        if default is REQUIRED:
+            guess = difflib.get_close_matches(name, list(self.value), n=1)
+            near = f"the file has {self._child(guess[0], None).key}" if guess else ""
+            raise self._child(name, None).error(f"is missing; it must be {rule.words}", self.help or near)
+        made: Any = None if default is None else rule.read(self._child(name, default))
+        return made  # type: ignore[no-any-return]
+
+    def read(self, rule: Rule[T]) -> T:
+        """Return this value, checked.
+
+        Raises:
+            FileInputError: it breaks the rule.
+        """
+        return rule.read(self)
+
+    def items(self) -> list[Node]:
+        """Return the values of a list."""
+        if not isinstance(self.value, list):
+            raise self.error("must be a list")
+        return [Node(self.file, f"{self.key}[{i}]", v, self.help) for i, v in enumerate(self.value)]
+
+    def at(self, place: Iterable[int]) -> Node:
+        """Return a value in nested lists."""
+        node = self
+        for i in place:
+            node = node.items()[i]
+        return node
+
+    def _child(self, name: str, value: Any) -> Node:
+        shown = name if name.isprintable() else ascii(name)[1:-1]  # a name from the file may be anything
+        return Node(self.file, f"{self.key}.{shown}" if self.key else shown, value, self.help)
+
+    def _find(self, name: str) -> Node | None:
+        """Return the value of a key, dotted for a key of a table; None if it is missing."""
+        if not isinstance(self.value, dict):
+            raise self.error("must be a table")
+        if name in self.value:
+            return self._child(name, self.value[name])
+        table, dot, rest = name.partition(".")
+        return self._child(table, self.value[table])._find(rest) if dot and table in self.value else None

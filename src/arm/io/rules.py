@@ -1,0 +1,230 @@
+"""Rules for the values of files. A value in mm, us, mm/s, deg or deg/s is converted to m, s, m/s, rad or rad/s."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import unicodedata
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from arm.errors import A465Error
+from arm.io.node import Node, Rule
+from arm.numerics.products import mul
+from arm.se3 import Array, frozen, orthonormalised
+
+T = TypeVar("T")
+LARGEST = 1e9  # of any number in a file; lengths, angles, pixels and counts are smaller
+_SI: dict[str, Callable[[Any], Any]] = {
+    "mm": lambda v: v / 1e3,
+    "mm/s": lambda v: v / 1e3,
+    "us": lambda v: v / 1e6,
+    "deg": np.radians,
+    "deg/s": np.radians,
+}
+_UNREADABLE = {
+    "Cc": "a control character",
+    "Cs": "half a surrogate pair",
+    "Zl": "a line end",
+    "Zp": "a line end",
+}
+
+
+def rule_of(words: str, good: Callable[[Any], object], into: Callable[[Any], T]) -> Rule[T]:
+    """Return the rule for values of which `good` is true; `into` converts them."""
+
+    def read(node: Node) -> T:
+        if not good(node.value):
+            raise node.error(f"must be {words}")
+        return into(node.value)
+
+    return Rule(words, read)
+
+
+def same(value: Any) -> Any:
+    """Return the value itself."""
+    return value
+
+
+def is_whole(value: object, low: int = -(2**31), high: int = 2**31 - 1) -> bool:
+    """Whether a value is an integer from `low` to `high`; true and false are none."""
+    return isinstance(value, int) and not isinstance(value, bool) and low <= value <= high
+
+
+def is_number(value: object) -> bool:
+    """Whether a value is a number; true and false are none."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def number(unit: str = "", low: float = -LARGEST, high: float = LARGEST) -> Rule[float]:
+    """A number in `unit` from `low` to `high`."""
+    array = numbers((), unit, low, high)
+    return Rule(array.words, lambda node: float(array.read(node)))
+
+
+def numbers(
+    length: int | tuple[int | None, ...] | None,
+    unit: str = "",
+    low: float = -LARGEST,
+    high: float = LARGEST,
+    gaps: bool = False,
+) -> Rule[Array]:
+    """Numbers in `unit` from `low` to `high`, as a read-only array.
+
+    Args:
+        length: of the list, or of all axes; None for any length but 0.
+        unit: of the numbers, for the words and the conversion.
+        low, high: range.
+        gaps: whether null may replace a number; it becomes NaN.
+    """
+    shape = length if isinstance(length, tuple) else (length,)
+    ranged = low > -LARGEST or high < LARGEST
+    rows = "".join(f"{'' if n is None else f'{n} '}rows of " for n in shape[:-1])
+    count = "a number" if not shape else "numbers" if shape[-1] is None else f"{shape[-1]} numbers"
+    if not ranged:
+        count = count.replace("number", "finite number")
+    words = f"{rows}{count}" + (f" in {unit}" if unit else "") + (", or null" if gaps else "")
+    words += f" from {low:g} to {high:g}" if ranged else ""
+
+    def read(node: Node) -> Array:
+        array = _array(node.value)
+        fits = array.ndim == len(shape) and all(
+            n == m or (m is None and n > 0) for n, m in zip(array.shape, shape, strict=True)
+        )
+        bad = ~((array >= low) & (array <= high)) if ranged else np.isinf(array)
+        if not fits or (bad & ~np.isnan(array)).any() or (np.isnan(array).any() and not gaps):
+            raise node.error(f"must be {words}")
+        for place in np.argwhere(np.abs(array) > LARGEST):
+            raise node.at(place).error(f"must be from {-LARGEST:g} to {LARGEST:g}")
+        return frozen(_SI.get(unit, same)(array))
+
+    return Rule(words, read)
+
+
+def triple(unit: str, low: float, high: float) -> Rule[tuple[float, float, float]]:
+    """Three numbers in `unit` from `low` to `high`, such as the sizes of a box."""
+    array = numbers(3, unit, low, high)
+
+    def read(node: Node) -> tuple[float, float, float]:
+        x, y, z = array.read(node).tolist()
+        return x, y, z
+
+    return Rule(array.words, read)
+
+
+def _array(value: object) -> Array:
+    """Return the numbers, NaN for null; an empty array if there is anything else, such as texts."""
+    try:
+        raw = np.array(value, dtype=object)
+        return np.array([_float(v) for v in raw.ravel()]).reshape(raw.shape)
+    except (TypeError, ValueError):  # ValueError: rows of different lengths
+        return np.zeros((0,) * 9)
+
+
+def _float(value: object) -> float:
+    """Return a number, NaN for null.
+
+    Raises:
+        TypeError: the value is neither.
+    """
+    if value is None:
+        return math.nan
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        raise TypeError(value)
+    try:
+        return math.inf if math.isnan(value) else float(value)
+    except OverflowError:  # an integer of more than 308 digits
+        return 2.0 * LARGEST if value > 0 else -2.0 * LARGEST
+
+
+def rigid() -> Rule[Array]:
+    """A rigid transform, 4x4; one with few digits is orthonormalised, an exact one is kept to the bit."""
+    matrix = numbers((4, 4))
+
+    def read(node: Node) -> Array:
+        T = matrix.read(node)
+        exact = np.abs(mul(T[:3, :3].T, T[:3, :3]) - np.eye(3)).max() <= 1e-12
+        if exact and np.linalg.det(T[:3, :3]) > 0.0 and np.array_equal(T[3], (0.0, 0.0, 0.0, 1.0)):
+            return T
+        try:
+            return orthonormalised(T)
+        except A465Error as error:
+            raise node.error(str(error)) from error
+
+    return Rule(matrix.words, read)
+
+
+def integer(low: int, high: int) -> Rule[int]:
+    """A whole number from `low` to `high`."""
+    return rule_of(f"a whole number from {low} to {high}", lambda v: is_whole(v, low, high), int)
+
+
+def integers(count: int, low: int, high: int) -> Rule[tuple[int, ...]]:
+    """`count` whole numbers, each from `low` to `high`."""
+    return rule_of(
+        f"{count} whole numbers from {low} to {high}",
+        lambda v: isinstance(v, list) and len(v) == count and all(is_whole(one, low, high) for one in v),
+        tuple,
+    )
+
+
+def flag() -> Rule[bool]:
+    """True or false."""
+    return rule_of("true or false", lambda v: isinstance(v, bool), bool)
+
+
+def text(*choices: str) -> Rule[str]:
+    """A text, one of `choices` if any are given."""
+    words = f"one of {', '.join(choices)}" if choices else "a text"
+
+    def read(node: Node) -> str:
+        if isinstance(node.value, str) and (node.value in choices or not choices):
+            return node.value
+        guess = difflib.get_close_matches(str(node.value), choices, n=1)
+        raise node.error(f"must be {words}", f"did you mean {guess[0]!r}?" if guess else "")
+
+    return Rule(words, read)
+
+
+def line(*choices: str) -> Rule[str]:
+    """A text of one line, one of `choices` if any are given."""
+    any_text = text(*choices)
+
+    def read(node: Node) -> str:
+        for at, character in enumerate(any_text.read(node)):
+            if (what := _UNREADABLE.get(unicodedata.category(character))) is not None:
+                raise node.error(f"must be a text of one line; character {at} is {what}")
+        return str(node.value)
+
+    return Rule(any_text.words, read)
+
+
+def path() -> Rule[Path]:
+    """The name of an existing file, relative to the file that names it."""
+
+    def read(node: Node) -> Path:
+        found = node.file.parent / text().read(node)
+        if not found.is_file():
+            raise node.error(f"names a file that is not there: {found}")
+        return found
+
+    return Rule("a text", read)
+
+
+def table() -> Rule[dict[str, Any]]:
+    """A table with any keys."""
+    return rule_of("a table", lambda v: isinstance(v, dict), dict)
+
+
+def tables(read_one: Callable[[Node], T], *declared: Any) -> Rule[tuple[T, ...]]:
+    """An array of tables, each read by `read_one`; `declared` are the classes that declare their keys."""
+
+    def read(node: Node) -> tuple[T, ...]:
+        if not isinstance(node.value, list) or not all(isinstance(v, dict) for v in node.value):
+            raise node.error("must be an array of tables")
+        return tuple(read_one(one) for one in node.items())
+
+    return Rule("an array of tables", read, declared)

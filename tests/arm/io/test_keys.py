@@ -1,0 +1,93 @@
+"""Keys declared once: the file is read by them, and an unknown key is named in every refusal."""
+
+from pathlib import Path
+
+import pytest
+
+from arm.errors import FileInputError
+from arm.io.keys import Keys, key
+from arm.io.node import REQUIRED, Node
+from arm.io.rules import integer, number, tables, text
+
+
+class Wheel(Keys):
+    """A table of an array."""
+
+    radius: float = key("radius_mm", number("mm", 1, 500))
+
+
+class Base(Keys):
+    """Keys that two kinds of file share."""
+
+    name: str = key("name", text())
+
+
+class Cart(Base):
+    """All keys of a file."""
+
+    length: float = key("frame.length_mm", number("mm", 1, 5000))
+    seats: int = key("frame.seats", integer(0, 9), 2)
+    load: float | None = key("load_kg", number("kg", 0, 100), None)
+    wheels: tuple[Wheel, ...] = key("wheels", tables(Wheel.read, Wheel), [])
+
+
+GOOD = {"name": "one", "frame": {"length_mm": 1500}, "wheels": [{"radius_mm": 200}, {"radius_mm": 100}]}
+
+
+def read(values: dict) -> Cart:
+    return Cart.read(Node(Path("cart.toml"), "", values))
+
+
+def test_the_file_is_read_by_the_declarations() -> None:
+    cart = read(GOOD)
+    assert (cart.name, cart.length, cart.seats, cart.load) == ("one", 1.5, 2, None)
+    assert [wheel.radius for wheel in cart.wheels] == [0.2, 0.1]
+    assert read({**GOOD, "load_kg": 7}).load == 7.0
+    assert read({"name": "", "frame": {"length_mm": 1, "seats": 0}}).wheels == ()
+    with pytest.raises(AttributeError):
+        cart.name = "another"  # type: ignore[misc]
+
+
+def test_declarations_are_the_keys_in_order() -> None:
+    declared = Cart.declared()
+    assert [one.name for one in declared.values()] == [
+        "name", "frame.length_mm", "frame.seats", "load_kg", "wheels",
+    ]  # fmt: skip
+    assert (declared["name"].default, declared["seats"].default) == (REQUIRED, 2)
+    assert declared["wheels"].rule.tables == (Wheel,)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"nam": "x"}, r"nam = 'x': is not a known key \(did you mean name\?\)"),
+        ({"xyz": 1}, r"xyz = 1: is not a known key \(known: frame, load_kg, name, wheels\)"),
+        (
+            {"frame": {"length_mm": 1, "seat": 3}},
+            r"frame.seat = 3: is not a known key \(did you mean frame.seats",
+        ),
+        ({"frame.seats": 3}, r"frame.seats = 3: is not a known key"),
+        ({"wheels": [{"radius_mm": 1}, {"radius_mm": 1, "x": 2}]}, r"wheels\[1\].x = 2: is not a known key"),
+        ({"frame": 3}, r"frame = 3: must be a table"),
+        ({"frame": {}}, r"frame.length_mm: is missing; it must be a number in mm from 1 to 5000$"),
+        (
+            {"frame": {"lenght_mm": 3}},
+            r"frame.length_mm: is missing; .*\(frame.lenght_mm is not a known key: did you mean frame.length_mm\?\)",
+        ),
+        (
+            {"frame": {}, "nme": 1, "q": 2},
+            r"length_mm: is missing.*\(nme is not a known key: did you mean name\?; q is not a known key\)",
+        ),
+        (
+            {"load_kg": 101, "q": 2},
+            r"load_kg = 101: must be a number in kg from 0 to 100 \(q is not a known key\)",
+        ),
+        (
+            {"q": 1, "wheels": [{"radius_mm": 0, "r": 1}]},
+            r"radius_mm = 0: must .*\(q is .* key; wheels\[0\].r is",
+        ),
+    ],
+)
+def test_an_unknown_key_is_named_also_where_another_is_missing_or_wrong(change: dict, message: str) -> None:
+    with pytest.raises(FileInputError, match=message):
+        read({**GOOD, **change})

@@ -1,0 +1,138 @@
+"""Rules for the values of files: what they read, in which unit, and that a message holds file, key, value and rule."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm.errors import FileInputError
+from arm.io.node import Node
+from arm.io.rules import flag, integer, integers, number, numbers, path, rigid, table, tables, text, triple
+
+TEXT = """
+length_mm = 134.1
+count = 3
+name = "crs93"
+on = true
+triple = [1, 2, 3]
+rows = [[1, 2], [3, 4]]
+[sub]
+x = 1
+[[list]]
+y = 2
+"""
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Node:
+    path = tmp_path / "t.toml"
+    path.write_text(TEXT)
+    return Node.of_toml(path)
+
+
+def test_good_values(root: Node) -> None:
+    assert root.get("length_mm", number("mm", 0, 500)) == 134.1 / 1e3
+    assert root.get("count", integer(0, 5)) == 3
+    assert root.get("count", number()) == 3.0
+    assert root.get("name", text("crs93", "crs97")) == "crs93"
+    assert root.get("on", flag()) is True
+    assert root.get("triple", numbers(3, "counts")).tolist() == [1, 2, 3]
+    assert root.get("triple", integers(3, 1, 3)) == (1, 2, 3)
+    assert root.get("triple", triple("mm", 0, 3)) == (0.001, 0.002, 0.003)
+    assert root.get("rows", numbers((2, 2))).tolist() == [[1, 2], [3, 4]]
+    assert root.get("sub.x", integer(0, 1)) == 1
+    assert root.get("sub", table()) == {"x": 1}
+    assert root.get("list", tables(lambda node: node.get("y", integer(0, 9)))) == (2,)
+
+
+@pytest.mark.parametrize(
+    ("unit", "value"),
+    [
+        ("mm", 0.18),
+        ("mm/s", 0.18),
+        ("us", 1.8e-4),
+        ("deg", np.pi),
+        ("deg/s", np.pi),
+        ("s", 180.0),
+        ("", 180.0),
+    ],
+)
+def test_values_are_in_si_units(tmp_path: Path, unit: str, value: float) -> None:
+    node = Node(tmp_path, "x", 180)
+    assert node.read(number(unit)) == value
+    assert number(unit, 0, 200).words == f"a number{f' in {unit}' if unit else ''} from 0 to 200"
+
+
+def test_a_default_is_read_as_if_the_file_had_it(root: Node) -> None:
+    assert root.get("absent", number("mm"), 7) == 0.007
+    assert root.get("absent", number("mm"), None) is None
+    assert root.get("sub.absent", text(), "") == ""
+    assert root.get("none.absent", numbers(2, "deg"), [180, 0]).tolist() == [np.pi, 0.0]
+    with pytest.raises(FileInputError, match=r"absent = 7: must be a number from 8 to 9"):
+        root.get("absent", number("", 8, 9), 7)
+
+
+@pytest.mark.parametrize(
+    ("key", "rule", "message"),
+    [
+        ("length_mm", number("mm", 200, 500), r"length_mm = 134.1: must be a number in mm from 200 to 500"),
+        ("name", number("mm"), "must be a finite number in mm"),
+        ("on", number("mm"), "must be a finite number in mm"),
+        ("lenght_mm", number("mm"), r"lenght_mm: is missing; it must be a finite .*the file has length_mm"),
+        ("length_mm", integer(0, 500), "must be a whole number from 0 to 500"),
+        ("on", integer(0, 500), "must be a whole number"),
+        ("count", integer(0, 2), "count = 3: must be a whole number from 0 to 2"),
+        ("triple", integers(3, 1, 2), "must be 3 whole numbers from 1 to 2"),
+        ("count", flag(), "must be true or false"),
+        ("name", text("crs97", "crs94"), r"must be one of crs97, crs94 \(did you mean"),
+        ("count", text(), "count = 3: must be a text"),
+        ("triple", numbers(6, "deg"), "must be 6 finite numbers in deg"),
+        ("triple", numbers(3, "mm", 2, 5), r"triple = \[1, 2, 3\]: must be 3 numbers in mm from 2 to 5"),
+        ("name", numbers(5, "deg"), "must be 5 finite numbers"),
+        ("rows", numbers((4, 4)), "must be 4 rows of 4 finite numbers"),
+        ("rows", triple("mm", 0, 9), "must be 3 numbers in mm from 0 to 9"),
+        ("count", table(), "must be a table"),
+        ("count.x", text(), "count = 3: must be a table"),
+        ("count", tables(lambda node: node), "must be an array of tables"),
+        ("sub.x", text(), r"sub\.x = 1: must be a text"),
+        ("list", tables(lambda node: node.get("y", text())), r"list\[0\]\.y = 2: must be a text"),
+        ("name", path(), r"name = 'crs93': names a file that is not there: .*crs93"),
+    ],
+)
+def test_bad_values_are_told(root: Node, key: str, rule, message: str) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(FileInputError, match=message) as error:
+        root.get(key, rule)
+    assert "t.toml" in str(error.value)
+    assert {"file", "key", "value", "rule"} <= set(error.value.data)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf"), "1", None, True])
+def test_what_is_no_number_is_refused_in_any_range(tmp_path: Path, value: object) -> None:
+    for rule in (number(), number("", 0, 1), number("", 0)):
+        with pytest.raises(FileInputError, match="must be a"):
+            Node(tmp_path, "x", value).read(rule)
+        with pytest.raises(FileInputError, match="must be a"):
+            Node(tmp_path, "x", {"y": value})["y"].read(rule)
+
+
+def test_only_null_is_a_gap(tmp_path: Path) -> None:
+    assert np.isnan(Node(tmp_path, "x", [1, None]).read(numbers(2, gaps=True))).tolist() == [False, True]
+    for rule in (numbers(2, gaps=True), numbers(2, "", 0, 5, gaps=True)):
+        for value in (float("nan"), float("inf")):
+            with pytest.raises(FileInputError, match="or null"):
+                Node(tmp_path, "x", [1, value]).read(rule)
+
+
+def test_a_pose_is_rigid_with_numbers_of_this_world(tmp_path: Path) -> None:
+    def read(rows: object) -> np.ndarray:
+        return Node(tmp_path, "T", rows).read(rigid())
+
+    exact = np.eye(4)[[1, 2, 0, 3]].tolist()
+    assert read(exact).tolist() == exact
+    printed = np.array([[0.8, -0.6, 0, 1], [0.60001, 0.8, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
+    R = read(printed.tolist())[:3, :3]
+    np.testing.assert_allclose(R.T @ R, np.eye(3), atol=1e-12)
+    with pytest.raises(FileInputError, match=r"T\[0\]\[0\] = 1e\+200: must be from -1e\+09 to 1e\+09"):
+        read(np.diag([1e200, 1.0, 1.0, 1.0]).tolist())
+    with pytest.raises(FileInputError, match=r"T = .*: "):
+        read(np.diag([2.0, 1.0, 1.0, 1.0]).tolist())
