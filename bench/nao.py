@@ -23,26 +23,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from nao_paper_bench.kinematics import ON_ITS_BACK, NaoKinematics, masses_off, standing_error
 from nao_paper_bench.robot import Servos
-from nao_paper_bench.run import (
-    NAO_CAMERA,
-    PAPER_PIXEL_SIGMA,
-    READING_SIGMA,
-    VERTICES,
-    NaoMeasurement,
-    run_measurement,
-    table_2_robot,
-)
-
-from arm.se3 import Array
-from calib.chain.fit import ChainFit, fit_chains
-from calib.nao.backlash import fit_compliance_and_backlash
-from calib.nao.calibrate import HEAD as HEAD_PART
-from calib.nao.calibrate import NAO_LIMITS, PLAY, SPRINGS, calibrate_nao
-from calib.nao.chain import LEG_JOINTS, SIDES, NaoUnknowns
-from calib.nao.kinematics import ON_ITS_BACK, NaoKinematics, masses_off, standing_error
-from calib.nao.recording import NaoRecording
-from calib.nao.stance_design import (
+from nao_paper_bench.run import NaoMeasurement, run_measurement
+from nao_paper_bench.stance_design import (
     Plan,
     Sensing,
     find_pool,
@@ -50,7 +34,22 @@ from calib.nao.stance_design import (
     random_stances,
     stance_informations,
 )
-from calib.nao.stance_pool import Stance
+from nao_paper_bench.stance_pool import Stance
+from nao_paper_bench.table_2 import (
+    NAO_CAMERA,
+    PAPER_PIXEL_SIGMA,
+    READING_SIGMA,
+    VERTICES,
+    table_2_robot,
+)
+
+from arm.se3 import Array
+from calib.chain.fit import ChainFit, fit_chains
+from calib.nao.backlash import fit_compliance_and_backlash
+from calib.nao.calibrate import BACKLASH, COMPLIANCE, NAO_LIMITS, calibrate_nao
+from calib.nao.calibrate import HEAD as HEAD_PART
+from calib.nao.chain import LEG_JOINTS, SIDES, NaoUnknowns
+from calib.nao.recording import NaoRecording
 
 PAPER, HEAD, ALL = NaoUnknowns(), NaoUnknowns(head=True), NaoUnknowns(True, True, True)
 SENSING = Sensing(NAO_CAMERA, VERTICES, PAPER_PIXEL_SIGMA, np.full(8, READING_SIGMA))
@@ -254,8 +253,8 @@ def verdict(runs: Runs) -> None:
     kinds = {
         "as the paper has it": PAPER,
         "head off": HEAD,
-        "springs": NaoUnknowns(springs=True),
-        "hard play": NaoUnknowns(play=True),
+        "springs": NaoUnknowns(compliance=True),
+        "hard play": NaoUnknowns(backlash=True),
         "head off, springs and play": ALL,
     }
     wrong = 0
@@ -267,10 +266,11 @@ def verdict(runs: Runs) -> None:
             m = run_measurement(truth, runs.stances(seed), rng)
             c = calibrate_nao(recording_of(m))
             needed = tuple(
-                t.needed for t in sorted(c.trials, key=lambda t: (HEAD_PART, SPRINGS, PLAY).index(t.part))
+                t.needed
+                for t in sorted(c.trials, key=lambda t: (HEAD_PART, COMPLIANCE, BACKLASH).index(t.part))
             )
             accepted += c.accepted
-            chosen += needed == (true.head, true.springs, true.play)
+            chosen += needed == (true.head, true.compliance, true.backlash)
             chi2.append(c.fit.chi2_dof)
             plain = fit_chains(m.problem(PAPER, PAPER_PIXEL_SIGMA, READING_SIGMA))
             found_out += (plain.chi2_dof > NAO_LIMITS.chi2_dof) == (true != PAPER)

@@ -14,9 +14,9 @@ from kinhec.kinematics import forward_kinematics_batch
 from kinhec.robots import get_robot
 from scipy.spatial.transform import Rotation
 
-from arm.se3 import Array
+from arm.se3 import Array, moved
 from calib.robot_world.noise_model import Linearised, skews
-from calib.robot_world.reml import UNKNOWNS, Closed, inverses, moved
+from calib.robot_world.reml import UNKNOWNS, Closed, inverses
 from kinhec_bench.sequences import Sample
 
 _STEP = 1e-6

@@ -1,1 +1,1 @@
-"""The reproduction of a paper on NAO calibration: its robot, its field of stances, its tables."""
+"""The reproduction of a paper on NAO calibration: stances by optimal design, the robot, the field, the tables."""

@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 
 from arm.se3 import Array, inverse, rot_z, transform
-from calib.nao.kinematics import STANDING, NaoKinematics
-from nao_paper_bench.run import NAO_CAMERA
+from nao_paper_bench.kinematics import STANDING, NaoKinematics
+from nao_paper_bench.table_2 import NAO_CAMERA
 from vision.camera.model import Image
 from vision.drawing import Colour
 

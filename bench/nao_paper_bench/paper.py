@@ -19,7 +19,9 @@ from arm.se3 import Array
 from calib.chain.fit import Problem, fit_chains
 from calib.nao.backlash import fit_compliance_and_backlash
 from calib.nao.chain import SIDES, NaoUnknowns
-from calib.nao.kinematics import (
+from nao_paper_bench.charts import Cloud, board_figure, residual_figure
+from nao_paper_bench.field import FieldErrors, draw_field, field_errors
+from nao_paper_bench.kinematics import (
     ON_ITS_BACK,
     STANDING,
     NaoKinematics,
@@ -28,19 +30,19 @@ from calib.nao.kinematics import (
     pose_errors,
     standing_postures,
 )
-from calib.nao.stance_design import Plan, Sensing, find_pool, plan_stances, random_stances
-from nao_paper_bench.charts import Cloud, board_figure, residual_figure
-from nao_paper_bench.field import FieldErrors, draw_field, field_errors
 from nao_paper_bench.robot import Servos
 from nao_paper_bench.run import (
-    NAO_CAMERA,
-    PAPER_PIXEL_SIGMA,
-    READING_SIGMA,
-    VERTICES,
     NaoMeasurement,
     RenderedVertices,
     See,
     run_measurement,
+)
+from nao_paper_bench.stance_design import Plan, Sensing, find_pool, plan_stances, random_stances
+from nao_paper_bench.table_2 import (
+    NAO_CAMERA,
+    PAPER_PIXEL_SIGMA,
+    READING_SIGMA,
+    VERTICES,
     table_2_robot,
 )
 from nao_paper_bench.tables import (
@@ -55,7 +57,7 @@ from nao_paper_bench.tables import (
 from vision.camera.model import Image
 
 RENDERED_SIGMA = np.array([0.03, 0.03])  # px, of vertices found in rendered images, against the truth
-ALL = NaoUnknowns(head=True, springs=True, play=True)
+ALL = NaoUnknowns(head=True, compliance=True, backlash=True)
 _SHOWN = 8  # number of the image that is kept for figure 5
 
 
@@ -209,9 +211,7 @@ def _residuals(problem: Problem, x: Array) -> dict[str, Array]:
     """Measured minus projected, readings taken as they are, (n, 2) px of each leg."""
     found = {}
     for side, s in zip(SIDES, problem.sightings, strict=True):
-        T = s.evaluate(x, np.zeros_like(s.readings)).T
-        at = np.einsum("nij,mj->nmi", T[:, :3, :3], s.points) + T[:, None, :3, 3]
-        r = (s.pixels - problem.camera.project(at)).reshape(-1, 2)
+        r = (s.pixels - s.projection(problem.camera, x).pixels).reshape(-1, 2)
         found[side] = r[np.isfinite(r).all(axis=1)]
     return found
 

@@ -10,7 +10,7 @@ import numpy as np
 from arm.errors import ExecutionStopped
 from arm.se3 import Array, frozen
 from calib.nao.chain import HEAD, LEG, SIDES, nao_model
-from calib.nao.kinematics import NaoKinematics
+from nao_paper_bench.kinematics import NaoKinematics
 
 _LEGS = tuple(side + joint for side in SIDES for joint in LEG)
 

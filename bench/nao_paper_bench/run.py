@@ -7,43 +7,28 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 
 from arm.errors import ImpossibleError
-from arm.se3 import Array, frozen, transform
+from arm.se3 import Array, frozen
 from calib.chain.fit import Problem, Sightings
 from calib.nao.chain import SIDES, NaoUnknowns, nao_sightings
-from calib.nao.collision import BOARD_MIDDLE_X, BOARD_SIZE
-from calib.nao.kinematics import ON_ITS_BACK, NaoKinematics
-from calib.nao.stance_design import Plan
-from calib.nao.stance_pool import Stance, collision_free_motion, resting_posture
 from cell.sim.target_photos import Shot, photograph_target
+from nao_paper_bench.kinematics import ON_ITS_BACK, NaoKinematics
 from nao_paper_bench.robot import Servos, SimulatedNao
+from nao_paper_bench.stance_design import Plan
+from nao_paper_bench.stance_pool import Stance, collision_free_motion, resting_posture
+from nao_paper_bench.table_2 import (
+    CHECKERBOARD,
+    NAO_CAMERA,
+    PAPER_PIXEL_SIGMA,
+    T_SOLE_TARGET,
+    VERTICES,
+    paper_problem,
+)
 from render.light import Light
-from vision.camera.model import Camera, Image
-from vision.targets.target import Target, TargetFinder
+from vision.camera.model import Image
+from vision.targets.target import TargetFinder
 
-NAO_CAMERA = Camera(
-    np.array([[562.5, 0.0, 324.0], [0.0, 562.5, 189.0], [0.0, 0.0, 1.0]]), np.zeros(5), (640, 480), np.eye(4)
-)
-"""The lower camera as the paper calibrated it (section 3.2)."""
-CHECKERBOARD = Target("checkerboard", 7, 5, 0.025, 0.0, "")
-T_SOLE_TARGET = transform(
-    [[0, 1, 0], [1, 0, 0], [0, 0, -1]], (BOARD_MIDDLE_X - BOARD_SIZE[0] / 2.0, -BOARD_SIZE[1] / 2.0, 0.0)
-)
-VERTICES = frozen(CHECKERBOARD.points() @ T_SOLE_TARGET[:3, :3].T + T_SOLE_TARGET[:3, 3])
-"""(24, 3) m in the sole's frame."""
-PAPER_PIXEL_SIGMA = frozen([0.0486, 0.0403])
-"""Of the paper's simulation (section 3.1)."""
-READING_SIGMA = float(np.radians(0.1) / np.sqrt(12.0))
-"""Of encoders with steps of 0.1 deg, rad."""
-TABLE_2 = frozen(
-    [0.4660, -4.5338, -1.8354]
-    + [-2.5029, 0.9392, 0.8049, -1.5869, 1.6285, -0.1476]
-    + [-0.9565, 0.2258, 1.3778, -0.0065, 0.7371, -0.7784]
-    + [-0.4419, -0.8538, 0.6988, 0.8289, -1.5198, 1.8391]
-)
-"""Mean of the paper's three runs, deg and mm: camera, left leg, right leg, left mount, right mount."""
 _ROOM = Shot(light=Light(shadow=0.0, lamp=(0.3, -0.5, -2.0)))  # the lamp is behind the camera
 _FARTHEST_PX = (
     120.0  # an uncalibrated NAO's vertices are nearer to where they are expected, half a turn is not
@@ -99,15 +84,8 @@ class NaoMeasurement:
             pixel_sigma: of vertices, (2,) px.
             reading_sigma: of the encoders, rad; 0 for the paper's cost, which takes them as exact.
         """
-        count = len(unknowns.names)
-        return Problem(
-            [i.sightings(unknowns) for i in self.images],
-            NAO_CAMERA,
-            np.zeros(count),
-            np.full(count, np.inf),
-            pixel_sigma,
-            np.full(8, reading_sigma),
-            np.ones(count, dtype=bool),
+        return paper_problem(
+            [i.sightings(unknowns) for i in self.images], unknowns, pixel_sigma, reading_sigma
         )
 
 
@@ -247,27 +225,6 @@ def _look(
     believed = expected.T_camera_board(side, leg[None], head[None], ON_ITS_BACK)[0]
     where = NAO_CAMERA.project(VERTICES @ believed[:3, :3].T + believed[:3, 3])
     return turned_as_expected(see(T), where), leg, head
-
-
-def table_2_robot(
-    unknowns: NaoUnknowns,
-    rng: np.random.Generator,
-    hard: bool = False,
-    masses: pin.Model | None = None,
-    half_play_deg: tuple[float, float] = (0.2, 0.6),
-) -> NaoKinematics:
-    """A NAO as Table 2 has it, and beyond it as `unknowns` say.
-
-    The head is off by 0.5 and -0.4 deg, springs give by 0.3 to 0.9 deg/Nm, half a play is 0.2 to 0.6 deg.
-    """
-    parts = [TABLE_2]
-    if unknowns.head:
-        parts.append(np.array([0.5, -0.4]))
-    if unknowns.springs:
-        parts.append(rng.uniform(0.3, 0.9, 12))
-    if unknowns.play:
-        parts.append(rng.uniform(*half_play_deg, 12))
-    return NaoKinematics(unknowns, frozen(np.concatenate(parts) * unknowns.si()), hard, True, masses)
 
 
 def run_measurement(

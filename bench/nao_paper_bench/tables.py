@@ -10,7 +10,7 @@ import numpy as np
 
 from arm.se3 import Array
 from calib.nao.chain import LEG_JOINTS, NaoUnknowns
-from calib.nao.kinematics import NaoKinematics, standing_error
+from nao_paper_bench.kinematics import NaoKinematics, standing_error
 
 PAPER = NaoUnknowns()
 Say = Callable[[str], None]

@@ -6,6 +6,8 @@ Rotation vectors and twists follow J. Solà et al., "A micro Lie theory for stat
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -81,6 +83,11 @@ def rotation(rotation_vector: npt.ArrayLike) -> Array:
     a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle**2
     R: Array = np.eye(3) + a * W + mul(b * W, W)
     return R
+
+
+def moved(T: Array, twist: npt.NDArray[Any]) -> Array:
+    """Return T exp(twist), to first order in the translation: `T` (4x4) moved by a twist (6,) in its own frame."""
+    return T @ transform(rotation(twist[3:]), twist[:3])
 
 
 def rotation_vector(R: Array) -> Array:

@@ -13,6 +13,8 @@ import pytest
 
 from arm.errors import InputError
 from arm.former import PLACES, FormerNames
+from calib.model.chain import Chain, Fixed
+from calib.nao.chain import NaoUnknowns
 from plan.waypoints.target import Target
 
 SOURCE = Path(importlib.import_module("arm").__file__ or "").parents[1]
@@ -77,3 +79,16 @@ def test_former_arguments_and_attributes_of_a_target() -> None:
         assert target.touching == target.allowed_collisions  # type: ignore[attr-defined]
     with pytest.raises(InputError, match="blend_radius = -1"):
         replace(target, blend_radius=-1.0)
+
+
+def test_former_names_of_a_chain_and_of_its_unknowns() -> None:
+    with (
+        pytest.warns(DeprecationWarning, match="NaoUnknowns: springs is compliance now"),
+        pytest.warns(DeprecationWarning, match="NaoUnknowns: play is backlash now"),
+    ):
+        unknowns = NaoUnknowns(springs=True, play=True)  # type: ignore[call-arg]
+    assert unknowns == NaoUnknowns(compliance=True, backlash=True)
+    chain = Chain((Fixed(np.diag([1.0, -1.0, -1.0, 1.0])),))
+    with pytest.warns(DeprecationWarning, match="Chain: turned_round is inverse now"):
+        back = chain.turned_round()  # type: ignore[attr-defined]
+    assert np.array_equal(back.elements[0].T, chain.inverse().elements[0].T)

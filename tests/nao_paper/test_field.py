@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from nao_paper_bench.charts import Cloud, board_figure, residual_figure
 from nao_paper_bench.field import draw_field, field_errors, field_lines
+from nao_paper_bench.kinematics import NaoKinematics
 
 from calib.nao.chain import NaoUnknowns
-from calib.nao.kinematics import NaoKinematics
 
 PAPER = NaoUnknowns()
 

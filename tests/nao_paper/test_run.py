@@ -5,28 +5,30 @@ import json
 import cv2
 import numpy as np
 import pytest
+from nao_paper_bench.collision import nao_bodies
+from nao_paper_bench.kinematics import ON_ITS_BACK, NaoKinematics
 from nao_paper_bench.paper import reproduce
 from nao_paper_bench.robot import Servos, SimulatedNao
 from nao_paper_bench.run import (
+    NoisyVertices,
+    RenderedVertices,
+    run_measurement,
+    turned_as_expected,
+    way_to,
+)
+from nao_paper_bench.stance_design import Sensing, find_pool, random_stances
+from nao_paper_bench.stance_pool import resting_posture
+from nao_paper_bench.table_2 import (
     NAO_CAMERA,
     PAPER_PIXEL_SIGMA,
     READING_SIGMA,
     VERTICES,
-    NoisyVertices,
-    RenderedVertices,
-    run_measurement,
     table_2_robot,
-    turned_as_expected,
-    way_to,
 )
 
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from calib.chain.fit import fit_chains
 from calib.nao.chain import SIDES, NaoUnknowns
-from calib.nao.collision import nao_bodies
-from calib.nao.kinematics import ON_ITS_BACK, NaoKinematics
-from calib.nao.stance_design import Sensing, find_pool, random_stances
-from calib.nao.stance_pool import resting_posture
 
 PAPER = NaoUnknowns()
 STEP = np.radians(0.1)

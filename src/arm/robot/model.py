@@ -56,7 +56,7 @@ class Robot:
         end_frame: name of the frame that carries the tool.
         T_end_tool: the tool frame in it.
         bodies: collision bodies.
-        disabled_collisions: pairs of body names that are not checked against each other (self-collision).
+        disabled_collisions: pairs of body names that are not checked against each other.
         digest: SHA-256 over URDF, SRDF, tool, locked joints and hulls of meshes.
         ideal: the nominal arm if this one is calibrated, for closed-form inverse kinematics; or None.
         urdf: text of the URDF.

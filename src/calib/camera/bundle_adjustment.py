@@ -1,7 +1,5 @@
 """Bundle adjustment of the intrinsics and the target pose of every view, by Levenberg-Marquardt.
 
-It minimises the reprojection errors of the corners.
-
 Views are coupled only through the intrinsics, so the pose of each view is eliminated (Schur complement; B. Triggs et
 al., "Bundle adjustment: a modern synthesis", 2000, section 6.1). The reduced 9 x 9 information matrices add up over
 views: selecting views, holding some out and proposing the next one all work on sums of them.
@@ -11,22 +9,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from arm.errors import CalibrationRefused
-from arm.se3 import Array, rotation, transform
-from calib.model.intrinsics import COUNT, camera_of, lens_parameter_jacobian, vector_of
-from vision.boards.pose_fit import pose_jacobian
+from arm.se3 import Array, moved
+from calib.model.intrinsics import COUNT, camera_of, vector_of
+from calib.model.least_squares import (
+    Eliminated,
+    Step,
+    eliminate,
+    embedded,
+    inverse_scaled,
+    levenberg_marquardt,
+    solve_scaled,
+)
+from calib.model.projection import Projection
 from vision.camera.model import Camera
 
 Bools = npt.NDArray[np.bool_]
 
 _STEPS = 100
 COST_DONE = 1e-10  # relative change of the cost
-_MOST_DAMPING = 1e8
 PRIOR_CORNER_PX = 0.02  # corner error the prior is weighted against; the true one is known only after the fit
 
 
@@ -109,42 +114,26 @@ class Bundle:
         return float(np.sqrt(self.squares / max(self.degrees_of_freedom, 1)))
 
 
-@dataclass(frozen=True, eq=False)
-class Blocks:
-    """Normal equations of one view: intrinsics (9, 9), pose (6, 6), coupling (9, 6), gradients (9,) and (6,)."""
-
-    lens: Array
-    pose: Array
-    both: Array
-    lens_gradient: Array
-    pose_gradient: Array
-
-    def reduced(self, damping: float = 0.0) -> Array:
-        """Information on the intrinsics with the pose eliminated, (9, 9)."""
-        pose = self.pose + damping * np.diag(np.diag(self.pose))
-        reduced: Array = self.lens - self.both @ np.linalg.solve(pose, self.both.T)
-        return reduced
-
-
-def blocks_of(camera: Camera, T_camera_target: Array, points: Array, residual: Array | None = None) -> Blocks:
-    """Return the normal equations of a view whose coordinates are measured to 1 px.
+def view_equations(
+    camera: Camera, T_camera_target: Array, points: Array, residual: Array | None = None, damping: float = 0.0
+) -> Eliminated:
+    """Return a view's normal equations of the nine intrinsics, its pose eliminated; coordinates are measured to 1 px.
 
     Args:
         camera: intrinsics.
         T_camera_target: pose, 4x4.
         points: of the target, (n, 3) m.
         residual: (n, 2) px; default: zero.
+        damping: of the pose, see `calib.model.least_squares.eliminate`.
     """
-    by_lens = lens_parameter_jacobian(camera, points @ T_camera_target[:3, :3].T + T_camera_target[:3, 3])
-    J, P = by_lens.reshape(-1, COUNT), pose_jacobian(T_camera_target, points, camera).reshape(-1, 6)
-    r = np.zeros(len(J)) if residual is None else residual.reshape(-1)
-    return Blocks(J.T @ J, P.T @ P, J.T @ P, J.T @ r, P.T @ r)
+    seen = Projection(camera, T_camera_target, points)
+    r = np.zeros(2 * len(points)) if residual is None else residual.reshape(-1)
+    return eliminate(seen.by_intrinsics.reshape(-1, COUNT), seen.by_target.reshape(-1, 6), r, damping=damping)
 
 
 def residual_of(camera: Camera, T_camera_target: Array, view: View) -> Array:
-    """Measured minus projected corners, (n, 2) px; NaN for points behind the camera."""
-    R, t = T_camera_target[:3, :3], T_camera_target[:3, 3]
-    return np.asarray(view.pixels - camera.project(view.points @ R.T + t))
+    """Reprojection error of a view: measured minus projected corners, (n, 2) px; NaN for points behind the camera."""
+    return np.asarray(view.pixels - Projection(camera, T_camera_target, view.points).pixels)
 
 
 def adjust(
@@ -155,7 +144,7 @@ def adjust(
     prior: Prior | None = None,
     done: float = COST_DONE,
 ) -> Bundle:
-    """Minimise the squared residuals over intrinsics and poses, from a start.
+    """Minimise the reprojection error over intrinsics and poses, from a start.
 
     Args:
         views: of the target.
@@ -170,24 +159,15 @@ def adjust(
     now = _evaluated(views, camera, poses, free, prior or Prior.of(camera))
     if not np.isfinite(now.cost):
         raise CalibrationRefused("no camera fits the views: some corners would lie behind it", reason="start")
-    damping = 1e-4
-    for _ in range(_STEPS):
-        blocks = [
-            blocks_of(now.camera, T, v.points, r)
-            for T, v, r in zip(now.poses, views, now.residuals, strict=True)
-        ]
-        then = _stepped(views, now, blocks, damping)
-        gain = now.cost - then.cost
-        if gain > 0.0:  # NaN compares false
-            last = gain < done * now.cost
-            now, damping = then, max(damping * 0.1, 1e-12)
-            if last:
-                break
-        else:
-            damping *= 10.0
-            if damping > _MOST_DAMPING:
-                break
-    return now
+
+    def linearise(bundle: Bundle) -> Step[Bundle]:
+        def step(damping: float) -> tuple[Bundle, bool]:
+            then = _stepped(views, bundle, damping)
+            return then, bundle.cost - then.cost < done * bundle.cost
+
+        return step
+
+    return levenberg_marquardt(now, lambda bundle: bundle.cost, linearise, _STEPS, damping=1e-4)[0]
 
 
 def _evaluated(
@@ -197,70 +177,30 @@ def _evaluated(
     return Bundle(camera, tuple(poses), residuals, free, prior)
 
 
-def _stepped(views: Sequence[View], now: Bundle, blocks: Sequence[Blocks], damping: float) -> Bundle:
-    weight = now.prior.weight
+def _stepped(views: Sequence[View], now: Bundle, damping: float) -> Bundle:
+    weight, free = now.prior.weight, now.free
     S, g = np.diag(weight), weight * (now.prior.mean - vector_of(now.camera))
-    solved: list[tuple[npt.NDArray[Any], npt.NDArray[Any]]] = []
-    for b in blocks:
-        damped = b.pose + damping * np.diag(np.diag(b.pose))
-        by_lens, alone = np.linalg.solve(damped, b.both.T), np.linalg.solve(damped, b.pose_gradient)
-        solved.append((np.asarray(by_lens), np.asarray(alone)))
-        S += b.lens - b.both @ by_lens
-        g += b.lens_gradient - b.both @ alone
-    S += damping * np.diag(np.diag(sum((b.lens for b in blocks), np.zeros((COUNT, COUNT)))))
-    lens_step = np.zeros(COUNT)
-    lens_step[now.free] = solve_scaled(S[np.ix_(now.free, now.free)], g[now.free])
-    poses = []
-    for T, (by_lens, alone) in zip(now.poses, solved, strict=True):
-        xi = alone - by_lens @ lens_step
-        poses.append(T @ transform(rotation(xi[3:]), xi[:3]))
-    camera = camera_of(vector_of(now.camera) + lens_step, now.camera.size)
-    with np.errstate(all="ignore"):  # the caller rejects a step that is too long
-        return _evaluated(views, camera, poses, now.free, now.prior)
-
-
-def solve_scaled(S: Array, g: Array) -> Array:
-    """Return S^-1 g for a positive matrix whose rows differ by many orders of magnitude, as those of fx and k3 do.
-
-    Raises:
-        numpy.linalg.LinAlgError: some elements are not finite.
-    """
-    scale, scaled = _scaled(S)
-    solution, *_ = np.linalg.lstsq(scaled, _finite(scale * g), rcond=1e-14)
-    return np.asarray(scale * solution)
-
-
-def inverse_scaled(S: Array) -> Array:
-    """Return S^-1 for such a matrix; undetermined parameters get a very large variance.
-
-    Raises:
-        numpy.linalg.LinAlgError: some elements are not finite.
-    """
-    scale, scaled = _scaled(S)
-    values, vectors = np.linalg.eigh(scaled)
-    inverse = vectors @ np.diag(1.0 / np.maximum(values, 1e-15)) @ vectors.T
-    return np.asarray(inverse * np.outer(scale, scale))
-
-
-def _scaled(S: Array) -> tuple[Array, Array]:
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(S), 1e-300))
-    return scale, _finite(S * np.outer(scale, scale))
-
-
-def _finite(numbers: Array) -> Array:
-    if not np.isfinite(numbers).all():  # LAPACK would print to the terminal
-        raise np.linalg.LinAlgError("some elements are not finite")
-    return numbers
+    equations = [
+        view_equations(now.camera, T, v.points, r, damping)
+        for T, v, r in zip(now.poses, views, now.residuals, strict=True)
+    ]
+    S = S + sum(e.S for e in equations)
+    g = g + sum(e.g for e in equations)
+    S += damping * np.diag(np.diag(S))
+    step = np.zeros(COUNT)
+    step[free] = solve_scaled(S[np.ix_(free, free)], g[free])
+    poses = [moved(T, e.alone - e.by_kept @ step) for T, e in zip(now.poses, equations, strict=True)]
+    camera = camera_of(vector_of(now.camera) + step, now.camera.size)
+    with np.errstate(all="ignore"):  # a step that is too long is rejected
+        return _evaluated(views, camera, poses, free, now.prior)
 
 
 def information(bundle: Bundle, views: Sequence[View]) -> list[Array]:
     """Information of each view on the intrinsics, (9, 9) each, for corner errors of 1 px."""
-    return [blocks_of(bundle.camera, T, v.points).reduced() for T, v in zip(bundle.poses, views, strict=True)]
+    return [view_equations(bundle.camera, T, v.points).S for T, v in zip(bundle.poses, views, strict=True)]
 
 
 def intrinsics_covariance(informations: Sequence[Array], free: Bools, sigma_px: float, prior: Prior) -> Array:
     """Covariance (9, 9) of the intrinsics from the views' information; zero rows for those that are not free."""
     S = sum(informations, np.zeros((COUNT, COUNT))) / sigma_px**2 + np.diag(prior.sigma**-2)
-    covariance = np.zeros((COUNT, COUNT))
-    covariance[np.ix_(free, free)] = inverse_scaled(S[np.ix_(free, free)])
-    return covariance
+    return embedded(inverse_scaled(S[np.ix_(free, free)]), free)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -13,19 +13,20 @@ from arm.se3 import Array, frozen
 from calib.camera.bundle_adjustment import Bundle, View, adjust, information, intrinsics_covariance
 from calib.camera.cross_validation import cross_validate
 from calib.camera.initial_guess import initial_guess
-from calib.camera.next_views import NextView, information_of, next_views
+from calib.camera.next_views import NextView, next_views
 from calib.camera.result import CalibrationLimits, CalibrationView, CameraCalibration
 from calib.camera.score_tests import error_hypotheses
-from calib.camera.verdict import judge
+from calib.camera.verdict import with_verdict
 from calib.camera.view_selection import (
     TargetPhoto,
-    best_views,
     outlying_corner,
     outlying_views,
     unusable,
 )
 from calib.camera.working_volume import working_volume
 from calib.model.intrinsics import NAMES, lens_parameter_jacobian, vector_of
+from calib.model.optimal_design import OptimalDesign
+from calib.model.projection import Projection
 from vision.camera.model import Camera
 from vision.targets.target import FEWEST_CORNERS, Target
 
@@ -70,15 +71,18 @@ def calibrate_camera(
     scale = found.bundle.corner_sigma
     prior = (scale / found.bundle.prior.sigma) ** 2
     if len(found.index) > limits.most_views:
-        found = _best(found, best_views(informations, place.worth, prior, limits.most_views), reasons)
+        design = OptimalDesign(np.array(informations), np.diag(prior), place.worth)
+        found = _best(found, sorted(design.best(limits.most_views, exchange=False).places), reasons)
         place = working_volume(found.bundle.camera, *points)
         informations = information(found.bundle, found.views)
     bundle = found.bundle
     covariance = intrinsics_covariance(informations, free, bundle.corner_sigma, bundle.prior)
-    known = information_of(informations, prior)
+    known = np.diag(prior) + sum(informations)
     undetermined = _undetermined(bundle.camera, covariance, free, bundle.corner_sigma)
     hypotheses = tuple(error_hypotheses(bundle, found.views, target))
-    moved = sum((place.shifts(s.lens_change) ** 2 for s in hypotheses if s.sure), np.zeros(len(place.points)))
+    moved = sum(
+        (place.shifts(s.intrinsics_change) ** 2 for s in hypotheses if s.sure), np.zeros(len(place.points))
+    )
     calibration = CameraCalibration(
         bundle.camera,
         frozen(covariance),
@@ -92,11 +96,9 @@ def calibrate_camera(
         hypotheses,
         {name: _most_informative(name, bundle.camera, target, known, points) for name in undetermined},
         tuple(next_views(bundle.camera, target, known, place.worth, *points)),
-        limits=limits,
+        limits,
     )
-    verdict = judge(calibration)
-    advised = calibration.next if verdict.metric else ()
-    return replace(calibration, reasons=verdict.reasons, remarks=verdict.remarks, next=advised)
+    return with_verdict(calibration)
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,8 +207,7 @@ def _most_informative(
     name: str, camera: Camera, target: Target, known: Array, distances: tuple[float, float]
 ) -> NextView | None:
     """Return the view that would add most information on one of the intrinsics."""
-    worth = np.zeros((len(NAMES), len(NAMES)))
-    worth[NAMES.index(name), NAMES.index(name)] = 1.0
+    worth = np.eye(len(NAMES))[:, [NAMES.index(name)]]
     found = next_views(camera, target, known, worth, *distances, count=1)
     return found[0] if found else None
 
@@ -221,11 +222,9 @@ def _calibration_views(
         if T is None or photo.view is None:
             results.append(CalibrationView(photo, False, reason))
             continue
-        points = target.points()[photo.view.ids] @ T[:3, :3].T + T[:3, 3]
-        residual = photo.view.corners_px - found.bundle.camera.project(points)
-        results.append(
-            CalibrationView(photo, True, "", T, frozen(residual), ~found.kept[i], float(points[:, 2].mean()))
-        )
+        seen = Projection(found.bundle.camera, T, target.points()[photo.view.ids])
+        residual, distance = photo.view.corners_px - seen.pixels, float(seen.in_camera[:, 2].mean())
+        results.append(CalibrationView(photo, True, "", T, frozen(residual), ~found.kept[i], distance))
     return tuple(results)
 
 

@@ -14,20 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm.se3 import Array
-from calib.camera.bundle_adjustment import (
-    Blocks,
-    Bools,
-    Bundle,
-    View,
-    adjust,
-    blocks_of,
-    information,
-    residual_of,
-    solve_scaled,
-)
+from calib.camera.bundle_adjustment import Bundle, View, adjust, information, residual_of, view_equations
 from calib.camera.initial_guess import pose_of
 from calib.camera.working_volume import WorkingVolume
 from calib.model.intrinsics import vector_of
+from calib.model.least_squares import solve_scaled
 
 GROUPS = 5
 
@@ -47,13 +38,6 @@ class CrossValidation:
     work_sigmas: Array
 
 
-def _explained_by_intrinsics(blocks: Blocks, known: Array, free: Bools) -> float:
-    """Part of a view's squared residuals, px^2, explained by intrinsics of information `known` (9, 9)."""
-    S = (known + blocks.reduced())[np.ix_(free, free)]
-    g = (blocks.lens_gradient - blocks.both @ np.linalg.solve(blocks.pose, blocks.pose_gradient))[free]
-    return float(g @ solve_scaled(S, g))
-
-
 def cross_validate(bundle: Bundle, views: Sequence[View], work: WorkingVolume) -> CrossValidation:
     """Hold out every view of an adjustment once.
 
@@ -64,7 +48,7 @@ def cross_validate(bundle: Bundle, views: Sequence[View], work: WorkingVolume) -
     """
     groups = min(GROUPS, len(views))
     group = np.arange(len(views)) % groups
-    squares, free, lenses = 0.0, 0, []
+    squares, freedom, lenses = 0.0, 0, []
     for g in range(groups):
         rest = [i for i in range(len(views)) if group[i] != g]
         fit = adjust(
@@ -76,14 +60,16 @@ def cross_validate(bundle: Bundle, views: Sequence[View], work: WorkingVolume) -
         )
         lenses.append(vector_of(fit.camera))
         known = np.diag((bundle.corner_sigma / bundle.prior.sigma) ** 2)
-        known += sum(information(fit, [views[i] for i in rest]))
+        known = np.asarray(sum(information(fit, [views[i] for i in rest]), known))
         for i in map(int, np.flatnonzero(group == g)):
             T = pose_of(views[i], fit.camera)
             residual = residual_of(fit.camera, T, views[i])
-            blocks = blocks_of(fit.camera, T, views[i].points, residual)
-            squares += float((residual**2).sum()) - _explained_by_intrinsics(blocks, known, bundle.free)
-            free += residual.size - 6
+            own = view_equations(fit.camera, T, views[i].points, residual)
+            of_free, score = (known + own.S)[np.ix_(bundle.free, bundle.free)], own.g[bundle.free]
+            explained = float(score @ solve_scaled(of_free, score))  # by the uncertainty of the intrinsics
+            squares += float((residual**2).sum()) - explained
+            freedom += residual.size - 6
     changes = np.stack(lenses) - np.mean(lenses, axis=0)
     scatter = np.stack([work.shifts(change) for change in changes])
     sigmas = np.sqrt((groups - 1) / groups * (scatter**2).sum(axis=0))
-    return CrossValidation(float(np.sqrt(squares / max(free, 1))), np.asarray(sigmas))
+    return CrossValidation(float(np.sqrt(squares / max(freedom, 1))), np.asarray(sigmas))

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from arm.errors import CalibrationRefused
 from arm.se3 import Array
 from calib.camera.calibrate import calibrate_camera
 from calib.camera.result import CalibrationLimits, CameraCalibration
-from calib.camera.view_selection import LEAST_BLUR_PX, LEAST_CONTRAST, SATURATED, TargetPhoto
-from vision.targets.target import FEWEST_CORNERS, Target, TargetView
+from calib.camera.view_selection import (
+    LEAST_BLUR_PX,
+    LEAST_CONTRAST,
+    SATURATED,
+    TargetPhoto,
+    corner_shift,
+)
+from vision.targets.target import Target, TargetView
 
 STILL_PX = 0.5  # largest shift of the corners between two frames of a target held still
 NEW_SHARE = 0.01  # of the image width: least difference between a new view and all previous ones
@@ -71,7 +75,7 @@ class GuidedViews:
         last, self._last = self._last, photo.view
         if photo.view is None or photo.quality is None:
             return "no target in view"
-        if last is None or _shift(photo.view, last) > STILL_PX:
+        if last is None or corner_shift(photo.view, last) > STILL_PX:
             return "hold it still"
         if photo.quality.contrast < LEAST_CONTRAST:
             return "too dark"
@@ -80,7 +84,7 @@ class GuidedViews:
         if photo.quality.blur_px > LEAST_BLUR_PX:
             return f"blurred ({photo.quality.blur_px:.1f} px): hold it still, or focus"
         known = [p.view for p in self.photos if p.view is not None]
-        if any(_shift(photo.view, view) < NEW_SHARE * self._size[0] for view in known):
+        if any(corner_shift(photo.view, view) < NEW_SHARE * self._size[0] for view in known):
             return "shown before"
         self.photos.append(photo)
         self._advice = None
@@ -116,11 +120,3 @@ class GuidedViews:
         enough = (good and not lacking) or (c.accepted and len(self.photos) >= ENOUGH_VIEWS)
         view = lacking[0] if good and lacking else c.next[0]
         return Advice(view.words, view.T_camera_target, enough, worst)
-
-
-def _shift(view: TargetView, other: TargetView) -> float:
-    """Median shift of the corners in both views, px; infinite if there are too few."""
-    common, here, there = np.intersect1d(view.ids, other.ids, return_indices=True)
-    if len(common) < FEWEST_CORNERS:
-        return float("inf")
-    return float(np.median(np.linalg.norm(view.corners_px[here] - other.corners_px[there], axis=1)))

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import product
+from dataclasses import dataclass, replace
+from itertools import pairwise, product
 
 import numpy as np
 
 from arm.se3 import Array, rot_z, rotation, transform
-from calib.camera.bundle_adjustment import blocks_of
-from calib.camera.view_selection import cost
+from calib.camera.bundle_adjustment import view_equations
+from calib.model.optimal_design import OptimalDesign
+from calib.model.projection import Projection
 from vision.camera.model import Camera
 from vision.targets.target import Target
 
@@ -55,23 +55,18 @@ def next_views(
         camera: current estimate.
         target: to be shown.
         information: (9, 9) of the views so far and the prior, per px^2 of corner variance.
-        worth: weights of the errors, see `calib.camera.working_volume.WorkingVolume.worth`.
+        worth: of the errors, see `calib.camera.working_volume.WorkingVolume.worth`.
         near, far: range of distances for the target, m.
     """
     candidates = _candidates(camera, target, near, far)
-    chosen: list[NextView] = []
-    S = information
-    for _ in range(count):
-        if not candidates:
-            break
-        before = cost(S, worth)
-        costs = [cost(S + c.information, worth) for c in candidates]
-        best = int(np.argmin(costs))
-        c = candidates.pop(best)
-        gain = 1.0 - float(np.sqrt(costs[best] / before))
-        chosen.append(NextView(c.T_camera_target, c.words, gain, c.information))
-        S = S + c.information
-    return chosen
+    if not candidates:
+        return []
+    design = OptimalDesign(np.array([c.information for c in candidates]), information, worth)
+    best = design.best(count, exchange=False)
+    return [
+        replace(candidates[place], gain=1.0 - float(np.sqrt(after / before)))
+        for place, (before, after) in zip(best.places, pairwise((best.before, *best.variances)), strict=True)
+    ]
 
 
 def _candidates(camera: Camera, target: Target, near: float, far: float) -> list[NextView]:
@@ -89,12 +84,12 @@ def _candidates(camera: Camera, target: Target, near: float, far: float) -> list
         axis = np.array([-np.sin(angle), np.cos(angle), 0.0])
         R = rotation(TILT * axis if turned >= 0 else np.zeros(3)) @ rot_z(_rotation_in_plane(camera, target))
         T = transform(R, z * ray - R @ middle)
-        pixels = camera.project(points @ T[:3, :3].T + T[:3, 3])
+        pixels = Projection(camera, T, points).pixels
         last = np.array(camera.size) - 1.0 - MARGIN_PX
         inside = ((pixels >= MARGIN_PX) & (pixels <= last)).all(axis=1)
         if inside.mean() < LEAST_SEEN:
             continue
-        information = blocks_of(camera, T, points[inside]).reduced()
+        information = view_equations(camera, T, points[inside]).S
         found.append(NextView(T, _words(column, row, z, turned), 0.0, information))
     return found
 
@@ -111,8 +106,3 @@ def _words(column: int, row: int, z: float, turned: int) -> str:
     edge = f"its {_NEARER[turned]} edge" if turned % 2 == 0 else f"its {_NEARER[turned]} corner"
     tilt = "facing the camera" if turned < 0 else f"tilted {np.degrees(TILT):.0f} deg, {edge} nearer"
     return f"{where}, {1e3 * z:.0f} mm away, {tilt}"
-
-
-def information_of(informations: Sequence[Array], prior: Array) -> Array:
-    """Information on the intrinsics from views and prior together."""
-    return np.asarray(sum(informations, np.diag(prior)))

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from arm.errors import CalibrationRefused
 from arm.se3 import Array
 from calib.camera.cross_validation import CrossValidation
 from calib.camera.next_views import NextView
 from calib.camera.score_tests import ErrorHypothesis
 from calib.camera.view_selection import TargetPhoto
 from calib.camera.working_volume import WorkingVolume
+from calib.model.verdict import Judged
 from vision.camera.model import Camera
 from vision.targets.target import Target
 
@@ -65,7 +65,7 @@ class CalibrationView:
 
     @property
     def rms_px(self) -> float:
-        """Reprojection error: rms per coordinate in px, without dropped corners; NaN without a pose."""
+        """Root mean square residual per coordinate, without dropped corners; NaN without a pose."""
         if self.residual is None or self.dropped is None or self.dropped.all():
             return float("nan")
         return float(np.sqrt(np.mean(self.residual[~self.dropped] ** 2)))
@@ -79,7 +79,7 @@ class CalibrationView:
 
 
 @dataclass(frozen=True, eq=False)
-class CameraCalibration:
+class CameraCalibration(Judged):
     """Calibrated intrinsics, their uncertainty, and whether they may be used.
 
     Attributes:
@@ -96,8 +96,7 @@ class CameraCalibration:
         suspects: tested model errors, the most significant first.
         undetermined: intrinsics that the views leave undetermined, each with its most informative next view.
         next: views that would reduce the error at the work points most.
-        reasons: why it is refused; empty if it is accepted.
-        remarks: further notes for a person.
+        limits: for acceptance.
     """
 
     camera: Camera
@@ -112,14 +111,7 @@ class CameraCalibration:
     suspects: tuple[ErrorHypothesis, ...]
     undetermined: dict[str, NextView | None]
     next: tuple[NextView, ...]
-    reasons: tuple[str, ...] = ()
-    remarks: tuple[str, ...] = ()
-    limits: CalibrationLimits = field(default_factory=CalibrationLimits)
-
-    @property
-    def accepted(self) -> bool:
-        """Whether it may be used."""
-        return not self.reasons
+    limits: CalibrationLimits
 
     @property
     def sigmas(self) -> Array:
@@ -130,17 +122,3 @@ class CameraCalibration:
     def used(self) -> list[CalibrationView]:
         """The views that the fit uses."""
         return [view for view in self.views if view.used]
-
-    def require(self) -> None:
-        """Check that the calibration may be used.
-
-        Raises:
-            CalibrationRefused: with every reason.
-        """
-        if self.reasons:
-            raise CalibrationRefused(
-                "; ".join(self.reasons),
-                reasons=list(self.reasons),
-                work_sigma_m=float(self.work_sigmas.max()),
-                corner_sigma_px=self.corner_sigma,
-            )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,22 +20,14 @@ SCATTERED = 2.5  # largest scatter of the five groups' fits, relative to the pre
 CELLS = (8, 5)
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """Reasons to refuse, further remarks, and whether the distances are meaningful."""
-
-    reasons: tuple[str, ...]
-    remarks: tuple[str, ...]
-    metric: bool = True
-
-
-def judge(c: CameraCalibration) -> Verdict:
-    """Return the verdict on a calibration; each reason gives value, limit and remedy."""
+def with_verdict(c: CameraCalibration) -> CameraCalibration:
+    """Return the calibration with its verdict; each reason gives value, limit and remedy."""
     untilted = _too_little_tilt(c)
-    if untilted:
-        return Verdict((*_too_few_views(c), untilted, *_no_inverse(c)), tuple(_photographs(c)), metric=False)
-    reasons = [*_too_few_views(c), *_no_inverse(c), *_target(c), *_accuracy(c)]
-    return Verdict(tuple(reasons), (*_photographs(c), *_distances(c), *_lens(c)))
+    if untilted:  # then no distance is meaningful
+        reasons = (*_too_few_views(c), untilted, *_no_inverse(c))
+        return replace(c, reasons=reasons, remarks=tuple(_photographs(c)), next=())
+    reasons = (*_too_few_views(c), *_no_inverse(c), *_target(c), *_accuracy(c))
+    return replace(c, reasons=reasons, remarks=(*_photographs(c), *_distances(c), *_lens(c)))
 
 
 def coverage(c: CameraCalibration) -> float:
@@ -116,7 +108,7 @@ def marker_share(c: CameraCalibration) -> float | None:
 
 
 def _shift(c: CameraCalibration, suspect: ErrorHypothesis) -> float:
-    return float(np.sqrt(np.mean(c.work.shifts(suspect.lens_change) ** 2)))
+    return float(np.sqrt(np.mean(c.work.shifts(suspect.intrinsics_change) ** 2)))
 
 
 def _decides(c: CameraCalibration, suspect: ErrorHypothesis) -> bool:

@@ -94,15 +94,21 @@ def _on_one_line(view: TargetView) -> bool:
 
 def _same_as(photo: TargetPhoto, kept: Sequence[TargetPhoto]) -> str:
     for other in kept:
-        if photo.view is None or other.view is None:
-            continue
-        common, here, there = np.intersect1d(photo.view.ids, other.view.ids, return_indices=True)
-        if len(common) < FEWEST_CORNERS:
-            continue
-        off = np.linalg.norm(photo.view.corners_px[here] - other.view.corners_px[there], axis=1)
-        if np.median(off) < SAME_PX:
+        if (
+            photo.view is not None
+            and other.view is not None
+            and corner_shift(photo.view, other.view) < SAME_PX
+        ):
             return f"shows the target in the same place as {other.name}"
     return ""
+
+
+def corner_shift(view: TargetView, other: TargetView) -> float:
+    """Median shift of the corners in both views, px; infinite if there are too few."""
+    common, here, there = np.intersect1d(view.ids, other.ids, return_indices=True)
+    if len(common) < FEWEST_CORNERS:
+        return float("inf")
+    return float(np.median(np.linalg.norm(view.corners_px[here] - other.corners_px[there], axis=1)))
 
 
 def outlying_views(variances: Array, counts: npt.NDArray[np.intp]) -> npt.NDArray[np.bool_]:
@@ -123,31 +129,3 @@ def outlying_corner(residual: Array, sigma: float) -> int | None:
     off = np.abs(residual).max(axis=1)
     worst = int(np.argmax(off))
     return worst if off[worst] > max(OUTLIER_CORNER * sigma, LEAST_OUTLIER_PX) else None
-
-
-def best_views(informations: Sequence[Array], worth: Array, prior: Array, most: int) -> list[int]:
-    """Select greedily the `most` views that leave the least error at the work points.
-
-    Args:
-        informations: of each view, (9, 9), per px^2 of corner variance.
-        worth: see `calib.camera.working_volume.WorkingVolume.worth`.
-        prior: (9,) information of the prior on the same scale.
-        most: number of views.
-    """
-    S = np.diag(prior)
-    left = list(range(len(informations)))
-    chosen: list[int] = []
-    while left and len(chosen) < most:
-        after = [cost(S + informations[i], worth) for i in left]
-        best = left[int(np.argmin(after))]
-        S = S + informations[best]
-        chosen.append(best)
-        left.remove(best)
-    return sorted(chosen)
-
-
-def cost(S: Array, worth: Array) -> float:
-    """Mean variance at the work points for information S (9, 9)."""
-    scale = 1.0 / np.sqrt(np.diag(S))
-    inner = np.linalg.inv(S * np.outer(scale, scale) + 1e-15 * np.eye(len(S)))
-    return float(np.trace(worth @ (inner * np.outer(scale, scale))))

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.errors import CalibrationRefused
-from arm.se3 import Array, skew
+from arm.se3 import Array, by_twist
 from calib.model.intrinsics import lens_parameter_jacobian
 from vision.camera.model import Camera
 
@@ -48,14 +48,14 @@ class WorkingVolume:
         variance = np.einsum("ij,jk,ik->i", self.effect, covariance, self.effect)
         return np.asarray(np.sqrt(np.maximum(variance.reshape(-1, 2).sum(axis=1), 0.0)))
 
-    def shifts(self, lens_change: Array) -> Array:
+    def shifts(self, intrinsics_change: Array) -> Array:
         """Shift of each point, (n,) m, for a change (9,) of the intrinsics."""
-        return np.asarray(np.linalg.norm((self.effect @ lens_change).reshape(-1, 2), axis=1))
+        return np.asarray(np.linalg.norm((self.effect @ intrinsics_change).reshape(-1, 2), axis=1))
 
     @property
     def worth(self) -> Array:
-        """Weight matrix (9, 9): its product with the covariance has the mean variance over the points as trace."""
-        return np.asarray(self.effect.T @ self.effect / len(self.points))
+        """Weights W (9, 9) of the intrinsics: trace(W^T covariance W) is the mean variance over the points."""
+        return np.asarray(np.linalg.qr(self.effect / np.sqrt(len(self.points)))[1].T)
 
 
 def working_volume(camera: Camera, near: float, far: float) -> WorkingVolume:
@@ -86,7 +86,6 @@ def working_volume(camera: Camera, near: float, far: float) -> WorkingVolume:
     to_metres = points[:, 2, None, None] / np.diag(camera.K)[:2, None]
     by_lens = (to_metres * lens_parameter_jacobian(camera, points)).reshape(-1, 9)
     by_point = to_metres * camera.projection_jacobian(points)
-    turns = np.stack([-skew(p) for p in points])
-    by_place = np.concatenate([by_point, by_point @ turns], axis=-1).reshape(-1, 6)
+    by_place = by_twist(by_point, points).reshape(-1, 6)
     absorbed, *_ = np.linalg.lstsq(by_place, by_lens, rcond=None)
     return WorkingVolume(near, far, points, by_lens - by_place @ absorbed, finite.reshape(ROWS, COLUMNS))

@@ -2,27 +2,36 @@
 
 Every reading of an encoder that is not exact gets an error of its own, with the encoder's standard deviation as its
 prior, shared by all images taken at that reading. These errors are eliminated stance by stance (Schur complement), as
-poses are in `calib.camera.bundle_adjustment`. To first order this equals weighting the pixels by their full covariance
-(generalised least squares); a coarse encoder is not treated as exact (fact sheet of calibration, finding 1).
+the poses are in `calib.camera.bundle_adjustment`. To first order this equals weighting the pixels by their full
+covariance (generalised least squares); a coarse encoder is not treated as exact (fact sheet of calibration, finding 1).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from arm.se3 import Array, by_twist
-from calib.camera.bundle_adjustment import inverse_scaled, solve_scaled
+from arm.se3 import Array
 from calib.model.chain import Chain, Evaluated
+from calib.model.least_squares import (
+    Eliminated,
+    Step,
+    eliminate,
+    embedded,
+    inverse_scaled,
+    levenberg_marquardt,
+    solve_scaled,
+)
+from calib.model.projection import Projection, along
 from vision.camera.model import Camera
 
 MOST_STEPS = 60
 _STEP_DONE = 1e-3  # stop once every step is below a thousandth of its standard deviation
-_MOST_DAMPING = 1e10
 
+_State = tuple[Array, list[Array]]  # unknowns, and errors of the readings of every chain
 Gains = Callable[[Array, Array], dict[str, Array]]
 """Gains of unknowns by name, each (n,), from readings (n, readings) and unknowns (count,)."""
 
@@ -56,11 +65,15 @@ class Sightings:
         noise = np.ones(len(self.readings)) if self.noise is None else self.noise
         return np.asarray(noise[:, None, None] * pixel_sigma)
 
-    def evaluate(self, unknowns: Array, errors: Array) -> Evaluated:
+    def evaluate(self, unknowns: Array, errors: Array | float = 0.0) -> Evaluated:
         """Evaluate the chain for unknowns (count,), with errors (n, readings) added to the readings."""
         corrected = self.readings + errors
         gains = self.gains(corrected, unknowns) if self.gains is not None else None
         return self.chain.evaluate(corrected, unknowns, gains)
+
+    def projection(self, camera: Camera, unknowns: Array, errors: Array | float = 0.0) -> Projection:
+        """Project the target's points at every image; `errors` are added to the readings."""
+        return Projection(camera, self.evaluate(unknowns, errors).T, self.points)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +106,7 @@ class ChainFit:
     Attributes:
         unknowns: (count,).
         errors: of the readings of every chain, (n, readings) each.
-        residuals: measured minus projected, (n, m, 2) px of every chain, NaN where nothing was detected.
+        residuals: reprojection error, measured minus projected, (n, m, 2) px of every chain; NaN if not detected.
         cost: minimised sum of squares over their variances.
         information: (free, free) of the free unknowns, including the priors.
         iterations: number of steps.
@@ -107,12 +120,17 @@ class ChainFit:
     information: Array
     iterations: int
     freedom: int
-    weights: tuple[Array, ...] = field(default=())
+    weights: tuple[Array, ...] = ()
 
     @property
     def chi2_dof(self) -> float:
         """Cost per degree of freedom, about 1 if the model is complete and the standard deviations are right."""
         return self.cost / max(self.freedom, 1)
+
+    @property
+    def wrong(self) -> tuple[npt.NDArray[np.intp], ...]:
+        """Images of weight 0 of every chain."""
+        return tuple(np.flatnonzero(w == 0.0) for w in self.weights)
 
     @property
     def own(self) -> int:
@@ -139,9 +157,7 @@ class ChainFit:
 
     def covariance(self, free: npt.NDArray[np.bool_]) -> Array:
         """Covariance of all unknowns, (count, count); zero rows for those held."""
-        covariance = np.zeros((len(free), len(free)))
-        covariance[np.ix_(free, free)] = inverse_scaled(self.information)
-        return covariance
+        return embedded(inverse_scaled(self.information), free)
 
 
 def fit_chains(
@@ -160,28 +176,25 @@ def fit_chains(
     if begin is not None:
         x[problem.free] = begin.unknowns[problem.free]
         errors = [e.copy() for e in begin.errors]
-    cost = _cost(problem, x, errors, weights)
-    damping, iterations = 1e-6, 0
-    system = _System.of(problem, x, errors, weights)
-    while iterations < MOST_STEPS:
-        step, changes = system.step(damping)
-        then = [e + c for e, c in zip(errors, changes, strict=True)]
-        trial = x.copy()
-        trial[problem.free] += step
-        after = _cost(problem, trial, then, weights)
-        if after <= cost:  # NaN compares false
-            small = bool(np.abs(step * np.sqrt(np.diag(system.S))).max(initial=0.0) < _STEP_DONE)
-            x, errors, cost, damping = trial, then, after, max(damping * 0.1, 1e-12)
-            iterations += 1
-            system = _System.of(problem, x, errors, weights)
-            if small:
-                break
-        else:
-            damping *= 10.0
-            if damping > _MOST_DAMPING:
-                break
+
+    def linearise(at: _State) -> Step[_State]:
+        system = _System.of(problem, *at, weights)
+
+        def step(damping: float) -> tuple[_State, bool]:
+            change, changes = system.step(damping)
+            trial = at[0].copy()
+            trial[problem.free] += change
+            close = np.abs(change * np.sqrt(np.diag(system.S))).max(initial=0.0) < _STEP_DONE
+            return (trial, [e + c for e, c in zip(at[1], changes, strict=True)]), bool(close)
+
+        return step
+
+    (x, errors), iterations = levenberg_marquardt(
+        (x, errors), lambda at: _cost(problem, *at, weights), linearise, MOST_STEPS
+    )
     residuals = tuple(
-        _residual(problem, s, s.evaluate(x, e)) for s, e in zip(problem.sightings, errors, strict=True)
+        s.pixels - s.projection(problem.camera, x, e).pixels
+        for s, e in zip(problem.sightings, errors, strict=True)
     )
     seen = sum(int(np.isfinite(r[w > 0.0]).sum()) for r, w in zip(residuals, weights, strict=True))
     known = int(np.isfinite(problem.prior_sigma[problem.free]).sum())
@@ -189,8 +202,8 @@ def fit_chains(
         x,
         tuple(errors),
         residuals,
-        cost,
-        system.S,
+        _cost(problem, x, errors, weights),
+        _System.of(problem, x, errors, weights).S,
         iterations,
         seen - int(problem.free.sum()) + known,
         tuple(weights),
@@ -228,12 +241,8 @@ def normal_equations(
         for number in range(len(problem.sightings))
         for stance in _stances(problem, number, fit.unknowns, fit.errors, fit.weights, extra)
     ]
-    return NormalEquations(prior, np.array([s.S for s in stances]), np.array([s.g for s in stances]))
-
-
-def _residual(problem: Problem, s: Sightings, at: Evaluated) -> Array:
-    points = s.points @ np.swapaxes(at.T[:, :3, :3], 1, 2) + at.T[:, None, :3, 3]
-    return np.asarray(s.pixels - problem.camera.project(points))
+    each = [s.equations for s in stances]
+    return NormalEquations(prior, np.array([e.S for e in each]), np.array([e.g for e in each]))
 
 
 def _cost(problem: Problem, x: Array, errors: Sequence[Array], weights: Sequence[Array]) -> float:
@@ -241,7 +250,7 @@ def _cost(problem: Problem, x: Array, errors: Sequence[Array], weights: Sequence
     total = float((off**2).sum())
     exact = problem.reading_sigma <= 0.0
     for s, e, w in zip(problem.sightings, errors, weights, strict=True):
-        r = _residual(problem, s, s.evaluate(x, e))
+        r = s.pixels - s.projection(problem.camera, x, e).pixels
         if not np.array_equal(np.isfinite(r), np.isfinite(s.pixels)):
             return float("inf")  # a point behind the camera
         total += float(np.nansum(w[:, None, None] * (r / s.sigma(problem.pixel_sigma)) ** 2))
@@ -261,14 +270,11 @@ def _share(s: Sightings, weights: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Stance:
-    """Information of a stance on the unknowns, and the back-substitution to its eliminated reading errors."""
+    """Normal equations of the free unknowns from a stance, with its reading errors eliminated."""
 
     chain: int
-    S: Array  # (free, free)
-    g: Array  # (free,)
     columns: list[tuple[int, npt.NDArray[np.intp]]]  # of each error: reading, and the images sharing it
-    by_unknown: Array  # (errors, free)
-    alone: Array  # (errors,)
+    equations: Eliminated
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,8 +292,8 @@ class _System:
         stances: list[_Stance] = []
         for number in range(len(problem.sightings)):
             for stance in _stances(problem, number, x, errors, weights, apart=False):
-                S += stance.S
-                g += stance.g
+                S += stance.equations.S
+                g += stance.equations.g
                 stances.append(stance)
         return cls(S, g, stances, [e.shape for e in errors])
 
@@ -296,7 +302,7 @@ class _System:
         step = solve_scaled(self.S + damping * np.diag(np.diag(self.S)), self.g)
         changes = [np.zeros(shape) for shape in self.shapes]
         for stance in self.stances:
-            change = stance.alone - stance.by_unknown @ step
+            change = stance.equations.alone - stance.equations.by_kept @ step
             for value, (j, shared) in zip(change, stance.columns, strict=True):
                 changes[stance.chain][shared, j] = value
         return step, changes
@@ -324,16 +330,10 @@ def _stances(
         seen = np.isfinite(s.pixels)[..., None]
         J = np.concatenate([J, np.where(seen, extra[chain] * scale, 0.0)], axis=-1)
     inexact = np.flatnonzero(problem.reading_sigma > 0.0)
-    if not len(inexact):
-        yield from _exact_stances(
-            s, chain, J.reshape(len(J), -1, J.shape[-1]), r.reshape(len(r), -1), w, apart
-        )
-        return
-    for stance in np.unique(s.stances):
-        together = np.flatnonzero(s.stances == stance)
+    stances = s.stances if apart or len(inexact) else np.zeros_like(s.stances)
+    for stance in np.unique(stances[w > 0.0]):
+        together = np.flatnonzero(stances == stance)
         images = together[w[together] > 0.0]
-        if not len(images):
-            continue
         rows = r[images].reshape(-1)
         A = J[images].reshape(len(rows), -1)
         columns = [
@@ -341,58 +341,27 @@ def _stances(
             for j in inexact
             for i in np.unique(s.reading_ids[images, j])
         ]
-        N = np.zeros((len(images), *r.shape[1:], len(columns)))
-        place = {int(image): k for k, image in enumerate(images)}
+        N = np.zeros((*r[images].shape, len(columns)))
         for k, (j, shared) in enumerate(columns):
-            for image in shared:
-                if int(image) in place:
-                    N[place[int(image)], ..., k] = by_reading[image, ..., j]
-        N = N.reshape(len(rows), -1)
+            of = np.isin(images, shared)
+            N[of, ..., k] = by_reading[images[of], ..., j]
         sigma = problem.reading_sigma[[j for j, _ in columns]]
         now = np.array([e[shared[0], j] for j, shared in columns])
-        H = N.T @ N + np.diag(sigma**-2)
-        NA = N.T @ A
-        back = np.linalg.solve(H, np.column_stack([NA, N.T @ rows - now / sigma**2]))
-        S = A.T @ A - NA.T @ back[:, :-1]
-        g = A.T @ rows - NA.T @ back[:, -1]
-        yield _Stance(chain, S, g, columns, back[:, :-1], back[:, -1])
-
-
-def _exact_stances(
-    s: Sightings, chain: int, J: Array, r: Array, weights: Array, apart: bool
-) -> Iterator[_Stance]:
-    """Yield every stance with weight where readings are exact: sums over its images."""
-    none = np.zeros((0, J.shape[-1])), np.zeros(0)
-    if not apart:
-        whole = J.reshape(-1, J.shape[-1])
-        yield _Stance(chain, whole.T @ whole, r.reshape(-1) @ whole, [], *none)
-        return
-    S = np.swapaxes(J, 1, 2) @ J
-    g = np.einsum("nrk,nr->nk", J, r)
-    for stance in np.unique(s.stances[weights > 0.0]):
-        images = np.flatnonzero((s.stances == stance) & (weights > 0.0))
-        yield _Stance(chain, S[images].sum(axis=0), g[images].sum(axis=0), [], *none)
+        prior = np.diag(sigma**-2), -now / sigma**2
+        yield _Stance(chain, columns, eliminate(A, N.reshape(len(rows), -1), rows, *prior))
 
 
 def _linearised(problem: Problem, s: Sightings, at: Evaluated, weights: Array) -> tuple[Array, Array, Array]:
     """Whitened residuals (n, m, 2), derivatives (n, m, 2, count) by free unknowns, and by readings unless exact."""
-    R = at.T[:, :3, :3]
-    points = s.points @ np.swapaxes(R, 1, 2) + at.T[:, None, :3, 3]
-    r = s.pixels - problem.camera.project(points)
-    by_point = problem.camera.projection_jacobian(points) @ R[:, None]
+    projection = Projection(problem.camera, at.T, s.points)
+    r = s.pixels - projection.pixels
     scale = np.sqrt(weights)[:, None, None] / s.sigma(problem.pixel_sigma)
     seen = np.isfinite(r)
-    twists = np.where(seen[..., None], by_twist(by_point, s.points) * scale[..., None], 0.0)
+    twists = np.where(seen[..., None], projection.by_target * scale[..., None], 0.0)
     r = np.where(seen, r * scale, 0.0)
     inexact = (problem.reading_sigma > 0.0).any()
     return (
         r,
-        _along(twists, at.by_unknown[:, problem.free]),
-        _along(twists, at.by_reading) if inexact else np.zeros((*r.shape, 0)),
+        along(twists, at.by_unknown[:, problem.free]),
+        along(twists, at.by_reading) if inexact else np.zeros((*r.shape, 0)),
     )
-
-
-def _along(twists: Array, by: Array) -> Array:
-    """Derivatives (n, m, 2, k) of points whose frames move by the twists (n, k, 6)."""
-    n, m = twists.shape[:2]
-    return np.asarray((twists.reshape(n, -1, 6) @ np.swapaxes(by, 1, 2)).reshape(n, m, 2, -1))

@@ -25,9 +25,7 @@ def flipped_targets(c: ChainCalibration) -> dict[int, tuple[int, ...]]:
     orders = {turn: order for turn in (90, 180, 270) if (order := _order(s.points, turn)) is not None}
     if not len(images) or not orders:
         return {}
-    at = s.evaluate(c.fit.unknowns, c.fit.errors[0]).T[images]
-    points = np.einsum("nij,mj->nmi", at[:, :3, :3], s.points) + at[:, None, :3, 3]
-    expected = c.problem.camera.project(points)
+    expected = s.projection(c.problem.camera, c.fit.unknowns, c.fit.errors[0]).pixels[images]
     noise = s.sigma(c.problem.pixel_sigma)[images]
     found: dict[int, list[int]] = {}
     for image, seen, wanted, sigma in zip(images, s.pixels[images], expected, noise, strict=True):

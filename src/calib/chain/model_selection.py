@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy import stats
 
 from arm.se3 import Array
@@ -80,11 +79,6 @@ class Choice:
     problem: Problem
     fit: ChainFit
     trials: tuple[Trial, ...]
-
-    @property
-    def wrong(self) -> tuple[npt.NDArray[np.intp], ...]:
-        """Rejected images of every chain."""
-        return tuple(np.flatnonzero(w == 0.0) for w in self.fit.weights)
 
 
 def choose_model(

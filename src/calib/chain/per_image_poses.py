@@ -12,9 +12,10 @@ import numpy.typing as npt
 from scipy import special, stats
 
 from arm.errors import InputError
-from arm.se3 import Array, by_twist
+from arm.se3 import Array
 from calib.camera.bundle_adjustment import View
 from calib.camera.initial_guess import pose_of
+from calib.model.projection import Projection
 from vision.camera.model import Camera
 
 FEWEST = 4  # corners of an image
@@ -106,16 +107,10 @@ def _residuals(
     camera: Camera, points: Array, pixels: Array, shown: Array, poses: Array
 ) -> tuple[Array, Array]:
     """Residuals of all corners (n, m, 2), and the share of each coordinate's variance left in them."""
-    residuals, left_share = np.full(pixels.shape, np.nan), np.zeros(pixels.shape)
-    for i, T in enumerate(poses):
-        at = points @ T[:3, :3].T + T[:3, 3]
-        residuals[i] = pixels[i] - camera.project(at)
-        by_point = camera.projection_jacobian(at) @ T[:3, :3]
-        J = by_twist(by_point, points)
-        J[~np.isfinite(shown[i, :, 0])] = 0.0
-        Q, _ = np.linalg.qr(J.reshape(-1, 6))
-        left_share[i] = 1.0 - (Q**2).sum(axis=1).reshape(-1, 2)
-    return residuals, left_share
+    projection = Projection(camera, poses, points)
+    seen = np.isfinite(shown[..., :1, None])
+    Q, _ = np.linalg.qr(np.where(seen, projection.by_target, 0.0).reshape(len(poses), -1, 6))
+    return pixels - projection.pixels, 1.0 - (Q**2).sum(axis=-1).reshape(pixels.shape)
 
 
 def _sigma(residuals: Array, left_share: Array, seen: npt.NDArray[np.bool_]) -> tuple[Array, float]:

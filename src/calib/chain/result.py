@@ -14,6 +14,7 @@ from arm.se3 import Array, frozen
 from calib.chain.fit import ChainFit, Problem, Sightings, fit_chains
 from calib.chain.model_selection import Choice, Part, Trial, choose_model, largest_rise
 from calib.chain.score_tests import ChainErrorHypothesis, find_error_hypotheses, sudden_change
+from calib.model.verdict import Judged
 
 FOLDS = 5
 CHANCE = 1e-4  # probability of refusing a complete model for its residuals
@@ -57,7 +58,7 @@ class HeldOut:
 
 
 @dataclass(frozen=True, eq=False)
-class ChainCalibration:
+class ChainCalibration(Judged):
     """A fit of the selected model.
 
     Attributes:
@@ -73,8 +74,6 @@ class ChainCalibration:
         limits: of the verdict.
         noise_freedom: measurements that the corner noise was estimated from.
         change: first image that no longer fits those before it; None if there is none.
-        reasons: why it is refused; empty if it is accepted.
-        remarks: further notes for a person.
     """
 
     names: tuple[str, ...]
@@ -89,18 +88,11 @@ class ChainCalibration:
     limits: ChainLimits
     noise_freedom: float = np.inf
     change: int | None = None
-    reasons: tuple[str, ...] = ()
-    remarks: tuple[str, ...] = ()
-
-    @property
-    def accepted(self) -> bool:
-        """Whether there is no reason to refuse it."""
-        return not self.reasons
 
     @property
     def chi2_limit(self) -> float:
         """Largest accepted cost per degree of freedom: that of the limits, or that due to chance if it is larger."""
-        return _chi2_limit(self.limits, self.fit, self.noise_freedom)
+        return chi2_limit(self.limits, *_freedoms(self.fit, self.noise_freedom), self.noise_freedom)
 
     @property
     def excess(self) -> float:
@@ -110,7 +102,7 @@ class ChainCalibration:
     @property
     def excess_limit(self) -> float:
         """Largest `excess` due to chance."""
-        more = _more(self.fit, self.noise_freedom)
+        _, more = _freedoms(self.fit, self.noise_freedom)
         return largest_rise(CHANCE, more, self.noise_freedom) / more
 
     @property
@@ -121,7 +113,7 @@ class ChainCalibration:
     @property
     def wrong(self) -> tuple[npt.NDArray[np.intp], ...]:
         """Rejected images of every chain."""
-        return tuple(np.flatnonzero(w == 0.0) for w in self.fit.weights)
+        return self.fit.wrong
 
     @cached_property
     def covariance(self) -> Array:
@@ -140,7 +132,11 @@ class ChainCalibration:
     @cached_property
     def residual_std(self) -> Array:
         """Standard deviation of the residuals in x and y with the readings assumed exact, (2,) px."""
-        return _std(self.problem, self.fit, [np.zeros_like(e) for e in self.fit.errors])
+        residuals = [
+            (s.pixels - s.projection(self.problem.camera, self.fit.unknowns).pixels)[w > 0.0].reshape(-1, 2)
+            for s, w in zip(self.problem.sightings, self.fit.weights, strict=True)
+        ]
+        return np.asarray(np.nanstd(np.concatenate(residuals), axis=0))
 
     @cached_property
     def correlations(self) -> tuple[tuple[str, str, float], ...]:
@@ -246,14 +242,10 @@ def chi2_limit(limits: ChainLimits, known: int, more: int, noise_freedom: float)
     return max(limits.chi2_dof, (known + largest_rise(CHANCE, more, noise_freedom)) / (known + more))
 
 
-def _chi2_limit(limits: ChainLimits, fit: ChainFit, noise_freedom: float) -> float:
-    more = _more(fit, noise_freedom)
-    return chi2_limit(limits, max(fit.freedom - more, 0), more, noise_freedom)
-
-
-def _more(fit: ChainFit, noise_freedom: float) -> int:
-    """Degrees of freedom beyond those of the images, from which the noise was estimated."""
-    return max(fit.freedom - (fit.own if np.isfinite(noise_freedom) else 0), 1)
+def _freedoms(fit: ChainFit, noise_freedom: float) -> tuple[int, int]:
+    """Degrees of freedom of the images alone, from which the noise was estimated, and the others."""
+    more = max(fit.freedom - (fit.own if np.isfinite(noise_freedom) else 0), 1)
+    return max(fit.freedom - more, 0), more
 
 
 def _exact_if_it_fits(
@@ -268,10 +260,11 @@ def _exact_if_it_fits(
     exact = replace(problem, reading_sigma=np.zeros_like(problem.reading_sigma))
     fit = fit_chains(exact)
     optional = {place for part in parts for place in part.unknowns}
-    known = int(np.isfinite(problem.prior_sigma[problem.free]).sum())
-    if _more(fit, noise_freedom) - known < _INFORMATIVE * len(optional):
+    priors = int(np.isfinite(problem.prior_sigma[problem.free]).sum())
+    known, more = _freedoms(fit, noise_freedom)
+    if more - priors < _INFORMATIVE * len(optional):
         return problem
-    return exact if fit.chi2_dof < _chi2_limit(limits, fit, noise_freedom) else problem
+    return exact if fit.chi2_dof < chi2_limit(limits, known, more, noise_freedom) else problem
 
 
 def hold_out(choice: Choice, folds: int = FOLDS) -> HeldOut:
@@ -286,7 +279,8 @@ def hold_out(choice: Choice, folds: int = FOLDS) -> HeldOut:
             images = np.flatnonzero(part & (w > 0.0))
             if not len(images):
                 continue
-            r, depth = _predicted(problem, s, images, known.unknowns)
+            expected = s.projection(problem.camera, known.unknowns)
+            r, depth = (s.pixels - expected.pixels)[images], expected.in_camera[images, :, 2].mean(axis=1)
             squares += float(np.nansum(r**2))
             count += int(np.isfinite(r).sum())
             focal = np.diag(problem.camera.K)[:2]
@@ -302,29 +296,3 @@ def hold_out(choice: Choice, folds: int = FOLDS) -> HeldOut:
 def _fold(s: Sightings, folds: int) -> npt.NDArray[np.intp]:
     _, place = np.unique(s.stances, return_inverse=True)
     return np.asarray(place % folds, dtype=np.intp)
-
-
-def _predicted(
-    problem: Problem, s: Sightings, images: npt.NDArray[np.intp], unknowns: Array
-) -> tuple[Array, Array]:
-    """Residuals (k, m, 2) px of images predicted from their readings, and the target's depth, (k,) m."""
-    some = replace(
-        s,
-        readings=s.readings[images],
-        reading_ids=s.reading_ids[images],
-        stances=s.stances[images],
-        pixels=s.pixels[images],
-    )
-    T = some.evaluate(unknowns, np.zeros_like(some.readings)).T
-    at = np.einsum("nij,mj->nmi", T[:, :3, :3], s.points) + T[:, None, :3, 3]
-    return some.pixels - problem.camera.project(at), at[..., 2].mean(axis=1)
-
-
-def _std(problem: Problem, fit: ChainFit, errors: Sequence[Array]) -> Array:
-    residuals = []
-    for s, w, e in zip(problem.sightings, fit.weights, errors, strict=True):
-        images = np.flatnonzero(w > 0.0)
-        T = s.evaluate(fit.unknowns, e).T[images]
-        at = np.einsum("nij,mj->nmi", T[:, :3, :3], s.points) + T[:, None, :3, 3]
-        residuals.append((s.pixels[images] - problem.camera.project(at)).reshape(-1, 2))
-    return np.asarray(np.nanstd(np.concatenate(residuals), axis=0))

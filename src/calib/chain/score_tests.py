@@ -1,24 +1,22 @@
-"""Score tests for model errors of a calibrated chain: how much would each explain?
-
-A model error is a further unknown that the fit lacks, such as a wrong target size. Its size and significance follow
-from the gradient of the cost at the solution, with all other unknowns free (C. R. Rao's score test, 1948). No refit is
-needed.
-"""
+"""Score tests for model errors of a calibrated chain, such as a wrong target size: how much would each explain?"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 from scipy import special, stats
 
-from arm.se3 import Array, by_twist
-from calib.camera.bundle_adjustment import inverse_scaled, solve_scaled
-from calib.chain.fit import ChainFit, NormalEquations, Problem, Sightings, normal_equations
+from arm.se3 import Array
+from calib.chain.fit import ChainFit, Problem, Sightings, normal_equations
 from calib.chain.model_selection import largest_rise
+from calib.model.chain import Evaluated
+from calib.model.least_squares import inverse_scaled
+from calib.model.projection import Projection, along
+from calib.model.score_test import score_test
+from vision.camera.model import Camera
 
 SURE = 1e-5  # probability that an error that is not there looks as significant
 _ACROSS = 3.0  # an arm's scatter shows in two of a pose's six degrees of freedom: across the line of sight
@@ -57,48 +55,20 @@ class ChainErrorHypothesis:
         return self.drop > self.limit and abs(self.amount) < _MOST
 
 
-@dataclass(frozen=True, eq=False)
-class _View:
-    """Derivatives at a fit.
-
-    In px: by the target's points (n, m, 2, 3), by the target's and the camera's twist (..., 6), by the readings. In m:
-    shift of the target by the free unknowns, (n, 3, free). `projected` is (n, m, 2).
-    """
-
-    s: Sightings
-    projected: Array
-    by_point: Array
-    by_target: Array
-    by_camera: Array
-    by_reading: Array
-    target_by_free: Array
-
-    @classmethod
-    def of(cls, problem: Problem, s: Sightings, unknowns: Array, errors: Array) -> _View:
-        at = s.evaluate(unknowns, errors)
-        R = at.T[:, :3, :3]
-        in_camera = np.einsum("nij,mj->nmi", R, s.points) + at.T[:, None, :3, 3]
-        by_camera_point = problem.camera.projection_jacobian(in_camera)
-        by_point = np.einsum("nmuk,nki->nmui", by_camera_point, R)
-        by_target, by_camera = by_twist(by_point, s.points), by_twist(by_camera_point, in_camera)
-        by_reading = np.einsum("nmut,nkt->nmuk", by_target, at.by_reading)
-        projected = problem.camera.project(in_camera)
-        target_by_free = np.swapaxes(at.by_unknown[:, problem.free, :3], 1, 2)
-        return cls(s, projected, by_point, by_target, by_camera, by_reading, target_by_free)
-
-    def by_size(self) -> Array:
-        return np.asarray(np.einsum("nmui,mi->nmu", self.by_point, self.s.points)[..., None])
-
-    def by_focal_length(self, problem: Problem) -> Array:
-        return np.asarray((self.projected - problem.camera.K[:2, 2])[..., None])
-
-    def by_skew(self) -> Array:
-        back = np.zeros_like(self.s.readings)
-        back[1:] = self.s.readings[:-1] - self.s.readings[1:]
-        return np.asarray(np.einsum("nmuk,nk->nmu", self.by_reading, back)[..., None])
-
-    def by_scale(self, j: int) -> Array:
-        return np.asarray((self.by_reading[..., j] * self.s.readings[:, None, None, j])[..., None])
+def _columns(s: Sightings, at: Evaluated, camera: Camera, readings: Sequence[str]) -> dict[str, Array]:
+    """Derivatives of the projected points by model errors, (n, m, 2, k) px; `readings` are named for a single chain."""
+    seen = Projection(camera, at.T, s.points)
+    by_reading = along(seen.by_target, at.by_reading)
+    back = np.zeros_like(s.readings)
+    back[1:] = s.readings[:-1] - s.readings[1:]
+    columns = {
+        "target size": seen.by_point @ s.points[..., None],
+        "focal length": (seen.pixels - camera.K[:2, 2])[..., None],
+        "time skew": by_reading @ back[:, None, :, None],
+    }
+    for j, name in enumerate(readings):
+        columns[f"scale of {name}"] = by_reading[..., [j]] * s.readings[:, None, None, [j]]
+    return columns | ({"target moved": seen.by_target, "camera moved": seen.by_camera} if readings else {})
 
 
 def find_error_hypotheses(
@@ -112,108 +82,77 @@ def find_error_hypotheses(
         noise_freedom: measurements that the problem's `pixel_sigma` was estimated from.
         readings: their names, for a single chain; default: their numbers.
     """
-    views = [
-        _View.of(problem, s, fit.unknowns, e) for s, e in zip(problem.sightings, fit.errors, strict=True)
-    ]
-    columns = {
-        "target size": [v.by_size() for v in views],
-        "focal length": [v.by_focal_length(problem) for v in views],
-        "time skew": [v.by_skew() for v in views],
-    }
-    single = len(views) == 1
-    if single:
-        count = views[0].s.readings.shape[1]
-        called = readings or [f"reading {j}" for j in range(count)]
-        columns |= {f"scale of {called[j]}": [views[0].by_scale(j)] for j in range(count)}
-        columns |= {"target moved": [views[0].by_target], "camera moved": [views[0].by_camera]}
-    together = [np.concatenate([of[v] for of in columns.values()], axis=-1) for v in range(len(views))]
-    sums = _Sums(
-        normal_equations(problem, fit, together),
-        int(problem.free.sum()),
-        noise_freedom,
-        np.concatenate([v.target_by_free[w > 0.0] for v, w in zip(views, fit.weights, strict=True)]),
-        _first_images(problem, fit),
-    )
+    at = [s.evaluate(fit.unknowns, e) for s, e in zip(problem.sightings, fit.errors, strict=True)]
+    single = len(at) == 1
+    readings = (readings or [f"reading {j}" for j in range(len(problem.reading_sigma))]) if single else ()
+    columns = [_columns(s, a, problem.camera, readings) for s, a in zip(problem.sightings, at, strict=True)]
+    together = [np.concatenate(list(of.values()), axis=-1) for of in columns]
+    moves = [np.swapaxes(a.by_unknown[:, problem.free, :3], 1, 2) for a in at]
+    shifts = np.concatenate([m[w > 0.0] for m, w in zip(moves, fit.weights, strict=True)])
+    tests = _ScoreTests(problem, fit, together, shifts, noise_freedom)
     found: list[ChainErrorHypothesis] = []
-    place = sums.free
-    for name, of in columns.items():
-        chosen = slice(place, place + of[0].shape[-1])
+    place = 0
+    for name, of in columns[0].items():
+        chosen = slice(place, place + of.shape[-1])
         place = chosen.stop
         if "moved" in name:
-            found += _moved(name, sums, chosen, fit)
+            found += tests.movement(name, chosen)
         else:
             unit = "of the way from the last pose" if name == "time skew" else ""
-            found.append(_test(name, unit, sums, chosen, 0, fit))
+            found.append(tests.of(name, unit, chosen))
     return tuple(sorted(found, key=lambda suspect: -suspect.drop / suspect.limit))
 
 
-class _Sums:
-    """Normal equations of the free unknowns and of further ones that act from some stance on."""
+class _ScoreTests:
+    """Score tests of further unknowns, which may act from some stance on.
+
+    Args:
+        problem, fit: without them.
+        columns: derivatives of the projected points by them, (n, m, 2, k) px of every chain.
+        shifts: of the used targets by the free unknowns, (images, 3, free) m.
+        noise_freedom: see `find_error_hypotheses`.
+    """
 
     def __init__(
-        self,
-        equations: NormalEquations,
-        free: int,
-        noise_freedom: float,
-        target_by_free: Array,
-        first_images: list[int],
+        self, problem: Problem, fit: ChainFit, columns: Sequence[Array], shifts: Array, noise_freedom: float
     ) -> None:
-        self.free, self.noise_freedom = free, noise_freedom
-        self.first_images, self._target_by_free = first_images, target_by_free
-        self._S, self._g = equations.prior[0] + equations.S.sum(axis=0), equations.g.sum(axis=0)
-        self._S_from = np.cumsum(equations.S[::-1, :, free:], axis=0)[::-1]
-        self._g_from = np.cumsum(equations.g[::-1, free:], axis=0)[::-1]
-        self._gradient = equations.prior[1] + self._g
-        self.stances = len(equations.S)
+        equations, n = normal_equations(problem, fit, columns), int(problem.free.sum())
+        S, g = equations.prior[0] + equations.S.sum(axis=0), equations.prior[1] + equations.g.sum(axis=0)
+        self._fit, self._shifts, self._noise_freedom = fit, shifts, noise_freedom
+        self._covariance, self._gradient = inverse_scaled(S[:n, :n]), g[:n]
+        S_from = np.cumsum(equations.S[::-1, :, n:], axis=0)[::-1]
+        self._coupling, self._tested = S_from[:, :n], S_from[:, n:]
+        self._tested_gradient = np.cumsum(equations.g[::-1, n:], axis=0)[::-1]
+        self._first_images = _first_images(problem, fit)
 
-    def score(self, chosen: slice, first: int) -> tuple[Array, Array, float, float, Array]:
-        """Test unknowns that act from a stance on.
+    def of(self, name: str, unit: str, chosen: slice, first: int = 0, tries: int = 1) -> ChainErrorHypothesis:
+        """Test unknowns that act from stance `first` on, the likeliest of several `tries`."""
+        test = score_test(
+            self._covariance,
+            self._gradient,
+            self._coupling[first, :, chosen],
+            self._tested[first, chosen, chosen],
+            self._tested_gradient[first, chosen],
+        )
+        amount, sigmas, k = test.amount, np.sqrt(np.diag(test.covariance)), len(test.amount)
+        # excess scatter of the arm makes every error look significant; the part that the error explains is no scatter
+        scatter = 1.0 + _ACROSS * max(0.0, self._fit.excess(self._noise_freedom, test.drop, k) - 1.0)
+        limit = largest_rise(SURE / tries, k, self._noise_freedom) * scatter
+        if k > 1:
+            size, sigma = float(np.linalg.norm(amount[:3])), float(np.linalg.norm(sigmas[:3]))
+            image = self._first_images[first]
+            return ChainErrorHypothesis(name, size, sigma, unit, test.drop, limit, size, image)
+        moves = self._shifts @ (test.others @ amount)
+        rms, others = float(np.sqrt(np.mean(np.sum(moves**2, axis=1)))), test.others[:, 0]
+        return ChainErrorHypothesis(
+            name, float(amount[0]), float(sigmas[0]), unit, test.drop, limit, rms, -1, others
+        )
 
-        Returns:
-            Estimate and covariance, drop of the cost, rms shift of the targets by the other unknowns, and the change
-            of these per unit of each tested one, (free, chosen).
-        """
-        n = self.free
-        columns = slice(chosen.start - n, chosen.stop - n)
-        S_fe, S_ee = self._S_from[first, :n, columns], self._S_from[first, chosen, columns]
-        back = np.linalg.solve(self._scaled_S, self._scale[:, None] * S_fe) * self._scale[:, None]
-        schur = S_ee - S_fe.T @ back
-        rest = self._g_from[first, columns] - back.T @ self._gradient[:n]
-        amount = solve_scaled(schur, rest)
-        moves = self._target_by_free @ (back @ amount)
-        rms = float(np.sqrt(np.mean(np.sum(moves**2, axis=1))))
-        return amount, inverse_scaled(schur), float(rest @ amount), rms, back
-
-    @cached_property
-    def _scale(self) -> Array:
-        return np.asarray(1.0 / np.sqrt(np.maximum(np.diag(self._S)[: self.free], 1e-300)))
-
-    @cached_property
-    def _scaled_S(self) -> Array:
-        S: Array = self._S[: self.free, : self.free] * np.outer(self._scale, self._scale)
-        return S + 1e-14 * np.eye(self.free)
-
-
-def _test(
-    name: str, unit: str, sums: _Sums, chosen: slice, first: int, fit: ChainFit, tries: int = 1
-) -> ChainErrorHypothesis:
-    amount, covariance, drop, moves, back = sums.score(chosen, first)
-    k = len(amount)
-    # excess scatter of the arm makes every error look significant; the part that the error explains is no scatter
-    scatter = 1.0 + _ACROSS * max(0.0, fit.excess(sums.noise_freedom, drop, k) - 1.0)
-    limit = largest_rise(SURE / tries, k, sums.noise_freedom) * scatter
-    if k == 1:
-        sigma = float(np.sqrt(covariance[0, 0]))
-        return ChainErrorHypothesis(name, float(amount[0]), sigma, unit, drop, limit, moves, -1, back[:, 0])
-    size, sigma = float(np.linalg.norm(amount[:3])), float(np.sqrt(np.trace(covariance[:3, :3])))
-    return ChainErrorHypothesis(name, size, sigma, unit, drop, limit, size, sums.first_images[first])
-
-
-def _moved(name: str, sums: _Sums, chosen: slice, fit: ChainFit) -> list[ChainErrorHypothesis]:
-    """A single movement between two stances, at the most likely time."""
-    times = range(1, sums.stances)
-    tests = [_test(name, "m", sums, chosen, k, fit, len(times)) for k in times]
-    return [max(tests, key=lambda test: test.drop)] if tests else []
+    def movement(self, name: str, chosen: slice) -> list[ChainErrorHypothesis]:
+        """Test a single movement between two stances, at the most likely time."""
+        times = range(1, len(self._coupling))
+        tests = [self.of(name, "m", chosen, first, len(times)) for first in times]
+        return [max(tests, key=lambda test: test.drop)] if tests else []
 
 
 def _first_images(problem: Problem, fit: ChainFit) -> list[int]:

@@ -23,7 +23,7 @@ from calib.chain.verdict import with_verdict
 from calib.hand_eye.chain import CAMERA, OFFSETS, TARGET, arm_chain, place_and_mount, unknown_names
 from calib.recordings.arm import ArmRecording
 from calib.recordings.encoder_steps import encoder_sigmas
-from calib.recordings.points import numbers_of_this_world
+from calib.recordings.points import plausible_numbers
 from calib.robot_world.initial_guess import initial_guess
 
 LINKS = "errors of the links"
@@ -143,7 +143,7 @@ def calibrate_hand_eye(
     Raises:
         CalibrationRefused: too few poses, degenerate motions, or implausible parameters.
     """
-    with numbers_of_this_world():
+    with plausible_numbers():
         return _calibrated(recording, limits, encoder_step)
 
 
@@ -158,9 +158,7 @@ def _calibrated(recording: ArmRecording, limits: ChainLimits, encoder_step: floa
         recording,
         (begin.T_base_camera, begin.T_gripper_target),
         alone.pixel_sigma,
-        encoder_sigmas([recording.joints])
-        if encoder_step is None
-        else np.full(dh.joints, encoder_step / np.sqrt(12.0)),
+        encoder_sigmas([recording.joints], encoder_step),
         alone.wrong,
         alone.noise,
     )

@@ -39,7 +39,7 @@ def arm_chain(dh: DhTable, T_base_camera: Array, T_gripper_target: Array) -> Cha
             Motion(frozen(_X), True, None, (Unknown(errors + 2 * n + j),)),
         ]
     mount: list[Element] = [Fixed(T_gripper_target), *pose_unknowns(TARGET)]
-    return joined([*place.turned_round().elements, *links, *mount])
+    return joined([*place.inverse().elements, *links, *mount])
 
 
 def place_and_mount(T_base_camera: Array, T_gripper_target: Array, unknowns: Array) -> tuple[Array, Array]:

@@ -16,7 +16,8 @@ from arm.se3 import Array, frozen
 from calib.chain.fit import ChainFit, Problem, normal_equations
 from calib.hand_eye.calibrate import HandEye, hand_eye_problem
 from calib.hand_eye.chain import CAMERA, OFFSETS, arm_chain
-from calib.hand_eye.optimal_design import OptimalDesign
+from calib.model.optimal_design import OptimalDesign
+from calib.model.projection import Projection
 from calib.recordings.arm import ArmRecording
 from vision.camera.model import Camera
 
@@ -177,8 +178,7 @@ def _pool(found: HandEye, rng: np.random.Generator) -> Array:
         middle = T[:, :3, 3] + T[:, :3, :3] @ r.points.mean(axis=0)
         facing = side * np.einsum("ni,ni->n", T[:, :3, 2], middle) / np.linalg.norm(middle, axis=1)
         ahead = np.flatnonzero((facing > np.cos(OBLIQUE)) & (middle[:, 2] > 0.0))
-        at = np.einsum("nij,mj->nmi", T[ahead, :3, :3], r.points) + T[ahead, None, :3, 3]
-        pixels = r.camera.project(at)
+        pixels = Projection(r.camera, T[ahead], r.points).pixels
         inside = ((pixels >= MARGIN_PX) & (pixels <= last)).all(axis=(1, 2))
         good = np.concatenate([good, joints[ahead[inside]]])
         if len(good) >= _POOL:

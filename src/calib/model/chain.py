@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from arm.former import renamed_arguments
 from arm.se3 import Array, frozen, inverse, skew
 
 
@@ -106,6 +107,7 @@ class Evaluated:
         return by_reading
 
 
+@renamed_arguments(turned_round="inverse")
 @dataclass(frozen=True, eq=False)
 class Chain:
     """A product of elements from left to right."""
@@ -115,7 +117,7 @@ class Chain:
     def __add__(self, other: Chain) -> Chain:
         return Chain(self.elements + other.elements)
 
-    def turned_round(self) -> Chain:
+    def inverse(self) -> Chain:
         """Return the inverse transform as a chain."""
         back = tuple(
             Fixed(inverse(e.T)) if isinstance(e, Fixed) else replace(e, sign=-e.sign)

@@ -27,16 +27,16 @@ def camera_of(vector: Array, size: tuple[int, int]) -> Camera:
 
 
 def lens_parameter_jacobian(camera: Camera, points_camera: Array) -> Array:
-    """Derivative of the pixels by the intrinsics: points (n, 3) m in the camera frame to (n, 2, 9)."""
-    on_plane = points_camera[:, :2] / points_camera[:, 2:]
-    x, y = on_plane[:, 0], on_plane[:, 1]
+    """Derivative of the pixels by the intrinsics: points (..., 3) m in the camera frame to (..., 2, 9)."""
+    on_plane = points_camera[..., :2] / points_camera[..., 2:]
+    x, y = on_plane[..., 0], on_plane[..., 1]
     r2 = x * x + y * y
-    J = np.zeros((len(x), 2, COUNT))
-    J[:, [0, 1], [0, 1]] = distort(camera.distortion, on_plane)
-    J[:, 0, 2] = J[:, 1, 3] = 1.0
+    J = np.zeros((*x.shape, 2, COUNT))
+    J[..., [0, 1], [0, 1]] = distort(camera.distortion, on_plane)
+    J[..., 0, 2] = J[..., 1, 3] = 1.0
     for column, power in ((4, r2), (5, r2**2), (8, r2**3)):
-        J[:, :, column] = on_plane * power[:, None]
-    J[:, 0, 6], J[:, 1, 6] = 2.0 * x * y, r2 + 2.0 * y * y
-    J[:, 0, 7], J[:, 1, 7] = r2 + 2.0 * x * x, 2.0 * x * y
-    J[:, :, 4:] *= np.diag(camera.K)[:2][:, None]
+        J[..., column] = on_plane * power[..., None]
+    J[..., 0, 6], J[..., 1, 6] = 2.0 * x * y, r2 + 2.0 * y * y
+    J[..., 0, 7], J[..., 1, 7] = r2 + 2.0 * x * x, 2.0 * x * y
+    J[..., 4:] *= np.diag(camera.K)[:2][:, None]
     return J

@@ -1,4 +1,4 @@
-"""The legs and head of a NAO: chains, stances, backlash and calibration."""
+"""The legs and head of a NAO: chains, recordings, backlash and calibration."""
 
 from typing import TYPE_CHECKING
 

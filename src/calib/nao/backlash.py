@@ -1,4 +1,4 @@
-"""Joint compliance ("springs") and backlash ("play") of the NAO's legs, where stances determine little of them.
+"""Joint compliance (springs) and backlash (play) of the NAO's legs, where stances determine little of them.
 
 Backlash shows only in joints whose torque changes sign, compliance only where the torque differs between stances.
 About the others it is known only that joints of one make are alike. So the compliances, and the half backlashes, of all
@@ -20,10 +20,10 @@ import numpy.typing as npt
 import pinocchio as pin
 from scipy.stats import norm
 
-from arm.se3 import Array, by_twist
+from arm.se3 import Array
 from calib.chain.fit import ChainFit, Problem, Sightings, fit_chains
+from calib.model.projection import Projection, along
 from calib.nao.chain import LEG, KnownSides, NaoUnknowns, gravity_gains, gravity_torques, nao_model
-from vision.camera.model import Camera
 
 MASS_SIGMA = 0.10  # of a link's mass, relative
 _LEAST_TORQUE_SIGMA = 0.005  # Nm; centres of mass are inexact too
@@ -126,18 +126,6 @@ def fit_compliance_and_backlash(
     return BacklashFit(known, smooth, False, smooth.cost, cost, iterations + steps)
 
 
-def with_backlash_shape(
-    problem: Problem,
-    unknowns: NaoUnknowns,
-    sides: Sequence[str],
-    gravity: npt.ArrayLike,
-    weights: Sequence[Array] | None = None,
-) -> Problem:
-    """Return the problem with abrupt backlash if that costs less, see `fit_compliance_and_backlash`."""
-    found = fit_compliance_and_backlash(problem, unknowns, sides, gravity, weights)
-    return replace(problem, sightings=found.problem.sightings) if found.hard else problem
-
-
 def _fitted(problem: Problem, unknowns: NaoUnknowns, kind: str) -> list[int]:
     return [i for i, name in enumerate(unknowns.names) if kind in name and problem.free[i]]
 
@@ -233,17 +221,10 @@ def _whitened(problem: Problem, s: Sightings, fit: ChainFit, chain: int) -> tupl
     """Residuals (n, m, 2) and their derivatives by the readings (n, m, 2, readings); zero for missing points."""
     at = s.evaluate(fit.unknowns, fit.errors[chain])
     sigma = s.sigma(problem.pixel_sigma)
-    by_reading = pixels_by_twists(problem.camera, s.points, at.T, at.by_reading) / sigma[..., None]
+    by_reading = along(Projection(problem.camera, at.T, s.points).by_target, at.by_reading) / sigma[..., None]
     seen = np.isfinite(fit.residuals[chain])
     r = np.where(seen, fit.residuals[chain] / sigma, 0.0)
     return r, np.where(seen[..., None], by_reading, 0.0)
-
-
-def pixels_by_twists(camera: Camera, points: Array, T: Array, twists: Array) -> Array:
-    """Derivatives (n, m, 2, k) px of points (m, 3) m at poses T (n, 4, 4) by twists (n, k, 6) in their own frames."""
-    at = np.einsum("nij,mj->nmi", T[:, :3, :3], points) + T[:, None, :3, 3]
-    by_point = np.einsum("nmuk,nki->nmui", camera.projection_jacobian(at), T[:, :3, :3])
-    return np.asarray(np.einsum("nmut,nkt->nmuk", by_twist(by_point, points), twists))
 
 
 def _columns(

@@ -16,14 +16,14 @@ from calib.nao.backlash import fit_compliance_and_backlash
 from calib.nao.chain import SIDES, NaoUnknowns
 from calib.nao.recording import NaoRecording
 from calib.recordings.encoder_steps import encoder_sigmas
-from calib.recordings.points import numbers_of_this_world
+from calib.recordings.points import plausible_numbers
 
-HEAD, SPRINGS, PLAY = "offsets of the head", "springs in the joints", "play in the joints"
+HEAD, COMPLIANCE, BACKLASH = "offsets of the head", "compliance of the joints", "backlash of the joints"
 WELL_KEPT = 0.95  # share of images kept above which no other start is tried
 _ASTRAY = 100.0  # chi2 per degree of freedom above which a fit that did not converge is given up
 _CERTAIN = 5.0  # standard deviations above which a sign is certain
 GEARS = np.radians(2.0)  # prior on compliance, rad/Nm, and backlash, rad
-_ALL = NaoUnknowns(head=True, springs=True, play=True)
+_ALL = NaoUnknowns(head=True, compliance=True, backlash=True)
 NAO_LIMITS = ChainLimits(held_out=2e-3)
 
 
@@ -73,7 +73,7 @@ def calibrate_nao(
     Raises:
         CalibrationRefused: the recording's numbers are implausible.
     """
-    with numbers_of_this_world():
+    with plausible_numbers():
         return _calibrated(recording, limits, encoder_step)
 
 
@@ -90,17 +90,13 @@ def _calibrated(recording: NaoRecording, limits: ChainLimits, encoder_step: floa
             recorded, np.split(alone.wrong, ends), np.split(alone.noise, ends), strict=True
         )
     ]
-    if encoder_step is None:
-        reading_sigma = encoder_sigmas([s.readings for s in sightings])
-    else:
-        reading_sigma = np.full(sightings[0].readings.shape[1], encoder_step / np.sqrt(12.0))
     gears = np.array(["compliance" in name or "backlash" in name for name in names])
     seen = {side for number, side in enumerate(SIDES) if (recording.side == number).any()}
     shown = np.array([name[0] in seen or name.startswith(("Cam", "Head")) for name in names])
     parts = {
         HEAD: [name.startswith("Head") for name in names],
-        SPRINGS: ["compliance" in name for name in names],
-        PLAY: ["backlash" in name for name in names],
+        COMPLIANCE: ["compliance" in name for name in names],
+        BACKLASH: ["backlash" in name for name in names],
     }
     problem = Problem(
         sightings,
@@ -108,7 +104,7 @@ def _calibrated(recording: NaoRecording, limits: ChainLimits, encoder_step: floa
         np.zeros(len(names)),
         np.where(gears, GEARS, np.inf),
         alone.pixel_sigma,
-        reading_sigma,
+        encoder_sigmas([s.readings for s in sightings], encoder_step),
         shown,
     )
     optional = [Part(name, tuple(np.flatnonzero(of & shown).tolist())) for name, of in parts.items()]

@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from arm.former import FormerNames, renamed_arguments
 from arm.io.storage import data_file
 from arm.se3 import Array, frozen, transform
 from calib.chain.fit import Gains, Sightings
@@ -26,26 +28,27 @@ SIDES = ("L", "R")
 LEG_JOINTS = tuple(side + joint for side in SIDES for joint in LEG)
 CAMERA_TURNS = ("CamYaw", "CamPitch", "CamRoll")
 MOUNT = ("RotZ", "TransX", "TransY")
-PLAY_NM = 0.05  # torque scale over which smooth backlash changes sides (data sheet of the sets)
+BACKLASH_NM = 0.05  # torque scale over which smooth backlash changes sides (data sheet of the sets)
 _SAME_STANCE = np.radians(3.0)  # a fit may move readings by a degree meanwhile
 _X, _Y, _Z = np.eye(3)
 # the paper's camera looks along x
 _FORWARD = transform([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
+@renamed_arguments(springs="compliance", play="backlash")
 @dataclass(frozen=True)
 class NaoUnknowns:
     """The estimated parameters beyond the paper's 21.
 
     Attributes:
         head: offsets of both head joints.
-        springs: compliance of every leg joint.
-        play: half the backlash of every leg joint.
+        compliance: of every leg joint.
+        backlash: half that of every leg joint.
     """
 
     head: bool = False
-    springs: bool = False
-    play: bool = False
+    compliance: bool = False
+    backlash: bool = False
 
     @property
     def names(self) -> list[str]:
@@ -54,9 +57,9 @@ class NaoUnknowns:
         named += [f"{s}{m}_{'deg' if m == 'RotZ' else 'mm'}" for s in SIDES for m in MOUNT]
         if self.head:
             named += [f"{n}_deg" for n in HEAD]
-        if self.springs:
+        if self.compliance:
             named += [f"{n}_compliance_deg_per_Nm" for n in LEG_JOINTS]
-        if self.play:
+        if self.backlash:
             named += [f"{n}_backlash_half_deg" for n in LEG_JOINTS]
         return named
 
@@ -90,7 +93,7 @@ def nao_chain(side: str, unknowns: NaoUnknowns) -> Chain:
         if f"{joint}_compliance_deg_per_Nm" in names:
             found.append(Unknown(names.index(f"{joint}_compliance_deg_per_Nm"), f"torque {joint}"))
         if f"{joint}_backlash_half_deg" in names:
-            found.append(Unknown(names.index(f"{joint}_backlash_half_deg"), f"play {joint}"))
+            found.append(Unknown(names.index(f"{joint}_backlash_half_deg"), f"backlash {joint}"))
         return tuple(found)
 
     model = nao_model()
@@ -109,7 +112,7 @@ def nao_chain(side: str, unknowns: NaoUnknowns) -> Chain:
         Motion(frozen(_X), turns=False, unknowns=(of(f"{side}TransX_mm"),)),
         Motion(frozen(_Y), turns=False, unknowns=(of(f"{side}TransY_mm"),)),
     ]
-    return joined([*camera.turned_round().elements, *leg.elements, *mount])
+    return joined([*camera.inverse().elements, *leg.elements, *mount])
 
 
 def gravity_torques(side: str, legs: Array, gravity: npt.ArrayLike, model: pin.Model | None = None) -> Array:
@@ -163,17 +166,17 @@ def gravity_gains(
         side: L or R.
         unknowns: to be estimated.
         gravity: in the torso frame, (3,) m/s^2.
-        known: sides of the backlash in stances; None if it changes smoothly over about `PLAY_NM`.
+        known: sides of the backlash in stances; None if it changes smoothly over about `BACKLASH_NM`.
     """
-    if not (unknowns.springs or unknowns.play):
+    if not (unknowns.compliance or unknowns.backlash):
         return None
     offsets = [unknowns.names.index(f"{side}{joint}_deg") for joint in LEG]
 
     def gains(readings: Array, x: Array) -> dict[str, Array]:
         torque = gravity_torques(side, readings[:, :6] + x[offsets], gravity)
-        play = np.tanh(torque / PLAY_NM) if known is None else known.at(readings[:, :6], torque)
+        lies = np.tanh(torque / BACKLASH_NM) if known is None else known.at(readings[:, :6], torque)
         torques = {f"torque {side}{joint}": torque[:, i] for i, joint in enumerate(LEG)}
-        return torques | {f"play {side}{joint}": play[:, i] for i, joint in enumerate(LEG)}
+        return torques | {f"backlash {side}{joint}": lies[:, i] for i, joint in enumerate(LEG)}
 
     return gains
 
@@ -210,3 +213,7 @@ def nao_sightings(
         pixels,
         gravity_gains(side, unknowns, np.asarray(gravity)),
     )
+
+
+if not TYPE_CHECKING:
+    __getattr__ = FormerNames(__name__, __name__, PLAY_NM="BACKLASH_NM")

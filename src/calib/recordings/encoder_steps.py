@@ -36,7 +36,7 @@ def encoder_step(readings: Array) -> float:
     return 0.0
 
 
-def encoder_sigmas(chains: Sequence[Array]) -> Array:
+def encoder_sigmas(chains: Sequence[Array], step: float | None = None) -> Array:
     """Standard deviation of each encoder's quantisation error, (readings,) rad: a step over the root of twelve.
 
     Encoders of one kind have one step: the finest in any column, where it divides the others. A grid in fewer than half
@@ -44,7 +44,10 @@ def encoder_sigmas(chains: Sequence[Array]) -> Array:
 
     Args:
         chains: readings of each chain, (n, readings) rad, the same columns in all.
+        step: of all encoders, rad, if it is known; default: estimated.
     """
+    if step is not None:
+        return np.full(chains[0].shape[1], step / np.sqrt(12.0))
     each = np.array([[encoder_step(column) for column in readings.T] for readings in chains])
     steps = each.max(axis=0)
     seen = each[each > 0.0]

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import KDTree
 
 from arm.errors import CalibrationRefused
+from arm.former import FormerNames
 from arm.io.node import Node
 from arm.io.rules import numbers
 from arm.se3 import Array
@@ -89,7 +91,7 @@ def refuse_repeats(images: Sequence[Node], readings: Array, pixels: Array) -> No
 
 
 @contextmanager
-def numbers_of_this_world() -> Iterator[None]:
+def plausible_numbers() -> Iterator[None]:
     """Let a fit overflow on implausible numbers, and refuse them if it fails.
 
     Raises:
@@ -104,3 +106,7 @@ def numbers_of_this_world() -> Iterator[None]:
             "their key, and image points in px?",
             reason="numbers",
         ) from error
+
+
+if not TYPE_CHECKING:
+    __getattr__ = FormerNames(__name__, __name__, numbers_of_this_world="plausible_numbers")

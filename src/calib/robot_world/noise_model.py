@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from arm.se3 import Array
+from arm.se3 import Array, cross
 
 Shape = Literal["axes", "image"]
 
@@ -195,6 +195,4 @@ class Covariances:
 
 def skews(v: Array) -> Array:
     """Cross product matrices (..., 3, 3) of vectors (..., 3)."""
-    zero = np.zeros(v.shape[:-1])
-    rows = [[zero, -v[..., 2], v[..., 1]], [v[..., 2], zero, -v[..., 0]], [-v[..., 1], v[..., 0], zero]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return cross(np.eye(3), v[..., None, :])

@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 from scipy.special import gammaln
 
-from arm.se3 import Array, frozen, rotation, transform
+from arm.se3 import Array, frozen, moved
 from calib.robot_world.noise_model import Covariances, Linearised, NoiseModel, skews
 
 Bools = npt.NDArray[np.bool_]
@@ -271,8 +271,3 @@ def inverses(T: Array) -> Array:
     back[:, :3, 3] = -np.einsum("nij,nj->ni", back[:, :3, :3], T[:, :3, 3])
     back[:, 3, 3] = 1.0
     return back
-
-
-def moved(T: Array, twist: Array) -> Array:
-    """T exp(twist), to first order in the translation, 4x4."""
-    return T @ transform(rotation(twist[3:]), twist[:3])

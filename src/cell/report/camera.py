@@ -142,7 +142,7 @@ def _suspects(c: CameraCalibration) -> Table:
             if s.unit == "m"
             else f"{100 * s.amount:+.3f} +- {100 * s.sigma:.3f} %",
             f"{s.sigmas:.1f}",
-            f"{rms_mm(c.work.shifts(s.lens_change)):.4f} mm",
+            f"{rms_mm(c.work.shifts(s.intrinsics_change)):.4f} mm",
         )
         for s in c.suspects
     ]

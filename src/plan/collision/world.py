@@ -2,7 +2,7 @@
 
 Each pair of bodies that must not touch is a collision pair of a Pinocchio geometry model, so forward kinematics,
 broadphase and distances run in C++. Two bodies on the same joint, or two fixed bodies, have no relative motion and
-make no pair. Self-collision of the arm is checked like any other pair, but for the SRDF's disabled collisions.
+make no pair.
 """
 
 from __future__ import annotations

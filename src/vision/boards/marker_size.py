@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm.board import Board
-from arm.se3 import rotation, transform
+from arm.se3 import moved
 from vision.boards.pose_fit import Fit, pose_jacobian
 from vision.camera.model import Camera
 
@@ -57,7 +57,7 @@ def fit_marker_size(board: Board, fit: Fit, camera: Camera, least_sigma_px: floa
         if not np.isfinite(residual).all():
             return None
         step, *_ = np.linalg.lstsq(J, (root * residual).reshape(-1), rcond=None)
-        T = T @ transform(rotation(step[3:6]), step[:3])
+        T = moved(T, step[:6])
         scale += float(step[6])
     information = J.T @ J
     least, *_, most = np.linalg.eigvalsh(information)

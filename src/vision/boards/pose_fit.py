@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from arm.se3 import Array, by_twist, rotation, transform
+from arm.se3 import Array, by_twist, moved, rotation, transform
 from vision.camera.model import Camera
 
 TRUSTED, REFUSED = 3.5, 6.0  # standard deviations from which a frame's corner loses weight, and has none
@@ -229,7 +229,7 @@ def _least_squares(
         J = (root[..., None] * pose_jacobian(T, points, camera)).reshape(-1, 6)
         H, g = J.T @ J, J.T @ now
         xi = np.linalg.solve(H + damping * np.diag(np.diag(H)), g)
-        candidate = T @ transform(rotation(xi[3:]), xi[:3])
+        candidate = moved(T, xi)
         then = residuals(candidate)
         if then @ then <= now @ now:
             T, now, damping = candidate, then, damping * 0.1

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.board import TOLERANCE_SDS, Board
-from arm.se3 import Array, rotation, transform
+from arm.se3 import Array, moved
 from vision.boards.pose_fit import Fit, pose_jacobian
 from vision.camera.model import Camera
 from vision.markers.border_shift import moved_outwards
@@ -115,7 +115,7 @@ def fit_with_shared(fit: Fit, points: Array, camera: Camera, errors: Array, vari
     W = np.linalg.inv(variance * np.eye(len(E)) + E @ E.T)
     for _ in range(_STEPS):
         step = np.linalg.solve(J.T @ W @ J, J.T @ W @ r)
-        T = T @ transform(rotation(step[3:]), step[:3])
+        T = moved(T, step)
         J, r, _, _ = _whitened(fit, T, points, camera)
         if not np.isfinite(r).all():
             return None

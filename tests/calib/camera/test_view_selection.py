@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.camera.view_selection import TargetPhoto, best_views, cost, outlying_views, unusable
+from calib.camera.view_selection import TargetPhoto, outlying_views, unusable
 from pictures.targets import CHARUCO, photos, poses, quality, seen
 from vision.targets.target import TargetView
 
@@ -35,21 +35,6 @@ def test_corners_on_one_line_say_nothing_and_two_rows_do() -> None:
     assert unusable([two_rows]) == [""]
     nothing = TargetPhoto("a.png", None, None)
     assert unusable([nothing])[0].startswith("fewer than 6 corners of the target detected")
-
-
-def test_the_best_views_are_better_than_any_drawn_by_lot() -> None:
-    rng = np.random.default_rng(3)
-    halves = [rng.standard_normal((3, 9)) * rng.uniform(0.1, 3.0) for _ in range(24)]
-    informations = [h.T @ h for h in halves]
-    worth, prior = np.eye(9), np.full(9, 1e-3)
-
-    def left(chosen: list[int]) -> float:
-        return cost(np.diag(prior) + sum(informations[i] for i in chosen), worth)
-
-    chosen = best_views(informations, worth, prior, 8)
-    assert len(set(chosen)) == 8
-    assert chosen == sorted(chosen)
-    assert left(chosen) < min(left(list(rng.choice(24, 8, replace=False))) for _ in range(200))
 
 
 @pytest.mark.parametrize(("ratio", "out"), [(2.0, False), (3.0, True)])

@@ -35,7 +35,9 @@ def test_one_standard_deviation_of_a_change_is_that_change():
     work = working_volume(camera(), 0.9, 1.3)
     covariance = np.outer(CHANGE, CHANGE)
     assert work.sigmas(covariance) == pytest.approx(work.shifts(CHANGE), rel=1e-6)
-    assert np.trace(work.worth @ covariance) == pytest.approx(np.mean(work.shifts(CHANGE) ** 2))
+    assert np.trace(work.worth.T @ covariance @ work.worth) == pytest.approx(
+        np.mean(work.shifts(CHANGE) ** 2)
+    )
 
 
 def test_places_where_the_lens_has_no_inverse_have_no_points():

@@ -31,7 +31,7 @@ def test_a_part_is_kept_only_if_the_images_show_it():
     assert [trial.needed for trial in choice.trials] == [True]
     assert choice.problem.free[list(LINKS)].all()
     assert choice.fit.chi2_dof == pytest.approx(1.0, abs=0.2)
-    assert not [len(w) for w in choice.wrong if len(w)]
+    assert not [len(w) for w in choice.fit.wrong if len(w)]
 
 
 def test_the_part_that_is_worth_least_goes_first():

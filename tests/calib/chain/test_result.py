@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 import calib.chain.result as chain_calibration
 from arm.se3 import Array, frozen
-from calib.chain.fit import fit_chains
+from calib.chain.fit import Sightings, fit_chains
 from calib.chain.model_selection import Choice
 from calib.chain.result import FOLDS, ChainCalibration, hold_out
 from calib.chain.verdict import with_verdict
 from calib.hand_eye.calibrate import calibrate_hand_eye
+from calib.model.projection import Projection
 from recorded.arm_sets import TARGETS, draw_truth, recorded, wide
+from vision.camera.model import Camera
 
 NOISE_PX = 0.3
 
@@ -89,16 +90,16 @@ def test_an_image_that_is_predicted_where_the_camera_sees_nothing_is_not_predict
     monkeypatch.setattr(chain_calibration, "fit_chains", lambda problem, weights, fit: fit)
     n = len(plain.problem.sightings[0].readings)
     choice = shifted(plain, np.tile([1.0, 2.0], (n, 1)), np.ones(n))
-    predict = chain_calibration._predicted
+    project = Sightings.projection
     behind = iter([True])
 
-    def one_behind(*arguments: Any) -> tuple[Array, Array]:
-        r, depth = predict(*arguments)
+    def one_behind(s: Sightings, camera: Camera, unknowns: Array) -> Projection:
+        expected = project(s, camera, unknowns)
         if next(behind, False):
-            r[0] = np.nan
-        return r, depth
+            expected.pixels[0] = np.nan
+        return expected
 
-    monkeypatch.setattr(chain_calibration, "_predicted", one_behind)
+    monkeypatch.setattr(Sightings, "projection", one_behind)
     held = hold_out(choice)
     assert held.metres == np.inf
     assert held.px == pytest.approx(np.sqrt(2.5 + 3.0**2), rel=1e-9)

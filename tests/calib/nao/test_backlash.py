@@ -3,15 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
+from nao_paper_bench.kinematics import STANDING, NaoKinematics, masses_off, standing_error
 
 from calib.chain.fit import fit_chains
 from calib.nao.backlash import (
     MASS_SIGMA,
     fit_compliance_and_backlash,
     torque_sigmas,
-    with_backlash_shape,
     with_first_priors,
     with_priors_of_a_make,
 )
@@ -24,7 +23,6 @@ from calib.nao.chain import (
     nao_model,
     nao_sightings,
 )
-from calib.nao.kinematics import STANDING, NaoKinematics, masses_off, standing_error
 from recorded.nao_scenes import (
     ALL,
     BOARD,
@@ -33,36 +31,13 @@ from recorded.nao_scenes import (
     PAPER,
     PIXEL_SIGMA,
     STEP,
+    bent_legs,
     problem,
     sightings,
     truth,
 )
 
 D = np.pi / 180.0
-
-
-def bent(side, legs, x, gravity, hard, model=None):
-    """Angles of a leg with springs and play, by finite differences of the potential energy."""
-    model = (model or nao_model()).copy()
-    model.gravity.linear = np.array(gravity)
-    data = model.createData()
-    first = model.joints[model.getJointId(f"{side}HipYawPitch")].idx_q
-
-    def energy(leg):
-        q = np.zeros(model.nq)
-        q[first : first + 6] = leg
-        return pin.computePotentialEnergy(model, data, q)
-
-    def of(kind):
-        return x[[ALL.names.index(f"{side}{joint}_{kind}") for joint in LEG]]
-
-    found = []
-    for leg in legs + of("deg"):
-        steps = 1e-6 * np.eye(6)
-        torque = np.array([-(energy(leg + s) - energy(leg - s)) / 2e-6 for s in steps])
-        lies = np.sign(torque) if hard else np.tanh(torque / 0.05)
-        found.append(leg + of("compliance_deg_per_Nm") * torque + of("backlash_half_deg") * lies)
-    return np.array(found)
 
 
 def images(seed, hard, off=0.0, stances=24):
@@ -76,7 +51,7 @@ def images(seed, hard, off=0.0, stances=24):
     )
     found = []
     for side, s in zip(SIDES, smooth, strict=True):
-        legs = bent(side, s.readings[:, :6], x, ON_ITS_BACK, hard, model)
+        legs = bent_legs(side, s.readings[:, :6], x, ON_ITS_BACK, hard, model)
         at = np.column_stack([legs, s.readings[:, 6:]])
         stiff = NaoUnknowns(head=True)
         blind = nao_sightings(side, stiff, s.stances, legs, s.readings[:, 6:], BOARD, s.pixels, ON_ITS_BACK)
@@ -102,9 +77,6 @@ def test_the_shape_of_play_is_found(hard, off):
     assert fit.fit.chi2_dof == pytest.approx(1.0, abs=0.06)
     true = NaoKinematics(ALL, x, hard, True, model)
     assert standing_error(true, NaoKinematics(ALL, fit.fit.unknowns, hard)).rms < 1e-3
-    shaped = with_backlash_shape(problem(found, ALL), ALL, SIDES, ON_ITS_BACK)
-    assert np.isinf(shaped.prior_sigma).all()
-    assert fit_chains(shaped).chi2_dof == pytest.approx(1.0, abs=0.06)
 
 
 def test_play_that_no_stance_shows_is_taken_from_the_other_joints():
@@ -136,7 +108,7 @@ def test_without_play_no_shape_is_looked_for():
 
 def test_what_is_held_stays_where_it_is_held():
     """A model without play, and images of one leg alone."""
-    found, x = sightings(6, NaoUnknowns(springs=True), ALL, stances=12)
+    found, x = sightings(6, NaoUnknowns(compliance=True), ALL, stances=12)
     p = problem(found[:1], ALL)
     free = np.array([name[0] in "CL" and "backlash" not in name for name in ALL.names])
     fit = fit_compliance_and_backlash(replace(p, free=free), ALL, "L", ON_ITS_BACK)
@@ -144,7 +116,7 @@ def test_what_is_held_stays_where_it_is_held():
     assert (fit.fit.unknowns[~free] == 0.0).all()
     assert fit.fit.chi2_dof == pytest.approx(1.0, abs=0.08)
     springs = [ALL.names.index(f"L{j}_compliance_deg_per_Nm") for j in LEG[:3]]
-    true = x[[NaoUnknowns(springs=True).names.index(f"L{j}_compliance_deg_per_Nm") for j in LEG[:3]]]
+    true = x[[NaoUnknowns(compliance=True).names.index(f"L{j}_compliance_deg_per_Nm") for j in LEG[:3]]]
     assert np.abs(fit.fit.unknowns[springs] - true).max() / D < 0.2
 
 
@@ -159,24 +131,3 @@ def test_torques_are_as_sure_as_masses():
         drawn.append(gravity_torques("R", legs, STANDING, model))
     told = torque_sigmas("R", legs, STANDING)
     assert np.sqrt(np.var(drawn, axis=0) + 0.005**2) == pytest.approx(told, rel=0.2)
-
-
-@pytest.mark.parametrize("hard", [False, True])
-def test_angles_are_those_of_the_paper_with_springs_and_play(hard):
-    x = truth(ALL, np.random.default_rng(8))
-    legs = np.random.default_rng(9).uniform(-0.6, 0.6, (5, 6))
-    for side in SIDES:
-        told = NaoKinematics(ALL, x, hard, sure=True).angles(side, legs, STANDING)
-        assert told == pytest.approx(bent(side, legs, x, STANDING, hard), abs=1e-6)
-
-
-def test_unsure_torques_lie_between_the_sides():
-    x = truth(ALL, np.random.default_rng(8))
-    legs = np.random.default_rng(9).uniform(-0.6, 0.6, (200, 6))
-    sure, unsure = (NaoKinematics(ALL, x, True, s).angles("L", legs, STANDING) for s in (True, False))
-    apart = np.abs(sure - unsure)
-    half = x[[ALL.names.index(f"L{j}_backlash_half_deg") for j in LEG]]
-    assert (apart <= half + 1e-12).all()
-    far = np.abs(gravity_torques("L", legs, STANDING)) > 1.0
-    assert apart[far].max() < 1e-3
-    assert apart.max() > 0.5 * half.min()

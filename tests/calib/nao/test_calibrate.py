@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from arm.errors import InputError
-from calib.nao.calibrate import HEAD, PLAY, SPRINGS, calibrate_nao
+from calib.nao.calibrate import BACKLASH, COMPLIANCE, HEAD, calibrate_nao
 from calib.nao.chain import LEG_JOINTS, NaoUnknowns
 from recorded.nao import nao_recording
 from recorded.nao_scenes import PAPER
@@ -44,17 +44,17 @@ def test_offsets_of_the_head_are_noticed():
 
 
 def test_springs_are_noticed():
-    soft = NaoUnknowns(springs=True)
+    soft = NaoUnknowns(compliance=True)
     recording, x = nao_recording(3, soft, 8)
     c = calibrate_nao(recording)
-    assert SPRINGS in needed(c)
-    assert PLAY not in needed(c)
+    assert COMPLIANCE in needed(c)
+    assert BACKLASH not in needed(c)
     assert c.fit.chi2_dof == pytest.approx(1.0, abs=0.1)
     assert joints_deg(c, x, soft) < 0.15
 
 
 def test_gravity_the_other_way_round_is_noticed():
-    recording, _ = nao_recording(3, NaoUnknowns(springs=True), 8)
+    recording, _ = nao_recording(3, NaoUnknowns(compliance=True), 8)
     c = calibrate_nao(replace(recording, gravity=-recording.gravity))
     assert not c.accepted
     assert any("is the sign of gravity_m_s2 right?" in reason for reason in c.reasons)

@@ -11,7 +11,7 @@ from recorded.nao_scenes import PIXEL_SIGMA, problem, sightings
 
 PAPER, HEAD = NaoUnknowns(), NaoUnknowns(head=True)
 
-ALL = NaoUnknowns(head=True, springs=True, play=True)
+ALL = NaoUnknowns(head=True, compliance=True, backlash=True)
 
 
 def joint_rms_deg(fit, x, unknowns):
@@ -119,4 +119,4 @@ def test_torques_are_those_of_gravity_as_it_acts():
         step = h * np.eye(6)[i]
         torque = -(energy(leg + step) - energy(leg - step)) / (2 * h)
         assert told[f"torque {joint}"][0] == pytest.approx(torque, abs=1e-6)
-        assert told[f"play {joint}"][0] == pytest.approx(np.tanh(torque / 0.05), abs=1e-4)
+        assert told[f"backlash {joint}"][0] == pytest.approx(np.tanh(torque / 0.05), abs=1e-4)

@@ -8,7 +8,7 @@ import pytest
 from arm.errors import CalibrationRefused
 from arm.se3 import frozen
 from calib.hand_eye.calibrate import calibrate_hand_eye
-from calib.recordings.points import numbers_of_this_world
+from calib.recordings.points import plausible_numbers
 from recorded.arm_sets import TARGETS, draw_truth, recorded, wide
 
 
@@ -26,7 +26,7 @@ def test_numbers_beyond_belief_are_one_reason():
 def test_a_matrix_that_cannot_be_factored_is_a_refusal():
     with (
         pytest.raises(CalibrationRefused, match=r"\(Singular matrix\): are lengths in m"),
-        numbers_of_this_world(),
+        plausible_numbers(),
     ):
         np.linalg.inv(np.zeros((6, 6)))
 

@@ -33,8 +33,9 @@ from cell.session.connection import WhichCell, join, simulated_cell
 from cell.sim.photo_folder import FolderCamera
 from driver.emulator import Emulator
 from driver.line.clock import Clock
-from tasks.collecting import FAST, Heard
+from tasks.collecting import FAST
 from typed.command_line import a465, replace_in
+from typed.heard import Heard
 from vision.camera.model import read_camera
 
 HAND = data_file("scenes/targets/hand.toml")

@@ -19,7 +19,8 @@ from cell.report.chain_text import (
     print_hand_eye,
     with_std,
 )
-from recorded.found_chains import MORE, Heard, nao_named, refused
+from recorded.found_chains import MORE, nao_named, refused
+from typed.heard import Heard
 
 LINK_KEYS = {"dh_d_error_m": "d", "dh_a_error_m": "a", "dh_alpha_error_rad": "alpha"}
 

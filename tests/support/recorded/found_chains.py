@@ -20,21 +20,6 @@ from cell.console import Console
 Step = Callable[[Path, Path | None, Path | None, float | None, float | None, Console], dict[str, Any]]
 
 
-class Heard(Console):
-    """A console that remembers what was said."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.told: list[str] = []
-
-    def say(self, text: str = "") -> None:
-        self.told.append(text)
-
-    @property
-    def all(self) -> str:
-        return "\n".join(self.told)
-
-
 def refused(found: HandEye) -> HandEye:
     return replace(found, chain=replace(found.chain, reasons=("too far off",)))
 

@@ -6,41 +6,26 @@ from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
+from nao_paper_bench.kinematics import ON_ITS_BACK as ON_ITS_BACK
+from nao_paper_bench.stance_design import Sensing
+from nao_paper_bench.table_2 import NAO_CAMERA, PAPER_PIXEL_SIGMA, VERTICES, paper_problem, table_2_robot
+from nao_paper_bench.table_2 import TABLE_2 as TABLE_2
 
-from arm.se3 import Array, frozen
+from arm.se3 import Array
 from calib.chain.fit import Problem, Sightings
-from calib.nao.chain import SIDES, NaoUnknowns, nao_model, nao_sightings
-from calib.nao.stance_design import Sensing
-from vision.camera.model import Camera
+from calib.nao.chain import LEG, SIDES, NaoUnknowns, nao_model, nao_sightings
 
-CAMERA = Camera(np.array([[562.5, 0, 324], [0, 562.5, 189], [0, 0, 1]]), np.zeros(5), (640, 480), np.eye(4))
-PIXEL_SIGMA = np.array([0.0486, 0.0403])
-ON_ITS_BACK = (-9.81, 0.0, 0.0)
+CAMERA, BOARD, PIXEL_SIGMA = NAO_CAMERA, VERTICES, PAPER_PIXEL_SIGMA
 STEP = np.radians(0.1)
-BOARD = frozen([(0.1325 + 0.025 * i, 0.025 * j - 0.0625, 0.0) for i in range(4) for j in range(6)])
 PAPER, ALL = NaoUnknowns(), NaoUnknowns(True, True, True)
 SENSING = Sensing(CAMERA, BOARD, PIXEL_SIGMA, np.full(8, STEP / np.sqrt(12.0)))
-# Table 2, mean of three runs: camera, left leg, right leg, left mount, right mount
-TABLE_2 = np.array(
-    [0.4660, -4.5338, -1.8354]
-    + [-2.5029, 0.9392, 0.8049, -1.5869, 1.6285, -0.1476]
-    + [-0.9565, 0.2258, 1.3778, -0.0065, 0.7371, -0.7784]
-    + [-0.4419, -0.8538, 0.6988, 0.8289, -1.5198, 1.8391]
-)
 LEG_DEG = np.array([[-45, 5], [-15, 15], [-85, -30], [0, 60], [-40, 30], [-10, 10]], dtype=float)
 HEAD_DEG = np.array([[-60, 60], [-25, 15]], dtype=float)
 
 
 def truth(unknowns: NaoUnknowns, rng: np.random.Generator) -> Array:
-    """Table 2, a head 0.5 and -0.4 deg off, springs of 0.3 to 0.9 deg/Nm and half a play of 0.2 to 0.6 deg."""
-    parts = [TABLE_2]
-    if unknowns.head:
-        parts.append(np.array([0.5, -0.4]))
-    if unknowns.springs:
-        parts.append(rng.uniform(0.3, 0.9, 12))
-    if unknowns.play:
-        parts.append(rng.uniform(0.2, 0.6, 12))
-    return np.concatenate(parts) * unknowns.si()
+    """Errors of the robot of Table 2, SI."""
+    return table_2_robot(unknowns, rng).x
 
 
 def sightings(
@@ -63,14 +48,9 @@ def sightings(
         exact = nao_sightings(
             side, true, which, legs, heads, BOARD, np.zeros((len(which), 24, 2)), ON_ITS_BACK
         )
-        pixels = _seen(exact, x) + PIXEL_SIGMA * rng.standard_normal((len(which), 24, 2))
+        pixels = exact.projection(CAMERA, x).pixels + PIXEL_SIGMA * rng.standard_normal((len(which), 24, 2))
         found.append(nao_sightings(side, fitted, which, read_legs, read_heads, BOARD, pixels, ON_ITS_BACK))
     return found, x
-
-
-def _seen(s: Sightings, x: Array) -> Array:
-    T = s.evaluate(x, np.zeros_like(s.readings)).T
-    return CAMERA.project(np.einsum("nij,mj->nmi", T[:, :3, :3], s.points) + T[:, None, :3, 3])
 
 
 def _postures(
@@ -89,7 +69,7 @@ def _postures(
             side, true, number, many, head, BOARD, np.zeros((len(many), 24, 2)), ON_ITS_BACK
         )
         with np.errstate(invalid="ignore"):
-            pixels = _seen(tried, x)
+            pixels = tried.projection(CAMERA, x).pixels
             inside = ((pixels > 5.0) & (pixels < np.array(CAMERA.size) - 6.0)).all(axis=(1, 2))
         for k in range(40):
             good = np.flatnonzero(inside & (number == k))[:3]
@@ -101,11 +81,38 @@ def _postures(
 
 def problem(found: list[Sightings], unknowns: NaoUnknowns, step: float = STEP) -> Problem:
     """All that is unknown, from zero."""
-    count = len(unknowns.names)
-    sigma = np.full(8, step / np.sqrt(12.0))
-    return Problem(
-        found, CAMERA, np.zeros(count), np.full(count, np.inf), PIXEL_SIGMA, sigma, np.ones(count, dtype=bool)
-    )
+    return paper_problem(found, unknowns, PIXEL_SIGMA, step / np.sqrt(12.0))
+
+
+def bent_legs(
+    side: str,
+    legs: Array,
+    x: Array,
+    gravity: tuple[float, float, float],
+    hard: bool,
+    model: pin.Model | None = None,
+) -> Array:
+    """Angles of a leg with compliance and backlash, by finite differences of the potential energy."""
+    model = (model or nao_model()).copy()
+    model.gravity.linear = np.array(gravity)
+    data = model.createData()
+    first = model.joints[model.getJointId(f"{side}HipYawPitch")].idx_q
+
+    def energy(leg: Array) -> float:
+        q = np.zeros(model.nq)
+        q[first : first + 6] = leg
+        return float(pin.computePotentialEnergy(model, data, q))
+
+    def of(kind: str) -> Array:
+        return x[[ALL.names.index(f"{side}{joint}_{kind}") for joint in LEG]]
+
+    found = []
+    for leg in legs + of("deg"):
+        steps = 1e-6 * np.eye(6)
+        torque = np.array([-(energy(leg + s) - energy(leg - s)) / 2e-6 for s in steps])
+        lies = np.sign(torque) if hard else np.tanh(torque / 0.05)
+        found.append(leg + of("compliance_deg_per_Nm") * torque + of("backlash_half_deg") * lies)
+    return np.array(found)
 
 
 def frames(q: Array) -> Callable[[str], pin.SE3]:

@@ -6,20 +6,7 @@ import numpy as np
 
 from arm.se3 import Array
 from cell.collect.record import HandRecord
-from cell.console import Console
 from cell.session.connection import WhichCell
-
-
-class Heard(Console):
-    """What a person would have read."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.told: list[str] = []
-
-    def say(self, text: str = "") -> None:
-        self.told.append(text)
-
 
 FAST = WhichCell(speed=1.0, time_scale=100.0)
 

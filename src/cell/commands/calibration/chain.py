@@ -38,7 +38,7 @@ from cell.report.chain_text import (
     self_test_json,
 )
 
-_ALL = NaoUnknowns(head=True, springs=True, play=True)
+_ALL = NaoUnknowns(head=True, compliance=True, backlash=True)
 
 _MARKS = {OUTPUT: (b'id = "hand-eye-', b'"parameters"'), REPORT: (b"<!doctype html",)}
 """Texts at the start of the files that these commands write."""

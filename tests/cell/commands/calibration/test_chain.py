@@ -25,9 +25,10 @@ from cell.commands.calibration.chain import ChainOptions, hand_eye_step, kinemat
 from cell.commands.calibration.options import Results
 from recorded.arm_sets import LENS, NOMINAL, TARGETS, Truth, recorded, wide
 from recorded.faults import larger
-from recorded.found_chains import MORE, Heard, nao_named, refused
+from recorded.found_chains import MORE, nao_named, refused
 from recorded.nao import as_json, nao_recording
 from typed.command_line import a465
+from typed.heard import Heard
 
 
 @pytest.fixture(scope="module")

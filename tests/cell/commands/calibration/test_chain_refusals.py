@@ -11,7 +11,8 @@ import pytest
 from arm.errors import InputError
 from arm.io.storage import data_file
 from cell.commands.calibration.chain import ChainOptions
-from recorded.found_chains import STEPS, Heard, Step
+from recorded.found_chains import STEPS, Step
+from typed.heard import Heard
 
 
 @STEPS

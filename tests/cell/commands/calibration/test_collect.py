@@ -18,8 +18,9 @@ from cell.commands.calibration.chain import ChainOptions
 from cell.commands.calibration.collect import CollectFiles, collect_step
 from cell.console import Console
 from cell.session.connection import WhichCell
-from tasks.collecting import FAST, Heard
+from tasks.collecting import FAST
 from typed.command_line import a465
+from typed.heard import Heard
 
 HAND = data_file("scenes/targets/hand.toml")
 

@@ -1,13 +1,13 @@
 """Bodies of the NAO: what touches, what hides, and ways that are free."""
 
 import numpy as np
-
-from calib.nao.chain import SIDES
-from calib.nao.collision import nao_bodies
-from calib.nao.stance_pool import (
+from nao_paper_bench.collision import nao_bodies
+from nao_paper_bench.stance_pool import (
     collision_free_motion,
     resting_posture,
 )
+
+from calib.nao.chain import SIDES
 from recorded.nao_scenes import frames, of_board
 
 

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from nao_paper_bench.stance_design import plan_stances, random_stances, stance_informations
+from nao_paper_bench.stance_pool import (
+    find_stances,
+)
 
 from arm.errors import ImpossibleError, InputError
 from calib.chain.fit import fit_chains
 from calib.nao.chain import SIDES, gravity_torques, nao_sightings
-from calib.nao.stance_design import plan_stances, random_stances, stance_informations
-from calib.nao.stance_pool import (
-    find_stances,
-)
 from recorded.nao_scenes import ALL, BOARD, CAMERA, ON_ITS_BACK, PAPER, SENSING, problem
 
 

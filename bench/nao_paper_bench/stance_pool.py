@@ -19,7 +19,7 @@ from arm.se3 import Array, frozen
 from calib.model.chain import Chain
 from calib.model.from_urdf import chain_from_root
 from calib.nao.chain import HEAD, LEG, SIDES, nao_model
-from calib.nao.collision import BOARD_MIDDLE_X, BOARD_SIZE, nao_bodies
+from nao_paper_bench.collision import BOARD_MIDDLE_X, BOARD_SIZE, nao_bodies
 from vision.camera.model import Camera
 
 LIMIT_MARGIN = np.radians(2.0)

@@ -18,10 +18,10 @@ from arm.se3 import Array
 from calib.model.from_urdf import chain_from_root
 from calib.nao.backlash import torque_sigmas
 from calib.nao.chain import (
+    BACKLASH_NM,
     HEAD,
     LEG,
     MOUNT,
-    PLAY_NM,
     SIDES,
     NaoUnknowns,
     gravity_torques,
@@ -41,7 +41,7 @@ class NaoKinematics:
     Attributes:
         unknowns: its parameters.
         x: their values, SI.
-        hard: whether backlash changes sides abruptly; otherwise smoothly over about `calib.nao.chain.PLAY_NM`.
+        hard: whether backlash changes sides abruptly; otherwise smoothly over about `calib.nao.chain.BACKLASH_NM`.
         sure: whether torques are exact. If not, abrupt backlash is replaced by its mean over the uncertainty of the
             masses, which minimises the error.
         masses: model with other masses than ``urdf/nao``, or None.
@@ -56,11 +56,11 @@ class NaoKinematics:
     def angles(self, side: str, readings: Array, gravity: npt.ArrayLike) -> Array:
         """Angles (n, 6) rad of a leg at readings (n, 6), with gravity (3,) m/s^2 in the torso frame."""
         straight = readings + self._of(side, "deg")
-        if not (self.unknowns.springs or self.unknowns.play):
+        if not (self.unknowns.compliance or self.unknowns.backlash):
             return straight
         torque = gravity_torques(side, straight, gravity, self.masses)
         if not self.hard:
-            lies = np.tanh(torque / PLAY_NM)
+            lies = np.tanh(torque / BACKLASH_NM)
         elif self.sure:
             lies = np.sign(torque)
         else:
@@ -93,31 +93,12 @@ class NaoKinematics:
         chain = chain_from_root(nao_model(), f"{side}_sole", {side + j: i for i, j in enumerate(LEG)})
         return chain.evaluate(self.angles(side, leg, gravity), np.zeros(0)).T
 
-    def T_torso_camera(self, head: Array) -> Array:
-        """Poses (n, 4, 4) of the camera (OpenCV frame) in the torso at readings (n, 2) rad."""
-        side, still = SIDES[0], np.zeros((len(head), 6))
-        bare = chain_from_root(nao_model(), f"{side}_sole", {side + j: i for i, j in enumerate(LEG)})
-        T_torso_sole = bare.evaluate(still, np.zeros(0)).T
-        T_camera_sole = nao_chain(side, NaoUnknowns()).evaluate(
-            np.column_stack([still, self.heads(head)]), self._rigid(mounted=False, legs=False)
-        )
-        return np.asarray(T_torso_sole @ np.linalg.inv(T_camera_sole.T))
-
     def _seen(self, side: str, leg: Array, head: Array, gravity: npt.ArrayLike, mounted: bool) -> Array:
-        angles = np.column_stack([self.angles(side, leg, gravity), self.heads(head)])
-        return nao_chain(side, NaoUnknowns()).evaluate(angles, self._rigid(mounted, legs=False)).T
-
-    def _rigid(self, mounted: bool, legs: bool) -> Array:
-        """The paper's 21 parameters, with those of legs and mounts set to zero unless wanted."""
         plain = NaoUnknowns()
-        kept = [
-            not (
-                (not mounted and n.rpartition("_")[0] in {s + m for s in SIDES for m in MOUNT})
-                or (not legs and n.removesuffix("_deg") in {s + j for s in SIDES for j in LEG})
-            )
-            for n in plain.names
-        ]
-        return np.asarray(self.x[: len(plain.names)] * kept)
+        zero = tuple(side + name for side in SIDES for name in (LEG if mounted else (*LEG, *MOUNT)))
+        rigid = [0.0 if name.startswith(zero) else self._value(name) for name in plain.names]
+        angles = np.column_stack([self.angles(side, leg, gravity), self.heads(head)])
+        return nao_chain(side, plain).evaluate(angles, np.array(rigid)).T
 
     def _of(self, side: str, kind: str) -> Array:
         return np.array([self._value(f"{side}{j}_{kind}") for j in LEG])

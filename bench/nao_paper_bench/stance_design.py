@@ -1,8 +1,7 @@
 """Optimal design of NAO measurements: choose the stances that together are most informative.
 
 The information of a stance is known before it is taken: that of its images with the encoder errors eliminated
-(generalised least squares, fact sheet of calibration, section 2c). Information adds up over stances. The search is
-greedy, then by exchange (V. V. Fedorov, "Theory of optimal experiments", 1972).
+(generalised least squares, fact sheet of calibration, section 2c). The search is that of `calib.model.optimal_design`.
 """
 
 from __future__ import annotations
@@ -16,15 +15,20 @@ import numpy.typing as npt
 
 from arm.errors import ImpossibleError
 from arm.se3 import Array
-from calib.camera.bundle_adjustment import inverse_scaled
-from calib.nao.backlash import pixels_by_twists
+from calib.model.least_squares import eliminate, inverse_scaled
+from calib.model.optimal_design import OptimalDesign
+from calib.model.projection import Projection, along
 from calib.nao.chain import LEG_JOINTS, SIDES, NaoUnknowns, nao_sightings
-from calib.nao.stance_pool import Stance, collision_free_motion, find_stances, near_stances, resting_posture
+from nao_paper_bench.stance_pool import (
+    Stance,
+    collision_free_motion,
+    find_stances,
+    near_stances,
+    resting_posture,
+)
 from vision.camera.model import Camera
 
 Criterion = Literal["A", "D"]
-_PASSES = 4
-_GAIN_DONE = 1e-6  # of the log criterion
 _NEAR, _TRIES = np.radians(12.0), 270  # spread of nearby stances; their number for all chosen ones
 _WIDE = {"deg": np.radians(10.0), "mm": 0.01}  # wide prior that keeps determinants positive
 _WIDE_SOFT = np.radians(1.0)  # prior on compliance, per Nm, and backlash
@@ -71,7 +75,7 @@ class Plan:
 
 
 def find_pool(camera: Camera, count: int, seed: int) -> list[Stance]:
-    """Candidate stances, `count` of each leg, see `calib.nao.stance_pool.find_stances`."""
+    """Candidate stances, `count` of each leg, see `nao_paper_bench.stance_pool.find_stances`."""
     rng = np.random.default_rng(seed)
     return [stance for side in SIDES for stance in find_stances(side, camera, count, rng)]
 
@@ -103,13 +107,13 @@ def plan_stances(
     Raises:
         ImpossibleError: the pool is too small.
     """
-    judge = _Judge(unknowns, criterion or ("D" if unknowns.springs or unknowns.play else "A"))
+    criterion = criterion or ("D" if unknowns.compliance or unknowns.backlash else "A")
     rng, tries = np.random.default_rng(seed), -(-_TRIES // (2 * count))
-    chosen = _exchanged(pool, [], count, sensing, unknowns, x, judge)
+    chosen = _exchanged(pool, [], count, sensing, unknowns, x, criterion)
     for number in range(rounds):
         spread = _NEAR / (1.0 + 0.5 * number)
         near = [n for s in chosen for n in near_stances(s, sensing.camera, tries, spread, rng)]
-        chosen = _exchanged([*chosen, *near], range(len(chosen)), count, sensing, unknowns, x, judge)
+        chosen = _exchanged([*chosen, *near], range(len(chosen)), count, sensing, unknowns, x, criterion)
     return _plan(chosen, sensing, unknowns, x)
 
 
@@ -156,20 +160,15 @@ def _informations(
         side, unknowns, which, leg, head, sensing.board, np.zeros((len(which), m, 2)), sensing.gravity
     )
     at = s.evaluate(x, np.zeros_like(s.readings))
-    scale = sensing.pixel_sigma[:, None]
+    by_target = Projection(sensing.camera, at.T, s.points).by_target / sensing.pixel_sigma[:, None]
     shape = (len(stances), heads * m * 2, -1)
-    A = (pixels_by_twists(sensing.camera, s.points, at.T, at.by_unknown) / scale).reshape(shape)
-    by_reading = pixels_by_twists(sensing.camera, s.points, at.T, at.by_reading) / scale
+    A, by_reading = along(by_target, at.by_unknown).reshape(shape), along(by_target, at.by_reading)
     by_reading = (by_reading * sensing.reading_sigma).reshape(len(stances), heads, m * 2, -1)
     N = np.zeros((len(stances), heads, m * 2, 6 + 2 * heads))
     N[..., :6] = by_reading[..., :6]
     for k in range(heads):
         N[:, k, :, 6 + 2 * k : 8 + 2 * k] = by_reading[:, k, :, 6:]
-    N = N.reshape(shape)
-    NA = np.einsum("nri,nrj->nij", N, A)
-    H = np.einsum("nri,nrj->nij", N, N) + np.eye(N.shape[-1])
-    absorbed = np.einsum("nki,nkj->nij", NA, np.linalg.solve(H, NA))
-    return np.asarray(np.einsum("nri,nrj->nij", A, A) - absorbed)
+    return eliminate(A, N.reshape(shape), np.zeros(A.shape[:2]), np.eye(N.shape[-1])).S
 
 
 def _prior(unknowns: NaoUnknowns) -> Array:
@@ -191,58 +190,23 @@ def _require(side: npt.NDArray[np.intp], count: int) -> None:
         )
 
 
-class _Judge:
-    """Design criterion for summed information, with unknowns in units of `_prior`."""
-
-    def __init__(self, unknowns: NaoUnknowns, criterion: Criterion) -> None:
-        self.scale = _prior(unknowns)
-        names = [f"{j}_{kind}" for j in LEG_JOINTS for kind in ("deg", "compliance", "backlash")]
-        self._legs = [i for i, n in enumerate(unknowns.names) if n.startswith(tuple(names))]
-        self._weight = self.scale[self._legs] ** 2
-        self._criterion = criterion
-
-    def values(self, totals: Array) -> Array:
-        """Criterion for many (n, p, p); higher is better."""
-        if self._criterion == "D":
-            return np.asarray(np.linalg.slogdet(totals)[1])
-        variances = np.einsum("nii->ni", np.linalg.inv(totals))[:, self._legs]
-        return np.asarray(-np.log(variances @ self._weight))
-
-
 def _exchanged(
     pool: Sequence[Stance],
-    chosen: Sequence[int],
+    begin: Sequence[int],
     count: int,
     sensing: Sensing,
     unknowns: NaoUnknowns,
     x: Array | None,
-    judge: _Judge,
+    criterion: Criterion,
 ) -> list[Stance]:
-    """Choose `count` stances of each leg: complete `chosen` greedily, then exchange one by one."""
+    """Choose `count` stances of each leg: complete `begin` greedily, then exchange one by one."""
     side = np.array([SIDES.index(s.side) for s in pool])
     _require(side, count)
-    informations = stance_informations(pool, sensing, unknowns, x) * np.outer(judge.scale, judge.scale)
-    chosen = list(chosen)
-    total = np.eye(len(judge.scale)) + informations[chosen].sum(axis=0)
-
-    def best(without: Array, of: int) -> int:
-        free = np.flatnonzero(side == of)
-        free = free[~np.isin(free, chosen)]
-        return int(free[int(np.argmax(judge.values(without + informations[free])))])
-
-    for n in range(len(chosen), 2 * count):
-        chosen.append(best(total, n % 2))
-        total = total + informations[chosen[-1]]
-    for _ in range(_PASSES):
-        before = float(judge.values(total[None])[0])
-        for place, old in enumerate(chosen):
-            without = total - informations[old]
-            chosen[place] = -1  # may be chosen again
-            chosen[place] = best(without, int(side[old]))
-            total = without + informations[chosen[place]]
-        if float(judge.values(total[None])[0]) - before < _GAIN_DONE:
-            break
-    return [pool[i] for i in chosen]
+    informations, prior = stance_informations(pool, sensing, unknowns, x), np.diag(_prior(unknowns) ** -2)
+    kinds = tuple(f"{j}_{kind}" for j in LEG_JOINTS for kind in ("deg", "compliance", "backlash"))
+    legs = [i for i, name in enumerate(unknowns.names) if name.startswith(kinds)]
+    worth = np.eye(len(prior))[:, legs] if criterion == "A" else None
+    return [pool[i] for i in OptimalDesign(informations, prior, worth, side).best(count, begin=begin).places]
 
 
 def _plan(stances: Sequence[Stance], sensing: Sensing, unknowns: NaoUnknowns, x: Array | None) -> Plan:

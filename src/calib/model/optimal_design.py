@@ -1,4 +1,4 @@
-"""A-optimal design: choose the measurements that together leave the least sum of variances.
+"""Optimal design: choose the measurements that together leave the least variance.
 
 Information adds up over measurements and is known before they are taken. The search is greedy, then by exchange (V. V.
 Fedorov, "Theory of optimal experiments", 1972). The information of one measurement has low rank, so its effect follows
@@ -25,8 +25,8 @@ class Chosen:
 
     Attributes:
         places: their indices, in the order of choice.
-        variances: sum of variances left after each of them and those before it.
-        before: sum of variances before the first.
+        variances: what each of them and those before it leave, see `OptimalDesign.variance`.
+        before: what the prior information leaves.
     """
 
     places: tuple[int, ...]
@@ -40,39 +40,49 @@ class OptimalDesign:
     Args:
         informations: of each measurement, (n, k, k).
         known: prior information, (k, k), positive definite.
-        worth: (k, w); the summed variances of ``worth.T @ unknowns`` are minimised.
+        worth: (k, w); the summed variances of ``worth.T @ unknowns`` are minimised (A-optimal). None: the determinant
+            of the covariance is (D-optimal).
+        groups: of each measurement, (n,), from 0; equally many of each group are chosen. Default: one group.
     """
 
-    def __init__(self, informations: Array, known: Array, worth: Array) -> None:
+    def __init__(
+        self, informations: Array, known: Array, worth: Array | None = None, groups: Array | None = None
+    ) -> None:
         self._scale = 1.0 / np.sqrt(np.diag(known))
         both = np.outer(self._scale, self._scale)
         self._M, self._known = informations * both, known * both
-        self._worth = worth * self._scale[:, None]
+        self._worth = None if worth is None else worth * self._scale[:, None]
+        self._groups = np.zeros(len(informations)) if groups is None else groups
         values, vectors = np.linalg.eigh(self._M)
         values = np.maximum(values, 0.0)
         rank = int((values > _NOTHING * values.max(axis=1, keepdims=True)).sum(axis=1).max(initial=1))
         self._F = vectors[..., -rank:] * np.sqrt(values[:, None, -rank:])
 
     def variance(self, places: Iterable[int] = ()) -> float:
-        """Sum of variances left by some measurements."""
+        """What some measurements leave: sum of variances (A), or geometric mean of the scaled principal ones (D)."""
         C = self._covariance(places)
+        if self._worth is None:
+            return float(np.exp(np.linalg.slogdet(C)[1] / len(C)))
         return float(np.sum(self._worth * (C @ self._worth)))
 
-    def best(self, count: int, exchange: bool = True) -> Chosen:
-        """Choose the best `count` measurements, or all if there are fewer, the most helpful first.
+    def best(self, count: int, exchange: bool = True, begin: Iterable[int] = ()) -> Chosen:
+        """Choose the best `count` measurements of each group, or all if there are fewer.
+
+        Those of a single group come in the order of what they help.
 
         Args:
             count: number of measurements.
             exchange: whether to revise choices; without it, each is the best only given those before it.
+            begin: indices of measurements to begin with, equally many of each group.
         """
-        count = min(count, len(self._M))
-        chosen: list[int] = []
-        for _ in range(count):
-            chosen.append(self._next(chosen, chosen))
-        if exchange and count > 1:
+        chosen, groups = list(begin), np.unique(self._groups)
+        most = min(count * len(groups), len(self._M))
+        while len(chosen) < most:
+            chosen.append(self._next(chosen, chosen, groups[len(chosen) % len(groups)]))
+        if exchange and most > 1:
             self._exchange(chosen)
-            chosen = self._ordered(chosen)
-        left = tuple(self.variance(chosen[: i + 1]) for i in range(count))
+            chosen = self._ordered(chosen) if len(groups) == 1 else chosen
+        left = tuple(self.variance(chosen[: i + 1]) for i in range(most))
         return Chosen(tuple(chosen), left, self.variance())
 
     def _exchange(self, chosen: list[int]) -> None:
@@ -81,7 +91,7 @@ class OptimalDesign:
             before = now
             for place in range(len(chosen)):
                 others = chosen[:place] + chosen[place + 1 :]
-                chosen[place] = self._next(others, others)
+                chosen[place] = self._next(others, others, self._groups[chosen[place]])
             now = self.variance(chosen)
             if before - now < _GAIN_DONE * before:
                 break
@@ -93,14 +103,19 @@ class OptimalDesign:
             order.append(self._next(order, every - set(chosen) | set(order)))
         return order
 
-    def _next(self, taken: Iterable[int], closed: Iterable[int]) -> int:
-        """Index of the most helpful measurement in addition to those taken, except the closed ones."""
+    def _next(self, taken: Iterable[int], closed: Iterable[int], group: float | None = None) -> int:
+        """Index of the most helpful measurement in addition to those taken, of a group, except the closed ones."""
         C = self._covariance(taken)
         CF = C @ self._F
         G = np.eye(CF.shape[-1]) + np.swapaxes(self._F, 1, 2) @ CF
-        seen = self._worth.T @ CF
-        gain = np.einsum("nwr,nrw->n", seen, np.linalg.solve(G, np.swapaxes(seen, 1, 2)))
+        if self._worth is None:
+            gain = np.linalg.slogdet(G)[1]
+        else:
+            seen = self._worth.T @ CF
+            gain = np.einsum("nwr,nrw->n", seen, np.linalg.solve(G, np.swapaxes(seen, 1, 2)))
         gain[list(closed)] = -np.inf
+        if group is not None:
+            gain[self._groups != group] = -np.inf
         return int(np.argmax(gain))
 
     def _covariance(self, places: Iterable[int]) -> Array:

@@ -4,16 +4,16 @@ import xml.etree.ElementTree as ET
 from itertools import pairwise
 
 import numpy as np
-
-from arm.io.storage import data_file
-from calib.nao.chain import HEAD, LEG
-from calib.nao.stance_design import random_stances
-from calib.nao.stance_pool import (
+from nao_paper_bench.stance_design import random_stances
+from nao_paper_bench.stance_pool import (
     MARGIN_PX,
     collision_free_motion,
     near_stances,
     resting_posture,
 )
+
+from arm.io.storage import data_file
+from calib.nao.chain import HEAD, LEG
 from recorded.nao_scenes import CAMERA, PAPER, SENSING, frames, of_board
 
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-
-from calib.nao.chain import SIDES
-from calib.nao.stance_pool import (
+from nao_paper_bench.stance_pool import (
     find_stances,
 )
+
+from calib.nao.chain import SIDES
 from recorded.nao_scenes import CAMERA
 
 
