@@ -138,7 +138,7 @@ def run(case: Case, seed: int) -> Outcome:
         len(left_out - wrong),
         len(wrong - left_out),
         chain.accepted,
-        next((s.name for s in chain.suspects if s.sure), ""),
+        next((s.name for s in chain.hypotheses if s.sure), ""),
         chain.reasons,
         peers,
         took,

@@ -254,7 +254,7 @@ def found() -> HandEye:
         c,
         problem=replace(c.problem, reading_sigma=np.radians([0.01, 0.02, 0.03, 0.0, 0.0, 0.0])),
         fit=replace(c.fit, weights=(weights,)),
-        suspects=(ChainErrorHypothesis("target size", 0.01, 0.002, "", 50.0, 20.0),),
+        hypotheses=(ChainErrorHypothesis("target size", 0.01, 0.002, "", 50.0, 20.0),),
         remarks=("look at this",),
     )
     return replace(found, chain=told)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from arm.former import renamed_arguments
 from arm.se3 import Array
 from calib.camera.cross_validation import CrossValidation
 from calib.camera.next_views import NextView
@@ -78,6 +79,7 @@ class CalibrationView:
         return float(np.arccos(np.clip(abs(self.T_camera_target[2, 2]), 0.0, 1.0)))
 
 
+@renamed_arguments(suspects="hypotheses")
 @dataclass(frozen=True, eq=False)
 class CameraCalibration(Judged):
     """Calibrated intrinsics, their uncertainty, and whether they may be used.
@@ -93,7 +95,7 @@ class CameraCalibration(Judged):
         work_sigmas: (n,) m standard deviation across the line of sight at each, including the shifts due to model
             errors found present.
         cross: result of cross-validation.
-        suspects: tested model errors, the most significant first.
+        hypotheses: tested model errors, the most significant first.
         undetermined: intrinsics that the views leave undetermined, each with its most informative next view.
         next: views that would reduce the error at the work points most.
         limits: for acceptance.
@@ -108,7 +110,7 @@ class CameraCalibration(Judged):
     work: WorkingVolume
     work_sigmas: Array
     cross: CrossValidation
-    suspects: tuple[ErrorHypothesis, ...]
+    hypotheses: tuple[ErrorHypothesis, ...]
     undetermined: dict[str, NextView | None]
     next: tuple[NextView, ...]
     limits: CalibrationLimits

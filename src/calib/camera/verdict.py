@@ -94,9 +94,11 @@ def _target(c: CameraCalibration) -> list[str]:
                 f"{1e3 * c.target.square:g} mm, but the target file has {1e3 * c.target.marker:g} mm: measure both "
                 "on the print and correct the file (the square size scales all distances)"
             )
-    deciding = [s for s in c.suspects if _decides(c, s)]
-    for suspect in deciding[:1]:  # a strong model error can make the others look present
-        reasons.append(f"{describe(suspect)}; it moves the work points by {1e3 * _shift(c, suspect):.2f} mm")
+    deciding = [s for s in c.hypotheses if _decides(c, s)]
+    for hypothesis in deciding[:1]:  # a strong model error can make the others look present
+        reasons.append(
+            f"{describe(hypothesis)}; it moves the work points by {1e3 * _shift(c, hypothesis):.2f} mm"
+        )
     return reasons
 
 
@@ -107,31 +109,32 @@ def marker_share(c: CameraCalibration) -> float | None:
     return float(np.median(shares)) if shares and c.target.marker > 0.0 else None
 
 
-def _shift(c: CameraCalibration, suspect: ErrorHypothesis) -> float:
-    return float(np.sqrt(np.mean(c.work.shifts(suspect.intrinsics_change) ** 2)))
+def _shift(c: CameraCalibration, hypothesis: ErrorHypothesis) -> float:
+    return float(np.sqrt(np.mean(c.work.shifts(hypothesis.intrinsics_change) ** 2)))
 
 
-def _decides(c: CameraCalibration, suspect: ErrorHypothesis) -> bool:
-    return suspect.sure and 1e3 * _shift(c, suspect) > BIASED * c.limits.work_mm
+def _decides(c: CameraCalibration, hypothesis: ErrorHypothesis) -> bool:
+    return hypothesis.sure and 1e3 * _shift(c, hypothesis) > BIASED * c.limits.work_mm
 
 
-def describe(suspect: ErrorHypothesis) -> str:
+def describe(hypothesis: ErrorHypothesis) -> str:
     """Describe a model error in words, with its amount."""
-    match suspect.name:
+    amount, sigma = hypothesis.amount, hypothesis.sigma
+    match hypothesis.name:
         case "bent target":
             return (
-                f"the target is bent by {1e3 * abs(suspect.amount):.2f} +- {1e3 * suspect.sigma:.2f} mm: glue it to a "
-                "flat, stiff plate"
+                f"the target is bent by {1e3 * abs(amount):.2f} +- {1e3 * sigma:.2f} mm: glue it to a flat, "
+                "stiff plate"
             )
         case "stretched target":
             return (
-                f"the target's rows are {100 * suspect.amount:+.2f} +- {100 * suspect.sigma:.2f} % further apart than "
-                "its columns: print it without scaling and measure both"
+                f"the target's rows are {100 * amount:+.2f} +- {100 * sigma:.2f} % further apart than its columns: "
+                "print it without scaling and measure both"
             )
         case _:
             return (
-                f"the focal length changes by {100 * suspect.amount:+.2f} +- {100 * suspect.sigma:.2f} % from the "
-                "first view to the last: lock focus and zoom, and let the camera warm up"
+                f"the focal length changes by {100 * amount:+.2f} +- {100 * sigma:.2f} % from the first view to the "
+                "last: lock focus and zoom, and let the camera warm up"
             )
 
 
@@ -196,11 +199,11 @@ def _distances(c: CameraCalibration) -> list[str]:
 
 
 def _lens(c: CameraCalibration) -> list[str]:
-    if any(_decides(c, s) for s in c.suspects):
+    if any(_decides(c, s) for s in c.hypotheses):
         return []  # then all intrinsics are doubtful, and the reason explains it
     remarks = [
         f"{describe(s)} (it moves the work points by {1e3 * _shift(c, s):.3f} mm; their error includes this)"
-        for s in c.suspects
+        for s in c.hypotheses
         if s.sure
     ]
     for name, view in c.undetermined.items():

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from arm.former import renamed_arguments
 from arm.se3 import Array, frozen
 from calib.chain.fit import ChainFit, Problem, Sightings, fit_chains
 from calib.chain.model_selection import Choice, Part, Trial, choose_model, largest_rise
@@ -57,6 +58,7 @@ class HeldOut:
     metres: float
 
 
+@renamed_arguments(suspects="hypotheses")
 @dataclass(frozen=True, eq=False)
 class ChainCalibration(Judged):
     """A fit of the selected model.
@@ -68,7 +70,7 @@ class ChainCalibration(Judged):
         fit: of it; weights 0 for rejected images.
         trials: trial of each optional part of the model.
         held_out: from `FOLDS` fits that each lack a part of the stances.
-        suspects: possible model errors, the most significant first.
+        hypotheses: possible model errors, the most significant first.
         iterations: steps from the start to the solution, with the selected model.
         solve_s: their time.
         limits: of the verdict.
@@ -82,7 +84,7 @@ class ChainCalibration(Judged):
     fit: ChainFit
     trials: tuple[Trial, ...]
     held_out: HeldOut
-    suspects: tuple[ChainErrorHypothesis, ...]
+    hypotheses: tuple[ChainErrorHypothesis, ...]
     iterations: int
     solve_s: float
     limits: ChainLimits
@@ -122,7 +124,7 @@ class ChainCalibration(Judged):
         It is inflated by `excess`, and by the tolerance of the target's size (`SIZE`), which link errors compensate.
         """
         covariance = self.fit.covariance(self.problem.free) * max(1.0, self.excess)
-        size = next((s for s in self.suspects if s.name == "target size" and len(s.others)), None)
+        size = next((s for s in self.hypotheses if s.name == "target size" and len(s.others)), None)
         if size is not None:  # inverse of the blocks with the size as one more unknown
             by_size = np.zeros(len(covariance))
             by_size[self.problem.free] = size.others

@@ -100,7 +100,7 @@ def find_error_hypotheses(
         else:
             unit = "of the way from the last pose" if name == "time skew" else ""
             found.append(tests.of(name, unit, chosen))
-    return tuple(sorted(found, key=lambda suspect: -suspect.drop / suspect.limit))
+    return tuple(sorted(found, key=lambda hypothesis: -hypothesis.drop / hypothesis.limit))
 
 
 class _ScoreTests:

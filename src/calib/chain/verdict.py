@@ -55,7 +55,7 @@ def _too_many_wrong(c: ChainCalibration) -> list[str]:
 def _changed(c: ChainCalibration) -> list[str]:
     if c.change is None:
         return []
-    cause = next((f": most likely {describe(s)}" for s in c.suspects if s.sure and "moved" in s.name), "")
+    cause = next((f": most likely {describe(s)}" for s in c.hypotheses if s.sure and "moved" in s.name), "")
     return [f"images from number {c.change} on do not fit the earlier ones{cause}"]
 
 
@@ -63,7 +63,7 @@ def _compensated(c: ChainCalibration) -> list[str]:
     """A model error that other unknowns compensate for, and that shifts predicted targets."""
     if c.fit.chi2_dof > c.chi2_limit or c.change is not None:
         return []  # reported already
-    cause = next((s for s in c.suspects if s.sure), None)
+    cause = next((s for s in c.hypotheses if s.sure), None)
     if cause is None or not cause.moves > c.limits.held_out:
         return []
     return [
@@ -76,7 +76,7 @@ def _complete(c: ChainCalibration) -> list[str]:
     if c.fit.chi2_dof <= c.chi2_limit:
         return []
     times = np.sqrt(c.fit.chi2_dof)
-    cause = next((describe(s) for s in c.suspects if s.sure), "")
+    cause = next((describe(s) for s in c.hypotheses if s.sure), "")
     return [
         f"residuals are {times:.2f} times those expected from corner and encoder noise (chi2/dof "
         f"{c.fit.chi2_dof:.2f}, the limit is {c.chi2_limit:.2f}): something moves that is not in the model"
@@ -107,10 +107,10 @@ def _undetermined(c: ChainCalibration, shown: Callable[[str, float], str]) -> li
     ]
 
 
-def describe(suspect: ChainErrorHypothesis) -> str:
+def describe(hypothesis: ChainErrorHypothesis) -> str:
     """Describe a model error in words, with its amount."""
-    amount, sigma = suspect.amount, suspect.sigma
-    match suspect.name:
+    amount, sigma = hypothesis.amount, hypothesis.sigma
+    match hypothesis.name:
         case "target size":
             return (
                 f"the target's size: the one in the images is {100 * abs(amount):.2f} +- {100 * sigma:.2f} % "
@@ -125,11 +125,11 @@ def describe(suspect: ChainErrorHypothesis) -> str:
             )
         case "target moved" | "camera moved":
             return (
-                f"a movement of the {suspect.name.split()[0]} by about {1e3 * amount:.2f} mm before image "
-                f"{suspect.image}; fix it, and take the images again"
+                f"a movement of the {hypothesis.name.split()[0]} by about {1e3 * amount:.2f} mm before image "
+                f"{hypothesis.image}; fix it, and take the images again"
             )
         case _:
-            return f"the {suspect.name}: off by {100 * amount:+.3f} +- {100 * sigma:.3f} %"
+            return f"the {hypothesis.name}: off by {100 * amount:+.3f} +- {100 * sigma:.3f} %"
 
 
 def _remarks(c: ChainCalibration) -> list[str]:
@@ -155,7 +155,7 @@ def _remarks(c: ChainCalibration) -> list[str]:
             "perhaps because the arm does not repeat well; all uncertainties are scaled by this"
         )
     if not c.reasons and c.fit.chi2_dof <= c.chi2_limit:
-        remarks += [f"worth a look: {describe(s)}" for s in c.suspects if s.sure or _would_matter(c, s)][:1]
+        remarks += [f"worth a look: {describe(s)}" for s in c.hypotheses if s.sure or _would_matter(c, s)][:1]
     return remarks
 
 

@@ -47,7 +47,7 @@ def lens_page(c: CameraCalibration, source: str) -> str:
         intrinsics=Table(("", "value", "std"), intrinsics_rows(c)),
         poses=_poses(c),
         suspects=_suspects(c),
-        suspected=describe(c.suspects[0]) if c.suspects and c.suspects[0].sigmas > 5 else "",
+        suspected=describe(c.hypotheses[0]) if c.hypotheses and c.hypotheses[0].sigmas > 5 else "",
         next_views=list(_next_views(c)),
         views=_views(c),
     )
@@ -144,7 +144,7 @@ def _suspects(c: CameraCalibration) -> Table:
             f"{s.sigmas:.1f}",
             f"{rms_mm(c.work.shifts(s.intrinsics_change)):.4f} mm",
         )
-        for s in c.suspects
+        for s in c.hypotheses
     ]
     return Table(("cause", "amount", "standard deviations", "shift of work points"), rows)
 

@@ -134,7 +134,7 @@ def _model(c: ChainCalibration) -> Table:
 
 
 def _suspects(c: ChainCalibration) -> Table:
-    shown = c.suspects[:8]
+    shown = c.hypotheses[:8]
     return Table(
         ("cause", "cost it explains", "by chance, up to", ""),
         [(s.name, f"{s.drop:.1f}", f"{s.limit:.1f}", describe(s) if s.sure else "chance") for s in shown],

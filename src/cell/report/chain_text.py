@@ -122,7 +122,7 @@ def _chain_json(c: ChainCalibration, images: Sequence[Numbers] = ()) -> dict[str
         "weakest_direction": [{"parameter": name, "share": share} for name, share in c.weakest],
         "suspects": [
             {"name": s.name, "amount": s.amount, "std": s.sigma, "sure": s.sure, "cost_drop": s.drop}
-            for s in c.suspects
+            for s in c.hypotheses
         ],
         **verdict_json(c),
     }

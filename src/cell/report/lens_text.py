@@ -93,7 +93,7 @@ def lens_json(c: CameraCalibration) -> dict[str, Any]:
         "views": [_view_json(v) for v in c.views],
         "suspects": [
             {"name": s.name, "amount": s.amount, "std": s.sigma, "unit": s.unit, "sigmas": s.sigmas}
-            for s in c.suspects
+            for s in c.hypotheses
         ],
         "undetermined": {name: None if v is None else v.words for name, v in c.undetermined.items()},
         "next_views": [{"words": v.words, "T_camera_target": v.T_camera_target.tolist()} for v in c.next],

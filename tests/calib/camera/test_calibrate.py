@@ -42,16 +42,16 @@ def test_a_view_that_alone_reaches_an_edge_is_no_reason_to_refuse():
 def test_a_bent_target_is_named_with_its_bend(sagitta):
     c = calibrate_camera(photos(taken(2, shape=bent(sagitta))), CHARUCO, SIZE)
     assert not c.accepted
-    assert c.suspects[0].name == "bent target"
-    assert c.suspects[0].amount == pytest.approx(abs(sagitta), rel=0.1)
+    assert c.hypotheses[0].name == "bent target"
+    assert c.hypotheses[0].amount == pytest.approx(abs(sagitta), rel=0.1)
     assert any("the target is bent by" in reason for reason in c.reasons)
 
 
 def test_a_target_that_was_printed_with_unequal_scales_is_named():
     c = calibrate_camera(photos(taken(3, shape=lambda p: p * (1.0, 1.004, 1.0))), CHARUCO, SIZE)
     assert not c.accepted
-    assert c.suspects[0].name == "stretched target"
-    assert c.suspects[0].amount == pytest.approx(0.004, rel=0.15)
+    assert c.hypotheses[0].name == "stretched target"
+    assert c.hypotheses[0].amount == pytest.approx(0.004, rel=0.15)
     assert any("rows are +0.39" in reason or "rows are +0.4" in reason for reason in c.reasons)
 
 
@@ -64,8 +64,8 @@ def test_a_focus_that_changes_is_named():
         views.append(seen(T, rng, lens=replace(camera(), K=K)))
     c = calibrate_camera(photos(views), CHARUCO, SIZE)
     assert not c.accepted
-    assert c.suspects[0].name == "changed focus"
-    assert c.suspects[0].amount == pytest.approx(0.02, rel=0.2)
+    assert c.hypotheses[0].name == "changed focus"
+    assert c.hypotheses[0].amount == pytest.approx(0.02, rel=0.2)
 
 
 def test_wrong_markers_are_named_with_their_size():

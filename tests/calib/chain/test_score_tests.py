@@ -15,27 +15,27 @@ from recorded.faults import FAULTS, faulty
 def test_the_cause_is_named(name):
     recording, truth = faulty(name)
     c = calibrate_hand_eye(recording).chain
-    suspect = c.suspects[0]
-    assert suspect.sure
-    assert suspect.name == FAULTS[name][1]
-    told = describe(suspect)
+    hypothesis = c.hypotheses[0]
+    assert hypothesis.sure
+    assert hypothesis.name == FAULTS[name][1]
+    told = describe(hypothesis)
     assert told in " ".join((*c.reasons, *c.remarks))
     s = c.problem.sightings[0]
     T = s.chain.evaluate(recording.joints, c.fit.unknowns).T
     off = np.sqrt(np.mean(np.sum((T - truth.T_camera_target(recording.joints))[:, :3, 3] ** 2, axis=1)))
     if c.accepted:
         assert off < 1.1 * c.limits.held_out, "accepted only if targets are where they are predicted"
-    if "moved" in suspect.name:
+    if "moved" in hypothesis.name:
         assert not c.accepted
-        assert suspect.image == pytest.approx(15, abs=3)
-        assert suspect.amount == pytest.approx(1e-3, rel=0.25)
+        assert hypothesis.image == pytest.approx(15, abs=3)
+        assert hypothesis.amount == pytest.approx(1e-3, rel=0.25)
     elif "geared" in name:
-        assert suspect.amount == pytest.approx(0.002, abs=4.0 * suspect.sigma)
+        assert hypothesis.amount == pytest.approx(0.002, abs=4.0 * hypothesis.sigma)
     elif "larger" in name:
         assert not c.accepted, "no residual shows it, and all is a hundredth too near"
-        assert suspect.amount == pytest.approx(0.01, abs=1e-3)
-        assert suspect.moves == pytest.approx(off, rel=0.1)
-        assert suspect.moves > 5e-3
+        assert hypothesis.amount == pytest.approx(0.01, abs=1e-3)
+        assert hypothesis.moves == pytest.approx(off, rel=0.1)
+        assert hypothesis.moves > 5e-3
 
 
 @pytest.mark.parametrize("kind", ["charuco", "marker"])
@@ -45,7 +45,7 @@ def test_nothing_is_suspected_of_what_is_complete(kind):
         truth = draw_truth(rng, links=seed == 2)
         c = calibrate_hand_eye(recorded(truth, wide(truth, TARGETS[kind], 24, rng), kind, rng)).chain
         assert c.accepted, c.reasons
-        assert not [s.name for s in c.suspects if s.sure]
+        assert not [s.name for s in c.hypotheses if s.sure]
         assert c.change is None
         assert not any("worth a look" in remark for remark in c.remarks)
 

@@ -32,7 +32,7 @@ def test_a_sudden_change_is_a_reason_of_its_own():
     changed = with_verdict(replace(c, change=7), lambda name, value: f"{name} {value}")
     assert changed.reasons == ("images from number 7 on do not fit the earlier ones",)
     moved = ChainErrorHypothesis("camera moved", 1e-3, 1e-5, "m", 900.0, 10.0, 1e-3, 7)
-    named = with_verdict(replace(c, change=7, suspects=(moved,)), lambda name, value: f"{name} {value}")
+    named = with_verdict(replace(c, change=7, hypotheses=(moved,)), lambda name, value: f"{name} {value}")
     assert len(named.reasons) == 1
     assert (
         "earlier ones: most likely a movement of the camera by about 1.00 mm before image 7"
@@ -123,7 +123,7 @@ def test_an_arm_that_scatters_is_told_and_widens_what_is_said(seed):
     assert c.fit.chi2_dof < 1.3
     assert 1.8 < c.excess < 5.0
     assert any("times less well with each other" in remark for remark in c.remarks)
-    assert not [s.name for s in c.suspects if s.sure], "scatter is no cause"
+    assert not [s.name for s in c.hypotheses if s.sure], "scatter is no cause"
     widened = np.diag(c.covariance) / np.maximum(np.diag(c.fit.covariance(c.problem.free)), 1e-30)
     assert widened[c.problem.free].min() >= 0.999 * c.excess
 
