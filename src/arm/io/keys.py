@@ -58,6 +58,10 @@ class Keys:
         """Read a table; errors as of `read_values`."""
         return cls(**read_values(cls.declared(), node))
 
+    def values_of(self, kind: type[Keys]) -> dict[str, Any]:
+        """Return the values of the keys that a base class declares, by field."""
+        return {name: getattr(self, name) for name in kind.declared()}
+
 
 def read_values(declared: Mapping[str, Key], node: Node) -> dict[str, Any]:
     """Read a table by its declared keys.

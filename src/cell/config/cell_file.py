@@ -94,7 +94,7 @@ def read_cell(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
     boards = boards_of(keys, root, keys.cube_size)
     inputs = config_inputs(root.value, LEFT_OUT, boards)
     cell = Cell(
-        **{name: getattr(keys, name) for name in CellValues.declared()},
+        **keys.values_of(CellValues),
         file=path,
         unit=unit,
         camera=camera,

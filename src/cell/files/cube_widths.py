@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
-
-from arm.errors import ExecutionStopped, FileInputError
+from arm.errors import ExecutionStopped
+from arm.io.keys import Keys, key
+from arm.io.node import Node
+from arm.io.rules import number, table
 from arm.io.storage import read_json, write_atomic
 from vision.occupancy.seated import CubeWidth
 
@@ -40,6 +41,11 @@ def width_kept(folder: Path, cube: str, width: Callable[[], CubeWidth | None]) -
         raise
 
 
+class _WidthKeys(Keys):
+    width: float = key("width_mm", number("mm"))
+    std: float = key("std_mm", number("mm"))
+
+
 def read_widths(folder: Path, nominal: CubeWidth) -> dict[str, CubeWidth]:
     """Read the widths of cubes by name; empty without a file.
 
@@ -53,24 +59,11 @@ def read_widths(folder: Path, nominal: CubeWidth) -> dict[str, CubeWidth]:
     file = folder / FILE
     if not file.is_file():
         return {}
-    value = read_json(file)
-    try:
-        widths = {
-            str(name): CubeWidth(float(entry["width_mm"]) / 1e3, float(entry["std_mm"]) / 1e3)
-            for name, entry in value.items()
-        }
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise FileInputError(
-            file, "", None, f"is not a file of cube widths: {type(error).__name__} {error}", "remove it"
-        ) from error
-    for name, width in widths.items():
-        fits = abs(width.value - nominal.value) <= MOST_OFF * 2.0 * nominal.std and width.std > 0.0
-        if not (fits and np.isfinite(width.std)):
-            raise FileInputError(
-                file,
-                name,
-                1e3 * width.value,
-                f"must be a width of this cell's cubes, {1e3 * nominal.value:g} mm",
-                "remove the file",
-            )
+    root = Node(file, "", read_json(file), "remove the file")
+    widths: dict[str, CubeWidth] = {}
+    for name in root.read(table()):
+        keys = _WidthKeys.read(root[name])
+        if not (abs(keys.width - nominal.value) <= MOST_OFF * 2.0 * nominal.std and keys.std > 0.0):
+            raise root[name].error(f"must be a width of this cell's cubes, {1e3 * nominal.value:g} mm")
+        widths[name] = CubeWidth(keys.width, keys.std)
     return widths

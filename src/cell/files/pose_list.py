@@ -286,12 +286,7 @@ class _ListKeys(Keys):
 _LENGTH = number("mm", 0.0, 1000.0)
 
 
-class _EntryKeys(Keys):
-    T_base_flange: Array | None = key("T_base_flange", _flat(12, 16), None)
-    T_base_tool: Array | None = key("T_base_tool", _flat(12, 16), None)
-    q_rad: Array | None = key("q_rad", _flat(6), None)
-    q_deg: Array | None = key("q_deg", _flat(6), None)
-    name: str | None = key("name", line(), None)
+class _EntryValues(Keys):
     by: str = key("by", line(*WAYS), "transit")
     free: str = key("free", line(), "")
     approach: float = key("approach_mm", _LENGTH, 0)
@@ -302,16 +297,12 @@ class _EntryKeys(Keys):
     jaws: float | None = key("jaws", _JAWS, None)
 
 
-_PASSED = (
-    "by",
-    "free",
-    "approach",
-    "retract",
-    "within",
-    "speed",
-    "dwell_s",
-    "jaws",
-)  # to an entry, as they are
+class _EntryKeys(_EntryValues):
+    T_base_flange: Array | None = key("T_base_flange", _flat(12, 16), None)
+    T_base_tool: Array | None = key("T_base_tool", _flat(12, 16), None)
+    q_rad: Array | None = key("q_rad", _flat(6), None)
+    q_deg: Array | None = key("q_deg", _flat(6), None)
+    name: str | None = key("name", line(), None)
 
 
 def _entry(node: Node, place: int, reading: Reading) -> Entry:
@@ -335,5 +326,4 @@ def _entry(node: Node, place: int, reading: Reading) -> Entry:
         T = _pose(node.file, f"{node.key}.{kind}", getattr(keys, kind).reshape(-1, 4), reading.lengths)
     elif kind.startswith("q_"):
         named, q = "configuration", frozen(getattr(keys, kind) * ANGLES[kind.removeprefix("q_")])
-    values = {name: getattr(keys, name) for name in _PASSED}
-    return Entry(node.key, keys.name or f"{named} {place}", frame, T, q, **values)
+    return Entry(node.key, keys.name or f"{named} {place}", frame, T, q, **keys.values_of(_EntryValues))

@@ -38,9 +38,29 @@ class TablePlaces:
     yaw: float
 
 
-@dataclass(frozen=True)
-class Task:
-    """A task of a cell.
+class TaskValues(Keys):
+    """Values of a task file that programs use as they are.
+
+    ``free``: order or destinations of the cubes are chosen for time; ``given``: cubes in the order of their holes, each
+    to the next free place.
+    """
+
+    look_after: str | int = key(
+        "look_after",
+        rule_of(
+            f"one of {', '.join(LOOKS)}, or a number of cubes from 1 on",
+            lambda v: v in LOOKS or is_whole(v, 1),
+            same,
+        ),
+        "each",
+    )
+    order: str = key("order", text(*CHOICES), "free")
+    assignment: str = key("assignment", text(*CHOICES), "free")
+    seed: int = key("seed", integer(0, 2**31 - 1), 0)
+
+
+class Task(TaskValues):
+    """A task of a cell: `TaskValues`, and what the rest of its file describes.
 
     Attributes:
         file: task file.
@@ -50,10 +70,6 @@ class Task:
         to_board: board that receives them (Task 2), or None.
         places: places on the table (Task 1), or None.
         board_height: height of the plate's top above the table (Task 1), m, or None.
-        look_after: ``each`` cube, ``never``, or the number of cubes between looks.
-        order, assignment: ``free``: the order of the cubes and their destinations are chosen for time; ``given``: cubes
-            in the order of their holes, each to the next free place.
-        seed: seed of every random choice.
         inputs: values of the file by key; see `cell.config.inputs`.
         digest: SHA-256 of the contents of task and cell file.
     """
@@ -65,10 +81,6 @@ class Task:
     to_board: Board | None
     places: TablePlaces | None
     board_height: float | None
-    look_after: str | int
-    order: str
-    assignment: str
-    seed: int
     inputs: Inputs
     digest: str
 
@@ -83,24 +95,12 @@ class Task:
         return (self.from_board,) if self.to_board is None else (self.from_board, self.to_board)
 
 
-class TaskKeys(Keys):
+class TaskKeys(TaskValues):
     """Keys of every task file."""
 
     task: str = key("task", KIND)
     cell: Path = key("cell", path())
     from_board: tuple[int, ...] = key("from_board", _IDS)
-    look_after: str | int = key(
-        "look_after",
-        rule_of(
-            f"one of {', '.join(LOOKS)}, or a number of cubes from 1 on",
-            lambda v: v in LOOKS or is_whole(v, 1),
-            same,
-        ),
-        "each",
-    )
-    order: str = key("order", text(*CHOICES), "free")
-    assignment: str = key("assignment", text(*CHOICES), "free")
-    seed: int = key("seed", integer(0, 2**31 - 1), 0)
 
 
 class Task1Keys(TaskKeys):
@@ -151,10 +151,7 @@ def read_task(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
         to_board=to_board,
         places=places,
         board_height=height,
-        look_after=keys.look_after,
-        order=keys.order,
-        assignment=keys.assignment,
-        seed=keys.seed,
+        **keys.values_of(TaskValues),
         inputs=inputs,
         digest=sha256(sha256(canonical_json(inputs)) + cell.digest),
     )

@@ -30,16 +30,24 @@ class TrueBoard:
     cubes: tuple[int, ...]
 
 
-@dataclass(frozen=True)
-class World:
+def _of_joints(unit: str, largest: float) -> Rule[Array]:
+    return numbers(6, unit, -largest, largest)
+
+
+class WorldValues(Keys):
+    """Values of a world file that programs use as they are."""
+
+    seed: int = key("seed", integer(0, 2**31 - 1), 0)
+    noise_grey: float = key("noise_grey", number("grey levels", 0, 50), 2)
+    joint_offsets: Array = key("joint_offsets_deg", _of_joints("deg", 5), [0] * 6)
+
+
+class World(WorldValues):
     """Ground truth of the simulated cell.
 
     Attributes:
         file: world file.
         boards: boards that stand in the cell.
-        noise_grey: standard deviation of the image noise, grey levels.
-        seed: seed of the noise and of the arm's configuration at power-up.
-        joint_offsets: true joint zeros minus the nominal ones, (6,), rad.
         links: link errors of the true arm.
         camera: true camera if it differs from the cell's, else None.
         releases: how the first cubes released over a hole come to rest, in order, of `RELEASES`; later ones are seated.
@@ -47,9 +55,6 @@ class World:
 
     file: Path
     boards: tuple[TrueBoard, ...]
-    noise_grey: float
-    seed: int
-    joint_offsets: Array
     links: LinkErrors
     camera: Camera | None
     releases: tuple[str, ...] = ()
@@ -64,10 +69,6 @@ def board_placement(centre: npt.ArrayLike, yaw: float, tilt: float, lean_azimuth
     axis = np.array([-np.sin(lean_azimuth), np.cos(lean_azimuth), 0.0])
     R = mul(rotation(tilt * axis), rot_z(yaw))
     return transform(R, np.asarray(centre, dtype=float) - mul(R, np.array([*PLATE_CENTRE, 0.0])))
-
-
-def _of_joints(unit: str, largest: float) -> Rule[Array]:
-    return numbers(6, unit, -largest, largest)
 
 
 def _is_holes(value: Any) -> bool:
@@ -85,13 +86,10 @@ class TrueBoardKeys(Keys):
     cubes: list[int] = key("cubes", rule_of("a list of different hole numbers from 1 to 4", _is_holes, same))
 
 
-class WorldKeys(Keys):
+class WorldKeys(WorldValues):
     """Keys of a world file."""
 
     camera: Path | None = key("camera", path(), None)
-    seed: int = key("seed", integer(0, 2**31 - 1), 0)
-    noise_grey: float = key("noise_grey", number("grey levels", 0, 50), 2)
-    joint_offsets: Array = key("joint_offsets_deg", _of_joints("deg", 5), [0] * 6)
     d: Array = key("dh_d_error_mm", _of_joints("mm", 20), [0] * 6)
     a: Array = key("dh_a_error_mm", _of_joints("mm", 20), [0] * 6)
     alpha: Array = key("dh_alpha_error_deg", _of_joints("deg", 2), [0] * 6)
@@ -131,9 +129,7 @@ def read_world(path: Path, marker_size: float) -> World:
     return World(
         file=path,
         boards=boards,
-        noise_grey=keys.noise_grey,
-        seed=keys.seed,
-        joint_offsets=keys.joint_offsets,
+        **keys.values_of(WorldValues),
         links=LinkErrors(keys.d, keys.a, keys.alpha),
         camera=None if keys.camera is None else read_camera(keys.camera),
         releases=tuple(keys.releases),

@@ -25,14 +25,17 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("[1]", "is not a file of cube widths"),
-        ('{"cube 1": 40}', "is not a file of cube widths"),
-        ('{"cube 1": {"width_mm": 40}}', "is not a file of cube widths"),
-        ('{"cube 1": {"width_mm": "wide", "std_mm": 0.01}}', "is not a file of cube widths"),
+        ("[1]", "widths.json: must be a table"),
+        ('{"cube 1": 40}', "cube 1 = 40: must be a table"),
+        ('{"cube 1": {"width_mm": 40}}', r"cube 1.std_mm: is missing; .*remove the file"),
+        (
+            '{"cube 1": {"width_mm": "wide", "std_mm": 0.01}}',
+            "cube 1.width_mm = 'wide': must be a finite number in mm",
+        ),
         ('{"cube 1": {"width_mm": 40.4, "std_mm": 0.01}}', "must be a width of this cell's cubes, 40 mm"),
         ('{"cube 1": {"width_mm": 39.6, "std_mm": 0.01}}', "must be a width of this cell's cubes, 40 mm"),
-        ('{"cube 1": {"width_mm": NaN, "std_mm": 0.01}}', "must be a width of this cell's cubes"),
-        ('{"cube 1": {"width_mm": 40, "std_mm": Infinity}}', "must be a width of this cell's cubes"),
+        ('{"cube 1": {"width_mm": NaN, "std_mm": 0.01}}', "width_mm = nan: must be a finite number"),
+        ('{"cube 1": {"width_mm": 40, "std_mm": Infinity}}', "std_mm = inf: must be a finite number"),
         ('{"cube 1": {"width_mm": 40, "std_mm": 0}}', "must be a width of this cell's cubes"),
         ("{", "is not JSON"),
     ],
