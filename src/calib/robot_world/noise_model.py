@@ -129,36 +129,17 @@ class Covariances:
             [np.einsum("nij,nf->nijf", G, features).reshape(len(p), 6, -1) for G in in_base], axis=2
         )
 
-    def typical(self) -> tuple[Array, Array]:
-        """Prior on the sizes: means and standard deviations."""
-        means, sds = [], []
-        for name in self.scatter.names:
-            if name.startswith("middle"):
-                means.append(0.0)
-                sds.append(2.0)
-            elif name == "target":
-                means.append(min(np.log(_TARGET), self._largest() - 1.0))
-                sds.append(_TARGET_SD)
-            else:
-                means.append(np.log(_TYPICAL[name]))
-                sds.append(_TYPICAL_SD)
-        return np.array(means), np.array(sds)
-
-    def bounds(self) -> list[tuple[float, float]]:
-        """Bounds of the sizes."""
-        found = []
-        for name in self.scatter.names:
-            if name.startswith("middle"):
-                found.append((-2.0, 2.0))
-            elif name == "target":
-                found.append((np.log(2e-3), self._largest()))
-            else:
-                found.append(_SIZES)
-        return found
-
-    def _largest(self) -> float:
-        """Largest log target size: a larger target would reach behind the camera."""
-        return float(np.log(0.15 * max(self.at.nearest, 0.05)))
+    def prior(self) -> Array:
+        """Mean, standard deviation and bounds of the prior on each size, (sizes, 4)."""
+        # a larger target would reach behind the camera
+        largest = float(np.log(0.15 * max(self.at.nearest, 0.05)))
+        special = {
+            "target": (min(np.log(_TARGET), largest - 1.0), _TARGET_SD, np.log(2e-3), largest),
+            "middle x": (0.0, 2.0, -2.0, 2.0),
+            "middle y": (0.0, 2.0, -2.0, 2.0),
+        }
+        usual = {name: (np.log(size), _TYPICAL_SD, *_SIZES) for name, size in _TYPICAL.items()}
+        return np.array([(usual | special)[name] for name in self.scatter.names])
 
     def __call__(self, sizes: Array) -> tuple[Array, Array]:
         """Covariances (n, 6, 6) for sizes, and their derivatives (all sizes but the geometry's, n, 6, 6)."""

@@ -126,7 +126,7 @@ def fit_pairs(
     for _ in range(_ROUNDS):
         likelihood = _Likelihood(Covariances(scatter, closed.linearised(P, Q)), rows, weights)
         before = _start(likelihood.covariances, like) if sizes is None else sizes
-        bounds = likelihood.covariances.bounds()
+        bounds = likelihood.covariances.prior()[:, 2:]
         result = minimize(
             likelihood, before, jac=True, method="TNC", bounds=bounds, options={"ftol": _FTOL, "xtol": _FTOL}
         )
@@ -160,7 +160,7 @@ def fit_pairs(
 
 
 def _start(covariances: Covariances, like: PairFit | None) -> Array:
-    sizes = covariances.typical()[0]
+    sizes = covariances.prior()[:, 0]
     known = dict(zip(like.scatter.names, like.sizes, strict=True)) if like is not None else {}
     return np.array([known.get(n, s) for n, s in zip(covariances.scatter.names, sizes, strict=True)])
 
@@ -201,7 +201,7 @@ class _Likelihood:
             for k, group in enumerate(effects):
                 share = s.priors[k * half] * (variances[group] + s.step[group] ** 2)
                 gradient[len(s.derivatives) + k] = float(half - share.sum())
-        mean, sd = self.covariances.typical()
+        mean, sd = self.covariances.prior()[:, :2].T
         off = (sizes - mean) / sd
         value = 0.5 * s.log_determinant + 0.5 * float((Wr * s.left).sum()) + 0.5 * float(off @ off)
         value += 0.5 * float((s.priors * s.step[UNKNOWNS:] ** 2).sum())

@@ -23,7 +23,7 @@ def test_pairs_that_are_not_used_are_as_if_they_had_not_been_given():
         )
         for k in (np.arange(14), np.flatnonzero(used))
     )
-    sizes = one.covariances.typical()[0]
+    sizes = one.covariances.prior()[:, 0]
     assert one.solve(sizes).step == pytest.approx(other.solve(sizes).step, abs=1e-12)
     assert one.solve(sizes).inverse == pytest.approx(other.solve(sizes).inverse, rel=1e-9, abs=1e-18)
     assert one(sizes)[0] == pytest.approx(other(sizes)[0], abs=1e-8)

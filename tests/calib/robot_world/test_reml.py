@@ -35,6 +35,6 @@ def test_the_gradient_of_the_likelihood_is_that_of_finite_differences(scatter):
     rows[2, 3:] = rows[4] = False
     at = Closed(pairs.T_base_gripper, pairs.T_camera_target, False).linearised(STANDING, HELD)
     likelihood = _Likelihood(Covariances(scatter, at), rows, np.linspace(0.4, 1.4, 9))
-    sizes = likelihood.covariances.typical()[0] + 0.2
+    sizes = likelihood.covariances.prior()[:, 0] + 0.2
     expected = approx_fprime(sizes, lambda s: likelihood(s)[0], 1e-6)
     assert likelihood(sizes)[1] == pytest.approx(expected, rel=1e-4, abs=1e-3)
