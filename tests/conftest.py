@@ -26,13 +26,13 @@ def interrupts_are_heard() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def run(tmp_path_factory: pytest.TempPathFactory) -> LoggedRun:
     """A session at the wire and its log."""
     return logged_run(tmp_path_factory.mktemp("log") / "wire.jsonl")
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def session(run: LoggedRun) -> Session:
     """What the log says."""
     return read_log(run.log)

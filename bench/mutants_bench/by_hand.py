@@ -11,7 +11,10 @@ from mutants_bench.by_hand_plan import ROWS as PLAN
 from mutants_bench.mutant import Mutant
 
 _C = "cell/task/plan_matches.py"
-_CHECKING = ("cell/task/test_plan_matches.py",)
+_CHECKING = (
+    "cell/task/test_plan_matches.py",
+    "cell/scene/test_build.py",
+)
 
 _ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
     # name, file, old, new, what, tests

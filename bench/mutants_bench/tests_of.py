@@ -131,7 +131,10 @@ _MORE: dict[str, tuple[str, ...]] = {
         "cell/session/test_homed.py",
         "cell/task/test_free_cell.py",
     ),
-    "cell/files/board_shift.py": ("cell/task/test_plan_matches.py",),
+    "cell/files/board_shift.py": (
+        "cell/task/test_plan_matches.py",
+        "cell/scene/test_build.py",
+    ),
     "plan/collision/certificate.py": (
         "plan/collision/test_certificate_attacked.py",
         "plan/collision/test_subdivision.py",
@@ -166,6 +169,7 @@ _MORE: dict[str, tuple[str, ...]] = {
     ),
     "cell/config/inputs.py": (
         "cell/task/test_plan_matches.py",
+        "cell/scene/test_build.py",
         "cell/config/test_cell.py",
         "cell/files/test_world.py",
     ),

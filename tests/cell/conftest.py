@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ import pytest
 from arm.board import PLATE_CENTRE, Board
 from arm.controller.segments import CountPath, Segment
 from arm.controller.unit import Unit, load_unit
+from arm.io.storage import data_file
 from arm.plan_file import GripperStep, LookStep, Move, Plan, Step
 from arm.robot.model import Robot, load_a465
 from arm.robot.shapes import Body, Box, body_to_json
@@ -21,6 +24,7 @@ from cell.scene.bodies import T_hole_cube, cube_body, plate_body, stand_body
 from pages.browsers import chromium
 from pages.preview import PlacedTestBoard, PreviewCase
 from recorded.arm_sets import TARGETS, Truth, draw_truth, recorded, wide
+from typed.command_line import a465
 
 TOOL_LENGTH = 0.134112
 Q_START = np.radians([-60.0, -40.0, -80.0, 0.0, -60.0, 0.0])
@@ -214,6 +218,15 @@ def make_case(cubes: int = 4) -> PreviewCase:
 
 
 @pytest.fixture(scope="session")
+def planned_scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The shipped scenes with a look and a plan of the second task; none may change them."""
+    folder = Path(shutil.copytree(data_file("scenes"), tmp_path_factory.mktemp("bound") / "scenes"))
+    a465("look", folder / "task2.toml", "-o", folder / "look.json")
+    a465("plan", folder / "task2.toml", "--look", folder / "look.json", "-o", folder / "plan.json")
+    return folder
+
+
+@pytest.fixture(scope="session")
 def preview_case() -> PreviewCase:
     """Four cubes."""
     return make_case()
@@ -232,13 +245,13 @@ def browser() -> Iterator[object]:
         yield started
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def truth() -> Truth:
     """An arm with its camera and target, drawn."""
     return draw_truth(np.random.default_rng(8))
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def found() -> HandEye:
     """A calibration with errors of the links in it, and with things to tell that it does not have."""
     rng = np.random.default_rng(3)

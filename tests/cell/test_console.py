@@ -16,7 +16,6 @@ import pytest
 
 import cell.console
 from arm.io.storage import data_file
-from cell.cli.start import main
 from cell.console import Console, OutputLost, say_on_stderr
 from driver.log.read import read_log
 
@@ -72,6 +71,7 @@ def test_an_output_that_was_never_there_is_no_error(monkeypatch: pytest.MonkeyPa
 
 
 TASK = data_file("scenes/task2.toml")
+
 UNREAD = "| true; exit ${PIPESTATUS[0]}"  # gone before the first word: a reader of lines may outlast them all
 
 
@@ -129,20 +129,6 @@ def test_a_closed_or_full_output_makes_no_traceback(
     assert ended.returncode == code, ended.stderr
     assert "Traceback" not in ended.stderr
     assert words in ended.stderr
-
-
-@pytest.mark.parametrize("end", [KeyboardInterrupt("SIGINT"), SystemExit(130)])
-def test_an_interrupt_where_nothing_is_open_is_told_in_one_line(
-    end: BaseException, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def ended() -> None:
-        raise end
-
-    monkeypatch.setattr("cell.cli.main.main", ended)
-    with pytest.raises(SystemExit) as left:
-        main()
-    assert left.value.code == 130
-    assert capsys.readouterr().err == "a465: interrupted; no file was left half-written\n"
 
 
 class Terminal(io.StringIO):

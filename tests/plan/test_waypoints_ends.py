@@ -14,10 +14,9 @@ from arm.robot.shapes import Body, Box, Sphere
 from arm.se3 import transform
 from plan.collision.world import World
 from plan.trajectory.extremes import segment_extremes
-from plan.waypoints.plan import Pause
 from plan.waypoints.planner import plan_poses
 from plan.waypoints.target import Target
-from plans.waypoints import FEW, Q_START, planned
+from plans.waypoints import Q_START, planned
 from tasks.pose_lists import EFFORT, FAST, TABLE, down
 
 
@@ -46,26 +45,6 @@ def test_an_arm_that_keeps_the_clearance_may_leave_and_arrive(robot: Robot, crs9
             options=replace(FAST, clearance=FAST.clearance + room + 0.0002),
         )  # fmt: skip
     assert caught.value.data["distance_m"] == pytest.approx(FAST.clearance + room, abs=1e-6)
-
-
-@pytest.mark.parametrize("counts", [True, False])
-def test_the_first_pose_may_be_where_the_arm_stands(robot: Robot, crs97: Unit, counts: bool) -> None:
-    q = crs97.positions(crs97.counts(Q_START)) if counts else Q_START
-    here, there = robot.T_base_tool(q), down(0.45, 0.2, 0.2)
-    first = Target("here", here, dwell_s=0.3)
-    for unit in (crs97, None):
-        plan = plan_poses(
-            robot, [TABLE], [first, Target("there", there), Target("again", there)], q, crs97.limits(),
-            unit=unit, options=FAST, effort=FEW,
-        )  # fmt: skip
-        assert [r.target for r in plan.reached] == ["here", "there", "again"]
-        np.testing.assert_allclose(plan.reached[0].q, q, atol=3e-5)
-        pauses = [i for i, step in enumerate(plan.steps) if isinstance(step, Pause)]
-        assert pauses == [0]  # nothing moves before it
-        assert all(sum(s.duration_ms for s in move.path.segments) > 0 for move in plan.moves)
-    alone = plan_poses(robot, [TABLE], [first], q, crs97.limits(), unit=crs97, options=FAST, effort=FEW)
-    assert not alone.moves
-    assert [r.target for r in alone.reached] == ["here"]
 
 
 def test_what_is_sent_in_whole_counts_stays_within_limits(robot: Robot, crs97: Unit) -> None:

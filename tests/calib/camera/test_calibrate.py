@@ -1,6 +1,5 @@
 """Camera calibration from corners: what is found, what is left out, and what is refused, each with its reason."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,6 @@ from arm.se3 import frozen
 from calib.camera.calibrate import calibrate_camera
 from calib.camera.result import CalibrationLimits
 from calib.model.intrinsics import NAMES, vector_of
-from cell.report.camera import lens_page
 from cell.sim.target_photos import random_poses
 from pictures.targets import CHARUCO, SIZE, bent, camera, photos, poses, quality, seen, taken
 
@@ -162,18 +160,3 @@ def test_views_at_one_distance_are_judged_a_little_beyond_it():
     distances = [view.distance for view in c.used]
     assert max(distances) < 1.02 * min(distances)
     assert c.work.far == pytest.approx(1.05 * min(distances), rel=1e-6)
-
-
-def test_views_to_take_at_one_place_have_labels_beside_each_other():
-    """1 and 2 over each other read 12."""
-    c = calibrate_camera(photos(taken(1)), CHARUCO, SIZE)
-    same = replace(c, next=(c.next[0], c.next[0], c.next[0]))
-    found = re.findall(
-        r'<text x="(\d+)" y="(\d+)" style="font-size:(\d+)px[^>]*>(\d)</text>', lens_page(same, "one")
-    )
-    assert [number for *_, number in found] == ["1", "2", "3"]
-    places = [(int(x), int(y)) for x, y, *_ in found]
-    size = int(found[0][2])
-    for a in range(3):
-        for b in range(a):
-            assert max(abs(p - q) for p, q in zip(places[a], places[b], strict=True)) >= size - 1

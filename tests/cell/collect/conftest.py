@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from arm.io.storage import data_file
 from cell.collect.pose_pool import HandView
+from cell.collect.record import HandRecord
 from cell.config.cell_file import read_cell
 from cell.files.hand_target import read_hand_target
 from cell.scene.build import unseen_scene
+from tasks.recordings import taken
 
 HAND = data_file("scenes/targets/hand.toml")
 
@@ -24,3 +28,19 @@ def shown() -> HandView:
         hand,
         cell.clearance,
     )
+
+
+HAND = data_file("scenes/targets/hand.toml")
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> HandRecord:
+    """A recording of eight poses that nobody has looked at."""
+    record = HandRecord(
+        tmp_path / "recorded.json",
+        read_cell(data_file("scenes/uncalibrated/cell.toml")),
+        read_hand_target(HAND),
+    )
+    for number in range(8):
+        record.add(*taken(record, number))
+    return record

@@ -16,9 +16,9 @@ import cell.collect.pose_pool
 import cell.collect.recipe_270
 import cell.commands.calibration.collect
 import cell.session.connection
-from arm.errors import ImpossibleError, InputError
+from arm.errors import ImpossibleError
 from arm.io.storage import data_file
-from arm.se3 import Array, angle_between
+from arm.se3 import angle_between
 from calib.recordings.arm import read_arm_recording, recording_json
 from cell.collect.collector import SAME_POSE, CollectOptions, not_taken
 from cell.collect.pose_pool import HandView, hand_pool, nearest_order
@@ -39,6 +39,7 @@ from typed.heard import Heard
 from vision.camera.model import read_camera
 
 HAND = data_file("scenes/targets/hand.toml")
+
 TRUE_OFFSETS = np.radians([0.0, 0.3, -0.3, 0.3, -0.3, 0.0])
 
 
@@ -52,16 +53,6 @@ def test_a_target_that_cannot_be_shown_is_told_with_why(monkeypatch: pytest.Monk
     reasons = told.value.data["reasons"]
     assert reasons["too near something"] > reasons["hidden by the arm"]
     assert told.value.data["found"] < 5
-
-
-def test_readings_are_by_the_units_own_zeros(tmp_path: Path) -> None:
-    known = read_cell(data_file("scenes/cell.toml"))
-    off = replace(known, unit=known.unit.calibrated(TRUE_OFFSETS))
-    record = HandRecord(tmp_path / "recorded.json", off, read_hand_target(HAND))
-    q = np.radians([10.0, -20.0, -60.0, 30.0, -40.0, 50.0])
-    step = np.radians(0.01)
-    assert np.abs(record.from_readings(q) - (q + TRUE_OFFSETS)).max() < step
-    assert np.abs(record.to_readings(q) - (q - TRUE_OFFSETS)).max() < step
 
 
 def test_poses_that_were_taken_are_not_chosen_again() -> None:
@@ -235,51 +226,6 @@ def test_the_arm_behind_a_port_is_collected_from_with_photographs_of_a_folder(
     assert result["verdict"] == "accepted"
     assert len(json.loads(collected.recording.read_text())["poses"]) == 8
     assert np.degrees(np.abs(np.array(result["joint_offsets_rad"]) - TRUE_OFFSETS)).max() < 0.01
-
-
-@pytest.fixture
-def small(tmp_path: Path) -> HandRecord:
-    """A recording of eight poses that nobody has looked at."""
-    record = HandRecord(
-        tmp_path / "recorded.json",
-        read_cell(data_file("scenes/uncalibrated/cell.toml")),
-        read_hand_target(HAND),
-    )
-    for number in range(8):
-        record.add(*taken(record, number))
-    return record
-
-
-def taken(record: HandRecord, number: int) -> tuple[tuple[int, ...], Array]:
-    corners = len(record.hand.target.points())
-    return (100 * number,) * 6, np.random.default_rng(number).uniform(10.0, 900.0, (corners, 2))
-
-
-def test_a_recording_that_somebody_else_changed_is_not_written_over(small: HandRecord) -> None:
-    other = HandRecord(small.file, small.cell, small.hand)
-    assert len(other) == 8
-    other.add(*taken(other, 8))
-    changed = small.file.read_bytes()
-    with pytest.raises(InputError, match=r"recorded\.json: was changed by another program") as told:
-        small.add(*taken(small, 9))
-    assert "repeat this command to continue" in str(told.value)
-    assert small.file.read_bytes() == changed
-    assert len(small) == 8
-    other.add(*taken(other, 10))
-    assert len(HandRecord(small.file, small.cell, small.hand)) == 10
-
-
-def test_a_recording_that_came_or_went_meanwhile(small: HandRecord) -> None:
-    there = small.file.read_bytes()
-    small.file.unlink()
-    new = HandRecord(small.file, small.cell, small.hand)
-    small.file.write_bytes(there)
-    with pytest.raises(InputError, match="was changed by another program"):
-        new.add(*taken(new, 9))
-    assert small.file.read_bytes() == there
-    small.file.unlink()
-    small.add(*taken(small, 9))  # nobody's work is lost, and all that was taken is whole again
-    assert len(HandRecord(small.file, small.cell, small.hand)) == 9
 
 
 def test_the_estimator_gets_all_that_a_collection_was_asked_for(

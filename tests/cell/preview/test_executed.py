@@ -2,27 +2,19 @@
 
 from __future__ import annotations
 
-import json
-import re
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from arm.controller.segments import CountPath
 from arm.controller.unit import Unit, load_unit
-from arm.errors import ImpossibleError, InputError
-from arm.io.storage import data_file
-from arm.plan_file import GripperStep, Move, Plan, write_plan
-from cell.commands.preview import preview_file
-from cell.console import Console
-from cell.preview.executed import match, plan_of
-from cell.preview.of_log import preview_log
+from arm.plan_file import GripperStep, Move, Plan
+from cell.preview.executed import match
 from driver.log.motions import LoggedMotion
 from driver.log.read import Session
 from driver.log.samples import LoggedSample
+from pages.logged import move
 from wire.logged_session import LoggedRun
 
 pytestmark = pytest.mark.xdist_group("logs")
@@ -31,10 +23,6 @@ pytestmark = pytest.mark.xdist_group("logs")
 @pytest.fixture(scope="module")
 def unit() -> Unit:
     return load_unit("crs93")
-
-
-def move(name: str, path: CountPath) -> Move:
-    return Move(name, "transit", None, path, None, 0.06, 0.02, ("palm", "table"))
 
 
 @pytest.fixture
@@ -57,15 +45,6 @@ def plan(run: LoggedRun, unit: Unit) -> Plan:
         ),
         provenance={"task": "0" * 64},
     )
-
-
-def show(log: Path, page: Path, task: Path | None = None) -> tuple[dict[str, Any], dict[str, Any]]:
-    told = preview_log(log, task, page, Console(as_json=True))
-    embedded = re.search(
-        r'<script id="content" type="application/json">(.*?)</script>', page.read_text(), re.S
-    )
-    assert embedded is not None
-    return told, json.loads(embedded[1])
 
 
 def test_motions_of_the_log_are_found_in_the_plan_whole_or_in_part(
@@ -119,55 +98,3 @@ def test_a_stretched_motion_is_still_the_plans_and_another_is_not(
     turned = tuple(replace(s, coefficients=s.coefficients[::-1]) for s in run.cut.segments)
     other = replace(plan, steps=(move("other", CountPath(run.cut.start, turned)),))
     assert match(session, other, unit) == ()
-
-
-def test_the_page_of_a_plan_beside_the_log(run: LoggedRun, plan: Plan, tmp_path: Path) -> None:
-    log = tmp_path / "wire.jsonl"
-    log.write_bytes(run.log.read_bytes())
-    write_plan(tmp_path / "plan.json", plan)
-    (tmp_path / "report.json").write_text('{"format": 3}')
-    (tmp_path / "torn.json").write_text('{"format": ')
-    told, content = show(log, tmp_path / "log.html")
-    assert told["plan_sha256"] == plan.sha256 == content["sha256"]
-    assert (told["streams"], told["streams_shown"], told["task"]) == (2, 2, None)
-    assert told["farthest_deg"] <= 0.02
-    assert [e["step"] for e in content["executed"]] == [1, 4]
-    assert content["motions"] == 2
-
-
-def test_without_a_plan_the_arm_alone_is_shown(
-    run: LoggedRun, session: Session, unit: Unit, tmp_path: Path
-) -> None:
-    log = tmp_path / "wire.jsonl"
-    log.write_bytes(run.log.read_bytes())
-    told, content = show(log, tmp_path / "log.html")
-    assert told["plan"] is None
-    made, matched = plan_of(session, unit)
-    assert len(content["steps"]) == len(made.steps) == len(matched) >= 3
-    assert content["motions"] == len(made.steps)  # each ends at rest
-    assert {step["clearance"] for step in content["steps"]} == {None}
-    assert content["bodies"] == content["boards"] == []
-    assert told["farthest_deg"] <= 0.02
-
-
-def test_the_task_given_must_be_the_plans(run: LoggedRun, plan: Plan, tmp_path: Path) -> None:
-    log = tmp_path / "wire.jsonl"
-    log.write_bytes(run.log.read_bytes())
-    write_plan(tmp_path / "plan.json", plan)
-    with pytest.raises(ImpossibleError, match="the plan is for task no-such-task"):
-        preview_log(log, data_file("scenes/task2.toml"), tmp_path / "log.html", Console(as_json=True))
-    assert not (tmp_path / "log.html").exists()
-
-
-def test_what_is_no_log_or_holds_no_motion_is_told(tmp_path: Path) -> None:
-    path = tmp_path / "x.jsonl"
-    path.write_text('{"t":0,"kind":"open"}\n{"t":0,"kind":"sent","data":"ANAXSETUPG:1,2\\n"}\n')
-    with pytest.raises(InputError, match="has no motion with a known start"):
-        preview_file(path, None, None, Console(as_json=True))
-    path.write_text("nothing")
-    with pytest.raises(
-        InputError, match=r"is not a log; if it is a plan, give its task file too: a465 preview"
-    ):
-        preview_file(path, None, None, Console(as_json=True))
-    with pytest.raises(InputError, match="cannot be read"):
-        preview_file(tmp_path / "none", None, None, Console(as_json=True))

@@ -16,14 +16,11 @@ import pytest
 from arm.controller.segments import CountPath
 from arm.controller.unit_keys import REST_TOLERANCE
 from arm.errors import A465Error, ImpossibleError
-from arm.io.storage import data_file
 from arm.plan_file import Plan, read_plan
 from arm.robot.shapes import Body, Box, body_from_json
-from arm.se3 import Array, frozen, rotation, transform
-from cell.files.board_shift import board_shift
+from arm.se3 import rotation, transform
 from cell.files.observation import read_observation
 from cell.files.task import Task, read_task
-from cell.scene.build import board_bodies, build_scene
 from cell.task.plan_matches import (
     SAME,
     _differing,
@@ -34,11 +31,11 @@ from cell.task.plan_matches import (
     require_start_at,
 )
 from cell.task.planning import plan_rest
-from plan.collision.certificate import ClearanceCertificate, certify_move
-from plan.collision.world import World
+from plan.collision.certificate import ClearanceCertificate
 from plan.scene import scene_from_json
-from plan.verify import ReplayedMove, move_scenes
-from typed.command_line import a465, replace_in
+from plan.verify import ReplayedMove
+from tasks.seen_cells import with_pose
+from typed.command_line import replace_in
 from vision.observation import Observation
 from vision.occupancy.classify import HoleState, Occupancy
 
@@ -46,12 +43,8 @@ pytestmark = pytest.mark.xdist_group("checking")
 
 
 @pytest.fixture(scope="module")
-def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The shipped scenes with a look and a plan of the second task; none may change them."""
-    folder = Path(shutil.copytree(data_file("scenes"), tmp_path_factory.mktemp("bound") / "scenes"))
-    a465("look", folder / "task2.toml", "-o", folder / "look.json")
-    a465("plan", folder / "task2.toml", "--look", folder / "look.json", "-o", folder / "plan.json")
-    return folder
+def scenes(planned_scenes: Path) -> Path:
+    return planned_scenes
 
 
 @pytest.fixture(scope="module")
@@ -152,82 +145,6 @@ def test_what_a_board_may_move_is_part_of_what_a_plan_is_bound_to(
         require_match(read_task(copy / "task2.toml"), read_plan(copy / "plan.json"))
 
 
-def _moved(T: Array, cell_moved: float, rng: np.random.Generator, task: Task, name: str) -> Array:
-    """The pose of a board, shifted and turned at random as far as `cell_moved` allows."""
-    board = next(b for b in task.cell.boards if b.name == name)
-    twist = rng.normal(size=6) * (1.0, 1.0, 1.0, 8.0, 8.0, 8.0)
-    low, high = 0.0, 0.1
-    for _ in range(40):  # bisection on the size of the motion
-        middle = (low + high) / 2.0
-        step = transform(rotation(middle * twist[3:]), middle * twist[:3])
-        now = frozen(T @ step)
-        shift = board_shift(board, task.cell.cube_size, T, now)
-        low, high = (middle, high) if shift.farthest <= cell_moved else (low, middle)
-    return frozen(T @ transform(rotation(low * twist[3:]), low * twist[:3]))
-
-
-@pytest.mark.slow
-def test_wherever_boards_are_within_the_tolerance_the_certificate_holds(
-    task: Task, plan: Plan, seen: Observation
-) -> None:
-    """Boards, stands and cubes stand elsewhere by all that is not noticed: the plan's clearances are still true."""
-    rng, cell = np.random.default_rng(4), task.cell
-    worst = np.inf
-    for _ in range(3):
-        moved = seen
-        for p in seen.poses:
-            moved = _with_pose(
-                moved, p.board.name, _moved(p.T_base_board, cell.moved, rng, task, p.board.name)
-            )
-        exact = replace(cell, moved=0.0)
-        truth = build_scene(exact, moved)
-        by_name = {b.name: b for b in (*truth.bodies, *truth.cubes)}
-        stated = build_scene(cell, seen)
-        stated = replace(stated, allowed=frozenset(frozenset(pair) for pair in plan.scene["allowed"]))
-        for move, setting in move_scenes(plan, stated, cell.unit):
-            if move.held is not None or any(c.name not in by_name for c in setting.standing):
-                continue
-            where = {c.name: c.T_base_body for c in stated.cubes}
-            standing = [
-                by_name[c.name] if np.array_equal(c.T_base_body, where[c.name]) else replace(c, padding=0.0)
-                for c in setting.standing
-            ]
-            world = World(truth.robot_open, [*truth.bodies, *standing])
-            found = certify_move(world, move.path, cell.unit, move.clearance - 1e-6, tight=False)
-            assert found.proved, (move.name, found)
-            worst = min(worst, found.seen - move.clearance)
-    assert worst < 4e-3  # the tolerance was used, and not much more than it was taken off
-
-
-def test_stands_move_no_further_than_they_are_padded(task: Task, seen: Observation) -> None:
-    rng, cell = np.random.default_rng(5), task.cell
-    for pose in seen.poses:
-        before = {b.name: b for b in board_bodies(cell, [pose])}
-        for _ in range(40):
-            moved = replace(
-                pose, T_base_board=_moved(pose.T_base_board, cell.moved, rng, task, pose.board.name)
-            )
-            for body in board_bodies(cell, [moved]):
-                old = before[body.name]
-                corners = np.array(np.meshgrid(*[[-0.5, 0.5]] * 3)).reshape(3, -1).T
-                then, now = (
-                    corners * b.shape.size @ b.T_base_body[:3, :3].T + b.T_base_body[:3, 3]  # type: ignore[union-attr]
-                    for b in (old, body)
-                )
-                if (
-                    body.kind == "stand"
-                ):  # its height follows the plate's lowest edge; its foot stays on the table
-                    then, now = then[:, :2], now[:, :2]
-                assert np.linalg.norm(now - then, axis=1).max() <= old.padding + 1e-9
-
-
-def _with_pose(seen: Observation, name: str, T: Array) -> Observation:
-    boards = tuple(
-        replace(b, pose=replace(b.pose, T_base_board=frozen(T))) if b.name == name else b for b in seen.boards
-    )
-    return replace(seen, boards=boards)
-
-
 def test_a_saved_plan_is_refused_where_a_board_moved_or_turned(
     task: Task, plan: Plan, seen: Observation
 ) -> None:
@@ -235,7 +152,7 @@ def test_a_saved_plan_is_refused_where_a_board_moved_or_turned(
     T = next(b for b in seen.boards if b.name == name).pose.T_base_board
     require_scene(cell, plan, seen)
     for shift in (0.9, 1.1):
-        moved = _with_pose(seen, name, transform(t=(shift * cell.moved, 0.0, 0.0)) @ T)
+        moved = with_pose(seen, name, transform(t=(shift * cell.moved, 0.0, 0.0)) @ T)
         if shift < 1.0:
             require_scene(cell, plan, moved)
             continue
@@ -243,7 +160,7 @@ def test_a_saved_plan_is_refused_where_a_board_moved_or_turned(
             require_scene(cell, plan, moved)
     centre = T @ transform(t=(0.09, 0.07, 0.0))
     for turn in (0.9, 1.1):  # about its centre, in the plane
-        turned = _with_pose(
+        turned = with_pose(
             seen,
             name,
             centre @ transform(rotation((0.0, 0.0, turn * cell.turned))) @ transform(t=(-0.09, -0.07, 0.0)),
@@ -264,7 +181,7 @@ def test_a_small_turn_that_moves_a_corner_too_far_counts_as_moved(
     T = next(b for b in seen.boards if b.name == name).pose.T_base_board
     about = T @ transform(t=(0.09, 0.07, 0.0)) @ transform(rotation((0.0, 0.0, np.radians(0.8))))
     with pytest.raises(ImpossibleError, match=r"plate 03-04 is 2\.[0-9] mm and 0.80 deg"):
-        require_scene(task.cell, plan, _with_pose(seen, name, about @ transform(t=(-0.09, -0.07, 0.0))))
+        require_scene(task.cell, plan, with_pose(seen, name, about @ transform(t=(-0.09, -0.07, 0.0))))
 
 
 def test_a_saved_plan_is_refused_where_one_of_its_boards_is_not_seen(

@@ -13,20 +13,19 @@ import cv2
 import numpy as np
 import pytest
 
-from arm.errors import CalibrationRefused, FileInputError, InputError
+from arm.errors import FileInputError, InputError
 from arm.io.storage import data_file
-from calib.camera.result import CalibrationLimits
 from calib.model.intrinsics import vector_of
 from cell.commands.calibration.camera import LensOptions, camera_step, find_target
-from cell.commands.calibration.camera_live import take_views
 from cell.console import Console
 from pictures.boards import lab_camera, smaller
 from typed.command_line import a465, refused
-from vision.camera.frame_source import Image, read_grey
+from vision.camera.frame_source import read_grey
 from vision.camera.model import read_camera, read_intrinsics, write_camera
 from vision.targets.target import Target
 
 pytestmark = pytest.mark.xdist_group("calibrate_camera")
+
 VIEWS = 12
 
 
@@ -221,51 +220,3 @@ def _header_of_png(width: int, height: int) -> bytes:
 def test_a_wrong_option_is_one_line_and_exit_2(photographs: Path, tmp_path: Path) -> None:
     told = refused("calibrate", "camera", photographs, "--hold", "k9", code=2, cwd=tmp_path)
     assert "--hold k9: must be one of" in told
-
-
-@pytest.mark.slow
-def test_guided_views_are_enough_and_a_session_goes_on(scenes: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "live"
-    common = ("calibrate", "camera", folder, "--live", "--simulated", scenes / "task2.toml")
-    said, _ = a465(*common, "-o", tmp_path / "camera.toml")
-    assert "show the target in the middle of the image, tilted some 30 deg with its left edge nearer" in said
-    assert "the views suffice" in said
-    assert "accepted" in said
-    taken = sorted(folder.iterdir())
-    assert 8 <= len(taken) <= 20
-    taken[-1].unlink()  # it is taken again
-    said, _ = a465(*common)
-    assert f"{len(taken) - 1} views found in the folder" in said
-    assert "the views suffice" in said
-    assert (folder / taken[3].name).exists()
-
-
-class Nobody:
-    """A camera before which nobody stands, after `views` whose second frame is the same; a frame takes a second."""
-
-    def __init__(self, views: list[Image]) -> None:
-        self._left = [views[0]] + [view for view in views for _ in range(2)] if views else []
-        self.now = 0.0
-
-    def grab(self, count: int) -> list[Image]:
-        self.now += count
-        return [self._left.pop(0) if self._left else np.full((600, 960), 90, np.uint8) for _ in range(count)]
-
-
-def test_a_session_without_anybody_ends(photographs: Path, tmp_path: Path, capsys) -> None:
-    def session(folder: Path, views: list[Image]) -> int:
-        console = Console(as_json=True)
-        camera, limits = Nobody(views), CalibrationLimits()
-        try:
-            return take_views(folder, Target(), camera, None, None, limits, console, 5.0, lambda: camera.now)
-        finally:
-            assert camera.now <= 1.0 + 2.0 * len(views) + 6.0
-
-    with pytest.raises(
-        CalibrationRefused, match=r"no view of the target in 5 s; is it the one of the target file"
-    ):
-        session(tmp_path / "none", [])
-    assert not list((tmp_path / "none").iterdir())
-    assert session(tmp_path / "one", [read_grey(photographs / "target-001.png")]) == 1
-    assert "no new view for 5 s: continuing with 1" in capsys.readouterr().err
-    assert [p.name for p in (tmp_path / "one").iterdir()] == ["live-001.png"]

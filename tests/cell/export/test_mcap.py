@@ -1,0 +1,72 @@
+"""Series as MCAP."""
+
+from __future__ import annotations
+
+import builtins
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+
+from arm.controller.unit import Unit, load_unit
+from arm.errors import InputError
+from cell.export.series import executed, planned
+from driver.log.read import Session
+from wire.exported import export, seconds
+from wire.logged_session import LoggedRun
+
+pytestmark = pytest.mark.xdist_group("logs")
+
+
+@pytest.fixture(scope="module")
+def unit() -> Unit:
+    return load_unit("crs93")
+
+
+def test_mcap_reads_back_with_its_schemas(
+    run: LoggedRun, session: Session, unit: Unit, tmp_path: Path
+) -> None:
+    told = export(run, "mcap", tmp_path / "log.mcap")
+    again = export(run, "mcap", tmp_path / "again.mcap")
+    assert (tmp_path / "log.mcap").read_bytes() == (tmp_path / "again.mcap").read_bytes()
+    assert told["messages"] == again["messages"]
+    found: dict[str, list[tuple[int, dict[str, Any]]]] = {}
+    with (tmp_path / "log.mcap").open("rb") as stream:
+        for schema, channel, message in make_reader(stream).iter_messages():
+            assert schema is not None
+            assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
+            value = json.loads(message.data)
+            assert set(value) == set(json.loads(schema.data)["properties"])
+            found.setdefault(channel.topic, []).append((message.log_time, value))
+    assert {topic: len(messages) for topic, messages in found.items()} == told["messages"]
+    seen = executed(session, unit)
+    assert len(found["/joint_states"]) == len(seen.time_s)
+    for (time_ns, state), q, time_s in zip(found["/joint_states"], seen.q, seen.time_s, strict=True):
+        assert state["position"] == pytest.approx(q, abs=1e-9)
+        assert time_ns == pytest.approx(1e9 * time_s, abs=1e3)
+        assert seconds(state["header"]["stamp"]) == pytest.approx(time_s, abs=1e-6)
+    assert len(found["/planned"]) == len(planned(session, unit))
+    kinds = [event["kind"] for _, event in found["/events"]]
+    assert kinds.count("stop") == 2
+    assert kinds.count("sent") == len(session.stops) >= 2  # STOP goes again until it has come back
+    assert found["/jaws"][-1][1]["fraction_closed"] == pytest.approx(
+        unit.gripper.fraction_closed(420), abs=1e-3
+    )
+
+
+def test_without_the_library_it_is_told_how_to_get_it(
+    run: LoggedRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = builtins.__import__
+
+    def missing(name: str, *rest: Any) -> Any:
+        if name.split(".")[0] == "mcap":
+            raise ImportError(name)
+        return real(name, *rest)
+
+    monkeypatch.setattr(builtins, "__import__", missing)
+    with pytest.raises(InputError, match="make mcap"):
+        export(run, "mcap", tmp_path / "log.mcap")
+    assert not (tmp_path / "log.mcap").exists()
