@@ -13,7 +13,7 @@ from arm.io.storage import data_file
 from cell.collect.record import HandRecord
 from cell.config.cell_file import read_cell
 from cell.files.hand_target import read_hand_target
-from tasks.recordings import taken
+from tasks.collecting import taken
 
 HAND = data_file("scenes/targets/hand.toml")
 

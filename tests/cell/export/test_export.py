@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +10,8 @@ import pytest
 
 from arm.controller.unit import Unit, load_unit
 from arm.errors import InputError
-from cell.export.series import executed
-from driver.log.read import Session, read_log
-from wire.exported import export, seconds
+from driver.log.read import read_log
+from wire.exported import export
 from wire.logged_session import LoggedRun
 
 pytestmark = pytest.mark.xdist_group("logs")
@@ -48,28 +46,6 @@ def test_csv_has_a_row_a_sample_with_units_in_the_names(run: LoggedRun, unit: Un
     assert float(rows[-1]["jaws_fraction_closed"]) == pytest.approx(
         unit.gripper.fraction_closed(420), abs=1e-3
     )
-
-
-def test_the_trajectory_has_the_fields_of_ros_2_and_the_arms_own_figures(
-    run: LoggedRun, session: Session, unit: Unit, tmp_path: Path
-) -> None:
-    told = export(run, "trajectory", tmp_path / "seen.json")
-    value = json.loads((tmp_path / "seen.json").read_text())
-    assert set(value) == {"header", "joint_names", "points"}
-    assert value["joint_names"] == ["J1", "J2", "J3", "J4", "J5", "J6"]
-    assert set(value["header"]) == {"stamp", "frame_id"}
-    points = value["points"]
-    assert told["points"] == len(points)
-    assert set(points[0]) == {"positions", "velocities", "accelerations", "effort", "time_from_start"}
-    times = [seconds(p["time_from_start"]) for p in points]
-    assert times[0] == 0.0
-    assert np.all(np.diff(times) > 0.0)
-    seen = executed(session, unit)
-    assert np.array([p["positions"] for p in points]) == pytest.approx(seen.q, abs=1e-9)
-    assert np.array([p["velocities"] for p in points]) == pytest.approx(seen.velocity, abs=1e-9)
-    peak = np.abs(seen.velocity).max(axis=0)
-    assert np.all(peak > 0.02)
-    assert np.all(peak <= 1.05 * unit.velocity(unit.speed_registers))
 
 
 def test_what_cannot_be_written_leaves_what_was_there(run: LoggedRun, tmp_path: Path) -> None:

@@ -4,76 +4,12 @@ from __future__ import annotations
 
 import random
 import re
-from collections.abc import Callable, Sequence
 
 import pytest
 
 from driver.line.echo import EchoWatch, Kind, Mismatch, kind_of
 from driver.line.splitter import LineSplitter
-
-ENDS = {"LF": b"\n", "CRLF": b"\r\n", "CR": b"\r"}
-SPLINE = re.compile(r"COORDSPLINET:\d+,3(,-?\d+){18}")  # what a unit takes
-Damage = Callable[[bytes], bytes]
-
-
-def motion(rng: random.Random) -> str:
-    values = ",".join(str(rng.randint(-900, 900)) for _ in range(18))
-    return f"COORDSPLINET:100,3,{values}"
-
-
-def session(rng: random.Random, motions: int = 8) -> list[str]:
-    """Motion lines with a poll now and then."""
-    lines = []
-    for _ in range(motions):
-        lines.append(motion(rng))
-        if rng.random() < 0.5:
-            lines += ["COORDAP?", "ST?"]
-    return [*lines, "STAMP:77"]
-
-
-def answers(line: str) -> bytes:
-    known = {"COORDAP?": "COORDAP=123,4,5,-181650,-349,12,99200,33300,-96500", "ST?": "ST=16"}
-    if line.startswith("STAMP:"):
-        return f"STAMP={line[6:]}\r\n".encode()
-    return f"{known[line]}\r\n".encode() if line in known else b""
-
-
-class EchoingUnit:
-    """Lines in, echo and answers out; what it obeys is kept."""
-
-    def __init__(self, end: str = "LF", answer_first: bool = False, spoil: Damage = bytes) -> None:
-        self.end = ENDS[end]
-        self.answer_first = answer_first
-        self.spoil = spoil  # what happens to an answer
-        self.obeyed: list[str] = []
-        self.rest = b""
-
-    def take(self, data: bytes) -> bytes:
-        out = b""
-        *lines, self.rest = (self.rest + data).split(b"\n")
-        for line in lines:
-            text = line.decode("latin-1")
-            self.obeyed.append(text)
-            echo, answer = line + self.end, self.spoil(answers(text))
-            out += answer + echo if self.answer_first else echo + answer
-        return out
-
-
-def feed(watch: EchoWatch, data: bytes, at_s: float = 0.0) -> list[str]:
-    """What a link makes of received bytes."""
-    taken = [watch.take(line.text, at_s, line.torn) for line in LineSplitter(512).take(data)]
-    return [t for t in taken if t is not None]
-
-
-def talk(
-    lines: Sequence[str], unit: EchoingUnit, there: Damage = bytes, back: Damage = bytes
-) -> tuple[EchoWatch, dict[int, str], list[str]]:
-    """Everything sent, then everything received; the numbers of the lines, and the answers."""
-    watch = EchoWatch()
-    watch.resume()
-    numbers = {watch.sent(line, 0.0): line for line in lines}
-    data = there("".join(f"{line}\n" for line in lines).encode())
-    return watch, numbers, feed(watch, back(unit.take(data)))
+from emulated.echoing_unit import ENDS, SPLINE, EchoingUnit, answers, feed, motion, session, talk
 
 
 @pytest.mark.parametrize("end", ENDS)
@@ -394,3 +330,34 @@ def test_the_round_trip_is_that_of_short_lines_that_did_not_wait() -> None:
         watch.sent("ST?", float(k))
         feed(watch, b"ST?\n", k + 0.1)
     assert watch.round_trip_s == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("line", "kind"),
+    [
+        ("ST?", Kind.QUERY),
+        ("APG?", Kind.QUERY),
+        ("R:", Kind.QUERY),
+        ("RG:", Kind.QUERY),
+        ("STAMP:4", Kind.QUERY),
+        ("STOP:", Kind.QUERY),
+        ("REGMSA:7680", Kind.REGISTER),
+        ("COORDGRP:A,B", Kind.REGISTER),
+        ("COORDDISCONT:5", Kind.REGISTER),
+        ("COORDMV:1,2,3,4,5,6", Kind.MOTION),
+        ("HHA:", Kind.MOTION),
+        ("GG:103", Kind.MOTION),
+        ("RELEASEG:", Kind.MOTION),
+        ("SPDTB:0,300", Kind.MOTION),
+    ],
+)
+def test_what_a_damaged_line_means(line: str, kind: Kind) -> None:
+    assert kind_of(line) is kind
+
+
+def test_nothing_is_verified_before_anything_has_come_back() -> None:
+    watch = EchoWatch()
+    assert watch.verified == 0
+    watch.strict = True
+    number = watch.sent("COORDMVT:60,1,2,3,4,5,6", 0.0)
+    assert watch.verified < number

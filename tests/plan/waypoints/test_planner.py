@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 
 import numpy as np
-import pytest
 
 from arm.controller.unit import Unit
 from arm.robot.model import Robot
@@ -18,30 +17,7 @@ from plan.waypoints.attachments import AttachmentWorlds
 from plan.waypoints.plan import Pause, PosePlan
 from plan.waypoints.planner import plan_poses
 from plan.waypoints.target import Target
-from tasks.pose_lists import EFFORT, FAST, TABLE, check_plan, down
-
-
-@pytest.fixture(scope="module")
-def row(robot: Robot, crs97: Unit) -> tuple[PosePlan, list[Target]]:
-    """Three poses on either side of a wall, with a line and a pause."""
-    bodies = [TABLE, Body("wall", Box((0.4, 0.02, 0.3)), transform(t=(0.5, 0.0, 0.15)), "wall")]
-    targets = [
-        Target("a", down(0.45, -0.2, 0.1), free="rz", approach=0.05, retract=0.05),
-        Target("b", down(0.45, 0.2, 0.1), free="rz", approach=0.05, retract=0.05, dwell_s=0.5),
-        Target("c", down(0.35, 0.25, 0.15), free="rz"),
-        Target("d", down(0.35, 0.15, 0.15), free="rz", by="line", blend_radius=0.003),
-        Target("e", down(0.42, 0.15, 0.15), by="line", free="rz"),
-    ]
-    plan = plan_poses(
-        robot,
-        bodies,
-        targets,
-        np.radians([-35, -35, -85, 0, -60, 0]),
-        crs97.limits(),
-        options=FAST,
-        effort=EFFORT,
-    )
-    return plan, targets
+from tasks.pose_lists import FAST, TABLE, check_plan, down
 
 
 def test_poses_are_reached_within_limits(row: tuple[PosePlan, list[Target]], crs97: Unit) -> None:
@@ -106,23 +82,3 @@ def test_the_same_in_the_counts_of_a_unit_and_twice_the_same(robot: Robot, crs97
     for move in plan.moves:
         assert certify_move(world.world(world.start), move.path, crs97, move.clearance - 1e-6).proved
     assert json.dumps(plan.to_json()) == json.dumps(made().to_json())
-
-
-def test_export(row: tuple[PosePlan, list[Target]]) -> None:
-    plan, _ = row
-    header, *rows = plan.rows(0.02)
-    assert header == ["time_s", "J1", "J2", "J3", "J4", "J5", "J6"]
-    assert rows[-1][0] == pytest.approx(plan.duration_s)
-    value = json.loads(json.dumps(plan.to_json()))
-    # the cubics alone give the same motion
-    q, t = [], []
-    begin = 0.0
-    for step in value["steps"]:
-        for segment in step.get("segments", ()):
-            c = np.array(segment["coefficients_rad"])
-            q.append(c[0] + 0.3 * (c[1] + 0.3 * (c[2] + 0.3 * c[3])))
-            t.append(begin + 0.3 * segment["duration_s"])
-            begin += segment["duration_s"]
-        begin += step.get("dwell_s", 0.0)
-    assert begin == pytest.approx(plan.duration_s)
-    np.testing.assert_allclose(plan.at(t), q, atol=1e-9)

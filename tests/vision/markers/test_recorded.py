@@ -61,14 +61,4 @@ def test_what_breaks_the_format_is_told_by_its_key(
     change(content)
     with pytest.raises(FileInputError) as refused:
         read_detections(written(tmp_path, content))
-<<<<<<< HEAD
     assert words in f"{refused.value.data['key']}: {refused.value.data['rule']}\n{refused.value}"
-
-
-def test_what_is_read_is_not_written_over(tmp_path: Path) -> None:
-    file = written(tmp_path, recorded())
-    with pytest.raises(InputError, match="is read by this command"):
-        detections_step(file, None, file, Console(True))
-=======
-    assert words in str(refused.value)
->>>>>>> 66c8e03 (Pages, exports, recordings and way-points: tests stand where their modules lie)

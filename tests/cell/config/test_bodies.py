@@ -1,0 +1,117 @@
+"""Bodies of a cell file."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from arm.errors import InputError
+from arm.robot.shapes import Capsule, Convex, Cylinder, Sphere, convex, shape_from_json, shape_to_json
+from cell.config.bodies import pose_of
+from cell.config.cell_file import read_cell
+from cell.task.plan_matches import _same_shape as same_shape
+
+WEDGE = "".join(
+    f"v {x} {y} {z}\n" for x, y, z in [(0, 0, 0), (80, 0, 0), (0, 60, 0), (0, 0, 90), (10, 10, 10)]
+)
+
+WALLS = """
+[[walls]]
+name = "column"
+shape = "cylinder"
+radius_mm = 30
+length_mm = 400
+centre_mm = [500, 300, 200]
+rpy_deg = [90, 0, 0]
+
+[[walls]]
+name = "ball"
+shape = "sphere"
+radius_mm = 50
+centre_mm = [500, 300, 200]
+
+[[walls]]
+name = "rail"
+shape = "capsule"
+radius_mm = 20
+length_mm = 300
+centre_mm = [500, 300, 200]
+
+[[walls]]
+name = "wedge"
+mesh = "wedge.obj"
+mesh_unit = "mm"
+origin_mm = [500, 300, 200]
+rpy_deg = [0, 0, 90]
+"""
+
+
+def test_walls_of_every_shape(scenes: Path) -> None:
+    (scenes / "wedge.obj").write_text(WEDGE)
+    (scenes / "cell.toml").write_text((scenes / "cell.toml").read_text() + WALLS)
+    walls = {b.name: b for b in read_cell(scenes / "cell.toml").fixed if b.kind == "wall"}
+    assert walls["column"].shape == Cylinder(0.03, 0.4)
+    assert walls["column"].T_base_body[:3, 2] == pytest.approx([0, -1, 0])  # its axis, turned about x
+    assert walls["column"].T_base_body[:3, 3] == pytest.approx([0.5, 0.3, 0.2])
+    assert walls["ball"].shape == Sphere(0.05)
+    assert walls["rail"].shape == Capsule(0.02, 0.3)
+    wedge = walls["wedge"].shape
+    assert isinstance(wedge, Convex)
+    corners = np.array([(0, 0, 0), (0, 0, 0.09), (0, 0.06, 0), (0.08, 0, 0)])
+    assert np.array(sorted(wedge.points)) == pytest.approx(corners)
+    assert walls["wedge"].T_base_body @ [0.08, 0, 0, 1] == pytest.approx([0.5, 0.38, 0.2, 1])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            '"cylinder"',
+            '"cylnder"',
+            r"walls\[1\].shape = 'cylnder': must be one of box.*did you mean 'cylinder'",
+        ),
+        ("radius_mm = 50", "", r"walls\[2\].radius_mm: is missing"),
+        ("radius_mm = 50", "radius_mm = 50\nlength_mm = 3", r"walls\[2\].length_mm = 3: is not a known key"),
+        ("radius_mm = 20", "radius_mm = 0", r"walls\[3\].radius_mm = 0: must be a number in mm from 1"),
+        ('"wedge.obj"', '"none.stl"', r"walls\[4\].mesh = 'none.stl': names a file that is not there"),
+        ('"wedge.obj"', '"task2.toml"', r"walls\[4\].mesh = 'task2.toml': cannot be used: .*is not a mesh"),
+        ('mesh_unit = "mm"', "", r"walls\[4\].mesh_unit: is missing; it must be one of mm, m"),
+        ('mesh_unit = "mm"', 'mesh_unit = "m"', r"walls\[4\].mesh_unit = 'm': makes the mesh 80 x 60 x 90 m"),
+        ("[0, 0, 90]", "[0, 90]", r"walls\[4\].rpy_deg = \[0, 90\]: must be 3 numbers in deg"),
+        ("origin_mm", "centre_mm", r"walls\[4\].origin_mm: is missing"),
+    ],
+)
+def test_mistakes_in_walls_are_told(scenes: Path, old: str, new: str, message: str) -> None:
+    (scenes / "wedge.obj").write_text(WEDGE)
+    (scenes / "cell.toml").write_text((scenes / "cell.toml").read_text() + WALLS.replace(old, new, 1))
+    with pytest.raises(InputError, match=message):
+        read_cell(scenes / "cell.toml")
+
+
+def test_bodies_are_turned_as_in_urdf() -> None:
+    """By roll, pitch and yaw about fixed axes, which is what SciPy calls xyz in small letters."""
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        degrees = rng.uniform(-180.0, 180.0, 3)
+        T = pose_of(np.array([0.01, 0.02, 0.03]), np.radians(degrees))
+        assert T[:3, :3] == pytest.approx(Rotation.from_euler("xyz", degrees, degrees=True).as_matrix())
+        assert T[:3, 3] == pytest.approx([0.01, 0.02, 0.03])
+
+
+def test_a_hull_in_a_plan_is_held_against_the_mesh_of_now() -> None:
+    points = np.random.default_rng(3).normal(size=(30, 3))
+    now = convex(points)
+    assert same_shape(shape_from_json(json.loads(json.dumps(shape_to_json(now)))), now)
+    corners = np.array(now.points)
+    assert not same_shape(convex(corners[:-1]), now)
+    assert not same_shape(convex(corners + [[1e-6, 0, 0]]), now)
+    assert not same_shape(Sphere(0.1), now)
+
+
+def test_a_flat_mesh_is_told(scenes: Path) -> None:
+    (scenes / "wedge.obj").write_text(WEDGE.replace("90", "0").replace("10 10 10", "10 10 0"))
+    (scenes / "cell.toml").write_text((scenes / "cell.toml").read_text() + WALLS)
+    with pytest.raises(InputError, match=r"walls\[4\].mesh = 'wedge.obj': cannot be used: .*one plane"):
+        read_cell(scenes / "cell.toml")

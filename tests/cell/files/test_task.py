@@ -1,0 +1,36 @@
+"""Task files."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cell.files.task import read_task
+from cell.task.planning import options_of
+from typed.command_line import replace_in
+
+
+def test_the_shipped_tasks_can_be_read(scenes: Path) -> None:
+    for name, kind, boards in (("task1", "clear-board", 1), ("task2", "board-to-board", 2)):
+        task = read_task(scenes / f"{name}.toml")
+        assert (task.name, task.kind, len(task.boards)) == (name, kind, boards)
+        assert task.cell.tool_length == pytest.approx(0.134112)
+        assert np.degrees(task.cell.q_start) == pytest.approx([-60, -40, -80, 0, -60, 0])
+        assert task.cell.fraction_closed(task.cell.cube_size) == pytest.approx(1 / 3)
+
+
+def test_what_may_be_chosen_is_the_files(scenes: Path) -> None:
+    """Free where a file says nothing; what it says reaches the planner."""
+    task = scenes / "task2.toml"
+    optional = ("look_after", "order", "assignment")
+    lines = task.read_text().splitlines(keepends=True)
+    task.write_text("".join(line for line in lines if not line.startswith(optional)))
+    options = options_of(read_task(task), 0.25)
+    assert (options.look, options.order, options.assignment) == ("each", "free", "free")
+    assert (options.velocity_fraction, options.acceleration_fraction, options.speed) == (0.9, 0.5, 0.25)
+    task.write_text(task.read_text() + 'look_after = 2\norder = "given"\nassignment = "given"\n')
+    replace_in(scenes / "cell.toml", "# velocity_fraction = 0.9", "velocity_fraction = 0.8")
+    replace_in(scenes / "cell.toml", "# acceleration_fraction = 0.5", "acceleration_fraction = 0.4")
+    options = options_of(read_task(task), 0.25)
+    assert (options.look, options.order, options.assignment) == (2, "given", "given")
+    assert (options.velocity_fraction, options.acceleration_fraction) == (0.8, 0.4)

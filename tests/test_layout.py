@@ -1,0 +1,70 @@
+"""Every module of src has its test at its place, or decides nothing and stands in a list with what it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+TESTS = Path(__file__).parent
+SRC = TESTS.parent / "src"
+MOST_LINES, MOST_FILES, MOST_WITHOUT = 400, 12, 60
+
+DECIDES_NOTHING = {
+    "arm/robot/dh.py": "numbers of the A465 from its data sheet; test_link_errors compares them with the URDF",
+    "calib/camera/result.py": "plain data of a calibration and its limits; calibrate and verdict decide",
+    "cell/cli/calibrate.py": "declares commands and their options; the steps behind them are tested",
+    "cell/cli/main.py": "declares commands and their options; the steps behind them are tested",
+    "cell/cli/tools.py": "declares commands and their options; the steps behind them are tested",
+    "cell/commands/calibration/options.py": "declares options that the calibrations share",
+    "cell/commands/check.py": "hands a file to check_scene or to plan.verify",
+    "cell/commands/plan_poses.py": "reads, calls the planner, writes and prints",
+    "cell/commands/preview.py": "hands a file to of_plan or to of_log",
+    "cell/commands/render.py": "calls the renderer and writes images",
+    "cell/commands/steps.py": "reads, calls observe, reach and plan, writes and prints",
+    "cell/config/camera_keys.py": "keys of a Basler camera, read by a checked reader",
+    "cell/config/cell.py": "plain data of a cell; cell_file reads and checks it",
+    "cell/files/place.py": "reads a task file, or a cell file as a task without cubes",
+    "cell/preview/of_plan.py": "puts the parts of a page together; each part is tested",
+    "cell/report/cubes.py": "rows of a table",
+    "cell/report/lens_text.py": "words of a report",
+    "cell/report/run_report.py": "collects what others found, and writes it",
+    "cell/report/verdict_text.py": "words of a report",
+    "cell/scene/bodies.py": "boxes of plates, stands and cubes from their drawings",
+    "cell/session/observer.py": "an observer that does nothing; others override it",
+    "cell/sim/release_faults.py": "a table of poses of cubes that were released badly",
+    "cell/task/open_run.py": "joins camera, driver and report of a run; tests/cell/runs run it",
+    "driver/emulator/options.py": "plain data: what is not known of the real unit",
+    "driver/emulator/unit/plant.py": "a protocol without code",
+    "driver/execution/progress.py": "plain data: options, progress and result of a stream",
+}
+
+
+def _modules() -> list[str]:
+    found = (path.relative_to(SRC) for path in SRC.rglob("*.py"))
+    return sorted(path.as_posix() for path in found if not path.name.startswith("__"))
+
+
+def _test_of(module: str) -> Path:
+    path = TESTS / module
+    return path.with_name(f"test_{path.name}")
+
+
+def test_a_module_has_its_test_or_decides_nothing() -> None:
+    tested = {module for module in _modules() if _test_of(module).exists()}
+    assert sorted(set(_modules()) - tested - set(DECIDES_NOTHING)) == []
+    assert sorted(tested & set(DECIDES_NOTHING)) == []
+
+
+def test_the_list_is_short_and_of_modules_that_there_are() -> None:
+    assert len(DECIDES_NOTHING) <= MOST_WITHOUT
+    assert set(DECIDES_NOTHING) <= set(_modules())
+    assert all(DECIDES_NOTHING.values())
+
+
+def test_files_and_folders_of_tests_are_as_small_as_those_of_src() -> None:
+    files = [path for path in TESTS.rglob("*.py") if path.name not in ("__init__.py", "conftest.py")]
+    lines = {path: len(path.read_text().splitlines()) for path in files}
+    assert [str(path.relative_to(TESTS)) for path, n in lines.items() if n > MOST_LINES] == []
+    counts = {path.parent: 0 for path in files}
+    for path in files:
+        counts[path.parent] += 1
+    assert {str(folder.relative_to(TESTS)): n for folder, n in counts.items() if n > MOST_FILES} == {}
