@@ -30,11 +30,12 @@ require_version = @"$(1)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 
 run: $(AT)/installed
 	$(BIN)/a465 run $(TASK)
 
+# One more than processors of a small computer: tests of ports and clocks wait.
 test: $(AT)/installed-test lint
-	$(BIN)/pytest -n 2 --dist loadgroup -m "not slow"
+	$(BIN)/pytest -n 3 --dist loadgroup -m "not slow"
 
 test-all: test
-	$(BIN)/pytest -n 2 --dist loadgroup -m slow
+	$(BIN)/pytest -n 3 --dist loadgroup -m slow
 
 docs: $(AT)/installed-docs
 	$(BIN)/sphinx-build -W --keep-going --quiet docs docs/_build/html

@@ -36,7 +36,7 @@ def test_a_view_that_alone_reaches_an_edge_is_no_reason_to_refuse():
     assert c.cross.sigma_px == pytest.approx(0.03, rel=0.15)
 
 
-@pytest.mark.parametrize("sagitta", [0.5e-3, -0.25e-3])
+@pytest.mark.parametrize("sagitta", [pytest.param(0.5e-3, marks=pytest.mark.slow), -0.25e-3])
 def test_a_bent_target_is_named_with_its_bend(sagitta):
     c = calibrate_camera(photos(taken(2, shape=bent(sagitta))), CHARUCO, SIZE)
     assert not c.accepted

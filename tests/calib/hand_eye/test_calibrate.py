@@ -34,7 +34,7 @@ def prediction(found, truth, joints):
     [
         ("charuco", "perpendicular", wide, 0.25e-3),
         ("marker", "parallel", wide, 0.6e-3),
-        ("charuco", "parallel", recipe, 0.6e-3),
+        pytest.param("charuco", "parallel", recipe, 0.6e-3, marks=pytest.mark.slow),
     ],
 )
 def test_place_mount_and_zeros_are_found_as_surely_as_is_said(kind, mount, sampler, limit):

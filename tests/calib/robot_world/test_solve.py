@@ -60,7 +60,7 @@ def test_exact_pairs_give_the_exact_poses_under_the_right_names(in_gripper):
     assert found.inliers.all()
 
 
-@pytest.mark.parametrize("in_gripper", [False, True])
+@pytest.mark.parametrize("in_gripper", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_errors_along_the_cameras_axes_are_told_and_the_covariance_is_honest(in_gripper):
     found = [calibrate_pose_pairs(drawn(seed, in_gripper=in_gripper)) for seed in range(4)]
     assert sum(f.scatter.shape == "axes" for f in found) >= 3
@@ -71,7 +71,7 @@ def test_errors_along_the_cameras_axes_are_told_and_the_covariance_is_honest(in_
         assert np.median(sizes) == pytest.approx(size, rel=0.25)
 
 
-@pytest.mark.parametrize("in_gripper", [False, True])
+@pytest.mark.parametrize("in_gripper", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_errors_of_a_targets_image_are_told_and_weighed_by_it(in_gripper):
     all_pairs = [photographed(seed, in_gripper=in_gripper) for seed in range(3)]
     found = [calibrate_pose_pairs(pairs) for pairs in all_pairs]

@@ -122,7 +122,7 @@ def motion(emulator: Emulator) -> Record:
     return Record(record.time_ms[6:], record.counts[6:])
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_preloaded_stream_keeps_path_and_time(
     unit: Unit, emulator: Emulator, terminal: SteppedClient, seed: int
 ) -> None:
