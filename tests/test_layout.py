@@ -9,8 +9,10 @@ SRC = TESTS.parent / "src"
 MOST_LINES, MOST_FILES, MOST_WITHOUT = 400, 12, 60
 
 DECIDES_NOTHING = {
+    "arm/controller/unit_keys.py": "declares keys of a unit's file; arm.io.keys checks them",
     "arm/robot/dh.py": "numbers of the A465 from its data sheet; test_link_errors compares them with the URDF",
     "calib/camera/result.py": "plain data of a calibration and its limits; calibrate and verdict decide",
+    "calib/model/verdict.py": "plain data: reasons and remarks; camera, chain and NAO judge",
     "cell/cli/calibrate.py": "declares commands and their options; the steps behind them are tested",
     "cell/cli/main.py": "declares commands and their options; the steps behind them are tested",
     "cell/cli/tools.py": "declares commands and their options; the steps behind them are tested",
@@ -20,8 +22,10 @@ DECIDES_NOTHING = {
     "cell/commands/preview.py": "hands a file to of_plan or to of_log",
     "cell/commands/render.py": "calls the renderer and writes images",
     "cell/commands/steps.py": "reads, calls observe, reach and plan, writes and prints",
-    "cell/config/camera_keys.py": "keys of a Basler camera, read by a checked reader",
+    "cell/config/camera_keys.py": "declares keys of a Basler camera; arm.io.keys checks them",
     "cell/config/cell.py": "plain data of a cell; cell_file reads and checks it",
+    "cell/config/cell_values.py": "declares keys of a cell file; arm.io.keys checks them",
+    "cell/files/key_texts.py": "words for keys; test_docs_formats and test_new_cell compare what they make",
     "cell/files/place.py": "reads a task file, or a cell file as a task without cubes",
     "cell/preview/of_plan.py": "puts the parts of a page together; each part is tested",
     "cell/report/cubes.py": "rows of a table",

@@ -12,7 +12,7 @@ from cell.report.chain_text import (
     hand_eye_tables,
     print_hand_eye,
 )
-from recorded.found_chains import Heard
+from typed.heard import Heard
 
 
 def test_nothing_is_told_of_images_left_out_where_none_is(found: HandEye) -> None:
