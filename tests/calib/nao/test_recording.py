@@ -117,19 +117,28 @@ def test_a_recording_of_an_arm_is_sent_to_its_own_command(tmp_path):
     [
         (lambda v: v["camera"].pop("focal_px"), "camera.focal_px: is missing"),
         (lambda v: v["camera"].update(focal_px=-3), "camera.focal_px = -3: must be above 0 px"),
-        (lambda v: v["camera"].update(size_px=[0, 480]), "camera.size_px: must be width and height in px"),
+        (
+            lambda v: v["camera"].update(size_px=[0, 480]),
+            "camera.size_px = [0, 480]: must be width and height in px",
+        ),
         (lambda v: v["board"].update(vertices_sole_m=[[0, 0, 0]] * 3), "must have at least 4 vertices"),
-        (lambda v: v.update(gravity_m_s2=[-9.81e3, 0, 0]), "gravity_m_s2: must have a magnitude of 9.81"),
+        (
+            lambda v: v.update(gravity_m_s2=[-9.81e3, 0, 0]),
+            "gravity_m_s2 = [-9810.0, 0, 0]: must have a magnitude of 9.81",
+        ),
         (
             lambda v: v["board"].update(vertices_sole_m=[[0.01 * k, 0, 0] for k in range(24)]),
             "board.vertices_sole_m: must have vertices that do not all lie on one line",
         ),
         (lambda v: v.pop("gravity_m_s2"), "gravity_m_s2: is missing"),
-        (lambda v: v.update(images=[]), "images: must have at least one image"),
+        (lambda v: v.update(images=[]), "images = []: must have at least one image"),
         (lambda v: v["images"][2].update(side="left"), "images[2].side = 'left': must be one of L, R"),
         (lambda v: v["images"][2].update(stance=1.5), "images[2].stance = 1.5: must be a whole number"),
-        (lambda v: v["images"][2].update(leg_encoder_deg=[1, 2]), "images[2].leg_encoder_deg: must be 6"),
-        (lambda v: v["images"][2]["vertices_px"].pop(), "images[2].vertices_px: must be 24 x 2"),
+        (
+            lambda v: v["images"][2].update(leg_encoder_deg=[1, 2]),
+            "images[2].leg_encoder_deg = [1, 2]: must be 6",
+        ),
+        (lambda v: v["images"][2]["vertices_px"].pop(), "images[2].vertices_px: must be 24 rows of 2"),
         (
             lambda v: v["images"][2].update(vertices_px=[[1, 2]] * 3 + [[None, None]] * 21),
             "images[2].vertices_px: must have at least 4 vertices",
