@@ -14,10 +14,10 @@ from arm.se3 import frozen
 from calib.chain.result import ChainCalibration
 from calib.hand_eye.calibrate import HandEye
 from calib.hand_eye.next_poses import NextPose
-from cell.commands.calibration.chain import hand_eye_step, kinematic_step
+from cell.commands.calibration.chain import ChainOptions, hand_eye_step, kinematic_step
 from cell.console import Console
 
-Step = Callable[[Path, Path | None, Path | None, float | None, float | None, Console], dict[str, Any]]
+Step = Callable[[Path, ChainOptions, Console], dict[str, Any]]
 
 
 def refused(found: HandEye) -> HandEye:
