@@ -29,7 +29,6 @@ DECIDES_NOTHING = {
     "cell/files/place.py": "reads a task file, or a cell file as a task without cubes",
     "cell/preview/of_plan.py": "puts the parts of a page together; each part is tested",
     "cell/report/cubes.py": "rows of a table",
-    "cell/report/lens_text.py": "words of a report",
     "cell/report/run_report.py": "collects what others found, and writes it",
     "cell/report/verdict_text.py": "words of a report",
     "cell/scene/bodies.py": "boxes of plates, stands and cubes from their drawings",

@@ -87,7 +87,7 @@ def rotation(rotation_vector: npt.ArrayLike) -> Array:
 
 def moved(T: Array, twist: npt.NDArray[Any]) -> Array:
     """Return T exp(twist), to first order in the translation: `T` (4x4) moved by a twist (6,) in its own frame."""
-    return T @ transform(rotation(twist[3:]), twist[:3])
+    return mul(T, transform(rotation(twist[3:]), twist[:3]))
 
 
 def rotation_vector(R: Array) -> Array:

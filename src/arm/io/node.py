@@ -67,8 +67,8 @@ class Node:
         return cls(path, "", read_json(path))
 
     def error(self, rule: str, help: str = "") -> FileInputError:
-        """Return the error to raise if the value breaks `rule`; a long value is not shown."""
-        hidden = not self.key or len(repr(self.value)) > MOST_VALUE
+        """Return the error to raise if the value breaks `rule`; a long value is not shown, a long text shortened."""
+        hidden = not self.key or (not isinstance(self.value, str) and len(repr(self.value)) > MOST_VALUE)
         return FileInputError(self.file, self.key, None if hidden else self.value, rule, help or self.help)
 
     def error_at(self, name: str, rule: str, help: str = "") -> FileInputError:

@@ -202,12 +202,12 @@ def line(*choices: str) -> Rule[str]:
     return Rule(any_text.words, read)
 
 
-def path() -> Rule[Path]:
-    """The name of an existing file, relative to the file that names it."""
+def path(exists: bool = True) -> Rule[Path]:
+    """The name of a file, relative to the file that names it; `exists`: it must be there."""
 
     def read(node: Node) -> Path:
         found = node.file.parent / text().read(node)
-        if not found.is_file():
+        if exists and not found.is_file():
             raise node.error(f"names a file that is not there: {found}")
         return found
 

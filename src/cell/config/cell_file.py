@@ -36,7 +36,7 @@ _REGISTERS = integers(6, 1, 32767)
 class _DeviceKeys(Keys):
     unit: str = key("unit", text(*UNITS))
     camera: Path = key("camera", path())
-    calibration: Path | None = key("calibration", path(), None)
+    calibration: Path | None = key("calibration", path(exists=False), None)  # a run may begin without it
 
 
 class _FixedKeys(Keys):
@@ -155,7 +155,7 @@ def _calibration(keys: CellKeys, root: Node, unit: Unit, camera: Camera) -> ArmC
     """Read the calibration file of the cell, if any. It must be of this unit, arm and lens."""
     if keys.calibration is None:
         return None
-    calibration = read_arm_calibration(keys.calibration)
+    calibration = read_arm_calibration(root["calibration"].read(path()))
     if calibration.unit != unit.name:
         of = f"is of {calibration.unit}" if calibration.unit else "names no unit"
         raise root.error_at("calibration", f"{of}, but unit is {unit.name}; calibrate this arm")
