@@ -27,6 +27,7 @@ STEP = 0.1e-3  # m between its samples
 ACROSS: Array = frozen(np.arange(-round(SPAN / STEP), round(SPAN / STEP) + 1) * STEP)
 STRAIGHT = 1.2e-3  # m of a wall beside its corner, to which a line is fitted
 LEAST_STRAIGHT = 5  # samples
+SMOOTH = 3  # samples, see `_slope`
 NOWHERE = 4.0 * SPAN  # m: place of a side outside the window
 PEAK = float(np.sqrt(2.0 * np.pi))  # the slope of a blurred step is height / (blur PEAK)
 
@@ -41,7 +42,8 @@ BLUR_SHARE = 0.05  # relative, of the blur, for a step from black to the plate o
 FOOT, FOOT_STEP = 0.06e-3, 0.4  # m, of a foot's place; height of its step relative to the plate's grey
 PLATE_OWN, PLATE_SLOPE = 0.1, 0.06  # relative, of a piece's light; of its slope per SPAN
 WALL_OWN, WALL_SLOPE = 0.06, 0.3
-WAVES: Array = frozen(np.cos(np.pi * np.arange(2, 7)[:, None] * (ACROSS / (2.0 * SPAN) + 0.5)))
+_COSINES = np.cos(np.pi * np.arange(2, 7)[:, None] * (ACROSS / (2.0 * SPAN) + 0.5))
+WAVES = [(frozen(wave), frozen(np.gradient(wave, STEP))) for wave in _COSINES]  # light, and its slope
 PLATE_WAVES = 2  # light changes slowly on a plate, but within 1 mm on a wall that a cube shades
 WALL_SHAPE, PLATE_SHAPE = 0.06, 0.02  # relative to the light, of each wave
 WALL_MOVED = 40e-6  # m, of a wall from its place in the image of the empty hole
@@ -245,52 +247,90 @@ def _columns(side: Side, at: Beside, places: Array, blur: float, foot: float) ->
     scaled to a standard deviation of 1.
     """
     prior = SEEN_EMPTY if at.known else NEVER_SEEN
+    # without an image of the empty place, waves whose slopes count at an edge make its place too certain
+    waves = [(wave, slope * at.known) for wave, slope in WAVES]
     x, u = ACROSS, places[..., None]
     z = (x - u) / blur
-    beyond = ndtr(z)
-    face_ends = np.maximum(np.minimum(u + foot, at.mouth), u) if foot > 0.0 else u
-    open_ = ndtr((x - face_ends) / blur)
-    mean = (1.0 - beyond) * side.top_grey
+    ends = np.maximum(np.minimum(u + foot, at.mouth), u) if foot > 0.0 else u
+    begin, end, mouth = _beyond(u, blur), _beyond(ends, blur), _beyond(np.maximum(ends, at.mouth), blur)
+    top, face, wall, plate = _Part(np.ones(1), np.zeros(1)) - begin, begin - end, end - mouth, mouth
+    mean = top.share * side.top_grey
     usual = side.grey.mean(axis=0)
     step = np.abs(np.interp(u + 2.0 * blur, x, usual) - np.interp(u - 2.0 * blur, x, usual))
-    uneven = np.exp(-0.5 * z**2) * step * (UNEVEN / (blur * PEAK))
-    own = [uneven, (1.0 - beyond) * TOP_GREY, (1.0 - beyond) * z * (blur / SPAN) * TOP_SLOPE]
-    shared = [z * np.exp(-0.5 * z**2) * BLUR_SHARE * max(side.plate_grey, side.top_grey)]
+    bell = np.exp(-0.5 * z**2)
+    own = [
+        bell * step * (UNEVEN / (blur * PEAK)),
+        top.share * TOP_GREY,
+        top.lit(x - u, 1.0) * (TOP_SLOPE / SPAN),
+    ]
+    shared = [bell * z * BLUR_SHARE * max(side.plate_grey, side.top_grey)]
     if foot > 0.0:
-        face, grey = beyond - open_, FACE_SHARE[0] * side.top_grey
-        mean = mean + face * grey
-        own += [face * (FACE_OWN + FACE_OWN_SHARE * grey), face * z * (blur / SPAN) * TOP_SLOPE]
-        at_foot = np.exp(-0.5 * ((x - face_ends) / blur) ** 2) * (u + foot < at.mouth)
+        grey = FACE_SHARE[0] * side.top_grey
+        mean = mean + face.share * grey
+        sloping = face.lit(x - u, 1.0) / SPAN
+        own += [face.share * (FACE_OWN + FACE_OWN_SHARE * grey), sloping * TOP_SLOPE]
+        at_foot = np.exp(-0.5 * ((x - ends) / blur) ** 2) * (u + foot < at.mouth)
         shared += [
-            face * (FACE_SHARE[1] * side.top_grey + FACE_GREY),
-            face * z * (blur / SPAN) * (FACE_SLOPE * side.top_grey * np.clip(foot / WIDE - 1.0, 0.0, 1.0)),
+            face.share * (FACE_SHARE[1] * side.top_grey + FACE_GREY),
+            sloping * (FACE_SLOPE * side.top_grey * np.clip(foot / WIDE - 1.0, 0.0, 1.0)),
             at_foot * (FOOT / (blur * PEAK) * FOOT_STEP * side.plate_grey),
         ]
-    plate = ndtr((x - np.maximum(face_ends, at.mouth)) / blur)
     if at.mouth < SPAN + 3.0 * blur:
-        lit = plate * at.plate
+        lit = plate.lit(at.plate, _slope(at.plate))
         mean = mean + lit * at.light
-        own += [lit * PLATE_OWN, plate * (x / SPAN) * (PLATE_SLOPE * side.plate_grey)]
+        own += [lit * PLATE_OWN, plate.lit(x, 1.0) * (PLATE_SLOPE * side.plate_grey / SPAN)]
         shared += [lit * prior.plate]
-        shared += [plate * wave * (PLATE_SHAPE * side.plate_grey) for wave in WAVES[:PLATE_WAVES]]
+        shared += [plate.lit(*wave) * (PLATE_SHAPE * side.plate_grey) for wave in waves[:PLATE_WAVES]]
         if at.known:
-            shared += [plate * np.gradient(at.plate, STEP, axis=1) * (BACKGROUND * at.light)]
-            shared += [plate * (at.plate * at.light - side.plate_grey) * BEYOND_PLATE]
+            shared += [plate.share * np.gradient(at.plate, STEP, axis=1) * (BACKGROUND * at.light)]
+            shared += [(lit * at.light - plate.share * side.plate_grey) * BEYOND_PLATE]
     if at.mouth > -SPAN:
-        wall, usual = open_ - plate, at.wall.mean(axis=1)[:, None]
-        lit, (share, deviation) = wall * at.wall * at.light, prior.wall
+        usual = at.wall.mean(axis=1)[:, None]
+        lit, (share, deviation) = wall.lit(at.wall, _slope(at.wall)) * at.light, prior.wall
         mean = mean + lit * share
         own += [lit * WALL_OWN]
-        shared += [lit * deviation, wall * ((x - min(at.mouth, SPAN)) / SPAN) * (WALL_SLOPE * usual)]
-        shared += [wall * wave * (WALL_SHAPE * usual) for wave in WAVES]
+        shared += [lit * deviation, wall.lit(x - min(at.mouth, SPAN), 1.0) * (WALL_SLOPE * usual / SPAN)]
+        shared += [wall.lit(*wave) * (WALL_SHAPE * usual) for wave in waves]
         if at.known:
-            shared += [wall * np.gradient(at.wall, STEP, axis=1) * (WALL_MOVED * at.light * share)]
+            shared += [wall.share * np.gradient(at.wall, STEP, axis=1) * (WALL_MOVED * at.light * share)]
         if at.mouth < SPAN:
             middle = int(np.searchsorted(x, at.mouth))
             step = np.abs(at.plate[:, middle] - share * at.wall[:, middle])[:, None] * at.light
             z = (x - at.mouth) / blur
-            bump = np.exp(-0.5 * z**2) * (face_ends < at.mouth) * step
+            bump = np.exp(-0.5 * z**2) * (ends < at.mouth) * step
             shared += [bump * (prior.mouth / (blur * PEAK)), bump * z * BLUR_SHARE]
     like = np.broadcast_to(mean, (*places.shape, len(x)))
     columns = [np.stack([np.broadcast_to(c, like.shape) for c in group], axis=-1) for group in (own, shared)]
     return like, columns[0], columns[1]
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A part of a profile between two blurred edges.
+
+    Attributes:
+        share: share of each sample's light that comes from this part.
+        bend: displacement of that light's origin towards the part, times `share`, m.
+    """
+
+    share: Array
+    bend: Array
+
+    def __sub__(self, other: _Part) -> _Part:
+        return _Part(self.share - other.share, self.bend - other.bend)
+
+    def lit(self, light: Array, slope: Array | float) -> Array:
+        """What the part adds to the profile, from its light and the slope of that per m: exact if it is straight."""
+        return np.asarray(self.share * light + self.bend * slope)
+
+
+def _beyond(edge: Array, blur: float) -> _Part:
+    """The part beyond an edge: of blurred light it shows x + blur t, t normal; E[t | x + blur t > edge] = pdf / cdf."""
+    z = (ACROSS - edge) / blur
+    return _Part(ndtr(z), np.exp(-0.5 * z**2) * (blur / PEAK))
+
+
+def _slope(light: Array) -> Array:
+    """Slope of light (pieces, n) per m, over `SMOOTH` samples on both sides, which leaves texture out."""
+    padded = np.pad(light, ((0, 0), (SMOOTH, SMOOTH)), mode="reflect", reflect_type="odd")
+    return np.asarray((padded[:, 2 * SMOOTH :] - padded[:, : -2 * SMOOTH]) / (2 * SMOOTH * STEP))
