@@ -14,7 +14,7 @@ from calib.model.intrinsics import NAMES, vector_of
 from cell.report.camera import lens_page
 from cell.report.lens_text import intrinsics_rows, left_out, lens_json, print_lens, rms_mm, view_row
 from pictures.targets import CHARUCO, SIZE, photos, taken
-from recorded.found_chains import Heard
+from typed.heard import Heard
 
 
 @pytest.fixture(scope="module")
