@@ -1,5 +1,7 @@
 """Collision barriers for lines: constraints that keep pairs of bodies apart, from witness points.
 
+An option (`LineOptions.barrier`) that neither planner sets: they certify lines instead.
+
 Let n be the unit vector from the second body's witness point to the first's, and J_1, J_2 the Jacobians of the witness
 points as points of their bodies. The distance d changes by n . (J_1 - J_2) dq (F. Kanehiro et al., "A local collision
 avoidance method for non-strictly convex polyhedra", RSS 2008). So

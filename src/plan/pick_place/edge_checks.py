@@ -18,7 +18,7 @@ from arm.se3 import Array, frozen
 from plan.cartesian.reachability import GraspCandidate
 from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import ClearanceCertificate, certify_curve
-from plan.collision.margin import MARGIN, searched_clearance
+from plan.collision.search_margin import MARGIN, searched_clearance
 from plan.collision.world import Indices, World
 from plan.options import PlanOptions
 from plan.pick_place.worlds import CubePlacement, TaskWorlds

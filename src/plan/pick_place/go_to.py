@@ -12,7 +12,7 @@ from arm.controller.unit import Limits, Unit
 from arm.errors import ImpossibleError
 from arm.former import FormerNames
 from arm.plan_file import Plan
-from plan.collision.margin import searched_clearance
+from plan.collision.search_margin import searched_clearance
 from plan.collision.world import World
 from plan.failure import nearness
 from plan.kinematics.configuration import check_configuration

@@ -21,7 +21,7 @@ from arm.plan_file import GripperStep, Move, Plan
 from arm.se3 import Array, frozen
 from plan.cartesian.line import Line, LineOptions, follow_line
 from plan.cartesian.reachability import GraspCandidate
-from plan.collision.margin import searched_clearance
+from plan.collision.search_margin import searched_clearance
 from plan.collision.world import World
 from plan.motion.builder import ApproachLine, MotionBuilder, MotionPhase, RestToRestPath
 from plan.options import PlanOptions

@@ -28,7 +28,7 @@ from arm.se3 import Array, frozen
 from plan.budget import TransitBudget
 from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import ClearanceCertificate, certify_curve
-from plan.collision.self_collision import self_collision_help
+from plan.collision.missing_srdf import self_collision_help
 from plan.collision.world import World
 from plan.kinematics.closed_form import all_branches
 from plan.kinematics.configuration import check_configuration

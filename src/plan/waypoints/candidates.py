@@ -13,7 +13,7 @@ from arm.controller.unit import Limits
 from arm.errors import ImpossibleError
 from arm.robot.model import Robot
 from arm.se3 import Array
-from plan.collision.self_collision import self_collision_help
+from plan.collision.missing_srdf import self_collision_help
 from plan.kinematics.closed_form import has_closed_form
 from plan.kinematics.ik import explain_pose
 from plan.kinematics.numeric_ik import SearchOptions, solve_ik

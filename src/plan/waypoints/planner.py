@@ -22,7 +22,7 @@ from arm.robot.model import Robot
 from arm.robot.shapes import Body
 from arm.se3 import frozen
 from plan.budget import BudgetSpent, Meter, PlanningInterrupted, SearchBudget, allowed, budget_words
-from plan.collision.self_collision import self_collision_help
+from plan.collision.missing_srdf import self_collision_help
 from plan.kinematics.configuration import check_configuration, require_limits
 from plan.kinematics.numeric_ik import SearchOptions
 from plan.options import PlanOptions

@@ -25,7 +25,7 @@ from arm.se3 import Array
 from plan.budget import BudgetSpent, Meter
 from plan.collision.bezier import Curve, curve_of_waypoints
 from plan.collision.certificate import ClearanceCertificate, certify_curve
-from plan.collision.margin import searched_clearance
+from plan.collision.search_margin import searched_clearance
 from plan.collision.world import World
 from plan.options import PlanOptions
 from plan.trajectory.joint_path import Path, smooth_path

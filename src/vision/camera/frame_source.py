@@ -41,7 +41,7 @@ class FrameSource(Protocol):
     """Anything that takes current images of the cell."""
 
     def grab(self, count: int) -> list[Image]:
-        """Take `count` images, all of one size.
+        """Take `count` images, all of one size, exposed after the call.
 
         Raises:
             InputError: they are not available.

@@ -14,7 +14,7 @@ from arm.errors import ImpossibleError
 from arm.robot.shapes import Body, Box
 from arm.se3 import Array, inverse, transform
 from plan.cartesian.reachability import reach
-from plan.collision.margin import MARGIN
+from plan.collision.search_margin import MARGIN
 from plan.options import PlanOptions
 from plan.pick_place.recovery import _Carry, plan_retreat
 from plan.trajectory.extremes import segment_extremes

@@ -13,7 +13,7 @@ from arm.robot.shapes import Body, Sphere
 from arm.robot.tool import urdf_limits, with_disabled_collisions
 from arm.se3 import transform
 from arms.made_up import SEVEN, arm, several_bodies, urdf
-from plan.collision.self_collision import self_collision_help, self_collisions
+from plan.collision.missing_srdf import self_collision_help, self_collisions
 from plan.collision.world import World
 from plan.transit.planner import plan_transit
 from plan.waypoints.planner import plan_poses

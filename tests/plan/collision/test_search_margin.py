@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from plan.collision.margin import MARGIN, searched_clearance
+from plan.collision.search_margin import MARGIN, searched_clearance
 
 
 def _world(distances: list[float]) -> Any:
