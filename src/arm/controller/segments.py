@@ -77,6 +77,15 @@ class CountPath:
         steps = [np.array(self.start, dtype=np.int64), *(s.end() for s in self.segments)]
         return np.cumsum(np.stack(steps), axis=0)
 
+    def knot_times(self) -> Array:
+        """Return the planned time of every knot, (n + 1,) s from the start."""
+        return np.concatenate([[0.0], np.cumsum([s.duration_ms for s in self.segments]) / 1e3])
+
+    @property
+    def has_velocity_jumps(self) -> bool:
+        """Whether any segment is a straight line or takes no time, so that the velocity jumps at its ends."""
+        return any(len(s.coefficients) == 1 or s.duration_ms <= 0 for s in self.segments)
+
     @property
     def end(self) -> tuple[int, ...]:
         """Counts at the end, (6,)."""

@@ -6,5 +6,5 @@ from arm.former import FormerNames
 
 if not TYPE_CHECKING:
     __getattr__ = FormerNames(
-        __name__, "cell.export.export", "export_file", "export_step", "csv_text", Asked="ExportOptions"
+        __name__, "cell.export.export", "export_file", "csv_text", Asked="ExportOptions"
     )

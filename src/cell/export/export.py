@@ -35,9 +35,9 @@ class ExportOptions:
 
     Attributes:
         form: format, a key of `SUFFIXES` or `URDF`.
-        output: file or folder to write.
-        planned: of a log: export the trajectory that was sent.
-        unit: of a log.
+        output: file or folder to write; None: beside the file.
+        planned: of a log: export the trajectory that was sent, not the sampled positions.
+        unit: of a log; None: the one that the log names.
         period: between samples of a plan, s.
         cell: cell or task file that a plan is for.
         look: observation to add to a cell or task.
@@ -56,12 +56,12 @@ def export_file(file: Path, asked: ExportOptions, console: Console) -> dict[str,
     """Write a file in another format. Return a summary in JSON types.
 
     Raises:
-        InputError: the file cannot be exported, an option or format does not apply to it, or the output cannot be
-            written.
+        InputError: the file cannot be exported, a format or option does not apply to it, a library is missing, or the
+            output cannot be written.
     """
     if is_log(file):
         _refuse_options(file, "a log", asked, ("planned", "unit"), tuple(SUFFIXES))
-        return export_step(file, asked.form or "csv", asked.output, asked.planned, asked.unit, console)
+        return _log_step(file, asked, console)
     if read_text(file, "JSON").lstrip().startswith(("{", "[")):
         _refuse_options(file, "a plan", asked, ("period", "cell"), (*SUFFIXES, URDF))
         return _plan_step(file, asked, console)
@@ -134,7 +134,7 @@ def _messages(messages: Sequence[Message]) -> tuple[bytes, dict[str, Any]]:
 def _write(
     path: Path, content: bytes | str, source: dict[str, Any], counted: dict[str, Any], console: Console
 ) -> dict[str, Any]:
-    """Write the file, print what it has, and return the summary."""
+    """Write the file, print what it contains, and return the summary."""
     write_atomic(path, content)
     number = counted.get("samples", counted.get("points", sum(counted.get("messages", {}).values())))
     what = {"csv": "samples", "trajectory": "points", "mcap": "messages"}[source["format"]]
@@ -170,38 +170,21 @@ def _urdf_step(there: Surroundings, output: Path, console: Console) -> dict[str,
     }
 
 
-def export_step(
-    log: Path, form: str, output: Path | None, sent: bool, unit_name: str | None, console: Console
-) -> dict[str, Any]:
-    """Write a log in another format. Return a summary in JSON types.
-
-    Args:
-        log: the wire log.
-        form: csv, trajectory or mcap.
-        output: file to write atomically; default: beside the log.
-        sent: of a trajectory: export what was sent instead of the sampled positions.
-        unit_name: name of the unit; default: that of the log.
-
-    Raises:
-        InputError: not a log, an empty one, an unknown format, a missing library, or the file cannot be written.
-    """
-    if form not in SUFFIXES:
-        raise InputError(
-            f"--format {form}: must be one of {', '.join(SUFFIXES)}", value=form, choices=list(SUFFIXES)
-        )
-    if sent and form != "trajectory":
+def _log_step(log: Path, asked: ExportOptions, console: Console) -> dict[str, Any]:
+    form = asked.form or "csv"
+    if asked.planned and form != "trajectory":
         raise InputError(f"--planned goes with --format trajectory only, not {form}", format=form)
     session = read_log(log)
-    unit = unit_of(session, unit_name)
-    path = output or log.with_suffix(SUFFIXES[form])
+    unit = unit_of(session, asked.unit)
+    path = asked.output or log.with_suffix(SUFFIXES[form])
     keep_apart(path, log)
     if form == "csv":
-        seen = executed(session, unit)
-        content: bytes | str = csv_text(seen)
-        counted: dict[str, Any] = {"samples": len(seen.time_s), "before_homing": seen.unhomed}
+        samples = executed(session, unit)
+        content: bytes | str = csv_text(samples)
+        counted: dict[str, Any] = {"samples": len(samples.time_s), "before_homing": samples.unhomed}
     elif form == "trajectory":
-        content, counted = _points(_sent(session, unit) if sent else _seen(executed(session, unit)))
-        counted = {"planned": sent, **counted}
+        content, counted = _points((_sent if asked.planned else _sampled)(session, unit))
+        counted = {"planned": asked.planned, **counted}
     else:
         from cell.export.mcap import messages_of
 
@@ -214,27 +197,29 @@ def export_step(
     return _write(path, content, {"log": str(log), "format": form, "unit": unit.name}, counted, console)
 
 
-def csv_text(seen: Executed) -> str:
-    """Return one line per sample. ``motion`` and ``segment`` count from 0 and are empty at rest or if not known.
+def csv_text(samples: Executed) -> str:
+    """Return one line per sample. ``motion`` and ``segment`` count from 0; they are empty at rest or if unknown.
 
-    Angles are finer than a count. Jaws are 0 open to 1 closed, empty before their first reading.
+    The digits of an angle resolve less than a count. Jaws are 0 open to 1 closed, and empty before their first reading.
     """
     header = ["time_s", "motion", "segment", *(f"{name}_deg" for name in JOINTS), "jaws_fraction_closed"]
-    degrees = np.degrees(seen.q)
+    degrees = np.degrees(samples.q)
     lines = [",".join(header)]
-    for i, time_s in enumerate(seen.time_s):
-        numbers = ["" if n < 0 else str(n) for n in (seen.motion[i], seen.segment[i])]
-        jaws = f"{seen.jaws[i]:.4f}" if math.isfinite(seen.jaws[i]) else ""
+    for i, time_s in enumerate(samples.time_s):
+        numbers = ["" if n < 0 else str(n) for n in (samples.motion[i], samples.segment[i])]
+        jaws = f"{samples.jaws[i]:.4f}" if math.isfinite(samples.jaws[i]) else ""
         lines.append(",".join([f"{time_s:.6f}", *numbers, *(f"{d:.5f}" for d in degrees[i]), jaws]))
     return "\n".join(lines) + "\n"
 
 
-def _seen(seen: Executed) -> dict[str, Any]:
-    return joint_trajectory(seen.time_s, seen.q, seen.velocity, float(seen.time_s[0]))
+def _sampled(session: Session, unit: Unit) -> dict[str, Any]:
+    """The sampled positions as one trajectory."""
+    samples = executed(session, unit)
+    return joint_trajectory(samples.time_s, samples.q, samples.velocity, float(samples.time_s[0]))
 
 
 def _sent(session: Session, unit: Unit) -> dict[str, Any]:
-    """All motions as one trajectory; a rest between two has both of their ends."""
+    """All motions sent, as one trajectory; a rest between two motions has both of their end points."""
     motions = planned(session, unit)
     if not motions:
         raise InputError(

@@ -15,26 +15,17 @@ from cell.export.ros import (
     Message,
     joint_state,
     joint_trajectory,
+    message_schema,
     nanoseconds,
 )
 from cell.export.series import Executed, Planned
 from driver.log.read import Session
 
-JAWS_SCHEMA: dict[str, Any] = {
-    "title": "a465/Jaws",
-    "type": "object",
-    "properties": {"fraction_closed": {"type": "number"}},
-}
-EVENT_SCHEMA: dict[str, Any] = {
-    "title": "a465/Event",
-    "type": "object",
-    "properties": {"kind": {"type": "string"}, "data": {"type": "object"}},
-}
 TOPICS = {
     "/joint_states": JOINT_STATE_SCHEMA,
     "/planned": JOINT_TRAJECTORY_SCHEMA,
-    "/jaws": JAWS_SCHEMA,
-    "/events": EVENT_SCHEMA,
+    "/jaws": message_schema("a465/Jaws", fraction_closed={"type": "number"}),
+    "/events": message_schema("a465/Event", kind={"type": "string"}, data={"type": "object"}),
 }
 
 
@@ -67,18 +58,18 @@ def mcap_of(messages: Sequence[Message]) -> tuple[bytes, dict[str, int]]:
     return buffer.getvalue(), counted
 
 
-def messages_of(session: Session, seen: Executed, sent: Sequence[Planned]) -> list[Message]:
+def messages_of(session: Session, samples: Executed, sent: Sequence[Planned]) -> list[Message]:
     """Return the messages of a log, unordered."""
     found: list[Message] = []
 
     def add(time_s: float, topic: str, message: dict[str, Any]) -> None:
         found.append((max(nanoseconds(time_s), 0), topic, message))
 
-    for i, time in enumerate(seen.time_s):
+    for i, time in enumerate(samples.time_s):
         time_s = float(time)
-        add(time_s, "/joint_states", joint_state(time_s, seen.q[i], seen.velocity[i]))
-        if math.isfinite(seen.jaws[i]):
-            add(time_s, "/jaws", {"fraction_closed": round(float(seen.jaws[i]), 6)})
+        add(time_s, "/joint_states", joint_state(time_s, samples.q[i], samples.velocity[i]))
+        if math.isfinite(samples.jaws[i]):
+            add(time_s, "/jaws", {"fraction_closed": round(float(samples.jaws[i]), 6)})
     for motion in sent:
         start_s = float(motion.time_s[0])
         trajectory = joint_trajectory(motion.time_s, motion.q, motion.velocity, start_s)

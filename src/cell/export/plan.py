@@ -1,7 +1,7 @@
-"""A plan as a table, a ROS 2 JointTrajectory, or MCAP: what would be sent, on a clock that starts with the plan.
+"""Export a plan as a table, a ROS 2 JointTrajectory or MCAP: the planned motion, on a clock that starts with the plan.
 
-Gripper steps take their least time, looks none. On the arm both may take longer, and the controller may stretch any
-motion.
+A gripper step takes its settling time and a look takes no time. On the arm both may take longer, and the controller may
+stretch any motion.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from cell.export.ros import JOINTS, Message, joint_state, joint_trajectory, nano
 
 PERIODS = (0.001, 10.0)  # s between rows
 TICK = 1e-9  # s: tolerance for floats; steps and segments begin at whole milliseconds
+_KINDS: dict[type, str] = {Move: "move", GripperStep: "gripper", LookStep: "look"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,32 +29,30 @@ class TimedStep:
     """One step of a plan on its clock.
 
     Attributes:
-        name: of the step.
+        step: of the plan.
         begin_s, end_s: beginning and end of the step.
-        path: of a move; None while the arm is at rest.
         q: joint positions at the beginning of the step, (6,) rad.
         jaws: target of the jaws during the step, 0 open to 1 shut.
-        straight: whether any segment is straight, so that its velocity jumps at its ends.
     """
 
-    name: str
+    step: Step
     begin_s: float
     end_s: float
-    path: CountPath | None
     q: Array
     jaws: float
 
     @property
-    def straight(self) -> bool:
-        segments = () if self.path is None else self.path.segments
-        return any(len(s.coefficients) == 1 or s.duration_ms == 0 for s in segments)
+    def path(self) -> CountPath | None:
+        """Path of a move; None while the arm is at rest."""
+        return self.step.path if isinstance(self.step, Move) else None
 
     def knots_s(self) -> Array:
         """Return the times at which segments begin, and the end."""
-        if self.path is None:
-            return np.array([self.begin_s, self.end_s])
-        durations = [s.duration_ms / 1e3 for s in self.path.segments]
-        return self.begin_s + np.concatenate([[0.0], np.cumsum(durations)])
+        return (
+            np.array([self.begin_s, self.end_s])
+            if self.path is None
+            else self.begin_s + self.path.knot_times()
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,18 +78,15 @@ def timed_steps(plan: Plan, unit: Unit) -> tuple[TimedStep, ...]:
     found: list[TimedStep] = []
     now, jaws, q = 0.0, 0.0, unit.positions(plan.start)
     for step in plan.steps:
-        path, end = None, now
-        match step:
-            case Move():
-                path, end = step.path, now + step.path.duration_s
-            case GripperStep():
-                jaws, end = step.fraction_closed, now + step.settle_s
-            case LookStep():
-                pass
-        found.append(TimedStep(step.name, now, end, path, frozen(q), jaws))
+        end = now  # of a look, which takes no time
+        if isinstance(step, Move):
+            end += step.path.duration_s
+        elif isinstance(step, GripperStep):
+            end, jaws = now + step.settle_s, step.fraction_closed
+        found.append(TimedStep(step, now, end, frozen(q), jaws))
         now = end
-        if path is not None:
-            q = unit.positions(path.end)
+        if isinstance(step, Move):
+            q = unit.positions(step.path.end)
     return tuple(found)
 
 
@@ -130,13 +126,13 @@ def _at(parts: Sequence[TimedStep], unit: Unit, times: Array) -> Samples:
             q[rows] = unit.positions(part.path.at(at))
             velocity[rows] = _velocity(part.path, at) / unit.counts_per_rad
     return Samples(
-        frozen(time_s), frozen(q), frozen(velocity), frozen(jaws), tuple(parts[i].name for i in which)
+        frozen(time_s), frozen(q), frozen(velocity), frozen(jaws), tuple(parts[i].step.name for i in which)
     )
 
 
 def _velocity(path: CountPath, times: Array) -> Array:
     """Counts/s at times (m,) s; where two segments meet, of the later one."""
-    ends = np.cumsum([s.duration_ms for s in path.segments]) / 1e3
+    ends = path.knot_times()[1:]
     which = np.minimum(np.searchsorted(ends, times + TICK, side="right"), len(ends) - 1)
     found = np.zeros((len(times), len(path.start)))
     for index in np.unique(which):
@@ -161,26 +157,30 @@ def csv_of(samples: Samples) -> str:
 def trajectory_of(plan: Plan, unit: Unit) -> dict[str, Any]:
     """Return a trajectory_msgs/JointTrajectory through the ends of all segments, with the gripper steps.
 
-    Cubics through its positions and velocities are the segments, within a count. Velocities are left out if a segment
-    is straight. ``gripper_events`` is not a field of the message.
+    Cubic interpolation of its positions and velocities gives the segments, within a count. Velocities are left out if
+    they jump at the end of a segment. ``gripper_events`` is not a field of the message.
 
     Raises:
         InputError: a plan that takes no time.
     """
-    parts = _lasting(plan, unit)
-    ends = _at(parts, unit, np.concatenate([part.knots_s() for part in parts]))
-    velocity = None if any(part.straight for part in parts) else ends.velocity
     events = [
         {
             "time_from_start": stamp(part.begin_s),
-            "name": step.name,
-            "fraction_closed": step.fraction_closed,
-            "settle_s": step.settle_s,
+            "name": part.step.name,
+            "fraction_closed": part.step.fraction_closed,
+            "settle_s": part.step.settle_s,
         }
-        for step, part in zip(plan.steps, timed_steps(plan, unit), strict=True)
-        if isinstance(step, GripperStep)
+        for part in timed_steps(plan, unit)
+        if isinstance(part.step, GripperStep)
     ]
-    return {**joint_trajectory(ends.time_s, ends.q, velocity, 0.0), "gripper_events": events}
+    return {**_trajectory(_lasting(plan, unit), unit), "gripper_events": events}
+
+
+def _trajectory(parts: Sequence[TimedStep], unit: Unit) -> dict[str, Any]:
+    """The trajectory of steps that each take time, from the first one's beginning."""
+    ends = _at(parts, unit, np.concatenate([part.knots_s() for part in parts]))
+    jumps = any(part.path is not None and part.path.has_velocity_jumps for part in parts)
+    return joint_trajectory(ends.time_s, ends.q, None if jumps else ends.velocity, parts[0].begin_s)
 
 
 def messages_of(plan: Plan, unit: Unit, period: float) -> list[Message]:
@@ -189,9 +189,11 @@ def messages_of(plan: Plan, unit: Unit, period: float) -> list[Message]:
     Raises:
         InputError: see `sampled`.
     """
-    seen = sampled(plan, unit, period)
+    samples = sampled(plan, unit, period)
     found: list[Message] = []
-    for time, q, velocity, jaws in zip(seen.time_s, seen.q, seen.velocity, seen.jaws, strict=True):
+    for time, q, velocity, jaws in zip(
+        samples.time_s, samples.q, samples.velocity, samples.jaws, strict=True
+    ):
         time_s = float(time)
         found.append((nanoseconds(time_s), "/joint_states", joint_state(time_s, q, velocity)))
         found.append((nanoseconds(time_s), "/jaws", {"fraction_closed": float(jaws)}))
@@ -199,22 +201,8 @@ def messages_of(plan: Plan, unit: Unit, period: float) -> list[Message]:
     for motion in plan.motions:
         moving = [p for p in parts[motion.first : motion.first + len(motion.moves)] if p.end_s > p.begin_s]
         if moving:
-            ends = _at(moving, unit, np.concatenate([part.knots_s() for part in moving]))
-            velocity = None if any(part.straight for part in moving) else ends.velocity
-            begin_s = moving[0].begin_s
-            trajectory = joint_trajectory(ends.time_s, ends.q, velocity, begin_s)
-            found.append((nanoseconds(begin_s), "/planned", trajectory))
-    for step, part in zip(plan.steps, parts, strict=True):
-        event = {"kind": "step", "data": {"name": step.name, "step": _kind(step)}}
+            found.append((nanoseconds(moving[0].begin_s), "/planned", _trajectory(moving, unit)))
+    for part in parts:
+        event = {"kind": "step", "data": {"name": part.step.name, "step": _KINDS[type(part.step)]}}
         found.append((nanoseconds(part.begin_s), "/events", event))
     return found
-
-
-def _kind(step: Step) -> str:
-    match step:
-        case Move():
-            return "move"
-        case GripperStep():
-            return "gripper"
-        case LookStep():
-            return "look"

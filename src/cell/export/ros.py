@@ -72,43 +72,37 @@ def _numbers(values: Array) -> list[float]:
     return [round(float(v), DIGITS) + 0.0 for v in values]
 
 
-_STAMP = {
-    "type": "object",
-    "properties": {"sec": {"type": "integer"}, "nanosec": {"type": "integer"}},
-}
-_HEADER = {"type": "object", "properties": {"stamp": _STAMP, "frame_id": {"type": "string"}}}
+def message_schema(title: str, **properties: Any) -> dict[str, Any]:
+    """Return the JSON schema of a message with these fields."""
+    return {"title": title, **_object(**properties)}
+
+
+def _object(**properties: Any) -> dict[str, Any]:
+    return {"type": "object", "properties": properties}
+
+
+_STAMP = _object(sec={"type": "integer"}, nanosec={"type": "integer"})
+_HEADER = _object(stamp=_STAMP, frame_id={"type": "string"})
 _NAMES = {"type": "array", "items": {"type": "string"}}
 _NUMBERS = {"type": "array", "items": {"type": "number"}}
-
-JOINT_STATE_SCHEMA: dict[str, Any] = {
-    "title": "sensor_msgs/msg/JointState",
-    "type": "object",
-    "properties": {
-        "header": _HEADER,
-        "name": _NAMES,
-        "position": _NUMBERS,
-        "velocity": _NUMBERS,
-        "effort": _NUMBERS,
-    },
-}
-JOINT_TRAJECTORY_SCHEMA: dict[str, Any] = {
-    "title": "trajectory_msgs/msg/JointTrajectory",
-    "type": "object",
-    "properties": {
-        "header": _HEADER,
-        "joint_names": _NAMES,
-        "points": {
-            "type": "array",
-            "items": {
-                "type": "object",
-                "properties": {
-                    "positions": _NUMBERS,
-                    "velocities": _NUMBERS,
-                    "accelerations": _NUMBERS,
-                    "effort": _NUMBERS,
-                    "time_from_start": _STAMP,
-                },
-            },
-        },
-    },
-}
+_POINT = _object(
+    positions=_NUMBERS,
+    velocities=_NUMBERS,
+    accelerations=_NUMBERS,
+    effort=_NUMBERS,
+    time_from_start=_STAMP,
+)
+JOINT_STATE_SCHEMA = message_schema(
+    "sensor_msgs/msg/JointState",
+    header=_HEADER,
+    name=_NAMES,
+    position=_NUMBERS,
+    velocity=_NUMBERS,
+    effort=_NUMBERS,
+)
+JOINT_TRAJECTORY_SCHEMA = message_schema(
+    "trajectory_msgs/msg/JointTrajectory",
+    header=_HEADER,
+    joint_names=_NAMES,
+    points={"type": "array", "items": _POINT},
+)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from arm.controller.segments import CountPath
 from arm.controller.unit import UNITS, Unit, load_unit
 from arm.errors import InputError
 from arm.se3 import Array, frozen
@@ -97,10 +96,7 @@ def executed(session: Session, unit: Unit) -> Executed:
             samples.append(sample)
             last_s = sample.time_s
     if not samples:
-        raise InputError(
-            f"{session.file}: has no position sample of a homed arm",
-            file=str(session.file),
-        )
+        raise InputError(f"{session.file}: has no position sample of a homed arm", file=str(session.file))
     at = {id(s): (i, m.segment_of(s)) for i, m in enumerate(session.motions) for s in m.samples}
     places = [at.get(id(s), (-1, None)) for s in samples]
     times = np.array([s.time_s for s in samples])
@@ -150,16 +146,12 @@ def _stream(number: int, motion: LoggedMotion, unit: Unit) -> Planned | None:
     path = motion.path
     if path is None:
         return None
-    durations = np.array([s.duration_ms for s in path.segments]) / 1e3
-    times = motion.begin_s + np.concatenate([[0.0], np.cumsum(durations)])
-    straight = any(len(s.coefficients) == 1 for s in path.segments) or bool(np.any(durations <= 0.0))
-    velocity = None if straight else frozen(_knot_velocity(path) / unit.counts_per_rad)
+    times = motion.begin_s + path.knot_times()
+    velocity = None
+    if not path.has_velocity_jumps:  # neighbouring segments differ by rounding only
+        at_knots = [*(s.derivative(0.0) for s in path.segments), path.segments[-1].derivative(1.0)]
+        velocity = frozen(np.stack(at_knots) / unit.counts_per_rad)
     return Planned(number, motion.sent_s, frozen(times), frozen(unit.positions(path.knots())), velocity)
-
-
-def _knot_velocity(path: CountPath) -> Array:
-    """Counts/s at the start of each segment and at the end; neighbouring segments differ by rounding only."""
-    return np.stack([*(s.derivative(0.0) for s in path.segments), path.segments[-1].derivative(1.0)])
 
 
 def _before(motion: Planned, end_s: float) -> Planned:

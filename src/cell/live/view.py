@@ -13,7 +13,7 @@ from cell.console import Console
 from cell.files.task import Task
 from cell.live.server import LiveServer
 from cell.live.state import Begun, NewPlan, Told
-from cell.preview.of_plan import live_page
+from cell.preview.of_plan import plan_page
 from cell.session.observer import RunObserver
 from driver.execution.control import Control
 from driver.execution.progress import Progress
@@ -43,7 +43,7 @@ class Live(RunObserver):
             return
         mark = f"{self._run}-{next(self._plans)}"
         try:
-            page = live_page(self._task, plan, mark).encode()
+            page = plan_page(self._task, plan, mark).encode()
         except A465Error as error:  # the run goes on without a page
             self.told(f"no live page of {name}: {error}")
             page = None

@@ -5,33 +5,25 @@ The certified clearance of a move is in the plan; samples only show where along 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 import numpy as np
 
 from arm.controller.unit import Unit
 from arm.plan_file import Move, Plan
 from arm.robot.model import Robot
-from arm.robot.shapes import Body, body_from_json
-from arm.se3 import Array
+from arm.robot.shapes import body_from_json
 from cell.preview.overlays import ClearanceSample
-from cell.preview.timeline import CubePose, cube_tracks, timed_steps
+from cell.preview.timeline import cube_tracks, timed_steps
 from plan.collision.world import World
 
 CLEARANCE_EVERY_S = 0.2
 
 
 def sample_clearance(
-    plan: Plan,
-    robot_open: Robot,
-    robot_holding: Robot,
-    unit: Unit,
-    every_s: float = CLEARANCE_EVERY_S,
+    plan: Plan, robot_open: Robot, robot_holding: Robot, unit: Unit, every_s: float = CLEARANCE_EVERY_S
 ) -> dict[int, tuple[ClearanceSample, ...]]:
-    """Sample every move; return samples by index of the plan's step, none in a scene without bodies.
+    """Sample every move; return samples by index of the plan's step. A scene without bodies has no samples.
 
-    Cubes are where the plan has placed them by then. The allowed collisions of a held cube are those of the move.
+    Each cube is where the plan has placed it by then. The move states what a held cube may touch.
 
     Raises:
         InputError: a move holds a cube that is not in the scene.
@@ -47,36 +39,17 @@ def sample_clearance(
         move = timed.step
         if not isinstance(move, Move):
             continue
-        now = _cubes_at(timed.start_s, cubes, tracks)
-        held = now.held
+        now = {cube.name: [p for p in tracks[cube.name] if p.start_s <= timed.start_s][-1] for cube in cubes}
+        held = next((cube for cube in cubes if now[cube.name].held), None)
         world = World(
             robot_holding if held else robot_open,
-            [*bodies, *now.standing],
+            [*bodies, *(cube.at(now[cube.name].T) for cube in cubes if not now[cube.name].held)],
             held,
-            now.T_tool_held,
+            now[held.name].T if held else None,
             [frozenset((held.name, name)) for name in move.allowed_collisions] if held else [],
         )
         sampled[index] = _along(move, world, unit, every_s)
     return sampled
-
-
-@dataclass(frozen=True)
-class _Cubes:
-    """Cubes at one time: those at rest, and the one in the jaws with its pose in the tool frame."""
-
-    standing: tuple[Body, ...]
-    held: Body | None
-    T_tool_held: Array | None
-
-
-def _cubes_at(time_s: float, cubes: Sequence[Body], tracks: dict[str, tuple[CubePose, ...]]) -> _Cubes:
-    now = {cube.name: [p for p in tracks[cube.name] if p.start_s <= time_s][-1] for cube in cubes}
-    held = next((cube for cube in cubes if now[cube.name].held), None)
-    return _Cubes(
-        tuple(cube.at(now[cube.name].T) for cube in cubes if not now[cube.name].held),
-        held,
-        now[held.name].T if held else None,
-    )
 
 
 def _along(move: Move, world: World, unit: Unit, every_s: float) -> tuple[ClearanceSample, ...]:

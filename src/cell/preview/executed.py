@@ -106,13 +106,16 @@ def _sent_path(logged: LoggedMotion) -> CountPath | None:
 def _matched(number: int, step: int, logged: LoggedMotion, path: CountPath, unit: Unit) -> MatchedMotion:
     counts = np.array([s.position.counts for s in logged.samples], dtype=np.int64).reshape(-1, 6)
     places = [None if logged.target else logged.segment_of(s) for s in logged.samples]
-    time_s, nearest = _nearest(path, unit.positions(counts), places, unit)
+    on_path = OnPath(path, unit)
+    q = unit.positions(counts)
+    found = [on_path.place(here, place) for here, place in zip(q, places, strict=True)]
+    nearest = np.array([point for _, point in found]).reshape(-1, 6)
     begin_s = logged.sent_s if logged.target else logged.begin_s
     return MatchedMotion(
         number,
         step,
-        ExecutedMove(step, frozen(time_s), frozen(counts)),
-        frozen(unit.positions(counts) - nearest),
+        ExecutedMove(step, frozen([time_s for time_s, _ in found]), frozen(counts)),
+        frozen(q - nearest),
         sum(s.duration_ms for s in logged.segments or path.segments) / 1e3,
         None if logged.ready_s is None else logged.ready_s - begin_s,
     )
@@ -130,7 +133,7 @@ class OnPath:
         count = max(1, int(np.ceil(path.duration_s / STEP_S)))
         self._grid = np.linspace(0.0, path.duration_s, count + 1)
         self._planned = unit.positions(path.at(self._grid))
-        self._ends = np.concatenate([[0.0], np.cumsum([s.duration_ms for s in path.segments]) / 1e3])
+        self._ends = path.knot_times()
         self._last = 0
 
     def place(self, q: Array, segment: int | None) -> tuple[float, Array]:
@@ -151,13 +154,6 @@ class OnPath:
         self._last = low
         planned = self._planned[low] + share * (self._planned[high] - self._planned[low])
         return float(grid[low] + share * (grid[high] - grid[low])), planned
-
-
-def _nearest(path: CountPath, q: Array, places: Sequence[int | None], unit: Unit) -> tuple[Array, Array]:
-    """Nearest point of the path for each sample: times (m,) on the path's clock, joint positions (m, 6)."""
-    on_path = OnPath(path, unit)
-    found = [on_path.place(here, place) for here, place in zip(q, places, strict=True)]
-    return np.array([time_s for time_s, _ in found]), np.array([point for _, point in found]).reshape(-1, 6)
 
 
 def _on_lines(knots: Array, here: Array) -> tuple[int, float]:

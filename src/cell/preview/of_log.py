@@ -18,6 +18,7 @@ from cell.console import Console
 from cell.export.series import unit_of
 from cell.files.task import Task, read_task
 from cell.preview.executed import MatchedMotion, match, plan_of
+from cell.preview.of_plan import write_page
 from cell.preview.overlays import ExecutedMove
 from cell.preview.page import write_preview
 from cell.task.plan_matches import require_match
@@ -175,20 +176,9 @@ def _task_files(session: Session, plan: Plan) -> Iterator[Path]:
 
 def _write(replay: Replay, output: Path) -> None:
     if replay.task is not None:
-        cell = replay.task.cell
-        write_preview(
-            replay.plan,
-            cell.robot(),
-            cell.robot(cell.cube_size),
-            replay.unit,
-            output,
-            boards=cell.boards,
-            dictionary=cell.dictionary,
-            camera=cell.camera,
-            executed=replay.executed,
-        )
+        write_page(replay.task, replay.plan, output, replay.unit, replay.executed)
         return
-    # Clearance is not sampled, because the tool may be another one.
+    # clearance is not sampled, because the arm may have another tool
     wide, narrow = (load_a465(TOOL_LENGTH, opening) for opening in JAW_OPENINGS)
     write_preview(
         replay.plan, wide, narrow, replay.unit, output, clearance_every_s=0.0, executed=replay.executed

@@ -2,44 +2,60 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
+from arm.controller.unit import Unit
 from arm.io.storage import write_atomic
 from arm.plan_file import Plan
 from cell.files.task import Task
+from cell.preview.overlays import ExecutedMove
 from cell.preview.page import preview_page
 
 
-def write_page(task: Task, plan: Plan, path: Path) -> None:
+def write_page(
+    task: Task, plan: Plan, path: Path, unit: Unit | None = None, executed: Sequence[ExecutedMove] = ()
+) -> None:
     """Write the page of a plan.
+
+    Args:
+        task: with the cell of the plan.
+        plan: to show.
+        path: of the page.
+        unit: in whose counts the executed motion is; default: the cell's.
+        executed: drawn over the plan.
 
     Raises:
         InputError: the plan does not fit the cell, or the file cannot be written.
     """
-    write_atomic(path, _page(task, plan))
+    write_atomic(path, plan_page(task, plan, unit=unit, executed=executed))
 
 
-def live_page(task: Task, plan: Plan, mark: str) -> str:
-    """Return the page of a plan being executed, which follows the state of its server.
+def plan_page(
+    task: Task,
+    plan: Plan,
+    live: str | None = None,
+    unit: Unit | None = None,
+    executed: Sequence[ExecutedMove] = (),
+) -> str:
+    """Return the page of a plan as HTML text.
 
     Args:
-        mark: unique mark; see `cell.live.state.NewPlan`.
+        task, plan, unit, executed: see `write_page`.
+        live: unique mark of a page that follows the state of its server; see `cell.live.state.NewPlan`.
 
     Raises:
         InputError: the plan does not fit the cell.
     """
-    return _page(task, plan, mark)
-
-
-def _page(task: Task, plan: Plan, live: str | None = None) -> str:
     cell = task.cell
     return preview_page(
         plan,
         cell.robot(),
         cell.robot(cell.cube_size),
-        cell.unit,
+        unit or cell.unit,
         boards=cell.boards,
         dictionary=cell.dictionary,
         camera=cell.camera,
         live=live,
+        executed=executed,
     )

@@ -1,10 +1,10 @@
-"""The page: template, style, scripts and content in one self-contained file."""
+"""Assemble the page: template, style, scripts and content in one self-contained file."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 from arm.board import Board
 from arm.controller.unit import Unit
@@ -33,6 +33,15 @@ SCRIPTS = (
 LIVE_SCRIPTS = ("live.js",)
 
 
+class Drawn(TypedDict, total=False):
+    """What a page draws besides the plan and the arm; see `cell.preview.content.page_content`."""
+
+    boards: Sequence[Board]
+    dictionary: str
+    camera: CameraView | None
+    executed: Sequence[ExecutedMove]
+
+
 def write_preview(
     plan: Plan,
     robot_open: Robot,
@@ -40,34 +49,21 @@ def write_preview(
     unit: Unit,
     path: Path,
     *,
-    boards: Sequence[Board] = (),
-    dictionary: str = "DICT_4X4_50",
-    camera: CameraView | None = None,
     clearance_every_s: float = CLEARANCE_EVERY_S,
-    executed: Sequence[ExecutedMove] = (),
+    **drawn: Unpack[Drawn],
 ) -> None:
     """Write a plan as one self-contained HTML file. The same input gives the same bytes.
 
     Args:
+        plan, robot_open, robot_holding, unit, drawn: see `cell.preview.content.page_content`.
         path: of the file, usually ``.html``.
-
-    All other arguments are those of `preview_page`.
+        clearance_every_s: see `preview_page`.
 
     Raises:
         InputError: the plan does not fit the unit or the arms, or the file cannot be written.
     """
-    text = preview_page(
-        plan,
-        robot_open,
-        robot_holding,
-        unit,
-        boards=boards,
-        dictionary=dictionary,
-        camera=camera,
-        clearance_every_s=clearance_every_s,
-        executed=executed,
-    )
-    write_atomic(path, text)
+    arms = robot_open, robot_holding
+    write_atomic(path, preview_page(plan, *arms, unit, clearance_every_s=clearance_every_s, **drawn))
 
 
 def preview_page(
@@ -76,43 +72,23 @@ def preview_page(
     robot_holding: Robot,
     unit: Unit,
     *,
-    boards: Sequence[Board] = (),
-    dictionary: str = "DICT_4X4_50",
-    camera: CameraView | None = None,
     clearance_every_s: float = CLEARANCE_EVERY_S,
-    executed: Sequence[ExecutedMove] = (),
     live: str | None = None,
+    **drawn: Unpack[Drawn],
 ) -> str:
     """Return a plan as HTML text. The same input gives the same text.
 
     Args:
-        plan, robot_open, robot_holding, unit: see `cell.preview.content.page_content`.
-        boards: of the cell; those in the plan's scene are drawn with holes and markers.
-        dictionary: of the boards' markers.
-        camera: drawn with its field of view.
+        plan, robot_open, robot_holding, unit, drawn: see `cell.preview.content.page_content`.
         clearance_every_s: spacing of the clearance samples along the moves; 0 shows the plan's figures instead.
-        executed: drawn over the plan.
         live: the mark of a page that follows the state of its server (`cell.live.server`).
 
     Raises:
         InputError: the plan does not fit the unit or the arms.
     """
-    sampled = (
-        sample_clearance(plan, robot_open, robot_holding, unit, clearance_every_s)
-        if clearance_every_s > 0.0
-        else None
-    )
-    content = page_content(
-        plan,
-        robot_open,
-        robot_holding,
-        unit,
-        boards=boards,
-        dictionary=dictionary,
-        camera=camera,
-        clearance=sampled,
-        executed=executed,
-    )
+    arms = robot_open, robot_holding
+    sampled = sample_clearance(plan, *arms, unit, clearance_every_s) if clearance_every_s > 0.0 else None
+    content = page_content(plan, *arms, unit, clearance=sampled, **drawn)
     return page(content if live is None else content | {"live": live, "code": None})
 
 

@@ -206,7 +206,7 @@ def test_looks_take_no_time_and_held_cubes_are_no_matter(
     case = make_preview_case(1)
     parts = timed_steps(case.plan, case.unit)
     assert any(isinstance(s, LookStep) for s in case.plan.steps)
-    assert [p.name for p in parts] == [s.name for s in case.plan.steps]
+    assert [p.step.name for p in parts] == [s.name for s in case.plan.steps]
     made = sampled(case.plan, case.unit, 0.1)
     assert made.time_s[-1] == pytest.approx(case.plan.duration_s + 3 * 1.0)
     wanted, jaws = truth(case.plan, case.unit, made.time_s)

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicHermiteSpline
 from arm.controller.unit import Unit, load_unit
 from arm.errors import InputError
 from cell.console import Console
-from cell.export.export import export_step
+from cell.export.export import ExportOptions, export_file
 from cell.export.series import executed, planned, unit_of
 from driver.log.read import Session, read_log
 from wire.exported import export, seconds
@@ -74,10 +74,11 @@ def test_the_unit_is_told_by_the_gripper_and_may_be_given(
     )
     with pytest.raises(InputError, match="give --unit, one of crs93, crs97"):
         unit_of(read_log(bare), None)
-    told = export_step(bare, "csv", tmp_path / "bare.csv", False, "crs97", Console(as_json=True))
+    console = Console(as_json=True)
+    told = export_file(bare, ExportOptions("csv", tmp_path / "bare.csv", unit="crs97"), console)
     assert told["samples"] == 1
     with pytest.raises(InputError, match="has no motion with a known start"):
-        export_step(bare, "trajectory", tmp_path / "no.json", True, "crs97", Console(as_json=True))
+        export_file(bare, ExportOptions("trajectory", tmp_path / "no.json", True, "crs97"), console)
     bare.write_text('{"t":0,"kind":"open"}\n')
     with pytest.raises(InputError, match="has no position sample"):
-        export_step(bare, "csv", tmp_path / "no.csv", False, "crs97", Console(as_json=True))
+        export_file(bare, ExportOptions("csv", tmp_path / "no.csv", unit="crs97"), console)

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from cell.console import Console
-from cell.export.export import export_step
+from cell.export.export import ExportOptions, export_file
 from wire.logged_session import LoggedRun
 
 
 def export(run: LoggedRun, form: str, path: Path, sent: bool = False) -> dict[str, Any]:
-    return export_step(run.log, form, path, sent, None, Console(as_json=True))
+    return export_file(run.log, ExportOptions(form, path, planned=sent), Console(as_json=True))
 
 
 def seconds(value: dict[str, int]) -> float:
