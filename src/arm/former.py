@@ -1,7 +1,7 @@
 """Former names of public modules, classes and functions, kept for one version.
 
 The import of a former module name returns the renamed module, with a DeprecationWarning that states the new name. If a
-module became a package of the same name, or a public name changed, `FormerNames` provides the former names.
+module became a package of the same name, or a public name changed, `former_names` provides the former names.
 """
 
 from __future__ import annotations
@@ -99,6 +99,11 @@ class FormerNames:
         now = self.names[name]
         warnings.warn(f"{self.module}.{name} is {self.place}.{now} now", DeprecationWarning, stacklevel=2)
         return getattr(import_module(self.place), now)
+
+
+def former_names(module: str, place: str, *names: str, **renamed: str) -> None:
+    """Let a module provide former names; see `FormerNames`. Type checkers do not see these names."""
+    vars(sys.modules[module])["__getattr__"] = FormerNames(module, place, *names, **renamed)
 
 
 def renamed_arguments(**renamed: str) -> Callable[[type[T]], type[T]]:

@@ -3,11 +3,9 @@
 The import loads Pinocchio and coal, which takes about 0.5 s. The defining modules hold the documentation.
 """
 
-from typing import TYPE_CHECKING
-
 from arm.controller.unit import Limits, Unit, load_unit
 from arm.errors import A465Error, ImpossibleError, InputError
-from arm.former import FormerNames
+from arm.former import former_names
 from arm.plan_file import Plan
 from arm.robot.mesh import read_mesh_points
 from arm.robot.model import Robot, load_a465, load_robot
@@ -89,12 +87,11 @@ __all__ = [
 ]
 
 
-if not TYPE_CHECKING:
-    __getattr__ = FormerNames(
-        __name__,
-        __name__,
-        check_move="certify_move",
-        check_curve="certify_curve",
-        ignoring="with_disabled_collisions",
-        plan_way="plan_joint_motion",
-    )
+former_names(
+    __name__,
+    __name__,
+    check_move="certify_move",
+    check_curve="certify_curve",
+    ignoring="with_disabled_collisions",
+    plan_way="plan_joint_motion",
+)

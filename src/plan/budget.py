@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from arm.arguments import integer, number
 from arm.errors import A465Error
-from arm.former import FormerNames
+from arm.former import former_names
 
 if TYPE_CHECKING:
     from arm.plan_file import Plan
@@ -205,5 +205,4 @@ def allowed(budget: SearchBudget | None) -> Iterator[Meter]:
         _meter.reset(token)
 
 
-if not TYPE_CHECKING:
-    __getattr__ = FormerNames(__name__, __name__, LOOKS_A_SECOND="CHECKS_PER_SECOND")
+former_names(__name__, __name__, LOOKS_A_SECOND="CHECKS_PER_SECOND")

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
 from arm.board import Board
 from arm.errors import ImpossibleError, InputError
-from arm.former import FormerNames
+from arm.former import former_names
 from arm.se3 import apply
 from vision.boards.pose import BoardLimits, estimate_board_pose
 from vision.camera.frame_source import Image
@@ -147,5 +146,4 @@ def annotated(image: Image, camera: Camera, seen: Observation) -> Image:
     return picture
 
 
-if not TYPE_CHECKING:
-    __getattr__ = FormerNames(__name__, "vision.observation", Look="Observation", BoardSight="ObservedBoard")
+former_names(__name__, "vision.observation", Look="Observation", BoardSight="ObservedBoard")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -21,7 +22,7 @@ SOURCE = Path(importlib.import_module("arm").__file__ or "").parents[1]
 MODULES = sorted(
     ".".join(path.relative_to(SOURCE).with_suffix("").parts).removesuffix(".__init__")
     for path in SOURCE.rglob("*.py")
-    if "__getattr__ = FormerNames(" in path.read_text()
+    if re.search(r"^former_names\(", path.read_text(), re.M)
 )
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +12,7 @@ import numpy.typing as npt
 from arm.arguments import number, rigid
 from arm.controller.unit import Limits
 from arm.errors import InputError
-from arm.former import FormerNames
+from arm.former import former_names
 from arm.io.storage import sha256
 from arm.numerics.products import mul
 from arm.robot.model import LinkBody, Robot, by_link
@@ -159,5 +158,4 @@ def urdf_limits(
     return Limits(frozen(lower), frozen(upper), frozen(fast), frozen(push))
 
 
-if not TYPE_CHECKING:
-    __getattr__ = FormerNames(__name__, __name__, ignoring="with_disabled_collisions")
+former_names(__name__, __name__, ignoring="with_disabled_collisions")

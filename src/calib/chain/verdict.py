@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arm.former import FormerNames
+from arm.former import former_names
 from calib.chain.result import ChainCalibration
 from calib.chain.score_tests import ChainErrorHypothesis
 
@@ -164,5 +163,4 @@ def _would_matter(c: ChainCalibration, s: ChainErrorHypothesis) -> bool:
     return s.name == "target size" and abs(s.amount) > _HINT * s.sigma and s.moves > c.limits.held_out
 
 
-if not TYPE_CHECKING:
-    __getattr__ = FormerNames(__name__, __name__, judged="with_verdict")
+former_names(__name__, __name__, judged="with_verdict")

@@ -9,13 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from arm.former import FormerNames, renamed_arguments
+from arm.former import former_names, renamed_arguments
 from arm.io.storage import data_file
 from arm.se3 import Array, frozen, transform
 from calib.chain.fit import Gains, Sightings
@@ -215,5 +214,4 @@ def nao_sightings(
     )
 
 
-if not TYPE_CHECKING:
-    __getattr__ = FormerNames(__name__, __name__, PLAY_NM="BACKLASH_NM")
+former_names(__name__, __name__, PLAY_NM="BACKLASH_NM")

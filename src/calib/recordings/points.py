@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import KDTree
 
 from arm.errors import CalibrationRefused
-from arm.former import FormerNames
+from arm.former import former_names
 from arm.io.node import Node
 from arm.io.rules import numbers
 from arm.se3 import Array
@@ -108,5 +107,4 @@ def plausible_numbers() -> Iterator[None]:
         ) from error
 
 
-if not TYPE_CHECKING:
-    __getattr__ = FormerNames(__name__, __name__, numbers_of_this_world="plausible_numbers")
+former_names(__name__, __name__, numbers_of_this_world="plausible_numbers")

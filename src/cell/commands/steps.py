@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from arm.errors import ExecutionStopped, ImpossibleError
-from arm.former import FormerNames
+from arm.former import former_names
 from arm.io.storage import canonical_json, keep_apart, write_atomic
 from arm.plan_file import Move, Plan, read_plan, write_plan
 from cell.config.cell import Cell
@@ -27,8 +27,8 @@ from vision.observation import Observation
 
 if TYPE_CHECKING:
     from vision.camera.frame_source import FrameSource
-else:
-    __getattr__ = FormerNames(__name__, "cell.commands.render", "render_step")
+
+former_names(__name__, "cell.commands.render", "render_step")
 
 
 def look_step(

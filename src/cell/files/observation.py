@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from arm.board import Board
 from arm.errors import A465Error, FileInputError, ImpossibleError
-from arm.former import FormerNames
+from arm.former import former_names
 from arm.io.storage import read_json, require_finite
 from arm.numerics.products import mul
 from arm.poses import BoardPose, TiltHypothesis
@@ -200,12 +200,11 @@ def _board_from_json(path: Path, entry: dict[str, Any], boards: Sequence[Board])
     return ObservedBoard(pose, occupancy)
 
 
-if not TYPE_CHECKING:
-    __getattr__ = FormerNames(
-        __name__,
-        __name__,
-        Seen="Observation",
-        SeenBoard="ObservedBoard",
-        read_seen="read_observation",
-        seen_to_json="observation_to_json",
-    )
+former_names(
+    __name__,
+    __name__,
+    Seen="Observation",
+    SeenBoard="ObservedBoard",
+    read_seen="read_observation",
+    seen_to_json="observation_to_json",
+)

@@ -1,8 +1,5 @@
 """One arm on one controller: identify, initialise, home, move, grip, stop."""
 
-from typing import TYPE_CHECKING
+from arm.former import former_names
 
-from arm.former import FormerNames
-
-if not TYPE_CHECKING:
-    __getattr__ = FormerNames(__name__, "driver.mars.mars", "Mars")
+former_names(__name__, "driver.mars.mars", "Mars")

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from arm.arguments import finite, rigid
 from arm.controller.unit import Limits
 from arm.errors import ImpossibleError, InputError
-from arm.former import FormerNames
+from arm.former import former_names
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen
 from plan.cartesian.line import LineOptions
@@ -237,5 +236,4 @@ class _Steps:
         )
 
 
-if not TYPE_CHECKING:
-    __getattr__ = FormerNames(__name__, __name__, LineChoice="GraspCandidate")
+former_names(__name__, __name__, LineChoice="GraspCandidate")

@@ -47,7 +47,6 @@ lower bound of d for each pair; where it is enough, no distance is computed.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -55,7 +54,7 @@ from arm.arguments import finite
 from arm.controller.segments import CountPath
 from arm.controller.unit import Unit
 from arm.errors import InputError
-from arm.former import FormerNames
+from arm.former import former_names
 from arm.se3 import Array
 from plan.budget import PROOF_LOOKS, spend
 from plan.collision.bezier import Curve, curve_of_counts
@@ -259,11 +258,10 @@ class _Search:
         return begin + (at - index) * (float(self.curve.ends[index]) - begin)
 
 
-if not TYPE_CHECKING:
-    __getattr__ = FormerNames(
-        __name__,
-        __name__,
-        MoveCheck="ClearanceCertificate",
-        check_move="certify_move",
-        check_curve="certify_curve",
-    )
+former_names(
+    __name__,
+    __name__,
+    MoveCheck="ClearanceCertificate",
+    check_move="certify_move",
+    check_curve="certify_curve",
+)

@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from arm.arguments import joints, poses
 from arm.errors import InputError
-from arm.former import FormerNames
+from arm.former import former_names
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen
 from plan.kinematics.closed_form import BRANCH_NAMES, Flags, all_branches
@@ -144,7 +143,4 @@ def nearest_turns(q: Array, reference: Array) -> Array:
     return q - 2 * np.pi * np.rint((q - reference) / (2 * np.pi))
 
 
-if not TYPE_CHECKING:
-    __getattr__ = FormerNames(
-        __name__, "plan.kinematics.closed_form", "POSE_TOLERANCE", "RawBranches", "has_closed_form"
-    )
+former_names(__name__, "plan.kinematics.closed_form", "POSE_TOLERANCE", "RawBranches", "has_closed_form")

@@ -11,13 +11,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from arm.errors import InputError
-from arm.former import FormerNames
+from arm.former import former_names
 from arm.numerics.products import mul, norm
 from arm.poses import adjoint
 from arm.robot.model import Robot
@@ -151,7 +150,4 @@ def product_of_exponentials(robot: Robot) -> ProductOfExponentials:
     return ProductOfExponentials(axes, T_base_tool)
 
 
-if not TYPE_CHECKING:
-    __getattr__ = FormerNames(
-        __name__, __name__, screw_arm="product_of_exponentials", ScrewArm="ProductOfExponentials"
-    )
+former_names(__name__, __name__, screw_arm="product_of_exponentials", ScrewArm="ProductOfExponentials")

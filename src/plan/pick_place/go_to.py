@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from arm.controller.unit import Limits, Unit
 from arm.errors import ImpossibleError
-from arm.former import FormerNames
+from arm.former import former_names
 from arm.plan_file import Plan
 from plan.collision.search_margin import searched_clearance
 from plan.collision.world import World
@@ -86,5 +86,4 @@ def _refused(pair: Sequence[str], distance: float, asked: float, end: str | None
     return ImpossibleError(text, pair=list(pair), distance_m=distance, clearance_m=asked, end=end)
 
 
-if not TYPE_CHECKING:
-    __getattr__ = FormerNames(__name__, __name__, plan_way="plan_joint_motion")
+former_names(__name__, __name__, plan_way="plan_joint_motion")

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from arm.board import Board
 from arm.errors import ImpossibleError
-from arm.former import FormerNames
+from arm.former import former_names
 from arm.poses import BoardPose
 from arm.se3 import Array, angle_between, frozen
 from vision.boards.checks import BoardLimits, ambiguous, misfit, moved, uncertain
@@ -216,5 +215,4 @@ def _gather(board: Board, frames: Sequence[Sequence[Marker]]) -> Corners | Impos
     return Corners(pixels.reshape(len(frames), 8, 2), board.marker_corners().reshape(8, 3))
 
 
-if not TYPE_CHECKING:
-    __getattr__ = FormerNames(__name__, __name__, BoardSeen="BoardAssessment")
+former_names(__name__, __name__, BoardSeen="BoardAssessment")

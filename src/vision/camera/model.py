@@ -10,13 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from arm.errors import InputError
-from arm.former import FormerNames
+from arm.former import former_names
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
 from arm.io.rules import integers, numbers, rigid, table, tables
@@ -239,5 +239,4 @@ def write_camera(
     write_atomic(path, "\n".join(lines) + "\n")
 
 
-if not TYPE_CHECKING:
-    __getattr__ = FormerNames(__name__, __name__, read_lens="read_intrinsics")
+former_names(__name__, __name__, read_lens="read_intrinsics")

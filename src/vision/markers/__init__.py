@@ -1,8 +1,5 @@
 """Markers in an image: dictionaries, detection, edges, exposure."""
 
-from typing import TYPE_CHECKING
+from arm.former import former_names
 
-from arm.former import FormerNames
-
-if not TYPE_CHECKING:
-    __getattr__ = FormerNames(__name__, "vision.markers.detect", "Marker", "detect_markers")
+former_names(__name__, "vision.markers.detect", "Marker", "detect_markers")

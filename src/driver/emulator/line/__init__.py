@@ -1,8 +1,5 @@
 """The emulated serial line: ports, timing, and a byte echo interleaved with answers."""
 
-from typing import TYPE_CHECKING
+from arm.former import former_names
 
-from arm.former import FormerNames
-
-if not TYPE_CHECKING:
-    __getattr__ = FormerNames(__name__, "driver.emulator.line.memory", "Tap", "MemoryLine", "MemoryWire")
+former_names(__name__, "driver.emulator.line.memory", "Tap", "MemoryLine", "MemoryWire")
