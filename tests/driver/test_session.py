@@ -91,7 +91,7 @@ def test_a_homing_line_that_is_lost_is_made_good_where_it_does_not(unit: Unit, c
         with Mars(emulator.open_line(), unit, clock) as mars:
             mars.identify()
             mars.initialise(soft_home=False)
-        assert emulator.machine.homed == [True] * 6
+        assert emulator.machine.offset == (0,) * 6
         told = [line for _, line in emulator.lines if line.startswith("HH")]
         assert told.count("HHD:") == 1  # it was seen to move
 

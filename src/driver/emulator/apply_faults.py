@@ -65,13 +65,14 @@ class Trouble:
             self.schedule.put(self.machine.now_ms + lasts_ms, fault, over=True)
         if fault.kind in LINE_KINDS:
             (self.line.end if over else self.line.begin)(fault)
-        elif not self._cabinet(fault, over) and not self._arm(fault, over):
-            self._once(fault)
+        else:
+            self._set(fault, over)
         if self.machine.faulty:
             self.machine.freeze()
 
-    def _cabinet(self, fault: Fault, over: bool) -> bool:
-        machine = self.machine
+    def _set(self, fault: Fault, over: bool) -> None:
+        """Set or clear the state in which a fault of the unit or the arm consists."""
+        machine, defects = self.machine, self.machine.defects
         match fault.kind:
             case "power_off":
                 machine.power = over
@@ -86,22 +87,10 @@ class Trouble:
                     wire.cut = True
             case "power_cycle":
                 self._power_cycle(fault, over)
-            case _:
-                return False
-        return True
-
-    def _arm(self, fault: Fault, over: bool) -> bool:
-        if fault.kind not in ("stuck_axis", "drift", "lag"):
-            return False
-        if over:
-            self.machine.following.end(fault)
-        else:
-            self.machine.following.begin(fault, self.machine.path.at)
-        return True
-
-    def _once(self, fault: Fault) -> None:
-        defects = self.machine.defects
-        match fault.kind:
+            case "stuck_axis" | "drift" | "lag" if over:
+                machine.following.end(fault)
+            case "stuck_axis" | "drift" | "lag":
+                machine.following.begin(fault, machine.path.at)
             case "queue_overflow" if fault.queue:
                 lowered = defects.queue is None
                 defects.queue = fault.queue if lowered else None

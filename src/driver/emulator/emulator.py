@@ -21,8 +21,6 @@ from driver.emulator.exchange import Exchange
 from driver.emulator.faults.model import Fault, FaultEvent
 from driver.emulator.line.memory import MemoryLine, Tap
 from driver.emulator.line.ports import Ports
-from driver.emulator.line.uart import Wire
-from driver.emulator.line.weave import Weave
 from driver.emulator.options import EmulatorOptions
 from driver.emulator.unit.machine import Machine
 from driver.emulator.unit.plant import Plant
@@ -68,7 +66,7 @@ class Emulator:
         self.failure: OSError | A465Error | None = None
         self.machine = Machine(unit, plant, options or EmulatorOptions())
         self.interpreter = Interpreter(self.machine)
-        self._ports = Ports(self.machine.options.paced, self._equip)
+        self._ports = Ports(self.machine.options, self._echoing)
         self._trouble = Trouble(self.interpreter, self._ports, self._tell_fault)
         self._exchange = Exchange(self.interpreter, self._ports, self._trouble, log)
         self._lock = threading.RLock()
@@ -84,13 +82,8 @@ class Emulator:
         else:
             self._thread.start()
 
-    def _equip(self, wire: Wire) -> None:
-        options = self.machine.options
-        weave = None
-        if options.echo == "byte":
-            mixed = options.echo_order == "mixed"
-            weave = Weave(mixed, lambda: self.interpreter.echo and not self._trouble.dark, options.echoed_end)
-        wire.equip(weave, options.adapter_echo, options.input_buffer, options.input_full == "drop")
+    def _echoing(self) -> bool:
+        return self.interpreter.echo and not self._trouble.dark
 
     def __enter__(self) -> Emulator:
         return self

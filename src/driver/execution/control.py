@@ -44,7 +44,7 @@ class Control:
         self.paused = False
         self.aborted = False
         self.standing = False
-        self.tell: Callable[[str], None] = tell or _ignore
+        self.tell: Callable[[str], None] = tell or (lambda text: None)
         self._override = ceiling
         self._link: Link | None = None
         self.override = min(override, ceiling) if 0.0 < override <= 1.0 else override
@@ -121,7 +121,3 @@ class Control:
         """
         if self.aborted:
             raise Aborted("aborted on request", reason="aborted")
-
-
-def _ignore(text: str) -> None:
-    """Default of `Control.tell`."""

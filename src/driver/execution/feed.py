@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from math import inf
 
 from driver.execution.progress import StreamOptions
-from driver.line.link import LineDamaged, NoAnswer
+from driver.line.echo import Mismatch
+from driver.line.link import LineDamaged, NoAnswer, line_damaged
 from driver.line.protocol import BYTES_PER_SECOND, MAX_LINE, encode_dwell
 from driver.mars.lookahead import BUSY_HOST_S, JITTER_S, JITTER_WALL_S, Needs, Timeline, braking_s, dwell_for
 from driver.mars.mars import Mars
@@ -217,11 +218,8 @@ class Feed:
         if now < self._late_since + clock.at_least(BUSY_HOST_S, BUSY_HOST_S) - BUSY_HOST_S:
             return
         segment, line = self._verified, self._lines[self._verified]
-        raise LineDamaged(
+        raise line_damaged(
             f"transmission error: no echo of segment {segment + 1} of {len(self._lines)}, which would begin in "
             f"{self.timeline.begins(segment) - now:.2f} s: sent {line!r}",
-            sent=line,
-            received="",
-            column=1,
-            reason="line",
+            Mismatch(line, ""),
         )

@@ -7,36 +7,18 @@ queue while the arm is at rest, and the whole motion is sent again.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
 
 from arm.controller.segments import CountPath
 from arm.errors import A465Error, ImpossibleError
 from driver.execution.control import Control
 from driver.execution.progress import Sent
+from driver.execution.stream_run import StreamRun
 from driver.line.link import LineDamaged
 from driver.mars.mars import Mars
 from driver.mars.stopping import farthest
 
 PRELOADS = 3  # attempts to send a motion
 SLOWER = 1.5  # factor on the time allowed, from one attempt to the next
-
-
-class Loading(Protocol):
-    """A stream that begins with a dwell."""
-
-    @property
-    def stands(self) -> bool:
-        """Whether no segment sent can have begun."""
-        ...
-
-    @property
-    def at_once(self) -> tuple[int, int]:
-        """Number of segments loaded before any begins, and the total number."""
-        ...
-
-    def run(self) -> Sent:
-        """Send the motion, and wait for its end."""
-        ...
 
 
 def refuse_preload(mars: Mars) -> None:
@@ -52,7 +34,7 @@ def refuse_preload(mars: Mars) -> None:
         )
 
 
-def preloaded(mars: Mars, begin: Callable[[float], Loading], path: CountPath, control: Control) -> Sent:
+def preloaded(mars: Mars, begin: Callable[[float], StreamRun], path: CountPath, control: Control) -> Sent:
     """Load a motion while the arm is at rest, in up to `PRELOADS` attempts, then let it run.
 
     Args:

@@ -16,6 +16,7 @@ from driver.execution.progress import Progress, Sent, StreamOptions
 from driver.execution.speed_override import stretched
 from driver.execution.stream_run import StreamRun, encoded
 from driver.mars.mars import Mars
+from driver.mars.refusals import refuse_outside
 from driver.mars.stopping import farthest
 
 
@@ -51,7 +52,7 @@ def stream(
     if options.preload:
         refuse_preload(mars)
     for corner in path.extremes():
-        mars.refuse_outside(corner.tolist(), "the path reaches")
+        refuse_outside(mars.unit, corner.tolist(), "the path reaches")
     with mars.guarded("stream"):
         control.require()
     with control.attached(mars.link):

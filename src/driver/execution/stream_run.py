@@ -263,8 +263,6 @@ class StreamRun:
                     if self.waiting and self.ready_at is None:
                         self.ready_at, self.idle = self.link.clock.now(), False
                         self.looks.asked_at = -math.inf  # poll at once whether it is idle
-                case _:
-                    pass
         except MalformedAnswer as error:  # the next poll counts; too long without one is an error
             self.mars.note("damaged", text=str(error))
 

@@ -1,13 +1,14 @@
 """Use the unit's echo as a checksum: determine which lines sent were echoed exactly, and which were not.
 
 With ``ECHO:1`` the unit sends back what it receives. The protocol has no checksum and segments are relative, so only
-the echo shows that a line arrived as sent. `EchoWatch` takes the lines sent and the lines received; it has no clock and
-no port of its own.
+the echo shows that a line arrived as sent. `EchoWatch` compares the lines received with the lines sent. It has no clock
+and no port of its own.
 
-Lines sent contain neither ``=`` nor ``!``; undamaged answers contain one of them. So if the unit does not interleave
-echoes and answers, each received line is one or the other. A line that is neither is judged by the next line: if that
-is the awaited echo, an answer was damaged; if it is a later echo, the awaited one was damaged. But the echo of a
-command that was never sent means that the unit has received such a command: the arm is stopped at once.
+Lines sent contain neither ``=`` nor ``!``; undamaged answers contain one of them. So each received line is either an
+echo or an answer, unless the unit interleaves the two. A line that is neither is damaged; the next line tells which
+kind it was. If that is the awaited echo, an answer was damaged. If it is a later echo, the awaited one was damaged.
+The echo of a command that was never sent means that the unit has received such a command, so the arm is stopped at
+once.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ from enum import Enum
 from driver.line.protocol import Answer, Failed, Ready, parse_reply
 
 _RECENT = 32  # latest lines, whose echo is recognised if it comes late or twice
-_LATEST_TRIPS = 24  # latest echoes, of which the round trip is computed
-_SHORT = 20  # characters; the echo of a shorter line takes next to no time
+_LATEST_TRIPS = 24  # latest echoes, from which the round trip is computed
+_SHORT = 20  # characters; the transmission time of a shorter echo is negligible
 _RESEMBLANCE = 0.6  # fraction of a line that must agree at its two ends if the rest was damaged
-_FEWEST = 6  # characters by which a cut line is recognised; answers share the first five, COORD
+_FEWEST = 6  # characters needed to recognise a line that was cut; many lines share the first five, COORD
 _REGISTERS = re.compile(r"REG[A-Z0-9]*|ANAXSETUP[A-H]|IDLEREL|COORDGRP|COORDDISCONT")
 _QUERIES = re.compile(r"STAMP|ECHO|R[A-H]?|STOP|PURGE")
 _WAIT = re.compile(r"R[A-H]?:")
@@ -94,19 +95,19 @@ class _Awaited:
 
 
 class EchoWatch:
-    """Follows the echo of everything that is sent. Not thread-safe.
+    """Matches received lines with the lines sent. Not thread-safe.
 
-    While `strict` is False nothing is checked and echoes are skipped in any order: before it is known how the unit
-    echoes, after a stop, and with a unit that does not echo.
+    While `strict` is False, echoes are skipped in any order and not checked. This is so before the unit's way of
+    echoing is known, after a stop, and with a unit that does not echo.
 
     Attributes:
         strict: the echo of every line is checked.
-        verified: number of the latest line up to which all are echoed or need no echo; it stays at a mismatch.
+        verified: this line and all before it have been echoed or need no echo; a mismatch holds the number back.
         mismatch: the first motion line whose echo differs.
         lost: register lines whose echo differs; the sender sends them again.
-        round_trip_s: from the last byte of a short line to its echo; the lower quartile of the latest ones, as the
-            others waited behind answers and longer echoes.
-        mixed: an answer has come in the middle of an echo.
+        round_trip_s: time from the last byte of a short line to its echo. The lower quartile of recent lines, because
+            slower echoes have waited behind answers and longer echoes.
+        mixed: an answer has interrupted an echo.
         stops: number of STOP echoes since `forget`.
     """
 
@@ -202,20 +203,17 @@ class EchoWatch:
         head, self._head = self._head, ""
         line = head + line
         awaited = self._awaited[0] if self._awaited else None
-        if awaited is not None and line == awaited.text:
-            self._came(1, now_s)
-            return None
-        if (
-            awaited is not None
-            and line.endswith(awaited.text)
-            and self._ends_an_answer(line[: -len(awaited.text)], torn)
-        ):
-            self._came(1, now_s)
-            return None
-        if awaited is not None and self._woven(line, awaited.text):
-            self._came(1, now_s)
-            self.mixed = True
-            return None
+        if awaited is not None:
+            behind_answer = line.endswith(awaited.text) and self._ends_an_answer(
+                line.removesuffix(awaited.text), torn
+            )
+            if line == awaited.text or behind_answer:
+                self._came(now_s)
+                return None
+            if self._woven(line, awaited.text):
+                self._came(now_s)
+                self.mixed = True
+                return None
         if self._answers(line):
             return line
         if torn and self._begins_answer(line):
@@ -224,7 +222,7 @@ class EchoWatch:
         for place, later in enumerate(self._awaited):
             if place and line == later.text:
                 self._skip(place)
-                self._came(1, now_s)
+                self._came(now_s)
                 return None
         if awaited is not None and self._interrupts(line, awaited.text):
             return line[len(self._head) :]
@@ -295,14 +293,13 @@ class EchoWatch:
             return True
         return torn and self._answered and len(before) == 1 and (ord(before) ^ ord("\n")).bit_count() == 1
 
-    def _came(self, lines: int, now_s: float) -> None:
-        """Record the echo of the oldest awaited lines."""
-        for _ in range(lines):
-            line = self._awaited.popleft()
-            if self.mismatch is None:
-                self.verified = line.number
-            if len(line.text) < _SHORT:
-                self._trips.append(max(now_s - line.left_s, 0.0))
+    def _came(self, now_s: float) -> None:
+        """Record the echo of the oldest awaited line."""
+        line = self._awaited.popleft()
+        if self.mismatch is None:
+            self.verified = line.number
+        if len(line.text) < _SHORT:
+            self._trips.append(max(now_s - line.left_s, 0.0))
         self._odd = ""
 
     def _skip(self, lines: int) -> None:

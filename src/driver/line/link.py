@@ -8,17 +8,14 @@ from driver.line.clock import Clock
 from driver.line.echo import Kind, Mismatch, kind_of
 from driver.line.port import Port
 from driver.line.protocol import STAMP_RANGE, Answer, encode, encode_query
-from driver.line.transport import ANSWER_S as ANSWER_S
-from driver.line.transport import Aborted as Aborted
-from driver.line.transport import LineDamaged as LineDamaged
-from driver.line.transport import LinkLost as LinkLost
-from driver.line.transport import NoAnswer as NoAnswer
-from driver.line.transport import PortLink
+from driver.line.transport import ANSWER_S, Aborted, LineDamaged, LinkLost, NoAnswer, PortLink, line_damaged
 from driver.line.wire_log import WireLog
 
+__all__ = ["ANSWER_S", "Aborted", "LineDamaged", "Link", "LinkLost", "NoAnswer", "line_damaged"]
+
 TELLS = 3  # attempts to set a register
-ASKS = 2  # attempts to query
-ASKED_AT_ONCE = 12  # queries before each stamp
+ASKS = 2  # attempts at a group of queries
+ASKED_AT_ONCE = 12  # queries in a group, which one stamp ends
 
 
 class Link(PortLink):
@@ -30,7 +27,7 @@ class Link(PortLink):
         self._told: dict[str, str] = {}  # by name: the latest line of each register
 
     def tell(self, *lines: str) -> None:
-        """Send lines that may be sent twice, such as registers, and repeat those without a correct echo.
+        """Send lines that do no harm if sent twice, such as registers. Repeat those without a correct echo.
 
         Raises:
             NoAnswer, LinkLost: as `synchronise`.
@@ -46,11 +43,9 @@ class Link(PortLink):
             lost = list(self.echo.lost)
             if not lost:
                 return
-            # a damaged line may have set another register: set that one again too
-            left = [
-                *(line for found in lost for line in self._overwritten(found)),
-                *(found.sent for found in lost),
-            ]
+            # a damaged line may have set another register, which is set again too
+            left = [line for found in lost for line in self._overwritten(found)]
+            left += [found.sent for found in lost]
         raise LineDamaged(
             f"transmission error: sent {lost[0].sent!r} {TELLS} times, no correct echo",
             sent=lost[0].sent,
@@ -68,13 +63,10 @@ class Link(PortLink):
             return []
         if name in self._told:
             return [self._told[name]]
-        raise LineDamaged(
+        raise line_damaged(
             f"{found.describe()}: register {name} was overwritten and its old value is not known; switch the unit "
             "off and on",
-            sent=found.sent,
-            received=found.received,
-            column=found.column,
-            reason="line",
+            found,
         )
 
     def wait(self, seconds: float) -> None:
@@ -87,21 +79,35 @@ class Link(PortLink):
         while self.clock.now() < until:
             self.receive(until)
 
-    def await_answer(self, key: str, timeout: float = ANSWER_S) -> str:
+    def await_answer(
+        self,
+        key: str,
+        timeout: float = ANSWER_S,
+        text: str | None = None,
+        found: dict[str, str | None] | None = None,
+    ) -> str:
         """Return the text of the next answer with that key. Other lines are dropped, except for `events`.
 
+        Args:
+            timeout: controller seconds.
+            text: wait for an answer with this text.
+            found: answers to its keys that come meanwhile are put here.
+
         Raises:
-            NoAnswer: none came within `timeout` controller seconds.
+            NoAnswer: none came in time.
             LinkLost: the port is gone.
         """
         deadline = self.deadline(timeout)
         while True:
             reply = self.receive(deadline)
-            if isinstance(reply, Answer) and reply.key == key:
-                return reply.text
-            if reply is None and self.clock.now() >= deadline:
+            if isinstance(reply, Answer):
+                if reply.key == key and text in (None, reply.text):
+                    return reply.text
+                if found is not None and reply.key in found:
+                    found[reply.key] = reply.text
+            elif reply is None and self.clock.now() >= deadline:
                 raise NoAnswer(
-                    f"{self.url}: no answer {key} within {timeout:g} s",
+                    f"{self.url}: no answer to {key} within {timeout:g} s",
                     url=self.url,
                     key=key,
                     reason="silent",
@@ -118,7 +124,7 @@ class Link(PortLink):
         return self.await_answer(name + axis, timeout)
 
     def ask_optional(self, name: str, axis: str = "") -> str | None:
-        """Ask a query that the unit may not know. Return None if only the following stamp is answered.
+        """Send a query that the unit may not know. Return None if only the stamp after it is answered.
 
         Raises:
             NoAnswer, LinkLost: as `synchronise`.
@@ -126,7 +132,7 @@ class Link(PortLink):
         return self.ask_all([name + axis])[name + axis]
 
     def ask_all(self, keys: Sequence[str]) -> dict[str, str | None]:
-        """Ask queries that the unit may not know. Return name with axis to answer, or to None without one.
+        """Send queries that the unit may not know. Return each key (name with axis) with its answer, or with None.
 
         Raises:
             NoAnswer, LinkLost: as `synchronise`.
@@ -140,20 +146,20 @@ class Link(PortLink):
                 try:
                     self._stamp_round(ANSWER_S, found)
                     break
-                except NoAnswer:  # the stamp was lost on the line, and maybe answers too
+                except NoAnswer:  # the stamp was lost on the line, perhaps with some answers
                     if attempt == ASKS:
                         raise
                 left = [key for key in left if found[key] is None]
         return found
 
     def synchronise(self, timeout: float = ANSWER_S, attempts: int = 1) -> None:
-        """Wait for the answer to a new stamp: the unit has then parsed every line sent before it.
+        """Wait for the answer to a new stamp. The unit has then parsed every line sent before it.
 
-        No earlier answer can come afterwards.
+        No answer to an earlier line can come afterwards.
 
         Args:
             timeout: of each attempt, controller seconds.
-            attempts: how many stamps to try; more than one only where noise is expected (power-up, after a stop).
+            attempts: how many stamps to try. More than one only where noise is expected (power-up, after a stop).
 
         Raises:
             NoAnswer: no stamp was answered.
@@ -185,20 +191,6 @@ class Link(PortLink):
 
     def _stamp_round(self, timeout: float, found: dict[str, str | None]) -> None:
         self.stamp()
-        deadline = self.deadline(timeout)
-        while True:
-            reply = self.receive(deadline)
-            match reply:
-                case Answer("STAMP", text) if text == str(self._stamp):
-                    if self.echoes and not self.echo.strict:
-                        self.echo.resume()
-                    return
-                case Answer(key, text) if key in found:
-                    found[key] = text
-                case None if self.clock.now() >= deadline:
-                    raise NoAnswer(
-                        f"{self.url}: no answer to STAMP within {timeout:g} s",
-                        url=self.url,
-                        key="STAMP",
-                        reason="silent",
-                    )
+        self.await_answer("STAMP", timeout, str(self._stamp), found)
+        if self.echoes and not self.echo.strict:
+            self.echo.resume()

@@ -1,7 +1,7 @@
 """The MARS-8 line protocol: a table of commands, and pure functions that encode and parse lines.
 
-Source: the controller's fact sheet, sections 1 and 2. ``NAME[axis]:v,v..`` is a command and ``NAME[axis]?`` a query;
-lines end in a line feed; a successful command has no answer; an answer is ``NAME[axis]=value`` and CR LF.
+``NAME[axis]:v,v..`` is a command and ``NAME[axis]?`` a query; both end in a line feed. A successful command has no
+answer. An answer is ``NAME[axis]=value`` and CR LF. Source: the controller's fact sheet, sections 1 and 2.
 Evidence: D documented by the vendor, C client code, U records from a unit, I inferred.
 """
 
@@ -17,9 +17,7 @@ from arm.errors import ExecutionStopped, InputError
 BAUD = 19200
 BYTES_PER_SECOND = BAUD / 10.0  # 8N1: ten bits a byte
 MAX_LINE = 149  # characters; the longest line known to work has about 150 [I]
-VERTEX_STEPS = (
-    5  # COORDDISCONT: "best performance" of the vendor's toolbox, in acceleration steps of 1 ms [D]
-)
+VERTEX_STEPS = 5  # COORDDISCONT in acceleration steps of 1 ms: "best performance" of the vendor's toolbox [D]
 STAMP_RANGE = 0x8000  # a stamp is 0 .. 0x7FFF
 SEQUENCE_RANGE = 0x8000  # segment numbers are compared modulo this: right for a wrap at 2^15 and at 2^16
 CLOCK_RANGE_MS = 0x10000  # COORDAP's milliseconds wrap here [D]
@@ -31,93 +29,49 @@ class Command:
     """One row of the command table.
 
     Attributes:
-        name: as sent, case-sensitive.
         axis: whether the name takes an axis letter: "" never, "x" always, "?" optionally.
         values: lowest and highest number of values; None for a query only.
         asked: whether ``NAME?`` is answered (None: unknown, never relied upon).
-        unit: of its values.
-        answer: form of the answer, or "".
-        meaning: what the command does.
         evidence: D, C, U, I.
     """
 
-    name: str
     axis: str
     values: tuple[int, int] | None
     asked: bool | None
-    unit: str
-    answer: str
-    meaning: str
     evidence: str
 
 
-COMMANDS: dict[str, Command] = {
-    row.name: row
-    for row in (
-        Command(
-            "ECHO", "", (1, 1), False, "0 or 1", "", "send received characters back; on after power-up", "CU"
-        ),
-        Command("VER", "", None, True, "text", "VER=<text>", "firmware", "CU"),
-        Command("STAMP", "", (1, 1), False, "0..32767", "STAMP=n", "answered in order of commands", "C"),
-        Command("ST", "", None, True, "bits", "ST=<decimal>", "status word", "C"),
-        Command(
-            "R", "?", (0, 0), False, "", "R! | Rx! | FAIL!", "answered when nothing generates motion", "C"
-        ),
-        Command("AP", "x", None, True, "counts", "APx=<int>", "actual position of an axis", "C"),
-        Command(
-            "COORDAP",
-            "",
-            None,
-            True,
-            "ms, -, -, counts",
-            "COORDAP=ms,seg,par,p..",
-            "positions of the group",
-            "D",
-        ),
-        Command("STOP", "?", (0, 0), False, "", "", "stop, stay powered and hold", "U"),
-        Command("RELEASE", "?", (0, 0), False, "", "", "no current; brakes engage, the arm may drop", "DU"),
-        Command("PURGE", "?", (0, 0), False, "", "", "stop any action and clear errors", "DC"),
-        Command("HH", "x", (0, 0), False, "", "", "hard home: go to the mark, position 0 there", "C"),
-        Command("G", "x", (1, 1), False, "counts", "", "go to a position, this axis alone", "C"),
-        Command(
-            "SPDT",
-            "x",
-            (2, 2),
-            False,
-            "counts/256 per ms, ms",
-            "",
-            "constant speed for a time; closes the loop",
-            "DI",
-        ),
-        Command("REGMS", "x", (1, 1), None, "counts/256 per ms", "", "speed limit", "DCU"),
-        Command(
-            "REGACC", "x", (1, 1), None, "counts/256 per ms^2", "", "acceleration limit (unit assumed)", "C"
-        ),
-        Command("REGME", "x", (1, 1), None, "32000 is 24 V", "", "energy limit", "C"),
-        Command("REGCFG", "x", (1, 1), None, "bits", "", "axis configuration, homing speed", "CI"),
-        Command("REGP", "x", (1, 1), None, "", "", "proportional gain", "C"),
-        Command("REGI", "x", (1, 1), None, "", "", "integral gain", "C"),
-        Command("REGD", "x", (1, 1), None, "", "", "derivative gain", "C"),
-        Command("REGS1", "x", (1, 1), None, "", "", "current limit", "C"),
-        Command("REGS2", "x", (1, 1), None, "", "", "overcurrent feedback", "C"),
-        Command("ANAXSETUP", "x", (2, 2), False, "ADC channels", "", "feed an axis by an ADC channel", "C"),
-        Command(
-            "IDLEREL", "", (1, 1), None, "s (assumed)", "", "release the arm after idling; 0 is never", "CI"
-        ),
-        Command(
-            "COORDGRP", "", (0, 8), False, "axis letters", "", "form or dissolve the coordinated group", "C"
-        ),
-        Command(
-            "COORDDISCONT", "", (1, 1), None, "acceleration steps", "", "speed jump allowed at a vertex", "DC"
-        ),
-        Command(
-            "COORDMV", "", (1, 8), False, "counts", "", "straight to an absolute position, shortest time", "D"
-        ),
-        Command("COORDMVT", "", (2, 9), False, "ms, counts", "", "the same in at least that time", "D"),
-        Command(
-            "COORDSPLINET", "", (3, 40), False, "ms, order, counts", "", "polynomial, axis by axis", "DC"
-        ),
-    )
+# Names are case-sensitive. A comment gives the meaning, the unit of the values, and the form of an answer.
+COMMANDS = {
+    "ECHO": Command("", (1, 1), False, "CU"),  # 0 or 1: send received characters back; on after power-up
+    "VER": Command("", None, True, "CU"),  # firmware: VER=<text>
+    "STAMP": Command("", (1, 1), False, "C"),  # 0 to 32767, answered in order of commands: STAMP=n
+    "ST": Command("", None, True, "C"),  # status word: ST=<decimal>
+    "R": Command("?", (0, 0), False, "C"),  # R!, Rx! or FAIL! once nothing generates motion
+    "AP": Command("x", None, True, "C"),  # actual position of an axis, counts: APx=<int>
+    "COORDAP": Command("", None, True, "D"),  # positions of the group, counts: COORDAP=ms,seg,par,p..
+    "STOP": Command("?", (0, 0), False, "U"),  # stop, stay powered and hold
+    "RELEASE": Command("?", (0, 0), False, "DU"),  # no current; brakes engage, the arm may drop
+    "PURGE": Command("?", (0, 0), False, "DC"),  # stop any action and clear errors
+    "HH": Command("x", (0, 0), False, "C"),  # hard home: go to the mark, position 0 there
+    "G": Command("x", (1, 1), False, "C"),  # go to a position, counts, this axis alone
+    "SPDT": Command("x", (2, 2), False, "DI"),  # speed, counts/256 per ms, for a time, ms; closes the loop
+    "REGMS": Command("x", (1, 1), None, "DCU"),  # speed limit, counts/256 per ms
+    "REGACC": Command("x", (1, 1), None, "C"),  # acceleration limit, counts/256 per ms^2 (unit assumed)
+    "REGME": Command("x", (1, 1), None, "C"),  # energy limit; 32000 is 24 V
+    "REGCFG": Command("x", (1, 1), None, "CI"),  # axis configuration and homing speed, bits
+    "REGP": Command("x", (1, 1), None, "C"),  # proportional gain
+    "REGI": Command("x", (1, 1), None, "C"),  # integral gain
+    "REGD": Command("x", (1, 1), None, "C"),  # derivative gain
+    "REGS1": Command("x", (1, 1), None, "C"),  # current limit
+    "REGS2": Command("x", (1, 1), None, "C"),  # overcurrent feedback
+    "ANAXSETUP": Command("x", (2, 2), False, "C"),  # feed an axis by an ADC channel: position, current
+    "IDLEREL": Command("", (1, 1), None, "CI"),  # release the arm after idling, s (assumed); 0 is never
+    "COORDGRP": Command("", (0, 8), False, "C"),  # axis letters: form the coordinated group, or dissolve it
+    "COORDDISCONT": Command("", (1, 1), None, "DC"),  # speed jump allowed at a vertex, acceleration steps
+    "COORDMV": Command("", (1, 8), False, "D"),  # straight to a position, counts, in the shortest time
+    "COORDMVT": Command("", (2, 9), False, "D"),  # the same in at least that time: ms, counts
+    "COORDSPLINET": Command("", (3, 40), False, "DC"),  # polynomial: ms, order, counts axis by axis
 }
 
 # May be sent before the other side is identified: none of these moves or changes anything.
@@ -202,10 +156,8 @@ def _command(name: str, axis: str) -> Command:
             f"{name!r} is not a command of the MARS-8; must be one of {', '.join(COMMANDS)}", command=name
         )
     if (axis and not _is_axis(axis)) or (axis and not command.axis) or (command.axis == "x" and not axis):
-        rule = {"": "takes no axis", "x": "needs an axis A to H", "?": "may take an axis A to H"}[
-            command.axis
-        ]
-        raise InputError(f"{name}{axis}: {rule}", command=name, axis=axis)
+        rules = {"": "takes no axis", "x": "needs an axis A to H", "?": "may take an axis A to H"}
+        raise InputError(f"{name}{axis}: {rules[command.axis]}", command=name, axis=axis)
     return command
 
 

@@ -1,7 +1,7 @@
 """Send lines to a port, receive lines from it, and follow the echo of each line sent.
 
-Only the thread that uses a link writes. The port's reader thread splits lines and passes them on through a queue. So
-there is no lock that an interrupt could leave held, and STOP can always be sent.
+Only the thread that uses a link writes to the port. The port's reader thread splits what it receives into lines and
+passes them on through a queue. So there is no lock that an interrupt could leave held, and STOP can always be sent.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from arm.errors import A465Error, ExecutionStopped
 from driver.line.clock import Clock
-from driver.line.echo import EchoWatch
+from driver.line.echo import EchoWatch, Mismatch
 from driver.line.port import PORT_ERRORS, Port, SerialPort
 from driver.line.protocol import (
     BYTES_PER_SECOND,
@@ -32,14 +32,14 @@ from driver.line.unit_time import UnitTime
 from driver.line.wire_log import WireLog
 
 ANSWER_S = 2.0  # time limit of an answer
-LEAST_WALL_S = 1.0  # wall time: least time limit, as a busy host may not run for so long
-UNSENT_BYTES = 64  # most bytes ahead of a STOP
-CHUNK_BYTES = 32
-LONGEST_LINE = 1024  # bytes received without a line end: noise
-UNREAD_LINES = 1000  # unread lines, beyond which noise is dropped
-TURN_S = 0.2  # time limit of an answer that is waited for before sending, beyond the round trip
+LEAST_WALL_S = 1.0  # shortest time limit in wall time, as a busy host may suspend this process that long
+UNSENT_BYTES = 64  # a STOP waits behind at most this many bytes
+CHUNK_BYTES = 32  # written at once
+LONGEST_LINE = 1024  # bytes; more without a line end are noise
+UNREAD_LINES = 1000  # received lines in the queue; further noise is dropped
+UNREAD_ANSWERS = 10_000  # received lines in the queue; with more the other side is not a MARS
+TURN_S = 0.2  # how long to wait for pending answers before sending, beyond the round trip
 _STOP = f"\n{encode('STOP')}\n".encode()
-UNREAD_ANSWERS = 10_000  # unread lines, beyond which the other side is not a MARS
 
 
 class NoAnswer(ExecutionStopped):
@@ -54,13 +54,20 @@ class LineDamaged(ExecutionStopped):
     """The echo shows that a line did not arrive as sent. With ``sent``, ``received`` and ``column``."""
 
 
+def line_damaged(text: str, mismatch: Mismatch) -> LineDamaged:
+    """Return the error of a line whose echo differs, with the data of the mismatch."""
+    return LineDamaged(
+        text, sent=mismatch.sent, received=mismatch.received, column=mismatch.column, reason="line"
+    )
+
+
 class Aborted(ExecutionStopped):
     """An abort was requested (`driver.execution.control.Control`)."""
 
 
 @dataclass(frozen=True)
 class _Line:
-    """A received line without its end, and when it came, as it may be read later."""
+    """A received line without its end, and its time of arrival, since it may be read later."""
 
     received: Received
     at_s: float
@@ -88,7 +95,7 @@ class PortLink:
         echoes: whether the unit echoes (`driver.line.manners`); if not, damaged lines are not noticed here.
         takes_turns: whether the unit interleaves echoes and answers. Then nothing is sent while an answer is pending,
             and no query while an echo is.
-        answer_trip_s: from a query to its answer, for a unit that does not echo.
+        answer_trip_s: time from a query to its answer; used if the unit does not echo.
         restarted: the unit was switched off and on since it was identified, and has lost its positions.
 
     Raises:
@@ -281,13 +288,7 @@ class PortLink:
             raise item
         rest = self.echo.take(item.received.text, item.at_s, item.received.torn)
         if (mismatch := self.echo.mismatch) is not None:
-            raise LineDamaged(
-                mismatch.describe(),
-                sent=mismatch.sent,
-                received=mismatch.received,
-                column=mismatch.column,
-                reason="line",
-            )
+            raise line_damaged(mismatch.describe(), mismatch)
         if self.echo.mixed and self.echoes and not self.takes_turns:
             self.takes_turns = True
             if self.log is not None:

@@ -29,7 +29,6 @@ class LoggedMotion:
         dwell_ms: length of the dwell before the first segment.
         dwell_s: when that dwell was sent.
         segments: the segments sent, in order.
-        segments_sent_s: when each was sent.
         stands: number of segments sent before each later dwell, where the unit had run out of segments.
         ready_s: when the unit answered R!; None if it never did.
         stopped_s: when STOP was sent during the motion; None if it was not.
@@ -44,7 +43,6 @@ class LoggedMotion:
     dwell_ms: int = 0
     dwell_s: float = 0.0
     segments: tuple[Segment, ...] = ()
-    segments_sent_s: tuple[float, ...] = ()
     stands: tuple[int, ...] = ()
     ready_s: float | None = None
     stopped_s: float | None = None
@@ -80,17 +78,11 @@ class _Open:
 
     motion: LoggedMotion
     segments: list[Segment] = field(default_factory=list)
-    times: list[float] = field(default_factory=list)
     stands: list[int] = field(default_factory=list)
     waits: bool = False  # R was sent
 
     def closed(self) -> LoggedMotion:
-        return replace(
-            self.motion,
-            segments=tuple(self.segments),
-            segments_sent_s=tuple(self.times),
-            stands=tuple(self.stands),
-        )
+        return replace(self.motion, segments=tuple(self.segments), stands=tuple(self.stands))
 
 
 class MotionReader:
@@ -155,7 +147,6 @@ class MotionReader:
             self._open.stands.append(len(self._open.segments))
             return
         self._open.segments.append(segment)
-        self._open.times.append(time_s)
         if self._at is not None:
             self._at = tuple(int(a + d) for a, d in zip(self._at, segment.end(), strict=True))
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -19,16 +20,18 @@ from driver.line.protocol import (
     Answer,
     Failed,
     MalformedAnswer,
+    Other,
     Ready,
     Status,
     parse_integer,
     parse_reply,
     parse_status,
 )
+from driver.line.transport import LONGEST_LINE
 from driver.log.motions import LoggedMotion, MotionReader
 from driver.log.samples import LoggedSample, SampleReader
 
-LONGEST_RECEIVED = 1024  # bytes without a line end: noise, as in the link
+MOST_S = 2e9  # s, 63 years; larger times do not fit the export formats
 
 
 @dataclass(frozen=True)
@@ -135,11 +138,8 @@ def read_log(path: Path) -> Session:
     Raises:
         FileInputError: the file cannot be read, or its first line is not the record that opens a log.
     """
-    try:
-        with open_file(path, "log") as stream:
-            return _Reader(path).read(stream)
-    except OSError as error:
-        raise FileInputError(path, "", None, f"cannot be read: {error.strerror}") from error
+    with _opened(path) as stream:
+        return _Reader(path).read(stream)
 
 
 def is_log(path: Path) -> bool:
@@ -148,15 +148,18 @@ def is_log(path: Path) -> bool:
     Raises:
         FileInputError: the file cannot be read.
     """
-    try:
-        with open_file(path, "log") as stream:
-            record = _record(stream.readline(1000))
-    except OSError as error:
-        raise FileInputError(path, "", None, f"cannot be read: {error.strerror}") from error
+    with _opened(path) as stream:
+        record = _record(stream.readline(1000))
     return record is not None and record["kind"] == "open"
 
 
-MOST_S = 2e9  # seconds; larger times do not fit the export formats; 63 years
+@contextmanager
+def _opened(path: Path) -> Iterator[BinaryIO]:
+    try:
+        with open_file(path, "log") as stream:
+            yield stream
+    except OSError as error:
+        raise FileInputError(path, "", None, f"cannot be read: {error.strerror}") from error
 
 
 def _record(line: bytes) -> dict[str, Any] | None:
@@ -262,7 +265,7 @@ class _Reader:
                 self.samples.sent(line.text)
         else:
             *received, rest = (self.unread + data).split(b"\n")
-            self.unread = rest if len(rest) <= LONGEST_RECEIVED else b""
+            self.unread = rest if len(rest) <= LONGEST_LINE else b""
             for text in received:
                 self._received(time_s, text.rstrip(b"\r").decode("latin-1"))
 
@@ -275,7 +278,7 @@ class _Reader:
 
     def _received(self, time_s: float, text: str) -> None:
         match parse_reply(text):
-            case Answer("COORDAP", value):
+            case Answer("COORDAP", value):  # answers to other queries than these carry nothing for a session
                 self.samples.answer(time_s, value)
             case Answer("ST", value):
                 self._status(time_s, value)
@@ -283,14 +286,12 @@ class _Reader:
                 self.version = value
             case Answer(key, value) if key in ("APG", "APH"):
                 self._jaws(time_s, value)
-            case Answer():
-                pass
             case Ready(axis):
                 self.ready += [] if axis else [time_s]
                 self.motions.ready(time_s, axis)
             case Failed():
                 self.failures.append(time_s)
-            case _:
+            case Other():
                 self.noise += bool(text)
 
     def _status(self, time_s: float, value: str) -> None:

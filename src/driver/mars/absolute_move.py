@@ -1,12 +1,13 @@
-"""An absolute move that is verified before it begins: it is queued behind a dwell until its echo has come.
+"""An absolute move that is verified before it begins: the unit holds it behind a dwell until its echo has come.
 
-The end of the unit's path generator must be known (`Mars.reference`): a dwell is a relative segment of zero length, so
-the arm would jump otherwise.
+A dwell is a relative segment of zero length. So the end of the unit's path generator must be known (`Mars.reference`);
+otherwise the arm would jump.
 """
 
 from __future__ import annotations
 
-from driver.line.link import LineDamaged, Link
+from driver.line.echo import Mismatch
+from driver.line.link import Link, line_damaged
 from driver.line.protocol import BYTES_PER_SECOND, encode_dwell
 from driver.mars.lookahead import BUSY_HOST_S, JITTER_S, Needs
 
@@ -33,11 +34,6 @@ def send_verified(link: Link, axes: int, line: str) -> None:
 def _await_echo(link: Link, line: str, number: int, until: float) -> None:
     while link.echo.verified < number:
         if link.clock.now() >= until:
-            raise LineDamaged(
-                f"transmission error: sent {line!r}, no echo before the motion would begin",
-                sent=line,
-                received="",
-                column=1,
-                reason="line",
-            )
+            missing = Mismatch(line, "")
+            raise line_damaged(f"{missing.describe()} before the motion would begin", missing)
         link.receive(until)

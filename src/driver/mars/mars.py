@@ -158,14 +158,6 @@ class Mars:
         if home and soft_home:
             self.move_to([int(c) for c in self.unit.counts(self.unit.soft_home)])
 
-    def refuse_outside(self, counts: Sequence[int], what: str) -> None:
-        """Refuse counts outside the unit's joint limits. `what` begins the message.
-
-        Raises:
-            ImpossibleError: with the axis and the excess in rad.
-        """
-        refuse_outside(self.unit, counts, what)
-
     def status(self) -> Status:
         """Read the status word."""
         return read_status(self.link)
@@ -234,7 +226,7 @@ class Mars:
                 f"counts = {list(target)}: {len(target)} values, must be {len(self.unit.axes)}, one per axis",
                 counts=list(target),
             )
-        self.refuse_outside(target, "target")
+        refuse_outside(self.unit, target, "target")
         with self.guarded("move"):
             if self.reference is None and self.link.echoes:
                 self.anchor(self.require_ready())  # slow, to where it is; the move itself is then verified

@@ -8,6 +8,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+import numpy as np
+
 from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped
 from driver.line.link import ANSWER_S, Link, NoAnswer
@@ -69,7 +71,7 @@ class RestState:
         if self.note:
             parts.append(self.note)
         elif self.counts is not None:
-            degrees = ", ".join(f"{d:.2f}" for d in _degrees(unit, self.counts))
+            degrees = ", ".join(f"{d:.2f}" for d in np.degrees(unit.positions(self.counts)))
             parts.append(f"at [{degrees}] deg")
         return ", ".join(parts)
 
@@ -83,10 +85,6 @@ class RestState:
             "note": self.note,
             "stops": self.stops,
         }
-
-
-def _degrees(unit: Unit, counts: tuple[int, ...]) -> list[float]:
-    return [float(q) * 57.29577951308232 for q in unit.positions(counts)]
 
 
 def read_status(link: Link) -> Status:

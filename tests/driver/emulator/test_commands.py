@@ -71,10 +71,10 @@ def test_faults_fail_waits_and_stop_motion(fault: str, bit: int) -> None:
     assert unit.ready() == ["FAIL!"]
     assert unit.take("ST?") == [f"ST={bit}"]
     assert bit < 2**18
-    before = machine.reference
+    before = machine.path.at
     unit.take("COORDMV:0,0,0,0,0,0")
     machine.run(100)
-    assert machine.reference == before
+    assert machine.path.at == before
     unit.take("PURGE:")
     assert machine.faulty == (fault != "axis")
 
@@ -103,7 +103,7 @@ def test_spline_is_axis_major_and_starts_where_the_one_before_ends() -> None:
     unit.take("COORDSPLINET:200,3,100,20,3,0,0,0,0,0,0,0,0,0,0,0,0,-5,-6,-7")
     unit.take("COORDSPLINET:200,2,1,1,2,2,0,0,0,0,0,0,0,0")
     finish(unit)
-    assert unit.machine.reference == (125, 4, 0, 0, 0, -18)
+    assert unit.machine.path.at == (125, 4, 0, 0, 0, -18)
 
 
 def test_registers_may_be_readable() -> None:

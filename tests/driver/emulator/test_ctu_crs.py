@@ -108,7 +108,7 @@ def test_it_homes_moves_grips_and_comes_back_without_homing(client: Client) -> N
     for fraction, ready, adc in seen["jaws"]:  # type: ignore[attr-defined]
         assert ready
         assert abs(adc - gripper.adc(fraction)) <= 2
-    assert client.emulator.machine.homed == [True] * 6
+    assert client.emulator.machine.offset == (0,) * 6
     stood = client.emulator.counts()
 
     again = client.session(False, MOVES_DEG[:1])

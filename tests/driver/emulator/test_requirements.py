@@ -54,7 +54,7 @@ def test_1_hardware_handshake_is_accepted_and_a_reopened_port_finds_the_same_pos
 
 def test_2_every_line_is_one_write() -> None:
     unit_side, host_side = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    wire = Wire(unit_side.fileno(), paced=True)
+    wire = Wire(unit_side.fileno(), EmulatorOptions(paced=True))
     lines = [b"APA=-181650\r\n", b"R!\r\n", b"COORDAP=" + b"123456," * 9 + b"\r\n"]
     for data in lines:
         wire.answer(data, 0.0)
@@ -181,9 +181,9 @@ def test_7_a_static_error_is_there_at_rest_only_and_drawn_anew_by_the_seed() -> 
         for target in (500, 1000, 1500):
             unit.take(f"COORDMV:{target},0,0,0,0,0")
             unit.machine.run(1)
-            assert unit.machine.actual() == unit.machine.reference
+            assert unit.machine.actual() == unit.machine.path.at
             idle(unit)
-            off = [a - r for a, r in zip(unit.machine.actual(), unit.machine.reference, strict=True)]
+            off = [a - r for a, r in zip(unit.machine.actual(), unit.machine.path.at, strict=True)]
             assert all(abs(o) <= 9 for o in off)
             found.append(str(off))
         return found
@@ -198,7 +198,7 @@ def test_7_a_full_queue_may_refuse_or_drop() -> None:
         told = [unit.take("COORDRELMVT:50,100,0,0,0,0,0") for _ in range(3)]
         assert told == [[], [], answer]
         idle(unit)
-        assert unit.machine.reference[0] == 200
+        assert unit.machine.path.at[0] == 200
         assert len(unit.machine.violations) == 1
 
 

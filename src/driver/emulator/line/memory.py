@@ -6,6 +6,7 @@ import functools
 from collections.abc import Callable
 
 from driver.emulator.line.uart import Wire
+from driver.emulator.options import EmulatorOptions
 from driver.line.stepped_clock import SteppedClock
 
 Tap = Callable[[float, bytes], bytes]  # from time, s, and bytes sent to the bytes that pass
@@ -130,8 +131,8 @@ class MemoryLine:
 class MemoryWire(Wire):
     """The unit's end of a `MemoryLine`."""
 
-    def __init__(self, line: MemoryLine, paced: bool) -> None:
-        super().__init__(-1, paced)
+    def __init__(self, line: MemoryLine, options: EmulatorOptions, echoing: Callable[[], bool]) -> None:
+        super().__init__(-1, options, echoing)
         self.line = line
 
     def _read(self, size: int) -> bytes:

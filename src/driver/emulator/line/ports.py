@@ -14,6 +14,7 @@ from pathlib import Path
 from arm.errors import InputError
 from driver.emulator.line.memory import MemoryLine, MemoryWire
 from driver.emulator.line.uart import Wire
+from driver.emulator.options import EmulatorOptions
 
 
 @dataclass
@@ -27,17 +28,15 @@ class Ports:
     """Opens, closes, loses and restores ports. Not thread-safe: the emulator's lock guards it.
 
     Args:
-        paced: see `Wire`.
-        equip: called with every new wire.
+        options, echoing: see `Wire`.
 
     Attributes:
         wires: one per pseudo-terminal, TCP client and line in memory.
         listeners: TCP listeners.
     """
 
-    def __init__(self, paced: bool, equip: Callable[[Wire], None]) -> None:
-        self._paced = paced
-        self._equip = equip
+    def __init__(self, options: EmulatorOptions, echoing: Callable[[], bool]) -> None:
+        self._options, self._echoing = options, echoing
         self.wires: list[Wire] = []
         self.listeners: list[socket.socket] = []
         self._sockets: dict[int, socket.socket] = {}
@@ -63,10 +62,14 @@ class Ports:
                 os.close(master)
                 os.close(slave)
                 raise InputError(f"{link}: cannot link to {path}: {error.strerror}") from error
-        wire = Wire(master, self._paced)
+        wire = self._serve(master)
         self._terminals.append(_Terminal(wire, slave, link))
-        self._add(wire)
         return path
+
+    def _serve(self, descriptor: int) -> Wire:
+        wire = Wire(descriptor, self._options, self._echoing)
+        self.wires.append(wire)
+        return wire
 
     def open_tcp(self, port: int) -> str:
         """Listen on a loopback port (0: any free one) and return its URL."""
@@ -78,11 +81,7 @@ class Ports:
     def open_line(self, line: MemoryLine) -> None:
         """Serve the unit's end of a line in memory. It cannot be restored once lost."""
         self._lines.append(line)
-        self._add(MemoryWire(line, self._paced))
-
-    def _add(self, wire: Wire) -> None:
-        self._equip(wire)
-        self.wires.append(wire)
+        self.wires.append(MemoryWire(line, self._options, self._echoing))
 
     def paths(self) -> tuple[str, ...]:
         """Return the paths of the open pseudo-terminals."""
@@ -99,7 +98,7 @@ class Ports:
                 connection.setblocking(False)
                 connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 self._sockets[connection.fileno()] = connection
-                self._add(Wire(connection.fileno(), self._paced))
+                self._serve(connection.fileno())
 
     def drop(self, wire: Wire) -> None:
         """Close the connection of a client that has left."""

@@ -6,8 +6,10 @@ import contextlib
 import math
 import os
 from collections import deque
+from collections.abc import Callable
 
 from driver.emulator.line.weave import BYTES_PER_MS, Weave
+from driver.emulator.options import EmulatorOptions
 
 _AHEAD_BYTES = 64  # bytes read before the line would have carried them; the rest waits at the host
 _LONGEST = 1024  # bytes; a longer line is noise
@@ -19,7 +21,8 @@ class Wire:
 
     Args:
         descriptor: of the pseudo-terminal's master or of a socket, non-blocking.
-        paced: whether bytes take time.
+        options: `paced`, the echo and the input buffer are used.
+        echoing: returns whether the unit echoes now; for a byte echo.
 
     Attributes:
         fresh: no line has been taken yet.
@@ -29,12 +32,15 @@ class Wire:
         busy_until: the unit executes a line until then, and takes no other.
     """
 
-    def __init__(self, descriptor: int, paced: bool) -> None:
+    def __init__(
+        self, descriptor: int, options: EmulatorOptions, echoing: Callable[[], bool] = lambda: True
+    ) -> None:
         self.descriptor = descriptor
-        self._paced = paced
+        self._paced, self._adapter_echo = options.paced, options.adapter_echo
+        self._buffer, self._drops = options.input_buffer, options.input_full == "drop"
         self._weave: Weave | None = None
-        self._adapter_echo = False
-        self._buffer, self._drops = 0, False
+        if options.echo == "byte":
+            self._weave = Weave(options.echo_order == "mixed", echoing, options.echoed_end)
         self._held = 0  # bytes received and not yet executed
         self._partial = b""
         self._torn = b""
@@ -49,31 +55,21 @@ class Wire:
         self.cut = False
         self.busy_until = 0.0
 
-    def equip(self, weave: Weave | None, adapter_echo: bool, buffer: int, drops: bool) -> None:
-        """Set the properties in which units differ.
-
-        Args:
-            weave: sends echoes and answers, if the unit echoes byte by byte.
-            adapter_echo: whether everything is echoed at once.
-            buffer: bytes that the unit holds before it executes them; 0 is unlimited.
-            drops: whether further bytes are lost; if not, the host is blocked.
-        """
-        self._weave, self._adapter_echo = weave, adapter_echo
-        self._buffer, self._drops = buffer, drops
-
     def wants_bytes(self, now_ms: float) -> bool:
         """Whether the line has carried most of what was read, and the backlog of answers is not full."""
-        if self._buffer and not self._drops and self._held >= self._buffer:
-            return False
-        return (
-            self._backlog < _BACKLOG_BYTES and (self._received_until - now_ms) * BYTES_PER_MS < _AHEAD_BYTES
-        )
+        room = not self._full and self._backlog < _BACKLOG_BYTES
+        return room and (self._received_until - now_ms) * BYTES_PER_MS < _AHEAD_BYTES
+
+    @property
+    def _full(self) -> bool:
+        """Whether a full input buffer blocks the host."""
+        return 0 < self._buffer <= self._held and not self._drops
 
     def room_at(self) -> float:
         """Return when `wants_bytes` may be true again."""
         if self._backlog >= _BACKLOG_BYTES:
             return self._answers[0][0]
-        if self._buffer and not self._drops and self._held >= self._buffer:
+        if self._full:
             return self.next_line_at() or math.inf
         return self._received_until - (_AHEAD_BYTES - 1) / BYTES_PER_MS
 
@@ -178,7 +174,5 @@ class Wire:
         while self._answers and self._answers[0][0] <= now_ms:
             _, data = self._answers.popleft()
             self._backlog -= len(data)
-            try:
+            with contextlib.suppress(OSError):  # full, or the client has gone
                 self._write(data)
-            except OSError:  # full, or the client has gone
-                continue

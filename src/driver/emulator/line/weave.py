@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-BYTES_PER_MS = 1.92  # 19200 baud, 8N1
+from driver.line.protocol import BYTES_PER_SECOND
+
+BYTES_PER_MS = BYTES_PER_SECOND / 1e3
 _MOST_BYTES = 4096  # bytes waiting to be echoed; further ones are not echoed
 
 

@@ -66,7 +66,6 @@ class Machine:
         self.booted_ms = 0
         true = tuple(int(c) for c in unit.counts(np.radians(options.power_up_deg)))
         self.offset = true  # true position = position in the unit's counts + offset
-        self.homed = [False] * len(true)
         self.path = PathGenerator((0,) * len(true))
         self.moves: dict[int, AxisMove] = {}
         self._homing: set[int] = set()
@@ -98,11 +97,6 @@ class Machine:
         return registers
 
     # -- queries
-
-    @property
-    def reference(self) -> tuple[int, ...]:
-        """Reference position of the arm's axes, in the unit's counts."""
-        return self.path.at
 
     def actual(self) -> tuple[int, ...]:
         """Return the position that the unit reads: reference, following error and, at rest, static error."""
@@ -306,7 +300,6 @@ class Machine:
         """Switch off and on: every axis counts from 0 where it is, and all settings are lost."""
         self.freeze()
         self.offset = self.true_counts()
-        self.homed = [False] * len(self.offset)
         self.path = PathGenerator((0,) * len(self.offset))
         self.following.forget()
         self._static = (0,) * len(self.offset)
@@ -352,14 +345,10 @@ class Machine:
                 del self.moves[index]
                 if index in self._homing:
                     self._homing.discard(index)
-                    at[index] = self._mark(index)
+                    self.following.mark(index)
+                    self.offset = tuple(0 if i == index else o for i, o in enumerate(self.offset))
+                    at[index] = 0
         self.path.at = tuple(at)
-
-    def _mark(self, index: int) -> int:
-        self.homed[index] = True
-        self.following.mark(index)
-        self.offset = tuple(0 if i == index else o for i, o in enumerate(self.offset))
-        return 0
 
     def _settle(self) -> None:
         if most := self.options.static_error:

@@ -94,7 +94,7 @@ def test_split_lines_come_in_two_pieces_and_lose_nothing() -> None:
 
 def test_a_line_that_lost_its_end_runs_into_the_next() -> None:
     read, write = os.pipe()
-    wire = Wire(read, paced=False)
+    wire = Wire(read, EmulatorOptions(paced=False))
     assert wire.assemble(b"GA:1") == []
     assert wire.assemble(b"00\nGB:2\nG") == [b"GA:100\n", b"GB:2\n"]
     assert wire.assemble(b"\n") == [b"G\n"]

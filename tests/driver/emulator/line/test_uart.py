@@ -107,7 +107,7 @@ def test_rubbish_is_survived(terminal: Terminal, noise: bytes) -> None:
 
 def test_a_line_without_end_is_not_kept_for_ever() -> None:
     read, write = os.pipe()
-    wire = Wire(read, paced=False)
+    wire = Wire(read, EmulatorOptions(paced=False))
     for _ in range(100):
         os.write(write, b"A" * 64)
         assert wire.receive(0.0)

@@ -17,7 +17,7 @@ def test_a_stuck_axis_stays_while_the_generator_goes_on(unit: Unit) -> None:
         _, _, _, a, b, *_ = position(client)
         assert a == 9000
         assert 0 < b < 3000
-        assert emulator.machine.reference[1] == 9000
+        assert emulator.machine.path.at[1] == 9000
         record = emulator.record().counts[:, 1]
         assert record[-1] - record[0] <= b  # the truth is what the encoders say
         client.wait_for(lambda: position(client)[4] == 9000)  # and when it is free again, it follows
@@ -34,7 +34,7 @@ def test_a_stuck_axis_never_finds_its_mark(unit: Unit) -> None:
         assert position(client)[3:5] == [0, 0]
         client.send("STOP:", "R:")
         assert client.read_until(b"!\r\n") == b"R!\r\n"
-        assert emulator.machine.homed[:2] == [False, True]
+        assert [o == 0 for o in emulator.machine.offset[:2]] == [False, True]
 
 
 def test_an_axis_creeps_away_and_homing_finds_it_again(unit: Unit) -> None:

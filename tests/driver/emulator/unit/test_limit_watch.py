@@ -13,6 +13,6 @@ def test_leaving_the_limits_is_noted_and_not_prevented() -> None:
     unit.machine.violations.clear()
     unit.take("COORDMV:0,200000,0,0,0,0")
     finish(unit)
-    assert unit.machine.reference[1] == 200000
+    assert unit.machine.path.at[1] == 200000
     assert len(unit.machine.violations) == 1
     assert "axis B" in unit.machine.violations[0].what

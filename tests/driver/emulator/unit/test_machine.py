@@ -64,7 +64,7 @@ def test_homing_makes_the_mark_zero_and_the_truth_agrees() -> None:
         assert finish(unit) == ["R!"]
     assert unit.machine.true_counts() == (0,) * 6
     assert unit.take("COORDAP?")[0].split(",")[3:] == ["0"] * 6
-    assert all(unit.machine.homed)
+    assert not any(unit.machine.offset)
 
 
 def test_a_stopped_homing_is_no_homing() -> None:
@@ -73,7 +73,7 @@ def test_a_stopped_homing_is_no_homing() -> None:
     unit.machine.run(500)
     unit.take("STOP:")
     finish(unit)
-    assert not unit.machine.homed[0]
+    assert unit.machine.offset[0]
     assert unit.machine.true_counts()[0] != 0
 
 
@@ -88,7 +88,7 @@ def test_the_queue_holds_200_and_tells_when_50_are_left() -> None:
     unit.take("COORDRELMVT:100,10,0,0,0,0,0")
     assert "beyond" in unit.machine.violations[0].what
     finish(unit)
-    assert unit.machine.reference[0] == 2000
+    assert unit.machine.path.at[0] == 2000
     full = grouped(EmulatorOptions(overflow="fail", queue=1))
     full.take("COORDMV:1,0,0,0,0,0")
     assert full.take("COORDMV:2,0,0,0,0,0") == ["FAIL!"]
@@ -101,7 +101,7 @@ def test_a_segment_after_stop_starts_where_the_arm_stopped() -> None:
     unit.take("STOP:")
     unit.take("COORDRELMVT:100,0,50,0,0,0,0")
     finish(unit)
-    a, b, *_ = unit.machine.reference
+    a, b, *_ = unit.machine.path.at
     assert 0 < a < 20000
     assert b == 50
 
