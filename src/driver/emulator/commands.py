@@ -1,7 +1,8 @@
-"""Interpreter of the unit's lines, independent of the transport: a line in, answers out; deferred ones by `ready`.
+"""Execute the unit's command lines: one line in, its answers out. Knows nothing of ports or baud rates.
 
-Controller's fact sheet, sections 1, 2 and 4.3. A successful command has no answer. Integers may be written with
-decimals (ctu_crs sends ``REGMSA:7680.0``). The options define the answer to an unknown line.
+A successful command has no answer. ``R:`` is answered later, by `Interpreter.ready`. Integers may be written with
+decimals (ctu_crs sends ``REGMSA:7680.0``). The options define the answer to an unknown line. Source: the controller's
+fact sheet, sections 1, 2 and 4.3.
 """
 
 from __future__ import annotations
@@ -110,14 +111,9 @@ class Interpreter:
             case "COORDAP" if machine.group:
                 actual = machine.actual()
                 positions = [actual[machine.unit.axes.index(a)] for a in machine.group]
-                running = bool(machine.path.queue)
-                parameter = 1 + int(machine.path.u * 65534) if running else 0
-                values = [
-                    (machine.now_ms - machine.booted_ms) & 0xFFFF,
-                    machine.path.number,
-                    parameter,
-                    *positions,
-                ]
+                clock_ms = (machine.now_ms - machine.booted_ms) & 0xFFFF
+                parameter = 1 + int(machine.path.u * 65534) if machine.path.queue else 0
+                values = (clock_ms, machine.path.number, parameter, *positions)
                 return ["COORDAP=" + ",".join(map(str, values))]
             case _:
                 return self._answer_axis(name)
@@ -165,23 +161,15 @@ class Interpreter:
             raise NotUnderstoodError
         numbers = _numbers(rest)
         values = [round(v) for v in numbers]
+        least_ms, rows = max(numbers[0], 0.0), [[v] for v in values[1:]]
         if name == "COORDMV" and len(values) == axes:
-            taken = machine.append_absolute(0.0, values)
-        elif name == "COORDMVT" and len(values) == 1 + axes:
-            taken = machine.append_absolute(_least_ms(numbers), values[1:])
-        elif name == "COORDRELMVT" and len(values) == 1 + axes:
-            taken = machine.append_polynomial(_least_ms(numbers), [[v] for v in values[1:]])
-        elif (
-            name == "COORDSPLINET"
-            and len(values) >= 2
-            and values[1] >= 1
-            and len(values) == 2 + axes * values[1]
-        ):
+            least_ms, rows = 0.0, [[v] for v in values]
+        elif name == "COORDSPLINET" and len(values) > 2 and len(values) == 2 + axes * values[1]:
             order = values[1]
             rows = [values[2 + k * order : 2 + (k + 1) * order] for k in range(axes)]
-            taken = machine.append_polynomial(_least_ms(numbers), rows)
-        else:
+        elif name not in ("COORDMVT", "COORDRELMVT") or len(values) != 1 + axes:
             raise NotUnderstoodError
+        taken = machine.append(least_ms, rows, absolute=name in ("COORDMV", "COORDMVT"))
         return [] if taken or machine.options.overflow == "drop" else ["FAIL!"]
 
     def _wait(self, axis: str) -> None:
@@ -195,15 +183,8 @@ class Interpreter:
         if name in ("STOP", "PURGE", "RELEASE", "R"):
             if rest:
                 raise NotUnderstoodError
-            match name:
-                case "STOP":
-                    machine.stop(axis)
-                case "PURGE":
-                    machine.purge(axis)
-                case "RELEASE":
-                    machine.release(axis)
-                case _:
-                    self._wait(axis)
+            obey = {"STOP": machine.stop, "PURGE": machine.purge, "RELEASE": machine.release, "R": self._wait}
+            obey[name](axis)
             return
         if not axis:
             raise NotUnderstoodError
@@ -247,7 +228,3 @@ def _numbers(rest: str, count: int | None = None) -> list[float]:
     if any(not abs(v) < _INT32 for v in values) or (count is not None and len(values) != count):
         raise NotUnderstoodError
     return values
-
-
-def _least_ms(numbers: list[float]) -> float:
-    return max(numbers[0], 0.0)

@@ -11,7 +11,6 @@ import os
 import select
 import threading
 from pathlib import Path
-from types import TracebackType
 
 from arm.controller.unit import Unit
 from arm.errors import A465Error
@@ -88,9 +87,7 @@ class Emulator:
     def __enter__(self) -> Emulator:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     # -- ports

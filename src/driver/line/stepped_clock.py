@@ -67,7 +67,7 @@ class SteppedClock(Clock):
     def sleep(self, seconds: float) -> None:
         """Execute all events within that many seconds, a microsecond at least."""
         if seconds > 0.0:
-            self._run(self._now + max(seconds, _LEAST_S), _never)
+            self._run(self._now + max(seconds, _LEAST_S), lambda: False)
 
     def at_least(self, seconds: float, wall_s: float) -> float:
         """Return `seconds`: simulated time does not depend on the host."""
@@ -159,7 +159,3 @@ class SteppedClock(Clock):
             if (due := actor.next_at()) < at:
                 first, at = actor, due
         return first, at
-
-
-def _never() -> bool:
-    return False

@@ -73,11 +73,6 @@ class _Line:
     at_s: float
 
 
-@dataclass(frozen=True)
-class _Wake:
-    """Put into the queue of received lines to wake a waiting thread."""
-
-
 class PortLink:
     """An open port to a controller.
 
@@ -119,7 +114,7 @@ class PortLink:
         self._port = port
         self.url = port.url
         self._splitter = LineSplitter(LONGEST_LINE)
-        self._inbox: queue.SimpleQueue[_Line | LinkLost | _Wake] = queue.SimpleQueue()
+        self._inbox: queue.SimpleQueue[_Line | LinkLost | None] = queue.SimpleQueue()
         self._lost: LinkLost | None = None
         self._interrupted = False
         self._line_free_at = clock.now()
@@ -139,7 +134,7 @@ class PortLink:
 
     def wake(self) -> None:
         """Make a waiting `receive` return now. May be called from anywhere: the queue's put is reentrant."""
-        self._inbox.put(_Wake())
+        self._inbox.put(None)
 
     def interrupt(self) -> None:
         """Make the running or next `send` or `receive` raise `Aborted`, once. May be called from anywhere."""
@@ -280,7 +275,7 @@ class PortLink:
             if self._lost is not None:
                 raise self._lost from None
             return None
-        if isinstance(item, _Wake):
+        if item is None:  # put by `wake`
             self._heed()
             return None
         if isinstance(item, LinkLost):
@@ -305,16 +300,13 @@ class PortLink:
         if self.log is not None:
             self.log.received(data)
         for line in self._splitter.take(data):
-            self._hand_over(line)
+            if self._inbox.qsize() < UNREAD_LINES or not isinstance(parse_reply(line.text), Other):
+                self._inbox.put(_Line(line, self.clock.now()))
         if self._inbox.qsize() > UNREAD_ANSWERS:
             raise OSError(f"flooded by more than {UNREAD_ANSWERS} unexpected lines")
 
     def _gone(self, error: OSError) -> None:
         self._inbox.put(LinkLost(f"{self.url}: the link is lost: {error}", url=self.url, reason="link"))
-
-    def _hand_over(self, line: Received) -> None:
-        if self._inbox.qsize() < UNREAD_LINES or not isinstance(parse_reply(line.text), Other):
-            self._inbox.put(_Line(line, self.clock.now()))
 
     def close(self) -> None:
         """Close the port. Unsent bytes are dropped."""

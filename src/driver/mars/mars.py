@@ -134,7 +134,7 @@ class Mars:
         self.note("whose_arm", unit=self.unit.name, gripper_axes=answers)
         refuse_another(self.unit, answers)
         with self.guarded("initialise"):
-            self._send(encode("PURGE"))
+            self.link.send(encode("PURGE"))
             self.link.synchronise(attempts=2)  # a stop drops unsent bytes
             rest = self.stop()
         if not rest.at_rest:
@@ -271,7 +271,7 @@ class Mars:
         if verifiable:
             send_verified(self.link, len(self.unit.axes), line)
         else:
-            self._send(line)
+            self.link.send(line)
         wait_ready(self.link, "COORDMV", 1.5 * seconds + 5.0)
         return self.arrived(target)
 
@@ -311,7 +311,7 @@ class Mars:
         return here
 
     def _engage(self) -> None:
-        self._send(*startup.engage_lines(self.unit))
+        self.link.send(startup.engage_line(self.unit))
         wait_ready(self.link, "engage the shoulder", ENGAGE_S)
         self._last_motion = self.clock.now()
 
@@ -381,10 +381,6 @@ class Mars:
             raise
         finally:
             self._guarded = False
-
-    def _send(self, *lines: str) -> None:
-        for line in lines:
-            self.link.send(line)
 
     def note(self, kind: str, **data: object) -> None:
         """Record an event in the log, if there is one."""

@@ -38,9 +38,9 @@ def gripper_lines(unit: Unit) -> list[str]:
     return [setup, *(encode(name, value, axis=gripper.axis) for name, value in gripper.registers.items())]
 
 
-def engage_lines(unit: Unit) -> list[str]:
+def engage_line(unit: Unit) -> str:
     """Close the shoulder's servo loop without moving it."""
-    return [encode("SPDT", 0, ENGAGE_MS, axis=unit.axes[1])]
+    return encode("SPDT", 0, ENGAGE_MS, axis=unit.axes[1])
 
 
 def group_lines(unit: Unit) -> list[str]:

@@ -80,28 +80,17 @@ class When:
     nth: int = 1
 
     def __post_init__(self) -> None:
-        _require(0.0 <= self.after_ms < 1e9, "when.after_ms", self.after_ms, "must be from 0 to 1e9 ms")
-        _require(self.nth >= 1, "when.nth", self.nth, "must be 1 or more")
-        _require(self.segment >= 0, "when.segment", self.segment, "must be 1 or more")
+        name = self.command
+        _require(self, "after_ms", 0.0 <= self.after_ms < 1e9, "must be from 0 to 1e9 ms")
+        _require(self, "nth", self.nth >= 1, "must be 1 or more")
+        _require(self, "segment", self.segment >= 0, "must be 1 or more")
+        _require(self, "command", not (name and self.segment), "must be a command or a segment, not both")
+        plain = name == "" or (name.isascii() and name.isalnum() and name.isupper())
         _require(
-            not (self.command and self.segment),
-            "when",
-            self.command,
-            "must be a command or a segment, not both",
+            self, "command", plain, "must be a command's name without marks, such as COORDSPLINET or HHB"
         )
-        _require(
-            self.command == ""
-            or (self.command.isascii() and self.command.isalnum() and self.command.isupper()),
-            "when.command",
-            self.command,
-            "must be a command's name without marks, such as COORDSPLINET or HHB",
-        )
-        _require(
-            self.command == "" or self.command in KNOWN or self.command[:-1] in KNOWN,
-            "when.command",
-            self.command,
-            f"must be one of {', '.join(KNOWN)}, with or without an axis letter",
-        )
+        known = name == "" or name in KNOWN or name[:-1] in KNOWN
+        _require(self, "command", known, f"must be one of {', '.join(KNOWN)}, with or without an axis letter")
 
 
 @dataclass(frozen=True)
@@ -167,58 +156,29 @@ class Fault:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        _require(self.kind in KINDS, "kind", self.kind, f"must be one of {', '.join(KINDS)}")
+        _require(self, "kind", self.kind in KINDS, f"must be one of {', '.join(KINDS)}")
         used = USED[self.kind]
         for each in fields(self):
-            if each.name in ("kind", "when") or each.name in used:
-                continue
-            value = getattr(self, each.name)
-            _require(
-                value == each.default, each.name, value, f"is not a field of {self.kind}: {', '.join(used)}"
-            )
+            if each.name not in ("kind", "when", *used):
+                right = getattr(self, each.name) == each.default
+                _require(self, each.name, right, f"is not a field of {self.kind}: {', '.join(used)}")
         for name in NEEDED.get(self.kind, ()):
-            _require(bool(getattr(self, name)), name, getattr(self, name), f"must be given for {self.kind}")
-        _require(
-            self.axis == "" or (len(self.axis) == 1 and self.axis in AXES),
-            "axis",
-            self.axis,
-            "must be A to H",
-        )
-        _require(
-            self.direction in DIRECTIONS,
-            "direction",
-            self.direction,
-            f"must be one of {', '.join(DIRECTIONS)}",
-        )
-        _require(
-            0.0 < self.probability <= 1.0, "probability", self.probability, "must be above 0 and at most 1"
-        )
-        _require(not (self.byte and self.line), "line", self.line, "cannot be given together with byte")
-        for name, high in _RANGES.items():
-            value = getattr(self, name)
-            low = 1 if name in ("count", "most_counts") else 0
-            _require(low <= value <= high, name, value, f"must be from {low} to {high:g}")
-        _require(abs(self.counts_per_s) <= 1e6, "counts_per_s", self.counts_per_s, "must be from -1e6 to 1e6")
-        _require(
-            self.text.isascii() and self.text.isprintable() and len(self.text) <= 200,
-            "text",
-            self.text,
-            "must be at most 200 printable ASCII characters",
-        )
+            _require(self, name, bool(getattr(self, name)), f"must be given for {self.kind}")
+        _require(self, "axis", self.axis in ("", *AXES), "must be A to H")
+        _require(self, "direction", self.direction in DIRECTIONS, f"must be one of {', '.join(DIRECTIONS)}")
+        _require(self, "probability", 0.0 < self.probability <= 1.0, "must be above 0 and at most 1")
+        _require(self, "line", not (self.byte and self.line), "cannot be given together with byte")
+        for name, (low, high) in _RANGES.items():
+            _require(self, name, low <= getattr(self, name) <= high, f"must be from {low:g} to {high:g}")
+        plain = self.text.isascii() and self.text.isprintable() and len(self.text) <= 200
+        _require(self, "text", plain, "must be at most 200 printable ASCII characters")
 
 
-_RANGES: dict[str, float] = {
-    "for_ms": 1e9,
-    "byte": 1e9,
-    "line": 1e9,
-    "delay_ms": 1e6,
-    "count": 1e6,
-    "back_after_s": 1e6,
-    "most_counts": 2**31,
-    "lag_ms": 1e5,
-    "queue": 1e6,
-    "seed": 2**31 - 1,
-}
+_RANGES = {
+    "for_ms": (0, 1e9), "byte": (0, 1e9), "line": (0, 1e9), "delay_ms": (0, 1e6), "count": (1, 1e6),
+    "back_after_s": (0, 1e6), "counts_per_s": (-1e6, 1e6), "most_counts": (1, 2**31), "lag_ms": (0, 1e5),
+    "queue": (0, 1e6), "seed": (0, 2**31 - 1),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -241,6 +201,7 @@ class FaultEvent:
         return self.fault.kind
 
 
-def _require(right: bool, key: str, value: object, rule: str) -> None:
+def _require(each: Fault | When, name: str, right: bool, rule: str) -> None:
+    key, value = f"when.{name}" if isinstance(each, When) else name, getattr(each, name)
     if not right or (isinstance(value, float) and not math.isfinite(value)):
         raise InputError(f"fault: {key} = {value!r}: {rule}", key=key, value=value, rule=rule)

@@ -162,15 +162,14 @@ class Machine:
 
     # -- commands
 
-    def append_absolute(self, least_ms: float, target: Sequence[int]) -> bool:
-        """COORDMV, COORDMVT: straight to counts of the group's axes. Return False if the queue is full."""
-        return self._hold(least_ms, [[t] for t in target], absolute=True)
+    def append(self, least_ms: float, rows: Sequence[Sequence[int]], absolute: bool) -> bool:
+        """COORDMV, COORDMVT, COORDRELMVT, COORDSPLINET. Return False if the queue is full.
 
-    def append_polynomial(self, least_ms: float, coefficients: Sequence[Sequence[int]]) -> bool:
-        """COORDSPLINET, COORDRELMVT: one row a1, a2, .. per axis of the group. Return False if the queue is full."""
-        return self._hold(least_ms, coefficients, absolute=False)
-
-    def _hold(self, least_ms: float, rows: Sequence[Sequence[int]], absolute: bool) -> bool:
+        Args:
+            least_ms: shortest time; 0: as fast as the limits allow.
+            rows: coefficients a1, a2, .. per axis of the group.
+            absolute: each row is the target of a straight segment instead, counts.
+        """
         if self.faulty:
             self.violate("motion commanded during a fault")
             return True
