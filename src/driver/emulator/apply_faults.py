@@ -1,4 +1,4 @@
-"""Apply faults to an emulated unit: the effect of each kind of `Fault`, and its end."""
+"""Apply faults to an emulated unit: begin and end the effect of each kind of `Fault`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from driver.emulator.unit.machine import Machine
 _NOISE = b"\x00\xff\x80\xfe"  # at power-up, unless the options give another
 
 
-class Trouble:
+class FaultInjector:
     """The faults of one unit. Not thread-safe: the emulator's lock guards it.
 
     Args:
@@ -28,7 +28,7 @@ class Trouble:
         schedule: faults still to come.
         line: present faults of the serial line.
         events: beginnings and ends of faults; the latest `EmulatorOptions.keep_lines`.
-        dark: the unit is switched off.
+        switched_off: the unit executes and answers nothing.
     """
 
     def __init__(self, interpreter: Interpreter, ports: Ports, tell: Callable[[FaultEvent], None]) -> None:
@@ -39,7 +39,7 @@ class Trouble:
         self.schedule = Schedule(self.machine.options.faults)
         self.line = LineFaults()
         self.events: deque[FaultEvent] = deque(maxlen=self.machine.options.keep_lines)
-        self.dark = False
+        self.switched_off = False
         self._port_work: list[bool] = []  # True: restore
         self.watch_segments()
 
@@ -103,11 +103,11 @@ class Trouble:
             case "fail_reply":
                 defects.fail_replies += fault.count
             case "stray_line":
-                self._say(fault.text.encode("ascii") + b"\r\n")
+                self._send(fault.text.encode("ascii") + b"\r\n")
             case "noise":
-                self._say(random.Random(fault.seed).randbytes(fault.count))
+                self._send(random.Random(fault.seed).randbytes(fault.count))
 
-    def _say(self, data: bytes) -> None:
+    def _send(self, data: bytes) -> None:
         for wire in self._ports.wires:
             if wire.heard:
                 for late, piece in self.line.to_host(data):
@@ -119,10 +119,10 @@ class Trouble:
             self._interpreter.power_up()
             for wire in self._ports.wires:
                 wire.forget()
-            self.dark = True
+            self.switched_off = True
         if over or not fault.for_ms:
-            self.dark = False
-            self._say(self.machine.options.noise or _NOISE)
+            self.switched_off = False
+            self._send(self.machine.options.noise or _NOISE)
 
     def serve_ports(self) -> None:
         """Close and restore ports as faults require; only in the thread that waits for their bytes.

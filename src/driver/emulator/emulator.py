@@ -14,7 +14,7 @@ from pathlib import Path
 
 from arm.controller.unit import Unit
 from arm.errors import A465Error
-from driver.emulator.apply_faults import Trouble
+from driver.emulator.apply_faults import FaultInjector
 from driver.emulator.commands import Interpreter
 from driver.emulator.exchange import Exchange
 from driver.emulator.faults.model import Fault, FaultEvent
@@ -30,10 +30,10 @@ from driver.line.stepped_clock import SteppedClock
 from driver.line.wire_log import WireLog
 
 _BATCH_WALL_S = 0.004  # wall time between two updates during a motion
-_STEP_MS = 4  # the same in stepped time,
-_IDLE_STEP_MS = 100  # and while nothing waits for the end of the motion; a query updates it at once
+_STEP_MS = 4  # between two updates in stepped time, while a client or a fault waits for the motion
+_IDLE_STEP_MS = 100  # the same while nothing waits for it; a query updates the motion at once
 _BATCH_MS = 20  # between two checks for R! while a client waits for it
-_CLOSE_S = 5.0
+_CLOSE_S = 5.0  # wall time that the thread has to end
 
 
 class Emulator:
@@ -66,8 +66,8 @@ class Emulator:
         self.machine = Machine(unit, plant, options or EmulatorOptions())
         self.interpreter = Interpreter(self.machine)
         self._ports = Ports(self.machine.options, self._echoing)
-        self._trouble = Trouble(self.interpreter, self._ports, self._tell_fault)
-        self._exchange = Exchange(self.interpreter, self._ports, self._trouble, log)
+        self._injector = FaultInjector(self.interpreter, self._ports, self._tell_fault)
+        self._exchange = Exchange(self.interpreter, self._ports, self._injector, log)
         self._lock = threading.RLock()
         self._closing = False
         self._advancing = False
@@ -82,7 +82,7 @@ class Emulator:
             self._thread.start()
 
     def _echoing(self) -> bool:
-        return self.interpreter.echo and not self._trouble.dark
+        return self.interpreter.echo and not self._injector.switched_off
 
     def __enter__(self) -> Emulator:
         return self
@@ -200,7 +200,7 @@ class Emulator:
     def faults(self) -> tuple[FaultEvent, ...]:
         """Beginnings and ends of faults."""
         with self._lock:
-            return tuple(self._trouble.events)
+            return tuple(self._injector.events)
 
     # -- faults
 
@@ -211,9 +211,9 @@ class Emulator:
         """
         with self._lock:
             self._advance(self._clock_ms())
-            self._trouble.schedule.inject(fault, self.machine.now_ms)
-            self._trouble.watch_segments()
-            self._trouble.apply_due(self.machine.now_ms)
+            self._injector.schedule.inject(fault, self.machine.now_ms)
+            self._injector.watch_segments()
+            self._injector.apply_due(self.machine.now_ms)
         self._wake()
 
     def set_power(self, on: bool) -> None:
@@ -231,7 +231,7 @@ class Emulator:
     def _switch(self, fault: Fault, over: bool) -> None:
         with self._lock:
             self._advance(self._clock_ms())
-            self._trouble.apply(fault, over)
+            self._injector.apply(fault, over)
         self._wake()
 
     def _tell_fault(self, event: FaultEvent) -> None:
@@ -247,7 +247,7 @@ class Emulator:
         if not isinstance(self.clock, SteppedClock):
             os.write(self._wake_write, b"x")
         elif not self._advancing:  # otherwise the present step does this at its end
-            self._trouble.serve_ports()
+            self._injector.serve_ports()
 
     def _run(self) -> None:
         try:
@@ -260,12 +260,12 @@ class Emulator:
     def step(self) -> None:
         """Do what is due: read, move, execute lines, answer. Called by the thread, or by a stepped clock."""
         with self._lock:
-            self._trouble.serve_ports()  # requested by another thread
+            self._injector.serve_ports()  # requested by another thread
             now = self._clock_ms()
             self._ports.accept()
             self._read(now)
             self._advance(now)
-            self._trouble.serve_ports()
+            self._injector.serve_ports()
 
     def next_at(self) -> float:
         """Return the next time `step` is due in stepped time, s; infinite while it waits for bytes."""
@@ -287,7 +287,7 @@ class Emulator:
         wires = self._ports.wires
         due = [t for w in wires for t in (w.next_line_at(), w.next_answer_at()) if t is not None]
         due += [w.room_at() for w in wires if not w.gone and not w.wants_bytes(now)]
-        return min(*due, self._trouble.schedule.next_at(), math.inf)
+        return min(*due, self._injector.schedule.next_at(), math.inf)
 
     def _wait(self) -> None:
         """Wait until something arrives or is due."""
@@ -310,7 +310,7 @@ class Emulator:
                 wire.gone = True  # what it sent before is still executed
             if wire.heard and not self._spoken_to:
                 self._spoken_to = True
-                self._trouble.schedule.first_byte(now)
+                self._injector.schedule.first_byte(now)
             if wire.gone and wire.next_line_at() is None:
                 self._ports.drop(wire)
 
@@ -325,16 +325,16 @@ class Emulator:
             self._advancing = False
 
     def _execute(self, now: int) -> None:
-        machine, trouble = self.machine, self._trouble
+        machine, injector = self.machine, self._injector
         while True:
-            trouble.watch_segments()
+            injector.watch_segments()
             wire, line_at = self._exchange.next_line()
-            fault_at = trouble.schedule.next_at()
+            fault_at = injector.schedule.next_at()
             self._move(min(now, line_at, math.ceil(fault_at) if fault_at < now else now))
             if machine.path.begun >= machine.halt_at_segment:
                 continue
             if fault_at <= machine.now_ms:
-                trouble.apply_due(machine.now_ms)
+                injector.apply_due(machine.now_ms)
             elif wire is not None and line_at <= now:
                 self._exchange.arrive(wire)
             else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from driver.emulator.apply_faults import Trouble
+from driver.emulator.apply_faults import FaultInjector
 from driver.emulator.commands import Interpreter
 from driver.emulator.line.ports import Ports
 from driver.emulator.line.uart import Wire
@@ -19,15 +19,17 @@ class Exchange:
     Args:
         interpreter: of the unit.
         ports: with the clients' wires.
-        trouble: present faults.
+        injector: present faults.
         log: records every line, answer and violation, if given.
     """
 
-    def __init__(self, interpreter: Interpreter, ports: Ports, trouble: Trouble, log: WireLog | None) -> None:
+    def __init__(
+        self, interpreter: Interpreter, ports: Ports, injector: FaultInjector, log: WireLog | None
+    ) -> None:
         self._interpreter = interpreter
         self._machine = interpreter.machine
         self._ports = ports
-        self._trouble = trouble
+        self._injector = injector
         self._log = log
         self._logged_violations = 0
         self._waiting: list[Wire] = []  # that get ``R!``
@@ -46,7 +48,7 @@ class Exchange:
         """Take the next line of a wire, with the faults of the line applied, and execute it."""
         due, data, treated = wire.take_line()
         if not treated:
-            late, data = self._trouble.line.to_unit(data)
+            late, data = self._injector.line.to_unit(data)
             if late > 0.0:
                 wire.put_back(due + late, data)
                 return
@@ -55,15 +57,15 @@ class Exchange:
             wire.busy_until = self._machine.now_ms + self._machine.options.parse_ms
 
     def _obey(self, wire: Wire, data: bytes) -> None:
-        machine, trouble = self._machine, self._trouble
-        arrived, data = data, trouble.line.to_parser(data)
+        machine, injector = self._machine, self._injector
+        arrived, data = data, injector.line.to_parser(data)
         text = data.decode("latin-1")
         now = machine.now_ms
         if self._log is not None and text.strip():
             self._log.note("line", ms=now, text=text.rstrip("\r\n"))
-        trouble.schedule.line(text, now)
-        trouble.apply_due(now)
-        if trouble.dark:
+        injector.schedule.line(text, now)
+        injector.apply_due(now)
+        if injector.switched_off:
             return
         echo = arrived if machine.options.echo == "line" and self._interpreter.echo else b""
         if wire.fresh:
@@ -96,7 +98,7 @@ class Exchange:
         self._send(wire, text.encode("latin-1") + b"\r\n", thought)
 
     def _send(self, wire: Wire, data: bytes, now: float, echo: bool = False) -> None:
-        for late, piece in self._trouble.line.to_host(data, echo):
+        for late, piece in self._injector.line.to_host(data, echo):
             wire.answer(piece, now, late)
 
     def log_violations(self) -> None:

@@ -8,14 +8,14 @@ from contextlib import contextmanager
 from arm.errors import InputError
 from driver.line.link import Aborted, Link
 
-LEAST_OVERRIDE = 0.05
+LEAST_OVERRIDE = 0.05  # lowest speed override, unless the ceiling is lower
 
 
 class Control:
     """Requests to a running `driver.execution.execute.execute` or `driver.execution.stream.stream`.
 
-    Every method may be called from a signal handler or from another thread: it sets one value and wakes the thread
-    that drives the arm, without locks or waiting.
+    Every method may be called from a signal handler or from another thread. It sets one value and wakes the thread that
+    drives the arm; it neither locks nor waits.
 
     Args:
         override: initial speed override (factor on velocities).
@@ -74,7 +74,7 @@ class Control:
         self._override = factor
 
     def pause(self) -> None:
-        """Stop on the path once the segments that the unit holds are executed; between steps at once."""
+        """Pause: in a motion once the unit has executed the segments that it holds, between steps at once."""
         self.paused = True
         self._wake()
 

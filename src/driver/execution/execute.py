@@ -59,8 +59,8 @@ def execute(
     """Run steps in order on an initialised arm.
 
     Args:
-        on_step: called before each step with the step, its index and the number of steps; for a move that begins at
-            speed, when its first segment is found to run.
+        on_step: called before each step with the step, its index and the number of steps. For a move that begins at
+            speed it is called when a poll finds the move's first segment running.
         on_progress: called a few times a second during a motion, with the progress of the present move.
         on_look: called at each `LookStep`, at rest, to take images. False ends the execution before the next step. By
             default look steps are skipped.
@@ -163,7 +163,7 @@ class _Phases:
         while self.index < self.first + len(self.moves) - 1:
             self.enter(self.index + 1)
         ends = [*self.entered[1:], self.mars.clock.now()]
-        # times between moves; one noticed during the dwell counts from the end of the dwell
+        # a beginning that was noticed during the dwell counts from the end of the dwell
         begins = [max(time, sent.start_s) for time in self.entered]
         times = [*begins, max(sent.start_s + sent.duration_s, begins[-1])]
         return [

@@ -13,16 +13,16 @@ from driver.line.protocol import BYTES_PER_SECOND, MAX_LINE, encode_dwell
 from driver.mars.lookahead import BUSY_HOST_S, JITTER_S, JITTER_WALL_S, Needs, Timeline, braking_s, dwell_for
 from driver.mars.mars import Mars
 
-AHEAD_S = 0.3  # reserve of motion beyond the time needed and the age of a poll
-BLIND_POLL_S = 0.1  # longest poll period if damage shows only by the arm's position
-LEARNING_LOOKS = 4  # polls during a dwell in which the parameter's scale is learnt
-LONGEST_POLL_S = 1.2  # a unit that does not answer for 2 s counts as silent
+AHEAD_S = 0.3  # reserve of motion that the unit holds, beyond the time needed to stop and the age of a poll
+BLIND_POLL_S = 0.1  # longest poll period if only the arm's position shows that a line was damaged
+LEARNING_POLLS = 4  # polls during a dwell in which the parameter's scale is learnt
+LONGEST_POLL_S = 1.2  # longest poll period; a unit that does not answer for 2 s counts as silent
 ANSWER_S = 0.05  # transmission time of the answers to a poll
-DWELLS = 4  # dwells in a row without a segment sent, each twice as long: the host is not running
+DWELLS = 4  # dwells in a row, each twice as long as the last, in which the host could send no segment
 QUERY_BYTES = 15  # length of the queries of a poll
 LOADING_S = 1.5  # reserve for loading a motion: the line may be dead for a second when STOP is sent
 LATE_S = 0.2  # tolerance for the echo of a preloaded segment
-LOOKS = 1.1  # factor on line time: queries take a tenth of it
+QUERY_FACTOR = 1.1  # factor on the transmission time of segments: queries take a tenth of the line
 
 
 class Feed:
@@ -79,7 +79,7 @@ class Feed:
 
     @property
     def poll_s(self) -> float:
-        """Poll period; longer if polls need an empty line, shorter if damage shows by the arm's position only."""
+        """Poll period: longer if a poll needs an empty line, shorter if only the arm's position shows damage."""
         if not self._link.echoes and not self._mars.manners.adapter:  # an adapter's echo breaks up answers
             return min(self._options.poll_s, BLIND_POLL_S)
         return max(self._options.poll_s, min(2.0 * self._turn_s, LONGEST_POLL_S))
@@ -101,7 +101,7 @@ class Feed:
         if self._idle_dwells >= DWELLS:
             raise NoAnswer(f"no segment could be sent in time in {DWELLS} dwells", reason="dwell")
         link = self._link
-        sizes = [round(LOOKS * (len(line) + 1)) for line in self._lines[self.sent :]]
+        sizes = [round(QUERY_FACTOR * (len(line) + 1)) for line in self._lines[self.sent :]]
         begins = len(encode_dwell(1000, len(self._mars.unit.axes))) + QUERY_BYTES
         begins += round(self._turn_s * BYTES_PER_SECOND)
         if self._options.preload:
@@ -113,7 +113,7 @@ class Feed:
         if self._options.preload:
             need_s = need_s * self._slower + LOADING_S
         if not link.echoes:
-            need_s = self._looks_s
+            need_s = self._learning_s
         length_s = max(self._options.dwell_ms / 1e3, need_s + jitter_s) * 2**self._idle_dwells
         length_ms = int(length_s * 1e3) + 1
         self._dwell = link.send(encode_dwell(length_ms, len(self._mars.unit.axes)))
@@ -124,13 +124,13 @@ class Feed:
         self.timeline.stands(self.sent, self.stands_until)
 
     @property
-    def _looks_s(self) -> float:
-        """Time to poll a unit that does not echo during a dwell: for its segment number and its parameter's scale."""
-        look_s = max(self._link.trip_s + ANSWER_S, BLIND_POLL_S) + ANSWER_S
-        return look_s * (LEARNING_LOOKS if self._mars.parameters.to_learn else 1)
+    def _learning_s(self) -> float:
+        """Length of a dwell of a unit that does not echo: time to read its segment number and parameter scale."""
+        one_s = max(self._link.trip_s + ANSWER_S, BLIND_POLL_S) + ANSWER_S
+        return one_s * (LEARNING_POLLS if self._mars.parameters.to_learn else 1)
 
     def in_time(self) -> bool:
-        """Whether the next segment can be verified before it could begin, and the unit has room for its line."""
+        """Whether the next segment can be sent now, and verified before it can begin."""
         link = self._link
         if not link.echoes:
             return True
@@ -153,7 +153,7 @@ class Feed:
         self.sent += 1
 
     def stamped(self, text: str) -> None:
-        """Take the answer to a stamp. Without an echo a stamp follows each segment; all must be answered in order.
+        """Check the answer to a stamp. Without an echo a stamp follows each segment; all must be answered in order.
 
         Raises:
             LineDamaged: an answer is missing.

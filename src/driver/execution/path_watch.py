@@ -1,10 +1,12 @@
-"""Check that the arm is on its path: the last means of noticing that the unit executes something else than was sent.
+"""Check that the arm is on its path: the last defence against a unit that executes something else than was sent.
 
-If the unit echoes, this only has to detect an arm that does not follow: each axis must be inside the box around the
-segments being executed. If it does not echo, nothing else detects a damaged segment. Then each axis must be where the
-path was at some time from `LAG_MOST_S` ago to now, and this lag must be consistent from sample to sample, as a servo
-lags by about the same time throughout (a set-membership estimate: the lags that every sample so far allows are kept,
-widened by the most that a lag may change).
+If the unit echoes, this check only has to detect an arm that does not follow. Each axis must be inside the box around
+the segments being executed.
+
+If the unit does not echo, nothing else detects a damaged segment. Each axis must then be where the path was at some
+time from `LAG_MOST_S` ago to now. The lag must also be consistent from sample to sample, because a servo lags by about
+the same time throughout. It is tracked as a set-membership estimate: the set of lags that all samples so far allow,
+widened after each sample by the most that a lag may change.
 """
 
 from __future__ import annotations
@@ -19,11 +21,11 @@ from arm.errors import ExecutionStopped
 from arm.se3 import Array
 
 LAG_SEGMENTS = 3  # segments by which the servos may lag behind the reference
-ASTRAY = 2  # samples in a row that are off the path: a single one may be damaged on the line
+ASTRAY = 2  # samples in a row off the path that count: a single one may be damaged on the line
 LAG_MOST_S = 0.15  # longest servo lag; that of the real servos is not known
 LAG_CHANGE_S = 0.02  # largest change of an axis' lag between two samples
 _STEP_S = 0.005
-_EARLY_STEPS = 2  # negative lags, as the unit may read the position slightly later than the parameter
+_EARLY_STEPS = 2  # of negative lag: the unit may read the position slightly later than the parameter
 _CHANGE_STEPS = round(LAG_CHANGE_S / _STEP_S)
 
 
@@ -62,11 +64,11 @@ class PathWatch:
     def take(
         self, counts: tuple[int, ...], begun: int, sent: int, share: float | None = None, sure: bool = True
     ) -> None:
-        """Take a sample while segment `begun` (from 1; 0 is the dwell) runs and `sent` have been sent.
+        """Check a sample taken while segment `begun` runs (from 1; 0 is the dwell) and `sent` have been sent.
 
         Args:
             share: fraction of that segment that is done, 0 to 1; None if not known.
-            sure: the segment is certain; if not, only the box is checked.
+            sure: the segment number is certain; if not, only the box is checked.
 
         Raises:
             ExecutionStopped: the arm is off its path, twice in a row; reason ``following``.

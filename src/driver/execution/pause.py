@@ -1,7 +1,7 @@
 """A pause: the arm stops on its path, and resumes only if it is still there.
 
-During a stream no more segments are sent, so the unit brings the arm to rest on the path, at the end of the last
-segment that it has (fact sheet, section 2, row 13). Between steps the arm is already at rest.
+During a stream the driver sends no more segments. The unit then brings the arm to rest on the path, at the end of the
+last segment that it holds (fact sheet, section 2, row 13). Between steps the arm is already at rest.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from driver.mars.ready import SETTLE_S, refuse_failure
 from driver.mars.refusals import off_by
 from driver.mars.stopping import STILL_COUNTS, farthest
 
-POLL_S = 0.25
-LOOKS = 2  # samples in a row that show a displaced arm: a single one may be damaged on the line
+POLL_S = 0.25  # between two samples of a pause between steps
+DISPLACED_SAMPLES = 2  # in a row: a single sample may be damaged on the line
 
 
 class Pause:
@@ -24,10 +24,10 @@ class Pause:
     Args:
         mars: the arm.
         control: the control that requested the pause.
-        here: rough position of the arm, (6,) counts, to compare the first sample with.
+        here: approximate position of the arm, (6,) counts, with which the first sample is compared.
 
     Attributes:
-        stood: where the arm first came to rest, (6,) counts.
+        stood: where the arm first came to rest, (6,) counts; None before that.
     """
 
     def __init__(self, mars: Mars, control: Control, here: tuple[int, ...]) -> None:
@@ -48,7 +48,7 @@ class Pause:
         )
 
     def take(self, counts: tuple[int, ...], place: tuple[int, ...]) -> None:
-        """Take a sample after the unit has executed all its segments. The arm should come to rest at `place`.
+        """Check a sample taken after the unit has executed all its segments. The arm should come to rest at `place`.
 
         Raises:
             ExecutionStopped: the arm is elsewhere, or moves; or the pause is so long that the unit would release it.
@@ -62,7 +62,7 @@ class Pause:
                 raise NoAnswer(f"pause: the arm does not settle within {SETTLE_S:g} s", reason="settle")
             return
         self._away = self._away + 1 if off > self.mars.unit.rest_tolerance else 0
-        if self._away >= LOOKS:
+        if self._away >= DISPLACED_SAMPLES:
             unit = self.mars.unit
             raise ExecutionStopped(
                 f"pause: the arm is {off} counts from where it should be, must be at most {unit.rest_tolerance} "
@@ -90,7 +90,7 @@ class Pause:
         self.control.tell("paused: the arm has stopped and is still under power")
 
     def over(self, dry: bool) -> bool:
-        """Whether to resume: it is requested, and an arm that has stopped was found at its place since."""
+        """Whether to resume. A stopped arm must have been found at its place after the resume was requested."""
         if self.control.paused:
             self._resumed_at = None
             return False

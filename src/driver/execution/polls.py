@@ -1,7 +1,7 @@
 """Polls of a running stream: which are pending, and how to interpret the statuses received.
 
-An answer may have a digit damaged on the line, so a status that shows a fault, or an idle unit, counts only if the next
-one confirms it.
+The line may damage a digit of an answer. So a status that shows a fault or an idle unit counts only if the next one
+confirms it.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Polls:
         return self.asked_at + (0.0 if at_once or self.doubtful else every_s)
 
     def take(self, status: Status) -> tuple[Poll, Status]:
-        """Take a status. Return the poll that it answers, and the status without an unconfirmed fault."""
+        """Match a status with its poll. Return that poll, and the status without an unconfirmed fault."""
         self.idle, self._was_idle = self._was_idle and not status.busy, not status.busy
         self.doubtful = status.fault and not self.doubtful
         poll = self._open.popleft() if self._open else Poll(0, 0, 0.0)

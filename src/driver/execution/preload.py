@@ -1,7 +1,7 @@
-"""Load and verify a whole motion before it begins: for serial lines with many transmission errors.
+"""Load and verify a whole motion before it begins, for serial lines with many transmission errors.
 
-The unit waits in a dwell that is long enough for the echo of all segments. If an echo differs, STOP clears the unit's
-queue while the arm is at rest, and the whole motion is sent again.
+The unit waits in a dwell that is long enough to receive and echo all segments. If an echo differs, STOP clears the
+unit's queue while the arm is still at rest, and the whole motion is sent again.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from driver.mars.mars import Mars
 from driver.mars.stopping import farthest
 
 PRELOADS = 3  # attempts to send a motion
-SLOWER = 1.5  # factor on the time allowed, from one attempt to the next
+SLOWER = 1.5  # each attempt allows this many times the time of the one before
 
 
 def refuse_preload(mars: Mars) -> None:

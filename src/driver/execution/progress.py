@@ -16,13 +16,12 @@ class StreamOptions:
     Attributes:
         dwell_ms: shortest initial dwell, in which segments are loaded; longer if needed to stop before a damaged
             segment (`driver.mars.lookahead`).
-        ahead_s: most motion that the unit holds, which it still executes if the link is lost; more on a slow line.
+        ahead_s: most motion that the unit holds; more on a slow line. The unit still executes it if the link is lost.
         queue: most segments that the unit holds; its capacity is 200.
         poll_s: between two polls of position and status, controller seconds.
         following_counts: how far any axis may be outside the part of the path that is being executed.
-        tube_counts: how far any axis may be from the path within the time that its servo lags, if the unit does not
-            echo (`driver.execution.path_watch`); the unit's rest tolerance is added. The value that a real arm needs is
-            not known.
+        tube_counts: how far any axis may be from the path, its servo's lag allowed for, if the unit does not echo
+            (`driver.execution.path_watch`). The unit's rest tolerance is added. What a real arm needs is not known.
         preload: load and verify the whole motion before the arm moves; for bad lines and short motions.
         watch_jaws: poll the jaws too, with every position.
     """
@@ -47,7 +46,7 @@ class Progress:
         planned_s: total duration of the finished segments, as sent.
         position: sample read from the unit.
         override: present speed override.
-        durations_s: of all segments, as they were sent or will be.
+        durations_s: of all segments, as sent or to be sent.
         jaws: how far the jaws were closed at the last poll, 0 open to 1 closed; None if they are not polled.
     """
 

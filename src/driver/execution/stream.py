@@ -33,9 +33,9 @@ def stream(
 
     Args:
         on_progress: called at every poll, also during a pause.
-        control: its present override stretches the segments in time; the path stays the same. In a pause no more
-            segments are sent, so the arm comes to rest on the path at most the look-ahead later. The remaining segments
-            are sent when the pause ends, with the override of that time.
+        control: its override stretches the segments in time; the path stays the same. In a pause no more segments are
+            sent, so the arm comes to rest on the path within the look-ahead time. The remaining segments are sent when
+            the pause ends, with the override set by then.
 
     Raises:
         InputError: a segment cannot be sent (duration 0, order above 3, line too long); nothing moved.

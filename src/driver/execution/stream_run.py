@@ -38,11 +38,13 @@ from driver.mars.ready import refuse_failure
 from driver.mars.running import Running
 
 STALL_S = 5.0  # a segment may take this much longer than planned
-REPEAT_S = 0.5  # repeat a poll that is not answered after this,
-REPEAT_WALL_S = 0.1  # but not before this much wall time
-IDLE_S = 1.0  # send R again to an idle unit that has not answered R! after this,
-IDLE_LOOKS = 2  # but not before this many polls
-UNLOCATED = 3  # answers to ST in a row without one to COORDAP: the group is gone
+SILENT_POLLS, SILENT_TRIPS = 3.0, 4.0  # poll periods, and round trips, without an answer: it is silent
+REPEAT_S = 0.5  # an unanswered poll is repeated after this time,
+REPEAT_TRIPS = 2.5  # but not before this many round trips
+REPEAT_WALL_S = 0.1  # and this much wall time
+IDLE_S = 1.0  # R is sent again to a unit that is idle for this time without answering R!,
+IDLE_POLLS = 2  # but not before this many polls
+UNLOCATED = 3  # with more answers to ST in a row and none to COORDAP, the group is gone
 STEP_S = 0.25  # longest wait
 LEAST_STEP_S = 0.001  # shortest wait
 
@@ -53,7 +55,7 @@ def encoded(path: CountPath, knots: Counts) -> list[str]:
 
 
 class StreamRun:
-    """One run of a stream. Segments are counted without dwells; the segment being executed is not done."""
+    """One run of a stream. Counts of segments leave out dwells; `done` leaves out the segment being executed."""
 
     def __init__(
         self,
@@ -86,13 +88,13 @@ class StreamRun:
         self.samples = 0
         self.jaws: float | None = None
         self.running = Running()
-        self.looks = Polls()
-        self.unlocated = 0  # answers to ST since the last one to COORDAP
+        self.polls = Polls()
+        self.unlocated = 0  # number of answers to ST since the last one to COORDAP
         self.heard_at = self.begun_at = self.link.clock.now()
         self.waiting = False  # R is sent
         self.ready_at: float | None = None
         self.idle = False
-        self.idle_looks = 0  # idle polls in a row without R!
+        self.idle_polls = 0  # idle polls in a row without R!
         self.idle_since = 0.0  # time of the first of them
 
     @property
@@ -146,13 +148,13 @@ class StreamRun:
         )
 
     def _step(self) -> None:
-        """Take what has arrived, then do the next action that is due: dwell, poll, send, or wait briefly."""
+        """Process what has arrived, then do what is due next: dwell, poll, send, or wait briefly."""
         link, feed, now = self.link, self.feed, self.link.clock.now()
         while (reply := link.receive(now)) is not None:
             self._take(reply)
         feed.require_verified()
         feed.require_loaded()
-        next_poll = self.looks.next_at(feed.poll_s, self._repeat_s(), self.watch.doubtful)
+        next_poll = self.polls.next_at(feed.poll_s, self._repeat_s(), self.watch.doubtful)
         if self._needs_dwell():
             self._dwell()
         elif now >= next_poll and feed.dwells:
@@ -171,7 +173,7 @@ class StreamRun:
         self._watch()
 
     def _repeat_s(self) -> float:
-        repeat_s = max(REPEAT_S, 2.5 * self.link.trip_s)
+        repeat_s = max(REPEAT_S, REPEAT_TRIPS * self.link.trip_s)
         return self.link.clock.at_least(repeat_s, REPEAT_WALL_S)
 
     def _needs_dwell(self) -> bool:
@@ -186,7 +188,7 @@ class StreamRun:
         self.running.forget()
         self.begun = self.sent
         self.begun_at = self.heard_at = self.link.clock.now()
-        self.looks.begin()
+        self.polls.begin()
         self._poll(self.begun_at)
 
     def _ahead(self) -> float:
@@ -241,12 +243,12 @@ class StreamRun:
         self.mars.note("override", factor=self.override, segments_sent=self.sent)
 
     def _poll(self, now: float) -> None:
-        self.looks.ask(Poll(self.sent, self.feed.dwells, now))
+        self.polls.ask(Poll(self.sent, self.feed.dwells, now))
         self.link.send(encode_query("COORDAP"))
         self.link.send(encode_query("ST"))
         if self.options.watch_jaws:
             self.link.send(encode_query("AP", self.mars.unit.gripper.axis))
-        self.looks.asked_at = self.link.clock.now()
+        self.polls.asked_at = self.link.clock.now()
 
     def _take(self, reply: Reply) -> None:
         try:
@@ -262,7 +264,7 @@ class StreamRun:
                 case Ready(""):
                     if self.waiting and self.ready_at is None:
                         self.ready_at, self.idle = self.link.clock.now(), False
-                        self.looks.asked_at = -math.inf  # poll at once whether it is idle
+                        self.polls.asked_at = -math.inf  # poll at once whether it is idle
         except MalformedAnswer as error:  # the next poll counts; too long without one is an error
             self.mars.note("damaged", text=str(error))
 
@@ -270,23 +272,23 @@ class StreamRun:
         self.unlocated += 1
         if self.unlocated > UNLOCATED:  # it answers, but has no group
             self.link.restarted = True
-        poll, believed = self.looks.take(status)
+        poll, believed = self.polls.take(status)
         refuse_failure(self.link, believed, f"segment {self.begun} of {self.total}")
         self.heard_at = self.link.clock.now()
         self.idle = not status.busy and poll.sent == self.total and poll.dwells == self.feed.dwells
         self._ask_again()
-        if self.looks.idle and poll.dwells == self.feed.dwells and poll.sent + 1 > self.begun:
+        if self.polls.idle and poll.dwells == self.feed.dwells and poll.sent + 1 > self.begun:
             self._begin(poll.sent + 1)  # all that was sent before the poll is done
 
     def _ask_again(self) -> None:
         """Send R again to an idle unit that does not answer: R or its answer was lost on the line."""
         unanswered = self.idle and self.waiting and self.ready_at is None
         now = self.link.clock.now()
-        self.idle_looks = self.idle_looks + 1 if unanswered else 0
-        if self.idle_looks <= 1:
+        self.idle_polls = self.idle_polls + 1 if unanswered else 0
+        if self.idle_polls <= 1:
             self.idle_since = now
-        if self.idle_looks >= IDLE_LOOKS and now >= self.idle_since + IDLE_S:
-            self.idle_looks, self.waiting = 0, False
+        if self.idle_polls >= IDLE_POLLS and now >= self.idle_since + IDLE_S:
+            self.idle_polls, self.waiting = 0, False
 
     def _locate(self, position: Position) -> None:
         link, now = self.link, self.link.clock.now()
@@ -294,7 +296,7 @@ class StreamRun:
         if link.unit_time.jumped(now, position.time_ms, link.patience(SLACK_S)):
             link.restarted = True
             refuse_failure(link, Status(0), f"segment {self.begun} of {self.total}")
-        poll = self.looks.oldest
+        poll = self.polls.oldest
         current = poll is not None and poll.dwells == self.feed.dwells
         feed, running = self.feed, self.running
         plausible = True
@@ -337,7 +339,7 @@ class StreamRun:
             raise ExecutionStopped(
                 f"segment {self.begun} of {self.total}: the unit answered FAIL!", reason="fault"
             )
-        silent_s = max(ANSWER_S, 3.0 * self.feed.poll_s + 4.0 * link.trip_s)
+        silent_s = max(ANSWER_S, SILENT_POLLS * self.feed.poll_s + SILENT_TRIPS * link.trip_s)
         if now > self.heard_at + link.patience(silent_s):
             raise NoAnswer(f"no valid answer from the unit for {silent_s:g} s", reason="silent")
         if self.hold is not None and self._dry:

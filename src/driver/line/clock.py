@@ -1,4 +1,4 @@
-"""Controller time. It is wall time with a real arm; an emulated one may run faster.
+"""Controller time: wall time with a real arm; faster than wall time with an emulated one, if wanted.
 
 The driver waits through its clock only, so `driver.line.stepped_clock.SteppedClock` can replace this one: there time
 passes only while the driver waits.
@@ -38,7 +38,7 @@ class Clock:
         return seconds / self.time_scale
 
     def at_least(self, seconds: float, wall_s: float) -> float:
-        """Return `seconds`, but at least `wall_s` of wall time, as a busy host may not run for so long."""
+        """Return `seconds`, extended to at least `wall_s` of wall time, as a busy host may be suspended that long."""
         return max(seconds, wall_s * self.time_scale)
 
     def next_of(self, items: queue.SimpleQueue[_T], until: float) -> _T:
@@ -51,5 +51,5 @@ class Clock:
         return items.get(timeout=wait) if wait > 0.0 else items.get_nowait()
 
     def unique_ms(self) -> int:
-        """Milliseconds of a counter that is higher than for any earlier program on this host."""
+        """Return a count of milliseconds that is higher than in any earlier program on this host."""
         return time.monotonic_ns() // 1_000_000

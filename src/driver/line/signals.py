@@ -21,15 +21,14 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 # Wall time after a signal in which others are ignored. Limited because Python drops an interrupt raised where it cannot
 # be caught (a finaliser, a callback); Ctrl-C must then work again.
 QUIET_S = 1.0
+# Wall time after `caught` in which signals are ignored: stopping the arm and writing the report take less. Limited so
+# that Ctrl-C works again if they hang.
+ENDING_S = 60.0
 
 _armed = False
 _held = False
 _waits: KeyboardInterrupt | None = None  # while held
 _ends = False  # whether the program ends by a signal
-# Wall time after `caught` in which signals are ignored: stopping the arm and writing the report take less. Limited so
-# that Ctrl-C works again if they hang.
-ENDING_S = 60.0
-
 _heard_at = -QUIET_S
 _deaf_until = 0.0
 _signalled = False
@@ -43,7 +42,7 @@ def interruptible(ends: bool = False) -> Iterator[None]:
 
     Args:
         ends: the program ends by a signal. Then `hear_again` does nothing, and after `caught` signals are ignored even
-            behind the block, so that the final output is complete.
+            when the block has been left, so that the final output is complete.
     """
     global _armed, _ends, _heard_at, _signalled, _deaf_until
     if _armed or threading.current_thread() is not threading.main_thread():

@@ -21,10 +21,10 @@ from driver.line.signals import held
 
 _T = TypeVar("_T")
 
-_LEAST_S = 1e-6  # shortest wait: a remainder from rounding would not advance the time
+_LEAST_S = 1e-6  # shortest wait; a shorter one may be lost in rounding and not advance the time
 _SLICE_S = 0.02  # wall time between two checks for what other threads have sent
-_LATE_S = 0.05  # wall time: a longer delay is not caught up with
-_MOST_EVENTS = 100_000  # at one instant: more means an endless loop of events
+_LATE_S = 0.05  # wall time; a paced clock makes up for a delay only up to this
+_MOST_EVENTS = 100_000  # at one instant; more are an endless loop of events
 
 
 class Actor(Protocol):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from driver.line.protocol import CLOCK_RANGE_MS
 
 SLACK_S = 2.0  # tolerance for answers that come late
-RATE_FROM_S = 2.0  # host time over which the rate of the unit's clock is learnt
-LARGEST_RATE = 10.0  # fastest rate of an emulated unit's clock
+RATE_FROM_S = 2.0  # host time needed to learn the rate of the unit's clock
+LARGEST_RATE = 10.0  # unit seconds per host second, of the fastest emulated unit
 DRIFT = 0.05  # relative tolerance of the learnt rate
 
 
@@ -14,7 +14,7 @@ class UnitTime:
     """Compares the unit's milliseconds, which wrap every 65.5 s, with the host's clock.
 
     The clock of an emulated unit may run faster than the host's, so its rate is learnt from consecutive samples. Until
-    the rate is known, a long gap between samples proves nothing; a power cycle then shows by the lost group.
+    the rate is known, a long gap between samples proves nothing. A power cycle then shows only by the lost group.
     """
 
     def __init__(self) -> None:

@@ -10,9 +10,9 @@ from arm.controller.segments import CountPath, Segment
 from driver.line.protocol import SEQUENCE_RANGE
 from driver.log.samples import AXES, LoggedSample
 
-# Commands that end a stream, unless they address a gripper axis,
+# Commands that end a stream, unless they address a gripper axis.
 _ENDS = re.compile(r"(R|STOP|RELEASE|PURGE|HH|COORDMV|G|SPDT|COORDGRP)([A-H]?):")
-# and those of them after which the end of the controller's path generator is not known.
+# Those of them after which the end of the controller's path generator is not known.
 _LOSES = ("STOP", "RELEASE", "PURGE", "HH", "G", "SPDT")
 _GRIPPERS = ("G", "H")
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from driver.line.protocol import CLOCK_RANGE_MS, MalformedAnswer, Position, parse_position
 
 AXES = 6
-SLACK_S = 1.0  # tolerance for the delay of an answer relative to the one before,
-SLACK_WALL_S = 1.0  # plus this much wall time for a busy host
+SLACK_S = 1.0  # an answer may come this much later or earlier than the one before lets expect,
+SLACK_WALL_S = 1.0  # and by this much wall time more, as the host may be busy
 
 
 @dataclass(frozen=True)
@@ -16,8 +16,8 @@ class LoggedSample:
     """One answer to COORDAP.
 
     Attributes:
-        time_s: when the unit took the sample, on the log's clock: the unit's milliseconds, shifted so that the fastest
-            answer has no delay. Free of delays of the line and the host.
+        time_s: when the unit took the sample, s on the log's clock. These are the unit's milliseconds, shifted so that
+            the fastest answer has no delay. So they are free of the delays of line and host.
         heard_s: when the last byte of the answer was received.
         position: the answer.
     """
@@ -30,8 +30,8 @@ class LoggedSample:
 class SampleReader:
     """Collects samples. The unit's clock wraps every 65.536 s; the host's clock determines how often.
 
-    A sample whose clock does not fit the host's is damaged if the next one fits again. If it does not, the unit was
-    switched off and on in between, and its clock starts again.
+    A sample whose time does not fit the host's clock is damaged if the next one fits again. If the next one does not
+    fit either, the unit was switched off and on in between, and its clock has started again.
 
     Attributes:
         damaged: number of samples left out.

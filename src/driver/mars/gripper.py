@@ -10,11 +10,11 @@ from driver.line.protocol import encode, parse_integer
 from driver.mars.ready import wait_ready
 from driver.mars.stopping import ask_again
 
-GRIPPER_S = 10.0
+GRIPPER_S = 10.0  # time limit of a gripper move
 SAMPLE_S = 0.2  # between two readings during a gripper move
 REREAD_S = 0.02  # between two readings when no move was commanded
-STILL_ADC = 50  # ADC counts: two readings closer than this mean rest (vendor's toolbox)
-STALLED_FRACTION = 0.05  # of the stroke: jaws that rest further from their target hold an object
+STILL_ADC = 50  # ADC counts: two readings that differ by less mean rest (vendor's toolbox)
+STALLED_FRACTION = 0.05  # of the stroke: jaws at rest further than this from their target hold an object
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ def _home_axes(link: Link, unit: Unit, group: Sequence[str]) -> tuple[str, ...]:
     sample()
     for axis in group:
         link.send(encode("HH", axis=axis))
-    wait_ready(link, f"axes {', '.join(group)}", HOMING_S, on_look=sample)
+    wait_ready(link, f"axes {', '.join(group)}", HOMING_S, on_poll=sample)
     sample()
     if not _at_marks(unit, group, seen[-1]):
         sample()  # one answer may be damaged on the line

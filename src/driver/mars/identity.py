@@ -50,7 +50,7 @@ GRIPPER_AXES = ("G", "H")  # axes that the units' grippers are connected to
 def gripper_answers(link: Link) -> dict[str, str | None]:
     """Ask for the position of each possible gripper axis; None where the unit does not answer.
 
-    An axis without a gripper reads 0, which a gripper's converter never does (true of the emulator, assumed of units).
+    An axis without a gripper reads 0. A gripper's converter never reads 0 (true of the emulator, assumed of units).
     """
     return {axis: link.ask_optional("AP", axis) for axis in GRIPPER_AXES}
 

@@ -1,8 +1,8 @@
 """How early a segment must be sent so that a damaged one never begins: time for its echo and time for a stop.
 
-The unit may take longer than commanded but never less (fact sheet, section 2), so the earliest time at which a segment
-can begin follows from what was sent. The driver sends STOP if a segment's echo has not come by the last moment at which
-STOP still prevents that segment.
+The unit may take longer than commanded but never less (fact sheet, section 2). So the earliest time at which a segment
+can begin follows from what was sent. For each segment there is a last moment at which STOP still prevents it. If its
+echo has not come by then, the driver sends STOP.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from itertools import accumulate
 
 from driver.line.protocol import BYTES_PER_SECOND, MAX_LINE
 
-MARGIN_S = 0.05  # for one lost STOP
-JITTER_S = 0.05  # delay of the host with the first segments,
+MARGIN_S = 0.05  # one STOP may be lost; the next is sent this much later
+JITTER_S = 0.05  # allowance for a host that sends the first segments late,
 JITTER_WALL_S = 0.01  # but at least this much wall time
-BUSY_HOST_S = 0.1  # wall time: delay of an echo from an emulated unit that runs faster than real time
-LEAST_WINDOW = 160  # bytes that may be on their way without an echo
+BUSY_HOST_S = 0.1  # wall time: allowance for a late echo of an emulated unit that runs faster than real time
+LEAST_WINDOW = 160  # bytes that may be sent ahead of their echo, at least
 LINE_BYTES = 100  # length of a long segment's line
 ANSWERS_BYTES = 80  # length of the answers to one status poll
 
@@ -48,7 +48,7 @@ class Needs:
         return self.echo_s(MAX_LINE, round(self.window_bytes)) + self.last_s(self.braking_s)
 
     def last_s(self, moving_s: float) -> float:
-        """How long before a segment begins STOP must be decided, if the arm has been moving for `moving_s` by then.
+        """How long before a segment begins the driver must decide on STOP, if the arm has moved for `moving_s` by then.
 
         The arm brakes at least as hard as it accelerated: the registers are the same.
         """
@@ -56,7 +56,7 @@ class Needs:
 
     @property
     def window_bytes(self) -> float:
-        """The next line is sent only while fewer bytes than this await their echo."""
+        """Limit on bytes that await their echo; at the limit no further line is sent."""
         return max(LEAST_WINDOW, 2.0 * self.trip_s * BYTES_PER_SECOND + 2.0 * LINE_BYTES)
 
 

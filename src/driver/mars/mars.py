@@ -1,7 +1,7 @@
 """A CRS A465 on a MARS-8 controller: identify, initialise, move, grip, stop.
 
-Every wait has a deadline in controller seconds. Whatever ends a motion early (a fault, a silent line, an interrupt, an
-error in the caller's code), STOP is sent first, and the error carries the state of the arm after that.
+Every wait has a deadline in controller seconds. A motion may end early by a fault, a silent line, an interrupt, or an
+error in the caller's code. The driver then sends STOP before it raises, and the error carries the arm's state.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ from driver.mars.registers import Registers
 from driver.mars.running import ParameterScale
 from driver.mars.stopping import STILL_COUNTS, RestState, bring_to_rest, farthest, read_position, read_status
 
-ENGAGE_S = 5.0
+ENGAGE_S = 5.0  # time limit for closing the shoulder's loop
+MOVE_FACTOR, MOVE_S = 1.5, 5.0  # time limit of a move: this factor on its shortest time, plus this
 RELEASE_MARGIN_S = 60.0  # engage again this long before IDLEREL would release the arm
 
 
@@ -54,8 +55,8 @@ class Mars:
         log: records every byte and event.
 
     Attributes:
-        reference: end of the controller's path generator, (6,) counts, or None if it is not known (after opening,
-            after a stop); relative segments must not be sent then.
+        reference: end of the controller's path generator, (6,) counts. None if it is not known, as after opening or a
+            stop; relative segments must not be sent then.
         manners: how the unit echoes, once it is identified.
         registers: sets registers and reads them back.
         parameters: scale of the unit's segment parameter, learnt during dwells.
@@ -235,8 +236,9 @@ class Mars:
     def anchor(self, counts: Sequence[int]) -> None:
         """Set the start of the controller's path generator to these counts, which must be close to the arm's.
 
-        After a stop, a release or a push the end of the generator may be elsewhere, so a relative segment would jump.
-        Therefore the arm first makes a slow absolute move to its measured position (fact sheet, section 6).
+        After a stop, a release or a push the generator may end elsewhere than the arm is, and a relative segment would
+        make the arm jump. So the arm first moves slowly to its measured position, in absolute counts (fact sheet,
+        section 6).
 
         Raises:
             ImpossibleError: the arm is further than `Unit.rest_tolerance` from `counts`; nothing moved.
@@ -272,7 +274,7 @@ class Mars:
             send_verified(self.link, len(self.unit.axes), line)
         else:
             self.link.send(line)
-        wait_ready(self.link, "COORDMV", 1.5 * seconds + 5.0)
+        wait_ready(self.link, "COORDMV", MOVE_FACTOR * seconds + MOVE_S)
         return self.arrived(target)
 
     def arrived(self, target: Sequence[int]) -> tuple[int, ...]:

@@ -9,24 +9,24 @@ from driver.line.link import Link, NoAnswer
 from driver.line.protocol import Failed, Ready, Status, encode
 from driver.mars.stopping import SAMPLE_S, farthest, read_status, refuse_restarted
 
-POLL_S = 0.25
-SETTLE_S = 3.0
-IDLE_POLLS = 4  # polls in a row that find the unit idle though R! has not come
+POLL_S = 0.25  # between two status polls
+SETTLE_S = 3.0  # time limit for the arm to settle
+IDLE_POLLS = 4  # R is sent again if this many polls in a row find the unit idle and R! has not come
 
 
 def wait_ready(
-    link: Link, what: str, timeout: float, axis: str = "", on_look: Callable[[], None] | None = None
+    link: Link, what: str, timeout: float, axis: str = "", on_poll: Callable[[], None] | None = None
 ) -> None:
     """Wait for ``R!`` (or ``Rx!``) and a status that is not busy.
 
-    ``R!`` alone proves nothing: it may answer an earlier wait that was given up. Nor does it mean that the arm is at
-    rest, only that its path generator has finished (fact sheet, section 1), so let the arm settle afterwards.
+    ``R!`` alone proves nothing: it may answer an earlier wait that was given up. It means that the path generator has
+    finished, not that the arm is at rest (fact sheet, section 1). So let the arm settle afterwards.
 
     Args:
         what: name of the action waited for, for the message.
         timeout: controller seconds.
         axis: the axis to wait for, or "" for all.
-        on_look: called at each status poll, four times a second.
+        on_poll: called at each status poll, four times a second.
 
     Raises:
         ExecutionStopped: FAIL!, a fault in the status, not finished in time, or the link is lost.
@@ -42,8 +42,8 @@ def wait_ready(
             link.receive(until)
         status = read_status(link)
         refuse_failure(link, status, what)
-        if on_look is not None:
-            on_look()
+        if on_poll is not None:
+            on_poll()
         ready = ready or any(isinstance(e, Ready) and e.axis == axis for e in link.events)
         link.events.clear()
         if ready and not status.busy:

@@ -1,6 +1,7 @@
 """Set registers of the unit and read them back where it answers: an echo proves the line, not the register.
 
-Which registers a MARS-8 answers is not known (fact sheet, section 6), so silence proves nothing. A wrong value does.
+Which registers a MARS-8 can be asked for is not known (fact sheet, section 6). So a missing answer proves nothing, but
+a wrong value does.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from arm.errors import ExecutionStopped
 from driver.line.link import Link
 
 _REGISTER = re.compile(r"(REG[A-Z0-9]+|IDLEREL|COORDDISCONT):(-?\d+)")
-LOOKS = 2  # read-back attempts: an answer may be damaged on the line
+READ_BACKS = 2  # attempts to read a register back, as an answer may be damaged on the line
 
 
 class Registers:
@@ -28,12 +29,12 @@ class Registers:
         self.answers: dict[str, str | None] = {}
 
     def forget(self) -> None:
-        """Forget all answers: the unit may be another one."""
+        """Forget all answers: another unit may be connected now."""
         self._answered = {}
         self.answers = {}
 
     def tell(self, *lines: str) -> None:
-        """Send lines that may be sent twice, and read back the registers among them.
+        """Send lines that do no harm if sent twice, and read back the registers among them.
 
         Raises:
             NoAnswer, LinkLost, LineDamaged: as `Link.tell`.
@@ -41,12 +42,12 @@ class Registers:
         """
         self._link.tell(*lines)
         values = {found[1]: int(found[2]) for line in lines if (found := _REGISTER.fullmatch(line))}
-        for attempt in range(LOOKS):
+        for attempt in range(READ_BACKS):
             wrong = self._wrong(values)
             if not wrong:
                 return
             values = {name: values[name] for name in wrong}
-            if attempt + 1 == LOOKS:
+            if attempt + 1 == READ_BACKS:
                 name = wrong[0]
                 raise ExecutionStopped(
                     f"register {name} reads {self.answers[name]} after {values[name]} was set, though the echo was "

@@ -1,6 +1,6 @@
-"""Which of the sent segments the unit executes, and its progress in it, from the numbers in COORDAP.
+"""Determine from COORDAP which of the sent segments the unit executes, and how far it has come in it.
 
-An answer may be damaged on the line, so a number that the unit cannot have reached yet is rejected.
+An answer may be damaged on the line. So a segment number that the unit cannot have reached yet is rejected.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from driver.line.protocol import CLOCK_RANGE_MS, SEQUENCE_RANGE, Position
 from driver.mars.lookahead import Timeline
 
 EARLY_S = 0.05  # tolerance by which a segment may begin early
-STRANGE = 2  # impossible numbers in a row: then the reference number was damaged
-LEAST_STEP_MS = 40  # between two samples that the parameter's scale is computed from
-ATTEMPTS = 3  # dwells, after which the scale counts as unavailable
+STRANGE = 2  # impossible numbers in a row that prove that the reference number was damaged
+LEAST_STEP_MS = 40  # shortest time between two samples from which the parameter's scale is computed
+ATTEMPTS = 3  # dwells in which to learn the scale; after these it counts as unavailable
 AGREE = 0.1  # largest relative difference of two such scales
 
 

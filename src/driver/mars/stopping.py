@@ -30,15 +30,15 @@ _T = TypeVar("_T")
 
 SAMPLE_S = 0.1  # between two position samples that are compared
 STILL_COUNTS = 2  # largest change of an axis between two samples of an arm at rest
-REPEAT_S = 0.05  # between the first REPEATS STOPs; by then the arm has usually stopped
-REPEATS = 30
-SLOW_REPEAT_S = 0.5  # between further STOPs: more of them would flood a slow unit
-LOOK_S = 0.3  # for all answers of one poll, beyond the round trips,
-LOOK_WALL_S = 0.2  # but at least this much wall time
-SILENT_S = 6.0  # give up on a unit that is silent for so long
-SPOILED_LOOKS = 3  # polls without a status, after which queries are sent one at a time
-UNECHOED_LOOKS = 20  # polls that find the arm at rest and suffice if no STOP is echoed
-STOP_S = 10.0  # generous: the slowest axis brakes from twice its default speed in 0.4 s
+REPEAT_S = 0.05  # between the first REPEATS STOPs
+REPEATS = 30  # by then, after 1.5 s, the arm has usually stopped
+SLOW_REPEAT_S = 0.5  # between further STOPs; more of them would flood a slow unit
+POLL_S = 0.3  # time limit for all answers of one poll, beyond the round trips,
+POLL_WALL_S = 0.2  # but at least this much wall time
+SILENT_S = 6.0  # time without any answer, after which the unit is given up
+SPOILED_POLLS = 3  # after this many polls without a status, queries are sent one at a time
+UNECHOED_POLLS = 20  # if no STOP is echoed, this many polls must find the arm at rest
+STOP_S = 10.0  # time limit, generous: the slowest axis brakes from twice its default speed in 0.4 s
 
 
 @dataclass(frozen=True)
@@ -192,8 +192,8 @@ def bring_to_rest(link: Link, axes: Sequence[str], timeout: float = STOP_S) -> R
 
 
 class _Stopping:
-    """One stop. A poll ("look") asks for ST, the position and a stamp. Answers come in order, so the answered stamp
-    completes it. STOP counts as executed when its echo has come, or without echoes when the arm is at rest."""
+    """One stop. A poll asks for ST, the position and a stamp. Answers come in order, so the stamp's answer completes
+    the poll. STOP counts as executed once its echo has come, or without echoes once the arm is at rest."""
 
     def __init__(self, link: Link, axes: Sequence[str]) -> None:
         self.link = link
@@ -214,14 +214,14 @@ class _Stopping:
     def run(self, timeout: float) -> RestState:
         link, now = self.link, self.link.clock.now()
         deadline, silent_at = link.deadline(timeout), link.deadline(SILENT_S)
-        repeat_at, poll_at, poll_s = now + REPEAT_S, now, LOOK_S
+        repeat_at, poll_at, poll_s = now + REPEAT_S, now, POLL_S
         while (now := link.clock.now()) < deadline and (self._heard or now < silent_at):
             if now >= poll_at:
                 self._begin_poll()
-                poll_at = now + link.clock.at_least(poll_s + 4.0 * link.trip_s, LOOK_WALL_S)
+                poll_at = now + link.clock.at_least(poll_s + 4.0 * link.trip_s, POLL_WALL_S)
                 poll_s = min(1.5 * poll_s, ANSWER_S)  # without an echo the round trip is not known
             # missing answers may have been mixed into echoes: then ask one thing at a time
-            in_turn = link.takes_turns or self._missed >= SPOILED_LOOKS
+            in_turn = link.takes_turns or self._missed >= SPOILED_POLLS
             while self._unsent and not link.blocked and not (in_turn and link.echo.unanswered):
                 line = self._unsent.popleft()
                 link.send(line or link.fresh_stamp())
@@ -286,7 +286,7 @@ class _Stopping:
         elif quiet and compared:
             self._rest_polls += 1
         executed = self.link.echo.stops > 0 or not self.link.echoes
-        return self._rest_polls >= (1 if executed else UNECHOED_LOOKS)
+        return self._rest_polls >= (1 if executed else UNECHOED_POLLS)
 
     def _at_rest(self) -> RestState:
         link = self.link

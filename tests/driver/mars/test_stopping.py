@@ -15,7 +15,7 @@ from driver.line.link import ANSWER_S
 from driver.line.protocol import Status
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
-from driver.mars.stopping import SAMPLE_S, STOP_S, UNECHOED_LOOKS, RestState, bring_to_rest, read_status
+from driver.mars.stopping import SAMPLE_S, STOP_S, UNECHOED_POLLS, RestState, bring_to_rest, read_status
 from wire.soft_home import SOFT_HOME
 
 BRAKES_S = 1.3  # the arm goes on for so long after STOP
@@ -171,7 +171,7 @@ def test_an_arm_that_stands_for_many_looks_is_at_rest_though_no_stop_comes_back(
     fake.write = lambda data: write(data.replace(b"STOP:\n", b""))
     begin = clock.now()
     assert mars.stop().at_rest
-    assert UNECHOED_LOOKS * SAMPLE_S <= clock.now() - begin < STOP_S
+    assert UNECHOED_POLLS * SAMPLE_S <= clock.now() - begin < STOP_S
 
 
 @pytest.mark.parametrize("axes", [("A",), AXES])
