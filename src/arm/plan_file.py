@@ -170,7 +170,8 @@ class Plan:
 
     def to_json(self) -> str:
         """Return the text of the file."""
-        return canonical_json(_plan_to_json(self)) + "\n"
+        steps = [_step_to_json(step) for step in self.steps]
+        return canonical_json({**vars(self), "format": FORMAT, "steps": steps}) + "\n"
 
     @property
     def sha256(self) -> str:
@@ -209,52 +210,20 @@ def read_plan(path: Path) -> Plan:
     return _plan(Node(path, "", value, "plan again"))
 
 
-def _plan_to_json(plan: Plan) -> dict[str, Any]:
-    return {
-        "format": FORMAT,
-        "task": plan.task,
-        "unit": plan.unit,
-        "speed": plan.speed,
-        "speed_registers": list(plan.speed_registers),
-        "acceleration_registers": list(plan.acceleration_registers),
-        "steps": [_step_to_json(step) for step in plan.steps],
-        "provenance": plan.provenance,
-        "notes": plan.notes,
-        "scene": plan.scene,
-    }
-
-
 def _step_to_json(step: Step) -> dict[str, Any]:
     match step:
-        case Move():
-            return {
+        case Move(path=path, allowed_collisions=allowed):
+            kept = {k: v for k, v in vars(step).items() if k not in ("path", "allowed_collisions")}
+            return kept | {
                 "step": "move",
-                "name": step.name,
-                "role": step.role,
-                "cube": step.cube,
-                "start_counts": list(step.path.start),
-                "segments": [
-                    [s.duration_ms, *(list(row) for row in s.coefficients)] for s in step.path.segments
-                ],
-                "held": step.held,
-                "jaw_opening": step.jaw_opening,
-                "clearance": step.clearance,
-                "closest": list(step.closest),
-                "certified": step.certified,
-                "touching": list(step.allowed_collisions),
-                "clearances": list(step.clearances),
+                "start_counts": path.start,
+                "segments": [[s.duration_ms, *s.coefficients] for s in path.segments],
+                "touching": allowed,
             }
         case GripperStep():
-            return {
-                "step": "gripper",
-                "name": step.name,
-                "action": step.action,
-                "cube": step.cube,
-                "fraction_closed": step.fraction_closed,
-                "settle_s": step.settle_s,
-            }
+            return {"step": "gripper", **vars(step)}
         case LookStep():
-            return {"step": "look", "name": step.name}
+            return {"step": "look", **vars(step)}
 
 
 _SIX = rule_of(
@@ -270,11 +239,11 @@ _CLEARANCES = rule_of(
     lambda v: tuple(map(float, v)),
 )
 _NAMES = rule_of("body names", lambda v: isinstance(v, list) and all(isinstance(n, str) for n in v), tuple)
-_TWO = rule_of("the names of two bodies", lambda v: _is_two(v), lambda v: (v[0], v[1]))
-
-
-def _is_two(value: object) -> bool:
-    return isinstance(value, list) and len(value) == 2 and all(isinstance(n, str) for n in value)
+_TWO = rule_of(
+    "the names of two bodies",
+    lambda v: isinstance(v, list) and len(v) == 2 and all(isinstance(n, str) for n in v),
+    tuple[str, str],
+)
 
 
 def _plan(root: Node) -> Plan:

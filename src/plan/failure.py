@@ -97,22 +97,14 @@ class Failure:
 
     def to_json(self) -> dict[str, Any]:
         """Return the failure as JSON types."""
-        return {
-            "kind": self.kind,
-            "step": self.step,
-            "stations": list(self.stations),
-            "headline": self.headline,
-            "body": self.body,
-            "ways": [way.to_json() for way in self.ways],
-        }
+        ways = [way.to_json() for way in self.ways]
+        return {**vars(self), "stations": list(self.stations), "ways": ways}
 
 
 def failure_from_json(value: Mapping[str, Any]) -> Failure:
     """Invert `Failure.to_json`."""
-    ways = tuple(_rejected(way) for way in value["ways"])
-    return Failure(
-        value["kind"], value["step"], tuple(value["stations"]), value["headline"], ways, value["body"]
-    )
+    ways = tuple(map(_rejected, value["ways"]))
+    return Failure(**{**value, "stations": tuple(value["stations"]), "ways": ways})
 
 
 def _rejected(way: Mapping[str, Any]) -> Rejected:

@@ -12,6 +12,7 @@ import math
 import os
 import stat
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -153,19 +154,35 @@ def require_finite(path: Path, value: Any) -> None:
     Raises:
         FileInputError: a number breaks the rule; the message names its key.
     """
+    for key, leaf in leaves(value):
+        require_64_bits(path, key, leaf)
+        if isinstance(leaf, float) and not math.isfinite(leaf):
+            raise FileInputError(path, key, leaf, "must be a finite number")
+        if isinstance(leaf, float) and abs(leaf) > LARGEST:
+            raise FileInputError(path, key, leaf, f"must be a number from {-LARGEST:g} to {LARGEST:g}")
+
+
+def require_64_bits(path: Path, key: str, value: Any) -> None:
+    """Require that a value is not an integer of more than 64 bits, which `json` and `tomllib` accept.
+
+    Raises:
+        FileInputError: it is one.
+    """
+    if isinstance(value, int) and not -(2**63) <= value < 2**63:
+        raise FileInputError(path, key, value, "must be a whole number of 64 bits")
+
+
+def leaves(value: Any) -> Iterator[tuple[str, Any]]:
+    """Yield every value in nested tables and lists that is neither, with its key, in the file's order."""
     left = [("", value)]
     while left:
         key, now = left.pop()
         if isinstance(now, dict):
-            left += [(f"{key}.{name}" if key else name, inner) for name, inner in now.items()]
+            left += [(f"{key}.{name}" if key else name, inner) for name, inner in reversed(now.items())]
         elif isinstance(now, list):
-            left += [(f"{key}[{i}]", inner) for i, inner in enumerate(now)]
-        elif isinstance(now, float) and not math.isfinite(now):
-            raise FileInputError(path, key, now, "must be a finite number")
-        elif isinstance(now, float) and abs(now) > LARGEST:
-            raise FileInputError(path, key, now, f"must be a number from {-LARGEST:g} to {LARGEST:g}")
-        elif isinstance(now, int) and not -(2**63) <= now < 2**63:
-            raise FileInputError(path, key, now, "must be a whole number of 64 bits")
+            left += [(f"{key}[{i}]", now[i]) for i in reversed(range(len(now)))]
+        else:
+            yield key, now
 
 
 def keep_apart(output: Path | None, *inputs: Path | None) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from arm.errors import FileInputError
-from arm.io.storage import read_text
+from arm.io.storage import leaves, read_text, require_64_bits
 
 MOST_PARTS = 16  # parts of a dotted key; those of this project have 4
 
@@ -29,7 +29,8 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise FileInputError(path, "", None, "is nested too deeply") from error
     except ValueError as error:  # thousands of digits
         raise FileInputError(path, "", None, f"has a number that is too long: {error}") from error
-    _require_integers(path, values)
+    for key, value in leaves(values):
+        require_64_bits(path, key, value)
     return values
 
 
@@ -52,19 +53,3 @@ def _require_short_keys(path: Path, text: str) -> None:
     if (found := _PARTS.search(plain)) is not None:
         line = plain.count("\n", 0, found.start()) + 1
         raise FileInputError(path, f"line {line}", None, f"has a key of more than {MOST_PARTS} parts")
-
-
-def _require_integers(path: Path, values: dict[str, Any]) -> None:
-    """Require integers of at most 64 bits, as in TOML; `tomllib` accepts longer ones.
-
-    Raises:
-        FileInputError: an integer is longer; the message names the key.
-    """
-    every: list[tuple[str, Any]] = [("", values)]
-    for key, value in every:  # the list grows in the loop
-        if isinstance(value, dict):
-            every += [(f"{key}.{name}" if key else name, inner) for name, inner in value.items()]
-        elif isinstance(value, list):
-            every += [(f"{key}[{i}]", inner) for i, inner in enumerate(value)]
-        elif isinstance(value, int) and not -(2**63) <= value < 2**63:
-            raise FileInputError(path, key, value, "must be a whole number of 64 bits")

@@ -80,10 +80,6 @@ class TransitCosts:
         """Estimates with all that is known to be in the way."""
         return self._costs(self.free, self._with_blocks)
 
-    def without_obstacles(self) -> Costs:
-        """The estimates that know of nothing in the way."""
-        return self._costs(self.free, None)
-
     def bounds(self) -> Costs:
         """Lower bounds, whatever is in the way."""
         return self._costs(self._table(leg_bounds), None)

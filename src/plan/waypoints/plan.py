@@ -57,7 +57,7 @@ class PosePlan:
         reached: every target.
         lower_bound_s: no motion through the solutions that were looked at is faster, whatever its ways.
         candidates: solutions looked at, per place: the start, each group of targets, the end.
-        ways_proved, detours: transits looked at, and ways around that were made.
+        detours: ways around that were made.
         stopped: why the search ended before the fastest way was known, for people; "" if it is known.
     """
 
@@ -68,7 +68,6 @@ class PosePlan:
     reached: tuple[Reached, ...]
     lower_bound_s: float
     candidates: tuple[int, ...]
-    ways_proved: int
     detours: int
     stopped: str = ""
 

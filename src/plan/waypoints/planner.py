@@ -311,7 +311,6 @@ class _Problem:
             reached=reached,
             lower_bound_s=float(np.floor(found.bound * 1e3)) / 1e3,
             candidates=tuple(len(layer.chains) for layer in search.layers),
-            ways_proved=search.effort.ways,
             detours=search.effort.detours,
         )
 

@@ -94,11 +94,9 @@ class Found:
 
 @dataclass(eq=False)
 class Effort:
-    """What a search did: ways and chains proved, ways around made, and why what it tried was refused, by layer."""
+    """What a search did: ways around made, and why what it tried was refused, by layer."""
 
-    ways: int = 0
     detours: int = 0
-    chains: int = 0
     refused: dict[int, Counter[str]] = field(default_factory=dict)
     examples: dict[int, ImpossibleError] = field(default_factory=dict)
 
@@ -259,7 +257,6 @@ class PoseSearch:
         return self._ways[key]
 
     def _made_way(self, state: _State, number: int, index: int) -> tuple[float, Array] | None:
-        self.effort.ways += 1
         before, layer = self.layers[state.layer], self.layers[number]
         a, b = before.chains[state.index].q_out, layer.chains[index].q_in
         straight = float(self.estimates[state.layer][state.index, index])
@@ -305,7 +302,6 @@ class PoseSearch:
             key = (number, index, at, situation.key)
             target = self.targets[item.target]
             if key not in self._proofs:
-                self.effort.chains += 1
                 world = self.worlds.world(situation, target.pairs)
                 asked = self.options.line_clearance
                 ends = (item.path.q[0], item.path.q[-1])
