@@ -16,6 +16,8 @@ from arm.numerics.angles import arctan2
 from arm.numerics.products import mul, nearest_rotation, norm
 
 Array = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.intp]
 
 
 def frozen(array: npt.ArrayLike) -> Array:

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.errors import InputError
-from arm.se3 import Array
+from arm.se3 import Array, Bools, Indices
 from render.first_hit import FirstHits, InView, no_hits
-from render.rays import Bools, Indices, PixelRays, subpixel_rays
+from render.rays import PixelRays, subpixel_rays
 from render.solids import REGIONS
 
 NEIGHBOURS = np.ones((3, 3), dtype=np.uint8)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from arm.robot.shapes import Convex, hull_faces
-from arm.se3 import frozen
-from render.rays import Bundle, Floats, Indices
+from arm.se3 import Indices, frozen
+from render.rays import Bundle, Floats
 
 _SAME_PLANE = 1e-7  # m and rad; triangles of one flat face differ by less
 

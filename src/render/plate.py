@@ -8,12 +8,11 @@ their walls block part of the ambient light.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_DEPTH, SECOND_MARKER, Board
-from arm.se3 import Array, apply, frozen, inverse, transform
+from arm.se3 import Array, Bools, Indices, apply, frozen, inverse, transform
 from render.light import FINGER_HOLE, KIND_GREY, MARKER_BLACK, MARKER_WHITE, Light
-from render.rays import Bundle, Floats, Indices, PixelRays, bundle_in
+from render.rays import Bundle, Floats, PixelRays, bundle_in
 from render.solids import Cast, cast_box
 from vision.markers.dictionaries import marker_modules
 
@@ -60,9 +59,7 @@ class PlateSolid:
         shape = rays.x.shape
         return Cast(cast.depth.reshape(shape), cast.grey.reshape(shape), cast.region.reshape(shape))
 
-    def _print_marker(
-        self, cast: Cast, top: Indices, x: Floats, y: Floats, modules: npt.NDArray[np.bool_]
-    ) -> None:
+    def _print_marker(self, cast: Cast, top: Indices, x: Floats, y: Floats, modules: Bools) -> None:
         """Print a marker on the rays `top` that hit the plate's top at (x, y) m from the marker's centre."""
         size, count = self._board.marker_size, len(modules)
         border = size / 2.0 + size / count

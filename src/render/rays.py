@@ -12,12 +12,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-from arm.se3 import Array
+from arm.se3 import Array, Indices
 from vision.camera.model import Camera
 
 Floats = npt.NDArray[np.float32]
-Bools = npt.NDArray[np.bool_]
-Indices = npt.NDArray[np.intp]
 
 GRID_PX = 16  # undistortion is smooth: cubic splines with this pitch are accurate to 1e-5 px
 

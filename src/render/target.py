@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from arm.se3 import Array, frozen, inverse, transform
+from arm.se3 import Array, Bools, frozen, inverse, transform
 from render.light import Light
 from render.rays import Floats, PixelRays, bundle_in
 from render.solids import Cast
@@ -48,7 +48,7 @@ class TargetSolid:
         self._levels = (np.float32(INK * lit), np.float32(PAPER * lit))
         self._modules = self._printed_modules()
 
-    def _printed_modules(self) -> npt.NDArray[np.bool_]:
+    def _printed_modules(self) -> Bools:
         """All markers with their black borders, (markers, m, m), True for white."""
         if self._target.kind == "checkerboard":
             return np.empty((0, 1, 1), dtype=bool)

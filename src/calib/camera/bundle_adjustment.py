@@ -11,10 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from arm.errors import CalibrationRefused
-from arm.se3 import Array, moved
+from arm.se3 import Array, Bools, moved
 from calib.model.intrinsics import COUNT, camera_of, vector_of
 from calib.model.least_squares import (
     Eliminated,
@@ -27,8 +26,6 @@ from calib.model.least_squares import (
 )
 from calib.model.projection import Projection
 from vision.camera.model import Camera
-
-Bools = npt.NDArray[np.bool_]
 
 _STEPS = 100
 COST_DONE = 1e-10  # relative change of the cost

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from arm.errors import CalibrationRefused
-from arm.se3 import Array, frozen
+from arm.se3 import Array, Bools, frozen
 from calib.camera.bundle_adjustment import Bundle, View, adjust, information, intrinsics_covariance
 from calib.camera.cross_validation import cross_validate
 from calib.camera.initial_guess import initial_guess
@@ -108,10 +107,10 @@ class _Found:
     bundle: Bundle
     views: list[View]
     index: list[int]
-    kept: dict[int, npt.NDArray[np.bool_]]
+    kept: dict[int, Bools]
 
 
-def _view(photo: TargetPhoto, target: Target, kept: npt.NDArray[np.bool_]) -> View:
+def _view(photo: TargetPhoto, target: Target, kept: Bools) -> View:
     if photo.view is None:
         raise CalibrationRefused(f"{photo.name}: shows no target", photograph=photo.name)
     return View(target.points()[photo.view.ids[kept]], photo.view.corners_px[kept])
@@ -126,7 +125,7 @@ def _without_outliers(
     candidates: Sequence[int],
     target: Target,
     size: tuple[int, int],
-    free: npt.NDArray[np.bool_],
+    free: Bools,
     reasons: list[str],
 ) -> _Found:
     """Adjust, reject outlying views and corners, and repeat until there are none."""
@@ -184,9 +183,7 @@ def _distances(bundle: Bundle, views: Sequence[View]) -> tuple[float, float]:
     return near, max(far, 1.05 * near)
 
 
-def _undetermined(
-    camera: Camera, covariance: Array, free: npt.NDArray[np.bool_], corner_sigma: float
-) -> tuple[str, ...]:
+def _undetermined(camera: Camera, covariance: Array, free: Bools, corner_sigma: float) -> tuple[str, ...]:
     """Intrinsics that the views leave undetermined.
 
     This holds for focal length and principal point if the standard deviation exceeds `WEAK` times the image width. It

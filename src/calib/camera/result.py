@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from arm.former import renamed_arguments
-from arm.se3 import Array
+from arm.se3 import Array, Bools
 from calib.camera.cross_validation import CrossValidation
 from calib.camera.next_views import NextView
 from calib.camera.score_tests import ErrorHypothesis
@@ -61,7 +60,7 @@ class CalibrationView:
     why_not: str
     T_camera_target: Array | None = None
     residual: Array | None = None
-    dropped: npt.NDArray[np.bool_] | None = None
+    dropped: Bools | None = None
     distance: float = float("nan")
 
     @property
@@ -103,7 +102,7 @@ class CameraCalibration(Judged):
 
     camera: Camera
     covariance: Array
-    free: npt.NDArray[np.bool_]
+    free: Bools
     corner_sigma: float
     views: tuple[CalibrationView, ...]
     target: Target

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from arm.se3 import Indices
 from calib.camera.result import CameraCalibration
 from calib.camera.score_tests import ErrorHypothesis
 from calib.model.intrinsics import NAMES, vector_of
@@ -35,7 +36,7 @@ def coverage(c: CameraCalibration) -> float:
     return float((cells(c) > 0).mean())
 
 
-def cells(c: CameraCalibration) -> np.ndarray[tuple[int, int], np.dtype[np.intp]]:
+def cells(c: CameraCalibration) -> Indices:
     """Number of corners of used views in each cell of the image, rows by columns."""
     columns, rows = CELLS
     count = np.zeros((rows, columns), dtype=np.intp)

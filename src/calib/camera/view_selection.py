@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from arm.se3 import Array
+from arm.se3 import Array, Bools, Indices
 from vision.camera.model import Image
 from vision.targets.quality import Quality, measure_quality
 from vision.targets.target import FEWEST_CORNERS, TargetFinder, TargetView
@@ -111,7 +110,7 @@ def corner_shift(view: TargetView, other: TargetView) -> float:
     return float(np.median(np.linalg.norm(view.corners_px[here] - other.corners_px[there], axis=1)))
 
 
-def outlying_views(variances: Array, counts: npt.NDArray[np.intp]) -> npt.NDArray[np.bool_]:
+def outlying_views(variances: Array, counts: Indices) -> Bools:
     """Views whose residuals are significantly larger than those of the others, (n,).
 
     Args:

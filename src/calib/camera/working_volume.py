@@ -10,10 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from arm.errors import CalibrationRefused
-from arm.se3 import Array, by_twist
+from arm.se3 import Array, Bools, by_twist
 from calib.model.intrinsics import lens_parameter_jacobian
 from vision.camera.model import Camera
 
@@ -36,7 +35,7 @@ class WorkingVolume:
     far: float
     points: Array
     effect: Array
-    seen: npt.NDArray[np.bool_]
+    seen: Bools
 
     @property
     def blind(self) -> float:

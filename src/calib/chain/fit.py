@@ -12,9 +12,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from arm.se3 import Array
+from arm.se3 import Array, Bools, Indices
 from calib.model.chain import Chain, Evaluated
 from calib.model.least_squares import (
     Eliminated,
@@ -53,8 +52,8 @@ class Sightings:
 
     chain: Chain
     readings: Array
-    reading_ids: npt.NDArray[np.intp]
-    stances: npt.NDArray[np.intp]
+    reading_ids: Indices
+    stances: Indices
     points: Array
     pixels: Array
     gains: Gains | None = None
@@ -96,7 +95,7 @@ class Problem:
     prior_sigma: Array
     pixel_sigma: Array
     reading_sigma: Array
-    free: npt.NDArray[np.bool_]
+    free: Bools
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +127,7 @@ class ChainFit:
         return self.cost / max(self.freedom, 1)
 
     @property
-    def wrong(self) -> tuple[npt.NDArray[np.intp], ...]:
+    def wrong(self) -> tuple[Indices, ...]:
         """Images of weight 0 of every chain."""
         return tuple(np.flatnonzero(w == 0.0) for w in self.weights)
 
@@ -155,7 +154,7 @@ class ChainFit:
         own = self.own if np.isfinite(noise_freedom) else 0
         return (self.cost - drop - own) / max(self.freedom - unknowns - own, 1)
 
-    def covariance(self, free: npt.NDArray[np.bool_]) -> Array:
+    def covariance(self, free: Bools) -> Array:
         """Covariance of all unknowns, (count, count); zero rows for those held."""
         return embedded(inverse_scaled(self.information), free)
 
@@ -273,7 +272,7 @@ class _Stance:
     """Normal equations of the free unknowns from a stance, with its reading errors eliminated."""
 
     chain: int
-    columns: list[tuple[int, npt.NDArray[np.intp]]]  # of each error: reading, and the images sharing it
+    columns: list[tuple[int, Indices]]  # of each error: reading, and the images sharing it
     equations: Eliminated
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from arm.se3 import Array, rot_z
+from arm.se3 import Array, Indices, rot_z
 from calib.chain.result import ChainCalibration
 
 FITS = 4.0  # largest rms, in corner noise, of an image that fits when rotated
@@ -36,7 +35,7 @@ def flipped_targets(c: ChainCalibration) -> dict[int, tuple[int, ...]]:
     return {turn: tuple(of) for turn, of in sorted(found.items())}
 
 
-def _order(points: Array, turn: int) -> npt.NDArray[np.intp] | None:
+def _order(points: Array, turn: int) -> Indices | None:
     """Permutation of the corners under a rotation about the target's centre; None if it is not symmetric."""
     middle = points.mean(axis=0)
     there = (points - middle) @ rot_z(np.radians(turn)).T + middle

@@ -8,11 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import special, stats
 
 from arm.errors import InputError
-from arm.se3 import Array
+from arm.se3 import Array, Bools
 from calib.camera.bundle_adjustment import View
 from calib.camera.initial_guess import pose_of
 from calib.model.projection import Projection
@@ -45,7 +44,7 @@ class PerImagePoses:
     pixel_sigma: Array
     freedom: float
     noise: Array
-    wrong: npt.NDArray[np.bool_]
+    wrong: Bools
 
 
 def fit_per_image_poses(camera: Camera, points: Array, pixels: Array) -> PerImagePoses:
@@ -113,7 +112,7 @@ def _residuals(
     return pixels - projection.pixels, 1.0 - (Q**2).sum(axis=-1).reshape(pixels.shape)
 
 
-def _sigma(residuals: Array, left_share: Array, seen: npt.NDArray[np.bool_]) -> tuple[Array, float]:
+def _sigma(residuals: Array, left_share: Array, seen: Bools) -> tuple[Array, float]:
     """Standard deviation of x and y, (2,) px, from the images with smaller squares, and its degrees of freedom."""
     squares = np.where(seen[..., None], residuals, 0.0) ** 2
     freedom = np.where(seen[..., None], left_share, 0.0).sum(axis=(1, 2))

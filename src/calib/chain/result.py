@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from arm.former import renamed_arguments
-from arm.se3 import Array, frozen
+from arm.se3 import Array, Bools, Indices, frozen
 from calib.chain.fit import ChainFit, Problem, Sightings, fit_chains
 from calib.chain.model_selection import Choice, Part, Trial, choose_model, largest_rise
 from calib.chain.score_tests import ChainErrorHypothesis, find_error_hypotheses, sudden_change
@@ -79,7 +78,7 @@ class ChainCalibration(Judged):
     """
 
     names: tuple[str, ...]
-    lengths: npt.NDArray[np.bool_]
+    lengths: Bools
     problem: Problem
     fit: ChainFit
     trials: tuple[Trial, ...]
@@ -113,7 +112,7 @@ class ChainCalibration(Judged):
         return sum(len(w) for w in self.fit.weights)
 
     @property
-    def wrong(self) -> tuple[npt.NDArray[np.intp], ...]:
+    def wrong(self) -> tuple[Indices, ...]:
         """Rejected images of every chain."""
         return self.fit.wrong
 
@@ -170,7 +169,7 @@ class ChainCalibration(Judged):
 
 def calibrate_chain(
     names: Sequence[str],
-    lengths: npt.NDArray[np.bool_],
+    lengths: Bools,
     problem: Problem,
     parts: Sequence[Part],
     limits: ChainLimits,
@@ -295,6 +294,6 @@ def hold_out(choice: Choice, folds: int = FOLDS) -> HeldOut:
     return HeldOut(float(np.sqrt(squares / count)), rms)
 
 
-def _fold(s: Sightings, folds: int) -> npt.NDArray[np.intp]:
+def _fold(s: Sightings, folds: int) -> Indices:
     _, place = np.unique(s.stances, return_inverse=True)
     return np.asarray(place % folds, dtype=np.intp)

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 from scipy import special, stats
 
-from arm.se3 import Array
+from arm.se3 import Array, Bools, Indices
 from calib.chain.fit import ChainFit, Problem, Sightings, normal_equations
 from calib.chain.model_selection import largest_rise
 from calib.model.chain import Evaluated
@@ -164,7 +163,7 @@ def _first_images(problem: Problem, fit: ChainFit) -> list[int]:
     return found
 
 
-def sudden_change(wrong: npt.NDArray[np.bool_]) -> int | None:
+def sudden_change(wrong: Bools) -> int | None:
     """Find the image at which correct images give way to wrong ones or vice versa; None if wrong ones are scattered.
 
     If two halves do not fit each other, one of them is rejected (likelihood ratio of two rates against one).
@@ -180,7 +179,7 @@ def sudden_change(wrong: npt.NDArray[np.bool_]) -> int | None:
     return best + 1 if drop[best] > stats.chi2.isf(SURE / n, 1) else None
 
 
-def _log_likelihood(wrong: npt.NDArray[np.intp], of: npt.NDArray[np.intp]) -> Array:
+def _log_likelihood(wrong: Indices, of: Indices) -> Array:
     """Log likelihood of that many wrong images, at their own rate."""
     right = of - wrong
     return np.asarray(special.xlogy(wrong, wrong / of) + special.xlogy(right, right / of))

@@ -9,11 +9,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from arm.calibration_file import LARGEST_LINK, LARGEST_ZERO
 from arm.errors import CalibrationRefused
-from arm.se3 import Array, frozen
+from arm.se3 import Array, Bools, frozen
 from calib.chain.fit import Problem, Sightings
 from calib.chain.flipped_targets import flipped_targets
 from calib.chain.model_selection import Part
@@ -99,7 +98,7 @@ def hand_eye_problem(
     about: tuple[Array, Array],
     pixel_sigma: Array,
     reading_sigma: Array,
-    wrong: npt.NDArray[np.bool_] | None = None,
+    wrong: Bools | None = None,
     noise: Array | None = None,
 ) -> Problem:
     """Return the estimation problem of an arm and a fixed camera, with everything free but the gauges.

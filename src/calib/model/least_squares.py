@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
-from arm.se3 import Array
+from arm.se3 import Array, Bools
 
 State = TypeVar("State")
 Step = Callable[[float], tuple[State, bool]]
@@ -123,7 +122,7 @@ def inverse_scaled(S: Array) -> Array:
     return np.asarray(inverse * np.outer(scale, scale))
 
 
-def embedded(some: Array, free: npt.NDArray[np.bool_]) -> Array:
+def embedded(some: Array, free: Bools) -> Array:
     """Covariance of all unknowns, (count, count), from that of the free ones; zero rows for those held."""
     covariance = np.zeros((len(free), len(free)))
     covariance[np.ix_(free, free)] = some

@@ -20,7 +20,7 @@ import numpy.typing as npt
 import pinocchio as pin
 from scipy.stats import norm
 
-from arm.se3 import Array
+from arm.se3 import Array, Indices
 from calib.chain.fit import ChainFit, Problem, Sightings, fit_chains
 from calib.model.projection import Projection, along
 from calib.nao.chain import LEG, KnownSides, NaoUnknowns, gravity_gains, gravity_torques, nao_model
@@ -228,7 +228,7 @@ def _whitened(problem: Problem, s: Sightings, fit: ChainFit, chain: int) -> tupl
 
 
 def _columns(
-    problem: Problem, s: Sightings, by_reading: Array, errors: Array, images: npt.NDArray[np.intp]
+    problem: Problem, s: Sightings, by_reading: Array, errors: Array, images: Indices
 ) -> tuple[Array, Array, Array]:
     """Derivatives of all rows by the readings of a stance (the leg's six first), errors, and standard deviations.
 

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from arm.former import former_names, renamed_arguments
 from arm.io.storage import data_file
-from arm.se3 import Array, frozen, transform
+from arm.se3 import Array, Indices, frozen, transform
 from calib.chain.fit import Gains, Sightings
 from calib.model.chain import Chain, Fixed, Motion, Unknown, joined
 from calib.model.from_urdf import chain_from_root
@@ -183,7 +183,7 @@ def gravity_gains(
 def nao_sightings(
     side: str,
     unknowns: NaoUnknowns,
-    stances: npt.NDArray[np.intp],
+    stances: Indices,
     leg: Array,
     head: Array,
     board: Array,

@@ -12,13 +12,10 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from scipy.stats import chi
 
 from arm.errors import CalibrationRefused
-from arm.se3 import Array, frozen, transform
-
-Bools = npt.NDArray[np.bool_]
+from arm.se3 import Array, Bools, frozen, transform
 
 FEWEST = 3  # pairs: two motions about different axes
 _SETS, _SET = 500, 3

@@ -11,15 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 from scipy.special import gammaln
 
-from arm.se3 import Array, frozen, moved
+from arm.se3 import Array, Bools, frozen, moved
 from calib.robot_world.noise_model import Covariances, Linearised, NoiseModel, skews
-
-Bools = npt.NDArray[np.bool_]
 
 UNKNOWNS = 12
 _ROUNDS = 12

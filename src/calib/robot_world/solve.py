@@ -13,11 +13,11 @@ import numpy as np
 from scipy.stats import chi2
 
 from arm.errors import CalibrationRefused, InputError
-from arm.se3 import Array, frozen
+from arm.se3 import Array, Bools, frozen
 from calib.robot_world.initial_guess import initial_guess
 from calib.robot_world.noise_model import NoiseModel
 from calib.robot_world.observability import MotionAxes, refuse_parallel_axes
-from calib.robot_world.reml import UNKNOWNS, Bools, Closed, PairFit, fit_pairs, inverses
+from calib.robot_world.reml import UNKNOWNS, Closed, PairFit, fit_pairs, inverses
 
 FEWEST = 4  # pairs that agree; three determine the poses but not their error
 CONSENSUS = 0.4  # share of the pairs that must agree

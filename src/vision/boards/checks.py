@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from arm.board import Board
 from arm.errors import ImpossibleError
 from arm.poses import BoardPose
+from arm.se3 import Bools
 from vision.boards.arrangement import arrangement
 from vision.boards.marker_size import fit_marker_size
 from vision.boards.pose_fit import Corners, Fit
@@ -71,7 +71,7 @@ class Spread:
 def moved(board: Board, corners: Corners, limits: BoardLimits) -> ImpossibleError | None:
     """Doubt that the board moved between frames: all corners of a marker are off in the same direction."""
     off = (corners.pixels - corners.median()).reshape(len(corners.pixels), 2, 4, 2)
-    seen: npt.NDArray[np.bool_] = np.asarray(np.isfinite(off).all(axis=(2, 3)))
+    seen: Bools = np.asarray(np.isfinite(off).all(axis=(2, 3)))
     shift = np.where(seen[..., None], np.median(off, axis=2), 0.0)  # (frames, markers, 2)
     noise = np.linalg.norm(off - shift[:, :, None], axis=-1)[seen]
     distance = np.linalg.norm(shift, axis=-1).max(axis=1)

@@ -14,9 +14,8 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from arm.se3 import Array, by_twist, moved, rotation, transform
+from arm.se3 import Array, Bools, by_twist, moved, rotation, transform
 from vision.camera.model import Camera
 
 TRUSTED, REFUSED = 3.5, 6.0  # standard deviations from which a frame's corner loses weight, and has none
@@ -104,7 +103,7 @@ def fit_pose(corners: Corners, start: Array, camera: Camera) -> Fit:
     For given weights the sum over frames has the same minimum as the weighted mean corners, so each robust round fits
     only n mean corners, whatever the number of frames.
     """
-    seen: npt.NDArray[np.bool_] = np.asarray(np.isfinite(corners.pixels).all(axis=-1))
+    seen: Bools = np.asarray(np.isfinite(corners.pixels).all(axis=-1))
     fit = _without_bad_frames(corners, seen, start, camera)
     wrong = _wrong_corner(fit, corners.points, camera)
     if wrong is not None:
@@ -113,7 +112,7 @@ def fit_pose(corners: Corners, start: Array, camera: Camera) -> Fit:
     return fit
 
 
-def _without_bad_frames(corners: Corners, seen: npt.NDArray[np.bool_], start: Array, camera: Camera) -> Fit:
+def _without_bad_frames(corners: Corners, seen: Bools, start: Array, camera: Camera) -> Fit:
     fit = fit_weighted(corners, seen.astype(float), start, camera, done=NEAR)
     if len(seen) == 1 or not np.isfinite(fit.mean_residual_px).all():  # or behind the camera
         return fit_again(fit, corners.points, fit.T_camera_board, camera)

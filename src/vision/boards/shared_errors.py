@@ -11,10 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from arm.board import TOLERANCE_SDS, Board
-from arm.se3 import Array, moved
+from arm.se3 import Array, Bools, moved
 from vision.boards.pose_fit import Fit, pose_jacobian
 from vision.camera.model import Camera
 from vision.markers.border_shift import moved_outwards
@@ -122,9 +121,7 @@ def fit_with_shared(fit: Fit, points: Array, camera: Camera, errors: Array, vari
     return Fitted(T, np.asarray(np.linalg.inv(J.T @ W @ J)), float(r @ W @ r))
 
 
-def _whitened(
-    fit: Fit, T: Array, points: Array, camera: Camera
-) -> tuple[Array, Array, Array, npt.NDArray[np.bool_]]:
+def _whitened(fit: Fit, T: Array, points: Array, camera: Camera) -> tuple[Array, Array, Array, Bools]:
     """Jacobian (n, 6), residuals (n,) and square roots of shares (n,) of the used coordinates; and which (16,)."""
     used = np.repeat(fit.shares > 0.0, 2)
     root = np.sqrt(np.repeat(fit.shares, 2)[used])

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import i0e
 
 from arm.poses import BoardPose, TiltHypothesis
+from arm.se3 import Array
 
 STANDS = np.radians(0.5)  # standard deviation of the stands and of the vertical in the camera's extrinsics
 STEEPEST = np.radians(45.0)  # limit for a board that leans anywhere
@@ -49,7 +50,7 @@ class _Tilt:
         return (self.angle - tilt) / float(np.sqrt(self.along if tilt > 0.0 else self.mean))
 
 
-def _densities(pose: BoardPose, tilts: Sequence[float]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def _densities(pose: BoardPose, tilts: Sequence[float]) -> Array:
     """Prior times density of each tilt, and of none of them, last."""
     tilt = _Tilt.of(pose)
     members = [(1.0 - ANYWHERE) / len(tilts) * np.exp(tilt.log_density(t)) for t in tilts]

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from arm.se3 import Array
+from arm.se3 import Array, Indices
 from vision.camera.model import Camera
 from vision.markers.edge_profiles import NARROW_PX, WIDE_PX, Grey, edge_offsets
 
@@ -114,7 +114,7 @@ def moved_outwards(corners: Array, shift_px: Array) -> Array:
     return np.asarray(corners + np.linalg.solve(A, by[..., None])[..., 0])
 
 
-def _on_side(sides: npt.NDArray[np.intp], along: Array, depth: float) -> Array:
+def _on_side(sides: Indices, along: Array, depth: float) -> Array:
     """Points (n, 2) on the unit square, `depth` inside a side."""
     start, end = _UNIT[sides], _UNIT[(sides + 1) % 4]
     inward = _UNIT[(sides + 2) % 4] - end

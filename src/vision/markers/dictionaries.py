@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from arm.errors import InputError
+from arm.se3 import Bools
 
 
 def dictionary_names() -> list[str]:
@@ -28,7 +28,7 @@ def predefined(name: str) -> cv2.aruco.Dictionary:
     return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
 
 
-def marker_modules(dictionary: str, marker_id: int) -> npt.NDArray[np.bool_]:
+def marker_modules(dictionary: str, marker_id: int) -> Bools:
     """Return the modules (m, m) of a marker with its black border, True for white; row 0 is at its top.
 
     Raises:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arm.se3 import Array
+from arm.se3 import Array, Bools
 from vision.camera.frame_source import Image
 from vision.camera.model import Camera
 from vision.markers.edge_profiles import LEAST_HALF_PX, NARROW_PX, WIDE_PX, Grey, edge_offsets
@@ -46,7 +46,7 @@ class BorderCorners:
     """Corners (m, 4, 2) px, and which markers (m,) have four good lines; corners of the others are meaningless."""
 
     corners_px: Array
-    good: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    good: Bools
 
 
 def refine_by_border_lines(grey: Image, rough_px: Array, camera: Camera, modules: int) -> BorderCorners:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from arm.se3 import Array
+from arm.se3 import Array, Bools
 
 STEP_PX = 0.5  # along a profile
 WIDE_PX, NARROW_PX = 8.0, 3.5  # half lengths of the profiles in a first and a second pass
@@ -22,7 +21,7 @@ class Edges:
     """Offsets of edges on their profiles, (...) px from the middle towards light, and whether there is one."""
 
     offset: Array
-    good: npt.NDArray[np.bool_]
+    good: Bools
 
 
 def edge_offsets(image: Grey, centres: Array, to_light: Array, half: Array) -> Edges:

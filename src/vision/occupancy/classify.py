@@ -14,11 +14,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from arm.board import CUBE_SEAT_DEPTH, POCKET_DEPTH, POCKET_MOUTH
 from arm.poses import BoardPose
-from arm.se3 import Array, apply, inverse, skew
+from arm.se3 import Array, Bools, apply, inverse, skew
 from vision.camera.frame_source import Image
 from vision.camera.model import Camera
 from vision.occupancy.edge_response import (
@@ -114,9 +113,9 @@ class _Seen:
     """A border, and whether it shows at its stations (n,): 1, 0, or NaN if covered or outside the image."""
 
     border: Border
-    shows: npt.NDArray[np.float64]
+    shows: Array
 
-    def part(self, of: npt.NDArray[np.bool_]) -> float:
+    def part(self, of: Bools) -> float:
         """Visible fraction of the stations `of` (n,); NaN if there are too few."""
         values = self.shows[of & np.isfinite(self.shows)]
         return float(values.mean()) if len(values) >= LEAST_STATIONS else np.nan
@@ -290,7 +289,7 @@ def _why_no_cube(sides: Array, rim: float, even: bool) -> str:
     return FAINT if even else OTHER
 
 
-def _why_not_empty(sides: Array, rim: float, even_sides: npt.NDArray[np.bool_]) -> str:
+def _why_not_empty(sides: Array, rim: float, even_sides: Bools) -> str:
     """Reason why it is no empty pocket; empty if the rim shows, and each side of the mouth or of the floor.
 
     A few sides may be faint if nothing lies across them: seen at a slant, the floor begins at the mouth and may look

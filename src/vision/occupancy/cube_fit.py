@@ -10,9 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from arm.se3 import Array, frozen
+from arm.se3 import Array, Bools, frozen
 from vision.occupancy.cube_side import (
     ACROSS,
     NOWHERE,
@@ -120,9 +119,7 @@ def likelihoods(sides: Sequence[Side], fit: SidesFit, lever: Array) -> tuple[flo
     return turn, of_sides, shown
 
 
-def _evidence_along(
-    side: Side, at: Beside, off: Array, blur: float, pieces: npt.NDArray[np.bool_]
-) -> tuple[Array, Array]:
+def _evidence_along(side: Side, at: Beside, off: Array, blur: float, pieces: Bools) -> tuple[Array, Array]:
     """`evidence` at `PLACES` with pieces `off` m from them; interpolated where the coarse places are hopeless."""
     coarse = PLACES[COARSE]
     log, left = evidence(side, at, coarse[:, None] + off, blur, pieces)
@@ -189,7 +186,7 @@ def _along(one: Array, at: Array) -> Array:
     return np.asarray(np.sum(pieces, axis=0))
 
 
-def _agreeing(one: Array, places: Array, line: Array) -> npt.NDArray[np.bool_]:
+def _agreeing(one: Array, places: Array, line: Array) -> Bools:
     """Which pieces agree with a line; a corner or the edge of a shadow may mislead single ones."""
     at = np.array([np.interp(line[j], places, one[:, j]) for j in range(PIECES)])
     off = one.max(axis=0) - at

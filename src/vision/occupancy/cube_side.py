@@ -17,10 +17,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import ndtr
 
-from arm.se3 import Array, frozen
+from arm.se3 import Array, Bools, frozen
 
 SPAN = 2.7e-3  # m, length of a profile on both sides of the expected side
 STEP = 0.1e-3  # m between its samples
@@ -197,9 +196,7 @@ def own_evidence(side: Side, at: Beside, places: Array, blur: float) -> Array:
     return np.asarray(-0.5 * (chi2 + np.linalg.slogdet(M)[1]))
 
 
-def evidence(
-    side: Side, at: Beside, places: Array, blur: float, pieces: npt.NDArray[np.bool_]
-) -> tuple[Array, Array]:
+def evidence(side: Side, at: Beside, places: Array, blur: float, pieces: Bools) -> tuple[Array, Array]:
     """Log evidence (k,) of some pieces together, and their mean squared normalised residual (k,).
 
     Only the place of the foot distinguishes a narrow face from a top, and it is uncertain: the result is the weighted
@@ -223,7 +220,7 @@ def evidence(
 
 
 def _evidence(
-    side: Side, at: Beside, places: Array, blur: float, pieces: npt.NDArray[np.bool_], foot: float
+    side: Side, at: Beside, places: Array, blur: float, pieces: Bools, foot: float
 ) -> tuple[Array, Array]:
     """The same with the cube's foot at `foot` m beyond the side."""
     mean, own, shared = _columns(side, at, places, blur, foot)

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from arm.se3 import Array, apply
+from arm.se3 import Array, Indices, apply
 from vision.camera.frame_source import Image
 from vision.camera.model import Camera
 
@@ -119,9 +119,7 @@ def step_limits(view: PlateView, contrast: float, tolerance: float) -> StepLimit
     return StepLimits(view.noise() * np.sqrt(2.0 / max(window_px, 1.0)), SMOOTH_STEP * contrast, tolerance)
 
 
-def seen_stations(
-    view: PlateView, points: Array, outward: Array, limits: StepLimits, ring: bool
-) -> npt.NDArray[np.float64]:
+def seen_stations(view: PlateView, points: Array, outward: Array, limits: StepLimits, ring: bool) -> Array:
     """Return whether a step of grey shows at each station of a border, (n,): 1, 0, or NaN outside the image.
 
     The border may be shifted as a whole by up to the tolerance, and a straight one may also be rotated within it. The
@@ -181,7 +179,7 @@ def _steps(view: PlateView, points: Array, outward: Array, most: int) -> Array:
     return np.asarray(windows @ (sides / (sides > 0).sum()))
 
 
-def _places(outward: Array, most: int, ring: bool) -> npt.NDArray[np.intp]:
+def _places(outward: Array, most: int, ring: bool) -> Indices:
     """Possible places of a border: the index of the shift at each station, (places, n)."""
     shifts = range(-most, most + 1)
     if ring:

@@ -13,7 +13,6 @@ from typing import Literal
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from arm.board import (
     CUBE_SEAT_DEPTH,
@@ -23,13 +22,12 @@ from arm.board import (
     QUIET_ZONE,
     Board,
 )
-from arm.se3 import Array
+from arm.se3 import Array, Bools
 
 FINGER_HOLE_RADIUS = 0.008  # m
 PITCH = 1.5e-3  # m between stations on a border
 CORNER_GAP = 3e-3  # m at each end of a straight border that is not used: another border is near
 
-Bools = npt.NDArray[np.bool_]
 Kind = Literal["top", "upright", "mouth", "floor", "rim"]
 
 

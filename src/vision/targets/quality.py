@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from arm.se3 import Array, frozen
+from arm.se3 import Array, Indices, frozen
 from vision.camera.frame_source import Image
 from vision.camera.model import Camera
 from vision.markers.dictionaries import predefined
@@ -72,7 +71,7 @@ def measure_quality(image: Image, target: Target, view: TargetView) -> Quality:
     )
 
 
-def _grid(target: Target, view: TargetView) -> npt.NDArray[np.intp]:
+def _grid(target: Target, view: TargetView) -> Indices:
     """Index of each inner corner in the view's lists, (rows - 1, columns - 1); -1 if not detected."""
     where = np.full(target.corners, -1, dtype=np.intp)
     where[view.ids] = np.arange(len(view.ids))

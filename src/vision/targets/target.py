@@ -13,12 +13,11 @@ from typing import Literal
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
 from arm.io.rules import integers, number, text
-from arm.se3 import Array, frozen
+from arm.se3 import Array, Indices, frozen
 from vision.camera.frame_source import Image
 from vision.markers.dictionaries import dictionary_names, predefined
 
@@ -87,10 +86,10 @@ class TargetView:
         marker_ids: (m,).
     """
 
-    ids: npt.NDArray[np.intp]
+    ids: Indices
     corners_px: Array
     outlines_px: Array
-    marker_ids: npt.NDArray[np.intp]
+    marker_ids: Indices
 
 
 class CheckerboardKeys(Keys):
