@@ -16,12 +16,7 @@ from calib.camera.next_views import NextView, next_views
 from calib.camera.result import CalibrationLimits, CalibrationView, CameraCalibration
 from calib.camera.score_tests import error_hypotheses
 from calib.camera.verdict import with_verdict
-from calib.camera.view_selection import (
-    TargetPhoto,
-    outlying_corner,
-    outlying_views,
-    unusable,
-)
+from calib.camera.view_selection import TargetPhoto, outlying_corner, outlying_views, unusable
 from calib.camera.working_volume import working_volume
 from calib.model.intrinsics import NAMES, lens_parameter_jacobian, vector_of
 from calib.model.optimal_design import OptimalDesign

@@ -8,13 +8,7 @@ from arm.errors import CalibrationRefused
 from arm.se3 import Array
 from calib.camera.calibrate import calibrate_camera
 from calib.camera.result import CalibrationLimits, CameraCalibration
-from calib.camera.view_selection import (
-    LEAST_BLUR_PX,
-    LEAST_CONTRAST,
-    SATURATED,
-    TargetPhoto,
-    corner_shift,
-)
+from calib.camera.view_selection import LEAST_BLUR_PX, LEAST_CONTRAST, SATURATED, TargetPhoto, corner_shift
 from vision.targets.target import Target, TargetView
 
 STILL_PX = 0.5  # largest shift of the corners between two frames of a target held still

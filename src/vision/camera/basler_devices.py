@@ -69,12 +69,7 @@ class Selector:
         raise self._refused(found, "missing", "not found")
 
     def _fits(self, device: FoundDevice, kind: str) -> bool:
-        marks = {
-            "name": device.name,
-            "serial": device.serial,
-            "ip": device.ip,
-            "class": device.device_class,
-        }
+        marks = {"name": device.name, "serial": device.serial, "ip": device.ip, "class": device.device_class}
         return marks[kind] == self.text
 
     def _refused(self, found: Sequence[FoundDevice], reason: str, rule: str) -> CameraError:

@@ -99,9 +99,7 @@ class FrameTaker:
         waiting = self._device.NumReadyBuffers.GetValue()
         if waiting:
             raise self._error(
-                "stale",
-                f"sent {waiting} frame{'s' * (waiting > 1)} without a trigger",
-                frames=waiting,
+                "stale", f"sent {waiting} frame{'s' * (waiting > 1)} without a trigger", frames=waiting
             )
 
     def _require_next(self, frame: FrameOrder, first: bool) -> None:

@@ -31,13 +31,7 @@ from vision.occupancy.edge_response import (
     seen_stations,
     step_limits,
 )
-from vision.occupancy.expected_edges import (
-    Border,
-    Kind,
-    hole_borders,
-    marker_squares,
-    seen_on_plate,
-)
+from vision.occupancy.expected_edges import Border, Kind, hole_borders, marker_squares, seen_on_plate
 
 LEAST_CONTRAST = 25.0  # grey levels between a marker's black and white; below, every hole is unsure
 REACH = 1.6 * POCKET_MOUTH  # m around a hole; includes a cube's top seen at a slant

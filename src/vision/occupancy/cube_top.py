@@ -18,12 +18,7 @@ from arm.se3 import Array, apply, frozen, inverse, transform
 from vision.camera.frame_source import Image
 from vision.camera.model import Camera
 from vision.occupancy.cube_fit import PIECES, PLACES, Around, fit_sides, likelihoods, straight_lines
-from vision.occupancy.cube_side import (
-    ACROSS,
-    SPAN,
-    Side,
-    whitening,
-)
+from vision.occupancy.cube_side import ACROSS, SPAN, Side, whitening
 from vision.occupancy.edge_response import PlateView, plate_view
 from vision.occupancy.expected_edges import seen_on_plate
 

@@ -14,14 +14,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from arm.board import (
-    CUBE_SEAT_DEPTH,
-    PLATE_CENTRE,
-    PLATE_SIZE,
-    POCKET_DEPTH,
-    QUIET_ZONE,
-    Board,
-)
+from arm.board import CUBE_SEAT_DEPTH, PLATE_CENTRE, PLATE_SIZE, POCKET_DEPTH, QUIET_ZONE, Board
 from arm.se3 import Array, Bools
 
 FINGER_HOLE_RADIUS = 0.008  # m
