@@ -57,14 +57,14 @@ def look(
             pose is refused: it is somewhere, so it cannot be ignored like a missing one.
     """
     if not images:
-        raise InputError("a look needs at least one photograph", count=0)
+        raise InputError("a look needs at least one image", count=0)
     for number, image in enumerate(images, start=1):
-        camera.require_size(image, f"photograph {number} of {len(images)}")
+        camera.require_size(image, f"image {number} of {len(images)}")
     frames = tuple(tuple(detect_markers(image, camera, dictionary)) for image in images)
     _require_known(frames, boards)
     seen = {marker.id for frame in frames for marker in frame}
     if not seen and (dark := darkness(max(images, key=np.max))):
-        raise ImpossibleError(f"the photographs show {dark}", brightest=int(max(i.max() for i in images)))
+        raise ImpossibleError(f"the images show {dark}", brightest=int(max(i.max() for i in images)))
     found: list[ObservedBoard] = []
     missing: dict[str, str] = {}
     for board in boards:

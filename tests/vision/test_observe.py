@@ -120,10 +120,10 @@ def test_a_board_that_the_arm_may_cover_is_missing_with_its_reason() -> None:
 
 
 def test_bad_photographs() -> None:
-    with pytest.raises(InputError, match="at least one photograph"):
+    with pytest.raises(InputError, match="at least one image"):
         look([], CAMERA, [A], DICTIONARY, CUBE)
     wrong = [two_boards().images[0], np.zeros((600, 960), np.uint8)]
-    with pytest.raises(InputError, match=r"photograph 2 of 2: is 960 x 600 px.*1920 x 1200"):
+    with pytest.raises(InputError, match=r"image 2 of 2: is 960 x 600 px.*1920 x 1200"):
         look(wrong, CAMERA, [A, B], DICTIONARY, CUBE)
 
 

@@ -1,4 +1,4 @@
-"""Calibrate a camera from photographs of a target: intrinsics, their uncertainty, and a verdict."""
+"""Calibrate a camera from images of a target: intrinsics, their uncertainty, and a verdict."""
 
 from __future__ import annotations
 
@@ -39,18 +39,18 @@ def calibrate_camera(
     work: tuple[float, float] | None = None,
     limits: CalibrationLimits | None = None,
 ) -> CameraCalibration:
-    """Fit the intrinsics to photographs of a target, and judge the fit.
+    """Fit the intrinsics to images of a target, and judge the fit.
 
     Args:
         photos: in the order in which they were taken.
-        target: shown in the photographs.
+        target: shown in the images.
         size: width and height of the images, px.
         held: distortion coefficients to hold at zero, of k1 k2 p1 p2 k3.
         work: nearest and farthest working distance from the camera, m; default: those of the views.
         limits: for acceptance.
 
     Raises:
-        CalibrationRefused: fewer than `FEWEST_VIEWS` photographs are usable; the message gives the reason for each.
+        CalibrationRefused: fewer than `FEWEST_VIEWS` images are usable; the message gives the reason for each.
     """
     limits = limits or CalibrationLimits()
     free = np.array([name not in held for name in NAMES])
@@ -97,7 +97,7 @@ def calibrate_camera(
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """An adjustment of the photographs `index`, with the corners kept in each."""
+    """An adjustment of the images `index`, with the corners kept in each."""
 
     bundle: Bundle
     views: list[View]
@@ -226,6 +226,6 @@ def _too_few(photos: Sequence[TargetPhoto], reasons: Sequence[str]) -> str:
         f"{photo.name}: {reason}" for photo, reason in zip(photos, reasons, strict=True) if reason
     )
     return (
-        f"{usable} of {len(photos)} photographs are usable, at least {FEWEST_VIEWS} are needed"
+        f"{usable} of {len(photos)} images are usable, at least {FEWEST_VIEWS} are needed"
         f"{f': {why}' if why else ''}"
     )

@@ -1,4 +1,4 @@
-"""Result of a camera calibration: intrinsics, their uncertainty, and what happened to every photograph."""
+"""Result of a camera calibration: intrinsics, their uncertainty, and what happened to every image."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class CalibrationLimits:
 
 @dataclass(frozen=True, eq=False)
 class CalibrationView:
-    """A photograph after the calibration.
+    """An image after the calibration.
 
     Attributes:
         photo: the input.
@@ -88,7 +88,7 @@ class CameraCalibration(Judged):
         covariance: (9, 9), order of `calib.model.intrinsics.NAMES`; zero rows for intrinsics that were held.
         free: (9,) intrinsics that were fitted.
         corner_sigma: unbiased error of a corner coordinate, px.
-        views: every photograph in input order.
+        views: every image, in input order.
         target: shown in the views.
         work: the points where errors count.
         work_sigmas: (n,) m standard deviation across the line of sight at each, including the shifts due to model

@@ -27,13 +27,13 @@ LEAST_OUTLIER_PX = 0.25  # and at least this: correct detections may err by as m
 
 @dataclass(frozen=True, eq=False)
 class TargetPhoto:
-    """A photograph taken for a calibration.
+    """An image taken for a calibration.
 
     Attributes:
         name: of its file.
         view: the detected target, or None.
         quality: of the detection, or None.
-        taken_s: time in s on a clock common to all photographs; None if unknown.
+        taken_s: time in s on a clock common to all images; None if unknown.
     """
 
     name: str
@@ -50,7 +50,7 @@ class TargetPhoto:
 
 
 def unusable(photos: Sequence[TargetPhoto]) -> list[str]:
-    """For each photograph, return why it is unusable, or "" if it is usable."""
+    """For each image, return why it is unusable, or "" if it is usable."""
     blurs = sorted(
         p.quality.blur_px for p in photos if p.quality is not None and np.isfinite(p.quality.blur_px)
     )

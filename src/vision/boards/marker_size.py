@@ -1,7 +1,7 @@
 """Test whether another marker size fits the corners better than the stated one, given the markers' spacing.
 
-A marker size that is wrong by 1 mm shifts the board's height by 24 mm (fact sheet of the cell, failure 7). In the pose
-fit it shows only as larger residuals.
+A marker size that is wrong by 1 mm shifts the board's height by 24 mm (fact sheet of the cell, failure 7). The pose fit
+shows it only by larger residuals.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from arm.board import Board
 from arm.se3 import moved
-from vision.boards.pose_fit import Fit, pose_jacobian
+from vision.boards.pose_fit import Fit, pose_jacobian, project
 from vision.camera.model import Camera
 
 _STEPS = 8
@@ -53,7 +53,7 @@ def fit_marker_size(board: Board, fit: Fit, camera: Camera, least_sigma_px: floa
         by_pose = pose_jacobian(T, points, camera)
         by_scale = by_pose[..., :3] @ (outlines - centres).reshape(-1, 3)[..., None]
         J = (root[..., None] * np.concatenate([by_pose, by_scale], axis=-1)).reshape(-1, 7)
-        residual = fit.mean_px - camera.project(points @ T[:3, :3].T + T[:3, 3])
+        residual = fit.mean_px - project(T, points, camera)
         if not np.isfinite(residual).all():
             return None
         step, *_ = np.linalg.lstsq(J, (root * residual).reshape(-1), rcond=None)

@@ -28,9 +28,9 @@ from vision.markers.detect import Marker
 __all__ = ["BoardAssessment", "BoardLimits", "assess_board", "estimate_board_pose"]
 
 COMMON_MODE_PX = {"lines": 0.02, "subpix": 0.15, "recorded": 0.02}
-"""Least corner error common to all frames: light, blur, distortion. More frames do not average it out."""
-MERGED_RAD = 1e-3  # a second solution this near is the first one
-RATIO_CAP = 1e3  # of `BoardPose.hypothesis_ratio`; also its value without a second solution
+"""Smallest corner error common to all frames: light, blur, distortion. More frames do not average it out."""
+MERGED_RAD = 1e-3  # solutions that differ by less are one solution
+RATIO_CAP = 1e3  # largest `BoardPose.hypothesis_ratio`; also its value without a second solution
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,12 +65,12 @@ def estimate_board_pose(
             do not fit the board, its tilt cannot be distinguished from the mirrored one, or the pose is less certain
             than the limits allow.
     """
-    seen = assess_board(board, frames, camera, limits, tilts)
-    for doubt in seen.doubts:
+    assessment = assess_board(board, frames, camera, limits, tilts)
+    for doubt in assessment.doubts:
         raise doubt
-    if seen.pose is None:
+    if assessment.pose is None:
         raise ImpossibleError(f"board {board.name}: its markers' corners fit no pose", board=board.name)
-    return seen.pose
+    return assessment.pose
 
 
 def assess_board(
@@ -114,27 +114,28 @@ def assess_board(
     chosen, pose = (hypotheses.best, poses[0]) if first else (hypotheses.second, poses[1])
     used = chosen.mean_residual_px[chosen.shares > 0.0]
     residual_px = float(np.sqrt(np.mean(used**2))) if len(used) else np.nan
-    doubts = (
-        moved(board, corners, limits),
-        misfit(board, corners, chosen, camera, residual_px, floor, limits),
-        ambiguous(board, hypotheses.angle, abs(log_odds + tilt_log_odds), hypotheses.ratio, limits),
-        uncertain(pose, limits),
-    )
-    if pose is not None and tilts:
-        pose = replace(pose, tilt_hypothesis=tilt_hypothesis(pose, tilts))
-    return BoardAssessment(pose, tuple(doubt for doubt in doubts if doubt is not None))
+    doubts = [
+        *moved(board, corners, limits),
+        *misfit(board, corners, chosen, camera, residual_px, floor, limits),
+        *ambiguous(board, hypotheses.angle, abs(log_odds + tilt_log_odds), hypotheses.ratio, limits),
+    ]
+    if pose is not None:
+        doubts += uncertain(pose, limits)
+        if tilts:
+            pose = replace(pose, tilt_hypothesis=tilt_hypothesis(pose, tilts))
+    return BoardAssessment(pose, tuple(doubts))
 
 
 def _shared(board: Board, fit: Fit, frames: Sequence[Sequence[Marker]], camera: Camera) -> Array | None:
-    """Errors that corners share, (16, k) px; None if there are none, or no pose."""
+    """Effect of the errors that corners share, (16, k) px; None if there are no such errors, or no pose."""
     if not np.isfinite(fit.mean_residual_px).all():
         return None
     sides = np.zeros((2, 4))
-    for place, marker_id in enumerate(board.marker_ids):
-        sigmas = [m.side_sigma_px for frame in frames for m in frame if m.id == marker_id]
-        squares = [sigma**2 for sigma in sigmas if sigma is not None]
+    markers = [m for frame in frames for m in frame]
+    for row, marker_id in zip(sides, board.marker_ids, strict=True):
+        squares = [m.side_sigma_px**2 for m in markers if m.id == marker_id and m.side_sigma_px is not None]
         if squares:  # the light is the same in all images
-            sides[place] = np.sqrt(np.mean(squares, axis=0))
+            row[:] = np.sqrt(np.mean(squares, axis=0))
     errors = shared_errors(board, fit.T_camera_board, camera, sides)
     return errors if errors.shape[1] and np.isfinite(errors).all() else None
 
@@ -166,7 +167,7 @@ def _pose(
 
 @dataclass(frozen=True)
 class _Hypotheses:
-    """The two planar solutions, both with the weights of the better one; angle between them in rad."""
+    """Both planar solutions, with the weights of the better one; the rotation between them, rad; ratio of residuals."""
 
     best: Fit
     second: Fit
@@ -188,11 +189,11 @@ class _Hypotheses:
 
 
 def _residual(corners: Corners, fit: Fit) -> float:
-    """Rms residual, including corners that the fit rejected in all frames."""
-    left_out = (fit.shares == 0.0)[:, None]
-    expected = fit.mean_px - fit.mean_residual_px
-    off = np.where(left_out, corners.median() - expected, fit.mean_residual_px)
-    return float(np.sqrt(np.mean(off**2)))
+    """Rms residual, including corners that the fit rejected in all frames, px."""
+    rejected = (fit.shares == 0.0)[:, None]
+    projected = fit.mean_px - fit.mean_residual_px
+    residual = np.where(rejected, corners.median() - projected, fit.mean_residual_px)
+    return float(np.sqrt(np.mean(residual**2)))
 
 
 def _gather(board: Board, frames: Sequence[Sequence[Marker]]) -> Corners | ImpossibleError:
@@ -201,12 +202,12 @@ def _gather(board: Board, frames: Sequence[Sequence[Marker]]) -> Corners | Impos
         for marker in frame:
             if marker.id in board.marker_ids:
                 pixels[index, board.marker_ids.index(marker.id)] = marker.corners_px
-    seen = np.isfinite(pixels).all(axis=(2, 3)).any(axis=0)
-    if not seen.all():
-        missing = [i for i, s in zip(board.marker_ids, seen, strict=True) if not s]
+    detected = np.isfinite(pixels).all(axis=(2, 3)).any(axis=0)
+    if not detected.all():
+        missing = [i for i, there in zip(board.marker_ids, detected, strict=True) if not there]
         names = " and ".join(map(str, missing))
         return ImpossibleError(
-            f"board {board.name}: marker {names} is in none of {len(frames)} photographs; the pose needs both, because "
+            f"board {board.name}: marker {names} is in none of {len(frames)} images; the pose needs both, because "
             "one marker alone flips its tilt; uncover it or move the board into view",
             board=board.name,
             missing=missing,

@@ -3,9 +3,9 @@
 The fit is in the camera frame. Steps are twists in the board's own frame (translation first), T <- T exp(xi) to first
 order (J. Solà et al. 2018, section 4.3, right Jacobian).
 
-The error of a corner has a part of its own in each frame and a part that all frames share (light, blur, distortion). A
-corner that is wrong in one frame differs from the other frames; one that is wrong in all of them differs only from the
-board's shape. So outliers are rejected twice: among frames, then among corners.
+Part of a corner's error is new in each frame; another part is common to all frames (light, blur, distortion). A corner
+that is wrong in one frame differs from the other frames. One that is wrong in all of them differs only from the board's
+shape. So outliers are rejected twice: among frames, then among corners.
 """
 
 from __future__ import annotations
@@ -18,11 +18,14 @@ import numpy as np
 from arm.se3 import Array, Bools, by_twist, moved, rotation, transform
 from vision.camera.model import Camera
 
-TRUSTED, REFUSED = 3.5, 6.0  # standard deviations from which a frame's corner loses weight, and has none
-SMALLEST_SIGMA_PX = 0.02  # least corner noise assumed in outlier tests
-WRONG_CORNER_F = 30.0  # of F(2, 8): rejects a correct corner in 0.15 % of all fits
-STEP_DONE = 1e-9  # m and rad: a millionth of the precision from corners of 0.01 px
-NEAR = 1e-6  # the same while weights still change
+TRUSTED, REFUSED = (
+    3.5,
+    6.0,
+)  # standard deviations: a frame's corner loses weight above the first, all above the second
+SMALLEST_SIGMA_PX = 0.02  # smallest corner noise assumed in outlier tests
+WRONG_CORNER_F = 30.0  # limit of F(2, 8): rejects a correct corner in 0.15 % of all fits
+STEP_DONE = 1e-9  # m and rad, last step of a fit: a millionth of the precision from corners of 0.01 px
+NEAR = 1e-6  # m and rad, last step while weights still change
 _ROBUST_ROUNDS, _STEPS = 12, 30
 
 
@@ -51,7 +54,7 @@ class Fit:
         T_camera_board: 4x4.
         mean_px: weighted mean of each corner over the frames, (n, 2) px.
         weights: of every corner in every frame, (frames, n), 0 for outliers and missing corners.
-        shares: information of each mean corner, (n,), 1 for one detected in an average number of frames.
+        shares: information on each mean corner, (n,), 1 for one detected in an average number of frames.
         mean_residual_px: `mean_px` minus the projection, (n, 2) px.
     """
 
@@ -103,25 +106,26 @@ def fit_pose(corners: Corners, start: Array, camera: Camera) -> Fit:
     For given weights the sum over frames has the same minimum as the weighted mean corners, so each robust round fits
     only n mean corners, whatever the number of frames.
     """
-    seen: Bools = np.asarray(np.isfinite(corners.pixels).all(axis=-1))
-    fit = _without_bad_frames(corners, seen, start, camera)
+    used: Bools = np.asarray(np.isfinite(corners.pixels).all(axis=-1))
+    fit = _without_bad_frames(corners, used, start, camera)
     wrong = _wrong_corner(fit, corners.points, camera)
     if wrong is not None:
-        seen = seen & (np.arange(len(corners.points)) != wrong)
-        fit = _without_bad_frames(corners, seen, fit.T_camera_board, camera)
+        used = used & (np.arange(len(corners.points)) != wrong)
+        fit = _without_bad_frames(corners, used, fit.T_camera_board, camera)
     return fit
 
 
-def _without_bad_frames(corners: Corners, seen: Bools, start: Array, camera: Camera) -> Fit:
-    fit = fit_weighted(corners, seen.astype(float), start, camera, done=NEAR)
-    if len(seen) == 1 or not np.isfinite(fit.mean_residual_px).all():  # or behind the camera
+def _without_bad_frames(corners: Corners, used: Bools, start: Array, camera: Camera) -> Fit:
+    """Fit the corners `used` (frames, n), with less weight or none for those that differ from the other frames."""
+    fit = fit_weighted(corners, used.astype(float), start, camera, done=NEAR)
+    if len(used) == 1 or not np.isfinite(fit.mean_residual_px).all():  # or behind the camera
         return fit_again(fit, corners.points, fit.T_camera_board, camera)
     pixels = np.nan_to_num(corners.pixels)
     # judge outliers by the median over frames first: with three frames or more it is already free of them
-    expected = np.where(seen.sum(axis=0)[:, None] > 0, np.nan_to_num(corners.median()), 0.0)
+    expected = np.where(used.sum(axis=0)[:, None] > 0, np.nan_to_num(corners.median()), 0.0)
     for _ in range(_ROBUST_ROUNDS):
         distance = np.linalg.norm(pixels - expected, axis=-1)
-        weights = np.where(seen, _trust(distance / _spread(distance[seen])), 0.0)
+        weights = np.where(used, _trust(distance / _spread(distance[used])), 0.0)
         shared = _shared_part(corners, fit)
         previous, fit = fit.weights, fit_weighted(corners, weights, fit.T_camera_board, camera, shared, NEAR)
         # if frames agree on a deviation from the board's shape, the corner is expected there
@@ -143,7 +147,7 @@ def fit_weighted(
 
     Args:
         shared: share of a mean corner's variance that is common to all frames, 0 to 1.
-        done: size of the last step, m and rad.
+        done: step at which to stop, m and rad.
     """
     pixels = np.nan_to_num(corners.pixels)
     totals = weights.sum(axis=0)
@@ -152,7 +156,7 @@ def fit_weighted(
     shares = np.where(used, 1.0 / (shared + (1.0 - shared) * average / np.where(used, totals, 1.0)), 0.0)
     mean = np.einsum("fn,fni->ni", weights, pixels) / np.maximum(totals, 1e-9)[:, None]
     T = _least_squares(mean, shares, corners.points, start, camera, done)
-    projected = camera.project(corners.points @ T[:3, :3].T + T[:3, 3])
+    projected = project(T, corners.points, camera)
     mean = np.where(used[:, None], mean, projected)
     return Fit(T, mean, weights, shares, mean - projected)
 
@@ -160,8 +164,7 @@ def fit_weighted(
 def fit_again(fit: Fit, points: Array, start: Array, camera: Camera) -> Fit:
     """Refit the mean corners and shares of `fit` from another `start`."""
     T = _least_squares(fit.mean_px, fit.shares, points, start, camera)
-    residual = fit.mean_px - camera.project(points @ T[:3, :3].T + T[:3, 3])
-    return replace(fit, T_camera_board=T, mean_residual_px=residual)
+    return replace(fit, T_camera_board=T, mean_residual_px=fit.mean_px - project(T, points, camera))
 
 
 def frame_variance(corners: Corners, fit: Fit) -> float | None:
@@ -193,7 +196,7 @@ def _spread(distances: Array) -> float:
 
 
 def _wrong_corner(fit: Fit, points: Array, camera: Camera) -> int | None:
-    """The corner without which all others fit much better, if there is one (leave-one-out F test)."""
+    """Index of the corner without which all others fit much better, if there is one (leave-one-out F test)."""
     if fit.freedom < 4 or not np.isfinite(fit.mean_residual_px).all():
         return None
     root = np.sqrt(fit.shares)[:, None]
@@ -207,8 +210,13 @@ def _wrong_corner(fit: Fit, points: Array, camera: Camera) -> int | None:
     return worst if gain[worst] / 2.0 > WRONG_CORNER_F * rest else None
 
 
+def project(T_camera_board: Array, points: Array, camera: Camera) -> Array:
+    """Project points (n, 3) m of the board frame, (n, 2) px; NaN for points behind the camera."""
+    return camera.project(points @ T_camera_board[:3, :3].T + T_camera_board[:3, 3])
+
+
 def pose_jacobian(T_camera_board: Array, points: Array, camera: Camera) -> Array:
-    """Derivative (n, 2, 6) of the projections by the twist of the board in its own frame, px per m and rad."""
+    """Derivative (n, 2, 6) of `project` by the twist of the board in its own frame, px per m and rad."""
     R = T_camera_board[:3, :3]
     by_point = camera.projection_jacobian(points @ R.T + T_camera_board[:3, 3]) @ R
     return by_twist(by_point, points)
@@ -217,11 +225,12 @@ def pose_jacobian(T_camera_board: Array, points: Array, camera: Camera) -> Array
 def _least_squares(
     mean: Array, shares: Array, points: Array, T: Array, camera: Camera, done: float = STEP_DONE
 ) -> Array:
+    """Fit the pose near `T` to the mean corners (n, 2) px, weighted by their shares (n,)."""
     root = np.sqrt(shares)[:, None]
     damping = 1e-6
 
-    def residuals(pose: Array) -> Array:
-        return np.asarray((root * (mean - camera.project(points @ pose[:3, :3].T + pose[:3, 3]))).reshape(-1))
+    def residuals(T: Array) -> Array:
+        return np.asarray((root * (mean - project(T, points, camera))).reshape(-1))
 
     now = residuals(T)
     for _ in range(_STEPS):

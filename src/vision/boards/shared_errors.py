@@ -1,8 +1,8 @@
 """Errors that a board's corners share, because they come from the print or the light of a whole marker.
 
-A marker glued 0.07 mm aside shifts its four corners together; overexposed white shifts a side with both its ends. The
-pose follows such errors, and hardly any residual remains, so corner noise estimated from residuals misses them.
-Therefore each error is a column with its effect on the corners, and the pose is fitted with the resulting covariance
+A marker glued 0.07 mm off shifts its four corners together; overexposed white shifts both ends of a side. The pose
+follows such errors and leaves hardly any residual, so the corner noise estimated from residuals does not include them.
+Therefore each error is a column: its effect on the corners. The pose is fitted with the covariance that the columns add
 (generalised least squares, A. C. Aitken, 1936).
 """
 
@@ -14,12 +14,12 @@ import numpy as np
 
 from arm.board import TOLERANCE_SDS, Board
 from arm.se3 import Array, Bools, moved
-from vision.boards.pose_fit import Fit, pose_jacobian
+from vision.boards.pose_fit import Fit, pose_jacobian, project
 from vision.camera.model import Camera
 from vision.markers.border_shift import moved_outwards
 
-SAME_PRINT = 2.0  # size error common to both markers (one print), in standard deviations of the tolerance,
-OWN_EDGE = 0.2  # and that of each marker alone
+SAME_PRINT = 2.0  # size error of the print of both markers, in standard deviations of the tolerance
+OWN_EDGE = 0.2  # size error of each marker alone, in the same unit
 _STEPS = 5
 
 
@@ -27,9 +27,10 @@ _STEPS = 5
 class Fitted:
     """A pose fitted with shared errors.
 
-    T_camera_board: 4x4.
-    covariance: (6, 6) of its twist.
-    cost: squared residuals over their covariance.
+    Attributes:
+        T_camera_board: 4x4.
+        covariance: (6, 6) of its twist.
+        cost: squared residuals over their covariance.
     """
 
     T_camera_board: Array
@@ -63,7 +64,7 @@ def shared_errors(board: Board, T_camera_board: Array, camera: Camera, sides_px:
         by_point = pose_jacobian(T_camera_board, outlines.reshape(8, 3), camera)[..., :3]
         columns += [np.einsum("nij,nj->ni", by_point, moved.reshape(8, 3)).ravel() for moved in in_plane]
     if (sides_px > 0.0).any():
-        corners = camera.project(outlines.reshape(8, 3) @ T_camera_board[:3, :3].T + T_camera_board[:3, 3])
+        corners = project(T_camera_board, outlines.reshape(8, 3), camera)
         for marker, corner in enumerate(corners.reshape(2, 4, 2)):
             for side in np.flatnonzero(sides_px[marker]):
                 moved = np.zeros((2, 4, 2))
@@ -74,11 +75,11 @@ def shared_errors(board: Board, T_camera_board: Array, camera: Camera, sides_px:
 
 @dataclass(frozen=True, eq=False)
 class LeftOver:
-    """Residuals in the directions that no pose explains, squared, and their variance due to shared errors.
+    """Residuals in the n directions that no pose explains.
 
     Attributes:
-        squares: (n,) px^2.
-        shared: (n,) px^2.
+        squares: squared residuals, (n,) px^2.
+        shared: variance of each due to shared errors, (n,) px^2.
     """
 
     squares: Array
@@ -91,10 +92,11 @@ class LeftOver:
 
 
 def left_over(fit: Fit, points: Array, camera: Camera, errors: Array) -> LeftOver:
-    """Residuals of `fit` relative to the shared errors (16, k) px."""
+    """Separate the residuals of `fit` into directions that are independent under the shared errors (16, k) px."""
     J, r, root, used = _whitened(fit, fit.T_camera_board, points, camera)
     N = np.linalg.qr(J, mode="complete")[0][:, 6:]
-    shared, V = np.linalg.eigh(N.T @ (root[:, None] * errors[used]) @ (root[:, None] * errors[used]).T @ N)
+    E = root[:, None] * errors[used]
+    shared, V = np.linalg.eigh(N.T @ E @ E.T @ N)
     return LeftOver((V.T @ N.T @ r) ** 2, np.maximum(shared, 0.0))
 
 
@@ -102,7 +104,7 @@ def fit_with_shared(fit: Fit, points: Array, camera: Camera, errors: Array, vari
     """Refit the pose under corner noise and shared errors; None if it ends up behind the camera.
 
     Args:
-        fit: with its mean corners and shares.
+        fit: its mean corners and shares are used, and its pose is the start.
         points: (8, 3) m.
         camera: the camera.
         errors: see `shared_errors`.
@@ -122,9 +124,9 @@ def fit_with_shared(fit: Fit, points: Array, camera: Camera, errors: Array, vari
 
 
 def _whitened(fit: Fit, T: Array, points: Array, camera: Camera) -> tuple[Array, Array, Array, Bools]:
-    """Jacobian (n, 6), residuals (n,) and square roots of shares (n,) of the used coordinates; and which (16,)."""
+    """Weighted Jacobian (n, 6) and residuals (n,) of the used coordinates, their weights (n,), and a mask (16,)."""
     used = np.repeat(fit.shares > 0.0, 2)
     root = np.sqrt(np.repeat(fit.shares, 2)[used])
     J = pose_jacobian(T, points, camera).reshape(-1, 6)[used]
-    r = (fit.mean_px - camera.project(points @ T[:3, :3].T + T[:3, 3])).ravel()[used]
+    r = (fit.mean_px - project(T, points, camera)).ravel()[used]
     return root[:, None] * J, root * r, root, used

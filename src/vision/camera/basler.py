@@ -177,7 +177,7 @@ class BaslerCamera:
         failed: list[str] = []
         with self._grabbing(taker, frame_s):
             while len(images) < count:
-                taken = self._ask(taker.take, frame_s, f"photograph {len(images) + 1}")
+                taken = self._ask(taker.take, frame_s, f"image {len(images) + 1}")
                 if isinstance(taken, str):
                     failed.append(taken)
                     self._count_failed(failed, len(images) + 1, count)
@@ -211,7 +211,7 @@ class BaslerCamera:
                 failed=failed,
             )
         self._tell(
-            f"camera {self.selector}: photograph {number} of {count} was damaged and is retaken: {failed[-1]}"
+            f"camera {self.selector}: image {number} of {count} was damaged and is retaken: {failed[-1]}"
         )
 
     def _require_size(self, image: Image, before: list[Image]) -> None:

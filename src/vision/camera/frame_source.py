@@ -66,7 +66,7 @@ class ImageFolder:
             InputError: it does not exist.
         """
         if not path.is_dir():
-            raise InputError(f"{path}: no such folder of photographs", path=str(path))
+            raise InputError(f"{path}: no such folder of images", path=str(path))
         self.path = path
         self._used: set[str] = {p.name for p in path.iterdir()} if only_new else set()
 
@@ -81,7 +81,7 @@ class ImageFolder:
         if len(fresh) < count:
             used = f" ({len(self._used)} were used before)" if self._used else ""
             raise InputError(
-                f"{self.path}: has {len(fresh)} new photographs{used}, but {count} are needed; "
+                f"{self.path}: has {len(fresh)} new images{used}, but {count} are needed; "
                 f"file names end in {' '.join(IMAGE_SUFFIXES)}",
                 path=str(self.path),
                 found=len(fresh),
@@ -94,7 +94,7 @@ class ImageFolder:
             if images[-1].shape != images[0].shape:
                 raise InputError(
                     f"{file}: is {image.shape[1]} x {image.shape[0]} px, but {fresh[0].name} is "
-                    f"{images[0].shape[1]} x {images[0].shape[0]} px; photographs of one look must have the same size",
+                    f"{images[0].shape[1]} x {images[0].shape[0]} px; the images of one look must have the same size",
                     path=str(file),
                 )
         self._used.update(p.name for p in fresh)

@@ -64,7 +64,7 @@ def border_shift(
     along = ((1.0 + cell[:, None] + within) * frame).ravel()
     sides = np.repeat(side, PER_CELL)
     places = np.concatenate([_on_side(sides, along, depth) for depth in (frame, frame + 0.01)])
-    at, deeper = np.split(_on_photograph(places, corners, camera), 2)
+    at, deeper = np.split(_in_image(places, corners, camera), 2)
     inward = deeper - at
     inward /= np.linalg.norm(inward, axis=-1, keepdims=True)
     offset, good = np.zeros(len(at)), np.ones(len(at), dtype=bool)
@@ -121,7 +121,7 @@ def _on_side(sides: Indices, along: Array, depth: float) -> Array:
     return np.asarray(start + along[:, None] * (end - start) + depth * inward)
 
 
-def _on_photograph(places: Array, corners: Array, camera: Camera) -> Array:
+def _in_image(places: Array, corners: Array, camera: Camera) -> Array:
     """Pixels (n, 2) of points on the unit square whose corners appear at (4, 2) px."""
     H = cv2.getPerspectiveTransform(_UNIT, camera.normalised(corners).astype(np.float32))
     rays = np.concatenate([places, np.ones((len(places), 1))], axis=-1) @ H.T

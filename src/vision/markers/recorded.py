@@ -85,7 +85,7 @@ def _board(node: Node) -> Board:
 def _scene(node: Node) -> tuple[tuple[Marker, ...], ...]:
     frames = node["frames"].items()
     if not frames:
-        raise node["frames"].error("must have at least one photograph")
+        raise node["frames"].error("must have at least one image")
     return tuple(tuple(map(_marker, frame["markers"].items())) for frame in frames)
 
 

@@ -200,7 +200,7 @@ class TargetFinder:
         if self.target.kind != "charuco":
             return ""
         if self.find(np.ascontiguousarray(image[:, ::-1])) is not None:
-            return "its mirror image: print it again, or photograph it without a mirror"
+            return "its mirror image: print it again, or take the image without a mirror"
         best, name = FEWEST_MARKERS - 1, ""
         # a larger dictionary of a family begins with the markers of the smaller ones: prefer the smallest
         for dictionary in sorted(dictionary_names(), key=lambda d: len(predefined(d).bytesList)):

@@ -48,7 +48,7 @@ def test_views_in_the_middle_only_are_refused_with_the_view_that_helps():
 
 def test_too_few_views_are_refused_with_what_became_of_each():
     views = taken(8, 5)
-    with pytest.raises(CalibrationRefused, match=r"2 of 5 photographs are usable.*00\.png: blurred.*04\.png"):
+    with pytest.raises(CalibrationRefused, match=r"2 of 5 images are usable.*00\.png: blurred.*04\.png"):
         calibrate_camera(
             [
                 *(replace(p, quality=quality(blur_px=4.0)) for p in photos(views)[:1]),
@@ -58,7 +58,7 @@ def test_too_few_views_are_refused_with_what_became_of_each():
             CHARUCO,
             SIZE,
         )
-    with pytest.raises(CalibrationRefused, match=r"2 of 2 photographs are usable, at least 3 are needed$"):
+    with pytest.raises(CalibrationRefused, match=r"2 of 2 images are usable, at least 3 are needed$"):
         calibrate_camera(photos(views[:2]), CHARUCO, SIZE)
     c = calibrate_camera(photos(views), CHARUCO, SIZE)
     assert any("5 views are usable, at least 8 are needed" in reason for reason in c.reasons)

@@ -56,7 +56,7 @@ def test_scenes_that_must_not_be_used_say_why_and_the_others_are_judged(tmp_path
     swapped, hidden, good = (scene["boards"][0] for scene in told["scenes"])
     assert swapped["verdict"] == hidden["verdict"] == "refused"
     assert "are swapped" in swapped["reasons"][0]
-    assert "marker 2 is in none of 5 photographs" in hidden["reasons"][0]
+    assert "marker 2 is in none of 5 images" in hidden["reasons"][0]
     assert hidden["T_camera_board"] is None
     assert good["verdict"] == "accepted"
 
@@ -70,7 +70,7 @@ def test_a_board_that_moved_and_a_marker_of_another_board_are_told(tmp_path: Pat
     told = detections_step(written(tmp_path, content), None, None, Console(True))
     moved, other, good = (scene["boards"][0] for scene in told["scenes"])
     assert moved["verdict"] == other["verdict"] == "refused"
-    assert "photograph 4 of 5 shows it" in moved["reasons"][0]
+    assert "image 4 of 5 shows it" in moved["reasons"][0]
     assert "marker 2 is at" in other["reasons"][0]
     assert "it belongs to another board, or was glued elsewhere" in other["reasons"][0]
     assert good["verdict"] == "accepted"

@@ -199,4 +199,4 @@ def test_a_camera_that_fails_on_the_way_stops_the_run(
     )
     told = capsys.readouterr()
     assert f"--port {port} --camera {SERIAL} --resume" in told.out
-    assert "photograph 1 of 2 was damaged and is retaken" in told.err
+    assert "image 1 of 2 was damaged and is retaken" in told.err

@@ -82,7 +82,7 @@ def test_a_photograph_that_is_still_being_copied_is_waited_for(tmp_path: Path) -
 def test_photographs_that_do_not_come_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connection, "AWAIT_S", 0.3)
     _photograph(tmp_path / "a.png", 1)
-    with pytest.raises(InputError, match="has 0 new photographs"):
+    with pytest.raises(InputError, match="has 0 new images"):
         NewImageFolder(tmp_path).grab(1)
     with pytest.raises(InputError, match="no such folder"):
         NewImageFolder(tmp_path / "none")

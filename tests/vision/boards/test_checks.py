@@ -27,7 +27,7 @@ def test_a_pose_too_uncertain_to_grasp_is_refused_with_its_figures() -> None:
     frames = seen_corners(board, T, CAMERA, rng, common_px=0.3)
     limits = BoardLimits(turn_rad=np.radians(0.45))
     with pytest.raises(
-        ImpossibleError, match=r"too uncertain to grasp: .*its turn to \d\.\d+ deg \(allowed 0\.45\)"
+        ImpossibleError, match=r"too uncertain to grasp: .*its rotation to \d\.\d+ deg \(allowed 0\.45\)"
     ) as e:
         estimate_board_pose(board, frames, CAMERA, limits)
     assert e.value.data["turn"] == pytest.approx(Spread.of(pose_of(0.020, 0.3)).turn)
@@ -40,7 +40,7 @@ def test_a_pose_too_uncertain_to_grasp_is_refused_with_its_figures() -> None:
     [
         (BoardLimits(sideways_m=1e-6), r"a hole sideways to 0\.\d+ mm \(allowed 0\.001\)"),
         (BoardLimits(height_m=1e-6), r"a hole's height to 0\.\d+ mm"),
-        (BoardLimits(turn_rad=1e-6), r"its turn to 0\.\d+ deg"),
+        (BoardLimits(turn_rad=1e-6), r"its rotation to 0\.\d+ deg"),
     ],
 )
 def test_each_limit_counts(limits: BoardLimits, words: str) -> None:

@@ -87,7 +87,7 @@ def test_a_board_that_moves_between_frames_is_refused(frames: int, late: int, tu
     seen = seen_corners(BOARD, T, CAMERA, rng, frames)
     elsewhere = seen_corners(BOARD, T @ step, CAMERA, rng, frames)
     mixed = [*seen[:late], elsewhere[late], *(seen if late == 3 else elsewhere)[late + 1 :]]
-    with pytest.raises(ImpossibleError, match=rf"photograph \d of {frames} shows it .* it moved") as caught:
+    with pytest.raises(ImpossibleError, match=rf"image \d of {frames} shows it .* it moved") as caught:
         estimate_board_pose(BOARD, mixed, CAMERA)
     if late == 3:
         assert caught.value.data["photograph"] == 4

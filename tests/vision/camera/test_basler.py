@@ -176,7 +176,7 @@ def test_a_call_that_hangs_holds_nothing_up(
     camera.settings = BaslerSettings(timeout=0.1)
     camera.device = Wrong(camera.device, ExecuteSoftwareTrigger=lambda: free.wait(20.0))
     begun = time.monotonic()
-    assert "photograph 1: no answer within 0.4 s; unplug the camera" in refused(camera, "hung")
+    assert "image 1: no answer within 0.4 s; unplug the camera" in refused(camera, "hung")
     assert "an earlier call hangs" in refused(camera, "hung")
     camera.close()
     assert time.monotonic() - begun < 2.0

@@ -36,7 +36,7 @@ def test_a_damaged_frame_is_told_and_taken_anew(
     camera.device.ForceFailedBuffer.Execute()
     assert np.array_equal(camera.grab(2), truth)
     (line,) = told
-    assert "photograph 1 of 2 was damaged and is retaken: The buffer was incompletely grabbed" in line
+    assert "image 1 of 2 was damaged and is retaken: The buffer was incompletely grabbed" in line
 
 
 def test_no_look_with_many_damaged_frames(camera: BaslerCamera, told: list[str], tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ def test_in_order_of_names_and_each_once(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("no photograph")
     assert [int(i[0, 0]) for i in source.grab(2)] == [0, 10]
     assert [int(i[0, 0]) for i in source.grab(2)] == [20, 30]
-    with pytest.raises(InputError, match=r"has 1 new photographs \(4 were used before\), but 2"):
+    with pytest.raises(InputError, match=r"has 1 new images \(4 were used before\), but 2"):
         source.grab(2)
 
 

@@ -43,7 +43,7 @@ def _set(*path: str | int, to: Any) -> Callable[[dict[str, Any]], None]:
             "board.holes_m = [[0, 0, 0]]: must be 4 rows of 3 finite numbers",
         ),
         (_set("scenes", to={}), "scenes = {}: must be a list"),
-        (_set("scenes", 2, "frames", to=[]), "scenes[2].frames = []: must have at least one photograph"),
+        (_set("scenes", 2, "frames", to=[]), "scenes[2].frames = []: must have at least one image"),
         (
             _set("scenes", 1, "frames", 3, "markers", 0, "id", to=1.5),
             "scenes[1].frames[3].markers[0].id = 1.5: must be",
