@@ -42,7 +42,7 @@ from pictures.boards import CUBE, lab_camera
 from pictures.placed import HoleLook, moved_cube
 from vision.occupancy.classify import hole_occupancy
 from vision.occupancy.cube_top import EmptyPlace
-from vision.occupancy.seated import CubeWidth, Sight, seating
+from vision.occupancy.seated import CubeWidth, Sight, seating, width_of
 
 FIRST_SEED = 2_000_000
 FAULTS = ("high", "half", "rim", "aside")
@@ -71,7 +71,8 @@ def judged(job: tuple[str, str, int, bool, Grey]) -> dict[str, Any]:
             "std_mm": None,
         }
     source, target = _sight(case.source), _sight(case.target_after)
-    width = source.known_width(source.in_hole(_hole(case.source), _empty(case.source_after, alone)))
+    top = source.in_hole(_hole(case.source), _empty(case.source_after, alone))
+    width = width_of(top, source.cube) or source.cube
     found = seating(target.in_hole(_hole(case.target_after), _empty(case.target, alone)), width)
     lift = [1e3 * v if np.isfinite(v) else None for v in (found.lift, found.lift_std)]
     return {

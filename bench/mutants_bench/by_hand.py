@@ -91,8 +91,8 @@ _ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
     (
         "occupancy-cut-hole",
         "vision/occupancy/classify.py",
-        "    return all(np.isfinite(s.shows[s.border.clear]).all() for s in seen)\n",
-        "    return True\n",
+        "    if not all(np.isfinite(found.shows[found.border.clear]).all() for found in empty):\n",
+        "    if False:\n",
         "a hole that the image's edge cuts is judged",
         ("vision/occupancy/test_classify.py",),
     ),

@@ -16,7 +16,7 @@ SHIFT = 4  # fractional bits of OpenCV's drawing coordinates
 
 
 class Pen:
-    """Draws on an image; skips points that are not finite (behind the camera) or far outside."""
+    """Draws on an image; skips what is not finite (behind the camera) or far outside."""
 
     def __init__(self, picture: Image) -> None:
         """
@@ -45,7 +45,7 @@ class Pen:
             cv2.arrowedLine(self._picture, a, b, colour, self._width, cv2.LINE_AA, SHIFT, 0.15)
 
     def text(self, words: str, centre: Array, colour: Colour) -> None:
-        """Draw lines of text centred at (2,) px, readable on any background and in small pictures."""
+        """Draw lines of text centred at (2,) px, readable on any background and in small images."""
         if self._fixed(centre) is None:
             return
         lines = words.split("\n")

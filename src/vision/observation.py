@@ -40,7 +40,7 @@ class Observation:
         boards: detected boards, in the order requested.
         missing: per board name, the reason why it was not detected.
         half_seen: names of missing boards that are partly in view, so that their pose is unknown.
-        images: in which it was made; empty if it was read from a file.
+        images: from which it was made; empty if it was read from a file.
         frames: markers detected in each image.
         moved_since: places that cubes left or reached after the images were taken.
     """
@@ -62,13 +62,13 @@ class Observation:
         return next((b for b in self.boards if b.name == name), None)
 
     def state(self, place: str) -> HoleState | None:
-        """Return the state of a hole such as ``01-02/3``, or None if its board was not detected or it is no hole."""
+        """Return the state of a hole such as ``01-02/3``; None if it is no hole, or its board was not detected."""
         name, _, number = place.rpartition("/")
         board = self.board(name)
         return None if board is None else board.occupancy[int(number) - 1].state
 
     def with_states(self, states: Mapping[str, HoleState]) -> Observation:
-        """Return the observation with other states of some holes, named like ``01-02/3``; other names are ignored."""
+        """Return the observation with other states of some holes such as ``01-02/3``; ignore other names."""
         boards = []
         for board in self.boards:
             holes = zip(board.pose.holes, board.occupancy, strict=True)
@@ -77,13 +77,13 @@ class Observation:
         return replace(self, boards=tuple(boards))
 
     def with_moves(self, moves: Mapping[str, str]) -> Observation:
-        """Return the expected observation after moves of cubes, named by their hole, to places."""
+        """Return the observation to expect after `moves`: from cubes, named by their hole, to places."""
         states: dict[str, HoleState] = {cube.removeprefix("cube "): "empty" for cube in moves}
         states |= dict.fromkeys(moves.values(), "cube")
         return replace(self.with_states(states), moved_since=self.moved_since | states.keys())
 
     def changed(self, expected: Observation) -> list[str]:
-        """Describe the holes whose state surely differs from the expected one, one line per hole."""
+        """Describe the holes whose state certainly differs from the expected one, one line per hole."""
         lines = []
         for board in self.boards:
             for hole, now in zip(board.pose.holes, board.occupancy, strict=True):

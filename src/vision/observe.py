@@ -40,21 +40,21 @@ def look(
     """Detect boards and cubes in images of a cell at rest.
 
     Args:
-        images: all of the same scene; more of them average the noise.
-        camera: that took them.
+        images: all of the same scene; several average the noise.
+        camera: the camera that took them.
         boards: all that may be in view.
         dictionary: of the markers, OpenCV's name.
         cube_size: edge of a cube, m.
         limits: for accepting a board's pose.
-        arm_in_view: whether the arm may hide part of a marker and so falsify its corners; a board whose pose is refused
-            then counts as missing.
+        arm_in_view: whether the arm may hide part of a marker and so falsify its corners. Then a board whose pose is
+            refused counts as missing.
         tilts: of the board stands, rad, see `assess_board`.
 
     Raises:
         InputError: no image, an image of another size than the camera's, a marker that belongs to none of `boards`, or
             a marker in view twice.
         ImpossibleError: the images are black, or (unless `arm_in_view`) both markers of a board are in view but its
-            pose is refused: it is somewhere, so it cannot be ignored like a missing one.
+            pose is refused. Such a board is in the cell, so it cannot be ignored like a missing one.
     """
     if not images:
         raise InputError("a look needs at least one image", count=0)
@@ -62,13 +62,13 @@ def look(
         camera.require_size(image, f"image {number} of {len(images)}")
     frames = tuple(tuple(detect_markers(image, camera, dictionary)) for image in images)
     _require_known(frames, boards)
-    seen = {marker.id for frame in frames for marker in frame}
-    if not seen and (dark := darkness(max(images, key=np.max))):
+    detected = {marker.id for frame in frames for marker in frame}
+    if not detected and (dark := darkness(max(images, key=np.max))):
         raise ImpossibleError(f"the images show {dark}", brightest=int(max(i.max() for i in images)))
     found: list[ObservedBoard] = []
     missing: dict[str, str] = {}
     for board in boards:
-        hidden = [i for i in board.marker_ids if i not in seen]
+        hidden = [i for i in board.marker_ids if i not in detected]
         if hidden:
             missing[board.name] = _why_missing(board, hidden)
             continue
@@ -81,7 +81,7 @@ def look(
             continue
         cubes = tuple(hole_occupancy(images, camera, pose, i, cube_size) for i in range(len(board.holes)))
         found.append(ObservedBoard(pose, cubes))
-    half_seen = tuple(b.name for b in boards if b.name in missing and seen & set(b.marker_ids))
+    half_seen = tuple(b.name for b in boards if b.name in missing and detected & set(b.marker_ids))
     return Observation(tuple(found), missing, half_seen, tuple(images), frames)
 
 
@@ -116,22 +116,22 @@ def _require_known(frames: Sequence[Sequence[Marker]], boards: Sequence[Board]) 
         )
 
 
-def annotated(image: Image, camera: Camera, seen: Observation) -> Image:
+def annotated(image: Image, camera: Camera, observation: Observation) -> Image:
     """Draw the markers of the first frame, each board's axes and its holes' occupancy onto a copy in BGR.
 
     Args:
         image: the first image of the observation.
-        camera: that took it.
-        seen: the observation.
+        camera: the camera that took it.
+        observation: markers and boards to draw.
     """
     colour_image = image.copy() if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     picture = np.asarray(colour_image, dtype=np.uint8)
     pen = Pen(picture)
-    for marker in seen.frames[0]:
+    for marker in observation.frames[0]:
         pen.outline(marker.corners_px, MARKER_COLOUR)
         pen.text(str(marker.id), marker.corners_px.mean(axis=0), MARKER_COLOUR)
     square = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
-    for board in seen.boards:
+    for board in observation.boards:
         mouth = board.pose.board.pocket[0] * square
         T = board.pose.T_base_board
         for axis, (colour, name) in enumerate(AXES):
@@ -139,10 +139,10 @@ def annotated(image: Image, camera: Camera, seen: Observation) -> Image:
             ends = camera.project_base(apply(T, np.stack([np.zeros(3), tip])))
             pen.arrow(ends[0], ends[1], colour)
             pen.text(name, ends[1], colour)
-        for hole, what in zip(board.pose.holes, board.occupancy, strict=True):
+        for hole, now in zip(board.pose.holes, board.occupancy, strict=True):
             outline = camera.project_base(apply(hole.T_base_hole, mouth))
-            pen.outline(outline, COLOURS[what.state])
-            pen.text(f"{hole.name}\n{what.state}", outline.mean(axis=0), COLOURS[what.state])
+            pen.outline(outline, COLOURS[now.state])
+            pen.text(f"{hole.name}\n{now.state}", outline.mean(axis=0), COLOURS[now.state])
     return picture
 
 

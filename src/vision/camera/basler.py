@@ -28,7 +28,7 @@ from vision.camera.deadline_worker import T, Worker
 from vision.camera.frame_order import FrameOrder
 from vision.camera.frame_source import Image
 
-FAILED_FRAMES = 2  # damaged frames per look to retake: a lost packet must not stop an arm, a bad cable must
+FAILED_FRAMES = 2  # damaged frames to retake per look: a lost packet must not stop the arm, a bad cable must
 OPEN_S = 20.0  # wall time for a step of opening; GigE cameras are searched for by broadcast
 CLOSE_S = 5.0
 MARGIN_S = 2.0  # wall time for a frame beyond its time-outs
@@ -43,7 +43,7 @@ class BaslerSettings:
         gain: dB.
         timeout: for the camera to be ready for a trigger, and for its frame to arrive, s each.
         heartbeat: of a GigE camera, s.
-        features: others, by the camera's own names; set first, so that they cannot override trigger and format.
+        features: other settings, by the camera's own names; made first, so that trigger and format override them.
     """
 
     exposure: float | None = None
@@ -56,7 +56,7 @@ class BaslerSettings:
 class BaslerCamera:
     """Takes images with a Basler camera (`vision.camera.frame_source.FrameSource`); a context manager.
 
-    Every frame has its own software trigger, sent after the call of `grab`, so none is older than the call.
+    Each frame has its own software trigger, sent after the call of `grab`, so no frame is older than the call.
 
     Attributes:
         device: pylon's InstantCamera while open, for settings without support here.
@@ -77,7 +77,7 @@ class BaslerCamera:
             selector: of the camera; see `vision.camera.basler_devices.read_selector`.
             settings: of the camera.
             size: required width and height of frames, px; None for any, the same within a look.
-            tell: called with a line about each problem that stops nothing.
+            tell: called with one line per problem that does not stop the work.
 
         Raises:
             InputError: the selector is invalid.
@@ -121,7 +121,7 @@ class BaslerCamera:
         self.close()
 
     def close(self) -> None:
-        """Release the camera, whatever its state, within `CLOSE_S`; problems are reported by `tell`."""
+        """Release the camera in any state, within `CLOSE_S`; report problems by `tell`."""
         if self.device is not None:
             self._ask_aside(self._release, CLOSE_S, "closing it")
         self.device = None
@@ -167,7 +167,7 @@ class BaslerCamera:
         Up to `FAILED_FRAMES` damaged frames are reported and retaken; none is returned.
 
         Raises:
-            CameraError: more were damaged, one is late, stale or of another size, or the camera is gone or hangs.
+            CameraError: more are damaged, one is late, stale or of another size, or the camera is gone or hangs.
         """
         if self.device is None:
             raise CameraError(self.selector, "closed", "is not open")
@@ -230,7 +230,7 @@ class BaslerCamera:
     # -- errors
 
     def _ask(self, function: Callable[[], T], seconds: float, what: str, worker: Worker | None = None) -> T:
-        """Call on the worker; errors of pylon become `CameraError`."""
+        """Call `function` on the worker, within `seconds`; errors of pylon become `CameraError`."""
 
         def guarded() -> T:
             try:
@@ -256,7 +256,7 @@ class BaslerCamera:
             ) from error
 
     def _ask_aside(self, function: Callable[[], T], seconds: float, what: str) -> None:
-        """Call on another thread, as the worker may be busy or hang; problems are reported by `tell`."""
+        """Call `function` on another thread, as the worker may be busy or hang; report problems by `tell`."""
         worker = Worker(f"camera {self.selector}, aside")
         try:
             self._ask(function, seconds, what, worker)

@@ -30,9 +30,13 @@ class FoundDevice:
     device_class: str
     model: str
 
+    @property
+    def marks(self) -> dict[str, str]:
+        """What a selector of each kind compares, by `KINDS`."""
+        return dict(zip(KINDS, (self.name, self.serial, self.ip, self.device_class), strict=True))
+
     def __str__(self) -> str:
-        marks = (("name", self.name), ("serial", self.serial), ("ip", self.ip), ("class", self.device_class))
-        return " ".join([self.model, *(f"{kind}:{mark}" for kind, mark in marks if mark)])
+        return " ".join([self.model, *(f"{kind}:{mark}" for kind, mark in self.marks.items() if mark)])
 
 
 @dataclass(frozen=True)
@@ -57,7 +61,7 @@ class Selector:
             CameraError: none or several match; the message lists all that were found.
         """
         for kind in (self.kind,) if self.kind else ("name", "serial"):
-            fitting = [number for number, device in enumerate(found) if self._fits(device, kind)]
+            fitting = [number for number, device in enumerate(found) if device.marks[kind] == self.text]
             if len(fitting) == 1:
                 return fitting[0]
             if fitting:
@@ -68,34 +72,20 @@ class Selector:
             )
         raise self._refused(found, "missing", "not found")
 
-    def _fits(self, device: FoundDevice, kind: str) -> bool:
-        marks = {"name": device.name, "serial": device.serial, "ip": device.ip, "class": device.device_class}
-        return marks[kind] == self.text
-
     def _refused(self, found: Sequence[FoundDevice], reason: str, rule: str) -> CameraError:
         there = f"; connected: {', '.join(map(str, found))}" if found else ""
         return CameraError(self, reason, f"{rule}{there}", found=[asdict(device) for device in found])
 
 
 def find_devices(pylon: Any) -> list[tuple[FoundDevice, Any]]:
-    """List the cameras that pylon finds, each with pylon's own record of it.
+    """List the cameras that `pylon` (the library) finds, each with pylon's own record of it."""
 
-    Args:
-        pylon: the library.
-    """
-    return [
-        (
-            FoundDevice(
-                info.GetUserDefinedName(),
-                info.GetSerialNumber(),
-                info.GetIpAddress() if info.IsIpAddressAvailable() else "",
-                info.GetDeviceClass(),
-                info.GetModelName(),
-            ),
-            info,
-        )
-        for info in pylon.TlFactory.GetInstance().EnumerateDevices()
-    ]
+    def device(info: Any) -> FoundDevice:
+        ip = info.GetIpAddress() if info.IsIpAddressAvailable() else ""
+        names = info.GetUserDefinedName(), info.GetSerialNumber(), ip, info.GetDeviceClass()
+        return FoundDevice(*names, info.GetModelName())
+
+    return [(device(info), info) for info in pylon.TlFactory.GetInstance().EnumerateDevices()]
 
 
 def read_selector(text: str) -> Selector:

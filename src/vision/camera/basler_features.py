@@ -70,7 +70,7 @@ def set_gain(nodes: Any, gain: float, refuse: Refuse) -> float:
 
 
 def set_heartbeat(stream_nodes: Any, heartbeat: float) -> None:
-    """Set the time after which a GigE camera is free again if its program has died; others have no such setting.
+    """Set the time after which a GigE camera is free again if its program ends abruptly; others have no such setting.
 
     Args:
         stream_nodes: node map of the transport layer.
@@ -87,10 +87,10 @@ def set_heartbeat(stream_nodes: Any, heartbeat: float) -> None:
 def set_features(
     nodes: Any, features: Mapping[str, Feature], refuse: Refuse, errors: type[Exception]
 ) -> None:
-    """Set any features by the camera's own names, in order; a command is executed by true.
+    """Set any features by the camera's own names, in order; true executes a command.
 
     Args:
-        errors: exceptions of the library.
+        errors: base class of the library's exceptions.
     """
     for name, value in features.items():
         node = nodes.GetNode(name)

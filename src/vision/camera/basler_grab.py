@@ -12,7 +12,7 @@ from vision.camera.frame_source import Image
 
 
 class FrameTaker:
-    """Triggers frames of a camera one by one. Calls may hang, as pylon's may; the caller sets deadlines.
+    """Triggers frames of a camera one by one. Its calls may hang because pylon's may; the caller sets deadlines.
 
     Attributes:
         last: the last frame taken.
@@ -91,10 +91,10 @@ class FrameTaker:
             result.Release()
 
     def require_none_waiting(self) -> None:
-        """Check that no frame came without a trigger.
+        """Check that no frame is waiting that was not triggered.
 
         Raises:
-            CameraError: some came.
+            CameraError: some are.
         """
         waiting = self._device.NumReadyBuffers.GetValue()
         if waiting:

@@ -55,9 +55,9 @@ class Worker:
         return future.result()
 
     def end(self, seconds: float = END_S) -> None:
-        """End the thread after its pending calls, and wait for that unless one hangs.
+        """End the thread after its pending calls; wait for that, unless a call hangs.
 
-        If the program exits during that, the C library aborts it (a native frame is on the thread's stack).
+        A program that exits before is aborted by the C library, as a native frame is on the thread's stack.
         """
         self._calls.put(None)
         if not self.lost:

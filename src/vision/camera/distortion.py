@@ -34,7 +34,7 @@ def distort(coefficients: Array, points: Array) -> Array:
 
 
 def undistort(coefficients: Array, distorted: Array) -> Array:
-    """Invert `distort` by fixed-point iteration to 1e-13; NaN where the model has no inverse near the axis."""
+    """Invert `distort` to 1e-13, by fixed-point iteration; NaN where it finds no inverse."""
     points = distorted
     change = np.zeros_like(points)
     for _ in range(_INVERSE_STEPS):

@@ -1,4 +1,4 @@
-"""Check that a frame is the next one of its camera, by the camera's frame number and time stamp."""
+"""Check by frame number and time stamp that a frame is the next one of its camera."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class FrameOrder:
     stamp: int = 0
 
     def is_next(self, frame: FrameOrder, first: bool) -> bool:
-        """Whether `frame` follows this one, with none lost or repeated in between.
+        """Whether `frame` follows this one, and no frame was lost or repeated in between.
 
         Args:
             frame: the newer one.
-            first: whether grabbing was restarted since the last frame, so that numbers may restart at 0 or 1.
+            first: whether grabbing was restarted after this one, so that numbers may restart at 0 or 1.
         """
         if frame.number in (None, NO_NUMBER) or (frame.stamp and self.stamp and frame.stamp <= self.stamp):
             return False

@@ -52,15 +52,14 @@ class FrameSource(Protocol):
 class ImageFolder:
     """Images in a folder, in the order of their names.
 
-    Each is returned once, as an old image says nothing about the current cell. New images must be added under later
-    names.
+    Each is returned once, because an old image does not show the current cell. New images need later names.
     """
 
     def __init__(self, path: Path, only_new: bool = False) -> None:
         """
         Args:
             path: the folder.
-            only_new: whether to ignore the images that are already in it.
+            only_new: whether to ignore the images that are in it now.
 
         Raises:
             InputError: it does not exist.
@@ -89,11 +88,10 @@ class ImageFolder:
             )
         images: list[Image] = []
         for file in fresh:
-            image = read_grey(file)
-            images.append(image)
+            images.append(read_grey(file))
             if images[-1].shape != images[0].shape:
                 raise InputError(
-                    f"{file}: is {image.shape[1]} x {image.shape[0]} px, but {fresh[0].name} is "
+                    f"{file}: is {images[-1].shape[1]} x {images[-1].shape[0]} px, but {fresh[0].name} is "
                     f"{images[0].shape[1]} x {images[0].shape[0]} px; the images of one look must have the same size",
                     path=str(file),
                 )

@@ -38,7 +38,7 @@ class Camera:
         distortion: k1 k2 p1 p2 k3 (5,), see `vision.camera.distortion`.
         size: width and height of its images, px.
         T_base_camera: extrinsics, 4x4.
-        calibration: origin of the values, from its file (id, date, ...); not in the digest.
+        calibration: origin of the values, from the camera file (id, date, ...); not in the digest.
         lens_covariance: of fx fy cx cy k1 k2 p1 p2 k3, (9, 9), or None if unknown; not in the digest.
     """
 
@@ -155,9 +155,8 @@ class CameraKeys(Keys):
     covariance: Array | None = key("intrinsics.covariance", numbers((9, 9)), None)
     T_base_camera: Array | None = key("pose.T_base_camera", rigid(), None)
     calibration: Mapping[str, Any] = key("calibration", table(), {})
-    views: tuple[Any, ...] = key(
-        "views", tables(lambda node: node.value), default=[]
-    )  # poses of the target, for people and for later calibrations
+    # poses of the target, for people and for later calibrations
+    views: tuple[Any, ...] = key("views", tables(lambda node: node.value), default=[])
 
 
 def read_camera(path: Path) -> Camera:
@@ -216,8 +215,8 @@ def write_camera(
     Args:
         path: of the file.
         camera: values of `calibration` are texts, numbers, flags, dates, or lists of these.
-        placed: whether the extrinsics are known; otherwise only `read_intrinsics` reads the file.
-        views: of the target used for calibration, values as in `calibration`.
+        placed: whether to write the extrinsics; without them only `read_intrinsics` reads the file.
+        views: of the target in the calibration, values as in `calibration`.
 
     Raises:
         InputError: the file cannot be written.

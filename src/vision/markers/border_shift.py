@@ -1,9 +1,9 @@
 """Shift of a marker's borders by light, blur and print, measured at the inner edges of its black frame.
 
 Overexposure, a gamma curve and spreading ink move every edge between black and white towards the same colour. The black
-square then looks smaller or larger, which a pose fit interprets as distance: 1 px on a marker of 36 mm is 0.5 mm of its
-size. The frame around the code is one cell wide and lies between two such edges, which shift in opposite directions. So
-its width gives the shift, and its centre line stays.
+square then looks smaller or larger, and a pose fit takes that for a change of distance: 1 px on a marker of 36 mm is
+0.5 mm of its size. The frame around the code is one cell wide. Its two edges shift in opposite directions, so its width
+gives the shift, and its centre line does not move.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from vision.camera.model import Camera
 from vision.markers.edge_profiles import NARROW_PX, WIDE_PX, Grey, edge_offsets
 
 PER_CELL = 6  # profiles across the inner edge of a white cell
-CELL_PART = 0.6  # of a cell's side; its neighbours disturb the rest
-INEXACT = 0.03  # share of a corrected shift that remains: blur beyond the ends of a profile
-UNLIKE = 0.7  # share of a side's own shift that remains: its outer and inner edge may be lit differently
-FEWEST_PROFILES = 6  # of a side; with fewer it gets the shift of the others
+CELL_PART = 0.6  # used fraction of a cell's side; its neighbours disturb the rest
+INEXACT = 0.03  # fraction of a corrected shift that remains: blur beyond the ends of a profile
+UNLIKE = 0.7  # fraction of a side's own shift that remains: its outer and inner edge may be lit differently
+FEWEST_PROFILES = 6  # of a side; with fewer, the shift of the other sides is used
 _UNIT = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]], dtype=np.float32)
 
 
@@ -31,9 +31,9 @@ class BorderShift:
     """Outward shift of the border on each side of one marker, (4,) px, and its standard deviation.
 
     Attributes:
-        shift_px: to be subtracted; shrunk to zero, or to the mean of the sides, as far as noise explains it.
-        sigma_px: of the remaining shift, which all images share; without noise.
-        known: whether the code has enough white cells along its frame to measure it.
+        shift_px: to be subtracted; shrunk towards zero or the mean of the sides, as far as noise explains it.
+        sigma_px: standard deviation of the remaining shift, which all images share; noise is not included.
+        known: whether the code has enough white cells along its frame to measure the shift.
     """
 
     shift_px: Array
@@ -86,21 +86,21 @@ def border_shift(
 
 def _shrunk(inner: Array, variance: Array, frame: float) -> BorderShift:
     """Outer shift from the apparent position of the inner edges relative to the shifted outer square."""
-    seen = np.isfinite(inner)
-    if not seen.any():
+    measured = np.isfinite(inner)
+    if not measured.any():
         return BorderShift(np.zeros(4), np.zeros(4), False)
     # an outer edge shifted outwards by s shifts the inner one by -s, and the outer square that predicts the inner edge
     # is too large by (1 - 2 frame) s there
     gain = -1.0 / (2.0 - 2.0 * frame)
     shift, variance = gain * inner, gain**2 * variance
-    weight = np.where(seen, 1.0 / np.where(seen, variance, 1.0), 0.0)
-    mean = float((weight * np.where(seen, shift, 0.0)).sum() / weight.sum())
+    weight = np.where(measured, 1.0 / np.where(measured, variance, 1.0), 0.0)
+    mean = float((weight * np.where(measured, shift, 0.0)).sum() / weight.sum())
     mean_variance = 1.0 / float(weight.sum())
-    apart = np.where(seen, shift - mean, 0.0)
-    excess = max(float((weight * apart**2).sum()) - max(int(seen.sum()) - 1, 0), 0.0) / float(weight.sum())
-    own = np.where(seen, excess / (excess + np.where(seen, variance, 1.0)), 0.0)
+    apart = np.where(measured, shift - mean, 0.0)
+    excess = max(float((weight * apart**2).sum()) - (int(measured.sum()) - 1), 0.0) / float(weight.sum())
+    own = np.where(measured, excess / (excess + np.where(measured, variance, 1.0)), 0.0)
     kept = max(0.0, 1.0 - 4.0 * mean_variance / mean**2) if mean else 0.0
-    left = np.where(seen, (UNLIKE * own * apart) ** 2, excess) + (INEXACT * kept * mean) ** 2
+    left = np.where(measured, (UNLIKE * own * apart) ** 2, excess) + (INEXACT * kept * mean) ** 2
     return BorderShift(kept * mean + own * apart, np.sqrt(left), True)
 
 

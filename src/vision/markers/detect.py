@@ -30,7 +30,7 @@ class Marker:
         corners_px: (4, 2) top left, top right, bottom right, bottom left of the marker as printed.
         method: how the corners were measured: "lines", or "subpix" if a side is hidden, blurred or too short;
             "recorded" if a file does not give it.
-        side_sigma_px: (4,) px standard deviation of the sides' remaining shift, common to all images
+        side_sigma_px: standard deviation of each side's remaining shift, common to all images, (4,) px
             (`vision.markers.border_shift`); None if unknown.
     """
 
@@ -43,7 +43,7 @@ class Marker:
 def detect_markers(image: Image, camera: Camera, dictionary: str = "DICT_4X4_50") -> list[Marker]:
     """Find all markers of a dictionary, ordered by id.
 
-    A marker must lie at least some 3 px inside the image; one that is cut off is not found.
+    A marker is found only if it lies at least some 3 px inside the image.
 
     Args:
         image: grey (h, w) or BGR (h, w, 3), of the camera's size.
@@ -105,8 +105,7 @@ def _bits(dictionary: str, marker_id: int) -> npt.NDArray[np.uint8]:
 def _detector(dictionary: str) -> cv2.aruco.ArucoDetector:
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_NONE
-    # by default the white border around a marker counts as the same candidate, and if the image cuts it off, the marker
-    # is lost too
+    # by default a marker and its white border are one candidate, which is lost if the image cuts the border off
     parameters.minMarkerDistanceRate = 0.05
     parameters.minDistanceToBorder = 0  # boards fill the view; the border lines reject cut markers
     return cv2.aruco.ArucoDetector(predefined(dictionary), parameters)

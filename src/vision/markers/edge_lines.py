@@ -1,8 +1,8 @@
 """Measure the corners of a marker as intersections of its four border lines (fact sheet of the parts, 3b).
 
 Grey profiles are sampled across each side of the black square; the centroid of the gradient is the edge point. A robust
-line is fitted to the undistorted edge points. Unlike cornerSubPix, which is biased 0.15 px inward at such outer
-corners, this is unbiased.
+line fit through the undistorted edge points follows. It is unbiased, whereas cornerSubPix is biased by 0.15 px inward
+at such outer corners.
 """
 
 from __future__ import annotations
@@ -11,30 +11,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arm.se3 import Array, Bools
+from arm.se3 import Array, Bools, cross
 from vision.camera.frame_source import Image
 from vision.camera.model import Camera
 from vision.markers.edge_profiles import LEAST_HALF_PX, NARROW_PX, WIDE_PX, Grey, edge_offsets
 
 ROWS = 64  # profiles across a side
 END_GAP_PX, END_GAP = 4.0, 0.06  # distance of the profiles from the corners, px and relative to the side
-LEAST_INLIERS = 0.6  # share of a side's profiles that must agree on its line
+LEAST_INLIERS = 0.6  # fraction of a side's profiles that must agree on its line
 INLIER_PX = 1.0  # largest distance of an inlier from its line
-MOST_MOVED_PX = 4.0  # farther from the rough corner it is another edge, such as that of a finger
+MOST_MOVED_PX = (
+    4.0  # largest distance from the rough corner; farther away is another edge, such as that of a finger
+)
 _ROBUST_ROUNDS = 6
 
 
 @dataclass(frozen=True)
-class _EdgePoints:
-    """Edge points (m, 4, ROWS, 2) px with weights (m, 4, ROWS), 0 where there is no edge."""
-
-    pixels: Array
-    weights: Array
-
-
-@dataclass(frozen=True)
 class _Lines:
-    """Lines normal @ x = offset in undistorted pixels: (m, 4, 2), (m, 4); `inliers` (m, 4) is a share."""
+    """Lines normal @ x = offset in undistorted pixels: (m, 4, 2), (m, 4); `inliers` (m, 4) is a fraction."""
 
     normals: Array
     offsets: Array
@@ -64,15 +58,16 @@ def refine_by_border_lines(grey: Image, rough_px: Array, camera: Camera, modules
     fits = reach >= LEAST_HALF_PX
     corners, good = rough_px, fits
     for half in (WIDE_PX, NARROW_PX):
-        lines = _fit_lines(_edge_points(image, corners, np.minimum(reach, half)), camera)
-        crossings = camera.project(_on_plane(_cross(lines), camera))
+        lines = _fit_lines(*_edge_points(image, corners, np.minimum(reach, half)), camera)
+        crossings = camera.project(_on_plane(_intersections(lines), camera))
         good = fits & (lines.inliers >= LEAST_INLIERS).all(axis=1) & np.isfinite(crossings).all(axis=(1, 2))
         corners = np.where(good[:, None, None], crossings, rough_px)
     near = np.abs(corners - rough_px).max(axis=(1, 2)) < MOST_MOVED_PX
     return BorderCorners(corners, good & near)
 
 
-def _edge_points(image: Grey, corners: Array, half: Array) -> _EdgePoints:
+def _edge_points(image: Grey, corners: Array, half: Array) -> tuple[Array, Array]:
+    """Edge points (m, 4, ROWS, 2) px and their weights (m, 4, ROWS), 0 where there is no edge."""
     start, end = corners[:, :, None], np.roll(corners, -1, axis=1)[:, :, None]
     length = np.linalg.norm(end - start, axis=-1, keepdims=True)
     gap = np.maximum(END_GAP, np.minimum(END_GAP_PX / length, 0.3))
@@ -82,12 +77,12 @@ def _edge_points(image: Grey, corners: Array, half: Array) -> _EdgePoints:
     outward = np.stack([direction[..., 1], -direction[..., 0]], axis=-1)  # corners go clockwise in the image
     outward = np.broadcast_to(outward, centres.shape)
     edges = edge_offsets(image, centres, outward, np.broadcast_to(half[:, None, None], centres.shape[:-1]))
-    return _EdgePoints(centres + edges.offset[..., None] * outward, edges.good.astype(float))
+    return centres + edges.offset[..., None] * outward, edges.good.astype(float)
 
 
-def _fit_lines(edges: _EdgePoints, camera: Camera) -> _Lines:
-    points = camera.normalised(edges.pixels) @ camera.K[:2, :2].T  # undistorted px from the centre
-    weights = edges.weights
+def _fit_lines(edges_px: Array, edge_weights: Array, camera: Camera) -> _Lines:
+    points = camera.normalised(edges_px) @ camera.K[:2, :2].T  # undistorted px from the centre
+    weights = edge_weights
     normals = offsets = distance = np.empty(0)
     for _ in range(_ROBUST_ROUNDS):
         total = np.maximum(weights.sum(axis=-1), 1e-9)
@@ -99,20 +94,16 @@ def _fit_lines(edges: _EdgePoints, camera: Camera) -> _Lines:
         distance = (centred * normals[..., None, :]).sum(axis=-1)
         spread = 1.4826 * np.median(np.abs(distance), axis=-1, keepdims=True)
         limit = np.clip(4.0 * spread, 0.1, INLIER_PX)
-        weights = edges.weights * np.clip(1.0 - (distance / limit) ** 2, 0.0, None) ** 2  # Tukey's biweight
-    agree = (edges.weights > 0.0) & (np.abs(distance) < INLIER_PX)
+        weights = edge_weights * np.clip(1.0 - (distance / limit) ** 2, 0.0, None) ** 2  # Tukey's biweight
+    agree = (edge_weights > 0.0) & (np.abs(distance) < INLIER_PX)
     return _Lines(normals, offsets, agree.mean(axis=-1))
 
 
-def _cross(lines: _Lines) -> Array:
-    """Intersection of each side's line with the previous one: corner k lies on sides k-1 and k, (m, 4, 2)."""
-    before, offsets = np.roll(lines.normals, 1, axis=1), np.roll(lines.offsets, 1, axis=1)
-    a, b, c, d = before[..., 0], before[..., 1], lines.normals[..., 0], lines.normals[..., 1]
-    determinant = a * d - b * c
-    determinant = np.where(np.abs(determinant) > 1e-3, determinant, np.nan)
-    x = (offsets * d - b * lines.offsets) / determinant
-    y = (a * lines.offsets - offsets * c) / determinant
-    return np.stack([x, y], axis=-1)
+def _intersections(lines: _Lines) -> Array:
+    """Corners (m, 4, 2) in undistorted pixels: corner k is the intersection of the lines of sides k - 1 and k."""
+    homogeneous = np.concatenate([lines.normals, -lines.offsets[..., None]], axis=-1)
+    at = cross(np.roll(homogeneous, 1, axis=1), homogeneous)
+    return np.asarray(at[..., :2] / np.where(np.abs(at[..., 2:]) > 1e-3, at[..., 2:], np.nan))
 
 
 def _on_plane(undistorted_px: Array, camera: Camera) -> Array:

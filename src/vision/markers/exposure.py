@@ -1,4 +1,4 @@
-"""Whether images are too bright or too dark to measure corners, judged by their markers."""
+"""Judge by the markers in images whether these are too bright or too dark to measure corners."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from vision.camera.frame_source import Image
 from vision.markers.detect import Marker
 
 SATURATED = 255  # grey
-DARK = 50  # grey; an image without a brighter pixel shows nothing; 12 bits stored in 16 are read as below 16
+DARK = (
+    50  # grey; an image without a brighter pixel counts as black; 12 bits stored in 16 are read as below 16
+)
 BORDER = 4.0 / 3.0  # size of a marker of 6 modules with its white border, relative to the marker
 # On rendered 36 mm markers, corners are off by 0.017 px at best, 0.14 px at 1.2 times the exposure (half of the white
 # is saturated), 0.8 px at 2 times, and 0.09 px at a contrast of 33 grey.
@@ -26,7 +28,7 @@ class MarkerBrightness:
 
     Attributes:
         id: of the marker.
-        saturated: share of its white that is saturated, so that its brightness is unknown.
+        saturated: fraction of its white that is saturated, so that its brightness is unknown.
         white, black: typical greys of its light and dark parts.
     """
 
@@ -84,5 +86,4 @@ def marker_brightness(image: Image, markers: Sequence[Marker]) -> tuple[MarkerBr
 def exposure_complaint(image: Image, markers: Sequence[Marker]) -> str | None:
     """What is wrong with the exposure of an image, by its worst marker; None if nothing is."""
     found = sorted(marker_brightness(image, markers), key=lambda m: (-m.saturated, m.white - m.black))
-    complaints = [words for marker in found if (words := marker.complaint()) is not None]
-    return complaints[0] if complaints else None
+    return next((words for marker in found if (words := marker.complaint()) is not None), None)

@@ -1,7 +1,7 @@
-"""Recorded corners of a board's markers: a camera, a board, and scenes of some images each, in one JSON file.
+"""Recorded corners of a board's markers: a camera, a board, and scenes of several images each, in one JSON file.
 
 ``camera{K_px, distortion_k1k2p1p2k3, size_px}``, ``board{markers[]{id, corners_m[4][3]}, holes_m[4][3]}`` and
-``scenes[]{frames[]{markers[]{id, corners_px[4][2]}}}``. Nothing else in the file is read, such as a ground truth.
+``scenes[]{frames[]{markers[]{id, corners_px[4][2]}}}``. Nothing else in the file is read, no ground truth either.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from arm.io.rules import integer, numbers
 from vision.camera.model import INTRINSIC_MATRIX, Camera
 from vision.markers.detect import Marker
 
-SAME = 1e-6  # m, largest deviation of corners in a file from a square
+SAME = 1e-6  # m, largest deviation of a marker's corners from a square
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,10 +1,12 @@
 """Decide whether a hole holds a cube, by the borders in the image: those of a cube or those of an empty pocket.
 
-`hole_borders` predicts where each state shows a step of grey; `seen_stations` finds where one shows. No colour or
-brightness is assumed, so dark cubes, shadows and uneven light do not matter. The score compares those borders that lie
-where the other state has a smooth surface. The visible part of a border counts for its state, more so if an accidental
-step is unlikely; the invisible part counts against it, less so if such borders are often invisible. The better state
-must then show all the borders it requires; otherwise something else stands in the hole or hides it.
+`hole_borders` predicts where each state has a step of grey. `seen_stations` finds where the image shows one. No colour
+or brightness is assumed, so dark cubes, shadows and uneven light do not matter.
+
+The score compares the borders that lie where the other state has a smooth surface. The visible part of a border is
+evidence for its state, strong if steps rarely appear by accident. The invisible part is evidence against it, weak if
+such borders are often invisible. The better state must also show every border that it requires. Otherwise something
+else stands in the hole or hides it.
 """
 
 from __future__ import annotations
@@ -37,20 +39,18 @@ LEAST_CONTRAST = 25.0  # grey levels between a marker's black and white; below, 
 REACH = 1.6 * POCKET_MOUTH  # m around a hole; includes a cube's top seen at a slant
 TOLERANCE = 0.5e-3  # m: a cube's play in its pocket, and the accuracy of boards
 MOST_TOLERANCE = 1.5e-3  # m: borders are not searched farther away
-MOST_STD = (
-    0.9e-3  # m, of a cube's top across the camera's ray; above, the borders of both states are confused
-)
+MOST_STD = 0.9e-3  # m, of a cube's top across the camera's ray: above it, the states' borders are confused
 BLUR = 0.4e-3  # m, reach of a blurred border
 LEAST_STATIONS = 4  # per border; a border with fewer is ignored
-LEAST_MARKER = 0.25  # part of a marker and its white border that shows both black and white
-SURE = 0.95  # least score of a cube; 1 - SURE is the largest of an empty hole
-EVEN = 0.01  # largest part of an even patch with steps of grey
-EVEN_SIDE = 0.04  # the same beside a mouth, where one edge covers a larger part of the patch
+LEAST_MARKER = 0.25  # fraction of a marker and its white border that must be visible to show black and white
+SURE = 0.95  # smallest score of a cube; 1 - SURE is the largest score of an empty hole
+EVEN = 0.01  # largest fraction of an even patch with steps of grey
+EVEN_SIDE = 0.04  # the same beside a mouth, where one edge covers a larger fraction of the patch
 FLOOR_RADII = (10e-3, 12e-3, 14e-3)  # m, around the finger hole
 MOUTH_BANDS = ((-7e-3, -0.7e-3), (0.8e-3, 4.9e-3))  # m outwards from a side of the mouth
 MOST_FAINT = 2  # sides of an empty pocket that may be invisible
-RIM_STEP = 0.4  # least step at a finger hole's rim, relative to the grey of the floor around it
-ABSENT = 0.3  # part of that step; below, there is no finger hole
+RIM_STEP = 0.4  # smallest step at a finger hole's rim, relative to the grey of the floor around it
+ABSENT = 0.3  # of that step: below, there is no finger hole
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,8 @@ class Weight:
     """Evidence of one kind of border.
 
     Attributes:
-        invisible: probability that it does not show although it is there (unfavourable light or similar colours).
-        accident: probability that a step of grey shows although it is not there (the edge of a shadow).
+        invisible: probability that a border does not show (unfavourable light or similar colours).
+        accident: probability that a step of grey shows where there is no border (the edge of a shadow).
     """
 
     invisible: float
@@ -103,13 +103,13 @@ class Occupancy:
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
-    """A border, and whether it shows at its stations (n,): 1, 0, or NaN if covered or outside the image."""
+class _Found:
+    """A border, and whether the image shows it at its stations (n,): 1, 0, or NaN if covered or outside the image."""
 
     border: Border
     shows: Array
 
-    def part(self, of: Bools) -> float:
+    def fraction(self, of: Bools) -> float:
         """Visible fraction of the stations `of` (n,); NaN if there are too few."""
         values = self.shows[of & np.isfinite(self.shows)]
         return float(values.mean()) if len(values) >= LEAST_STATIONS else np.nan
@@ -144,9 +144,9 @@ def hole_occupancy(
     tolerance = float(np.clip(2.0 * std, TOLERANCE, MOST_TOLERANCE))
     borders = hole_borders(pose.board, index, eye, cube_size, 2.0 * tolerance + GAP + WINDOW + BLUR)
     limits = step_limits(view, contrast, tolerance)
-    cube = [_look_at(b, view, limits) for b in borders.cube]
-    empty = [_look_at(b, view, limits) for b in borders.empty]
-    if not _whole(empty):
+    cube = [_found(b, view, limits) for b in borders.cube]
+    empty = [_found(b, view, limits) for b in borders.empty]
+    if not all(np.isfinite(found.shows[found.border.clear]).all() for found in empty):
         return Occupancy("unsure", 0.5, OUT)
     eye = eye - pose.board.holes[index]
     rim_counts = _rim_counts(view, borders.of("rim")[0], eye, limits)
@@ -155,22 +155,22 @@ def hole_occupancy(
     if 1.0 - SURE < score < SURE:
         return Occupancy("unsure", float(score), FAINT if even else OTHER)
     if score >= SURE:
-        rim = empty[-1].part(empty[-1].border.telling)
-        why = _why_no_cube(_parts(cube, "top"), rim, even)
+        rim = empty[-1].fraction(empty[-1].border.telling)
+        why = _why_no_cube(_fractions(cube, "top"), rim, even)
         return Occupancy("unsure" if why else "cube", float(score), why)
     even_sides = [
         max(rough_part(view, p, limits) for p in both) < EVEN_SIDE
         for both in _beside_mouth(pose.board.pocket[0])
     ]
-    sides = np.fmax(_parts(empty, "mouth"), _parts(empty, "floor"))
-    why = _why_not_empty(sides, _parts(empty, "rim")[0], np.array(even_sides))
+    sides = np.fmax(_fractions(empty, "mouth"), _fractions(empty, "floor"))
+    why = _why_not_empty(sides, _fractions(empty, "rim")[0], np.array(even_sides))
     return Occupancy("unsure" if why else "empty", float(score), why)
 
 
 def _contrast(images: Sequence[Image], camera: Camera, pose: BoardPose) -> float | None:
     """Grey levels between black and white of the board's visible markers; None if no marker is visible enough.
 
-    A marker may be cut by the image's edge: its detection does not need the whole white border.
+    The image's edge may cut off part of a marker's white border, which detection does not need.
     """
     greys = []
     for square in marker_squares(pose.board):
@@ -200,39 +200,34 @@ def _sideways_std(T_base_hole: Array, covariance: Array, point: Array, camera: C
     return float(np.sqrt(np.linalg.eigvalsh(across @ J @ covariance @ J.T @ across)[-1]))
 
 
-def _look_at(border: Border, view: PlateView, limits: StepLimits) -> _Seen:
+def _found(border: Border, view: PlateView, limits: StepLimits) -> _Found:
     shows = np.full(len(border.points), np.nan)
     clear = border.clear
     shows[clear] = seen_stations(
         view, border.points[clear], border.outward[clear], limits, ring=border.kind == "rim"
     )
-    return _Seen(border, shows)
+    return _Found(border, shows)
 
 
-def _whole(seen: Sequence[_Seen]) -> bool:
-    """Whether all clear stations of the hole's borders are in the image."""
-    return all(np.isfinite(s.shows[s.border.clear]).all() for s in seen)
-
-
-def _evidence(seen: Sequence[_Seen], rim_counts: bool) -> float:
+def _evidence(borders: Sequence[_Found], rim_counts: bool) -> float:
     """Log likelihood ratio of a state by its own borders."""
     total = 0.0
-    for one in seen:
-        part = one.part(one.border.telling)
-        if np.isnan(part):
+    for found in borders:
+        visible = found.fraction(found.border.telling)
+        if np.isnan(visible):
             continue
-        weight = WEIGHTS[one.border.kind]
-        against = np.log(weight.invisible) if one.border.kind != "rim" or rim_counts else 0.0
-        telling = one.border.telling.sum() / len(one.border.points)
-        total += telling * (part * -np.log(weight.accident) + (1.0 - part) * against)
+        weight = WEIGHTS[found.border.kind]
+        against = np.log(weight.invisible) if found.border.kind != "rim" or rim_counts else 0.0
+        telling = found.border.telling.sum() / len(found.border.points)
+        total += telling * (visible * -np.log(weight.accident) + (1.0 - visible) * against)
     return float(total)
 
 
 def _rim_counts(view: PlateView, rim: Border, eye: Array, limits: StepLimits) -> bool:
     """Whether an invisible rim is evidence against an empty hole: it would show if it were there.
 
-    A finger hole is darker than the floor around it. On a dark floor single stations do not show it, but the mean step
-    over all stations may prove that there is none.
+    A finger hole is darker than the floor around it. On a dark floor single stations do not show its rim, but the mean
+    step over all stations may still prove that there is no finger hole.
     """
     angle = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
@@ -265,13 +260,13 @@ def _beside_mouth(mouth: float) -> list[tuple[Array, Array]]:
     return list(zip(*both, strict=True))
 
 
-def _parts(seen: Sequence[_Seen], kind: Kind) -> Array:
+def _fractions(borders: Sequence[_Found], kind: Kind) -> Array:
     """Visible fraction of the clear stations of each border of that kind."""
-    return np.array([s.part(s.border.clear) for s in seen if s.border.kind == kind])
+    return np.array([found.fraction(found.border.clear) for found in borders if found.border.kind == kind])
 
 
 def _why_no_cube(sides: Array, rim: float, even: bool) -> str:
-    """Reason why it is no whole cube; empty if enough of its top's sides shows, less if the top is even."""
+    """Reason why it is no whole cube; empty if enough of the top's sides is visible (less is enough if it is even)."""
     sides = sides[np.isfinite(sides)]
     if len(sides) < 3:
         return OUT
@@ -284,9 +279,9 @@ def _why_no_cube(sides: Array, rim: float, even: bool) -> str:
 
 
 def _why_not_empty(sides: Array, rim: float, even_sides: Bools) -> str:
-    """Reason why it is no empty pocket; empty if the rim shows, and each side of the mouth or of the floor.
+    """Reason why it is no empty pocket; empty if the rim is visible, and each side of the mouth or of the floor.
 
-    A few sides may be faint if nothing lies across them: seen at a slant, the floor begins at the mouth and may look
+    A few sides may be invisible if nothing lies across them: at a slant, the floor begins at the mouth and may look
     like the plate.
     """
     faint = ~(sides > 0.7)

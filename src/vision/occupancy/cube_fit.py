@@ -1,7 +1,8 @@
-"""Fit the sides of a cube's top as straight lines of one rotation, and compute the likelihood of each side's place.
+"""Fit the sides of a cube's top as straight lines with one rotation, and compute the likelihood of each side's place.
 
-`vision.occupancy.cube_side` computes the evidence of each piece of a side at each place. All sides share one rotation
-and one blur of the lens, which are searched first. Each side is then evaluated with all its pieces together.
+A side's place is its position along its outward normal. `vision.occupancy.cube_side` computes the evidence of each
+piece of a side for each place. All sides have the same rotation and blur, which are found first. Then each side is
+evaluated with all its pieces together.
 """
 
 from __future__ import annotations
@@ -28,13 +29,13 @@ PLACES: Array = frozen(np.arange(-128, 129) * 0.0125e-3)  # m, of a side outward
 COARSE = slice(None, None, 4)
 TURNS: Array = np.radians(np.linspace(-3.6, 3.6, 73))
 FINER: Array = np.radians(np.linspace(-0.15, 0.15, 7))
-ACCIDENT = 12.0  # log likelihood: limit of what one piece can count against a line
+ACCIDENT = 12.0  # log likelihood: largest evidence of one piece against a line
 STRAY = 8.0  # log likelihood: a piece that disagrees more with the line is left out
 LEAST_PIECES = 5
-UNLIKE = 1.15  # least mean squared deviation of a sample: no image fits the model exactly
-FAINT = 60.0  # log likelihood: limit of what counts against a place
-HOPELESS = 150.0  # log evidence below the best: places between such ones are not searched
-ROOM = 0.4e-3  # m: around a foot that may be mistaken for the side
+UNLIKE = 1.15  # smallest mean squared deviation of a sample: no image fits the model exactly
+FAINT = 60.0  # log likelihood: largest evidence against a place
+HOPELESS = 150.0  # log evidence below the best: no finer search between places that are worse than this
+ROOM = 0.4e-3  # m, around a foot that may be mistaken for the side
 LEAST_STEP = 4.0  # grey levels: a smaller step may be shading
 
 
@@ -43,7 +44,7 @@ class Around:
     """The surroundings of a side.
 
     Attributes:
-        empty: profiles of the empty place, (pieces, n); None if there is no image of it.
+        empty: profiles without the cube, (pieces, n); None if there is no such image.
         mouth, corner: expected place of the pocket's mouth, and of its wall's lower edge, m outwards; -inf: no pocket.
     """
 
@@ -59,8 +60,8 @@ class SidesFit:
     Attributes:
         blur: standard deviation, m.
         lines: the rotation and the lines.
-        each: log evidence of each single piece at the coarse places; per side, (k, pieces).
-        besides: what is seen beside each side.
+        each: per side, log evidence of each single piece at the k coarse places, (k, pieces).
+        besides: what the image shows beside each side.
     """
 
     blur: float
@@ -80,9 +81,9 @@ def fit_sides(
 
     Args:
         sides, around: four each, in the order of `vision.occupancy.cube_top.OUTWARD`.
-        light: present brightness of the place relative to that when it was empty.
+        light: present brightness, relative to that of the image without the cube.
         lever: outward displacement of each piece of a side per rad of rotation, (pieces,) m.
-        blurs: blurs to try, m.
+        blurs: standard deviations to try, m.
     """
     places = PLACES[COARSE]
     every = np.broadcast_to(places[:, None], (len(places), PIECES))
@@ -104,7 +105,7 @@ def fit_sides(
 
 
 def likelihoods(sides: Sequence[Side], fit: SidesFit, lever: Array) -> tuple[float, list[Array], list[float]]:
-    """Return the rotation (rad), each side's log likelihood at `PLACES`, and its log likelihood ratio to no side."""
+    """Return the rotation (rad); per side, its log likelihood at `PLACES` and its log likelihood ratio to no side."""
     turn = _refined(fit, sides, lever)
     nowhere = np.array([[-NOWHERE], [NOWHERE]]) + np.zeros(PIECES)
     of_sides, shown = [], []
@@ -120,7 +121,7 @@ def likelihoods(sides: Sequence[Side], fit: SidesFit, lever: Array) -> tuple[flo
 
 
 def _evidence_along(side: Side, at: Beside, off: Array, blur: float, pieces: Bools) -> tuple[Array, Array]:
-    """`evidence` at `PLACES` with pieces `off` m from them; interpolated where the coarse places are hopeless."""
+    """`evidence` at `PLACES`, with each piece offset by `off` m; interpolated between hopeless coarse places."""
     coarse = PLACES[COARSE]
     log, left = evidence(side, at, coarse[:, None] + off, blur, pieces)
     hopeful = np.convolve(log > log.max() - HOPELESS, np.ones(3), mode="same") > 0.0
@@ -131,10 +132,10 @@ def _evidence_along(side: Side, at: Beside, off: Array, blur: float, pieces: Boo
 
 
 def likely(log: Array, foot: float) -> tuple[Array, int]:
-    """Turn log evidence at `PLACES` into log likelihood, from `-FAINT` to 0 at the best place; return that one's index.
+    """Convert log evidence at `PLACES` to log likelihood, from `-FAINT` to 0 at the best place; return also its index.
 
-    If the cube's face is seen beside the top, up to `foot` m outwards, a second peak takes the foot for the side and
-    the face for the top. That peak is not the best place.
+    If the cube's face is visible beside the top, up to `foot` m outwards, there is a second peak: the foot mistaken for
+    the side, and the face for the top. That peak is never the best place.
     """
     mistaken = (np.abs(PLACES + foot) < ROOM) & (foot > 2.0 * ROOM)
     top = int(np.argmax(np.where(mistaken, -np.inf, log)))
@@ -143,7 +144,7 @@ def likely(log: Array, foot: float) -> tuple[Array, int]:
 
 @dataclass(frozen=True, eq=False)
 class _Lines:
-    """Straight sides of one rotation: joint log likelihood, rotation in rad, log likelihood of each side."""
+    """Straight sides with one rotation: joint log likelihood, rotation in rad, log likelihood of each side."""
 
     worth: float
     turn: float
@@ -180,14 +181,14 @@ def _refined(fit: SidesFit, sides: Sequence[Side], lever: Array) -> float:
 
 
 def _along(one: Array, at: Array) -> Array:
-    """Log likelihood (k,) of a side with its pieces at `at` (pieces, k) m, from theirs (k, pieces) at coarse places."""
+    """Log likelihood (k,) of a side with its pieces at `at` (pieces, k) m, from that of the pieces at coarse places."""
     places, low = PLACES[COARSE], one.min(axis=0)
     pieces = [np.interp(at[j], places, one[:, j], left=low[j], right=low[j]) for j in range(PIECES)]
     return np.asarray(np.sum(pieces, axis=0))
 
 
 def _agreeing(one: Array, places: Array, line: Array) -> Bools:
-    """Which pieces agree with a line; a corner or the edge of a shadow may mislead single ones."""
+    """Which pieces agree with a line; a corner or the edge of a shadow may spoil single ones."""
     at = np.array([np.interp(line[j], places, one[:, j]) for j in range(PIECES)])
     off = one.max(axis=0) - at
     return np.asarray(off <= max(STRAY, float(np.sort(off)[LEAST_PIECES - 1])))

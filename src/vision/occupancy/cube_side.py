@@ -1,12 +1,12 @@
 """Likelihood of the place of one side of a cube's top, from the grey profiles across it.
 
-A profile runs outwards from the top over what is seen beside it: the cube's own face, the pocket's wall, the plate. For
-a given place of the side, the geometry determines where these begin. Their brightness is unknown, and the places of
-foot and mouth and the blur of the lens are known only approximately. All are unknowns with a Gaussian prior that
-integrate out in closed form (the evidence of a linear model: C. Bishop, Pattern Recognition and Machine Learning, 2006,
-section 3.5), so an undetermined unknown makes the likelihood flat instead of sharp and wrong. An image of the same
-place while it was empty gives the brightness of wall and plate, and the place of the mouth; without one their priors
-are wide.
+A profile runs outwards from the top over what the image shows beside it: the cube's own face, the pocket's wall, the
+plate. For a given place of the side, the geometry determines where these begin. Their brightness is unknown. The places
+of foot and mouth and the blur of the lens are known approximately. All of these are unknowns with a Gaussian prior, and
+they are integrated out in closed form (the evidence of a linear model: C. Bishop, Pattern Recognition and Machine
+Learning, 2006, section 3.5). So an unknown that the image does not determine makes the likelihood flat, instead of
+sharp and wrong. An image of the place without the cube gives the brightness of wall and plate, and the place of the
+mouth. Without such an image their priors are wide.
 
 Some unknowns belong to one piece (light across the side). Others are shared by all pieces of a side (brightness of the
 wall), so averaging over pieces does not reduce them.
@@ -17,7 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
+from scipy.special import logsumexp, ndtr
 
 from arm.se3 import Array, Bools, frozen
 
@@ -30,7 +30,7 @@ SMOOTH = 3  # samples, see `_slope`
 NOWHERE = 4.0 * SPAN  # m: place of a side outside the window
 PEAK = float(np.sqrt(2.0 * np.pi))  # the slope of a blurred step is height / (blur PEAK)
 
-# standard deviations of the priors, unless stated otherwise
+# standard deviations of the priors, unless another meaning is given
 TOP_GREY, TOP_SLOPE = 25.0, 6.0  # grey levels; grey levels per SPAN
 FACE_SHARE = (0.75, 0.3)  # mean and deviation of a face's grey, relative to the top's
 FACE_GREY, FACE_OWN, FACE_OWN_SHARE = 8.0, 3.0, 0.03  # grey levels; of a piece; relative to its grey
@@ -49,7 +49,7 @@ WALL_MOVED = 40e-6  # m, of a wall from its place in the image of the empty hole
 BACKGROUND = (
     150e-6  # m, of the plate's image; large, because a border that meets the side is blurred only once
 )
-BEYOND_PLATE = 0.12  # relative, of the light beyond a border, besides the change of the plate's
+BEYOND_PLATE = 0.12  # relative, of the light beyond a border, in addition to the change of the plate's light
 
 TEXTURE, GREY = 0.007, 0.15  # correlated noise: relative to the grey; in grey levels
 TEXTURE_PX, NOISE_PX, HIDDEN_PX = 1.2, 0.55, 3.0  # correlation lengths
@@ -59,25 +59,33 @@ HIDDEN = 30.0  # grey levels, noise of samples to be ignored
 
 @dataclass(frozen=True)
 class _Prior:
-    """Light of a plate (deviation) and of a wall (mean, deviation); place of a mouth (deviation, m)."""
+    """Priors of what is beside a top.
+
+    Attributes:
+        plate: standard deviation of the plate's light.
+        wall: mean and standard deviation of the wall's light.
+        mouth: standard deviation of the mouth's place, m.
+    """
 
     plate: float
     wall: tuple[float, float]
     mouth: float
 
 
-SEEN_EMPTY = _Prior(0.12, (0.75, 0.25), 25e-6)  # relative to the empty place: a cube's shadow, other light
+SEEN_EMPTY = _Prior(
+    0.12, (0.75, 0.25), 25e-6
+)  # relative to the image without the cube: its shadow, other light
 NEVER_SEEN = _Prior(0.35, (0.5, 0.25), 0.1e-3)  # relative to the plate's grey
 
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """What would be seen beside the top without the cube.
+    """What the image would show beside the top if the cube were absent.
 
     Attributes:
         wall, plate: grey levels of the pocket's wall and of the plate, each extended over the profile, (pieces, n).
         mouth: where the wall ends and the plate begins, m outwards; -inf: plate alone; inf: wall alone.
-        known: whether it comes from an image of the empty place.
+        known: whether it comes from an image without the cube.
         light: present brightness relative to that image.
     """
 
@@ -96,7 +104,7 @@ class Side:
         grey: profile of each piece, (pieces, n).
         white: whitening matrix: inverse of a Cholesky factor of the noise covariance, (n, n).
         feet: possible distances of the cube's foot beyond the side, (feet,) m: evenly from -2 to 2 standard
-            deviations, or one alone; 0 if the face is not seen.
+            deviations, or a single one; 0 if the face is not visible.
         top_grey, plate_grey: median grey levels.
     """
 
@@ -117,7 +125,7 @@ def whitening(level: Array, hidden: Array, noise: float, px_per_m: float) -> Arr
 
     Args:
         level: median profile, grey levels, (n,): texture, sharpening and dust scale with it.
-        hidden: weight of the noise that makes a sample ignored, 0 to 1, (n,).
+        hidden: how far to ignore each sample, 0 to 1, (n,).
         noise: standard deviation of a sample's noise, grey levels.
         px_per_m: scale of the image.
     """
@@ -133,10 +141,10 @@ def whitening(level: Array, hidden: Array, noise: float, px_per_m: float) -> Arr
 
 
 def beside(empty: Array, mouth: float, corner: float, blur: float, light: float) -> Beside:
-    """Separate wall and plate in the profiles of an empty place.
+    """Separate wall and plate in the profiles without a cube.
 
     Args:
-        empty: profiles of the empty place, (pieces, n).
+        empty: profiles without the cube, (pieces, n).
         mouth: expected place of the pocket's mouth, m outwards; -inf: there is no pocket.
         corner: where the pocket's floor ends and its wall begins, m outwards.
         blur: standard deviation, m.
@@ -180,7 +188,7 @@ def _from_corner(wall: Array, corner: float, ends: float, blur: float) -> Array:
 
 
 def beside_unseen(plate_grey: float, pieces: int, mouth: float) -> Beside:
-    """The same without an image of the empty place: a uniform plate, and the mouth at its expected place."""
+    """Assume a uniform plate, and the mouth at its expected place, if there is no image without the cube."""
     grey = np.full((pieces, len(ACROSS)), plate_grey)
     return Beside(grey, grey, mouth, False, 1.0)
 
@@ -199,12 +207,12 @@ def own_evidence(side: Side, at: Beside, places: Array, blur: float) -> Array:
 def evidence(side: Side, at: Beside, places: Array, blur: float, pieces: Bools) -> tuple[Array, Array]:
     """Log evidence (k,) of some pieces together, and their mean squared normalised residual (k,).
 
-    Only the place of the foot distinguishes a narrow face from a top, and it is uncertain: the result is the weighted
-    sum of the evidence over the side's feet.
+    Only the place of the foot distinguishes a narrow face from a top, and that place is uncertain. So the result is the
+    weighted sum of the evidence over the side's feet.
 
     Args:
         side: the side's profiles.
-        at: what is seen beside it.
+        at: what the image shows beside it.
         places: place of the side at each piece, (k, pieces) m outwards.
         blur: standard deviation, m.
         pieces: which pieces count, (pieces,).
@@ -214,15 +222,14 @@ def evidence(side: Side, at: Beside, places: Array, blur: float, pieces: Bools) 
     if len(log) > 1:
         weights = -0.5 * np.linspace(-2.0, 2.0, len(log)) ** 2
         log = log + (weights - np.log(np.exp(weights).sum()))[:, None]
-    most = log.max(axis=0)
     left = np.take_along_axis(np.stack([one for _, one in each]), log.argmax(axis=0)[None], axis=0)[0]
-    return np.asarray(most + np.log(np.exp(log - most).sum(axis=0))), left
+    return np.asarray(logsumexp(log, axis=0)), left
 
 
 def _evidence(
     side: Side, at: Beside, places: Array, blur: float, pieces: Bools, foot: float
 ) -> tuple[Array, Array]:
-    """The same with the cube's foot at `foot` m beyond the side."""
+    """`evidence` with the cube's foot at `foot` m beyond the side."""
     mean, own, shared = _columns(side, at, places, blur, foot)
     left = (side.grey - mean) @ side.white.T
     A = side.white @ own
@@ -238,13 +245,13 @@ def _evidence(
 
 
 def _columns(side: Side, at: Beside, places: Array, blur: float, foot: float) -> tuple[Array, Array, Array]:
-    """The linear model with the side at `places` (k, p) and the foot at `foot` m beyond it.
+    """Return the linear model with the side at `places` (k, p) and the foot at `foot` m beyond it.
 
-    Return its mean (k, p, n), and the columns of a piece's own unknowns and of the shared ones, (k, p, n, c), each
-    scaled to a standard deviation of 1.
+    Its parts are the mean (k, p, n), the columns of each piece's own unknowns, and those of the shared unknowns,
+    (k, p, n, c). Each column is scaled to a standard deviation of 1.
     """
     prior = SEEN_EMPTY if at.known else NEVER_SEEN
-    # without an image of the empty place, waves whose slopes count at an edge make its place too certain
+    # without an image of wall and plate alone, the waves' slopes at an edge would make its place too certain
     waves = [(wave, slope * at.known) for wave, slope in WAVES]
     x, u = ACROSS, places[..., None]
     z = (x - u) / blur
@@ -307,7 +314,7 @@ class _Part:
 
     Attributes:
         share: share of each sample's light that comes from this part.
-        bend: displacement of that light's origin towards the part, times `share`, m.
+        bend: distance of that light's origin from the sample, towards the part, times `share`, m.
     """
 
     share: Array
@@ -317,17 +324,17 @@ class _Part:
         return _Part(self.share - other.share, self.bend - other.bend)
 
     def lit(self, light: Array, slope: Array | float) -> Array:
-        """What the part adds to the profile, from its light and the slope of that per m: exact if it is straight."""
+        """What the part adds to the profile, from its light and that light's slope per m; exact for a straight line."""
         return np.asarray(self.share * light + self.bend * slope)
 
 
 def _beyond(edge: Array, blur: float) -> _Part:
-    """The part beyond an edge: of blurred light it shows x + blur t, t normal; E[t | x + blur t > edge] = pdf / cdf."""
+    """The part beyond an edge: light at x comes from x + blur t, t normal; E[t | x + blur t > edge] = pdf / cdf."""
     z = (ACROSS - edge) / blur
     return _Part(ndtr(z), np.exp(-0.5 * z**2) * (blur / PEAK))
 
 
 def _slope(light: Array) -> Array:
-    """Slope of light (pieces, n) per m, over `SMOOTH` samples on both sides, which leaves texture out."""
+    """Slope of light (pieces, n) per m, over `SMOOTH` samples on both sides, which suppresses texture."""
     padded = np.pad(light, ((0, 0), (SMOOTH, SMOOTH)), mode="reflect", reflect_type="odd")
     return np.asarray((padded[:, 2 * SMOOTH :] - padded[:, : -2 * SMOOTH]) / (2 * SMOOTH * STEP))

@@ -1,9 +1,9 @@
-"""Likelihood over the place of each side of a cube's top in images, to a few hundredths of a pixel.
+"""Measure the top of a cube in images: likelihood of the place of each side, to a few hundredths of a pixel.
 
-A camera above a board measures a cube's height by the width of its top and by its offset from the point below the
-camera: 4 mm higher is 0.15 mm wider, half a pixel. `vision.occupancy.cube_fit` computes the likelihoods from the
-profiles across the sides and from what is seen beside them. A side that does not show (a dark cube on a dark wall, a
-cube as grey as the plate) has a flat likelihood, and the others decide.
+A camera above a board measures a cube's height by the width of its top and by the offset of the top from the point
+below the camera: a cube that is 4 mm higher looks 0.15 mm wider, half a pixel. `vision.occupancy.cube_fit` computes the
+likelihoods from the profiles across the sides and from what the image shows beside them. An invisible side (a dark cube
+on a dark wall, a cube as grey as the plate) has a flat likelihood, so the others decide.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
 from arm.board import POCKET_DEPTH
 from arm.se3 import Array, apply, frozen, inverse, transform
@@ -24,23 +25,26 @@ from vision.occupancy.expected_edges import seen_on_plate
 
 CORNER = 4e-3  # m at each end of a side that is not used
 PITCH = 0.2e-3  # m between samples along a piece
-BLURS_PX = (0.7, 0.85, 1.0, 1.25, 1.6)  # standard deviations that are tried, including a sample's own blur
-FLOOR_PX = 0.04  # error of a side's place that repetition does not show
+BLURS_PX = (0.7, 0.85, 1.0, 1.25, 1.6)  # standard deviations to try, including a sample's own blur
+FLOOR_PX = 0.04  # standard deviation of a side's place that is the same in all images
 WIDE_FACE = 1.0e-3  # m: with a wider face, the profile is ignored near its foot and beyond,
 BEFORE_FOOT, SOFT = 0.4e-3, 0.05e-3  # m: from this distance before the foot, with this softness
-FOOT_SEEN, FOOT_SHARE = 0.9, 0.07  # visible part of a narrow face (its lowest part is dark); its deviation
-FOOT_DARK, FOOT_STD = 1e-3, 25e-6  # m: width of a narrow face; deviation added to that share
+FOOT_SEEN, FOOT_SHARE = (
+    0.9,
+    0.07,
+)  # visible fraction of a narrow face (its lowest part is dark); standard deviation
+FOOT_DARK, FOOT_STD = 1e-3, 25e-6  # m: width of a narrow face; standard deviation that is added
 RING = np.array([2e-3, 3e-3, 4e-3, 5e-3])  # m beyond a mouth, where the plate's grey is measured
 LEAST_IN_VIEW = 0.6e-3  # m beyond a side that must be in the image
-MEAN_NOISE = 0.85  # part of a sample's noise that interpolation leaves
+MEAN_NOISE = 0.85  # fraction of a sample's noise that remains after interpolation
 LEAST_NOISE = 0.3  # grey levels
-LIGHT = (0.6, 1.3)  # limits of its change between two looks
+LIGHT = (0.6, 1.3)  # limits of the change of brightness between two looks
 OUTWARD = np.array([(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)])  # normals, counter-clockwise
 
 
 @dataclass(frozen=True, eq=False)
 class EmptyPlace:
-    """An earlier look at a place while it was empty: it shows what is seen beside a cube.
+    """Images of a place without a cube: they show what will be beside the cube.
 
     Attributes:
         images, camera: the images, and the camera that took them.
@@ -60,7 +64,7 @@ class CubeTop:
         sides: log likelihood of each side at `PLACES` (m outwards), (4, k); flat if it does not show.
         shown: log likelihood ratio of each side to no side, (4,); 0 where the step may be shading.
         turn: rotation about the place's normal, rad.
-        twist: log likelihood ratio of sides that rotate independently to sides that rotate together.
+        twist: log likelihood ratio of sides with a rotation each to sides with a common rotation.
         distance: distance of the camera from the top along the normal, m.
         slope: offset of the camera across the normal, divided by `distance`, (2,).
         size: assumed width, m.
@@ -104,7 +108,7 @@ def measure_top(
     eye = apply(inverse(T_base_place), camera.T_base_camera[:3, 3])
     if view is None or plane is None or eye[2] <= height + size:
         return None
-    then = (
+    before = (
         None
         if empty is None
         else plate_view(empty.images, empty.camera, empty.T_base_place, 1.2 * size + SPAN)
@@ -113,8 +117,8 @@ def measure_top(
     scale = view.px_per_m()
     ring = _ring(size if mouth is None else mouth, eye)
     plate_grey = _level(plane, ring)
-    before = np.nan if then is None else _level(then, ring)
-    light = float(np.clip(plate_grey / before, *LIGHT)) if before > 0.0 else np.nan
+    grey_before = np.nan if before is None else _level(before, ring)
+    light = float(np.clip(plate_grey / grey_before, *LIGHT)) if grey_before > 0.0 else np.nan
     noise = MEAN_NOISE * max(view.noise(), LEAST_NOISE) / np.sqrt((size - 2.0 * CORNER) / PIECES * scale)
     if not np.isfinite(plate_grey):
         return None
@@ -130,14 +134,14 @@ def measure_top(
             floor = mouth - POCKET_DEPTH * (mouth - size) / (size - height)
             rim = reach + (mouth / 2.0 - reach) * distance / float(eye[2]) - size / 2.0
             corner = reach + (floor / 2.0 - reach) * distance / (float(eye[2]) + POCKET_DEPTH) - size / 2.0
-        was = None if then is None else then.at(seen_on_plate(points, height, eye)).mean(axis=2)
-        if was is not None and not (np.isfinite(was).all() and np.isfinite(light)):
-            was = None
+        without = None if before is None else before.at(seen_on_plate(points, height, eye)).mean(axis=2)
+        if without is not None and not (np.isfinite(without).all() and np.isfinite(light)):
+            without = None
         side = _side(grey, _feet(eye, k, 0.0, size, distance), plate_grey, noise, scale)
         if side is None:
             return None
         sides.append(side)
-        around.append(Around(was, rim, corner))
+        around.append(Around(without, rim, corner))
     lever = -np.linspace(-0.5, 0.5, 2 * PIECES + 1)[1::2] * (size - 2.0 * CORNER)
     blurs = [px / scale for px in BLURS_PX]
     first = fit_sides(sides, around, light, lever, blurs[2:3]).lines.turn
@@ -157,11 +161,9 @@ def measure_top(
 
 
 def _softened(log: Array, floor: float) -> Array:
-    """A log likelihood, convolved with a Gaussian of standard deviation `floor` m."""
-    reach = 4
-    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) * (PLACES[1] - PLACES[0]) / floor) ** 2)
-    padded = np.pad(np.exp(log), reach, mode="edge")
-    soft = np.log(np.convolve(padded, kernel / kernel.sum(), mode="valid") + 1e-30)
+    """Convolve a likelihood at `PLACES` with a Gaussian of standard deviation `floor` m; both as logarithms."""
+    sigma = floor / float(PLACES[1] - PLACES[0])
+    soft = np.log(gaussian_filter1d(np.exp(log), sigma, mode="nearest", radius=4) + 1e-30)
     return np.asarray(soft - soft.max())
 
 
@@ -178,7 +180,7 @@ def _feet(eye: Array, k: int, turn: float, size: float, distance: float) -> Arra
 
 
 def _side(grey: Array, feet: Array, plate_grey: float, noise: float, scale: float) -> Side | None:
-    """A side by its profiles; None if too much of it is outside the image."""
+    """Return a side from its profiles; None if too much of it is outside the image."""
     inside = np.asarray(np.isfinite(grey).all(axis=0))
     if not inside[ACROSS <= LEAST_IN_VIEW].all():
         return None
@@ -207,7 +209,7 @@ def _points(size: float, k: int) -> Array:
 
 
 def _ring(width: float, eye: Array) -> Array:
-    """Points (n, 2) m of the plate beyond those two sides of a place that its cube does not hide."""
+    """Points (n, 2) m of the plate beside a place, on the two sides that the cube does not hide."""
     along = np.linspace(-width / 2.0, width / 2.0, 41)
     points = []
     for k in np.argsort(OUTWARD @ eye[:2])[2:]:

@@ -1,7 +1,7 @@
-"""Find at which stations a border shows in images: where there is a step of grey across it.
+"""Find the stations of a border at which images show it: those with a step of grey across it.
 
-A step is the difference of the mean grey in two small windows on both sides of a border. It shows if it exceeds the
-noise, which is estimated from the images, and the steps of smooth surfaces and soft shadows.
+A step is the difference between the mean greys of two small windows on both sides of the border. It counts if it
+exceeds the noise, which is estimated from the images, and the steps of smooth surfaces and soft shadows.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from arm.se3 import Array, Indices, apply
 from vision.camera.frame_source import Image
 from vision.camera.model import Camera
 
-GAP = 0.3e-3  # m between a border and its windows: the lens's blur
+GAP = 0.3e-3  # m between a border and its windows: the blur of the lens
 WINDOW = 0.8e-3  # m, width of a window
 STEP = 0.2e-3  # m between samples across a border
 ALONG = (-0.6e-3, -0.2e-3, 0.2e-3, 0.6e-3)  # m, samples along it
-NOISE_FACTOR = 3.0  # least step in standard deviations
-ROUGH_FACTOR = 6.5  # the same in a patch, where windows are smaller and any step counts
-SMOOTH_STEP = 0.03  # least step relative to a marker's contrast
+NOISE_FACTOR = 3.0  # smallest step, in standard deviations
+ROUGH_FACTOR = 6.5  # the same in a patch, where windows are smaller and every step counts
+SMOOTH_STEP = 0.03  # smallest step, relative to a marker's contrast
 LEAST_NOISE = 0.3  # grey levels, from rounding to integers
 _LAPLACE = np.array([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]])  # J. Immerkaer, 1996: gain 6
 
@@ -34,7 +34,7 @@ class PlateView:
 
     Attributes:
         grey: mean image around the place of interest, (h, w).
-        corner_px: position of its first pixel in the images, (2,).
+        corner_px: position of its first pixel in the images, (2,) px.
         camera: camera of the images.
         T_base_plane: pose of the plane's frame, 4x4.
     """
@@ -46,8 +46,8 @@ class PlateView:
 
     def at(self, points: Array) -> Array:
         """Return the grey levels at points (..., 2) m of the plane; NaN outside the view."""
-        places = np.concatenate([points, np.zeros((*points.shape[:-1], 1))], axis=-1)
-        pixels = self.camera.project_base(apply(self.T_base_plane, places.reshape(-1, 3))) - self.corner_px
+        points3 = np.concatenate([points, np.zeros((*points.shape[:-1], 1))], axis=-1)
+        pixels = self.camera.project_base(apply(self.T_base_plane, points3.reshape(-1, 3))) - self.corner_px
         height, width = self.grey.shape
         beyond = np.maximum(-pixels, pixels - (width - 1.0, height - 1.0)).max(axis=-1)
         inside = np.asarray(beyond <= 0.0)  # NaN counts as outside
@@ -61,7 +61,7 @@ class PlateView:
         return max(1.4826 * float(np.median(np.abs(rough))) / 6.0, LEAST_NOISE)
 
     def px_per_m(self) -> float:
-        """Scale of the image at the plane's origin."""
+        """Scale of the image at the plane's origin, px/m."""
         ends = apply(self.T_base_plane, [[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0]])
         return float(np.linalg.norm(np.diff(self.camera.project_base(ends), axis=0))) * 1e3
 
@@ -94,7 +94,7 @@ class StepLimits:
     Attributes:
         noise: standard deviation of a step, grey levels.
         smooth: upper limit of steps on smooth surfaces, grey levels.
-        tolerance: largest distance of a border from its place, m.
+        tolerance: largest distance of a border from its predicted place, m.
     """
 
     noise: float
@@ -103,7 +103,7 @@ class StepLimits:
 
     @property
     def least(self) -> float:
-        """Least step, grey levels."""
+        """Smallest step that counts, grey levels."""
         return max(NOISE_FACTOR * self.noise, self.smooth)
 
 
@@ -111,20 +111,20 @@ def step_limits(view: PlateView, contrast: float, tolerance: float) -> StepLimit
     """Return the limits for a view.
 
     Args:
-        view: gives noise and scale.
-        contrast: grey levels between a marker's black and white in it.
-        tolerance: largest distance of a border from its place, m.
+        view: its noise and scale count.
+        contrast: grey levels between a marker's black and white.
+        tolerance: see `StepLimits`.
     """
     window_px = WINDOW * (ALONG[-1] - ALONG[0] + WINDOW / 4.0) * view.px_per_m() ** 2
     return StepLimits(view.noise() * np.sqrt(2.0 / max(window_px, 1.0)), SMOOTH_STEP * contrast, tolerance)
 
 
 def seen_stations(view: PlateView, points: Array, outward: Array, limits: StepLimits, ring: bool) -> Array:
-    """Return whether a step of grey shows at each station of a border, (n,): 1, 0, or NaN outside the image.
+    """Return whether each station of a border has a step of grey, (n,): 1, 0, or NaN outside the image.
 
-    The border may be shifted as a whole by up to the tolerance, and a straight one may also be rotated within it. The
-    place with the most visible stations counts. A straight border may step up in one part and down in another (a
-    shadow lies across it); a ring steps up or down as a whole.
+    The whole border may be shifted by up to the tolerance, and a straight one may also be rotated within it. The place
+    with the most visible stations counts. A straight border may step up in one part and down in another if a shadow
+    lies across it; a ring steps up or down as a whole.
 
     Args:
         view: view of the plane of the points.
@@ -141,17 +141,17 @@ def seen_stations(view: PlateView, points: Array, outward: Array, limits: StepLi
     up, down = found > limits.least, found < -limits.least
     shows = np.concatenate([up, down]) if ring else up | down
     best = shows[int(np.argmax(shows.sum(axis=1)))]
-    # shifted places outside the image count as 0; the nominal place must be inside
+    # shifted places outside the image count as 0; the predicted place must be inside
     return np.where(np.isnan(steps[:, most]), np.nan, best.astype(float))
 
 
 def mean_step(view: PlateView, points: Array, outward: Array) -> float:
-    """Mean outward step of grey over a whole border at its nominal place; NaN if part of it is outside the image."""
+    """Return the mean outward step of grey of a border at its predicted place; NaN if part of it is outside."""
     return float(_steps(view, points, outward, 0).mean())
 
 
 def rough_part(view: PlateView, points: Array, limits: StepLimits) -> float:
-    """Fraction of a patch, points (n, m, 2) m at a pitch of `WINDOW`, with a step of grey along x or y."""
+    """Return the fraction of a patch, points (n, m, 2) m at a pitch of `WINDOW`, with a step of grey along x or y."""
     quarter = WINDOW / 4.0
     corners = np.array([[x, y] for x in (-quarter, quarter) for y in (-quarter, quarter)])
     grey = view.at(points[:, :, None] + corners).mean(axis=-1)

@@ -2,8 +2,8 @@
 
 A cube in its pocket shows the sides of its top, 32 mm above the plate, and upright edges between its faces. An empty
 pocket shows the sides of its mouth, those of its floor 10 mm below, and the rim of the finger hole in the floor (cell
-fact sheet). Seen at a slant they lie apart, whatever the colours. All are projected from the camera's centre to the
-plate's top plane z = 0, in m from the hole, so they can be compared.
+fact sheet). At a slant they lie apart, whatever the colours. To be compared, all are projected from the camera's centre
+to the plate's top plane z = 0, in m from the hole.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class Border:
         kind: "top" or "upright" of a cube; "mouth", "floor" or "rim" (of the finger hole) of an empty pocket.
         points: stations on it, (n, 2) m.
         outward: unit normals there, (n, 2).
-        telling: where the other state shows a smooth surface, so that the border is evidence for its state, (n,).
-        clear: where it can be seen, (n,).
+        telling: stations where the other state has a smooth surface, so that the border is evidence, (n,).
+        clear: stations that nothing hides, (n,).
     """
 
     kind: Kind
@@ -57,7 +57,7 @@ class HoleBorders:
 
 @dataclass(frozen=True, eq=False)
 class MarkerSquare:
-    """A marker and its white border: `centre` (3,) m in the board frame, grid of `points` (n, 2) m around it."""
+    """A marker with its white border: `centre` (3,) m in the board frame, and a grid of `points` (n, 2) m around it."""
 
     centre: Array
     points: Array
@@ -79,7 +79,7 @@ class _Line:
 
 
 def seen_on_plate(points: Array, height: float, eye: Array) -> Array:
-    """Project points (..., 2) m at a height above the plate to its plane, from an eye (3,) m."""
+    """Project points (..., 2) m at a height above the plate to its plane, as seen from `eye` (3,) m."""
     return np.asarray(eye[:2] + (points - eye[:2]) * (eye[2] / (eye[2] - height)))
 
 
@@ -141,13 +141,9 @@ def _sides(kind: Kind, corners: Array) -> list[_Line]:
 
 def _uprights(top: Array, foot: Array, eye: Array, cube_size: float) -> list[_Line]:
     """Upright edges with at least one face towards the camera, from the top down to the plate."""
-    lit = [
-        -eye[1],
-        eye[0],
-        eye[1],
-        -eye[0],
-    ]  # distance of the eye along the normal of the side that begins at each corner
-    faces = [distance > cube_size / 2.0 for distance in lit]
+    # distance of the eye along the normal of the side that begins at each corner
+    distances = (-eye[1], eye[0], eye[1], -eye[0])
+    faces = [distance > cube_size / 2.0 for distance in distances]
     return [_stations("upright", top[k], foot[k]) for k in range(4) if faces[k] or faces[k - 1]]
 
 
@@ -168,15 +164,12 @@ def _close_to(points: Array, edges: list[Array], near: float) -> Bools:
 def _depth_in(corners: Array, points: Array) -> Array:
     """Depth of points (n, 2) inside a convex polygon, m; negative outside."""
     following = np.roll(corners, -1, axis=0)
-    sides, turn = (
-        following - corners,
-        (corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]).sum(),
-    )
-    normals = np.sign(turn) * np.stack([-sides[:, 1], sides[:, 0]], axis=-1)
+    sides = following - corners
+    area = (corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]).sum()  # signed, doubled
+    normals = np.sign(area) * np.stack([-sides[:, 1], sides[:, 0]], axis=-1)
     length = np.maximum(np.linalg.norm(normals, axis=-1), 1e-12)
-    return np.asarray(
-        (((points[:, None] - corners) * normals).sum(axis=-1) / length)[:, length > 1e-6].min(axis=1)
-    )
+    depths = ((points[:, None] - corners) * normals).sum(axis=-1) / length
+    return np.asarray(depths[:, length > 1e-6].min(axis=1))
 
 
 def _plain(points: Array, board: Board, hole: Array, near: float) -> Bools:

@@ -1,9 +1,9 @@
 """Decide whether a cube is properly seated: an occupied hole may hold one that is half seated, on the rim, or too high.
 
 A cube is confirmed if the sides of its top lie where those of a seated cube do, and not where those of a higher one
-would: centred on its place, aligned with it, square, and as wide as expected at that height. The cube's own width is
-known best from a look at it before it was moved. Height, width and play are integrated over the likelihood of all four
-sides (`vision.occupancy.cube_top`), so an invisible side has no influence and the others are weighted by their
+would: centred on its place, aligned with it, square, and as wide as expected at that height. The best estimate of the
+cube's own width comes from a look before it was moved. Height, width and play are integrated over the likelihood of all
+four sides (`vision.occupancy.cube_top`). So an invisible side has no influence, and the others are weighted by their
 uncertainty.
 """
 
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy.special import logsumexp, softmax
 
 from arm.board import POCKET_DEPTH, POCKET_FLOOR, POCKET_MOUTH, seat_depth
 from arm.se3 import Array
@@ -22,29 +23,29 @@ from vision.camera.model import Camera
 from vision.occupancy.cube_fit import PLACES
 from vision.occupancy.cube_top import CubeTop, EmptyPlace, measure_top
 
-LIFT = 4e-3  # m: a cube as high as this is certainly distinguished from a seated one
+LIFT = 4e-3  # m: a cube that is this high is certainly distinguished from a seated one
 LEANING = (
-    2.8e-3  # m: middle of the top of a cube that leans on its pocket's rim; its raised side does not show
+    2.8e-3  # m, height of the middle of a top that leans on its pocket's rim, with its raised side invisible
 )
-MOST_LIFT = 2.0e-3  # m, largest measured height of a seated one
-SURE = 3.0  # standard deviations; a top measured too low by as many may still be seated
+MOST_LIFT = 2.0e-3  # m, largest measured height of a seated cube
+SURE = 3.0  # standard deviations; a seated cube may be measured as many of them too low
 MOST_ASIDE = 0.8e-3  # m, largest offset of a top's middle
-PLAY = 0.15e-3  # m, standard deviation of a seated cube's place along x and y, with tolerances of boards
+PLAY = 0.15e-3  # m, standard deviation of a seated cube's place along x and y, with the tolerances of boards
 MOST_TURN = np.radians(3.0)
-MOST_TWIST = 16.0  # log likelihood ratio of independently rotated sides
-MOST_UNLIKELY = 14.0  # log likelihood of the best seated or raised cube, below four independent sides
+MOST_TWIST = 16.0  # log likelihood ratio of sides with a rotation each
+MOST_UNLIKELY = 14.0  # log likelihood of four independent sides above that of the best seated or raised cube
 ALL_AGREE = 9.0  # the same, if no side is mistaken
-MOST_STD = {4: 1.3e-3, 3: 1.0e-3, 2: 0.6e-3}  # m, of a known height, by the number of visible sides
-LEAST_SHOWN = 10.0  # log likelihood ratio of a visible side to none
+MOST_STD = {4: 1.3e-3, 3: 1.0e-3, 2: 0.6e-3}  # m, largest for a known height, by the number of visible sides
+LEAST_SHOWN = 10.0  # log likelihood ratio of a visible side to no side
 LEAST_THERE = -40.0  # the same; below it, there is certainly no side
 MISTAKEN = 12.0  # log likelihood against mistaking a foot, a mouth or a border for a side
-OWN_STD = 4e-6  # m, of a width from another look: errors that the two do not share
+OWN_STD = 4e-6  # m, of a width from another look: errors that the two looks do not share
 LIFTS: Array = np.arange(-8e-3, 16.05e-3, 0.1e-3)
 WIDTHS: Array = np.linspace(-3.5, 3.5, 21)  # standard deviations
-PLAYS: Array = np.linspace(-4.0, 4.0, 81)
-FREE_PLAY = 1.5e-3  # m, largest offset at which a top is searched
+PLAYS: Array = np.linspace(-4.0, 4.0, 81)  # standard deviations
+FREE_PLAY = 1.5e-3  # m, largest offset of a top from its place
 PAIRS = ((3, 1), (0, 2))  # opposite sides, along x and y
-BEYOND = 5.0  # log likelihood of a place outside the window, below the least inside
+BEYOND = 5.0  # log likelihood of the least likely place in the window, above that of a place outside
 
 
 @dataclass(frozen=True)
@@ -89,13 +90,13 @@ def seating(top: CubeTop | None, cube: CubeWidth) -> Seating:
         )
     if (top.shown < LEAST_THERE).any():
         return Seating("unsure", "the image does not show the top of an upright cube")
-    seen = int((top.shown > LEAST_SHOWN).sum())
+    visible = int((top.shown > LEAST_SHOWN).sum())
     if not _shows(top):
         return Seating("unsure", "the sides of its top do not show clearly enough")
     width = CubeWidth(cube.value, float(np.hypot(cube.std, OWN_STD)))
     log, best = _heights(top, width, PLAY * PLAYS)
     lift, std = _moments(LIFTS, log)
-    if best < -MOST_UNLIKELY or (best < -ALL_AGREE and seen < len(top.shown)):
+    if best < -MOST_UNLIKELY or (best < -ALL_AGREE and visible < len(top.shown)):
         aside = _aside(top, width)
         if aside > MOST_ASIDE:
             return Seating("off", f"its top is {1e3 * aside:.1f} mm from a seated one's, sideways", lift, std)
@@ -106,14 +107,14 @@ def seating(top: CubeTop | None, cube: CubeWidth) -> Seating:
             std,
         )
     height = f"its top is {1e3 * lift:+.1f} mm from a seated one's height, std {1e3 * std:.1f} mm"
-    known = std <= MOST_STD[seen] and -max(MOST_LIFT, SURE * std) <= lift <= MOST_LIFT
-    if known and lift + SURE * std <= (LIFT if seen == len(top.shown) else LEANING):
+    known = std <= MOST_STD[visible] and -max(MOST_LIFT, SURE * std) <= lift <= MOST_LIFT
+    if known and lift + SURE * std <= (LIFT if visible == len(top.shown) else LEANING):
         return Seating("seated", "", lift, std)
     return Seating("off" if abs(lift) - SURE * std > 0.0 else "unsure", height, lift, std)
 
 
 def width_of(top: CubeTop | None, cube: CubeWidth) -> CubeWidth | None:
-    """Width of a seated cube, from its top and its prior `cube`; None if the top does not determine it."""
+    """Return the width of a seated cube from its top and the prior `cube`; None if the top does not determine it."""
     if top is None or abs(top.turn) > MOST_TURN or top.twist > MOST_TWIST or not _shows(top):
         return None
     log, best = _at_heights(top, cube, PLAY * PLAYS, np.zeros(1))
@@ -130,14 +131,13 @@ def _shows(top: CubeTop) -> bool:
 def _heights(top: CubeTop, cube: CubeWidth, plays: Array) -> tuple[Array, float]:
     """Log likelihood of each of `LIFTS`, and of the best cube of any height, relative to free sides."""
     log, best = _at_heights(top, cube, plays, LIFTS)
-    most = log.max(axis=1, keepdims=True)
-    return most[:, 0] + np.log(np.exp(log - most).sum(axis=1)), best
+    return np.asarray(logsumexp(log, axis=1)), best
 
 
 def _at_heights(top: CubeTop, cube: CubeWidth, plays: Array, lifts: Array) -> tuple[Array, float]:
-    """Log likelihood of heights and widths, (lifts, widths), with play integrated out; and the best of all three.
+    """Log likelihood of heights and widths, (lifts, widths), with play integrated out; and the best over all three.
 
-    A higher top is seen wider and farther from the point below the camera. A wider cube also sits higher: `top.rise`.
+    A higher top looks wider and farther from the point below the camera. A wider cube also sits higher: `top.rise`.
     """
     widths = cube.value + cube.std * WIDTHS
     height = lifts[:, None] + top.rise * (widths - top.size)
@@ -150,16 +150,15 @@ def _at_heights(top: CubeTop, cube: CubeWidth, plays: Array, lifts: Array) -> tu
         aside = shift[..., None] + larger[..., None] * plays
         one = -0.5 * (plays / PLAY) ** 2 if plays[-1] < FREE_PLAY else np.zeros(len(plays))
         one = one + _at(sides[high], half[..., None] + aside) + _at(sides[low], half[..., None] - aside)
-        most = one.max(axis=-1)
-        best = best + most
-        log = log + most + np.log(np.exp(one - most[..., None]).mean(axis=-1))
+        best = best + one.max(axis=-1)
+        log = log + logsumexp(one, axis=-1) - np.log(one.shape[-1])
     return log, float(best.max())
 
 
 def _likely(top: CubeTop) -> list[Array]:
-    """Log likelihood of each side at `PLACES`, allowing that something else was mistaken for it.
+    """Log likelihood of each side at `PLACES`, in case something else was mistaken for it.
 
-    Three sides outvote one mistaken side; two mistaken sides are no cube's top.
+    Three sides outvote one mistaken side. Two mistaken sides are not the top of a cube.
     """
     return [
         np.logaddexp(side, -min(max(shown, 0.0), MISTAKEN))
@@ -187,8 +186,7 @@ def _aside(top: CubeTop, cube: CubeWidth) -> float:
 
 def _moments(values: Array, log: Array) -> tuple[float, float]:
     """Mean and standard deviation of values with these log likelihoods."""
-    weights = np.exp(log - log.max())
-    weights /= weights.sum()
+    weights = softmax(log)
     mean = float(weights @ values)
     return mean, float(np.sqrt(weights @ (values - mean) ** 2))
 
@@ -209,19 +207,10 @@ class Sight:
     pocket: tuple[float, float] = (POCKET_MOUTH, POCKET_FLOOR)
 
     def in_hole(self, T_base_hole: Array, empty: EmptyPlace | None = None) -> CubeTop | None:
-        """Measure the top of a cube in a hole, near a seated one's; `empty` is the hole without the cube."""
+        """Measure the top of a cube in a hole, near that of a seated one; `empty` is the hole without the cube."""
         size, (mouth, floor) = self.cube.value, self.pocket
-        rise = 1.0 + POCKET_DEPTH / (mouth - floor)
-        return measure_top(
-            self.images,
-            self.camera,
-            T_base_hole,
-            size,
-            size - seat_depth(size, self.pocket),
-            mouth,
-            rise,
-            empty,
-        )
+        height, rise = size - seat_depth(size, self.pocket), 1.0 + POCKET_DEPTH / (mouth - floor)
+        return measure_top(self.images, self.camera, T_base_hole, size, height, mouth, rise, empty)
 
     def on_plane(self, T_base_place: Array, empty: EmptyPlace | None = None) -> CubeTop | None:
         """Measure the top of a cube that stands on a plane at a place, aligned with it."""
@@ -229,7 +218,7 @@ class Sight:
         return measure_top(self.images, self.camera, T_base_place, size, size, None, 1.0, empty)
 
     def empty(self, T_base_place: Array) -> EmptyPlace:
-        """A place that is empty in these images."""
+        """Return a place that is empty in these images."""
         return EmptyPlace(self.images, self.camera, T_base_place)
 
     def shows(self, points: Array) -> bool:
@@ -237,7 +226,3 @@ class Sight:
         pixels = self.camera.project_base(points)
         with np.errstate(invalid="ignore"):
             return bool(((pixels > 0.0) & (pixels < np.array(self.camera.size) - 1.0)).all())
-
-    def known_width(self, top: CubeTop | None) -> CubeWidth:
-        """A cube's width for a later look: from its top if that determines it, else the nominal one."""
-        return width_of(top, self.cube) or self.cube

@@ -1,7 +1,7 @@
 """Quality of a calibration target's image: sharpness, contrast, exposure, and the size of its markers.
 
-Sharpness is the standard deviation of the blur, px, from grey profiles across the edges of the chessboard. The two edge
-directions are kept apart, because motion blurs only the edges across it.
+Sharpness is the standard deviation of the blur, px, from grey profiles across the edges of the chessboard. Each of the
+two edge directions has its own value, because motion blurs only the edges across it.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Quality:
     Attributes:
         blur_px: standard deviation of the blur in the blurrier edge direction, px; NaN without whole edges.
         contrast: grey levels between white and black squares, median over the edges.
-        saturated: share of saturated samples in white squares, 0 to 1.
+        saturated: fraction of saturated samples in white squares, 0 to 1.
         marker_share: apparent edge of the markers in squares; NaN without markers.
     """
 
@@ -43,18 +43,14 @@ class Quality:
 
 
 def measure_quality(image: Image, target: Target, view: TargetView) -> Quality:
-    """Measure the quality of a view.
-
-    Args:
-        image: grey (h, w) or BGR, in which `view` was detected.
-        target: shown in the image.
-        view: the detection.
-    """
+    """Measure the quality of an image, grey (h, w) or BGR, in which `view` of the target was detected."""
     grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
     blur: list[float] = []
     steps: list[float] = []
     white: list[Array] = []
-    room = (1.0 - target.marker / target.square) / 2.0 if target.marker > 0.0 else 0.5  # next edge, squares
+    room = (
+        (1.0 - target.marker / target.square) / 2.0 if target.marker > 0.0 else 0.5
+    )  # to the next edge, squares
     for starts, ends in _edges(target, view):
         if not len(starts):
             continue
@@ -121,17 +117,13 @@ def _marker_share(grey: Image, target: Target, view: TargetView) -> float:
     if not len(view.marker_ids):
         return float("nan")
     height, width = grey.shape
-    # a camera without distortion: a side is short enough
     f = 3.0 * width
+    K = np.array([[f, 0.0, width / 2.0], [0.0, f, height / 2.0], [0.0, 0.0, 1.0]])
     straight = Camera(
-        np.array([[f, 0.0, width / 2.0], [0.0, f, height / 2.0], [0.0, 0.0, 1.0]]),
-        np.zeros(5),
-        (width, height),
-        frozen(np.eye(4)),
-    )
-    lines = refine_by_border_lines(
-        grey, view.outlines_px, straight, predefined(target.dictionary).markerSize + 2
-    )
+        K, np.zeros(5), (width, height), frozen(np.eye(4))
+    )  # sides are too short for distortion
+    modules = predefined(target.dictionary).markerSize + 2
+    lines = refine_by_border_lines(grey, view.outlines_px, straight, modules)
     if not lines.good.any():
         return float("nan")
     sides = np.array(

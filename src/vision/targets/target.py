@@ -33,7 +33,7 @@ class Target:
     """A calibration target.
 
     Attributes:
-        kind: a chessboard with markers in its white squares, or without.
+        kind: a chessboard, with or without markers in its white squares.
         columns, rows: squares along x and y.
         square: edge of a square, m.
         marker: edge of a marker's black square, m; 0 without markers.
@@ -196,7 +196,7 @@ class TargetFinder:
         )
 
     def seen_instead(self, image: Image) -> str:
-        """What is in an image without the target, and a remedy: its mirror image, other markers, or ""."""
+        """Describe what an image shows instead, with a remedy: its mirror image, other markers; "" if neither."""
         if self.target.kind != "charuco":
             return ""
         if self.find(np.ascontiguousarray(image[:, ::-1])) is not None:
@@ -216,7 +216,7 @@ class TargetFinder:
 
 
 def _first_square_dark(grey: Image, corners: Array, inner: tuple[int, int]) -> Array:
-    """Corners in the order that starts at the dark outer square: as they are, or reversed."""
+    """Return the corners in the order that starts at the dark outer square: unchanged, or reversed."""
     grid = corners.reshape(inner[1], inner[0], 2)
     outside = [2.0 * grid[i, i] - grid[j, j] for i, j in ((0, 1), (-1, -2))]
     middles = [(grid[i, i] + o) / 2.0 for (i, o) in zip((0, -1), outside, strict=True)]
