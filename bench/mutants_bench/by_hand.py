@@ -147,15 +147,15 @@ _ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
     (
         "grip-narrow",
         "cell/session/grasp_monitor.py",
-        "        if abs(width - self.width) <= self.tolerance:\n",
-        "        if width - self.width <= self.tolerance:\n",
+        "    if abs(width - cube) <= tolerance:\n",
+        "    if width - cube <= tolerance:\n",
         "jaws that close on nothing hold a cube",
         ("cell/session/test_grasp_monitor.py",),
     ),
     (
         "homed-cube-in-jaws",
         "cell/session/homed.py",
-        "    if jaws_too and not grip_of(cell).why_not(width):\n",
+        "    if jaws_too and not why_no_grip(cell, width):\n",
         "    if False:\n",
         "an arm that is kept homed lets go of what it holds",
         (
@@ -174,7 +174,7 @@ _ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
     (
         "confirming-seated",
         "cell/task/confirm_placed.py",
-        '    if seen.state != "seated":\n',
+        '    if seat.state != "seated":\n',
         "    if False:\n",
         "a cube that does not sit counts as placed",
         ("cell/task/test_confirm_placed.py",),

@@ -1,4 +1,4 @@
-"""Content of an export of a scene, cell, task or plan file: the arm, its limits, the bodies around it."""
+"""Read a scene, cell, task or plan file for an export: the arm, its limits and the bodies around it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from cell.files.task import Task
 from cell.scene.build import build_scene
 from plan.scene import Scene, scene_from_json
 
-_ANOTHER = "give --cell FILE, the cell or task file that the plan was made for"
+_GIVE_CELL = "give --cell FILE, the cell or task file that the plan was made for"
 
 
 def surroundings_of_file(path: Path, look: Path | None) -> Surroundings:
@@ -57,10 +57,10 @@ def _of_cell(task: Task, look: Path | None) -> Surroundings:
     cell = task.cell
     scene = Scene(cell.robot(), cell.robot(cell.cube_size), cell.fixed, ())
     if look is not None:
-        seen = read_observation(look, cell.boards)
+        observation = read_observation(look, cell.boards)
         if task.kind != POSES:
-            require_boards(seen, task)
-        scene = build_scene(cell, seen)
+            require_boards(observation, task)
+        scene = build_scene(cell, observation)
     return Surroundings(
         robot=scene.robot_open,
         limits=cell.limits,
@@ -85,12 +85,10 @@ def surroundings_of_plan(path: Path, plan: Plan, place: Task | None) -> Surround
     unit = unit_of_plan(path, plan, place)
     robot_open, robot_holding, jaw_opening = _arms(path, plan, place)
     if plan.scene.get("robot_open") != robot_open.digest:
-        raise FileInputError(path, "scene.robot_open", None, "does not match this arm", _ANOTHER)
+        raise FileInputError(path, "scene.robot_open", None, "does not match this arm", _GIVE_CELL)
     scene = scene_from_json(plan.scene, robot_open, robot_holding)
-    velocity, acceleration = (
-        unit.velocity(plan.speed_registers),
-        unit.acceleration(plan.acceleration_registers),
-    )
+    velocity = unit.velocity(plan.speed_registers)
+    acceleration = unit.acceleration(plan.acceleration_registers)
     return Surroundings(
         robot=robot_open,
         limits=Limits(unit.lower, unit.upper, velocity, acceleration),
@@ -109,7 +107,7 @@ def unit_of_plan(path: Path, plan: Plan, place: Task | None) -> Unit:
     """
     unit = load_unit(plan.unit) if place is None else place.cell.unit
     if plan.unit != unit.name:
-        raise FileInputError(path, "unit", plan.unit, f"must be that of the cell, {unit.name}", _ANOTHER)
+        raise FileInputError(path, "unit", plan.unit, f"must be that of the cell, {unit.name}", _GIVE_CELL)
     if plan.provenance.get("unit") != unit.digest:
         of = "as it is in its own file" if place is None else f"of {place.file.name}"
         raise FileInputError(
@@ -117,7 +115,7 @@ def unit_of_plan(path: Path, plan: Plan, place: Task | None) -> Unit:
             "provenance.unit",
             str(plan.provenance.get("unit"))[:12],
             f"must be {unit.digest[:12]}, the unit {of}; its counts would give other angles",
-            _ANOTHER,
+            _GIVE_CELL,
         )
     return unit
 
@@ -131,7 +129,7 @@ def _arms(path: Path, plan: Plan, place: Task | None) -> tuple[Robot, Robot, flo
     cell_keys = inputs.get("cell") if isinstance(inputs, Mapping) else None
     gripper, cube = gripper_of_inputs(cell_keys), _metres(cell_keys, "cube.size_mm")
     if gripper is None or cube is None:
-        raise FileInputError(path, "provenance.inputs", None, "does not describe the arm's tool", _ANOTHER)
+        raise FileInputError(path, "provenance.inputs", None, "does not describe the arm's tool", _GIVE_CELL)
     padding = _metres(cell_keys, "arm_padding_mm")
     padding = ARM_PADDING_MM / 1e3 if padding is None else padding
     opened, holding = (padded(gripper.robot(width), padding, but=HAND) for width in (gripper.opening, cube))

@@ -1,6 +1,6 @@
-"""Bodies that follow from a board's pose: its plate, its stand, and cubes in its holes.
+"""Bodies of a board: its plate, its stand, and cubes in its holes.
 
-The planner builds them from observations, the simulated cell from ground truth.
+The planner builds them from observations, and the simulated cell from ground truth.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from arm.se3 import Array, apply, frozen, transform
 
 
 def plate_body(board_name: str, T_base_board: Array) -> Body:
-    """The plate as a solid box without pockets, so a cube in a pocket needs an allowed collision."""
+    """The plate as a solid box without pockets. So a cube in a pocket needs an allowed collision."""
     centre = transform(t=(*PLATE_CENTRE, -PLATE_SIZE[2] / 2.0))
     return Body(plate_name(board_name), Box(PLATE_SIZE), frozen(mul(T_base_board, centre)), "board")
 
@@ -27,11 +27,11 @@ def stand_body(
     table_z: float,
     padding: float = 0.0,
 ) -> Body | None:
-    """The stand as an upright box from the table to the plate's underside, or None if there is no room.
+    """The stand as an upright box from the table to the plate's underside, or None if there is no room for one.
 
-    Real stands are wedges; the box ends at the lowest point of the underside above its footprint, so it stays below the
-    plate. The top is lowered by the padding, which otherwise would reach through the plate; no body of the arm is thin
-    enough for the resulting gap.
+    Real stands are wedges. The box ends at the lowest point of the underside above its footprint, so it stays below the
+    plate. Its top is lowered by the padding, which otherwise would reach through the plate. No body of the arm fits
+    into the resulting gap.
     """
     half_x, half_y = footprint[0] / 2.0, footprint[1] / 2.0
     cx, cy = PLATE_CENTRE

@@ -1,6 +1,6 @@
 """Build the planner's scene and stations from an observation.
 
-Grip frames: the tool's z points into the plate, its jaws move along y; a cube can be gripped at four yaws.
+In a grip the tool's z axis points into the plate, and the jaws move along its y axis. A cube has four grip yaws.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from cell.scene.bodies import T_hole_cube, cube_body, plate_body, stand_body
 from plan.scene import Pair, Scene, Station
 from vision.observation import Observation
 
-STAND_SHARE = 1.5  # a stand moves at most this many times as far as its plate
+STAND_SHARE = 1.5  # padding of a stand, relative to that of its plate; at least sqrt(2), see `board_bodies`
 RELEASE_GAP = 1e-3  # a cube is released this far above its seat, m
 
 
@@ -79,12 +79,11 @@ def T_base_cube_on_table(task: Task, place: str) -> Array:
 
 
 def board_bodies(cell: Cell, poses: Iterable[BoardPose]) -> list[Body]:
-    """Plates and stands of the boards seen, padded by the distance a board may move unnoticed (`Cell.moved`).
+    """Plates and stands of the observed boards, padded by the distance t that a board may move unnoticed: `Cell.moved`.
 
-    No point of a plate moves further than that unnoticed (`cell.files.board_shift`). A stand is a box below
-    the plate with the same yaw. Let the plate's centre shift by c, and opposite corners by c + d and
-    c - d. Neither is longer than the tolerance t, so |c|^2 + |d|^2 <= t^2, and a corner of the stand shifts
-    by no more than |c| + |d| <= sqrt(2) t.
+    No point of a plate moves further than t unnoticed (`cell.files.board_shift`). A stand is a box below the plate,
+    with the same yaw. Let the plate's centre shift by c, and two opposite corners by c + d and c - d. Both are at most
+    t long, so |c|^2 + |d|^2 <= t^2. A corner of the stand therefore shifts by at most |c| + |d| <= sqrt(2) t.
     """
     bodies = []
     for pose in poses:
@@ -98,21 +97,23 @@ def board_bodies(cell: Cell, poses: Iterable[BoardPose]) -> list[Body]:
 
 
 def padded_cube(cell: Cell, name: str, T_base_cube: Array) -> Body:
-    """A cube on a board, or gripped there, padded by the distance its board may move unnoticed."""
+    """A cube on a board, or gripped there, padded by the distance that its board may move unnoticed."""
     return replace(cube_body(name, cell.cube_size, T_base_cube), padding=cell.moved)
 
 
-def build_scene(cell: Cell, seen: Observation, cubes_on_table: Mapping[str, Array] | None = None) -> Scene:
-    """The planner's scene: a cube is in every hole that is not surely empty.
+def build_scene(
+    cell: Cell, observation: Observation, cubes_on_table: Mapping[str, Array] | None = None
+) -> Scene:
+    """The planner's scene, with a cube in every hole that is not certainly empty.
 
     Args:
         cell: the cell.
-        seen: boards and the occupancy of their holes.
-        cubes_on_table: pose of the centre of cubes set down before, by name; an observation has none of them.
+        observation: boards and the occupancy of their holes.
+        cubes_on_table: pose of the centre of each cube set down before, by its name; observations do not contain them.
     """
     cubes: list[Body] = []
     allowed: set[Pair] = set()
-    for board in seen.boards:
+    for board in observation.boards:
         for hole in board.holes("cube", "unsure"):
             name = cube_name(hole.name)
             T_base_cube = mul(hole.T_base_hole, T_hole_cube(cell.cube_size))
@@ -124,7 +125,7 @@ def build_scene(cell: Cell, seen: Observation, cubes_on_table: Mapping[str, Arra
     return Scene(
         robot_open=cell.robot(),
         robot_holding=cell.robot(cell.cube_size),
-        bodies=(*cell.fixed, *board_bodies(cell, seen.poses)),
+        bodies=(*cell.fixed, *board_bodies(cell, observation.poses)),
         cubes=tuple(cubes),
         allowed=frozenset(allowed),
     )

@@ -1,4 +1,4 @@
-"""Monitor a cube in the jaws by their opening: the cube's width, and unchanged while it is carried."""
+"""Monitor a cube in the jaws by their opening: it must be the cube's width, and stay constant during the carry."""
 
 from __future__ import annotations
 
@@ -8,45 +8,29 @@ from arm.errors import ExecutionStopped
 from cell.config.cell import Cell
 
 GRIP_CHANGE = 0.05  # fraction of the stroke that the jaws may move on a held cube
-LOOKS = 2  # consecutive readings; a single one may have a digit lost on the line
+LOOKS = 2  # consecutive readings; a single one may have lost a digit on the line
 
 
-@dataclass(frozen=True)
-class Grip:
-    """The jaw opening expected on a cube.
-
-    Attributes:
-        width: of a cube, m.
-        tolerance: permitted deviation of the opening, m.
-    """
-
-    width: float
-    tolerance: float
-
-    def why_not(self, width: float) -> str:
-        """Empty if jaws `width` m apart hold a cube; otherwise the reason why not."""
-        if abs(width - self.width) <= self.tolerance:
-            return ""
-        usual = f"{1e3 * self.width:g} +- {1e3 * self.tolerance:g} mm"
-        found = f"the jaws stopped {1e3 * width:.1f} mm apart, a cube is {usual} wide"
-        if width > self.width:
-            return f"{found}: something else is between them"
-        return f"{found}: they hold something else, or a cube by its edge"
-
-
-def grip_of(cell: Cell) -> Grip:
-    """The grip of the cell's cubes, with their size tolerance."""
-    return Grip(cell.cube_size, cell.grip_tolerance + cell.cube_tolerance)
+def why_no_grip(cell: Cell, width: float) -> str:
+    """Return why jaws `width` m apart do not hold a cube of the cell; empty if they do."""
+    cube, tolerance = cell.cube_size, cell.grip_tolerance + cell.cube_tolerance
+    if abs(width - cube) <= tolerance:
+        return ""
+    usual = f"{1e3 * cube:g} +- {1e3 * tolerance:g} mm"
+    found = f"the jaws stopped {1e3 * width:.1f} mm apart, a cube is {usual} wide"
+    if width > cube:
+        return f"{found}: something else is between them"
+    return f"{found}: they hold something else, or a cube by its edge"
 
 
 @dataclass
 class GraspMonitor:
-    """Detects the loss of a held cube.
+    """Detect the loss of a held cube.
 
     Attributes:
         cube: its name.
         grip: closing of the jaws on it, 0 open to 1 closed.
-        away: consecutive readings with another closing.
+        away: number of consecutive readings that differ from `grip`.
     """
 
     cube: str

@@ -1,7 +1,7 @@
 """Home the arm, which has no collision checks; or skip homing, if the unit kept its positions.
 
-With ``--homed`` nothing moves. The unit must report no fault, an arm at rest, and counters that are inside the limits
-and not those of power-up. Whether the counters are correct cannot be checked.
+With ``--homed`` nothing moves. The unit must report no fault and an arm at rest. Its counters must be within the
+limits, and differ from those after power-up. Nothing can verify that they are correct.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from arm.errors import ExecutionStopped, ImpossibleError
 from cell.config.cell import Cell
 from cell.console import Console
-from cell.session.grasp_monitor import grip_of
+from cell.session.grasp_monitor import why_no_grip
 from driver.mars.mars import Mars
 
 _HERE = ("localhost", "127.0.0.1", "::1")
@@ -34,7 +34,7 @@ def initialise_without_homing(mars: Mars, cell: Cell, console: Console, jaws_too
         mars: of an open cell.
         cell: its file.
         console: for output.
-        jaws_too: whether the jaws open next, so that they must be empty.
+        jaws_too: whether the jaws open next, and so must be empty.
 
     Raises:
         ImpossibleError: a fault, counters as after power-up or outside the limits, or a cube in the jaws.
@@ -43,7 +43,7 @@ def initialise_without_homing(mars: Mars, cell: Cell, console: Console, jaws_too
     mars.initialise(home=False)
     counts = mars.settled_counts()
     width = cell.gripper.width(mars.jaws())
-    if jaws_too and not grip_of(cell).why_not(width):
+    if jaws_too and not why_no_grip(cell, width):
         raise ImpossibleError(
             f"the jaws are {1e3 * width:.1f} mm apart, as on a cube, and would drop it where the arm stands: "
             "take it out by hand, or continue with execute --resume",

@@ -1,8 +1,8 @@
 """Report what a real arm will do, and ask a person for approval.
 
-A plan file is executed only with the code of its preview (`Approval`), which is shown nowhere else
-(`arm.plan_file.Plan.code`), so that no plan runs unseen by accident. Commands that plan as they go have no preview to
-approve; they ask for the unit's name instead (`Consent`).
+A plan file is executed only with the code of its preview (`Approval`). Only the preview shows this code
+(`arm.plan_file.Plan.code`), so nobody executes by accident a plan that they have not seen. Commands that plan as they
+go have no preview to approve; they ask for the unit's name instead (`Consent`).
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ class Approval:
     """Ask a person for the code of a plan's preview, unless it was given.
 
     Args:
-        plan_file: to be executed.
-        code: given on the command line, or None to ask at the terminal.
+        plan_file: of the plan to execute.
+        code: from the command line, or None to ask at the terminal.
         console: for output and questions.
         answer: returns a typed line, or None if nobody can type; default: the terminal.
         resumes: whether only the rest of the plan is executed, from where the arm is.
@@ -69,9 +69,8 @@ class Approval:
             )
 
     def _is_right(self, code: str) -> bool:
-        return code.isascii() and "".join(filter(str.isalnum, code)).upper() == self.plan.code.replace(
-            "-", ""
-        )
+        plain = "".join(filter(str.isalnum, code)).upper()
+        return code.isascii() and plain == self.plan.code.replace("-", "")
 
     def _where(self) -> str:
         return f"a465 preview {self.plan_file} writes the preview"
@@ -80,8 +79,8 @@ class Approval:
         """Report what will move, and return only if the code was given.
 
         Args:
-            run: that needs the approval.
-            plan: to be sent; the file may have changed since it was read here.
+            run: the run that needs the approval.
+            plan: the plan to execute; the file may have changed since it was read here.
 
         Raises:
             InputError: the code was not given, or the plan differs; nothing moved.
@@ -105,15 +104,13 @@ class Approval:
         plan, cell, say = self.plan, run.task.cell, self.console.say
         of = overview(plan, cell.robot(cell.cube_size), cell.unit)
         factor = run.control.ceiling
-        cubes = len(plan.task["cubes"])
-        what = f"{cubes} cube{'' if cubes == 1 else 's'}" if cubes else "no cube"
+        cubes, lasts = len(plan.task["cubes"]), f"{plan.duration_s / factor:.0f} s of motion"
+        what = f"{cubes or 'no'} cube{'s' if cubes > 1 else ''}"
         if self.resumes:
-            say(
-                f"this moves the real arm: the rest of {what}, at most {plan.duration_s / factor:.0f} s of motion"
-            )
+            say(f"this moves the real arm: the rest of {what}, at most {lasts}")
             say("the table is for the whole plan; the rest of it is replanned, within the same limits:")
         else:
-            say(f"this moves the real arm: {what}, {plan.duration_s / factor:.0f} s of motion")
+            say(f"this moves the real arm: {what}, {lasts}")
         limits = cell.unit.limits(plan.speed_registers, plan.acceleration_registers).velocity
         fastest = factor * of.fastest
         columns = (of.lowest, of.highest, of.travel)
@@ -176,7 +173,7 @@ class Consent:
 
 
 def _place(run: TaskRun) -> str:
-    """The arm's position, by its counters."""
+    """The arm's position in words, from its counters."""
     counters = run.connection.mars.counters()
     if is_unhomed(run.task.cell.unit, counters):
         return "not homed since it was switched on, so its position is not known"

@@ -1,8 +1,8 @@
-"""Confirm from the next look, and from nothing else, that a released cube is at its target."""
+"""Confirm that a released cube is at its target. Only the next look can confirm it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from vision.observation import Observation
 from vision.occupancy.cube_top import CubeTop, EmptyPlace
 from vision.occupancy.seated import CubeWidth, Seating, Sight, seating, width_of
 
-NO_PHOTOGRAPHS = Seating("unsure", "there are no images to measure it in")
+_NO_IMAGES = Seating("unsure", "there are no images to measure it in")
 NOT_CONFIRMED = "not confirmed"
 OUT_OF_VIEW = "is out of the camera's view"
 
@@ -43,12 +43,13 @@ def confirm(
 ) -> Unconfirmed | None:
     """Return None if a cube certainly moved from source to target, and the target's board did not move.
 
-    The look before shows the target empty, the look after the source; each gives the surroundings of the cube.
+    The look before shows the target without the cube, and the look after shows the source without it. So either look
+    serves as the reference image of an empty place in the other.
 
     Args:
         task: of the cube.
         before: the last look with the cube at its source.
-        after: the look to judge by.
+        after: the look that must show the cube at its target.
         source, target: names of the places.
         width: of the cube, if it was measured before; None: the cell file's.
     """
@@ -62,9 +63,9 @@ def confirm(
     state = after.state(target) if task.to_board is not None else "cube"
     if state != "cube":
         reasons.append(f"hole {target} looks {state or 'hidden'}, not cube")
-    seen = seated(task, after, target, width, before)
-    if seen.state != "seated":
-        reasons.append(f"the cube in {target} is not certainly seated: {seen.reason}")
+    seat = seated(task, after, target, width, before)
+    if seat.state != "seated":
+        reasons.append(f"the cube in {target} is not certainly seated: {seat.reason}")
     if reasons:
         return Unconfirmed(tuple(reasons), True)
     board = target.rpartition("/")[0]
@@ -78,22 +79,22 @@ def confirm(
 
 def seated(
     task: Task,
-    seen: Observation,
+    observation: Observation,
     place: str,
     width: CubeWidth | None = None,
     without: Observation | None = None,
 ) -> Seating:
-    """Whether a cube is seated at a place, by size and position of its top; `without`: a look that shows it empty."""
-    if not seen.images:
-        return NO_PHOTOGRAPHS
-    return seating(_top(task, seen, place, without), width or nominal_width(task.cell))
+    """Judge from the size and position of its top whether a cube is seated. `without`: a look at the empty place."""
+    if not observation.images:
+        return _NO_IMAGES
+    return seating(_top(task, observation, place, without), width or nominal_width(task.cell))
 
 
 def width_at(
-    task: Task, seen: Observation, place: str, without: Observation | None = None
+    task: Task, observation: Observation, place: str, without: Observation | None = None
 ) -> CubeWidth | None:
     """Measure the width of the cube at a place; None without images, or if they do not determine it."""
-    return width_of(_top(task, seen, place, without), nominal_width(task.cell))
+    return width_of(_top(task, observation, place, without), nominal_width(task.cell))
 
 
 def nominal_width(cell: Cell) -> CubeWidth:
@@ -101,11 +102,11 @@ def nominal_width(cell: Cell) -> CubeWidth:
     return CubeWidth(cell.cube_size, cell.cube_tolerance / 2.0)
 
 
-def unseen_places(task: Task, seen: Observation, places: Iterable[str]) -> str:
-    """A warning that names the places on the table that are out of view; empty if there are none."""
-    if task.places is None or not seen.images:
+def unseen_places(task: Task, observation: Observation, places: Iterable[str]) -> str:
+    """Return a warning that names the places on the table that are out of view; empty if there are none."""
+    if task.places is None or not observation.images:
         return ""
-    hidden = [place for place in places if not _in_view(task, seen, place)]
+    hidden = [place for place in places if not _in_view(task, observation, place)]
     if not hidden:
         return ""
     return (
@@ -114,8 +115,9 @@ def unseen_places(task: Task, seen: Observation, places: Iterable[str]) -> str:
     )
 
 
-def _top(task: Task, seen: Observation, place: str, without: Observation | None) -> CubeTop | None:
-    T_base_place, sight = _T_base_place(task, seen, place), _sight(task, seen)
+def _top(task: Task, observation: Observation, place: str, without: Observation | None) -> CubeTop | None:
+    """Measure the top of the cube at a place; None if that is not possible."""
+    T_base_place, sight = _T_base_place(task, observation, place), _sight(task, observation)
     if sight is None or T_base_place is None:
         return None
     empty = None if without is None else _empty(task, without, place)
@@ -124,20 +126,20 @@ def _top(task: Task, seen: Observation, place: str, without: Observation | None)
     return sight.in_hole(T_base_place, empty)
 
 
-def _sight(task: Task, seen: Observation) -> Sight | None:
+def _sight(task: Task, observation: Observation) -> Sight | None:
     """The images of an observation, for measuring cubes; None if it has none."""
-    if not seen.images:
+    if not observation.images:
         return None
     cell = task.cell
-    return Sight(seen.images, cell.camera, nominal_width(cell), cell.boards[0].pocket)
+    return Sight(observation.images, cell.camera, nominal_width(cell), cell.boards[0].pocket)
 
 
-def _empty(task: Task, seen: Observation, place: str) -> EmptyPlace | None:
-    """The appearance of a place in a look that shows it certainly empty; otherwise None."""
-    T_base_place, sight = _T_base_place(task, seen, place), _sight(task, seen)
-    if sight is None or T_base_place is None or place in seen.moved_since:
+def _empty(task: Task, observation: Observation, place: str) -> EmptyPlace | None:
+    """The image of a place from a look at which it was certainly empty; otherwise None."""
+    T_base_place, sight = _T_base_place(task, observation, place), _sight(task, observation)
+    if sight is None or T_base_place is None or place in observation.moved_since:
         return None
-    if not _on_table(task, place) and seen.state(place) != "empty":
+    if not _on_table(task, place) and observation.state(place) != "empty":
         return None
     return sight.empty(T_base_place)
 
@@ -146,17 +148,17 @@ def _on_table(task: Task, place: str) -> bool:
     return place.startswith("table/") and task.to_board is None
 
 
-def _T_base_place(task: Task, seen: Observation, place: str) -> Array | None:
-    """Pose of a hole as seen, or of a place on the table; None for a hole whose board was not found."""
+def _T_base_place(task: Task, observation: Observation, place: str) -> Array | None:
+    """Observed pose of a hole, or the pose of a place on the table; None for a hole whose board was not found."""
     if _on_table(task, place):
         return T_base_on_table(task, place)
     name, _, number = place.rpartition("/")
-    board = seen.board(name)
+    board = observation.board(name)
     return None if board is None else board.pose.holes[int(number) - 1].T_base_hole
 
 
-def _in_view(task: Task, seen: Observation, place: str) -> bool:
-    sight = _sight(task, seen)
+def _in_view(task: Task, observation: Observation, place: str) -> bool:
+    sight = _sight(task, observation)
     if sight is None:
         return False
     half = task.cell.cube_size / 2.0 + 3e-3
@@ -172,30 +174,22 @@ class LetGo:
         self._waiting: list[tuple[CubeRow, Observation, CubeWidth | None]] = []
 
     def add(self, row: CubeRow, before: Observation, width: CubeWidth | None = None) -> None:
-        """Add a released cube; `before`: the last look with it at its source, `width`: its width if known."""
+        """Add a released cube. `before`: the last look with it at its source; `width`: its width if known."""
         self._waiting.append((row, before, width))
 
-    def judge(self, seen: Observation, picture: Path) -> Iterator[tuple[CubeRow, Unconfirmed]]:
-        """Judge all of them by a look; yield those not confirmed, each with a remark that names the picture."""
+    def judge(self, observation: Observation, picture: Path) -> list[tuple[CubeRow, Unconfirmed]]:
+        """Judge all of them by a look; return those not confirmed, each with a remark that names the picture."""
         waiting, self._waiting = self._waiting, []
-        found = [
-            (
-                row,
-                confirm(
-                    self._task, before, seen, row.source, row.target, self._width(row, before, seen) or width
-                ),
-            )
-            for row, before, width in waiting
-        ]
-        for row, why in found:
+        unconfirmed = []
+        for row, before, width in waiting:
+            if row.source not in before.moved_since:  # then it can be measured there
+                width = width_at(self._task, before, row.source, observation) or width
+            why = confirm(self._task, before, observation, row.source, row.target, width)
             row.placed = why is None
             if why is not None:
                 row.remarks.append(f"{NOT_CONFIRMED}: {'; '.join(why.reasons)} (see {picture.name})")
-        yield from ((row, why) for row, why in found if why is not None)
-
-    def _width(self, row: CubeRow, before: Observation, seen: Observation) -> CubeWidth | None:
-        """Width of a cube at its source, given a look that shows the source empty."""
-        return None if row.source in before.moved_since else width_at(self._task, before, row.source, seen)
+                unconfirmed.append((row, why))
+        return unconfirmed
 
 
 def require_confirmed(rows: Iterable[CubeRow], report: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""Explain a refusal to plan at the terminal: the rejected candidates, and verified advice."""
+"""Explain a refusal to plan at the terminal: the rejected candidates, and advice that was tried by planning."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from arm.errors import ImpossibleError
 from arm.numerics.products import mul
 from arm.robot.shapes import Box
 from arm.se3 import Array, apply, inverse
+from cell.config.cell import Cell
 from cell.console import Console
 from cell.files.task import Task
 from cell.task.planning import empty_request, hole_stations, reach_of, request_of
@@ -23,14 +24,13 @@ from plan.failure import START_BLOCKED, Failure, Rejected, failure_in
 from plan.pick_place.cause import out_of_reach
 from vision.observation import Observation
 
-# Rows of the table of candidates: per place, and in all.
-_ROWS_A_PLACE, _ROWS = 3, 12
+_ROWS_A_PLACE, _ROWS = 3, 12  # of the table of candidates: per place, and in all
 
 
 @contextmanager
 def explain_failure(
     task: Task,
-    seen: Observation,
+    observation: Observation,
     q_from: Array,
     speed: float,
     wanted: bool,
@@ -42,7 +42,7 @@ def explain_failure(
     """Explain a refusal to plan on standard error, with advice; re-raise it with `failure` and `advice` as data.
 
     Args:
-        task, seen, q_from, speed, done, on_table, skip: as in `cell.task.planning.plan_rest`.
+        task, observation, q_from, speed, done, on_table, skip: see `cell.task.planning.request_of`.
         wanted: whether to give advice.
         every_hole: whether all holes of the task's boards must be in reach, used or not.
     """
@@ -51,39 +51,37 @@ def explain_failure(
     except ImpossibleError as error:
         if "advice" not in error.data:
             if "failure" not in error.data and "holes" in error.data:
-                error.data["failure"] = out_of_reach(error, reach_of(task, seen, speed)).to_json()
+                error.data["failure"] = out_of_reach(error, reach_of(task, observation, speed)).to_json()
             failure = failure_in(error)
             if failure is not None:
                 console = Console(as_json=True)  # standard error
                 print_failure(console, failure)
                 try:
-                    request = request_of(task, seen, q_from, speed, done or {}, on_table or {}, skip)
+                    request = request_of(task, observation, q_from, speed, done or {}, on_table or {}, skip)
                 except ImpossibleError:  # more cubes than reachable places: then only reach is checked
-                    request = empty_request(task, seen, q_from, speed, on_table or {})
+                    request = empty_request(task, observation, q_from, speed, on_table or {})
                 if every_hole:
-                    request = replace(request, required=hole_stations(task, seen))
-                advice = _advice(console, task, seen, request, error) if wanted else ()
+                    request = replace(request, required=hole_stations(task, observation))
+                advice = _advice(console, task, observation, request, error) if wanted else ()
                 error.data["advice"] = [a.to_json() for a in advice]
-                keys = _keys(task, failure)
-                if keys:
-                    raise ImpossibleError(f"{error}; {'; '.join(keys)}", **error.data) from error
+                if failure.kind == START_BLOCKED:
+                    raise ImpossibleError(
+                        f"{error}; {_conflict(task.cell, failure)}", **error.data
+                    ) from error
         raise
 
 
-def _keys(task: Task, failure: Failure) -> list[str]:
-    """Hints at values of the cell file that contradict each other."""
-    cell = task.cell
-    if failure.kind != START_BLOCKED:
-        return []
+def _conflict(cell: Cell, failure: Failure) -> str:
+    """The values of the cell file that contradict each other if the start is blocked."""
     start = f"q_start_deg = [{', '.join(f'{v:g}' for v in np.round(np.degrees(cell.q_start), 3))}]"
     other = f"the place of {failure.body}" if failure.body else "the obstacle"
     if failure.body == "table":
         other = f"table.top_z_mm = {cell.table_z * 1e3:g}"
-    return [f"in {cell.file.name}, {start} or {other} has to change"]
+    return f"in {cell.file.name}, {start} or {other} has to change"
 
 
 def print_failure(console: Console, failure: Failure) -> None:
-    """Print why candidates were rejected, the closest miss of each place first; equal reasons share a row."""
+    """Print why candidates were rejected, the nearest miss of each place first; equal reasons share a row."""
     alike: dict[tuple[str, str], list[Rejected]] = {}
     for rejected in failure.ways:
         alike.setdefault((rejected.where, rejected.reason), []).append(rejected)
@@ -97,19 +95,19 @@ def print_failure(console: Console, failure: Failure) -> None:
     columns = [0, 1, 2, 3] if any(row[2] for row in rows) else [0, 3]
     header = ("where", "candidates", "for example", "rejected because")
     console.table([header[i] for i in columns], [[row[i] for i in columns] for row in rows[:_ROWS]])
-    hidden = len(failure.ways) - sum(row[1] for row in rows[:_ROWS])
-    if hidden:
-        console.say(f"and {hidden} more candidates; --json lists all")
+    more = len(failure.ways) - sum(row[1] for row in rows[:_ROWS])
+    if more:
+        console.say(f"and {more} more candidates; --json lists all")
 
 
 def _advice(
-    console: Console, task: Task, seen: Observation, request: Request, error: ImpossibleError
+    console: Console, task: Task, observation: Observation, request: Request, error: ImpossibleError
 ) -> tuple[Advice, ...]:
     console.say("what would help (each suggestion was planned; --no-advice skips this):")
     advice = advise(
         request,
         error,
-        fits=lambda changed: _may_stand(task, seen, request, changed),
+        fits=lambda changed: _may_stand(task, observation, request, changed),
         tell=lambda text: console.step(f"try: {text}"),
     )
     for piece in advice:
@@ -121,18 +119,18 @@ def _advice(
     return advice
 
 
-def _may_stand(task: Task, seen: Observation, request: Request, changed: Request) -> bool:
-    """Whether all boards are in the cell file's zone, and both markers of every board that moved in the image."""
+def _may_stand(task: Task, observation: Observation, request: Request, changed: Request) -> bool:
+    """Whether all boards are in the cell file's zone, and every moved board's markers are in the image."""
     zone, camera = task.cell.zone, task.cell.camera
     half = np.array(zone.shape.size[:2]) / 2.0 if isinstance(zone.shape, Box) else np.full(2, np.inf)
-    stood = {b.name: b.T_base_body for b in request.scene.bodies}
+    before = {b.name: b.T_base_body for b in request.scene.bodies}
     for plate in (b for b in changed.scene.bodies if b.kind == "board"):
         if (np.abs((plate.T_base_body[:3, 3] - zone.T_base_body[:3, 3])[:2]) > half).any():
             return False
-        board = seen.board(plate.name.removeprefix(plate_name("")))
-        if board is None or np.array_equal(plate.T_base_body, stood[plate.name]):
+        board = observation.board(plate.name.removeprefix(plate_name("")))
+        if board is None or np.array_equal(plate.T_base_body, before[plate.name]):
             continue
-        T_base_board = mul(mul(plate.T_base_body, inverse(stood[plate.name])), board.pose.T_base_board)
+        T_base_board = mul(mul(plate.T_base_body, inverse(before[plate.name])), board.pose.T_base_board)
         pixels = camera.project_base(apply(T_base_board, board.pose.board.marker_corners()))
         if not ((pixels >= 0.0) & (pixels <= np.array(camera.size) - 1.0)).all():  # NaN behind the camera
             return False

@@ -1,4 +1,4 @@
-"""Ask a person to clear the cell before a real arm homes, and to put the boards in place afterwards."""
+"""Ask a person to clear the cell before a real arm homes, and to put the boards back afterwards."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ def before_homing(
 
 
 class FreeCell:
-    """Ask whether the cell is clear before a real arm homes, and for the boards afterwards; wraps another approval.
+    """Wrap an approval: also ask for a clear cell before a real arm homes, and for the boards afterwards.
 
     Args:
         confirm: the approval that is asked first.
         port: of the arm.
-        said: whether --free states that the arm can home freely and that boards are in place.
+        said: whether the command line has --free: the arm can home freely, and the boards are in place.
         console: for output and questions.
         answer: returns a typed line, or None if nobody can type; default: the terminal.
     """
@@ -47,7 +47,7 @@ class FreeCell:
         self.console, self._answer = console, answer
 
     def __call__(self, run: TaskRun, *plan: Any) -> None:
-        """Return only with a person's confirmation.
+        """Return only if a person confirms.
 
         Raises:
             InputError: no confirmation; nothing moved.

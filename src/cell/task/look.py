@@ -1,4 +1,4 @@
-"""Take images of the cell, detect boards and cubes in them, and save a picture of the detections."""
+"""Grab images of the cell, detect boards and cubes in them, and save a picture of the detections."""
 
 from __future__ import annotations
 
@@ -26,9 +26,14 @@ def look_and_save(
     why: str,
     arm_in_view: bool = False,
 ) -> Observation:
-    """Take images of the cell, detect boards and cubes, and write the first image with detections drawn in.
+    """Grab images of the cell, detect boards and cubes, and write the first image with the detections drawn in.
 
     Args:
+        task: with the cell.
+        frames: the camera.
+        picture: file to write; None: none.
+        console: for output.
+        why: purpose of the look, for the console.
         arm_in_view: see `vision.observe.look`.
 
     Raises:
@@ -36,44 +41,36 @@ def look_and_save(
     """
     cell = task.cell
     images = frames.grab(cell.photographs)
+    sizes = cell.cube_size, cell.board_limits
     try:
-        seen = look(
-            images,
-            cell.camera,
-            cell.boards,
-            cell.dictionary,
-            cell.cube_size,
-            cell.board_limits,
-            arm_in_view,
-            cell.tilts,
-        )
+        observation = look(images, cell.camera, cell.boards, cell.dictionary, *sizes, arm_in_view, cell.tilts)
     except ImpossibleError:  # the image and its markers help to find the cause
         markers = tuple(detect_markers(images[0], cell.camera, cell.dictionary))
-        seen = Observation(images=tuple(images), frames=(markers,))
-        _complain(seen, console)
-        _draw(picture, cell.camera, seen)
+        observation = Observation(images=tuple(images), frames=(markers,))
+        _complain(observation, console)
+        _draw(picture, cell.camera, observation)
         raise
-    _draw(picture, cell.camera, seen)
+    _draw(picture, cell.camera, observation)
     boards = ", ".join(
-        f"{b.name} ({len(b.holes('cube'))} cubes, {b.pose.residual_px:.3f} px)" for b in seen.boards
+        f"{b.name} ({len(b.holes('cube'))} cubes, {b.pose.residual_px:.3f} px)" for b in observation.boards
     )
     console.step(f"look {why}: {boards or 'no board'}")
-    for board in seen.boards:
+    for board in observation.boards:
         for hole in board.holes("unsure"):
             console.say(f"hole {hole.name} is unsure: {board.occupancy[hole.index].reason}")
-    _complain(seen, console)
-    return seen
+    _complain(observation, console)
+    return observation
 
 
-def _complain(seen: Observation, console: Console) -> None:
-    complaint = exposure_complaint(seen.images[0], seen.frames[0])
+def _complain(observation: Observation, console: Console) -> None:
+    complaint = exposure_complaint(observation.images[0], observation.frames[0])
     if complaint is not None:
         console.say(f"WARNING: the images are {complaint}")
 
 
-def _draw(picture: Path | None, camera: Camera, seen: Observation) -> None:
+def _draw(picture: Path | None, camera: Camera, observation: Observation) -> None:
     if picture is not None:
-        write_png(picture, annotated(seen.images[0], camera, seen))
+        write_png(picture, annotated(observation.images[0], camera, observation))
 
 
 def write_png(path: Path, image: Image) -> None:

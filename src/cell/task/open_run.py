@@ -1,4 +1,4 @@
-"""A run on an open cell: take looks, execute steps, and collect the data for the report."""
+"""A run on an open cell: look, execute steps, and collect the data for the report."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ from vision.occupancy.seated import CubeWidth
 
 
 class OpenRun:
-    """A run of a task on an open cell: its state, and what all stages share.
+    """A run of a task on an open cell: its state, and the actions that all stages share.
 
     Args:
-        task: to be done.
+        task: the task.
         connection: an open cell.
         console: for progress.
-        speed: that plans are made for, see `cell.session.speed`.
+        speed: for which plans are made; see `cell.session.speed`.
         folder: for plans, pictures and the report.
         control: pause, abort and speed override during the run.
         hint: returns the end of the status line for the override of the present motion.
-        watcher: receives plans, steps and motion.
+        watcher: observer of plans, steps and motion.
     """
 
     def __init__(
@@ -73,15 +73,14 @@ class OpenRun:
         self.on_table: dict[str, Array] = {}
         self.held: GraspMonitor | None = None
         self.given_up: set[int] = set()  # holes of the source board
-        self.plans: list[Plan] = []
         self.kept: list[KeptPlan] = []
         self.pictures: list[Picture] = []
         self.began = datetime.now().astimezone()
         self.remarks: list[str] = []
-        self.followed: Path | None = None  # the plan file being executed, once cubes are moved
-        self.homed = False  # in this run, so a stop can be resumed
-        self.homed_before = False  # before this run, so it is not homed again
-        self.preload = False  # motions are verified before they begin
+        self.followed: Path | None = None  # file of the plan under execution, if it moves cubes
+        self.homed = False  # homed in this run, so a stop can be resumed
+        self.homed_before = False  # homed before this run, so it is not homed again
+        self.preload = False  # whether each motion is verified before it begins
         self.after_homing: Callable[[], None] = lambda: None
         self.write_page: Callable[[Task, Plan, Path], None] = lambda *_: None  # the preview of a plan
         self.budget: SearchBudget | None = None  # of each search for a plan
@@ -92,8 +91,8 @@ class OpenRun:
 
     def introduce(self) -> None:
         """Report the task, the cell and the speed, and identify the controller."""
-        of = f"the simulated cell, time scale {self.connection.time_scale:g}"
-        where = "the real cell" if self.connection.simulated is None else of
+        simulated = f"the simulated cell, time scale {self.connection.time_scale:g}"
+        where = "the real cell" if self.connection.simulated is None else simulated
         speed = f"speed {self.speed * self.control.ceiling:g}"
         self.console.step(f"task {self.task.name}: {self.task.kind} on {where}, {speed}")
         task_file = os.path.relpath(self.task.file, self.folder)
@@ -111,18 +110,18 @@ class OpenRun:
         Raises:
             ImpossibleError: one is missing, or not where the task allows it.
         """
-        seen = self.see(why)
-        require_boards(seen, self.task)
-        return seen
+        observation = self.see(why)
+        require_boards(observation, self.task)
+        return observation
 
     def try_look(self, why: str) -> Observation | None:
         """Look while the arm may be in view; None if it hides a board."""
-        seen = self.see(why)
-        if seen.half_seen or any(seen.board(b.name) is None for b in self.task.boards):
+        observation = self.see(why)
+        if observation.half_seen or any(observation.board(b.name) is None for b in self.task.boards):
             self.console.step("the arm may be in view: reach is checked from q_start")
             return None
-        require_boards(seen, self.task)
-        return seen
+        require_boards(observation, self.task)
+        return observation
 
     def see(self, why: str, arm_in_view: bool = False) -> Observation:
         """Look from where the arm is, without requirements."""
@@ -142,7 +141,6 @@ class OpenRun:
 
     def keep(self, plan: Plan, name: str) -> None:
         """Write a plan to the folder, with its preview if it moves cubes."""
-        self.plans.append(plan)
         self.kept.append(KeptPlan(name, plan))
         file = self.folder / f"{name}.json"
         write_plan(file, plan)
@@ -175,6 +173,12 @@ class OpenRun:
         )
         if self.held is not None and progress.jaws is not None:
             self.held.require(progress.jaws)
+
+    def add_row(self, transfer: dict[str, str]) -> CubeRow:
+        """Add the row of a cube to the report."""
+        row = CubeRow(transfer["from"], transfer["to"])
+        self.rows.append(row)
+        return row
 
     def tell(self, text: str) -> None:
         """Print a remark, and keep it for the report."""

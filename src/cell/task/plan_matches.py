@@ -30,7 +30,7 @@ from vision.observation import Observation, ObservedBoard
 from vision.occupancy.classify import Occupancy
 
 _FROM_FILES = ("task", "inputs", "seed", "options", "robot_open", "robot_holding")
-PLACED = 5e-4  # distance from a place to where the motion releases its cube, m; rounding to counts is 0.03 mm
+PLACED = 5e-4  # permitted distance of a cube's release from its place, m; rounding to counts causes 0.03 mm
 SAME = 1e-9  # numerical tolerance for equal bodies, m
 
 
@@ -45,43 +45,39 @@ def require_match(task: Task, plan: Plan) -> None:
     now, then = _provenance_of_now(task, plan), plan.provenance
     differing = [
         key
-        for key in sorted(
-            now.keys() | then.keys(), key=lambda key: list(now).index(key) if key in now else 99
-        )
+        for key in (*now, *sorted(then.keys() - now.keys()))
         if key not in now or key not in then or canonical_json(then[key]) != canonical_json(now[key])
     ]
     registers = _other_registers(cell, plan)
     if registers:
         differing = [*(key for key in differing if key != "limits"), "limits"]
-    if differing:
-        changed = _changed_inputs(task, plan) if {"task", "inputs"} & set(differing) else {}
-        # a changed file explains the differences that follow from it
-        hashes = [key for key in differing if not (changed and key in _FROM_FILES)]
-        shown = [f"{file}: {shortened(words)}" for file, words in changed.items()]
-        shown += [
-            f"limits: {', '.join(registers)}"
-            if key == "limits" and registers
-            else _difference(key, then.get(key), now.get(key))
-            + (f" ({cell.camera_file.name})" if key == "calibration" else "")
-            for key in hashes
-        ]
-        raise ImpossibleError(
-            f"the plan is not for the present cell: {'; '.join(shown)}; plan again",
-            differing=differing,
-            changed=changed,
-            plan={key: then.get(key) for key in differing},
-            now={key: now.get(key) for key in differing},
-        )
+    if not differing:
+        return
+    changed = _changed_inputs(task, plan) if {"task", "inputs"} & set(differing) else {}
+    shown = [f"{file}: {shortened(words)}" for file, words in changed.items()]
+    for key in differing:
+        if key == "limits" and registers:
+            shown.append(f"limits: {', '.join(registers)}")
+        elif not (
+            changed and key in _FROM_FILES
+        ):  # a changed file explains the differences that follow from it
+            of = f" ({cell.camera_file.name})" if key == "calibration" else ""
+            shown.append(_difference(key, then.get(key), now.get(key)) + of)
+    raise ImpossibleError(
+        f"the plan is not for the present cell: {'; '.join(shown)}; plan again",
+        differing=differing,
+        changed=changed,
+        plan={key: then.get(key) for key in differing},
+        now={key: now.get(key) for key in differing},
+    )
 
 
 def _provenance_of_now(task: Task, plan: Plan) -> dict[str, Any]:
-    """The fingerprint of a plan made now for the same scene, at the same speed."""
+    """The fingerprint that a plan made now would have, for the same scene and at the same speed."""
     cell = task.cell
-    options = pose_list_options(task, plan.speed) if "poses" in plan.task else options_of(task, plan.speed)
-    stated = plan_fingerprint(task)
-    del stated["notes"]
+    options = (pose_list_options if "poses" in plan.task else options_of)(task, plan.speed)
     return {
-        **stated,
+        **{key: value for key, value in plan_fingerprint(task).items() if key != "notes"},
         "robot_open": cell.robot().digest,
         "robot_holding": cell.robot(cell.cube_size).digest,
         "unit": cell.unit.digest,
@@ -101,10 +97,10 @@ def _short(value: Any) -> str:
 
 
 def _require_same_job(task: Task, plan: Plan) -> None:
-    """Require the same task and unit; without them no other difference matters."""
-    named = plan.task.get("name", task.name), plan.task.get("kind", task.kind)
+    """Require the same task and unit. If they differ, no other difference is worth reporting."""
+    name, kind = plan.task.get("name", task.name), plan.task.get("kind", task.kind)
     for what, then, now in (
-        ("task", f"{named[0]} ({named[1]})", f"{task.name} ({task.kind})"),
+        ("task", f"{name} ({kind})", f"{task.name} ({task.kind})"),
         ("unit", plan.unit, task.cell.unit.name),
     ):
         if then != now:
@@ -117,7 +113,7 @@ def _require_same_job(task: Task, plan: Plan) -> None:
 
 
 def _changed_inputs(task: Task, plan: Plan) -> dict[str, list[str]]:
-    """Differences per file since the plan was made; empty if the plan has no record of its inputs."""
+    """Changes of task and cell file since the plan was made; empty if the plan has no record of its inputs."""
     then = plan.provenance.get("inputs")
     files = (("task", task.file.name, task.inputs), ("cell", task.cell.file.name, task.cell.inputs))
     if not isinstance(then, dict) or not all(isinstance(then.get(key), dict) for key, _, _ in files):
@@ -144,7 +140,7 @@ def require_start_at(task: Task, plan: Plan) -> None:
     """Require that the plan starts at q_start, where the arm goes first.
 
     Raises:
-        ImpossibleError: the deviation of each axis; nothing moved.
+        ImpossibleError: it does not; names the deviation of each axis. Nothing moved.
     """
     unit = task.cell.unit
     begin, q_start = next(plan.moves).path.start, unit.counts(task.cell.q_start)
@@ -163,7 +159,7 @@ def require_start_at(task: Task, plan: Plan) -> None:
         )
 
 
-def require_scene(cell: Cell, plan: Plan, seen: Observation) -> None:
+def require_scene(cell: Cell, plan: Plan, observation: Observation) -> None:
     """Require boards at their planned poses, within the cell's tolerance, and cubes in the planned holes.
 
     Raises:
@@ -171,19 +167,19 @@ def require_scene(cell: Cell, plan: Plan, seen: Observation) -> None:
     """
     bodies = {b["name"]: np.array(b["T_base_body"]) for b in plan.scene["bodies"]}
     faults = []
-    for pose in seen.poses:
+    for pose in observation.poses:
         plate = plate_body(pose.board.name, pose.T_base_board)
         planned = bodies.pop(plate.name, None)
         if planned is None:
             faults.append(f"{plate.name} is not in the plan")
             continue
-        # as in the look
+        # the board on its plate, as observed
         T_plate_board = mul(inverse(plate.T_base_body), pose.T_base_board)
         shift = board_shift(pose.board, cell.cube_size, mul(planned, T_plate_board), pose.T_base_board)
         if shift.beyond(cell):
             faults.append(f"{plate.name} is {shift} from its planned pose")
     holding = {c["name"].removeprefix(cube_name("")) for c in plan.scene["cubes"]}
-    for board in seen.boards:
+    for board in observation.boards:
         for hole, now in zip(board.pose.holes, board.occupancy, strict=True):
             planned_state = "cube" if hole.name in holding else "empty"
             if now.state not in (planned_state, "unsure"):
@@ -196,7 +192,7 @@ def require_scene(cell: Cell, plan: Plan, seen: Observation) -> None:
 
 
 def scene_of_now(task: Task, plan: Plan) -> Scene:
-    """Rebuild the plan's scene from the present cell file; only board poses and cubes come from the plan.
+    """Rebuild the plan's scene from the present cell file. Only board poses and cubes come from the plan.
 
     Raises:
         ImpossibleError: the plan's scene has other bodies, cubes or allowed collisions; names them.
@@ -235,7 +231,7 @@ def scene_of_now(task: Task, plan: Plan) -> Scene:
 def _require_placed(
     task: Task, cubes: Mapping[str, Array], poses: Sequence[BoardPose], entry: Mapping[str, str]
 ) -> None:
-    """Require that the motion releases a cube at the target that the plan names."""
+    """Require that the motion releases a cube at the target that the plan states."""
     place = entry["to"]
     board, _, number = place.rpartition("/")
     holes = {hole.name: hole.T_base_hole for pose in poses for hole in pose.holes}
@@ -266,7 +262,7 @@ def under(place: str) -> str:
 
 
 def planned_observation(cell: Cell, scene: Scene, more: Iterable[str] = ()) -> Observation:
-    """The boards of a plan's scene, with a cube in each hole where the scene has one, and in those named by `more`.
+    """The boards of a plan's scene, with cubes in the same holes as in the scene, and in the holes `more`.
 
     Raises:
         ImpossibleError: the cell file has no such board.

@@ -34,7 +34,7 @@ from plan.scene import Station, Transfer
 from vision.observation import Observation, ObservedBoard
 from vision.occupancy.classify import FAINT, LIGHT, NO_MARKER, OUT, POSE, Occupancy
 
-# Why a hole may be unsure though the cube in it is seated; reasons come from files, too, also of other versions.
+# Reasons for which a hole may be unsure although its cube is seated. Files of other versions may lack a reason.
 _MAY_BE_SEATED = ("", LIGHT, NO_MARKER, OUT, POSE, FAINT)
 
 
@@ -60,12 +60,12 @@ def options_of(task: Task, speed: float) -> PlanOptions:
 
 
 def pose_list_options(task: Task, speed: float) -> PlanOptions:
-    """Planner options for a list of poses: lines keep as much clearance as transits, and there are no looks."""
+    """Planner options for a list of poses: lines keep the same clearance as transits, and the arm never looks."""
     return replace(options_of(task, speed), line_clearance=task.cell.clearance, look="never")
 
 
 def limits_digest(cell: Cell) -> str:
-    """Hash of the limits for planning: unit and registers."""
+    """Hash of the limits that plans keep: unit and registers."""
     registers = {"speed": list(cell.speed_registers), "acceleration": list(cell.acceleration_registers)}
     return sha256({"unit": cell.unit.digest, **registers})
 
@@ -75,27 +75,28 @@ def plan_fingerprint(task: Task) -> dict[str, Any]:
 
     `notes` are not compared (`arm.plan_file.Plan.notes`).
     """
+    cell = task.cell
     return {
         "notes": {"a465": version("a465")},
-        "limits": limits_digest(task.cell),
-        "calibration": task.cell.camera.digest,
-        "calibration_id": task.cell.calibration.id if task.cell.calibration is not None else "none",
+        "limits": limits_digest(cell),
+        "calibration": cell.camera.digest,
+        "calibration_id": cell.calibration.id if cell.calibration is not None else "none",
         "task": task.digest,
-        "inputs": {"task": dict(task.inputs), "cell": dict(task.cell.inputs)},
+        "inputs": {"task": dict(task.inputs), "cell": dict(cell.inputs)},
         "seed": task.seed,
     }
 
 
-def require_above_table(task: Task, seen: Observation) -> None:
+def require_above_table(task: Task, observation: Observation) -> None:
     """Require that all holes were seen above the table.
 
     Raises:
-        ImpossibleError: names holes that were not, by how much, and the keys of the cell file; data: below_mm.
+        ImpossibleError: names the holes below it, by how much, and the keys of the cell file; data: below_mm.
     """
     cell = task.cell
     below = {
         hole.name: 1e3 * (cell.table_z - float(hole.T_base_hole[2, 3]))
-        for board in seen.boards
+        for board in observation.boards
         if board.name in {b.name for b in task.boards}
         for hole in board.pose.holes
         if hole.T_base_hole[2, 3] < cell.table_z
@@ -114,24 +115,24 @@ def require_above_table(task: Task, seen: Observation) -> None:
     )
 
 
-def hole_stations(task: Task, seen: Observation) -> tuple[Station, ...]:
+def hole_stations(task: Task, observation: Observation) -> tuple[Station, ...]:
     """All holes of the task's boards as stations; at the target, cubes are released slightly above the hole."""
     gaps = {b.name: 0.0 if b is task.from_board else RELEASE_GAP for b in task.boards}
     return tuple(
         hole_station(task.cell, hole, gaps[board.name])
-        for board in seen.boards
+        for board in observation.boards
         if board.name in gaps
         for hole in board.pose.holes
     )
 
 
-def reach_of(task: Task, seen: Observation, speed: float | None = None) -> ReachTable:
+def reach_of(task: Task, observation: Observation, speed: float | None = None) -> ReachTable:
     """The planner's table of reach for all holes of the task's boards, over all branches and the cube's four yaws.
 
     Args:
-        speed: planned for, which matters near singular configurations; default: the cell's.
+        speed: for which to plan, which matters near singular configurations; default: the cell's.
     """
-    return _reach(task, hole_stations(task, seen), speed)
+    return _reach(task, hole_stations(task, observation), speed)
 
 
 def _reach(task: Task, stations: Iterable[Station], speed: float | None) -> ReachTable:
@@ -143,9 +144,9 @@ def _reach(task: Task, stations: Iterable[Station], speed: float | None) -> Reac
     )
 
 
-def reachable_places(task: Task, seen: Observation, speed: float | None = None) -> tuple[Station, ...]:
-    """The uncovered table places that the arm can reach (Task 1), in order of preference."""
-    stations = free_table_stations(task, seen.poses)
+def reachable_places(task: Task, observation: Observation, speed: float | None = None) -> tuple[Station, ...]:
+    """The places on the table that no board covers and the arm can reach, in order of preference."""
+    stations = free_table_stations(task, observation.poses)
     if not stations:
         return ()
     table = _reach(task, stations, speed)
@@ -154,7 +155,7 @@ def reachable_places(task: Task, seen: Observation, speed: float | None = None) 
 
 def request_of(
     task: Task,
-    seen: Observation,
+    observation: Observation,
     q_from: Array,
     speed: float,
     done: Mapping[str, str],
@@ -165,30 +166,30 @@ def request_of(
 
     Args:
         task: the task.
-        seen: the last observation.
+        observation: boards and the occupancy of their holes, from the last look.
         q_from: configuration from which the arm starts, at rest, (6,) rad.
-        speed: planned for.
-        done: present place of each moved cube.
-        on_table: pose of the centre of each cube that was set down on the table.
-        skip: holes of the source board (0 to 3) whose cube is not tried again.
+        speed: for which to plan.
+        done: present place of each moved cube, by its name.
+        on_table: pose of the centre of each cube that was set down on the table, by its name.
+        skip: holes of the source board (0 to 3) whose cube must stay.
 
     Raises:
         ImpossibleError: more cubes than free places, or a board was not detected.
     """
-    source = seen.board(task.from_board.name)
+    source = observation.board(task.from_board.name)
     if source is None:
         raise ImpossibleError(f"board {task.from_board.name} was not found", board=task.from_board.name)
-    stations = {s.name: s for s in hole_stations(task, seen)}
-    left_out = set(skip)
+    stations = {s.name: s for s in hole_stations(task, observation)}
+    skipped = set(skip)
     picks = [
-        h for h in source.holes("cube", "unsure") if h.index not in left_out and cube_name(h.name) not in done
+        h for h in source.holes("cube", "unsure") if h.index not in skipped and cube_name(h.name) not in done
     ]
     for hole in picks:
         _require_seat(hole, source.occupancy[hole.index])
     filled = set(done.values())
-    target = None if task.to_board is None else seen.board(task.to_board.name)
+    target = None if task.to_board is None else observation.board(task.to_board.name)
     if task.to_board is None:
-        goals = [s for s in reachable_places(task, seen, speed) if s.name not in filled]
+        goals = [s for s in reachable_places(task, observation, speed) if s.name not in filled]
     elif target is not None:
         goals = [stations[h.name] for h in target.holes("empty") if h.name not in filled]
     else:
@@ -200,14 +201,14 @@ def request_of(
         Transfer(cube_name(hole.name), stations[hole.name], goal)
         for hole, goal in zip(picks, goals, strict=False)
     )
-    request = empty_request(task, seen, q_from, speed, on_table)
+    request = empty_request(task, observation, q_from, speed, on_table)
     return replace(request, transfers=tuple(transfers), places=tuple(goals[len(picks) :]))
 
 
 def _too_few(
     cubes: int, goals: Sequence[Station], target: ObservedBoard | None, filled: Set[str]
 ) -> ImpossibleError:
-    """More cubes than free places; `filled` has the names of those that cubes were moved to."""
+    """The error for more cubes than free places; `filled`: places to which cubes were moved."""
     notes, cure = "", "clear the target board, or give the task file more places"
     if target is not None:
         free = {goal.name for goal in goals}
@@ -223,16 +224,16 @@ def _too_few(
 
 
 def empty_request(
-    task: Task, seen: Observation, q_from: Array, speed: float, on_table: Mapping[str, Array]
+    task: Task, observation: Observation, q_from: Array, speed: float, on_table: Mapping[str, Array]
 ) -> Request:
-    """A request that moves no cube; for the arguments see `request_of`."""
+    """A request that moves no cube; see `request_of` for the arguments."""
     cell = task.cell
-    scene = build_scene(cell, seen, on_table)
+    scene = build_scene(cell, observation, on_table)
     return Request(scene, (), q_from, cell.unit, cell.limits, options_of(task, speed))
 
 
 def _require_seat(hole: HolePose, occupancy: Occupancy) -> None:
-    """Require a seated cube: jaws that close on a cube beside its seat push it, and the palm may hit it.
+    """Require a seated cube. Jaws that close on a cube beside its seat push it, and the palm may hit it.
 
     Raises:
         ImpossibleError: the hole shows something other than a seated cube.
@@ -258,46 +259,43 @@ def _named(task: Task) -> dict[str, Any]:
 
 def plan_rest(
     task: Task,
-    seen: Observation,
+    observation: Observation,
     q_from: Array,
     speed: float,
     done: Mapping[str, str],
     on_table: Mapping[str, Array],
     skip: Iterable[int] = (),
 ) -> Plan | None:
-    """Plan the rest of a task from rest at `q_from`; None if nothing is left.
+    """Plan the rest of a task from rest at `q_from`; return None if nothing is left.
+
+    For the arguments see `request_of`.
 
     Raises:
-        ImpossibleError: with step, hole, joint or pair of bodies and how much.
+        ImpossibleError: there is no plan; names the step, and the hole, joint or pair of bodies, with the margin.
     """
-    require_above_table(task, seen)
-    request = request_of(task, seen, q_from, speed, done, on_table, skip)
+    require_above_table(task, observation)
+    request = request_of(task, observation, q_from, speed, done, on_table, skip)
     return request.plan(plan_fingerprint(task), _named(task))
 
 
 def plan_to_start(
-    task: Task, seen: Observation | None, q_from: Array, speed: float, on_table: Mapping[str, Array]
+    task: Task, observation: Observation | None, q_from: Array, speed: float, on_table: Mapping[str, Array]
 ) -> Plan | None:
-    """Plan a motion to q_start, avoiding what was seen or, without a look, the whole zone; None if the arm is there.
+    """Plan a motion to q_start; return None if the arm is there.
+
+    It avoids the observed boards and cubes or, without an observation, the whole zone for boards.
 
     Raises:
         ImpossibleError: there is no such motion.
     """
-    scene = unseen_scene(task.cell) if seen is None else build_scene(task.cell, seen, on_table)
-    return plan_joint_motion(
-        scene,
-        q_from,
-        task.cell.q_start,
-        task.cell.unit,
-        task.cell.limits,
-        options_of(task, speed),
-        plan_fingerprint(task),
-        _named(task),
-    )
+    cell, options = task.cell, options_of(task, speed)
+    scene = unseen_scene(cell) if observation is None else build_scene(cell, observation, on_table)
+    inputs = plan_fingerprint(task), _named(task)
+    return plan_joint_motion(scene, q_from, cell.q_start, cell.unit, cell.limits, options, *inputs)
 
 
 def plan_retreat_from(
-    task: Task, seen: Observation, approach: Move, speed: float, on_table: Mapping[str, Array]
+    task: Task, observation: Observation, approach: Move, speed: float, on_table: Mapping[str, Array]
 ) -> tuple[Move, ...]:
     """Plan the retract with empty jaws from the end of `approach`.
 
@@ -306,5 +304,6 @@ def plan_retreat_from(
     """
     cell = task.cell
     q = cell.unit.positions(approach.path.end)
-    scene, options = build_scene(task.cell, seen, on_table), options_of(task, speed)
-    return plan_retreat(scene, q, cell.unit, cell.limits, options)
+    return plan_retreat(
+        build_scene(cell, observation, on_table), q, cell.unit, cell.limits, options_of(task, speed)
+    )

@@ -40,7 +40,7 @@ _LONGEST_MS = 60_000  # of a segment in a plan file
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """A pose or configuration with the actions there, arm at rest; `entry` None: the start."""
+    """A pose or configuration, and the actions while the arm rests there; `entry` None: the start."""
 
     entry: Entry | None
     actions: tuple[Entry, ...]
@@ -50,28 +50,26 @@ class _Place:
         return "the start" if self.entry is None else self.entry.name
 
     @property
-    def rest_s(self) -> float:
-        return sum(action.dwell_s for action in self.actions)
-
-    @property
-    def acts(self) -> bool:
-        return any(action.jaws is not None or action.dwell_s > 0.0 for action in self.actions)
+    def q(self) -> Array | None:
+        return None if self.entry is None else self.entry.q
 
 
 @dataclass(frozen=True, eq=False)
 class _Leg:
-    """Poses before a configuration; `goal` None: the last pose is the end."""
+    """Poses before a configuration; `goal` None: the leg ends at its last pose."""
 
     through: tuple[_Place, ...]
     goal: _Place | None
 
 
-def plan_pose_list(task: Task, seen: Observation | None, poses: PoseList, speed: float, back: bool) -> Plan:
+def plan_pose_list(
+    task: Task, observation: Observation | None, poses: PoseList, speed: float, back: bool
+) -> Plan:
     """Plan from rest at the cell's q_start through the whole list.
 
     Args:
         task: with the cell; for a cell file alone, see `cell.files.place`.
-        seen: boards and cubes, or None for table and walls alone.
+        observation: boards and cubes, or None for table and walls alone.
         poses: the list.
         speed: factor on velocities.
         back: whether the arm returns to q_start at the end.
@@ -80,18 +78,28 @@ def plan_pose_list(task: Task, seen: Observation | None, poses: PoseList, speed:
         InputError: a configuration beyond the joint limits; a value that `plan.waypoints.target.Target` refuses.
         ImpossibleError: a pose is out of reach, a body is too close, or there is no clear path; names the entry.
     """
-    return _Planner(task, seen, poses, speed).plan(back)
+    return _Planner(task, observation, poses, speed).plan(back)
 
 
 class _Planner:
-    def __init__(self, task: Task, seen: Observation | None, poses: PoseList, speed: float) -> None:
+    """Build the plan of a list, leg by leg.
+
+    Attributes:
+        fraction_closed: of the jaws after the steps so far.
+        at: counts at the end of the steps so far.
+        steps: of the plan.
+        reached: name and configuration of each pose and configuration, in order.
+        stopped: why a search ended early, one line each.
+    """
+
+    def __init__(self, task: Task, observation: Observation | None, poses: PoseList, speed: float) -> None:
         self.task, self.cell, self.poses = task, task.cell, poses
         self.options = pose_list_options(task, speed)
         self.closes = any(entry.jaws for entry in poses.entries)
         self.scene = Scene(self.cell.robot(), self.cell.robot(self.cell.cube_size), self.cell.fixed, ())
-        if seen is not None:
-            self.scene = build_scene(self.cell, seen)
-        # if the jaws close, what they hold is unknown: the fingers are extended to meet each other
+        if observation is not None:
+            self.scene = build_scene(self.cell, observation)
+        # if the jaws close, their content is unknown, so the fingers are extended until they meet
         self.robot: Robot = with_any_jaws(self.scene.robot_open) if self.closes else self.scene.robot_open
         self.bodies: tuple[Body, ...] = (*self.scene.bodies, *self.scene.cubes)
         self.world = World(self.robot, self.bodies)
@@ -104,10 +112,10 @@ class _Planner:
     def plan(self, back: bool) -> Plan:
         places = _places(self.poses.entries)
         for place in places:
-            self.require(place.entry)
+            if place.entry is not None and place.entry.q is not None:
+                self.require(place.entry, place.entry.q)
         self.act(places[0])
-        legs = _legs(places[1:])
-        for leg in legs:
+        for leg in _legs(places[1:]):
             self.leg(leg, None)
         if back:
             self.leg(_Leg((), None), self.cell.q_start)
@@ -128,15 +136,13 @@ class _Planner:
             stated["notes"]["search"] = "; ".join(self.stopped)
         return plan_of(self.scene, self.steps, self.cell.unit, self.cell.limits, self.options, stated, task)
 
-    def require(self, entry: Entry | None) -> None:
+    def require(self, entry: Entry, q: Array) -> None:
         """Require that a configuration is within limits and clear."""
-        if entry is None or entry.q is None:
-            return
-        rule = self.cell.unit.beyond_limits(entry.q)
+        rule = self.cell.unit.beyond_limits(q)
         if rule:
-            degrees = [round(float(v), 3) for v in np.degrees(entry.q)]
+            degrees = [round(float(v), 3) for v in np.degrees(q)]
             raise FileInputError(self.poses.file, entry.key, degrees, f"in deg: {rule}")
-        closest = self.world.distance(entry.q)
+        closest = self.world.distance(q)
         if closest.value < self.cell.clearance:
             raise ImpossibleError(
                 f"{self.poses.file}: {entry.key} ({entry.name}): "
@@ -149,8 +155,9 @@ class _Planner:
             )
 
     def leg(self, leg: _Leg, q_end: Array | None) -> None:
+        """Append the moves of a leg, and the actions at its goal; `q_end`: the goal of a leg without one."""
         q = self.cell.unit.positions(self.at)
-        goal = leg.goal.entry.q if leg.goal is not None and leg.goal.entry is not None else q_end
+        goal = q_end if leg.goal is None else leg.goal.q
         try:
             if leg.through:
                 self.through(leg, q, goal)
@@ -158,7 +165,7 @@ class _Planner:
                 self.transit(q, goal, "q_start" if leg.goal is None else leg.goal.name)
         except ImpossibleError as error:
             raise self.located(error, leg) from error
-        if leg.goal is not None and leg.goal.entry is not None and leg.goal.entry.q is not None:
+        if leg.goal is not None:
             self.reached.append((leg.goal.name, self.cell.unit.positions(self.at)))
             self.act(leg.goal)
 
@@ -196,6 +203,8 @@ class _Planner:
         if entry is None or entry.T is None:
             raise ImpossibleError(f"{place.name} is not a pose; this is a bug of the planner")
         T_base_tool = entry.T if entry.frame == "tool" else frozen(mul(entry.T, self.robot.T_end_tool))
+        acts = any(action.jaws is not None or action.dwell_s > 0.0 for action in place.actions)
+        rest_s = sum(action.dwell_s for action in place.actions)
         try:
             return Target(
                 entry.name,
@@ -206,19 +215,19 @@ class _Planner:
                 retract=entry.retract,
                 speed=entry.speed,
                 blend_radius=entry.within,
-                dwell_s=max(place.rest_s, self.cell.settle_s, 1e-3) if place.acts else 0.0,
+                dwell_s=max(rest_s, self.cell.settle_s, 1e-3) if acts else 0.0,
             )
         except InputError as error:
             raise FileInputError(self.poses.file, entry.key, None, str(error)) from error
 
     def move(self, move: Move, name: str) -> None:
-        """Append a move; in a plan file any move that keeps the cell's clearance is a transit."""
+        """Append a move. A plan file calls every move that keeps the cell's clearance a transit."""
         opening = self.cell.gripper.width(self.fraction_closed)
         self.steps.append(replace(move, name=name, role="transit", cube=None, jaw_opening=opening))
         self.at = np.array(move.path.end, dtype=np.int64)
 
     def act(self, place: _Place) -> None:
-        """Append the actions at a place, in the order of the file; the jaws before the dwell."""
+        """Append the actions at a place in the order of the file; in one entry the jaws act before the dwell."""
         for action in place.actions:
             if action.jaws is not None:
                 word = "close" if action.jaws > 0.0 else "open"
@@ -233,12 +242,8 @@ class _Planner:
         """Append a dwell: segments of zero length, certified like all others."""
         left_ms = round(1e3 * dwell_s)
         zero = ((0,) * len(self.at),) * 3
-        path = CountPath(
-            tuple(int(c) for c in self.at),
-            tuple(
-                Segment(min(_LONGEST_MS, left_ms - begin), zero) for begin in range(0, left_ms, _LONGEST_MS)
-            ),
-        )
+        lengths_ms = [min(_LONGEST_MS, left_ms - begin) for begin in range(0, left_ms, _LONGEST_MS)]
+        path = CountPath(tuple(int(c) for c in self.at), tuple(Segment(ms, zero) for ms in lengths_ms))
         if not path.segments:
             return
         check = certify_move(self.world, path, self.cell.unit, self.cell.clearance)
@@ -267,13 +272,12 @@ class _Planner:
         )
 
     def located(self, error: ImpossibleError, leg: _Leg) -> ImpossibleError:
-        """The error with the file and its entry, or the entries between which it happened."""
-        places = [*leg.through, *([leg.goal] if leg.goal is not None else [])]
-        entries = [place.entry for place in places if place.entry is not None]
+        """Return the error with the file and its entry, or the entries between which it arose."""
+        entries = [
+            place.entry for place in (*leg.through, leg.goal) if place is not None and place.entry is not None
+        ]
         about = [e for e in entries if e.name == error.data.get("target")] or entries
-        where = (
-            " to ".join(dict.fromkeys(e.key for e in (about[0], about[-1]))) if about else "return to q_start"
-        )
+        where = " to ".join(dict.fromkeys(e.key for e in (*about[:1], *about[-1:]))) or "return to q_start"
         data = {k: v for k, v in error.data.items() if k != "entry"}
         return ImpossibleError(f"{self.poses.file}: {where}: {error}", entry=where, **data)
 
@@ -293,7 +297,7 @@ def _legs(places: Sequence[_Place]) -> list[_Leg]:
     legs: list[_Leg] = []
     through: list[_Place] = []
     for place in places:
-        if place.entry is not None and place.entry.q is not None:
+        if place.q is not None:
             legs.append(_Leg(tuple(through), place))
             through = []
         else:

@@ -1,11 +1,11 @@
 """Resume after a stop, from where the arm is and with what the jaws and boards hold now.
 
-The stopped plan is never replayed; it only gives the transfers and the planned positions.
+The stopped plan is never executed again. It only states the transfers, and the planned positions of boards and cubes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,6 @@ from arm.numerics.products import mul, norm
 from arm.plan_file import GripperStep, Move, Plan
 from arm.se3 import Array, frozen, inverse
 from cell.files.task import Task
-from cell.report.cubes import CubeRow
 from cell.scene.build import (
     RELEASE_GAP,
     T_base_cube_on_table,
@@ -24,7 +23,7 @@ from cell.scene.build import (
     hole_station,
     table_station,
 )
-from cell.session.grasp_monitor import grip_of
+from cell.session.grasp_monitor import why_no_grip
 from cell.task.confirm_placed import NOT_CONFIRMED, seated
 from cell.task.plan_matches import planned_observation, under
 from cell.task.planning import options_of, plan_fingerprint
@@ -33,8 +32,8 @@ from plan.pick_place.recovery import InJaws, place_held_object, plan_retreat
 from plan.scene import Station, scene_from_json
 from vision.observation import Observation
 
-STANDS = 3e-3  # m; jaws this close to open or shut count as such
-NEAR_PATH = np.radians(2.0)  # of a carrying move of the plan, to identify the cube in the jaws
+STANDS = 3e-3  # m; jaws this close to fully open or shut count as open or shut
+NEAR_PATH = np.radians(2.0)  # an arm this close to a carrying move of the plan holds the cube of that move
 
 
 @dataclass(frozen=True)
@@ -65,59 +64,62 @@ def resume(run: TaskRun, plan: Plan) -> None:
     counts, closed = mars.settled_counts(), mars.jaws()
     degrees = ", ".join(f"{d:.1f}" for d in np.degrees(cell.unit.positions(counts)))
     run.console.step(f"the arm stands at [{degrees}] deg, the jaws are {abs(round(100 * closed))} % closed")
-    look = run.see("from where the arm stands", arm_in_view=True)
-    seen = _known(look, task, plan)
+    observed = run.see("from where the arm stands", arm_in_view=True)
+    observation = _known(observed, task, plan)
     width = cell.gripper.width(closed)
-    why_not = grip_of(cell).why_not(width)
+    why_not = why_no_grip(cell, width)
     if not why_not:
-        carried = carried_by(task, plan, counts, look)
+        carried = carried_by(task, plan, counts, observed)
         run.console.step(f"{carried.transfer['cube']} is in the jaws; its target is {carried.transfer['to']}")
-        _set_down(run, plan, seen, carried, closed)
+        _set_down(run, plan, observation, carried, closed)
     else:
         if cell.gripper.shut + STANDS < width < cell.gripper.opening - STANDS:
             run.tell(f"no cube is in the jaws: {why_not}; they open where the arm stands")
         run.on_table = _on_table(task, plan)
         if mars.gripper(0.0).stalled:
             raise ExecutionStopped("the jaws do not open: something blocks them; the arm has not moved")
-        _leave(run, seen)
-    seen = run.look("from q_start")
-    run.confirm_placed(seen)
-    _take_stock(run, plan, seen)
-    run.check_reach(seen)
-    run.move_cubes(seen)
+        _leave(run, observation)
+    observation = run.look("from q_start")
+    run.confirm_placed(observation)
+    _take_stock(run, plan, observation)
+    run.check_reach(observation)
+    run.move_cubes(observation)
 
 
-def _known(seen: Observation, task: Task, plan: Plan) -> Observation:
-    """Boards as seen, or as planned if the arm hides them, with a cube wherever one may be."""
+def _known(observation: Observation, task: Task, plan: Plan) -> Observation:
+    """Boards as observed, or as planned if the arm hides them, with a cube wherever one may be."""
     cell = task.cell
     scene = scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
     planned = planned_observation(cell, scene, (transfer["to"] for transfer in plan.task["cubes"]))
-    boards = [b if (now := seen.board(b.name)) is None else replace(b, pose=now.pose) for b in planned.boards]
-    return Observation((*boards, *(b for b in seen.boards if planned.board(b.name) is None)))
+    boards = [
+        b if (now := observation.board(b.name)) is None else replace(b, pose=now.pose) for b in planned.boards
+    ]
+    return Observation((*boards, *(b for b in observation.boards if planned.board(b.name) is None)))
 
 
-def _on_table(task: Task, plan: Plan) -> dict[str, Array]:
-    """Cubes that may be on the table: those of the plan's scene, and one at each of its targets."""
+def _on_table(task: Task, plan: Plan, free: Collection[str] = ()) -> dict[str, Array]:
+    """Cubes that may be on the table: those of the plan's scene, and one at each of its targets but those in `free`."""
     if task.places is None:
         return {}
     had = [c["name"].removeprefix(cube_name("")) for c in plan.scene["cubes"]]
     places = [p for p in had if p.startswith("table/")] + [t["to"] for t in plan.task["cubes"]]
-    return {cube_name(place): T_base_cube_on_table(task, place) for place in places}
+    return {cube_name(place): T_base_cube_on_table(task, place) for place in places if place not in free}
 
 
-def carried_by(task: Task, plan: Plan, counts: tuple[int, ...], seen: Observation) -> Carried:
+def carried_by(task: Task, plan: Plan, counts: tuple[int, ...], observation: Observation) -> Carried:
     """Identify the cube in the jaws by the arm's position on the plan, or else by the hole that is empty.
 
     Args:
+        task, plan: the task and its stopped plan.
         counts: of the arm.
-        seen: from there, without what the arm hides.
+        observation: from there; boards that the arm hides are missing.
 
     Raises:
         ImpossibleError: neither identifies it.
     """
     cell = task.cell
     q = cell.unit.positions(counts)
-    transfer = _carried_near(task, plan, q) or _missing(seen, plan)
+    transfer = _carried_near(task, plan, q) or _missing(observation, plan)
     if transfer is None:
         raise ImpossibleError(
             "a cube is in the jaws, but it cannot be identified: the arm is not on a move that carries one, and the "
@@ -133,7 +135,7 @@ def carried_by(task: Task, plan: Plan, counts: tuple[int, ...], seen: Observatio
 
 
 def _carried_near(task: Task, plan: Plan, q: Array) -> dict[str, str] | None:
-    """The transfer with a carrying move close to the arm's configuration, or None."""
+    """The transfer whose carrying move passes closest to the arm's configuration; None if none is near."""
     unit = task.cell.unit
     best: tuple[float, dict[str, str] | None] = (NEAR_PATH, None)
     for move in plan.moves:
@@ -144,50 +146,53 @@ def _carried_near(task: Task, plan: Plan, q: Array) -> dict[str, str] | None:
     return best[1]
 
 
-def _missing(seen: Observation, plan: Plan) -> dict[str, str] | None:
+def _missing(observation: Observation, plan: Plan) -> dict[str, str] | None:
     """The only transfer whose cube is certainly at neither of its places; None if there is not exactly one."""
     gone = [
         transfer
         for transfer in plan.task["cubes"]
-        if seen.state(transfer["from"]) == "empty" and seen.state(transfer["to"]) in (None, "empty")
+        if observation.state(transfer["from"]) == "empty"
+        and observation.state(transfer["to"]) in (None, "empty")
     ]
     return gone[0] if len(gone) == 1 else None
 
 
-def _touched(task: Task, seen: Observation, transfer: dict[str, str], T_base_tool: Array) -> frozenset[str]:
-    """What the held cube may touch: the board or table of a place whose approach line the tool is on."""
+def _touched(
+    task: Task, observation: Observation, transfer: dict[str, str], T_base_tool: Array
+) -> frozenset[str]:
+    """What the held cube may touch: the board or table of each place of the transfer that the tool is near."""
     reach_m = 1.2 * options_of(task, 1.0).offset
     near = []
     for place in (transfer["from"], transfer["to"]):
-        T = _station(task, seen, place).T_base_tool[0]
+        T = _station(task, observation, place).T_base_tool[0]
         if norm(T_base_tool[:3, 3] - T[:3, 3]) < reach_m:
             near.append(under(place))
     return frozenset(near)
 
 
-def _station(task: Task, seen: Observation, place: str) -> Station:
+def _station(task: Task, observation: Observation, place: str) -> Station:
     """The station of a place, at its present pose."""
     board, _, number = place.rpartition("/")
     if board == "table" and task.places is not None:
         return table_station(task, place)
-    found = seen.board(board)
+    found = observation.board(board)
     if found is None:
         raise ImpossibleError(f"board {board} was not seen, so its holes are not known", board=board)
     return hole_station(task.cell, found.pose.holes[int(number) - 1], RELEASE_GAP)
 
 
-def _set_down(run: TaskRun, plan: Plan, seen: Observation, carried: Carried, closed: float) -> None:
+def _set_down(run: TaskRun, plan: Plan, observation: Observation, carried: Carried, closed: float) -> None:
     task, cell, transfer = run.task, run.task.cell, carried.transfer
-    run.on_table = {k: T for k, T in _on_table(task, plan).items() if k != cube_name(transfer["to"])}
-    scene = build_scene(cell, seen.with_states({transfer["to"]: "empty"}), run.on_table)
+    run.on_table = _on_table(task, plan, (transfer["to"],))
+    scene = build_scene(cell, observation.with_states({transfer["to"]: "empty"}), run.on_table)
     others = [t for t in plan.task["cubes"] if t != transfer]
     q = run.q_now()
-    touches = _touched(task, seen, transfer, scene.robot_open.T_base_tool(q))
+    touches = _touched(task, observation, transfer, scene.robot_open.T_base_tool(q))
     made = place_held_object(
         scene,
         q,
         replace(carried.jaws, touches=touches),
-        _station(task, seen, transfer["to"]),
+        _station(task, observation, transfer["to"]),
         cell.q_start,
         cell.unit,
         cell.limits,
@@ -196,34 +201,28 @@ def _set_down(run: TaskRun, plan: Plan, seen: Observation, carried: Carried, clo
         {"name": task.name, "kind": task.kind, "cubes": [transfer, *others]},
     )
     run.keep(made, "set-down")
-    let_go = 1 + next(i for i, s in enumerate(made.steps) if isinstance(s, GripperStep))
-    row = CubeRow(transfer["from"], transfer["to"])
-    run.rows.append(row)
-    run.finish_carry(made.steps[:let_go], made.steps[let_go:], transfer, closed, row, seen)
+    release = 1 + next(i for i, s in enumerate(made.steps) if isinstance(s, GripperStep))
+    row = run.add_row(transfer)
+    run.carry(made.steps[:release], transfer, closed, row, observation)
+    row.add_motion(made.steps)
+    run.execute(made.steps[release:])
 
 
-def _back_out_of(
-    task: Task,
-    seen: Observation,
-    q: Array,
-    speed: float,
-    on_table: Mapping[str, Array],
-    blocked: ImpossibleError,
-) -> tuple[Move, ...]:
-    """Plan a retract with open jaws, along the tool, from `q` (6,) rad where the arm was stopped.
+def _back_out(run: TaskRun, observation: Observation, blocked: ImpossibleError) -> tuple[Move, ...]:
+    """Plan a retract along the tool with open jaws, from where the arm was stopped.
 
-    If the whole length is not clear, shorter ones are tried: the arm may have been near the end of its line.
+    If the whole length is not clear, shorter ones are tried: the arm may have been near the end of its approach line.
 
     Raises:
         ImpossibleError: there is none; names its obstacle and that of `blocked`, the motion to q_start.
     """
-    cell, scene, options = task.cell, build_scene(task.cell, seen, on_table), options_of(task, speed)
+    cell, q, options = run.task.cell, run.q_now(), options_of(run.task, run.speed)
+    scene = build_scene(cell, observation, run.on_table)
     refused: ImpossibleError | None = None
-    for part in (1.0, 0.6, 0.3):
+    for share in (1.0, 0.6, 0.3):
         try:
-            return plan_retreat(
-                scene, q, cell.unit, cell.limits, replace(options, offset=part * options.offset)
-            )
+            shorter = replace(options, offset=share * options.offset)
+            return plan_retreat(scene, q, cell.unit, cell.limits, shorter)
         except ImpossibleError as error:
             refused = refused or error
     raise ImpossibleError(
@@ -234,17 +233,17 @@ def _back_out_of(
     )
 
 
-def _leave(run: TaskRun, seen: Observation) -> None:
+def _leave(run: TaskRun, observation: Observation) -> None:
     """Go to q_start with empty jaws, backing out first if the arm is on an approach or retract."""
     try:
-        run.go_to_start(seen)
+        run.go_to_start(observation)
     except ImpossibleError as blocked:
         run.console.step("the arm is close to an obstacle: it backs out along the jaws first")
-        run.execute(_back_out_of(run.task, seen, run.q_now(), run.speed, run.on_table, blocked))
-        run.go_to_start(seen)
+        run.execute(_back_out(run, observation, blocked))
+        run.go_to_start(observation)
 
 
-def _take_stock(run: TaskRun, plan: Plan, seen: Observation) -> None:
+def _take_stock(run: TaskRun, plan: Plan, observation: Observation) -> None:
     """Mark the cubes that the look shows at their targets as done.
 
     A cube that is not certainly seated is left where it is, and the run ends as not confirmed.
@@ -253,35 +252,28 @@ def _take_stock(run: TaskRun, plan: Plan, seen: Observation) -> None:
         ExecutionStopped: a cube is certainly neither at its source nor at its target.
     """
     task = run.task
-    run.on_table = {
-        name: T
-        for name, T in _on_table(task, plan).items()
-        if name not in {cube_name(transfer["to"]) for transfer in plan.task["cubes"]}
-    }
+    run.on_table = _on_table(task, plan, [transfer["to"] for transfer in plan.task["cubes"]])
     unsure = 0
     for transfer in plan.task["cubes"]:
-        if seen.state(transfer["from"]) != "empty":
+        if observation.state(transfer["from"]) != "empty":
             continue
         if task.places is not None:
             run.on_table[cube_name(transfer["to"])] = T_base_cube_on_table(task, transfer["to"])
         if transfer["cube"] in run.done:
             continue  # released in this run, so the look has judged it
-        state, sits = (
-            seen.state(transfer["to"]),
-            seated(task, seen, transfer["to"], run.widths.get(transfer["cube"])),
-        )
-        if state not in (None, "cube") or (state == "cube" and sits.state == "off"):
-            why = sits.reason if state == "cube" else f"that hole looks {state}"
+        state = observation.state(transfer["to"])
+        seat = seated(task, observation, transfer["to"], run.widths.get(transfer["cube"]))
+        if state not in (None, "cube") or (state == "cube" and seat.state == "off"):
+            why = seat.reason if state == "cube" else f"that hole looks {state}"
             raise ExecutionStopped(
                 f"the cube of {transfer['from']} is not confirmed in {transfer['to']}: {why}; correct or remove it, "
                 "and run again; the arm is at q_start",
                 cube=transfer["cube"],
             )
         run.done[transfer["cube"]] = transfer["to"]  # so that no other cube is placed there
-        if sits.state != "seated":
+        if seat.state != "seated":
             unsure += 1
-            row = CubeRow(transfer["from"], transfer["to"])
-            row.remarks.append(f"{NOT_CONFIRMED}: it is not certainly seated: {sits.reason}")
-            run.rows.append(row)
+            row = run.add_row(transfer)
+            row.remarks.append(f"{NOT_CONFIRMED}: it is not certainly seated: {seat.reason}")
             run.tell(f"{row.source} to {row.target} {row.remarks[-1]}")
     run.console.step(f"{len(run.done) - unsure} of {len(plan.task['cubes'])} cubes are where they should be")

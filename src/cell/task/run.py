@@ -16,7 +16,7 @@ from cell.report.cubes import CubeRow, judge_release
 from cell.report.run_report import TO_START
 from cell.scene.build import T_base_cube_on_table, cube_name
 from cell.session.budget import spending
-from cell.session.grasp_monitor import GraspMonitor, grip_of
+from cell.session.grasp_monitor import GraspMonitor, why_no_grip
 from cell.session.speed import tool_words
 from cell.task.confirm_placed import require_confirmed, unseen_places, width_at
 from cell.task.cube_cycles import CubeCycle, cube_cycles
@@ -31,20 +31,22 @@ from vision.occupancy.seated import CubeWidth
 class TaskRun(OpenRun):
     """A run that moves cubes; every public method is one stage. Constructed like `OpenRun`."""
 
-    def check_reach(self, seen: Observation) -> None:
+    def check_reach(self, observation: Observation) -> None:
         """Require that every hole of the task's boards is in reach.
 
         Raises:
-            ImpossibleError: names each that is not, and by how much.
+            ImpossibleError: names each hole that is not, and by how much.
         """
-        table = reach_of(self.task, seen, self.speed)
+        table = reach_of(self.task, observation, self.speed)
         q_start, rest = self.task.cell.q_start, (self.done, self.on_table, self.given_up)
-        with explain_failure(self.task, seen, q_start, self.speed, self.advice, *rest, every_hole=True):
+        with explain_failure(
+            self.task, observation, q_start, self.speed, self.advice, *rest, every_hole=True
+        ):
             table.require()
         least = min(float(np.degrees(h.best.margin)) for h in table.holes)
         self.console.step(f"reach: all {len(table.holes)} holes, at least {least:.1f} deg from every limit")
 
-    def foresee(self, seen: Observation) -> bool:
+    def foresee(self, observation: Observation) -> bool:
         """Plan the whole task from q_start before anything moves, so that an impossible task is refused here.
 
         Returns:
@@ -53,11 +55,13 @@ class TaskRun(OpenRun):
         Raises:
             ImpossibleError: names step, hole, joint or pair of bodies and how much.
         """
-        self.check_reach(seen)
+        self.check_reach(observation)
         q_start = self.task.cell.q_start
-        explaining = explain_failure(self.task, seen, q_start, self.speed, self.advice, every_hole=True)
+        explaining = explain_failure(
+            self.task, observation, q_start, self.speed, self.advice, every_hole=True
+        )
         with self.console.doing("planning"), explaining, spending(self.budget):
-            plan = plan_rest(self.task, seen, q_start, self.speed, {}, {})
+            plan = plan_rest(self.task, observation, q_start, self.speed, {}, {})
         if plan is None:
             self.console.step(f"board {self.task.from_board.name} holds no cube: nothing to do")
             return False
@@ -65,30 +69,30 @@ class TaskRun(OpenRun):
         self.console.step(
             f"foreseen: {len(plan.task['cubes'])} cubes in {plan.duration_s:.1f} s of motion, {speed}"
         )
-        hidden = unseen_places(self.task, seen, [c["to"] for c in plan.task["cubes"]])
+        hidden = unseen_places(self.task, observation, [c["to"] for c in plan.task["cubes"]])
         if hidden:
             self.tell(hidden)
         return True
 
-    def go_to_start(self, seen: Observation | None) -> None:
-        """Go to q_start, avoiding what was seen or, without a look, the whole zone for boards."""
-        plan = plan_to_start(self.task, seen, self.q_now(), self.speed, self.on_table)
+    def go_to_start(self, observation: Observation | None) -> None:
+        """Go to q_start around the observed boards and cubes or, without an observation, around the zone for boards."""
+        plan = plan_to_start(self.task, observation, self.q_now(), self.speed, self.on_table)
         if plan is not None:
             self.keep(plan, TO_START)
             self.execute(plan.steps)
 
-    def move_cubes(self, seen: Observation) -> None:
+    def move_cubes(self, observation: Observation) -> None:
         """Plan the rest and execute it, until nothing is left."""
-        plan = self._plan_rest(seen)
+        plan = self._plan_rest(observation)
         while plan is not None:
-            seen, again = self.follow(plan, seen)
-            plan = self._plan_rest(seen) if again else None
+            observation, again = self.follow(plan, observation)
+            plan = self._plan_rest(observation) if again else None
 
-    def _plan_rest(self, seen: Observation) -> Plan | None:
+    def _plan_rest(self, observation: Observation) -> Plan | None:
         q_now, rest = self.q_now(), (self.done, self.on_table, self.given_up)
-        explaining = explain_failure(self.task, seen, q_now, self.speed, self.advice, *rest)
+        explaining = explain_failure(self.task, observation, q_now, self.speed, self.advice, *rest)
         with self.console.doing("planning"), explaining, spending(self.budget):
-            plan = plan_rest(self.task, seen, q_now, self.speed, *rest)
+            plan = plan_rest(self.task, observation, q_now, self.speed, *rest)
         if plan is None:
             return None
         cubes = plan.task["cubes"]
@@ -96,56 +100,80 @@ class TaskRun(OpenRun):
             f"planned {len(cubes)} cube{'' if len(cubes) == 1 else 's'}: {plan.duration_s:.1f} s of motion, "
             f"clearance {1e3 * min(m.clearance for m in plan.moves):.1f} mm, {plan.sha256[:12]}"
         )
-        self.keep(plan, "plan" if not any(p.task["cubes"] for p in self.plans) else f"plan-{len(self.plans)}")
+        again = any(kept.plan.task["cubes"] for kept in self.kept)
+        self.keep(plan, f"plan-{len(self.kept)}" if again else "plan")
         return plan
 
-    def follow(self, plan: Plan, seen: Observation) -> tuple[Observation, bool]:
-        """Execute a plan cube by cube; return early, with True, if the rest must be replanned.
+    def follow(self, plan: Plan, observation: Observation) -> tuple[Observation, bool]:
+        """Execute a plan cube by cube, and look where the plan does.
+
+        Returns:
+            The last observation, and whether the remaining cubes must be replanned.
 
         Raises:
             ExecutionStopped: a cube is at neither of its places, so its position is unknown; the arm is at q_start.
         """
-        planned = seen
-        behind: tuple[
-            Step, ...
-        ] = ()  # retract from the last place: one motion with the moves to the next cube
-        visited = cube_cycles(plan)
-        for transfer, visit in zip(plan.task["cubes"], visited, strict=True):
-            row = CubeRow(transfer["from"], transfer["to"])
-            self.rows.append(row)
-            held = self.execute((*behind, *visit.fetch))[-1].gripper
-            row.add_motion(visit.fetch)
-            if held is None or not held.stalled:
-                return self._missed(visit, row, seen, "the jaws closed on nothing"), True
-            why_not = grip_of(self.task.cell).why_not(self.task.cell.gripper.width(held.fraction_closed))
-            if why_not:
-                return self._missed(visit, row, seen, why_not), True
-            with width_kept(self.folder, transfer["cube"], partial(self._width, transfer, seen)):
-                self._carry(visit.carry, transfer["cube"], held.fraction_closed)
-            row.add_motion((*visit.carry, *visit.leave))
-            self._put_down(transfer, row, seen)
-            seen, behind = seen.with_moves({transfer["cube"]: transfer["to"]}), visit.leave
-            last = visit is visited[-1]
-            if last or visit.looks:
-                self.execute(behind)
-                behind = ()
-            if not last and not visit.looks:
+        planned, cycles = observation, cube_cycles(plan)
+        retract: tuple[Step, ...] = ()  # from the last place: one motion with the moves to the next cube
+        for transfer, cycle in zip(plan.task["cubes"], cycles, strict=True):
+            row = self.add_row(transfer)
+            held = self.execute((*retract, *cycle.fetch))[-1].gripper
+            row.add_motion(cycle.fetch)
+            why_not = "the jaws closed on nothing"
+            if held is not None and held.stalled:
+                why_not = why_no_grip(self.task.cell, self.task.cell.gripper.width(held.fraction_closed))
+            if held is None or why_not:
+                return self._missed(cycle, row, observation, why_not), True
+            self.carry(cycle.carry, transfer, held.fraction_closed, row, observation)
+            row.add_motion((*cycle.carry, *cycle.leave))
+            observation = observation.with_moves({transfer["cube"]: transfer["to"]})
+            retract, last = cycle.leave, cycle is cycles[-1]
+            if not last and not cycle.looks:
                 continue
-            expected, seen = seen, self.look(f"after cube {len(self.rows)}")
-            self.confirm_placed(seen)
-            changes = moved_boards(planned, seen, self.task.cell) + seen.changed(expected)
+            self.execute(retract)
+            retract = ()
+            expected, observation = observation, self.look(f"after cube {len(self.rows)}")
+            self.confirm_placed(observation)
+            changes = moved_boards(planned, observation, self.task.cell) + observation.changed(expected)
             for line in changes:
                 self.tell(line + "; the rest is replanned")
             if changes and not last:
-                return seen, True
-        return seen, False
+                return observation, True
+        return observation, False
 
-    def _carry(self, steps: Sequence[Step], cube: str, grip: float) -> None:
-        """Execute the steps with a cube in the jaws, and monitor that it stays there until it is released.
+    def carry(
+        self,
+        steps: Sequence[Step],
+        transfer: dict[str, str],
+        grip: float,
+        row: CubeRow,
+        observation: Observation,
+    ) -> None:
+        """Execute the steps with a cube in the jaws, from the grip to the release at its target.
+
+        Args:
+            steps: the last one opens the jaws.
+            transfer: entry of the plan: cube, from, to.
+            grip: closing of the jaws on the cube, 0 open to 1 closed.
+            row: of the cube.
+            observation: the last look, or what is known instead.
 
         Raises:
             ExecutionStopped: the cube was lost or is not released, or a motion stopped.
         """
+        with width_kept(self.folder, transfer["cube"], partial(self._width, transfer, observation)):
+            self._monitored(steps, transfer["cube"], grip)
+        self._let_go.add(row, observation, self.widths.get(transfer["cube"]))
+        self.done[transfer["cube"]] = transfer["to"]
+        if self.task.places is not None:
+            self.on_table[cube_name(transfer["to"])] = T_base_cube_on_table(self.task, transfer["to"])
+        if self.connection.simulated is not None:
+            judge_release(self.task, self.connection.simulated, row)
+        remarks = "".join(f"; {remark}" for remark in row.remarks)
+        self.console.step(f"{transfer['cube']} released at {transfer['to']}{remarks}")
+
+    def _monitored(self, steps: Sequence[Step], cube: str, grip: float) -> None:
+        """Execute steps and monitor that a cube stays in the jaws until the last step releases it."""
         self.held = GraspMonitor(cube, grip)
         try:
             opened = self.execute(steps, StreamOptions(watch_jaws=True))[-1].gripper
@@ -154,30 +182,28 @@ class TaskRun(OpenRun):
                     f"the jaws do not open to release {cube}; the arm is at its target", index=0
                 )
         except ExecutionStopped as error:
-            if error.data.get("reason") != "lost":
-                raise ExecutionStopped(
-                    f"{error}; {cube} is in the jaws", **error.data, holding=cube
-                ) from error
-            raise
+            if error.data.get("reason") == "lost":
+                raise
+            raise ExecutionStopped(f"{error}; {cube} is in the jaws", **error.data, holding=cube) from error
         finally:
             self.held = None
 
-    def _width(self, transfer: dict[str, Any], seen: Observation) -> CubeWidth | None:
-        """Width of a cube, by the last look at its source; None if that does not determine it."""
+    def _width(self, transfer: dict[str, Any], observation: Observation) -> CubeWidth | None:
+        """Width of a cube, from the last look at its source; None if that does not determine it."""
         known = self.widths.get(transfer["cube"])
-        if known is None and transfer["from"] not in seen.moved_since:
-            known = width_at(self.task, seen, transfer["from"])
+        if known is None and transfer["from"] not in observation.moved_since:
+            known = width_at(self.task, observation, transfer["from"])
         return known
 
-    def _missed(self, visit: CubeCycle, row: CubeRow, seen: Observation, why: str) -> Observation:
-        """The jaws hold no cube: open them on the spot, back out, go to q_start, look."""
+    def _missed(self, cycle: CubeCycle, row: CubeRow, observation: Observation, why: str) -> Observation:
+        """Recover from jaws that hold no cube: open them on the spot, retract, go to q_start, look."""
         self.tell(f"cube of {row.source} is not gripped: {why}")
         row.remarks.append(why)
         self.given_up.add(int(row.source.rsplit("/", 1)[1]) - 1)
         self.connection.mars.gripper(0.0)
-        self.execute(plan_retreat_from(self.task, seen, visit.approach, self.speed, self.on_table))
-        self.go_to_start(seen)
-        before, after = seen.state(row.source), self.look("after a missed cube")
+        self.execute(plan_retreat_from(self.task, observation, cycle.approach, self.speed, self.on_table))
+        self.go_to_start(observation)
+        before, after = observation.state(row.source), self.look("after a missed cube")
         if before == "cube" and after.state(row.source) == "empty":
             self._stop(
                 f"the cube of {row.source} is gone from its hole and was not gripped; its position is unknown: "
@@ -185,13 +211,13 @@ class TaskRun(OpenRun):
             )
         return after
 
-    def confirm_placed(self, seen: Observation) -> None:
+    def confirm_placed(self, observation: Observation) -> None:
         """Judge the cubes released since the last look.
 
         Raises:
             ExecutionStopped: the position of one is unknown.
         """
-        for row, found in self._let_go.judge(seen, self.pictures[-1].file):
+        for row, found in self._let_go.judge(observation, self.pictures[-1].file):
             self.tell(f"{row.source} to {row.target} {row.remarks[-1]}")
             if found.lost:
                 self._stop(f"{row.source} to {row.target} {row.remarks[-1]}; correct or remove that cube")
@@ -208,34 +234,4 @@ class TaskRun(OpenRun):
 
     def _stop(self, why: str) -> None:
         """End the task because a cube is misplaced or lost; `why` ends in what to do about it."""
-        raise ExecutionStopped(
-            f"{why}, and run again; the arm is at q_start",
-            **self.report(),
-        )
-
-    def _put_down(self, transfer: dict[str, Any], row: CubeRow, seen: Observation) -> None:
-        """Record a released cube, to be confirmed by the next look; `seen`: the last look before."""
-        self._let_go.add(row, seen, self.widths.get(transfer["cube"]))
-        self.done[transfer["cube"]] = transfer["to"]
-        if self.task.places is not None:
-            self.on_table[cube_name(transfer["to"])] = T_base_cube_on_table(self.task, transfer["to"])
-        if self.connection.simulated is not None:
-            judge_release(self.task, self.connection.simulated, row)
-        remarks = "".join(f"; {remark}" for remark in row.remarks)
-        self.console.step(f"{transfer['cube']} released at {transfer['to']}{remarks}")
-
-    def finish_carry(
-        self,
-        carry: Sequence[Step],
-        leave: Sequence[Step],
-        transfer: dict[str, Any],
-        grip: float,
-        row: CubeRow,
-        seen: Observation,
-    ) -> None:
-        """Execute steps that start with a cube in the jaws, closed by `grip`, and then those that leave its target."""
-        with width_kept(self.folder, transfer["cube"], partial(self._width, transfer, seen)):
-            self._carry(carry, transfer["cube"], grip)
-        row.add_motion((*carry, *leave))
-        self._put_down(transfer, row, seen)
-        self.execute(leave)
+        raise ExecutionStopped(f"{why}, and run again; the arm is at q_start", **self.report())

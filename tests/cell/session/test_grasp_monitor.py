@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
 from arm.errors import ExecutionStopped
-from cell.session.grasp_monitor import GRIP_CHANGE, LOOKS, GraspMonitor, Grip
+from cell.session.grasp_monitor import GRIP_CHANGE, LOOKS, GraspMonitor, why_no_grip
 
 
 @pytest.mark.parametrize(
@@ -20,7 +23,8 @@ from cell.session.grasp_monitor import GRIP_CHANGE, LOOKS, GraspMonitor, Grip
     ],
 )
 def test_a_cube_is_gripped_at_its_width_and_no_narrower_or_wider(width_mm: float, told: str) -> None:
-    why_not = Grip(0.040, 0.0031).why_not(width_mm / 1e3)
+    cell: Any = SimpleNamespace(cube_size=0.040, grip_tolerance=0.003, cube_tolerance=1e-4)
+    why_not = why_no_grip(cell, width_mm / 1e3)
     assert bool(why_not) is bool(told)
     assert told in why_not
     assert not why_not or f"the jaws stopped {width_mm:.1f} mm apart, a cube is 40 +- 3.1 mm wide" in why_not

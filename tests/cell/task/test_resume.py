@@ -20,7 +20,7 @@ from cell.console import Console
 from cell.files.cube_widths import FILE, read_widths
 from cell.scene.build import cube_name
 from cell.session.connection import WhichCell
-from cell.task.resume import _back_out_of, _carried_near, _known, _on_table, _station, carried_by, resume
+from cell.task.resume import _back_out, _carried_near, _known, _on_table, _station, carried_by, resume
 from plan.scene import scene_from_json
 from vision.observation import Observation
 from vision.occupancy.classify import Occupancy
@@ -260,10 +260,11 @@ def test_a_way_out_that_there_is_not_is_told_by_what_blocked_the_longest(
     monkeypatch.setattr("cell.task.resume.plan_retreat", blocked)
     seen = _known(Observation(), lasting.task, read_plan(lasting.plan))
     q = lasting.task.cell.q_start
+    run: Any = SimpleNamespace(task=lasting.task, q_now=lambda: q, speed=0.5, on_table={})
     with pytest.raises(
         ImpossibleError, match="the start: no; and backing out along the jaws: blocked 1; "
     ) as refused:
-        _back_out_of(lasting.task, seen, q, 0.5, {}, ImpossibleError("the start: no"))
+        _back_out(run, seen, ImpossibleError("the start: no"))
     assert refused.value.data["back_out"] == "blocked 1"
     assert tried == sorted(tried, reverse=True)
     assert len(set(tried)) == 3
