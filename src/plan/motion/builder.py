@@ -24,7 +24,7 @@ from plan.collision.world import World
 from plan.options import PlanOptions
 from plan.trajectory.integer_segments import LineTolerance, MarksTooNear, to_marked_segments, to_segments
 from plan.trajectory.jerk_limited import time_smooth
-from plan.trajectory.joint_path import joined, polyline, smooth_path
+from plan.trajectory.joint_path import Stretch, chained, polyline, smooth_path
 from plan.trajectory.timing import time_curve, time_line, time_path
 
 _BLENDS = (1.0, 0.4, 0.15)  # factors on the duration of blends, in the order of the attempts
@@ -118,23 +118,17 @@ class MotionBuilder:
         if np.abs(leg.waypoints[-1] - leg.waypoints[0]).max() < 1e-6:
             return None
         before, after = leg.retract, leg.approach
-        path = joined(
-            before[1].path if before else None,
-            leg.waypoints,
-            after[1].inwards() if after else None,
-            self.planned,
-            self.tool_speed,
-            blend,
-        )
-        trajectory = time_curve(path.path, self.planned, path.caps)
-        marks = [mark for mark, phase in zip(path.marks, (before, after), strict=True) if phase]
+        retract = [Stretch(before[1].path, self.tool_speed)] if before else []
+        approach = [Stretch(after[1].inwards(), self.tool_speed)] if after else []
+        chain = chained([*retract, leg.waypoints, *approach], self.planned, blend)
+        trajectory = time_curve(chain.path, self.planned, chain.caps)
         try:
             sent = to_marked_segments(
                 trajectory,
                 self.unit,
                 self.options.segment_ms,
                 limits=self.sent,
-                marks=marks,
+                marks=chain.edges[1:-1].tolist(),
                 lines=(self.tolerance(before), self.tolerance(after)),
             )
         except MarksTooNear:  # a very short transit, such as out of a hole and back into it

@@ -136,8 +136,8 @@ def to_marked_segments(
 
     Args:
         trajectory, unit, segment_ms, limits, deviation: see `to_segments`.
-        marks: increasing values of the path parameter, such as `plan.trajectory.joint_path.Joined.marks`. Each join is
-            within 1 ms of its mark. Marks at the ends of the path need no join.
+        marks: increasing values of the path parameter, such as inner edges of `plan.trajectory.joint_path.Chained`.
+            Each join is within 1 ms of its mark. Marks at the ends of the path need no join.
         lines: tolerance of the tool before the first mark, and after the last.
         late: for each mark, True if its join is at or after the mark, False if at or before it. Default: True for the
             last of several marks, so that lines contain nothing of a transit.

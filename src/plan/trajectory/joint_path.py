@@ -29,28 +29,13 @@ _ROUNDS = 60  # iterations in which blend durations and the corners that they mo
 
 
 @dataclass(frozen=True, eq=False)
-class Joined:
-    """A line, a transit and a line as one path over nominal time tau, see `joined`.
-
-    Attributes:
-        path: over tau in s, with continuous first derivative.
-        marks: tau where the first line ends and where the last begins; an end of the path if there is no line.
-        caps: (pieces,) largest d tau/dt that the tool speed allows in each piece of the path; inf without a cap.
-    """
-
-    path: Path
-    marks: tuple[float, float]
-    caps: Array
-
-
-@dataclass(frozen=True, eq=False)
 class Chained:
-    """Alternating lines and transits as one path over tau, as in `joined`.
+    """Alternating lines and transits as one path over nominal time tau, see `chained`.
 
     Attributes:
         path: over tau in s, with continuous first derivative.
         edges: (parts + 1,) tau where each part begins, and the end.
-        caps: (pieces,) as in `Joined`.
+        caps: (pieces,) largest d tau/dt that the tool speed allows in each piece of the path; inf without a cap.
     """
 
     path: Path
@@ -93,56 +78,25 @@ def _distinct(q: npt.ArrayLike) -> Array:
     return np.asarray(points)
 
 
-def joined(
-    before: JointPath | None,
-    waypoints: npt.ArrayLike,
-    after: JointPath | None,
-    limits: Limits,
-    tool_speed: float | None = None,
-    blend: float = 1.0,
-) -> Joined:
-    """Join a line, a transit through way-points, and a line into one path without stops.
+def chained(parts: Sequence[Stretch | npt.ArrayLike], limits: Limits, blend: float = 1.0) -> Chained:
+    """Join alternating lines and transits into one path without stops.
 
     The parameter tau is nominal time. At rate 1, the fastest joint moves at its velocity limit on every straight piece,
-    and a line is followed at `tool_speed` or as fast as its joints allow. Parabolas in tau round the corners (linear
-    segments with parabolic blends: J. Craig, "Introduction to Robotics", 2005, section 7.3); each is as long as the
-    change of velocity takes under the acceleration limits. Lines stay unchanged: the corner at the end of a line is
+    and a line is followed at its `tool_speed` or as fast as its joints allow. Parabolas in tau round the corners
+    (linear segments with parabolic blends: J. Craig, "Introduction to Robotics", 2005, section 7.3); each is as long as
+    the change of velocity takes under the acceleration limits. Lines stay unchanged: the corner at the end of a line is
     moved along its tangent by half a blend, so that the blend begins where the line ends.
 
     Args:
-        before: first line, or None to start at rest at the first way-point.
-        waypoints: (m, n) rad, from the end of `before` to the start of `after`.
-        after: last line, or None.
+        parts: lines, and transits as way-points (m, n) rad from the end of the line before to the start of the next. A
+            path that begins or ends with a transit is at rest there.
         limits: limits of velocity and acceleration.
-        tool_speed: cap on the speed along both lines (unit of their s, per s), or None.
         blend: in (0, 1], factor on the duration of each blend; a smaller one stays nearer to the way-points and is
             slower.
 
     Raises:
-        InputError: fewer than two different way-points, lines that do not meet them, `blend` or `tool_speed` out of
-            range.
-    """
-    parts: list[Stretch | npt.ArrayLike] = [waypoints]
-    if before is not None:
-        parts.insert(0, Stretch(before, tool_speed))
-    if after is not None:
-        parts.append(Stretch(after, tool_speed))
-    chain = chained(parts, limits, blend)
-    return Joined(
-        chain.path,
-        (
-            0.0 if before is None else float(chain.edges[1]),
-            float(chain.edges[-1] if after is None else chain.edges[-2]),
-        ),
-        chain.caps,
-    )
-
-
-def chained(parts: Sequence[Stretch | npt.ArrayLike], limits: Limits, blend: float = 1.0) -> Chained:
-    """Join alternating lines and transits (way-points (m, n) rad) into one path without stops; see `joined`.
-
-    Raises:
-        InputError: two lines or two transits follow each other, or as `joined`.
+        InputError: two lines or two transits follow each other, fewer than two different way-points, lines that do not
+            meet them, `blend` or a tool speed out of range.
     """
     if not 0.0 < blend <= 1.0:
         raise InputError(f"blend = {blend:g}: must be above 0 and at most 1", value=blend)

@@ -12,8 +12,8 @@ from arm.se3 import Array, frozen
 from plan.cartesian.line import JointPath, follow_line
 from plan.cartesian.reachability import GraspCandidate, reach
 from plan.pick_place.leg_times import LineEnds, leg_bounds, leg_times, line_ends, standing
-from plan.trajectory.joint_path import joined
 from plan.trajectory.timing import time_curve
+from plans.joined_lines import joined
 from tasks.task2 import Q_START, Task2, task2
 
 OFFSET = 0.1

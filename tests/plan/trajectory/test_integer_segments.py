@@ -28,8 +28,9 @@ from plan.trajectory.integer_segments import (
     to_marked_segments,
     to_segments,
 )
-from plan.trajectory.joint_path import Joined, joined
+from plan.trajectory.joint_path import Chained
 from plan.trajectory.timing import time_curve, time_line
+from plans.joined_lines import joined
 
 
 @pytest.mark.parametrize("segment_ms", [100, 400])
@@ -109,7 +110,7 @@ def test_long_segments_are_halved_until_the_tool_is_on_its_line(robot: Robot, un
     assert found[False] <= 4e-5  # between the places of a segment where it is looked at
 
 
-def _legs(robot: Robot, limits: Limits, count: int) -> list[tuple[Line, Joined, Line]]:
+def _legs(robot: Robot, limits: Limits, count: int) -> list[tuple[Line, Chained, Line]]:
     """Retract, transit and approach between random holes, some with a way-point between."""
     rng, grasps = np.random.default_rng(8), {}
     for k in range(6):
@@ -142,7 +143,7 @@ def test_joined_motions_have_joins_at_their_marks(robot: Robot, unit: Unit, room
     for before, leg, after in _legs(robot, planned, 12):
         trajectory = time_curve(leg.path, planned, leg.caps)
         tolerances = (LineTolerance(robot, before), LineTolerance(robot, after))
-        marked = to_marked_segments(trajectory, unit, limits=limits, marks=leg.marks, lines=tolerances)
+        marked = to_marked_segments(trajectory, unit, limits=limits, marks=leg.edges[1:-1], lines=tolerances)
         path, (first, last) = marked.path, marked.first
         check_chain(path, unit, leg.path(leg.path.x[0]), leg.path(leg.path.x[-1]))
         check_limits(path, unit, limits)
@@ -151,7 +152,7 @@ def test_joined_motions_have_joins_at_their_marks(robot: Robot, unit: Unit, room
         knots = unit.positions(path.knots())
         near = 2e-3 * limits.velocity + 2.5e-4 + 6.0 / np.abs(unit.counts_per_rad)
         assert 0 < first < last < len(path.segments)
-        for index, mark in zip(marked.first, leg.marks, strict=True):
+        for index, mark in zip(marked.first, leg.edges[1:-1], strict=True):
             assert (np.abs(knots[index] - leg.path(mark)) <= near).all()
         # both lines are lines, every millisecond, and stay inside their ends
         ends = np.cumsum([s.duration_ms for s in path.segments])

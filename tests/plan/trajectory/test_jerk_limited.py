@@ -12,8 +12,9 @@ from plan.cartesian.line import JointPath
 from plan.trajectory.extremes import segment_extremes
 from plan.trajectory.integer_segments import to_marked_segments, to_segments
 from plan.trajectory.jerk_limited import JerkTrajectory, time_smooth
-from plan.trajectory.joint_path import joined, polyline, smooth_path
+from plan.trajectory.joint_path import polyline, smooth_path
 from plan.trajectory.timing import time_curve, time_line, time_path
+from plans.joined_lines import joined
 
 LIMITS = load_unit("crs97").limits()
 JERK = 8.0 * LIMITS.acceleration
@@ -83,8 +84,8 @@ def test_a_joined_motion_keeps_jerk_and_rests_where_blends_begin() -> None:
     timed = time_smooth(leg.path, LIMITS, JERK, leg.caps)
     assert isinstance(timed, JerkTrajectory)
     _check(timed, LIMITS, JERK)
-    at_marks = timed.at(timed.passed(leg.marks))
-    np.testing.assert_allclose(at_marks.q, leg.path(leg.marks), atol=1e-8)
+    at_marks = timed.at(timed.passed(leg.edges[1:-1]))
+    np.testing.assert_allclose(at_marks.q, leg.path(leg.edges[1:-1]), atol=1e-8)
     np.testing.assert_allclose(at_marks.qd, 0.0, atol=1e-4)
     pieces = np.clip(np.searchsorted(leg.path.x, timed.s, side="right") - 1, 0, len(leg.caps) - 1)
     assert (timed.rate <= leg.caps[pieces] * (1 + 1e-9)).all()
@@ -94,7 +95,7 @@ def test_a_joined_motion_keeps_jerk_and_rests_where_blends_begin() -> None:
     assert time_curve(leg.path, LIMITS, leg.caps).duration < timed.duration < 1.5 * stops
     # and it can be sent
     unit = load_unit("crs97")
-    marked = to_marked_segments(timed, unit, limits=LIMITS, marks=leg.marks)
+    marked = to_marked_segments(timed, unit, limits=LIMITS, marks=leg.edges[1:-1])
     worst = segment_extremes(marked.path, unit)
     assert (worst.velocity / LIMITS.velocity).max() <= 1.0
     assert (worst.acceleration / LIMITS.acceleration).max() <= 1.0

@@ -11,7 +11,8 @@ from arm.controller.unit import Limits, Unit, load_unit
 from arm.errors import InputError
 from arms.blended_paths import blended
 from plan.cartesian.line import JointPath
-from plan.trajectory.joint_path import Joined, Stretch, chained, joined, polyline, smooth_path
+from plan.trajectory.joint_path import Chained, Stretch, chained, polyline, smooth_path
+from plans.joined_lines import joined
 
 
 def test_a_polyline_passes_its_points_with_unit_slope() -> None:
@@ -77,7 +78,7 @@ def _legs(seed: int, count: int) -> list[tuple[JointPath | None, np.ndarray, Joi
     return legs
 
 
-def _smooth(result: Joined, limits: Limits) -> None:
+def _smooth(result: Chained, limits: Limits) -> None:
     path = result.path
     inside = path.x[1:-1]
     # what the piece before each break ends with
@@ -91,20 +92,18 @@ def test_joined_lines_are_kept_and_corners_are_smooth(blend: float) -> None:
     limits = load_unit("crs97").limits()
     for before, q, after in _legs(7, 60):
         result = joined(before, q, after, limits, 0.1, blend)
-        path, (first, last) = result.path, result.marks
+        path = result.path
+        first = path.x[0] if before is None else result.edges[1]
+        last = path.x[-1] if after is None else result.edges[-2]
         _smooth(result, limits)
         np.testing.assert_allclose(path(path.x[[0, -1]]), [
             q[0] if before is None else before.q[0], q[-1] if after is None else after.q[-1]
         ], atol=1e-9)  # fmt: skip
         u = np.linspace(0, 1, 200)
-        if before is None:
-            assert first == path.x[0]
-        else:  # the whole line, in proportion
+        if before is not None:  # the whole line, in proportion
             line = smooth_path(before.q, before.s)
             np.testing.assert_allclose(path(first * u), line(0.1 * u), atol=1e-9)
-        if after is None:
-            assert last == path.x[-1]
-        else:
+        if after is not None:
             line = smooth_path(after.q, after.s)
             np.testing.assert_allclose(path(last + (path.x[-1] - last) * u), line(0.1 * u), atol=1e-9)
         assert len(result.caps) == len(path.x) - 1
@@ -149,8 +148,8 @@ def test_what_cannot_be_joined_is_refused() -> None:
         joined(None, q[[0, 0]], None, limits)
 
 
-def test_a_chain_is_what_joins_one_by_one_make(unit: Unit) -> None:
-    """Line, way, line, way, line: smooth everywhere, lines kept; and of three parts the same as `joined`."""
+def test_a_chain_of_five_parts_is_smooth_and_keeps_its_lines(unit: Unit) -> None:
+    """Line, way, line, way, line: smooth everywhere, lines kept."""
     limits = unit.limits()
     rng = np.random.default_rng(8)
     lines = []
@@ -173,9 +172,5 @@ def test_a_chain_is_what_joins_one_by_one_make(unit: Unit) -> None:
         assert jump.max() < 1e-6
     for line, begin, end in zip(lines, chain.edges[::2], chain.edges[1::2], strict=True):
         np.testing.assert_allclose(chain.path([begin, end]), line.q[[0, -1]], atol=1e-9)
-    three = joined(lines[0], parts[1], lines[1], limits, 0.05)
-    again = chained([Stretch(lines[0], 0.05), parts[1], Stretch(lines[1], 0.05)], limits)
-    np.testing.assert_array_equal(three.path.c, again.path.c)
-    assert three.marks == tuple(again.edges[1:3])
     with pytest.raises(InputError, match="must alternate between lines and transits"):
         chained([parts[0], parts[2]], limits)
