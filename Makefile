@@ -20,6 +20,11 @@ export PIP_BUILD_CONSTRAINT := constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 PIP := "$(PYTHON)" -m pip --python $(BIN)/python install --quiet
 
+# One process more than a small computer has processors: tests of ports and clocks wait. What Python compiles is kept in VENV,
+# whatever the environment says: each test process, and each command that tests start, would compile everything again.
+PYTEST = env -u PYTHONDONTWRITEBYTECODE PYTHONPYCACHEPREFIX="$$(cd "$(VENV)" && pwd)"/pycache $(BIN)/pytest
+IN_PARALLEL := -n 3 --dist loadgroup
+
 # $(call require_version,PYTHON): the oldest that pyproject.toml allows, told before pip looks for libraries in vain.
 require_version = @"$(1)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	{ echo "a465 needs Python 3.11 or later, and $(1) is $$("$(1)" --version 2>&1); give another: make PYTHON=python3.11$(2)"; \
@@ -30,12 +35,11 @@ require_version = @"$(1)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 
 run: $(AT)/installed
 	$(BIN)/a465 run $(TASK)
 
-# One more than processors of a small computer: tests of ports and clocks wait.
 test: $(AT)/installed-test lint
-	$(BIN)/pytest -n 3 --dist loadgroup -m "not slow"
+	$(PYTEST) $(IN_PARALLEL) -m "not slow"
 
 test-all: test
-	$(BIN)/pytest -n 3 --dist loadgroup -m slow
+	$(PYTEST) $(IN_PARALLEL) -m slow
 
 docs: $(AT)/installed-docs
 	$(BIN)/sphinx-build -W --keep-going --quiet docs docs/_build/html
@@ -66,6 +70,7 @@ $(AT)/installed: $(AT)/bin/python pyproject.toml constraints.txt
 $(AT)/installed-test: $(AT)/installed
 	@echo "installing what the tests need into $(VENV) (once)"
 	$(PIP) --editable '.[test]'
+	@$(PYTEST) --collect-only --quiet >/dev/null || true
 	@touch "$@"
 
 $(AT)/installed-docs: $(AT)/installed
