@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.arguments import numbers, shown
-from arm.controller.unit_keys import REST_TOLERANCE, UnitKeys
+from arm.controller.unit_keys import GripperValues, UnitKeys, UnitValues
 from arm.errors import InputError
 from arm.io.node import Node
 from arm.io.storage import data_file, read_bytes, sha256
@@ -91,15 +91,9 @@ class Limits:
         )
 
 
-@dataclass(frozen=True)
-class GripperAxis:
-    """The gripper's analogue servo axis; positions are ADC counts. `registers` maps REG* names to values."""
+class GripperAxis(GripperValues):
+    """The gripper's analogue servo axis. `registers` maps REG* names to values."""
 
-    axis: str
-    open_adc: int
-    closed_adc: int
-    adc_channel: int
-    current_channel: int
     registers: dict[str, int]
 
     def adc(self, fraction_closed: float) -> int:
@@ -111,46 +105,28 @@ class GripperAxis:
         return (adc - self.open_adc) / (self.closed_adc - self.open_adc)
 
 
-@dataclass(frozen=True)
-class Unit:
-    """Parameters of one arm and its controller.
+class Unit(UnitValues):
+    """Parameters of one arm and its controller: values of its file, and what follows from them.
 
     Attributes:
-        name: ``crs93`` or ``crs97``, or the stem of a user's own file.
-        firmware: beginning of the answer to VER.
-        axes: controller axis letter of each joint.
         counts_per_rad: signed, (6,).
         counts_at_zero: encoder counts at q = 0, (6,) int.
         lower, upper: position limits for planning: the tighter of encoder bounds and data sheet, minus the margin;
             (6,) rad.
-        velocity_cap: velocity limits of the data sheet, (6,) rad/s.
-        speed_registers, acceleration_registers: the unit's defaults, (6,) int.
         axis_registers: REG* name to (6,) int, set once at start.
-        idle_release_s: IDLEREL, s.
         homing: groups of axes homed together, in order.
-        soft_home: configuration after homing, (6,) rad.
         gripper: the gripper's axis.
         digest: SHA-256 of the file.
-        rest_tolerance: largest position error of an axis at rest, counts.
     """
 
-    name: str
-    firmware: str
-    axes: tuple[str, ...]
     counts_per_rad: Array
     counts_at_zero: Counts
     lower: Array
     upper: Array
-    velocity_cap: Array
-    speed_registers: tuple[int, ...]
-    acceleration_registers: tuple[int, ...]
     axis_registers: dict[str, tuple[int, ...]]
-    idle_release_s: int
     homing: tuple[tuple[str, ...], ...]
-    soft_home: Array
     gripper: GripperAxis
     digest: str
-    rest_tolerance: int = REST_TOLERANCE
 
     def counts(self, q: npt.ArrayLike) -> Counts:
         """Return the encoder counts nearest to joint positions (..., 6) in rad.
@@ -295,30 +271,19 @@ def _read_unit(path: Path) -> Unit:
         raise root.error_at(
             "limits.lower_counts", "and upper_counts leave a joint without range; check direction"
         )
-    of_gripper = {name: getattr(keys, name) for name in UnitKeys.declared() if name.startswith("gripper_REG")}
+    registers = {name: getattr(keys, name) for name in UnitKeys.declared() if "REG" in name}
     return Unit(
-        name=keys.name,
-        firmware=keys.firmware,
-        axes=keys.axes,
+        **keys.values_of(UnitValues),
         counts_per_rad=counts_per_rad,
         counts_at_zero=at_zero,
         lower=lower,
         upper=upper,
-        velocity_cap=keys.velocity_cap,
-        speed_registers=keys.speed,
-        acceleration_registers=keys.acceleration,
-        axis_registers={name: getattr(keys, name) for name in UnitKeys.declared() if name.startswith("REG")},
-        idle_release_s=keys.idle_release_s,
+        axis_registers={name: value for name, value in registers.items() if name.startswith("REG")},
         homing=groups,
-        soft_home=keys.soft_home,
         gripper=GripperAxis(
-            axis=keys.gripper_axis,
-            open_adc=keys.open_adc,
-            closed_adc=keys.closed_adc,
-            adc_channel=keys.adc_channel,
-            current_channel=keys.gripper_REGS1,
-            registers={name.removeprefix("gripper_"): value for name, value in of_gripper.items()},
+            **keys.values_of(GripperValues),
+            registers={"REGS1": keys.current_channel}
+            | {n.removeprefix("gripper_"): v for n, v in registers.items() if n.startswith("gripper_")},
         ),
         digest=sha256(read_bytes(path, "TOML")),
-        rest_tolerance=keys.rest_tolerance,
     )

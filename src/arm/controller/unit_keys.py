@@ -28,15 +28,49 @@ _SIX_SPEEDS = integers(6, 1, 32767)
 _REGISTER, _ADC, _CHANNEL = integer(0, 32767), integer(0, 4095), integer(0, 64)
 
 
-class UnitKeys(Keys):
-    """Keys of a unit file."""
+class UnitValues(Keys):
+    """Keys whose values `arm.controller.unit.Unit` has as they stand.
+
+    Attributes:
+        name: ``crs93`` or ``crs97``, or the stem of a user's own file.
+        firmware: beginning of the answer to VER.
+        axes: controller axis letter of each joint.
+        velocity_cap: velocity limits of the data sheet, (6,) rad/s.
+        rest_tolerance: largest position error of an axis at rest, counts.
+        speed_registers, acceleration_registers: the unit's defaults, (6,) int.
+        idle_release_s: IDLEREL, s.
+        soft_home: configuration after homing, (6,) rad.
+    """
 
     name: str = key("name", text())
-    model: str = key("model", text())
     firmware: str = key("firmware", text())
     axes: tuple[str, ...] = key(
         "axes", rule_of("six letters from A to H", lambda v: _is_letters(v, 6), tuple)
     )
+    velocity_cap: Array = key("limits.data_sheet_deg_s", numbers(6, "deg/s", 1, 1000))
+    rest_tolerance: int = key(
+        "limits.rest_tolerance_counts", integer(1, MOST_REST_TOLERANCE), default=REST_TOLERANCE
+    )
+    speed_registers: tuple[int, ...] = key("registers.speed", _SIX_SPEEDS)
+    acceleration_registers: tuple[int, ...] = key("registers.acceleration", _SIX_SPEEDS)
+    idle_release_s: int = key("registers.idle_release_s", integer(0, 86400))
+    soft_home: Array = key("homing.soft_home_deg", numbers(6, "deg", -360, 360))
+
+
+class GripperValues(Keys):
+    """Keys whose values `arm.controller.unit.GripperAxis` has as they stand; positions are ADC counts."""
+
+    axis: str = key("gripper.axis", text("G", "H"))
+    open_adc: int = key("gripper.open_adc", _ADC)
+    closed_adc: int = key("gripper.closed_adc", _ADC)
+    adc_channel: int = key("gripper.adc_channel", _CHANNEL)
+    current_channel: int = key("gripper.current_channel", _CHANNEL)
+
+
+class UnitKeys(UnitValues, GripperValues):
+    """Keys of a unit file."""
+
+    model: str = key("model", text())
     per_turn: Array = key("encoder.counts_per_turn", numbers(6, "counts", 1, 1e6))
     gear: Array = key("encoder.gear", numbers(6, "", 1, 1e4))
     direction: Array = key("encoder.direction", numbers(6, "", -1, 1))
@@ -45,25 +79,12 @@ class UnitKeys(Keys):
     upper: tuple[int, ...] = key("limits.upper_counts", _SIX_COUNTS)
     sheet: Array = key("limits.data_sheet_deg", numbers(6, "deg", 1, 360))
     margin: float = key("limits.margin_deg", number("deg", 0, 30))
-    velocity_cap: Array = key("limits.data_sheet_deg_s", numbers(6, "deg/s", 1, 1000))
-    rest_tolerance: int = key(
-        "limits.rest_tolerance_counts", integer(1, MOST_REST_TOLERANCE), default=REST_TOLERANCE
-    )
-    speed: tuple[int, ...] = key("registers.speed", _SIX_SPEEDS)
-    acceleration: tuple[int, ...] = key("registers.acceleration", _SIX_SPEEDS)
     REGME: tuple[int, ...] = key("registers.energy", _SIX_REGISTERS)
     REGCFG: tuple[int, ...] = key("registers.configuration", _SIX_REGISTERS)
     REGP: tuple[int, ...] = key("registers.p", _SIX_REGISTERS)
     REGI: tuple[int, ...] = key("registers.i", _SIX_REGISTERS)
     REGD: tuple[int, ...] = key("registers.d", _SIX_REGISTERS)
-    idle_release_s: int = key("registers.idle_release_s", integer(0, 86400))
     homing: list[Any] = key("homing.sequence", _GROUPS)
-    soft_home: Array = key("homing.soft_home_deg", numbers(6, "deg", -360, 360))
-    gripper_axis: str = key("gripper.axis", text("G", "H"))
-    open_adc: int = key("gripper.open_adc", _ADC)
-    closed_adc: int = key("gripper.closed_adc", _ADC)
-    adc_channel: int = key("gripper.adc_channel", _CHANNEL)
-    gripper_REGS1: int = key("gripper.current_channel", _CHANNEL)
     gripper_REGS2: int = key("gripper.feedback", _REGISTER)
     gripper_REGME: int = key("gripper.energy", integer(0, 20000))
     gripper_REGMS: int = key("gripper.speed", integer(1, 32767))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from arm.controller.unit import GripperAxis, Limits, Unit
+from arm.controller.unit_keys import REST_TOLERANCE
 from arm.io.storage import sha256
 from arm.robot.model import Robot
 from arm.se3 import frozen
@@ -37,6 +38,9 @@ def virtual_unit(robot: Robot, limits: Limits) -> Unit:
         idle_release_s=0,
         homing=(),
         soft_home=frozen(np.zeros(n)),
-        gripper=GripperAxis("", 0, 1, 0, 0, {}),
+        gripper=GripperAxis(
+            axis="", open_adc=0, closed_adc=1, adc_channel=0, current_channel=0, registers={}
+        ),
+        rest_tolerance=REST_TOLERANCE,
         digest=sha256({"per_rad": PER_RAD, "axes": list(robot.joint_names)}),
     )
