@@ -62,10 +62,10 @@ def refused(seed: int) -> tuple[str, Callable[[], object]]:
 
 
 def main() -> None:
-    """Run each, print looks, time and their quotient."""
+    """Run each, print collision checks, time and their quotient."""
     print(
         f"conditions: Python {platform.python_version()}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}; "
-        f"process time; {CHECKS_PER_SECOND:g} looks a second of effort"
+        f"process time; {CHECKS_PER_SECOND:g} collision checks a second of effort"
     )
     for seed in range(SEEDS):
         kind, search = refused(seed)
@@ -78,7 +78,7 @@ def main() -> None:
                 end = str(error)[:60]
         spent = time.process_time() - began
         print(
-            f"{kind} {seed}: {spent:.1f} s, {meter.looks:.0f} looks, {meter.looks / spent:.0f} looks/s, "
+            f"{kind} {seed}: {spent:.1f} s, {meter.checks:.0f} collision checks, {meter.checks / spent:.0f}/s, "
             f"{meter.effort_s / spent:.2f} s of effort a second; {end}",
             flush=True,
         )

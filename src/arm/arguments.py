@@ -21,7 +21,7 @@ _HELP_POSE = "make poses with arm.se3.transform(R, t)"
 
 def shown(value: object) -> str:
     """Return a value in short form for messages."""
-    if isinstance(value, np.ndarray) and value.ndim:
+    if isinstance(value, np.ndarray):
         return f"array of shape {value.shape}"
     if isinstance(value, Real) and not isinstance(value, Integral):
         return f"{float(value):g}"
@@ -98,8 +98,7 @@ def joints(name: str, q: Any, names: Sequence[str]) -> Array:
         array = array[0]
     rule = f"must be {n} finite numbers in rad (m for a prismatic joint), one for each of {', '.join(names)}"
     if array is None or array.shape != (n,):
-        of = f"{shown(q)}" if array is None else f"array of shape {array.shape}"
-        raise InputError(f"{name} = {of}: {rule}", name=name, joints=n)
+        raise InputError(f"{name} = {shown(q if array is None else array)}: {rule}", name=name, joints=n)
     if not np.isfinite(array).all():
         at = int(np.argmin(np.isfinite(array)))
         raise InputError(f"{name}: joint {names[at]} = {array[at]:g}: {rule}", name=name, joint=names[at])
@@ -114,8 +113,8 @@ def rigid(name: str, T: Any) -> Array:
     """
     pose = T if type(T) is np.ndarray and T.dtype == np.float64 else numbers(T)
     if pose is None or pose.shape != (4, 4):
-        of = shown(T) if pose is None else f"array of shape {pose.shape}"
-        raise InputError(f"{name} = {of}: must be a 4x4 pose; {_HELP_POSE}", name=name)
+        found = shown(T if pose is None else pose)
+        raise InputError(f"{name} = {found}: must be a 4x4 pose; {_HELP_POSE}", name=name)
     (a, b, c, x), (d, e, f, y), (g, h, i, z), (o, p, q, r) = pose.tolist()
     lengths = a * a + d * d + g * g, b * b + e * e + h * h, c * c + f * f + i * i
     askew = abs(a * b + d * e + g * h) + abs(b * c + e * f + h * i) + abs(a * c + d * f + g * i)
@@ -149,8 +148,8 @@ def poses(name: str, T: npt.ArrayLike) -> Array:
     """
     array = numbers(T)
     if array is None or array.ndim not in (2, 3) or array.shape[-2:] != (4, 4):
-        of = shown(T) if array is None else f"array of shape {array.shape}"
-        raise InputError(f"{name} = {of}: must be 4x4, or (m, 4, 4) for m poses; {_HELP_POSE}", name=name)
+        found = shown(T if array is None else array)
+        raise InputError(f"{name} = {found}: must be 4x4, or (m, 4, 4) for m poses; {_HELP_POSE}", name=name)
     every = array.reshape(-1, 4, 4)
     R = every[:, :3, :3]
     with np.errstate(invalid="ignore", over="ignore"):

@@ -1,8 +1,8 @@
 """Budgets of searches, counted in operations instead of seconds. Other modules can import it cheaply.
 
-The unit of effort is one collision check of a configuration (here "look"), so a request costs the same on every machine
-and under any load. Users give budgets in seconds of effort, `CHECKS_PER_SECOND` collision checks each. Code that does
-work calls `spend`, which counts on the meter of the current search (`allowed`).
+The unit of effort is one collision check of a configuration, so a request costs the same on every machine and under any
+load. Users give budgets in seconds of effort, of `CHECKS_PER_SECOND` collision checks each. Code that does work calls
+`spend`, which counts on the meter of the current search (`allowed`).
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 # About what one processor core of 2020 does, measured on searches that failed (bench/budget.py).
 CHECKS_PER_SECOND = 20_000.0
 # Costs of other work, in collision checks.
-PROOF_LOOKS = 4.0  # one piece of a clearance certificate, without its distances
-DISTANCE_LOOKS = 0.2  # one distance
-STEP_LOOKS = 60.0  # one quadratic program of path optimisation
-START_LOOKS = 30.0  # one start of numerical inverse kinematics
-LINE_LOOKS = 150.0  # one Cartesian line
+PIECE_CHECKS = 4.0  # one piece of a clearance certificate, without its distances
+DISTANCE_CHECKS = 0.2  # one distance
+QP_CHECKS = 60.0  # one quadratic program of path optimisation
+START_CHECKS = 30.0  # one start of numerical inverse kinematics
+LINE_CHECKS = 150.0  # one Cartesian line
 _LONGEST = 1e6  # s
-_LOOKS_A_GLANCE = 200.0  # collision checks between two readings of the clock
+_CHECKS_PER_READING = 200.0  # collision checks between two readings of the clock
 
 
 @dataclass(frozen=True)
@@ -136,26 +136,26 @@ class Meter:
 
     def __init__(self, budget: SearchBudget) -> None:
         self.budget = budget
-        self.looks, self._next_glance = 0.0, 0.0
+        self.checks, self._next_reading = 0.0, 0.0
         self.most = float("inf") if budget.effort_s is None else budget.effort_s * CHECKS_PER_SECOND
         self._until = float("inf") if budget.give_up_s is None else time.monotonic() + budget.give_up_s
 
     @property
     def effort_s(self) -> float:
         """Effort spent, to 0.01 s."""
-        return round(self.looks / CHECKS_PER_SECOND, 2)
+        return round(self.checks / CHECKS_PER_SECOND, 2)
 
-    def spend(self, looks: float) -> None:
-        """Count `looks` collision checks.
+    def spend(self, checks: float) -> None:
+        """Count `checks` collision checks.
 
         Raises:
             BudgetSpent: the effort or the wall time is spent.
         """
-        self.looks += looks
-        if self.looks > self.most:
+        self.checks += checks
+        if self.checks > self.most:
             raise BudgetSpent("effort", self.effort_s, self.budget.effort_s or 0.0)
-        if self.looks >= self._next_glance:
-            self._next_glance = self.looks + _LOOKS_A_GLANCE
+        if self.checks >= self._next_reading:
+            self._next_reading = self.checks + _CHECKS_PER_READING
             if time.monotonic() > self._until:
                 raise BudgetSpent("clock", self.effort_s, self.budget.give_up_s or 0.0)
 
@@ -173,7 +173,7 @@ class Meter:
         """Allow only the fraction `share` of the remaining effort inside."""
         most = self.most
         if most < float("inf"):
-            self.most = self.looks + share * (most - self.looks)
+            self.most = self.checks + share * (most - self.checks)
         try:
             yield
         finally:
@@ -183,11 +183,11 @@ class Meter:
 _meter: ContextVar[Meter | None] = ContextVar("meter", default=None)
 
 
-def spend(looks: float) -> None:
+def spend(checks: float) -> None:
     """Count collision checks on the meter of the current search, if it has one; see `Meter.spend`."""
     meter = _meter.get()
     if meter is not None:
-        meter.spend(looks)
+        meter.spend(checks)
 
 
 @contextmanager

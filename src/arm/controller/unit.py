@@ -49,9 +49,9 @@ class Limits:
         for key in ("lower", "upper", "velocity", "acceleration"):
             value = numbers(getattr(self, key))
             if value is None or value.shape != (n,) or not n:
-                of = shown(getattr(self, key)) if value is None else f"array of shape {value.shape}"
+                found = shown(getattr(self, key) if value is None else value)
                 raise InputError(
-                    f"limits: {key} = {of}: must be one number per joint, ({n},) like lower", name=key
+                    f"limits: {key} = {found}: must be one number per joint, ({n},) like lower", name=key
                 )
             least = 0.0 if key in ("velocity", "acceleration") else -np.inf
             wrong = np.flatnonzero(~(np.isfinite(value) & (value > least)))
@@ -150,8 +150,10 @@ class Unit(UnitValues):
         """Return `value` as an array whose last axis has one number per joint."""
         array, n = numbers(value), len(self.counts_at_zero)
         if array is None or array.shape[-1:] != (n,):
-            of = shown(value) if array is None else f"array of shape {array.shape}"
-            raise InputError(f"{name} = {of}: must have {n} numbers, one for each joint", name=name, joints=n)
+            found = shown(value if array is None else array)
+            raise InputError(
+                f"{name} = {found}: must have {n} numbers, one for each joint", name=name, joints=n
+            )
         return array
 
     def calibrated(self, joint_offsets: npt.ArrayLike) -> Unit:

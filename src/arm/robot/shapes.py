@@ -94,9 +94,9 @@ class Convex:
     def __post_init__(self) -> None:
         p = numbers(self.points)
         if p is None or p.ndim != 2 or p.shape[1] != 3 or len(p) < 4 or not np.isfinite(p).all():
-            of = shown(self.points) if p is None else f"array of shape {p.shape}"
             raise InputError(
-                f"Convex.points = {of}: must be four or more points of three finite numbers x, y, z in m",
+                f"Convex.points = {shown(self.points if p is None else p)}: must be four or more points of three "
+                "finite numbers x, y, z in m",
                 name="points",
             )
         thick, wide = thickness(p), float(np.ptp(p, axis=0).max())

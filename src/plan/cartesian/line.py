@@ -16,7 +16,7 @@ from arm.errors import ImpossibleError, InputError
 from arm.numerics.products import norm
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen
-from plan.budget import LINE_LOOKS, spend
+from plan.budget import LINE_CHECKS, spend
 from plan.cartesian.differential_ik import ACTIVE, SOLVERS, Barrier, Follower, LineOptions
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 from plan.kinematics.straight_line import AXES, Line, LineDeviation
@@ -66,7 +66,7 @@ def follow_line(
         ImpossibleError: a limit or barrier stops the line; data: constraint, joint, distance_m (of a barrier's
             bodies), done_m, length_m (as s).
     """
-    spend(LINE_LOOKS)
+    spend(LINE_CHECKS)
     options = options or LineOptions()
     for name, value, known in (
         ("solver", options.solver, SOLVERS),

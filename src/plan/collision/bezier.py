@@ -50,10 +50,9 @@ def curve_of_waypoints(waypoints: npt.ArrayLike) -> Curve:
     """
     q = numbers(waypoints)
     if q is None or q.ndim != 2 or len(q) < 2 or not q.shape[1]:
-        of = shown(waypoints) if q is None else f"array of shape {q.shape}"
         raise InputError(
-            f"waypoints = {of}: must be (m, n), two or more rows of one number per joint, rad; for a single "
-            "configuration use World.distance",
+            f"waypoints = {shown(waypoints if q is None else q)}: must be (m, n), two or more rows of one number per "
+            "joint, rad; for a single configuration use World.distance",
             name="waypoints",
         )
     bad = np.flatnonzero(~np.isfinite(q).all(axis=1))

@@ -56,7 +56,7 @@ from arm.controller.unit import Unit
 from arm.errors import InputError
 from arm.former import former_names
 from arm.se3 import Array
-from plan.budget import PROOF_LOOKS, spend
+from plan.budget import PIECE_CHECKS, spend
 from plan.collision.bezier import Curve, curve_of_counts
 from plan.collision.subdivision import CurveIntervals, CurveSubdivision
 from plan.collision.world import DISTANCE_ERROR, Indices, World
@@ -201,7 +201,7 @@ class _Search:
         Balls and boxes are used the first time only: pairs that they leave open then, they rarely settle in smaller
         pieces.
         """
-        spend(PROOF_LOOKS * len(pieces))
+        spend(PIECE_CHECKS * len(pieces))
         world, volumes, enough = self.world, self.world.volumes, self.enough()
         at = volumes.placed(pieces.middle)
         settled = np.full(len(pieces), np.inf)

@@ -24,7 +24,7 @@ from arm.numerics.products import mul
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere
 from arm.se3 import Array, cross, frozen
-from plan.budget import DISTANCE_LOOKS, spend
+from plan.budget import DISTANCE_CHECKS, spend
 from plan.collision.bounds import Axes, DistanceBounds, Part
 
 Indices = npt.NDArray[np.intp]
@@ -175,7 +175,7 @@ class World:
         self._place(q)
         geometry, data, compute = self._geometry, self._distances, pin.computeDistance
         values = [compute(geometry, data, i).min_distance for i in pairs.tolist()]
-        spend(DISTANCE_LOOKS * len(values))
+        spend(DISTANCE_CHECKS * len(values))
         return np.asarray(np.maximum(values, UNKNOWN_DEPTH) - self.paddings[pairs])
 
     def witnesses(
@@ -204,7 +204,7 @@ class World:
             if values[-1] < least[i]:
                 break
         count = len(values)
-        spend(DISTANCE_LOOKS * count)
+        spend(DISTANCE_CHECKS * count)
         distances = np.maximum(values, UNKNOWN_DEPTH) - self.paddings[pairs[:count]]
         return Witnesses(np.asarray(distances), normals[:count], points[:count])
 

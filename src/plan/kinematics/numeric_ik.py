@@ -23,7 +23,7 @@ from arm.numerics.angles import arctan2
 from arm.numerics.products import mul, solve_positive
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen
-from plan.budget import START_LOOKS, spend
+from plan.budget import START_CHECKS, spend
 from plan.kinematics.closed_form import POSE_TOLERANCE, Flags, has_closed_form
 from plan.kinematics.free_axis import feasible_intervals, sample_free
 from plan.kinematics.ik import Indices, inverse_kinematics, nearest_turns
@@ -157,7 +157,7 @@ def numeric_ik(
     for first in range(0, len(T), together):
         some = T[first : first + together]
         pose = np.repeat(np.arange(len(some)), len(starts))
-        spend(START_LOOKS * len(pose))
+        spend(START_CHECKS * len(pose))
         q, met = task.search(np.tile(starts, (len(some), 1)), some[pose], options.iterations)
         for index in range(len(some)):
             distinct = task.distinct(q[met & (pose == index)])

@@ -26,7 +26,7 @@ from arm.controller.unit import Limits
 from arm.errors import ImpossibleError, InputError
 from arm.se3 import Array, frozen
 from plan.trajectory.joint_path import Path
-from plan.trajectory.timing import Caps, State, Trajectory, rate_caps
+from plan.trajectory.timing import Caps, Trajectory, rate_caps
 
 _SAMPLES = 400  # places between knots where limits are checked
 _ROOM = 1.001  # factor on sampled loads, which may be slightly larger between samples
@@ -44,14 +44,6 @@ class JerkTrajectory(Trajectory):
     drive: Array = field(kw_only=True)
     jerk: Array = field(kw_only=True)
 
-    def at(self, times: npt.ArrayLike) -> State:
-        """See `Trajectory.at`."""
-        s, rate, drive, _ = self._scalars(
-            np.clip(np.atleast_1d(np.asarray(times, dtype=float)), 0.0, self.duration)
-        )
-        first, second = self.path(s, 1), self.path(s, 2)
-        return State(self.path(s), first * rate, second * rate**2 + first * drive)
-
     def jerks(self, times: npt.ArrayLike) -> Array:
         """Return the jerk (m, n) rad/s^3 at times (m,) in s."""
         s, rate, drive, jerk = self._scalars(np.asarray(times, dtype=float))
@@ -61,13 +53,7 @@ class JerkTrajectory(Trajectory):
 
     def stretched(self, factor: float) -> Trajectory:
         """See `Trajectory.stretched`."""
-        return replace(
-            self,
-            times=frozen(self.times * factor),
-            rate=frozen(self.rate / factor),
-            drive=frozen(self.drive / factor**2),
-            stretch=self.stretch * factor,
-        )
+        return replace(super().stretched(factor), drive=frozen(self.drive / factor**2))  # type: ignore[call-arg]
 
     def under(self, limits: Limits) -> Trajectory:
         """See `Trajectory.under`."""
@@ -107,8 +93,8 @@ class JerkTrajectory(Trajectory):
         inside = np.linspace(1e-6, 1.0 - 1e-6, _SAMPLES)
         return np.asarray(self.times[:-1, None] + inside * np.diff(self.times)[:, None])
 
-    def _scalars(self, t: Array) -> tuple[Array, Array, Array, Array]:
-        """Return s (m,) and its first, second and third derivative with respect to time, (m, 1) each."""
+    def _scalars(self, t: Array) -> tuple[Array, ...]:
+        """See `Trajectory._scalars`; the third derivative, too."""
         i = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2)
         jerk = (np.diff(self.drive) / np.diff(self.times))[i]
         tau = t - self.times[i]

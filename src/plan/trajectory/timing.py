@@ -72,13 +72,9 @@ class Trajectory:
     def at(self, times: npt.ArrayLike) -> State:
         """Return the state at times (m,) in s, clamped to the motion."""
         t = np.clip(np.atleast_1d(np.asarray(times, dtype=float)), 0.0, self.times[-1])
-        i = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2)
-        tau = t - self.times[i]
-        drive = self._drive()[i]
-        s = np.clip(self.s[i] + tau * (self.rate[i] + 0.5 * drive * tau), self.s[i], self.s[i + 1])
-        rate = np.maximum(self.rate[i] + drive * tau, 0.0)[:, None]
+        s, rate, drive, *_ = self._scalars(t)
         first, second = self.path(s, 1), self.path(s, 2)
-        return State(self.path(s), first * rate, second * rate**2 + first * drive[:, None])
+        return State(self.path(s), first * rate, second * rate**2 + first * drive)
 
     def passed(self, s: npt.ArrayLike) -> Array:
         """Return the times (m,) in s at which the motion passes path parameters s (m,), clamped to the path."""
@@ -132,6 +128,14 @@ class Trajectory:
         at = np.clip(at, 0.0, 1.0)
         every = np.abs([first, middle, last, first + at * (tilt + at * bend)])
         return velocity.max(axis=(1, 2)), every.max(axis=(0, 2))
+
+    def _scalars(self, t: Array) -> tuple[Array, ...]:
+        """Return s (m,) and its first and second derivative with respect to time, (m, 1) each, at times t (m,)."""
+        i = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2)
+        tau = t - self.times[i]
+        drive = self._drive()[i]
+        s = np.clip(self.s[i] + tau * (self.rate[i] + 0.5 * drive * tau), self.s[i], self.s[i + 1])
+        return s, np.maximum(self.rate[i] + drive * tau, 0.0)[:, None], drive[:, None]
 
     def _drive(self) -> Array:
         """Return the second derivative of s with respect to time between knots, (k - 1,)."""

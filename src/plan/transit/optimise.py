@@ -26,7 +26,7 @@ import qpsolvers
 
 from arm.controller.unit import Limits
 from arm.se3 import Array, frozen
-from plan.budget import STEP_LOOKS, spend
+from plan.budget import QP_CHECKS, spend
 from plan.collision.world import World
 from plan.trajectory.time_estimates import path_time, straight_time
 
@@ -81,7 +81,7 @@ class TransitOptimiser:
                 if finer is None:
                     break
                 path, region, model = finer, _REGION / 2.0, None
-            spend(STEP_LOOKS)
+            spend(QP_CHECKS)
             model = model or _Model(self, path)
             trial = model.step(region)
             gained = 0.0 if trial is None else time - self.time(trial)

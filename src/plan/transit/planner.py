@@ -27,23 +27,23 @@ from arm.numerics.products import norm
 from arm.se3 import Array, frozen
 from plan.budget import TransitBudget
 from plan.collision.bezier import curve_of_waypoints
-from plan.collision.certificate import ClearanceCertificate, certify_curve
+from plan.collision.certificate import certify_curve
 from plan.collision.missing_srdf import self_collision_help
 from plan.collision.world import World
 from plan.kinematics.closed_form import all_branches
 from plan.kinematics.configuration import check_configuration
 from plan.kinematics.ik import nearest_turns
-from plan.trajectory.time_estimates import path_time, path_times
+from plan.trajectory.time_estimates import path_times
 from plan.transit.optimise import Ends, TransitOptimiser
 from plan.transit.rrt_connect import RrtConnect
 
 # Fractions of a line to sample before a certificate.
-_FIRST_LOOKS = 0.5, 0.25, 0.75, 0.125, 0.375, 0.625, 0.875
+_FIRST_SAMPLES = 0.5, 0.25, 0.75, 0.125, 0.375, 0.625, 0.875
 # Durations of paths, relative to the straight one: above the first the search goes on, up to the second it ends.
 _POOR = 1.25
 _ALMOST = 1.1
 # Number of earlier paths to reuse, and the distance of their samples, rad summed over the joints.
-_REMEMBERED, _LOOK_TRAVEL = 6, 0.2
+_REMEMBERED, _SAMPLE_TRAVEL = 6, 0.2
 _DIFFERENT = 0.7  # s of travel between corners of paths that count as different
 _WORSE = 1.5  # times the fastest path found: slower ones are skipped
 _LIFTS = (0.04, 0.08, 0.12, 0.17, 0.23, 0.3, 0.4)  # m, by which the tool is lifted or moved towards the base
@@ -143,7 +143,8 @@ class TransitPlanner:
         self.known = [] if known is None else known
         self.slack = slack
         self.too_near = world.too_near(clearance)
-        self.shortener = TransitOptimiser(world, limits, clearance, self.ends)
+        self.optimiser = TransitOptimiser(world, limits, clearance, self.ends)
+        self.time = self.optimiser.time
 
     def around(self, start: Array, goal: Array, at: float) -> Array | None:
         """Return an optimised path, or None; the straight one is blocked at fraction `at`."""
@@ -163,7 +164,7 @@ class TransitPlanner:
         if rooted is None:
             return None
         path = self.without_needless_corners(self.cut(self.without_needless_corners(rooted)))
-        found = self.shortener.shorten(path, self.budget.steps)
+        found = self.optimiser.shorten(path, self.budget.steps)
         return self.remembered(found if self.proved(found) else path)
 
     def fastest_certified(self, paths: Iterable[Array], enough: float) -> Array | None:
@@ -173,11 +174,11 @@ class TransitPlanner:
         """
         steps, rough = self.budget.steps, list[Array]()
         for path in paths:
-            rough.append(self.shortener.shorten(path, max(steps // 3, 2)))
+            rough.append(self.optimiser.shorten(path, max(steps // 3, 2)))
             if self.time(rough[-1]) <= enough:
                 break
         for path in sorted(rough, key=lambda w: round(self.time(w), 6)):
-            for trial in (self.shortener.shorten(path, steps), path):
+            for trial in (self.optimiser.shorten(path, steps), path):
                 if self.proved(trial):
                     return trial
         return None
@@ -194,7 +195,7 @@ class TransitPlanner:
             if all(
                 self.free(a + u * (b - a))
                 for a, b in pairwise(path)
-                for u in np.linspace(0.0, 1.0, 1 + int(np.ceil(np.abs(b - a).sum() / _LOOK_TRAVEL)))
+                for u in np.linspace(0.0, 1.0, 1 + int(np.ceil(np.abs(b - a).sum() / _SAMPLE_TRAVEL)))
             ):
                 return path
         return None
@@ -207,18 +208,12 @@ class TransitPlanner:
         """Return whether a configuration has the clearance."""
         return not self.too_near(q)
 
-    def prove(self, a: Array, b: Array) -> ClearanceCertificate:
-        """Certify the straight joint line between a and b."""
-        return certify_curve(self.world, curve_of_waypoints([a, b]), self.clearance)
-
     def clear(self, a: Array, b: Array) -> bool:
         """Return whether the straight joint line between a and b is certified."""
         # most lines are blocked, and samples find that out cheaply
-        return all(self.free(a + u * (b - a)) for u in _FIRST_LOOKS) and self.prove(a, b).proved
-
-    def time(self, path: Array) -> float:
-        """Estimate the duration of a path, s."""
-        return path_time(path, self.limits, self.ends.enter, self.ends.leave)
+        if not all(self.free(a + u * (b - a)) for u in _FIRST_SAMPLES):
+            return False
+        return certify_curve(self.world, curve_of_waypoints([a, b]), self.clearance).proved
 
     def few_corners(self, start: Array, goal: Array, at: float) -> Iterator[Array]:
         """Yield different paths over one or two corners without samples in collision, the fastest first."""
@@ -227,7 +222,7 @@ class TransitPlanner:
         groups = single, double
         times = [self.times(start, corners, goal) for corners in groups]
         alike = [np.zeros(len(corners), dtype=bool) for corners in groups]
-        best, tried, looks = np.inf, 0, _Looks()
+        best, tried, samples = np.inf, 0, _Samples()
         for index in np.argsort(np.concatenate(times), kind="stable").tolist():
             group, i = (0, index) if index < len(single) else (1, index - len(single))
             time, corners = times[group][i], groups[group][i]
@@ -237,7 +232,7 @@ class TransitPlanner:
                 continue
             tried += 1
             path = np.concatenate([start[None], corners, goal[None]])
-            if looks.clear(path, self.free):
+            if samples.clear(path, self.free):
                 best = min(best, time)
                 away = np.abs(groups[group] - corners) / self.limits.velocity
                 alike[group] |= away.max(axis=(1, 2)) < _DIFFERENT
@@ -318,11 +313,11 @@ class TransitPlanner:
         return np.concatenate([path[: i + 1], [a, b], path[j + 1 :]]), [i + 1]
 
 
-class _Looks:
+class _Samples:
     """Samples of paths; the place where the last path was blocked is checked first."""
 
     def __init__(self) -> None:
-        self.places = [(edge, u) for u in _FIRST_LOOKS for edge in range(3)]
+        self.places = [(edge, u) for u in _FIRST_SAMPLES for edge in range(3)]
 
     def clear(self, path: Array, free: Callable[[Array], bool]) -> bool:
         """Return whether all samples are free."""

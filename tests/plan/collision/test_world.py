@@ -14,7 +14,7 @@ from arm.errors import InputError
 from arm.robot.model import Robot, load_a465
 from arm.robot.shapes import Body, Box, Cylinder, Shape, Sphere
 from arm.se3 import Array, apply, frozen, rotation, transform
-from plan.budget import DISTANCE_LOOKS, SearchBudget, allowed
+from plan.budget import DISTANCE_CHECKS, SearchBudget, allowed
 from plan.collision.bezier import curve_of_waypoints
 from plan.collision.bounds import hull
 from plan.collision.certificate import certify_curve
@@ -374,5 +374,5 @@ def test_distances_cost_effort_by_their_number() -> None:
     for count in (1, 2, 8):
         with allowed(SearchBudget(1e3)) as meter:
             world.pair_distances(np.zeros(6), np.arange(count))
-        costs.append(meter.looks)
-    assert costs == pytest.approx([DISTANCE_LOOKS, 2 * DISTANCE_LOOKS, 8 * DISTANCE_LOOKS])
+        costs.append(meter.checks)
+    assert costs == pytest.approx([DISTANCE_CHECKS, 2 * DISTANCE_CHECKS, 8 * DISTANCE_CHECKS])
