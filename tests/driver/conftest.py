@@ -8,9 +8,11 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from arm.controller.unit import Unit, load_unit
+from driver.emulator import Emulator, EmulatorOptions
 from driver.emulator.line.memory import MemoryLine
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
+from emulated.near_marks import near_marks
 
 Hook = Callable[[str], "list[str] | None"]
 
@@ -176,6 +178,22 @@ def unit() -> Unit:
 @pytest.fixture
 def fake(clock: SteppedClock) -> FakeUnit:
     return FakeUnit(clock)
+
+
+@pytest.fixture
+def emulator(unit: Unit, clock: SteppedClock) -> Iterator[Emulator]:
+    """An emulated unit, close to its marks."""
+    with Emulator(unit, clock, options=EmulatorOptions(power_up_deg=near_marks(unit))) as emulator:
+        yield emulator
+
+
+@pytest.fixture
+def emulated_mars(emulator: Emulator, unit: Unit, clock: SteppedClock) -> Iterator[Mars]:
+    """The emulated unit, homed and at its soft home."""
+    with Mars(emulator.open_line(), unit, clock) as mars:
+        mars.identify()
+        mars.initialise()
+        yield mars
 
 
 @pytest.fixture

@@ -17,6 +17,7 @@ from driver.execution.progress import StreamOptions
 from driver.execution.stream import stream
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
+from emulated.near_marks import near_marks
 from wire.fault_matrix import motion
 from wire.line_damage import ANSWER, KINDS, Damage
 
@@ -34,9 +35,10 @@ def streamed(
     **behaviour: Any,
 ) -> tuple[ExecutionStopped | None, float, Mars]:
     """One motion; the error, the farthest from its path, deg, and the driver."""
-    near = tuple(float(d) for d in np.degrees(unit.positions(np.ones(6))))
     with (
-        Emulator(unit, clock, options=EmulatorOptions(power_up_deg=near, **behaviour)) as emulator,
+        Emulator(
+            unit, clock, options=EmulatorOptions(power_up_deg=near_marks(unit), **behaviour)
+        ) as emulator,
         Mars(emulator.open_line(latency_s, there, back), unit, clock) as mars,
     ):
         mars.identify()
@@ -258,9 +260,8 @@ def test_nothing_is_sent_behind_a_dwell_before_it_has_come_back(latency_s: float
     """A dwell that is lost, or joined with the first segment, would let that begin at once."""
     unit, clock = load_unit("crs93"), SteppedClock()
     path = motion()
-    near = tuple(float(d) for d in np.degrees(unit.positions(np.ones(6))))
     with (
-        Emulator(unit, clock, options=EmulatorOptions(power_up_deg=near)) as emulator,
+        Emulator(unit, clock, options=EmulatorOptions(power_up_deg=near_marks(unit))) as emulator,
         Mars(emulator.open_line(latency_s), unit, clock) as mars,
     ):
         mars.identify()

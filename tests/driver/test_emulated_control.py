@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 
@@ -14,22 +12,12 @@ from driver.emulator import Emulator
 from driver.execution.control import Control
 from driver.execution.progress import Progress
 from driver.execution.stream import stream
-from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
 
 
 @pytest.fixture
-def emulator(unit: Unit, clock: SteppedClock) -> Iterator[Emulator]:
-    with Emulator(unit, clock) as emulator:
-        yield emulator
-
-
-@pytest.fixture
-def mars(emulator: Emulator, unit: Unit, clock: SteppedClock) -> Iterator[Mars]:
-    with Mars(emulator.open_line(), unit, clock) as mars:
-        mars.identify()
-        mars.initialise()
-        yield mars
+def mars(emulated_mars: Mars) -> Mars:
+    return emulated_mars
 
 
 def executed_since(emulator: Emulator, time_ms: int) -> np.ndarray:

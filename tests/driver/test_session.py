@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -23,22 +24,20 @@ from driver.execution.stream import stream
 from driver.line.stepped_clock import SteppedClock
 from driver.line.wire_log import WireLog
 from driver.mars.mars import Mars
+from emulated.near_marks import near_marks
 
 STRICT = EmulatorOptions(unknown="fail", noise=b"\x00\xff\x80\xfeMARS", registers_readable=True)
 
 
 @pytest.fixture
 def emulator(unit: Unit, clock: SteppedClock) -> Iterator[Emulator]:
-    with Emulator(unit, clock, Jaws(), STRICT) as emulator:
+    with Emulator(unit, clock, Jaws(), replace(STRICT, power_up_deg=near_marks(unit))) as emulator:
         yield emulator
 
 
 @pytest.fixture
-def mars(emulator: Emulator, unit: Unit, clock: SteppedClock) -> Iterator[Mars]:
-    with Mars(emulator.open_line(), unit, clock) as mars:
-        mars.identify()
-        mars.initialise()
-        yield mars
+def mars(emulated_mars: Mars) -> Mars:
+    return emulated_mars
 
 
 def executed_since(emulator: Emulator, time_ms: int) -> tuple[np.ndarray, np.ndarray]:

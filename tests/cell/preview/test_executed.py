@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from arm.controller.segments import CountPath
-from arm.controller.unit import Unit, load_unit
-from arm.plan_file import GripperStep, Move, Plan
+from arm.controller.unit import Unit
+from arm.plan_file import Move, Plan
 from cell.preview.executed import match
 from driver.log.motions import LoggedMotion
 from driver.log.read import Session
@@ -18,33 +18,6 @@ from pages.logged import move
 from wire.logged_session import LoggedRun
 
 pytestmark = pytest.mark.xdist_group("logs")
-
-
-@pytest.fixture(scope="module")
-def unit() -> Unit:
-    return load_unit("crs93")
-
-
-@pytest.fixture
-def plan(run: LoggedRun, unit: Unit) -> Plan:
-    """The first motion in two moves, the jaws, and the motion that was stopped."""
-    segments, middle = run.whole.segments, tuple(int(c) for c in run.whole.knots()[20])
-    parts = (CountPath(run.whole.start, segments[:20]), CountPath(middle, segments[20:]))
-    return Plan(
-        task={"name": "no-such-task", "cubes": []},
-        unit="crs93",
-        speed=1.0,
-        speed_registers=unit.speed_registers,
-        acceleration_registers=unit.acceleration_registers,
-        steps=(
-            GripperStep("open", "open", None, 0.0, 0.2),
-            move("first", parts[0]),
-            move("second", parts[1]),
-            GripperStep("close", "close", None, 1.0, 0.2),
-            move("back", run.cut),
-        ),
-        provenance={"task": "0" * 64},
-    )
 
 
 def test_motions_of_the_log_are_found_in_the_plan_whole_or_in_part(

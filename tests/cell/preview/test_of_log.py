@@ -9,47 +9,18 @@ from typing import Any
 
 import pytest
 
-from arm.controller.segments import CountPath
-from arm.controller.unit import Unit, load_unit
+from arm.controller.unit import Unit
 from arm.errors import ImpossibleError, InputError
 from arm.io.storage import data_file
-from arm.plan_file import GripperStep, Plan, write_plan
+from arm.plan_file import Plan, write_plan
 from cell.commands.preview import preview_file
 from cell.console import Console
 from cell.preview.executed import plan_of
 from cell.preview.of_log import preview_log
 from driver.log.read import Session
-from pages.logged import move
 from wire.logged_session import LoggedRun
 
 pytestmark = pytest.mark.xdist_group("logs")
-
-
-@pytest.fixture(scope="module")
-def unit() -> Unit:
-    return load_unit("crs93")
-
-
-@pytest.fixture
-def plan(run: LoggedRun, unit: Unit) -> Plan:
-    """The first motion in two moves, the jaws, and the motion that was stopped."""
-    segments, middle = run.whole.segments, tuple(int(c) for c in run.whole.knots()[20])
-    parts = (CountPath(run.whole.start, segments[:20]), CountPath(middle, segments[20:]))
-    return Plan(
-        task={"name": "no-such-task", "cubes": []},
-        unit="crs93",
-        speed=1.0,
-        speed_registers=unit.speed_registers,
-        acceleration_registers=unit.acceleration_registers,
-        steps=(
-            GripperStep("open", "open", None, 0.0, 0.2),
-            move("first", parts[0]),
-            move("second", parts[1]),
-            GripperStep("close", "close", None, 1.0, 0.2),
-            move("back", run.cut),
-        ),
-        provenance={"task": "0" * 64},
-    )
 
 
 def show(log: Path, page: Path, task: Path | None = None) -> tuple[dict[str, Any], dict[str, Any]]:

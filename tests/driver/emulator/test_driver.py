@@ -16,6 +16,7 @@ from driver.execution.stream import stream
 from driver.line.clock import Clock
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
+from emulated.near_marks import near_marks
 
 
 class Object:
@@ -32,16 +33,13 @@ class Object:
 
 @pytest.fixture
 def emulator(unit: Unit, clock: SteppedClock) -> Iterator[Emulator]:
-    with Emulator(unit, clock, Object(471)) as emulator:
+    with Emulator(unit, clock, Object(471), EmulatorOptions(power_up_deg=near_marks(unit))) as emulator:
         yield emulator
 
 
 @pytest.fixture
-def mars(emulator: Emulator, unit: Unit, clock: SteppedClock) -> Iterator[Mars]:
-    with Mars(emulator.open_line(), unit, clock) as mars:
-        mars.identify()
-        mars.initialise()
-        yield mars
+def mars(emulated_mars: Mars) -> Mars:
+    return emulated_mars
 
 
 @pytest.mark.parametrize("name", ["crs93", "crs97"])
@@ -140,7 +138,7 @@ def test_a_fault_in_a_stream_ends_it(mars: Mars, emulator: Emulator, fault: str)
 
 
 def test_static_error_is_accepted_by_the_driver(unit: Unit, clock: SteppedClock) -> None:
-    options = EmulatorOptions(static_error=15, seed=3)
+    options = EmulatorOptions(static_error=15, seed=3, power_up_deg=near_marks(unit))
     with Emulator(unit, clock, options=options) as emulator, Mars(emulator.open_line(), unit, clock) as mars:
         mars.identify()
         mars.initialise()
@@ -155,8 +153,7 @@ def test_static_error_is_accepted_by_the_driver(unit: Unit, clock: SteppedClock)
 def test_over_a_port_of_the_host(unit: Unit, port: str) -> None:
     """The same in wall time, as against hardware: nothing here may say how soon."""
     clock = Clock(4.0)
-    near_marks = tuple(float(d) for d in np.degrees(unit.positions(np.ones(6))))
-    with Emulator(unit, clock, options=EmulatorOptions(power_up_deg=near_marks)) as emulator:
+    with Emulator(unit, clock, options=EmulatorOptions(power_up_deg=near_marks(unit))) as emulator:
         url = emulator.open_tcp() if port == "tcp" else emulator.open_pty()
         with Mars(url, unit, clock) as mars:
             assert mars.identify().startswith("MARS8")

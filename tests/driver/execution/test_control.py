@@ -8,20 +8,13 @@ from typing import Any
 
 import pytest
 
-from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped, InputError
 from driver.execution.control import Control
 from driver.execution.stream import stream
-from driver.line.clock import Clock
 from driver.line.protocol import BYTES_PER_SECOND
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
-from wire.controlled_stream import Script, moved, moved_after_stop, opened, reaches, run
-
-
-@pytest.fixture
-def mars(fake: Any, unit: Unit, clock: Clock) -> Any:
-    yield from opened(fake, unit, clock)
+from wire.controlled_stream import Script, moved, moved_after_stop, reaches, run
 
 
 @pytest.mark.parametrize("ask", ["control", "SIGINT"])

@@ -13,20 +13,10 @@ from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.plan_file import GripperStep, LookStep, Move, Step
 from driver.execution.execute import execute
 from driver.execution.progress import Progress, StreamOptions
-from driver.line.clock import Clock
 from driver.mars.mars import Mars
 from wire.soft_home import SOFT_HOME
 
 WATCHED = StreamOptions(watch_jaws=True)
-
-
-@pytest.fixture
-def mars(fake: Any, unit: Unit, clock: Clock) -> Any:
-    fake.counts = list(SOFT_HOME)
-    with Mars(fake.line, unit, clock) as mars:
-        mars.identify()
-        mars.initialise(home=False)
-        yield mars
 
 
 def move(name: str, start: tuple[int, ...], step: tuple[int, ...]) -> Move:

@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 
 from arm.controller.segments import CountPath, Segment
-from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped
 from arm.plan_file import GripperStep, LookStep, Move, Step
 from driver.execution.control import Control
@@ -16,17 +15,6 @@ from driver.execution.progress import Progress
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
 from wire.soft_home import SOFT_HOME
-
-
-@pytest.fixture
-def mars(fake: Any, unit: Unit, clock: SteppedClock) -> Any:
-    fake.counts = list(SOFT_HOME)
-    with Mars(fake.line, unit, clock) as mars:
-        mars.identify()
-        mars.initialise(home=False)
-        fake.lines.clear()
-        fake.times.clear()
-        yield mars
 
 
 def line(name: str, start: tuple[int, ...], segments: int) -> Move:

@@ -17,11 +17,6 @@ from driver.mars.mars import Mars
 from wire.controlled_stream import Script, moved, moved_after_stop, opened, reaches, run
 
 
-@pytest.fixture
-def mars(fake: Any, unit: Unit, clock: Clock) -> Any:
-    yield from opened(fake, unit, clock)
-
-
 def paused_and_continued(mars: Mars, fake: Any, control: Control) -> tuple[Sent, list[int], list[list[int]]]:
     """Stream 60 segments with a pause at segment 20 of 25 s standing; what was sent before, and where it stood."""
     counted: list[int] = []

@@ -22,6 +22,7 @@ from driver.line.link import LineDamaged
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
 from driver.mars.stopping import RestState
+from emulated.near_marks import near_marks
 from wire.line_damage import KINDS, SEGMENT, Damage
 
 OFF_DEG = 0.02
@@ -34,7 +35,8 @@ class Loaded:
         self,
         unit: Unit,
         clock: SteppedClock,
-        segments: int = 40,
+        segments: int = 20,
+        queue: int = 150,
         latency_s: float = 0.0,
         there: Any = None,
         script: Any = None,
@@ -44,8 +46,7 @@ class Loaded:
         self.error: ExecutionStopped | ImpossibleError | None = None
         self.sent: Sent | None = None
         control = Control(tell=self.told.append)
-        near = tuple(float(d) for d in np.degrees(unit.positions(np.ones(6))))
-        options = EmulatorOptions(power_up_deg=near, **behaviour)
+        options = EmulatorOptions(power_up_deg=near_marks(unit), **behaviour)
         with Emulator(unit, clock, options=options) as emulator:
             line = emulator.open_line(latency_s, there)
             with Mars(line, unit, clock) as mars:
@@ -58,7 +59,9 @@ class Loaded:
                 self.began_ms, began = emulator.now_ms(), clock.now()
                 try:
                     on_progress = None if script is None else (lambda p: script(p, control))
-                    self.sent = stream(mars, self.path, on_progress, StreamOptions(preload=True), control)
+                    self.sent = stream(
+                        mars, self.path, on_progress, StreamOptions(preload=True, queue=queue), control
+                    )
                 except (ExecutionStopped, ImpossibleError) as error:
                     self.error = error
                 clock.sleep(1.0)
@@ -83,14 +86,14 @@ class Loaded:
 def test_everything_is_sent_before_the_arm_moves(unit: Unit, clock: SteppedClock, latency_s: float) -> None:
     loaded = Loaded(unit, clock, latency_s=latency_s)
     assert loaded.error is None
-    assert len(loaded.segments_s) == 40
+    assert len(loaded.segments_s) == 20
     assert max(loaded.segments_s) + 2 * latency_s < loaded.moves_s
     assert loaded.off_deg < OFF_DEG
     assert loaded.told == []
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("nth", [pytest.param(1, marks=pytest.mark.slow), 39])
+@pytest.mark.parametrize("nth", [pytest.param(1, marks=pytest.mark.slow), 19])
 def test_a_damaged_motion_is_sent_again_and_ends_where_it_should(
     unit: Unit, clock: SteppedClock, kind: Any, nth: int
 ) -> None:
@@ -123,20 +126,21 @@ def test_a_line_that_damages_every_time_is_given_up_and_nothing_has_moved(
 def test_of_a_motion_that_the_unit_cannot_hold_the_first_part_is_loaded_and_it_is_told(
     unit: Unit, clock: SteppedClock
 ) -> None:
-    loaded = Loaded(unit, clock, segments=170)
+    loaded = Loaded(unit, clock, segments=40, queue=21)
     assert loaded.error is None
     assert loaded.off_deg < OFF_DEG
-    assert len([at for at in loaded.segments_s if at < loaded.moves_s]) == 149
+    assert len([at for at in loaded.segments_s if at < loaded.moves_s]) == 20
     assert loaded.told == [
-        "the motion has 170 segments: 149 fit into the unit and are verified before the arm moves, each of the others "
+        "the motion has 40 segments: 20 fit into the unit and are verified before the arm moves, each of the others "
         "before it begins"
     ]
+    assert StreamOptions().queue < EmulatorOptions().queue
 
 
 def test_damage_behind_what_was_loaded_stops_the_arm_before_it_begins(
     unit: Unit, clock: SteppedClock
 ) -> None:
-    loaded = Loaded(unit, clock, segments=170, there=Damage("lost", 160, seed=1))
+    loaded = Loaded(unit, clock, segments=40, queue=21, there=Damage("lost", 31, seed=1))
     assert loaded.error is not None
     assert loaded.error.data["reason"] == "line"
     assert loaded.off_deg < OFF_DEG

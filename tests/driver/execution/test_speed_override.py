@@ -13,14 +13,8 @@ from arm.controller.unit import Unit
 from driver.execution.control import LEAST_OVERRIDE, Control
 from driver.execution.speed_override import stretched
 from driver.execution.stream import stream
-from driver.line.clock import Clock
 from driver.mars.mars import Mars
-from wire.controlled_stream import moved, opened, run
-
-
-@pytest.fixture
-def mars(fake: Any, unit: Unit, clock: Clock) -> Any:
-    yield from opened(fake, unit, clock)
+from wire.controlled_stream import moved, run
 
 
 @pytest.mark.parametrize("override", [0.7, 0.33, LEAST_OVERRIDE])

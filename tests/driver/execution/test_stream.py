@@ -11,26 +11,13 @@ from typing import Any
 import pytest
 
 from arm.controller.segments import CountPath, Segment
-from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arms.wave_paths import wave
 from driver.execution.progress import Progress, StreamOptions
 from driver.execution.stream import stream
-from driver.line.clock import Clock
 from driver.mars.mars import Mars
 from wire.controlled_stream import splines
 from wire.soft_home import SOFT_HOME
-
-
-@pytest.fixture
-def mars(fake: Any, unit: Unit, clock: Clock) -> Any:
-    fake.counts = list(SOFT_HOME)
-    with Mars(fake.line, unit, clock) as mars:
-        mars.identify()
-        mars.initialise(home=False)
-        mars.move_to(SOFT_HOME)
-        fake.lines.clear()
-        yield mars
 
 
 def test_the_wire_carries_the_path_to_the_count(mars: Mars, fake: Any) -> None:

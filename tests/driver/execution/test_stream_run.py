@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from arm.controller.unit import Unit
 from arms.wave_paths import wave
 from driver.execution.feed import Feed
 from driver.execution.progress import Progress, StreamOptions
@@ -17,17 +16,6 @@ from driver.line.clock import Clock
 from driver.mars.mars import Mars
 from wire.controlled_stream import splines
 from wire.soft_home import SOFT_HOME
-
-
-@pytest.fixture
-def mars(fake: Any, unit: Unit, clock: Clock) -> Any:
-    fake.counts = list(SOFT_HOME)
-    with Mars(fake.line, unit, clock) as mars:
-        mars.identify()
-        mars.initialise(home=False)
-        mars.move_to(SOFT_HOME)
-        fake.lines.clear()
-        yield mars
 
 
 def test_never_more_than_the_look_ahead(mars: Mars, fake: Any) -> None:

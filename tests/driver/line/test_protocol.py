@@ -119,7 +119,11 @@ def test_replies() -> None:
         assert isinstance(parse_reply(other), Other), other
 
 
-@given(st.text(max_size=30))
+@given(
+    st.one_of(
+        st.binary(max_size=30).map(lambda b: b.decode("latin-1")), st.text("0123456789+-. _\xb2", max_size=16)
+    )
+)
 def test_damaged_numbers_are_told_not_guessed(text: str) -> None:
     try:
         value = parse_integer(text)

@@ -9,7 +9,6 @@ import sys
 import time
 from collections.abc import Iterator
 
-import numpy as np
 import pytest
 
 from arm.controller.unit import Unit, load_unit
@@ -19,6 +18,7 @@ from driver.line.link import Link
 from driver.line.signals import SIGNALS, caught, hear_again, interruptible
 from driver.mars.mars import Mars
 from driver.mars.stopping import bring_to_rest
+from emulated.near_marks import near_marks
 
 CHILD = """
 import sys
@@ -43,18 +43,27 @@ SCALE = 4.0
 
 @pytest.fixture(scope="module")
 def homed() -> Iterator[Emulator]:
-    """An emulated unit at its soft home, that nobody uses."""
+    """An emulated unit that is homed, and away from its marks, that nobody uses."""
     unit = load_unit("crs93")
-    near_marks = tuple(float(d) for d in np.degrees(unit.positions(np.ones(6))))
-    with Emulator(unit, Clock(SCALE), options=EmulatorOptions(power_up_deg=near_marks)) as emulator:
+    with Emulator(unit, Clock(SCALE), options=EmulatorOptions(power_up_deg=near_marks(unit))) as emulator:
         with Mars(emulator.open_pty(), unit, Clock(SCALE)) as mars:
             mars.identify()
-            mars.initialise()
+            mars.initialise(soft_home=False)
+            mars.move_to([-1000] * 6)
         yield emulator
 
 
-@pytest.mark.parametrize("gap_s", [0.0, 2e-4, 1e-3])
-@pytest.mark.parametrize("pair", PAIRS)
+@pytest.mark.parametrize(
+    ("pair", "gap_s"),
+    [
+        ("SIGINT-SIGTERM", 0.0),
+        ("SIGHUP-SIGHUP", 1e-3),
+        pytest.param("SIGINT-SIGTERM", 2e-4, marks=pytest.mark.slow),
+        pytest.param("SIGINT-SIGTERM", 1e-3, marks=pytest.mark.slow),
+        pytest.param("SIGHUP-SIGHUP", 0.0, marks=pytest.mark.slow),
+        pytest.param("SIGHUP-SIGHUP", 2e-4, marks=pytest.mark.slow),
+    ],
+)
 def test_two_signals_close_together_stop_the_arm(homed: Emulator, pair: str, gap_s: float) -> None:
     url = homed.paths()[0]
     child = subprocess.Popen(

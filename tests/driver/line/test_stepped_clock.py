@@ -9,7 +9,7 @@ import random
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -29,18 +29,7 @@ from driver.line.signals import interruptible
 from driver.line.stepped_clock import SteppedClock
 from driver.line.wire_log import WireLog
 from driver.mars.mars import Mars
-
-
-@pytest.fixture
-def clock() -> SteppedClock:
-    return SteppedClock()
-
-
-@pytest.fixture
-def emulator(unit: Unit, clock: SteppedClock) -> Iterator[Emulator]:
-    near_marks = tuple(float(d) for d in np.degrees(unit.positions(np.ones(6))))
-    with Emulator(unit, clock, options=EmulatorOptions(power_up_deg=near_marks)) as emulator:
-        yield emulator
+from emulated.near_marks import near_marks
 
 
 def inwards(unit: Unit, start: tuple[int, ...]) -> CountPath:
@@ -51,8 +40,7 @@ def inwards(unit: Unit, start: tuple[int, ...]) -> CountPath:
 def session(unit: Unit, log: Path, latency_s: float, look: Callable[[Progress], None]) -> MemoryLine:
     """Home, then two seconds of motion; the line with all its bytes."""
     clock = SteppedClock()
-    near_marks = tuple(float(d) for d in np.degrees(unit.positions(np.ones(6))))
-    options = EmulatorOptions(power_up_deg=near_marks)
+    options = EmulatorOptions(power_up_deg=near_marks(unit))
     with Emulator(unit, clock, options=options) as emulator, WireLog(log, clock) as wire:
         line = emulator.open_line(latency_s)
         with Mars(line, unit, clock, wire) as mars:

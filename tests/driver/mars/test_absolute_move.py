@@ -16,6 +16,7 @@ from driver.line.stepped_clock import SteppedClock
 from driver.mars.absolute_move import send_verified
 from driver.mars.lookahead import ANSWERS_BYTES, JITTER_S, MARGIN_S
 from driver.mars.mars import Mars
+from emulated.near_marks import near_marks
 
 TARGET = (-20000, 1500, 8000, 9000, 7000, -9000)
 
@@ -24,13 +25,12 @@ def moved(
     unit: Unit, clock: SteppedClock, there: Any, latency_s: float = 0.0, **behaviour: Any
 ) -> tuple[ExecutionStopped | None, float, Emulator]:
     """A move to TARGET over a line that is damaged from then on; the error, and the farthest from its start, counts."""
-    near = tuple(float(d) for d in np.degrees(unit.positions(np.ones(6))))
     armed = [False]
 
     def tap(now_s: float, data: bytes) -> bytes:
         return there(data) if armed[0] else data
 
-    options = EmulatorOptions(power_up_deg=near, **behaviour)
+    options = EmulatorOptions(power_up_deg=near_marks(unit), **behaviour)
     with (
         Emulator(unit, clock, options=options) as emulator,
         Mars(emulator.open_line(latency_s, tap), unit, clock) as mars,
@@ -83,8 +83,7 @@ def test_the_first_move_after_a_stop_goes_slowly_to_where_the_arm_stands(
     unit: Unit, clock: SteppedClock
 ) -> None:
     """Its reference is not known, so it cannot be verified before it begins: what damage can do is small."""
-    near = tuple(float(d) for d in np.degrees(unit.positions(np.ones(6))))
-    options = EmulatorOptions(power_up_deg=near)
+    options = EmulatorOptions(power_up_deg=near_marks(unit))
     spoilt: list[bytes] = []
 
     def there(now_s: float, data: bytes) -> bytes:

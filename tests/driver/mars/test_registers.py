@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import pytest
 
 from arm.controller.unit import Unit
@@ -17,6 +16,7 @@ from driver.line.link import ASKED_AT_ONCE
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
 from driver.mars.startup import slow_registers
+from emulated.near_marks import near_marks
 
 
 def asked(lines: list[str]) -> list[str]:
@@ -108,8 +108,7 @@ def test_one_damaged_answer_is_asked_for_again(holding: Any, unit: Unit, clock: 
 
 def test_a_register_lost_in_the_unit_behind_its_echo_is_noticed(unit: Unit, clock: SteppedClock) -> None:
     """The line came back right; what the unit holds did not change."""
-    near = tuple(float(d) for d in np.degrees(unit.positions(np.ones(6))))
-    options = EmulatorOptions(power_up_deg=near, registers_readable=True)
+    options = EmulatorOptions(power_up_deg=near_marks(unit), registers_readable=True)
     lost = Fault("lost_bytes", When(command="REGMS"), direction="parser", line=1)
     with Emulator(unit, clock, options=options) as emulator, Mars(emulator.open_line(), unit, clock) as mars:
         mars.identify()

@@ -7,6 +7,7 @@ position is in the homed convention, in which an axis reads 0 at its mark. `offs
 from __future__ import annotations
 
 import math
+import operator
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -86,6 +87,7 @@ class Machine:
         self._random = np.random.default_rng(options.seed)
         self._static = (0,) * len(true)
         self._limits = LimitWatch(unit)
+        self._limits_due = True  # the arm may have moved since they were checked
 
     def _power_up_registers(self) -> dict[str, float]:
         registers: dict[str, float] = {"COORDDISCONT": self.options.vertex_steps}
@@ -107,7 +109,7 @@ class Machine:
 
     def true_counts(self) -> tuple[int, ...]:
         """Return the true position of the arm, in the homed convention."""
-        return tuple(a + o for a, o in zip(self.actual(), self.offset, strict=True))
+        return tuple(map(operator.add, self.actual(), self.offset))
 
     @property
     def coordinated(self) -> bool:
@@ -313,9 +315,11 @@ class Machine:
     def run(self, ticks: int) -> None:
         """Let that many ms pass. Ends early at `halt_at_segment`."""
         until = self.now_ms + ticks
-        while self.busy and self.now_ms < until and self.path.begun < self.halt_at_segment:
-            self.now_ms += 1
+        while self.now_ms < until and self.path.begun < self.halt_at_segment:
             moving = self.arm_busy
+            if not moving and self.jaws.move is None:
+                break
+            self.now_ms += 1
             if self.moves:
                 self._tick_axes()
             elif self.path.queue:
@@ -329,11 +333,14 @@ class Machine:
                 if not self.arm_busy:
                     self._settle()
                 self.recorder.add(self.now_ms, self.true_counts())
+                self._limits_due = True
         if self.path.begun < self.halt_at_segment:
             self.following.run(self.path.at, until - self.now_ms)
             self.now_ms = until
-        for axis, value, low, high in self._limits.newly_outside(self.true_counts()):
-            self.violate(f"axis {axis} at {value} counts: must be from {low} to {high}")
+        if self._limits_due or self.following.active:
+            self._limits_due = False
+            for axis, value, low, high in self._limits.newly_outside(self.true_counts()):
+                self.violate(f"axis {axis} at {value} counts: must be from {low} to {high}")
 
     def _tick_axes(self) -> None:
         at = list(self.path.at)

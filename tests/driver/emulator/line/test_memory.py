@@ -2,29 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-import numpy as np
 import pytest
 
-from arm.controller.unit import Unit
-from driver.emulator import Emulator, EmulatorOptions
+from driver.emulator import Emulator
 from driver.emulator.line.memory import MemoryLine
 from driver.line.link import Link, LinkLost, NoAnswer
 from driver.line.protocol import BYTES_PER_SECOND
 from driver.line.stepped_clock import SteppedClock
-
-
-@pytest.fixture
-def clock() -> SteppedClock:
-    return SteppedClock()
-
-
-@pytest.fixture
-def emulator(unit: Unit, clock: SteppedClock) -> Iterator[Emulator]:
-    near_marks = tuple(float(d) for d in np.degrees(unit.positions(np.ones(6))))
-    with Emulator(unit, clock, options=EmulatorOptions(power_up_deg=near_marks)) as emulator:
-        yield emulator
 
 
 @pytest.mark.parametrize("latency_s", [0.0, 0.016, 0.1, 0.2])

@@ -88,27 +88,9 @@ def test_a_link_that_somebody_else_has_made_meanwhile_ends_the_emulator_and_says
     assert link.read_text() == "mine"
 
 
-@pytest.fixture
-def clock() -> Clock:
-    return Clock(20.0)
-
-
-@pytest.fixture
-def emulator(unit: Unit, clock: Clock) -> Iterator[Emulator]:
-    with Emulator(unit, clock) as emulator:
-        yield emulator
-
-
-@pytest.fixture
-def terminal(emulator: Emulator) -> Iterator[Terminal]:
-    terminal = Terminal(emulator.open_pty())
-    yield terminal
-    terminal.close()
-
-
-def test_clients_come_and_go(emulator: Emulator, tmp_path: Path) -> None:
+def test_clients_come_and_go(served: Emulator, tmp_path: Path) -> None:
     link = tmp_path / "mars"
-    path = emulator.open_pty(link)
+    path = served.open_pty(link)
     first = Terminal(str(link))
     first.send(b"ECHO:0\nGA:500\nRA:\n")
     assert first.receive(b"RA!\r\n").endswith(b"RA!\r\n")
@@ -118,38 +100,38 @@ def test_clients_come_and_go(emulator: Emulator, tmp_path: Path) -> None:
     second.send(b"APA?\n")
     assert second.receive(b"\n") == b"APA=500\r\n"
     second.close()
-    emulator.close()
+    served.close()
     assert not link.exists()
 
 
-def test_a_link_that_exists_is_left_alone(emulator: Emulator, tmp_path: Path) -> None:
+def test_a_link_that_exists_is_left_alone(served: Emulator, tmp_path: Path) -> None:
     link = tmp_path / "mars"
     link.write_text("mine")
     with pytest.raises(InputError, match="cannot link to"):
-        emulator.open_pty(link)
+        served.open_pty(link)
     assert link.read_text() == "mine"
 
 
-def test_tcp_clients_come_and_go(emulator: Emulator) -> None:
-    port = int(emulator.open_tcp().rsplit(":", 1)[1])
+def test_tcp_clients_come_and_go(served: Emulator) -> None:
+    port = int(served.open_tcp().rsplit(":", 1)[1])
     for stamp in (b"1", b"2"):
         with socket.create_connection(("127.0.0.1", port), timeout=60.0) as client:
             client.sendall(b"ECHO:0\nSTAMP:" + stamp + b"\n")
             data = b""
             while not data.endswith(b"=" + stamp + b"\r\n"):
                 data += client.recv(4096)
-    assert emulator.counts() == emulator.machine.true_counts()
+    assert served.counts() == served.machine.true_counts()
 
 
-def test_closing_twice_and_with_a_client_is_fine(emulator: Emulator, terminal: Terminal) -> None:
+def test_closing_twice_and_with_a_client_is_fine(served: Emulator, terminal: Terminal) -> None:
     terminal.send(b"GA:100000\n")
     time.sleep(0.02)
-    emulator.close()
-    emulator.close()
+    served.close()
+    served.close()
 
 
-def test_a_second_client_is_turned_away_until_the_first_one_leaves(emulator: Emulator) -> None:
-    port = int(emulator.open_tcp().rsplit(":", 1)[1])
+def test_a_second_client_is_turned_away_until_the_first_one_leaves(served: Emulator) -> None:
+    port = int(served.open_tcp().rsplit(":", 1)[1])
     with socket.create_connection(("127.0.0.1", port), timeout=60.0) as first:
         first.sendall(b"ECHO:0\nSTAMP:1\n")
         assert _until(first, b"STAMP=1\r\n")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import socket
 import time
-from collections.abc import Iterator
 
 import pytest
 
@@ -16,24 +15,6 @@ from driver.line.clock import Clock
 from driver.line.stepped_clock import SteppedClock
 from emulated.terminal import Terminal
 from wire.client import SteppedClient
-
-
-@pytest.fixture
-def clock() -> Clock:
-    return Clock(20.0)
-
-
-@pytest.fixture
-def emulator(unit: Unit, clock: Clock) -> Iterator[Emulator]:
-    with Emulator(unit, clock) as emulator:
-        yield emulator
-
-
-@pytest.fixture
-def terminal(emulator: Emulator) -> Iterator[Terminal]:
-    terminal = Terminal(emulator.open_pty())
-    yield terminal
-    terminal.close()
 
 
 def test_echo_is_on_at_power_up_and_can_be_switched_off(terminal: Terminal) -> None:
@@ -60,13 +41,13 @@ def test_answers_come_in_the_order_of_lines(terminal: Terminal) -> None:
     assert terminal.receive(b"=2\r\n").split(b"\n", 1)[1] == b"APA=0\r\nSTAMP=1\r\nR!\r\nSTAMP=2\r\n"
 
 
-def test_a_thousand_bytes_take_their_time(emulator: Emulator, terminal: Terminal) -> None:
+def test_a_thousand_bytes_take_their_time(served: Emulator, terminal: Terminal) -> None:
     terminal.send(b"ECHO:0\n")
     terminal.receive(b"ECHO:0\n")
-    begin = emulator.clock.now()
+    begin = served.clock.now()
     terminal.send(b"STAMP:00001\n" * 100 + b"VER?\n")
     terminal.receive(b"11:06:45\r\n")
-    seconds = emulator.clock.now() - begin
+    seconds = served.clock.now() - begin
     assert seconds >= 1205 / 1920.0
 
 
@@ -79,8 +60,8 @@ def test_unpaced_bytes_take_none(unit: Unit) -> None:
         assert clock.now() == 0.0  # 1.25 s at 19200 baud
 
 
-def test_power_up_noise(unit: Unit, clock: Clock) -> None:
-    with Emulator(unit, clock, options=EmulatorOptions(noise=b"\xff\x00\x80")) as emulator:
+def test_power_up_noise(unit: Unit) -> None:
+    with Emulator(unit, Clock(20.0), options=EmulatorOptions(noise=b"\xff\x00\x80")) as emulator:
         terminal = Terminal(emulator.open_pty())
         terminal.send(b"STAMP:1\n")
         assert terminal.receive(b"=1\r\n") == b"\xff\x00\x80STAMP:1\nSTAMP=1\r\n"
@@ -119,21 +100,21 @@ def test_a_line_without_end_is_not_kept_for_ever() -> None:
     os.close(read)
 
 
-def test_a_fault_stops_the_arm_where_it_is(emulator: Emulator, terminal: Terminal) -> None:
+def test_a_fault_stops_the_arm_where_it_is(served: Emulator, terminal: Terminal) -> None:
     terminal.send(b"ECHO:0\nGA:3000000\nRA:\n")  # 5 s on the wall
-    stood, deadline = emulator.counts()[0], time.monotonic() + 60.0
-    while emulator.counts()[0] < stood + 2000 and time.monotonic() < deadline:
+    stood, deadline = served.counts()[0], time.monotonic() + 60.0
+    while served.counts()[0] < stood + 2000 and time.monotonic() < deadline:
         time.sleep(0.01)
-    emulator.set_power(False)
+    served.set_power(False)
     assert terminal.receive(b"FAIL!\r\n").endswith(b"FAIL!\r\n")
-    here = emulator.counts()
-    emulator.set_power(True)
+    here = served.counts()
+    served.set_power(True)
     terminal.send(b"RA:\n")
     assert terminal.receive(b"RA!\r\n") == b"RA!\r\n"
-    assert emulator.counts() == here
+    assert served.counts() == here
 
 
-def test_an_idle_unit_costs_nothing(emulator: Emulator, terminal: Terminal) -> None:
+def test_an_idle_unit_costs_nothing(served: Emulator, terminal: Terminal) -> None:
     terminal.send(b"ECHO:0\nSTAMP:1\n")
     terminal.receive(b"=1\r\n")
     begin = time.process_time()
