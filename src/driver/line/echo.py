@@ -194,8 +194,7 @@ class EchoWatch:
         if begun and self._begins_answer(begun + line):
             self._begun = begun + line
             return None
-        if begun and self._is_asked(begun + line):
-            line = begun + line
+        line = begun + line if begun and self._is_asked(begun + line) else line
         if not self.strict:
             return self._loose(line, torn)
         if not line and self._head != (self._awaited[0].text if self._awaited else None):
@@ -334,17 +333,16 @@ class EchoWatch:
             return
         if awaited is not None and _resembles(line, awaited.text):
             self._failed(self._awaited.popleft(), line)
-            self._judge_joined(line[len(awaited.text) :] if line.startswith(awaited.text) else "")
+            rest = line[len(awaited.text) :] if line.startswith(awaited.text) else ""
+            if rest and self._awaited and _resembles(rest, self._awaited[0].text):
+                self._failed(
+                    self._awaited.popleft(), rest
+                )  # its end was lost: the unit took both for one line
             return
         if "=" not in line and _COMMAND.match(line) and self.mismatch is None:
             self.mismatch = Mismatch("", line)
         elif awaited is not None:
             self._odd = line  # noise, or a damaged answer
-
-    def _judge_joined(self, rest: str) -> None:
-        """Judge what follows a line whose end was lost: the unit took both for one line."""
-        if rest and self._awaited and _resembles(rest, self._awaited[0].text):
-            self._failed(self._awaited.popleft(), rest)
 
 
 def _common(a: str, b: str) -> int:

@@ -116,13 +116,18 @@ class SerialPort:
         self.serial.reset_output_buffer()
 
     def close(self) -> None:
-        """End the thread and close the port."""
+        """End the thread and close the port, in any state. Unsent bytes are dropped: a unit that is off takes none."""
         os.write(self._wake, b"x")
         if self._thread is not None:
             self._thread.join()
         os.close(self._wake)
         os.close(self._wake_reader)
-        close_port(self.serial)
+        connection = getattr(self.serial, "_socket", None)
+        for close in (self.serial.reset_output_buffer, self.serial.close):
+            with contextlib.suppress(*PORT_ERRORS):
+                close()
+        if connection is not None:
+            connection.close()  # pyserial does not, if the other side closed first
 
 
 def open_port(url: str, write_timeout_s: float) -> serial.Serial:
@@ -162,21 +167,8 @@ def open_port(url: str, write_timeout_s: float) -> serial.Serial:
     return port
 
 
-def close_port(port: serial.Serial) -> None:
-    """Close a port in any state. Unsent bytes are dropped, as closing would otherwise wait for a unit that is off."""
-    connection = getattr(port, "_socket", None)
-    with contextlib.suppress(*PORT_ERRORS):
-        port.reset_output_buffer()
-    with contextlib.suppress(*PORT_ERRORS):
-        port.close()
-    if connection is not None:
-        connection.close()  # pyserial does not, if the other side closed first
-
-
 def _why(error: BaseException) -> str:
     number = getattr(error, "errno", None)
     if number is None and "Inappropriate ioctl" in str(error):  # pyserial drops the number
         number = errno.ENOTTY
-    if number in _WHY:
-        return _WHY[number]
-    return f"cannot be opened: {error}"
+    return _WHY.get(number or 0, f"cannot be opened: {error}")

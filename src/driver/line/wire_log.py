@@ -6,6 +6,7 @@ written record.
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 from pathlib import Path
@@ -36,12 +37,12 @@ class WireLog:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND, 0o666)
+            self.note("open", time_scale=clock.time_scale)
+            if self._failure is not None:
+                os.close(self._file)
+                raise self._failure
         except OSError as error:
             raise InputError(f"log {path}: cannot be written: {error.strerror}", file=str(path)) from error
-        self.note("open", time_scale=clock.time_scale)
-        if self._failure is not None:
-            os.close(self._file)
-            raise InputError(f"log {path}: cannot be written: {self._failure.strerror}", file=str(path))
 
     def sent(self, data: bytes) -> None:
         """Record bytes given to the port."""
@@ -93,6 +94,6 @@ class WireLog:
         try:
             # A short write happens only when the disk is full; it leaves a torn last line.
             if os.write(self._file, line) != len(line):
-                self._failure = OSError(28, "no space left on the device")
+                self._failure = OSError(errno.ENOSPC, "no space left on the device")
         except OSError as error:
             self._failure = error

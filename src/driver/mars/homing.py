@@ -33,7 +33,7 @@ def home_all(link: Link, unit: Unit, settled: Callable[[], tuple[int, ...]]) -> 
 
 
 def _home_axes(link: Link, unit: Unit, group: Sequence[str]) -> tuple[str, ...]:
-    """Home some axes together. Return those whose counts did not change."""
+    """Home a group of axes together. Return those whose counts did not change."""
 
     def sample() -> None:
         seen.append(read_position(link, len(unit.axes)).counts)
@@ -44,7 +44,7 @@ def _home_axes(link: Link, unit: Unit, group: Sequence[str]) -> tuple[str, ...]:
         link.send(encode("HH", axis=axis))
     wait_ready(link, f"axes {', '.join(group)}", HOMING_S, on_poll=sample)
     sample()
-    if not _at_marks(unit, group, seen[-1]):
+    if _off_marks(unit, group, seen[-1]):
         sample()  # one answer may be damaged on the line
     _require_at_marks(unit, group, seen[-1])
     places = {axis: unit.axes.index(axis) for axis in group}
@@ -55,17 +55,16 @@ def _home_axes(link: Link, unit: Unit, group: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-def _at_marks(unit: Unit, axes: Sequence[str], counts: tuple[int, ...]) -> bool:
-    return all(abs(counts[unit.axes.index(axis)]) <= HOMING_TOLERANCE for axis in axes)
+def _off_marks(unit: Unit, axes: Sequence[str], counts: tuple[int, ...]) -> list[str]:
+    """Return those of the axes that do not read about 0."""
+    return [axis for axis in axes if abs(counts[unit.axes.index(axis)]) > HOMING_TOLERANCE]
 
 
 def _require_at_marks(unit: Unit, axes: Sequence[str], counts: tuple[int, ...]) -> None:
-    for axis in axes:
-        found = counts[unit.axes.index(axis)]
-        if abs(found) > HOMING_TOLERANCE:
-            raise ExecutionStopped(
-                f"axis {axis} reads {found} counts at its mark, must be about 0",
-                axis=axis,
-                counts=list(counts),
-                reason="homing",
-            )
+    for axis in _off_marks(unit, axes, counts):
+        raise ExecutionStopped(
+            f"axis {axis} reads {counts[unit.axes.index(axis)]} counts at its mark, must be about 0",
+            axis=axis,
+            counts=list(counts),
+            reason="homing",
+        )

@@ -83,11 +83,11 @@ def refuse_failure(link: Link, status: Status, what: str) -> None:
         ExecutionStopped: with the reason ``fault`` or ``restarted``.
     """
     refuse_restarted(link, what)
-    if status.fault or any(isinstance(e, Failed) for e in link.events):
-        if not status.fault:
-            raise ExecutionStopped(f"{what}: the unit answered FAIL!", status=status.word, reason="fault")
+    if status.fault:
         raise ExecutionStopped(
             f"{what}: {' and '.join(status.faults())}; to continue: {status.remedy()}",
             status=status.word,
             reason="fault",
         )
+    if any(isinstance(e, Failed) for e in link.events):
+        raise ExecutionStopped(f"{what}: the unit answered FAIL!", status=status.word, reason="fault")

@@ -15,7 +15,15 @@ from driver.line.link import ANSWER_S
 from driver.line.protocol import Status
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
-from driver.mars.stopping import SAMPLE_S, STOP_S, UNECHOED_POLLS, RestState, bring_to_rest, read_status
+from driver.mars.stopping import (
+    SAMPLE_S,
+    STOP_S,
+    UNECHOED_POLLS,
+    RestState,
+    bring_to_rest,
+    group_is_gone,
+    read_status,
+)
 from wire.soft_home import SOFT_HOME
 
 BRAKES_S = 1.3  # the arm goes on for so long after STOP
@@ -272,6 +280,14 @@ def test_a_stop_that_misses_one_answer_for_the_group_reports_positions_and_power
     state = mars.stop()
     assert not mars.link.restarted
     assert state.describe(unit).startswith("the arm has stopped and is still under power, at [")
+
+
+def test_one_lost_answer_does_not_prove_that_the_group_is_gone(mars: Mars, fake: Any) -> None:
+    answers = iter([[]])
+    fake.hooks["COORDAP"] = lambda line: next(answers, None)
+    assert not group_is_gone(mars.link)
+    fake.hooks["COORDAP"] = lambda line: []
+    assert group_is_gone(mars.link)
 
 
 def test_an_interrupt_is_a_stop_within_a_tenth_of_a_second(fake: Any, unit: Unit, clock: Clock) -> None:

@@ -6,7 +6,7 @@ import hypothesis.strategies as st
 import numpy as np
 from hypothesis import example, given, settings
 
-from driver.emulator import EmulatorOptions
+from driver.emulator import EmulatorOptions, Fault
 from driver.emulator.commands import Interpreter
 from driver.emulator.unit.machine import Machine
 from emulated.lineless_unit import UNIT, finish, grouped, made
@@ -104,6 +104,30 @@ def test_a_segment_after_stop_starts_where_the_arm_stopped() -> None:
     a, b, *_ = unit.machine.path.at
     assert 0 < a < 20000
     assert b == 50
+
+
+def test_a_power_cycle_leaves_nothing_of_before_but_the_arm_where_it_is() -> None:
+    """In the middle of a motion, with closing jaws, an axis in error, another that drifts, and an error at rest."""
+    unit = grouped(EmulatorOptions(static_error=9, seed=2))
+    machine = unit.machine
+    unit.take("COORDMV:900,0,0,0,0,0")
+    finish(unit)
+    machine.following.begin(Fault("drift", axis="B", counts_per_s=500.0), machine.path.at)
+    machine.run(1000)
+    unit.take("GG:103")
+    unit.take("COORDMV:90000,0,0,0,0,0")
+    machine.run(200)
+    machine.axis_errors.add("C")
+    stood = np.array(machine.true_counts())
+    machine.power_cycle()
+    assert np.abs(stood - machine.true_counts()).max() <= 9
+    assert machine.actual() == (0,) * 6
+    assert not machine.busy
+    assert unit.take("ST?") == ["ST=0"]
+    assert unit.take("COORDAP?") == []  # no group
+    unit.take("COORDGRP:A,B,C,D,E,F")
+    unit.take("COORDMV:10,0,0,0,0,0")
+    assert unit.take("COORDAP?")[0].startswith("COORDAP=0,1,")  # its clock and its segments begin anew
 
 
 def test_purge_then_stop_when_idle_leaves_it_idle() -> None:
