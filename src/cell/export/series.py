@@ -1,4 +1,4 @@
-"""The joint motion of a session in rad on the log's clock: sampled positions, and what was sent."""
+"""The joint motion of a session in rad on the log's clock: the sampled positions, and the motions sent."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ class Planned:
         sent_s: when its first line was sent, s since the log was opened.
         time_s: (m,) time of each point, if the unit neither stretches nor stops the motion.
         q: (m, 6) rad at the ends of segments.
-        velocity: (m, 6) rad/s there; None if any segment is straight, as velocity then jumps. Cubics through these
-            points and velocities are exactly the segments.
+        velocity: (m, 6) rad/s there; None if it jumps there. Cubic interpolation of these points and velocities gives
+            exactly the segments.
     """
 
     number: int
@@ -120,7 +120,7 @@ def executed(session: Session, unit: Unit) -> Executed:
 
 
 def planned(session: Session, unit: Unit) -> tuple[Planned, ...]:
-    """Return every sent motion with a known start, in order, each cut at the start of the next."""
+    """Return every sent motion with a known start, in order, each truncated at the start of the next."""
     found = []
     for number, motion in enumerate(session.motions):
         made = _absolute(number, motion, unit) if motion.target is not None else _stream(number, motion, unit)
@@ -132,7 +132,7 @@ def planned(session: Session, unit: Unit) -> tuple[Planned, ...]:
 
 
 def _absolute(number: int, motion: LoggedMotion, unit: Unit) -> Planned | None:
-    """An absolute motion, from rest to rest. Only the unit determines its duration, so it ends at R!."""
+    """An absolute motion, from rest to rest. The unit alone determines its duration, so it ends with the answer R!."""
     start, target, ready_s = motion.start, motion.target, motion.ready_s
     if start is None or target is None or ready_s is None or ready_s <= motion.sent_s:
         return None
@@ -155,7 +155,7 @@ def _stream(number: int, motion: LoggedMotion, unit: Unit) -> Planned | None:
 
 
 def _before(motion: Planned, end_s: float) -> Planned:
-    """The part of a motion before the next one, for a motion that was stopped."""
+    """The part of a motion before `end_s`, when the next one began."""
     keep = motion.time_s < end_s
     velocity = None if motion.velocity is None else frozen(motion.velocity[keep])
     return replace(motion, time_s=frozen(motion.time_s[keep]), q=frozen(motion.q[keep]), velocity=velocity)

@@ -1,8 +1,8 @@
 """Export an arm and the bodies around it as URDF and SRDF, with convex hulls as mesh files.
 
-The links, joints and jaws of the arm's own description are kept. Joint origins are those of the exported arm, so that a
-calibrated arm keeps its corrections; joint limits are the unit's. Every body is a link fixed to the base, a held one to
-the tool. A capsule, which URDF lacks, becomes a cylinder and two spheres in one link.
+The links, joints and jaws are those of the arm's own description. Joint origins are those of the exported arm, so a
+calibrated arm keeps its corrections. Joint limits are the unit's. Every body is a link fixed to the base, or to the
+tool if it is held. A capsule, which URDF does not have, becomes a cylinder and two spheres in one link.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ NAME = "a465_cell"
 TOOL = "tool"
 JAWS = ("jaw_l", "jaw_r")
 HAND = ("gripper", "palm", "finger_l", "finger_r")
-_PLACES = ("origin", "geometry")  # parts that a visual element copies from a collision element
+_COPIED = ("origin", "geometry")  # parts that a visual element copies from a collision element
 Pair = frozenset[str]
 
 
@@ -50,7 +50,7 @@ class Surroundings:
         T_tool_held: its pose in the tool frame, 4x4.
         allowed: allowed collisions, pairs of names.
         states: named configurations, (6,) rad.
-        padding: subtracted from every distance in collision checks, m; URDF cannot hold it.
+        padding: subtracted from every distance in collision checks, m; URDF cannot state it.
     """
 
     robot: Robot
@@ -133,7 +133,7 @@ def link_names(names: Iterable[str], taken: Iterable[str]) -> dict[str, str]:
 
 
 def _place_joints(root: Element, robot: Robot) -> None:
-    """Set the joint origins of a calibrated arm; those of a nominal arm stay as they are."""
+    """Set the joint origins of a calibrated arm; a nominal arm keeps those of its description."""
     if robot.ideal is None:
         return
     for number, name in enumerate(robot.joint_names, start=1):
@@ -211,7 +211,7 @@ def _show(link: Element) -> None:
         return
     for index, collision in enumerate(link.findall("collision")):
         visual = Element("visual")
-        visual.extend(deepcopy(part) for part in collision if part.tag in _PLACES)
+        visual.extend(deepcopy(part) for part in collision if part.tag in _COPIED)
         link.insert(index, visual)
 
 
@@ -220,12 +220,12 @@ def _origin(T: Array) -> Element:
 
 
 def rpy_of(R: Array) -> Array:
-    """Return roll, pitch, yaw (3,) rad with R = Rz(yaw) Ry(pitch) Rx(roll); exact at a pitch of 90 deg too."""
+    """Return roll, pitch, yaw (3,) rad with R = Rz(yaw) Ry(pitch) Rx(roll); also exact at a pitch of 90 deg."""
     yaw = float(np.arctan2(R[1, 0], R[0, 0]))
     pitch = float(np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0])))
-    # the rest is a rotation about x, whatever yaw was chosen at a pitch of 90 deg
-    left = (rot_z(yaw) @ rot_y(pitch)).T @ R
-    return np.array([np.arctan2(left[2, 1], left[1, 1]), pitch, yaw])
+    # the remaining rotation is about x, for any yaw chosen at a pitch of 90 deg
+    remaining = (rot_z(yaw) @ rot_y(pitch)).T @ R
+    return np.array([np.arctan2(remaining[2, 1], remaining[1, 1]), pitch, yaw])
 
 
 def _numbers(values: Iterable[float]) -> str:
@@ -265,18 +265,13 @@ def _disabled(there: Surroundings, links: Mapping[str, str]) -> dict[tuple[str, 
 
 def _semantics(there: Surroundings, disabled: Mapping[tuple[str, str], str]) -> Element:
     root = Element("robot", {"name": NAME})
+    remarks = [
+        f"{1e3 * padding:g} mm off every distance of {name!r}" for name, padding in there.paddings().items()
+    ]
     if there.padding:
-        root.append(
-            ElementTree.Comment(
-                f" a465 takes {1e3 * there.padding:g} mm off every distance; this file cannot "
-            )
-        )
-    for name, padding in there.paddings().items():
-        root.append(
-            ElementTree.Comment(
-                f" a465 takes {1e3 * padding:g} mm off every distance of {name!r} ".replace("--", "- -")
-            )
-        )
+        remarks.insert(0, f"{1e3 * there.padding:g} mm off every distance; this file cannot")
+    for remark in remarks:
+        root.append(ElementTree.Comment(f" a465 takes {remark} ".replace("--", "- -")))
     arm = SubElement(root, "group", {"name": "arm"})
     SubElement(arm, "chain", {"base_link": "base", "tip_link": TOOL})
     gripper = SubElement(root, "group", {"name": "gripper"})

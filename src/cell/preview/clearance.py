@@ -1,6 +1,6 @@
 """Sampled clearance along a plan's moves, for display: the closest pair and its nearest points.
 
-The certified clearance of a move is in the plan; samples only show where along the move it is small.
+The plan states the certified clearance of each move. Samples only show where along the move the clearance is small.
 """
 
 from __future__ import annotations

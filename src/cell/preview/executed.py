@@ -1,8 +1,8 @@
 """Map the samples of a log to the plan's clock: each sample to the nearest point of the planned motion.
 
-The controller keeps the path and only stretches time (fact sheet of the controller, section 2, row 14). So a sample is
-compared with the nearest point of the planned path, close to the segment that the unit reported. Delays show in the
-motion's duration.
+The controller keeps the path and only stretches time (fact sheet of the controller, section 2, row 14). So each sample
+is compared with the nearest point of the planned path, near the segment that the unit reported. A delay shows in the
+duration of the motion only.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from cell.preview.overlays import ExecutedMove
 from driver.log.motions import LoggedMotion
 from driver.log.read import Session
 
-STEP_S = 0.005  # grid of the planned path that samples are compared with, linear in between
-LAG_SEGMENTS = 3  # segments by which the servos may lag behind the reference
-BLIND_S = 3.0  # search range if the unit did not report its segment
+STEP_S = 0.005  # grid on the planned path; positions are linear in between
+LAG_SEGMENTS = 3  # number of segments by which the servos may lag behind the reference
+BLIND_S = 3.0  # search range along the path if the unit did not report its segment
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,9 @@ class MatchedMotion:
 
 
 def match(session: Session, plan: Plan, unit: Unit) -> tuple[MatchedMotion, ...]:
-    """Find the motions of a log in a plan: same start and same segments, or the first of them if it was stopped.
+    """Find the motions of a log in a plan: same start and same segments, or the first ones of a stopped motion.
 
-    Durations may differ, as an override stretches them.
+    Durations may differ, because an override stretches them.
     """
     known: dict[tuple[int, ...], list[tuple[int, CountPath]]] = {}
     for motion in plan.motions:
@@ -122,7 +122,7 @@ def _matched(number: int, step: int, logged: LoggedMotion, path: CountPath, unit
 
 
 class OnPath:
-    """Maps the samples of a motion to its planned path, one after the other, monotonically.
+    """Map the samples of a motion to its planned path, one after the other; the time on the path never decreases.
 
     Args:
         path: of the motion.

@@ -1,9 +1,9 @@
-"""The preview page of a log: the executed motion over the planned one, with the plan and task files if found."""
+"""The preview page of a log: the executed motion over the planned one, with plan and task files if they are found."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,10 +33,12 @@ class Replay:
     """A log with the plan that was executed.
 
     Attributes:
+        session: content of the log.
+        unit: of the log.
         plan: the plan with the most motions of the log; made from the lines sent if no plan file was found.
         plan_file: its file, or None.
         matched: the motions of the log that are in the plan.
-        task: of the plan, or None if not found; then the arm has its default tool and the cell no boards.
+        task: of the plan; None if not found, then the arm is shown with its default tool and without boards.
     """
 
     session: Session
@@ -115,25 +117,24 @@ def _remarks(replay: Replay, streams: int, shown: int) -> Iterator[str]:
 def _replay(log: Path, task_file: Path | None) -> Replay:
     session = read_log(log)
     noted = [note.data["unit"] for note in session.noted("run") if "unit" in note.data]
-    best: tuple[int, Path, Plan, tuple[MatchedMotion, ...]] | None = None
+    best: Replay | None = None
     for path in sorted(log.resolve().parent.glob("*.json")):
         plan = _plan(path)
         if plan is None or plan.unit not in (noted or [plan.unit]):
             continue
         unit = unit_of(session, plan.unit)
         matched = match(session, plan, unit)
-        if matched and (best is None or len(matched) > best[0]):
-            best = (len(matched), path, plan, matched)
-    if best is None:
-        unit = unit_of(session, None)
-        plan, matched = plan_of(session, unit)
-        if not plan.steps:
-            raise InputError(
-                f"{log}: has no motion with a known start, so there is nothing to show", file=str(log)
-            )
-        return Replay(session, unit, plan, None, matched, None)
-    _, path, plan, matched = best
-    return Replay(session, unit_of(session, plan.unit), plan, path, matched, _task(session, plan, task_file))
+        if len(matched) > (0 if best is None else len(best.matched)):
+            best = Replay(session, unit, plan, path, matched, None)
+    if best is not None:
+        return replace(best, task=_task(session, best.plan, task_file))
+    unit = unit_of(session, None)
+    plan, matched = plan_of(session, unit)
+    if not plan.steps:
+        raise InputError(
+            f"{log}: has no motion with a known start, so there is nothing to show", file=str(log)
+        )
+    return Replay(session, unit, plan, None, matched, None)
 
 
 def _plan(path: Path) -> Plan | None:
@@ -164,7 +165,7 @@ def _task(session: Session, plan: Plan, given: Path | None) -> Task | None:
 
 
 def _task_files(session: Session, plan: Plan) -> Iterator[Path]:
-    """Candidate task files: as noted in the log, by name in ./scenes, and by name in the project's scenes."""
+    """Candidate task files: as noted in the log, and with the plan's name in ./scenes and in the shipped scenes."""
     for note in session.noted("run"):
         if isinstance(note.data.get("task"), str):
             yield session.file.resolve().parent / note.data["task"]

@@ -1,4 +1,4 @@
-"""Additions to the display of a plan: boards with holes and markers, camera, clearance, executed motion."""
+"""Additions to the page of a plan: boards with holes and markers, camera, clearance, executed motion."""
 
 from __future__ import annotations
 

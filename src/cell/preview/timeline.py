@@ -1,7 +1,7 @@
 """The plan on one clock, with the position of every cube over time.
 
-A move has its own duration, and the moves of a motion follow each other without a stop. A gripper step takes at least
-`settle_s`. A look takes no arm time, so the page shows it for `LOOK_S`.
+A move takes its own duration, and the moves of a motion follow each other without a stop. A gripper step takes at least
+`settle_s`. A look takes no time of the arm; the page shows it for `LOOK_S`.
 """
 
 from __future__ import annotations

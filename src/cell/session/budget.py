@@ -30,7 +30,7 @@ def spending(budget: SearchBudget | None) -> Iterator[None]:
     """Let all planning inside share the budget.
 
     Raises:
-        ImpossibleError: it was spent before a plan was complete.
+        ImpossibleError: the budget was spent before a plan was complete.
     """
     with allowed(budget):
         try:
@@ -49,7 +49,7 @@ def within(budget: SearchBudget | None) -> Iterator[None]:
     """Let all planning inside share the budget, and handle Ctrl-C.
 
     Raises:
-        ImpossibleError: it was spent, or Ctrl-C pressed, before a plan was complete: nothing is written.
+        ImpossibleError: the budget was spent, or Ctrl-C was pressed, before a plan was complete; nothing is written.
         PlanningInterrupted: Ctrl-C was pressed, and there is a complete plan.
     """
     with spending(budget):

@@ -29,10 +29,10 @@ def require_one_camera(images: Path | None, camera: str | None) -> None:
 
 @contextmanager
 def open_basler(cell: Cell, camera: str | None) -> Iterator[BaslerCamera]:
-    """Open the camera named by the command line or else by the cell file, and print which one it is.
+    """Open the camera named by the command line, or else by the cell file, and print its description.
 
     Args:
-        cell: with the calibration's frame size and the camera settings.
+        cell: states the calibration's frame size and the camera settings.
         camera: the selector of ``--camera``; None and `OF_CELL` select the device of the cell file.
 
     Raises:

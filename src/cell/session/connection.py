@@ -1,11 +1,11 @@
-"""A cell to work in: the simulated one, or the real one behind a port. The same code runs on both."""
+"""Open a cell: the simulated one, or the real one behind a port. The same code runs on both."""
 
 from __future__ import annotations
 
 import contextlib
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,15 +25,14 @@ from vision.camera.basler_devices import read_selector
 from vision.camera.frame_source import IMAGE_SUFFIXES, FrameSource, Image, ImageFolder
 
 if TYPE_CHECKING:
-    from cell.config.cell import Cell
     from cell.sim.cell import SimulatedCamera, SimulatedCell
     from driver.emulator import Emulator
 
 
 TIME_SCALE = 10.0  # of the simulated cell
 AWAIT_S = 120.0  # timeout for new images
-COPIED_S = 0.5  # an image file that has not grown for so long is complete
-POLL_S = 0.1
+COPIED_S = 0.5  # an image file whose size has been constant for this time is complete
+POLL_S = 0.1  # between two looks into the folder
 
 
 @dataclass(frozen=True)
@@ -82,7 +81,7 @@ class Connection:
 class NewImageFolder:
     """A folder that receives new images for each look.
 
-    Images that are there when a look begins are ignored: they may show the cell before the last motion.
+    Images that are there when a look begins are ignored, because they may show the cell before the last motion.
 
     Args:
         path: the folder.
@@ -97,7 +96,7 @@ class NewImageFolder:
     def grab(self, count: int) -> list[Image]:
         """Wait up to `AWAIT_S` for `count` images that arrive after this call.
 
-        Images must stop growing first: an incomplete copy can pass for a complete image.
+        Images must first stop growing, because an incomplete copy can be read as an image.
 
         Raises:
             InputError: they did not arrive in time, or cannot be read.
@@ -105,12 +104,12 @@ class NewImageFolder:
         folder, old = ImageFolder(self.path, only_new=True), _sizes(self.path)
         say_on_stderr(f"{self.path}: waiting for {_wanted(count, len(old))}, for up to {AWAIT_S:g} s")
         over = time.monotonic() + AWAIT_S
-        seen: list[tuple[str, int]] = []
+        last: list[tuple[str, int]] = []
         same_since = time.monotonic()
         while (now := time.monotonic()) < over:
             new = sorted((name, size) for name, size in _sizes(self.path).items() if name not in old)[:count]
-            if new != seen:
-                seen, same_since = new, now
+            if new != last:
+                last, same_since = new, now
             if len(new) == count and now - same_since >= COPIED_S:
                 break
             time.sleep(POLL_S)
@@ -191,36 +190,20 @@ def open_cell(task: Task, where: WhichCell, log: Path) -> Iterator[Connection]:
         InputError: port, world file or camera is missing.
     """
     require_openable(task, where)
-    opened = (
-        _open_real(task, where.port, where.images, where.camera, log)
-        if where.port is not None
-        else _open_simulated(task, where.world, where.time_scale or TIME_SCALE, log)
-    )
-    with opened as connection:
-        yield connection
-
-
-@contextmanager
-def _open_real(
-    task: Task, port: str, images: Path | None, camera: str | None, log: Path
-) -> Iterator[Connection]:
-    clock = Clock()
+    if where.port is None:
+        with _open_simulated(task, where.world, where.time_scale or TIME_SCALE, log) as connection:
+            yield connection
+        return
+    images, clock = where.images, Clock()
     # the camera is opened before anything is sent, and closed after the arm was commanded to stop
     with (
-        _real_camera(task.cell, images, camera) as frames,
+        open_basler(task.cell, where.camera)
+        if images is None
+        else nullcontext(NewImageFolder(images)) as frames,
         WireLog(log, clock) as wire,
-        Mars(port, task.cell.unit, clock, wire) as mars,
+        Mars(where.port, task.cell.unit, clock, wire) as mars,
     ):
         yield Connection(mars, frames, 1.0)
-
-
-@contextmanager
-def _real_camera(cell: Cell, images: Path | None, camera: str | None) -> Iterator[FrameSource]:
-    if images is not None:
-        yield NewImageFolder(images)
-        return
-    with open_basler(cell, camera) as frames:
-        yield frames
 
 
 def simulated_cell(task: Task, world: Path | None) -> SimulatedCell:
@@ -237,7 +220,7 @@ def simulated_cell(task: Task, world: Path | None) -> SimulatedCell:
 
 
 def join(simulated: SimulatedCell, emulator: Emulator) -> SimulatedCamera:
-    """Couple a simulated cell to the time of its emulated unit; return the camera that sees the unit's arm."""
+    """Give a simulated cell the time of its emulated unit; return the camera that sees the unit's arm."""
     simulated.now_ms = emulator.now_ms
     return _camera(simulated, emulator.counts)
 

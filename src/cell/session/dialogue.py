@@ -1,4 +1,4 @@
-"""Ask a person at the terminal before a real arm moves; only a whole line typed after the question counts."""
+"""Ask a person at the terminal before a real arm moves. Only a whole line typed after the question counts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cell.console import Console
 
 TRIES = 3
 LONGEST = 20_000  # bytes of a line; terminals deliver no more
-WAIT_S = 600.0  # for a person to type
+WAIT_S = 600.0  # time for a person to type
 
 
 def asked(
@@ -25,7 +25,15 @@ def asked(
     is_right: Callable[[str], bool],
     answer: Callable[[], str | None],
 ) -> bool:
-    """Whether the right line was typed in one of `TRIES` tries; `wanted` describes it."""
+    """Ask up to `TRIES` times; return whether the right line was typed.
+
+    Args:
+        console: for output.
+        question: printed before each try.
+        wanted: description of the right line.
+        is_right: whether a line is right.
+        answer: returns a typed line, or None if nobody can type.
+    """
     for left in reversed(range(TRIES)):
         _discard_earlier_input()
         console.say(question)
@@ -42,27 +50,42 @@ def asked(
 def require_word(
     console: Console, question: str, word: str, answer: Callable[[], str | None], otherwise: str, option: str
 ) -> None:
-    """Ask for a word, in capitals or not.
+    """Ask for a word, in upper or lower case.
+
+    Args:
+        console, question, answer: see `asked`.
+        word: to be typed.
+        otherwise: consequence if it is not typed, the end of the message.
+        option: of the command line; it answers the question in advance.
 
     Raises:
-        InputError: it was not typed; the message ends with `otherwise`, and `option` makes the question unnecessary.
+        InputError: the word was not typed.
     """
     if not asked(console, question, word, same_word(word), answer):
         raise InputError(f"{word!r} was not typed; {otherwise}", option=option)
 
 
 def same_word(word: str) -> Callable[[str], bool]:
-    """Return whether a line is the word, in capitals or not."""
+    """Return a function that compares a line with the word, ignoring case."""
     return lambda line: line.lower() == word.lower()
 
 
 def at_terminal() -> bool:
     """Whether a person can answer: there is a terminal, with the program in its foreground."""
-    if sys.stdin is None or not sys.stdin.isatty():
-        return False
-    with contextlib.suppress(OSError):
-        return os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
-    return False
+    return foreground_terminal() is not None
+
+
+def foreground_terminal() -> int | None:
+    """Descriptor of standard input if it is a terminal with this program in its foreground.
+
+    The system stops a background program that changes its terminal, which would leave the arm unmonitored.
+    """
+    try:
+        descriptor = sys.stdin.fileno()
+        foreground = os.isatty(descriptor) and os.tcgetpgrp(descriptor) == os.getpgrp()
+    except (AttributeError, ValueError, OSError):  # standard input is missing, closed, or not our terminal
+        return None
+    return descriptor if foreground else None
 
 
 def _discard_earlier_input() -> None:

@@ -10,13 +10,13 @@ import contextlib
 import os
 import select
 import signal
-import sys
 import termios
 import threading
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from cell.session.dialogue import foreground_terminal
 from driver.execution.control import Control
 
 STEP = 0.1
@@ -43,7 +43,7 @@ def hint(control: Control, running: float | None = None) -> str:
     """The end of the status line: speed and keys.
 
     Args:
-        running: override of the motion under way, if any; a different one of `control` applies to the next motion.
+        running: override of the present motion, if any; if that of `control` differs, it is for the next motion.
     """
     requested = f"{100 * control.override:.0f} %"
     if control.paused:
@@ -66,9 +66,9 @@ def keyboard(control: Control, abort: Callable[[], None] = interrupt_main) -> It
 
     Args:
         control: of the execution.
-        abort: called on q, from another thread. Ctrl-C remains a signal.
+        abort: called from another thread when q is pressed; Ctrl-C remains a signal.
     """
-    descriptor = _foreground_terminal()
+    descriptor = foreground_terminal()
     if descriptor is None:
         yield False
         return
@@ -89,19 +89,6 @@ def keyboard(control: Control, abort: Callable[[], None] = interrupt_main) -> It
             reader.join()
         os.close(wake)
         os.close(wake_reader)
-
-
-def _foreground_terminal() -> int | None:
-    """Descriptor of standard input if it is a terminal with this program in its foreground.
-
-    The system stops a background program that changes its terminal, which would leave the arm unmonitored.
-    """
-    try:
-        descriptor = sys.stdin.fileno()
-        foreground = os.isatty(descriptor) and os.tcgetpgrp(descriptor) == os.getpgrp()
-    except (AttributeError, ValueError, OSError):  # standard input is missing, closed, or not our terminal
-        return None
-    return descriptor if foreground else None
 
 
 def _read(descriptor: int, wake: int, control: Control, abort: Callable[[], None]) -> None:

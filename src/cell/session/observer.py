@@ -12,13 +12,13 @@ class RunObserver:
     """Called by the thread that drives the arm, so its methods must not block. This base class does nothing."""
 
     def begins(self, task: Task, control: Control) -> None:
-        """A run of a task begins; `control` shows whether it is paused."""
+        """A run of a task begins. `control` states whether it is paused."""
 
     def plan(self, plan: Plan, name: str) -> None:
         """A plan is executed from now on; the arm is at rest. `name` is that of its file."""
 
     def step(self, step: Step) -> None:
-        """A step begins; a step that is in no plan backs the arm out of a dead end."""
+        """A step begins. A step of no plan is a retract that frees a blocked arm."""
 
     def progress(self, progress: Progress) -> None:
-        """A sample of the motion under way."""
+        """A sample of the present motion."""

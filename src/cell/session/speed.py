@@ -1,7 +1,7 @@
 """``--speed``: in every command a fraction of what the cell file's registers allow.
 
-Velocities are scaled by the fraction, accelerations by its square. A plan states its speed. It can be executed slower,
-by an override of the whole plan, but never faster, because it was certified as it is.
+Velocities scale with the fraction, accelerations with its square. A plan states the speed that it was made for. It can
+be executed slower, by an override of the whole plan, but never faster: it is certified for its own speed.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The simulated cell: ground truth of cubes, boards and jaws, with a synthetic camera.
 
-It is the plant of the emulated controller and the source of images. Planning never reads it; only the report compares
-each cube with its target at the end.
+It is the plant of the emulated controller, and the source of images. Planning never reads it. Only the report does: it
+compares each released cube with its target.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from render.renderer import PlacedBoard, render, with_noise
 from render.target import TargetSolid
 from vision.camera.model import Camera
 
-GRIP_OFFSET = 3e-3  # a cube is gripped if it is centred between the jaws within this, m,
-GRIP_ANGLE = np.radians(3.0)  # and aligned within this
-LEAST_GRIP = 5e-3  # depth of the finger tips below the cube's top, m
-CAPTURE_TILT = np.radians(4.0)
-DROP = 0.010  # a released cube falls at most this far and stays upright, m
+GRIP_OFFSET = 3e-3  # largest offset between jaws and cube in a grip, m
+GRIP_ANGLE = np.radians(3.0)  # largest angle between jaws and cube in a grip
+LEAST_GRIP = 5e-3  # least depth of the finger tips below the cube's top in a grip, m
+CAPTURE_TILT = np.radians(4.0)  # a released cube with more tilt does not slide into a pocket
+DROP = 0.010  # largest height, m, from which a released cube lands upright
 
 
 @dataclass(frozen=True)
@@ -94,10 +94,10 @@ class SimulatedCell:
         world: ground truth.
 
     Attributes:
-        in_hand: a calibration target held by the gripper.
+        in_hand: calibration target in the gripper, or None.
         events: of cubes, in order.
-        history: states, to judge a run afterwards.
-        now_ms: returns emulated time; set by the owner of the controller.
+        history: states, in order, to judge a run afterwards.
+        now_ms: returns the emulated time; set by the owner of the controller.
     """
 
     def __init__(self, cell: Cell, world: World) -> None:
@@ -135,7 +135,7 @@ class SimulatedCell:
             ]
 
     def hold(self, hand: HandTarget) -> None:
-        """Put a target into the gripper, with the inaccuracy of a person."""
+        """Put a target into the gripper, with the mounting error of a person."""
         self.in_hand = hand.roughly_mounted(self.world.seed)
 
     def true_robot(self, jaw_opening: float) -> Robot:
@@ -199,19 +199,14 @@ class SimulatedCell:
             offset, angle = float(np.hypot(x, y)), angle_to_square(T_tool_cube[:3, :3])
             if offset <= GRIP_OFFSET and angle <= GRIP_ANGLE and depth >= LEAST_GRIP:
                 self._cubes[index] = replace(cube, where="jaws", T_tool_cube=frozen(T_tool_cube))
-                self._record(
-                    "gripped", cube.name, cube.T_base_cube, f"{1e3 * offset:.2f} mm off the jaws' axis"
-                )
+                detail = f"{1e3 * offset:.2f} mm off the jaws' axis"
+                self._record("gripped", cube.name, cube.T_base_cube, detail)
                 return on_cube
             if depth >= 0.0:
                 self._cubes[index] = replace(cube, where="pushed")
-                self._record(
-                    "pushed",
-                    cube.name,
-                    cube.T_base_cube,
-                    f"{1e3 * offset:.1f} mm and {np.degrees(angle):.1f} deg off the jaws, "
-                    f"tips {1e3 * depth:.1f} mm below its top",
-                )
+                detail = f"{1e3 * offset:.1f} mm and {np.degrees(angle):.1f} deg off the jaws, "
+                detail += f"tips {1e3 * depth:.1f} mm below its top"
+                self._record("pushed", cube.name, cube.T_base_cube, detail)
                 return target
         self._record("missed", "", None, "the jaws closed on nothing")
         return target
@@ -254,15 +249,15 @@ class SimulatedCell:
     def _unseated(
         self, fault: str, name: str, T_base_cube: Array, board: TrueBoard, T_base_hole: Array, into: str
     ) -> SimulatedCube:
-        """A cube released with a fault from the world file."""
+        """The cube after a release with a fault of the world file; a pushed board moves with its cubes."""
         where = frozen(T_base_hole @ T_hole_released(fault, self.cell.cube_size, self.seat))
         self._record("placed" if fault == "pushed" else "unseated", name, T_base_cube, f"{fault}, {into}")
         if fault == "pushed":
             push = transform(t=PUSH)
-            on = [inverse(board.T_base_board) @ c.T_base_cube for c in self._cubes]
-            reach = max(PLATE_SIZE)
-            for index, (cube, T) in enumerate(zip(self._cubes, on, strict=True)):
-                if cube.where == "pocket" and np.abs(T[:2, 3] - PLATE_CENTRE).max() < reach / 2.0:
+            for index, cube in enumerate(self._cubes):
+                T_board_cube = inverse(board.T_base_board) @ cube.T_base_cube
+                on_board = np.abs(T_board_cube[:2, 3] - PLATE_CENTRE).max() < max(PLATE_SIZE) / 2.0
+                if cube.where == "pocket" and on_board:
                     self._cubes[index] = replace(cube, T_base_cube=frozen(push @ cube.T_base_cube))
             moved = replace(board, T_base_board=frozen(push @ board.T_base_board))
             boards = tuple(moved if b is board else b for b in self.world.boards)
@@ -271,11 +266,9 @@ class SimulatedCell:
         return SimulatedCube(name, where, "pocket")
 
     def _over_plate(self, T_base_cube: Array) -> bool:
-        for b in self.world.boards:
-            x, y, _ = apply(inverse(b.T_base_board), T_base_cube[:3, 3])
-            if abs(x - PLATE_CENTRE[0]) < PLATE_SIZE[0] / 2 and abs(y - PLATE_CENTRE[1]) < PLATE_SIZE[1] / 2:
-                return True
-        return False
+        half = np.array(PLATE_SIZE[:2]) / 2
+        centres = (apply(inverse(b.T_base_board), T_base_cube[:3, 3]) for b in self.world.boards)
+        return any(bool((np.abs(centre[:2] - PLATE_CENTRE) < half).all()) for centre in centres)
 
     def _record(self, what: str, cube: str, T_base_cube: Array | None, detail: str) -> None:
         self.events.append(CellEvent(what, cube, T_base_cube, f"{cube or 'no cube'} {what}: {detail}"))
@@ -303,11 +296,7 @@ class SimulatedCamera:
     """
 
     def __init__(
-        self,
-        simulated: SimulatedCell,
-        camera: Camera,
-        counts: Callable[[], npt.ArrayLike],
-        dictionary: str,
+        self, simulated: SimulatedCell, camera: Camera, counts: Callable[[], npt.ArrayLike], dictionary: str
     ) -> None:
         self._simulated = simulated
         self._camera = camera
@@ -318,11 +307,8 @@ class SimulatedCamera:
     def grab(self, count: int) -> list[npt.NDArray[np.uint8]]:
         """`count` frames, (h, w) grey."""
         simulated = self._simulated
-        robot = simulated.true_robot(simulated.jaw_opening)
         boards = [PlacedBoard(b.board, b.T_base_board) for b in simulated.world.boards]
         counts = self._counts()
-        targets = simulated.targets(counts)
-        clean = render(
-            self._camera, simulated.bodies(counts, robot), boards, self._dictionary, others=targets
-        )
+        bodies = simulated.bodies(counts, simulated.true_robot(simulated.jaw_opening))
+        clean = render(self._camera, bodies, boards, self._dictionary, others=simulated.targets(counts))
         return [with_noise(clean, self._rng, simulated.world.noise_grey) for _ in range(count)]

@@ -1,4 +1,4 @@
-"""A simulated camera that writes its images to a folder, for clients of an emulated unit in other programs."""
+"""A simulated camera that writes its images to a folder, for programs that work with an emulated unit."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from arm.io.temporary import TemporaryFile, mode_of_new
 from cell.sim.cell import SimulatedCamera, SimulatedCell
 from driver.emulator import Emulator
 
-STILL_S = 1.0  # wall time without motion before a set is taken, so that a look after a motion finds it new
-EVERY_S = 5.0  # wall time from the end of a set to the next, while nothing moves
-KEEP_SETS = 3
+STILL_S = 1.0  # wall time at rest before a set is written, so that it is new for a look after a motion
+EVERY_S = 5.0  # wall time from one set to the next, while nothing moves
+KEEP_SETS = 3  # number of sets that stay in the folder
 _NAME = re.compile(r"emulated-(\d+)\.png")
 
 
 class FolderCamera:
-    """Take sets of images, only while the arm is at rest; `poll` must be called continually.
+    """Write sets of images, only while the arm is at rest; `poll` must be called continually.
 
-    A set shows one moment. It is written completely, under increasing names, and only if nothing has moved since that
-    moment, so images that appear after a look's request show the present cell.
+    A set shows one moment. It is written as a whole, under increasing names, and only if nothing has moved since that
+    moment. So images that appear after the request of a look show the present cell.
 
     Args:
         simulated: the cell.
@@ -53,7 +53,7 @@ class FolderCamera:
         self._due = 0.0
 
     def poll(self) -> bool:
-        """Take a set if one is due; return whether one was written.
+        """Write a set if one is due; return whether one was written.
 
         Raises:
             ExecutionStopped: the folder can no longer be written.
@@ -81,10 +81,8 @@ class FolderCamera:
     def _take(self) -> bool:
         images = [cv2.imencode(".png", image)[1].tobytes() for image in self._camera.grab(self._count)]
         files = [self.folder / f"emulated-{self._number + n:06d}.png" for n in range(1, len(images) + 1)]
-        with contextlib.ExitStack() as held:
-            parts = [
-                held.enter_context(TemporaryFile(file)) for file in files
-            ]  # their suffix is not an image's
+        with contextlib.ExitStack() as opened:  # a temporary file has no suffix of an image
+            parts = [opened.enter_context(TemporaryFile(file)) for file in files]
             for part, image in zip(parts, images, strict=True):
                 part.write(image)
             if self._moved():

@@ -1,4 +1,4 @@
-"""Faults when the jaws release a cube over a hole, for the simulated cell."""
+"""Faults of the simulated cell when the jaws release a cube over a hole."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from arm.board import CUBE_SEAT_DEPTH
 from arm.se3 import Array, frozen, rot_x, rot_z, transform
 from cell.scene.bodies import T_hole_cube
 
-HIGH = 4e-3  # m above a seated one
-HALF_TILT = np.radians(8.0)  # one side in its seat, the other up
-ASIDE = 25e-3  # m beside its hole, on the plate
-PUSH = (0.010, -0.0066, 0.0)  # m, of the board with its cubes: 12 mm
+HIGH = 4e-3  # height above a seated cube, m
+HALF_TILT = np.radians(8.0)  # tilt with one side in its seat and the other up
+ASIDE = 25e-3  # distance from the hole, on the plate, m
+PUSH = (0.010, -0.0066, 0.0)  # shift of the board with its cubes, 12 mm, in m
 
 
 def T_hole_released(release: str, cube_size: float, depth: float = CUBE_SEAT_DEPTH) -> Array:

@@ -57,8 +57,8 @@ def target_pose(
     """T_camera_target of a target with its centre at `pixel` (2,), `distance` m along the camera's axis.
 
     Args:
-        turn: rotation vector (2,) rad about the image's x and y.
-        roll: about the target's own z, applied first, rad.
+        turn: rotation vector (2,) rad about the image's x and y axes.
+        roll: rotation about the target's z axis, applied first, rad.
     """
     R = rotation([*turn, 0.0]) @ rot_z(roll)
     middle = np.append(camera.normalised(pixel), 1.0) * distance
@@ -102,15 +102,9 @@ def random_poses(
                 distances_m=list(distances),
             )
         pixel = size * rng.uniform(0.15, 0.85, 2)
-        T = target_pose(
-            camera,
-            target,
-            pixel,
-            rng.uniform(*distances),
-            rng.uniform(-tilt, tilt, 2),
-            rng.uniform(-np.pi, np.pi),
-        )
-        seen = corners_in_view(camera, target, T).mean()
-        if seen >= (LEAST_SEEN if target.kind == "charuco" else 1.0):  # a checkerboard is only found whole
+        distance, turn = rng.uniform(*distances), rng.uniform(-tilt, tilt, 2)
+        T = target_pose(camera, target, pixel, distance, turn, rng.uniform(-np.pi, np.pi))
+        in_view = corners_in_view(camera, target, T).mean()
+        if in_view >= (LEAST_SEEN if target.kind == "charuco" else 1.0):  # a checkerboard is only found whole
             found.append(T)
     return found
