@@ -10,7 +10,7 @@ from typer import Argument, Option
 
 from arm.errors import CalibrationRefused
 from cell.cli import options as shared
-from cell.cli.options import NO_PORT, answering, refuse, refuse_given
+from cell.cli.options import NO_PORT, answering, examples, refuse, refuse_given
 
 if TYPE_CHECKING:
     from cell.console import Console
@@ -24,13 +24,13 @@ app = typer.Typer(
 )
 
 _TARGET = "Target file; default: ChArUco 7 x 5, 30/22 mm, DICT_5X5_100."
-_Report = Annotated[Path | None, Option(help="HTML report; default: beside the file that -o writes.")]
+_Report = Annotated[Path | None, Option(help="HTML report to write; default: beside the file of -o.")]
 _Output = Annotated[
     Path | None,
-    Option("-o", "--output", help="File to write if the result is accepted: TOML; of kinematic, JSON."),
+    Option("-o", "--output", help="File to write if the result is accepted: TOML, of kinematic JSON."),
 ]
 _LimitMm = Annotated[
-    float | None, Option(help="Largest accepted error of predicted images; default 1, for a NAO 2.")
+    float | None, Option(help="Largest accepted prediction error of held-out images; default 1, for a NAO 2.")
 ]
 _EncoderStep = Annotated[
     float | None, Option(help="Encoder resolution; default: estimated from the readings.")
@@ -46,7 +46,7 @@ _OF_COLLECT = (  # options of hand-eye
     short_help="Calibrate a camera's lens from images of a target.",
     help="Fit a camera's lens to images of a ChArUco board or checkerboard and report its uncertainty and a verdict. "
     "A lens that is not accurate enough is refused (exit code 5), with the reason and what would help.",
-    epilog="Example: a465 calibrate camera photographs -o camera.toml; then open camera.html",
+    epilog=examples("a465 calibrate camera photographs -o camera.toml  # then open camera.html"),
 )
 def calibrate_lens(
     images: Annotated[Path, Argument(help="Folder of images of the target.", metavar="IMAGES")],
@@ -56,7 +56,7 @@ def calibrate_lens(
     ] = None,
     work_mm: Annotated[
         tuple[float, float] | None,
-        Option(help="Nearest and farthest working distance from the camera; default: those of the views."),
+        Option(help="Nearest and farthest working distance from the camera; default: as in the views."),
     ] = None,
     limit_mm: Annotated[
         float | None, Option(help="Largest accepted standard deviation at the work points; default 0.3.")
@@ -68,13 +68,15 @@ def calibrate_lens(
         bool,
         Option(
             "--live",
-            help="Take the images now, with advice where to hold the target, until the views suffice.",
+            help="Take the images now, with advice on where to hold the target, until the views suffice.",
         ),
     ] = False,
     camera: Annotated[
         str | None, Option(help="With --live: Basler camera, such as name:camera-crs93.")
     ] = None,
-    simulated: Annotated[Path | None, Option(help="With --live: use this task's simulated camera.")] = None,
+    simulated: Annotated[
+        Path | None, Option(help="With --live: use the simulated camera of this task file.")
+    ] = None,
     output: _Output = None,
     report: _Report = None,
     as_json: shared.Json = False,
@@ -93,8 +95,8 @@ def calibrate_lens(
     help="Estimate the pose of the fixed camera, the pose of the target in the gripper, and the arm's joint offsets "
     "(zeros) and link errors. "
     "A result that is not accurate enough is refused (exit code 5), with the reason and what would help. "
-    "With --collect, DATA is recorded first; the options from --target to --folder, and --apply, need it.",
-    epilog="Example: a465 calibrate hand-eye recorded.json --collect scenes/task2.toml -o calibration.toml",
+    "--collect records DATA first; the options from --target to --folder, and --apply, need it.",
+    epilog=examples("a465 calibrate hand-eye recorded.json --collect scenes/task2.toml -o calibration.toml"),
 )
 def calibrate_hand_eye(
     context: typer.Context,
@@ -108,7 +110,7 @@ def calibrate_hand_eye(
     target: Annotated[
         Path | None, Option(help="Target in the gripper; default: scenes/targets/hand.toml.")
     ] = None,
-    poses: Annotated[int | None, Option(help="Number of poses; default 24, with --recipe 270.")] = None,
+    poses: Annotated[int | None, Option(help="Number of poses; default 24, or 270 with --recipe.")] = None,
     recipe: Annotated[
         bool,
         Option(
@@ -116,7 +118,7 @@ def calibrate_hand_eye(
             help="Use the fixed poses of the original report instead of the most informative ones.",
         ),
     ] = False,
-    seed: Annotated[int | None, Option(help="Seed of the choice of poses.")] = None,
+    seed: Annotated[int | None, Option(help="Seed for choosing the poses.")] = None,
     port: shared.Port = None,
     world: shared.WorldFile = None,
     images: shared.Images = None,
@@ -128,7 +130,9 @@ def calibrate_hand_eye(
     free: shared.Free = False,
     folder: Annotated[Path | None, Option(help="Folder for plans and the wire log.")] = None,
     output: _Output = None,
-    apply: Annotated[bool, Option("--apply", help="Enter the calibration file in the cell file.")] = False,
+    apply: Annotated[
+        bool, Option("--apply", help="Enter the file of -o as calibration in the cell file.")
+    ] = False,
     report: _Report = None,
     limit_mm: _LimitMm = None,
     encoder_step_deg: _EncoderStep = None,
@@ -165,12 +169,12 @@ def calibrate_hand_eye(
 @app.command(
     name="target",
     short_help="Write a calibration target to print at true size.",
-    help="Write an SVG drawing of a calibration target, to be printed at true size: the target of a target file, or "
+    help="Write an SVG drawing of a calibration target, to print at true size: the target of a target file, or "
     "the ChArUco board that calibrate camera expects by default.",
-    epilog="Example: a465 calibrate target scenes/targets/hand.toml -o hand.svg",
+    epilog=examples("a465 calibrate target scenes/targets/hand.toml -o hand.svg"),
 )
 def print_target(
-    target: Annotated[Path | None, Argument(help=_TARGET, metavar="[TARGET]")] = None,
+    target: Annotated[Path | None, Argument(help=_TARGET, metavar="TARGET")] = None,
     output: Annotated[Path, Option("-o", "--output", help="SVG to write.")] = Path("target.svg"),
     as_json: shared.Json = False,
 ) -> None:
@@ -183,9 +187,9 @@ def print_target(
 @app.command(
     name="kinematic",
     short_help="Calibrate a NAO's camera and legs from its own images.",
-    help="Estimate camera, joint offsets, joint compliance and backlash of a NAO from images of boards on its soles. "
+    help="Estimate a NAO's camera, joint offsets, joint compliance and backlash from images of boards on its soles. "
     "A result that is not accurate enough is refused (exit code 5), with the reason and what would help.",
-    epilog="Example: a465 calibrate kinematic recorded.json -o nao.json",
+    epilog=examples("a465 calibrate kinematic recorded.json -o nao.json"),
 )
 def calibrate_kinematic(
     data: Annotated[Path, Argument(help="Recorded images and joints (JSON, docs/nao.md).", metavar="DATA")],

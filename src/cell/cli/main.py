@@ -14,7 +14,7 @@ from typer import Argument, Option
 from arm.errors import A465Error, ExecutionStopped, InputError
 from cell.cli import options as shared
 from cell.cli.calibrate import app as calibrate_app
-from cell.cli.options import NO_PORT, answering, refuse, refuse_given
+from cell.cli.options import NO_PORT, answering, examples, refuse, refuse_given
 from cell.cli.tools import tools
 from cell.console import Console, OutputLost, say_on_stderr
 from driver.line.signals import interruptible
@@ -52,9 +52,9 @@ def _root(
 
 @app.command(
     short_help="Run a whole task: look, plan, execute, look again, report.",
-    help="Run a whole task: look, check reach, plan, execute, look again after each cube, report. "
-    "In the simulated cell, or in the real one with --port.",
-    epilog="Example: a465 run scenes/task2.toml --speed 0.5",
+    help="Run a whole task, in the simulated cell or in the real one with --port: look, check reach, plan, execute, "
+    "look again after each cube, report.",
+    epilog=examples("a465 run scenes/task2.toml --speed 0.5"),
 )
 def run(
     context: typer.Context,
@@ -98,7 +98,7 @@ def run(
 @app.command(
     short_help="Detect the boards, their holes and cubes.",
     help="Detect the boards, their holes and cubes: in image files, with a camera, or in the simulated cell.",
-    epilog="Example: a465 look scenes/task2.toml -o look.json",
+    epilog=examples("a465 look scenes/task2.toml -o look.json"),
 )
 def look(
     context: typer.Context,
@@ -135,7 +135,7 @@ def look(
     short_help="Report which holes the arm can reach.",
     help="Report for every hole whether the arm can reach it, on which inverse-kinematics branches, "
     "and what limits it.",
-    epilog="Example: a465 reach scenes/task2.toml --look look.json",
+    epilog=examples("a465 reach scenes/task2.toml --look look.json"),
 )
 def reach(
     task: shared.TaskFile, look: shared.LookFile, advice: shared.Advice = True, as_json: shared.Json = False
@@ -149,7 +149,7 @@ def reach(
 @app.command(
     short_help="Plan a whole task from the detected boards.",
     help="Plan a whole task from the detected boards and write the plan file.",
-    epilog="Example: a465 plan scenes/task2.toml --look look.json -o plan.json",
+    epilog=examples("a465 plan scenes/task2.toml --look look.json -o plan.json"),
 )
 def plan(
     task: shared.TaskFile,
@@ -171,23 +171,25 @@ def plan(
 @app.command(
     "plan-poses",
     short_help="Plan a motion through a list of poses and configurations.",
-    help="Plan a collision-free motion through a list of poses and joint configurations, such as programs for "
-    "ctu_crs use, and write the plan file. docs/interop.md describes the formats.",
-    epilog="Example: a465 plan-poses scenes/cell.toml poses.json -o plan.json -- or: "
-    "a465 plan-poses scenes/task2.toml poses.npy --frame flange --look look.json",
+    help="Plan a collision-free motion through a list of poses and joint configurations, as used by ctu_crs programs, "
+    "and write the plan file. docs/interop.md describes the formats.",
+    epilog=examples(
+        "a465 plan-poses scenes/cell.toml poses.json -o plan.json",
+        "a465 plan-poses scenes/task2.toml poses.npy --frame flange --look look.json",
+    ),
 )
 def plan_poses(
     place: Annotated[Path, Argument(help="Cell file, or task file with its cell.", metavar="CELL")],
     poses: Annotated[Path, Argument(help="List of poses: JSON, CSV or .npy.", metavar="POSES")],
     look: Annotated[
-        Path | None, Option(help="Detected boards; default: only the table and the walls.")
+        Path | None, Option(help="Detected boards to avoid too; default: only the table and the walls.")
     ] = None,
     output: shared.PlanOutput = Path("plan.json"),
     frame: Annotated[
         str | None, Option(help="Frame of poses without a key: flange (as in ctu_crs) or tool.")
     ] = None,
     angles: Annotated[str | None, Option(help="Unit of joint angles without a key: rad or deg.")] = None,
-    lengths: Annotated[str, Option(help="Unit of positions in poses: m or mm.")] = "m",
+    lengths: Annotated[str, Option(help="Unit of the poses' positions: m or mm.")] = "m",
     speed: shared.Speed = None,
     back: Annotated[bool, Option("--back", help="Return to q_start at the end.")] = False,
     budget: shared.Budget = None,
@@ -205,11 +207,13 @@ def plan_poses(
 
 @app.command(
     short_help="Check a plan, a scene or a configuration.",
-    help="Check a plan file again: limits and clearance of every segment that it would send. "
-    "Or check the verdicts and distances of a scene file against the expected ones. With --q, "
+    help="Check a plan file again: limits and clearance of every segment that would be sent. "
+    "Or check the queries and motions of a scene file against its expected results. With --q, "
     "list the closest pairs at a configuration in a scene, cell or task file.",
-    epilog="Example: a465 check plan.json scenes/task2.toml -- or: "
-    "a465 check scenes/fixtures/capsule.toml --q 0,10,-80,0,-60,0",
+    epilog=examples(
+        "a465 check plan.json scenes/task2.toml",
+        "a465 check scenes/fixtures/capsule.toml --q 0,10,-80,0,-60,0",
+    ),
 )
 def check(
     file: Annotated[
@@ -230,10 +234,12 @@ def check(
 
 @app.command(
     short_help="Write an HTML page that shows a plan or a log in 3D.",
-    help="Write an HTML page that shows a plan in 3D, or the executed motion of a log over the planned one. "
-    "It opens in any browser without a network.",
-    epilog="Example: a465 preview plan.json scenes/task2.toml -o plan.html -- or: "
-    "a465 preview runs/task2-1/wire.jsonl",
+    help="Write an HTML page that shows a plan in 3D, or the motion in a log over the planned one. "
+    "The page opens in any browser, without a network.",
+    epilog=examples(
+        "a465 preview plan.json scenes/task2.toml -o plan.html",
+        "a465 preview runs/task2-1/wire.jsonl",
+    ),
 )
 def preview(
     file: Annotated[
@@ -252,10 +258,10 @@ def preview(
 
 
 @app.command(
-    short_help="Execute a plan: simulated, or on the arm with --port.",
-    help="Execute a plan file if it matches the present cell: in the simulated cell, or on the arm with --port. "
+    short_help="Execute a plan in the simulated cell, or on the arm with --port.",
+    help="Execute a plan file in the simulated cell, or on the arm with --port, if it matches the present cell. "
     "On a terminal: space pauses, + and - change the speed, q or Ctrl-C aborts.",
-    epilog="Example: a465 execute plan.json scenes/task2.toml --speed 0.5",
+    epilog=examples("a465 execute plan.json scenes/task2.toml --speed 0.5"),
 )
 def execute(
     context: typer.Context,
@@ -265,15 +271,15 @@ def execute(
     world: shared.WorldFile = None,
     images: shared.Images = None,
     camera: shared.Camera = None,
-    speed: shared.Speed = None,
+    speed: shared.LowerSpeed = None,
     resume: Annotated[
-        bool, Option("--resume", help="After a stop: replan the remaining work from where the arm is.")
+        bool, Option("--resume", help="After a stop: replan the rest of the task from where the arm is.")
     ] = False,
     budget: shared.Budget = None,
     give_up: shared.GiveUp = None,
     time_scale: shared.TimeScale = None,
     yes: Annotated[
-        str | None, Option(help="With --port: the code that the plan's preview shows; default: ask.")
+        str | None, Option(help="With --port: the code shown in the plan's preview; default: ask.")
     ] = None,
     homed: shared.Homed = False,
     free: shared.Free = False,

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from textwrap import wrap
 from typing import Annotated
 
 import typer
@@ -19,52 +21,52 @@ LookFile = Annotated[Path, Option(help="File of detected boards, as written by a
 Json = Annotated[
     bool, Option("--json", help="Print one JSON object on standard output, the rest on standard error.")
 ]
-Speed = Annotated[
-    float | None,
-    Option(
-        help="Fraction of the speed registers, 0.01 to 1; accelerations scale with its square. Default: motion.speed "
-        "of the cell file. An execution defaults to the plan's value and may only lower it.",
-    ),
-]
+_FRACTION = (
+    "Fraction of what the speed registers allow, 0.01 to 1; accelerations scale with its square. Default: "
+)
+Speed = Annotated[float | None, Option(help=f"{_FRACTION}motion.speed of the cell file.")]
+LowerSpeed = Annotated[float | None, Option(help=f"{_FRACTION}the plan's speed, which it can only lower.")]
 WorldFile = Annotated[
-    Path | None, Option(help="Ground truth of the simulated cell; default: TASK with .world.toml.")
+    Path | None,
+    Option(help="Ground truth of the simulated cell; default: beside TASK, such as scenes/task2.world.toml."),
 ]
 Port = Annotated[str | None, Option(help="Serial port of the controller, such as /dev/mars or socket://...")]
-Images = Annotated[Path | None, Option(help="Folder of images to use in place of a camera.")]
+Images = Annotated[Path | None, Option(help="Folder of images, in place of a camera.")]
 SELECTORS = "name:NAME, serial:NUMBER, ip:ADDRESS, class:CLASS, or cell for the one in the cell file."
 Camera = Annotated[str | None, Option(help=f"Basler camera: {SELECTORS}", metavar="SELECTOR")]
 TimeScale = Annotated[
-    float | None, Option(help="Maximum emulated seconds per second (simulated cell only); default: 10.")
+    float | None,
+    Option(help="Simulated cell only: at most this many emulated seconds per second; default: 10."),
 ]
 Advice = Annotated[bool, Option(help="After a refusal, search for a change that would help.")]
 Budget = Annotated[
     float | None,
     Option(
-        help="Planning effort in nominal seconds. It is counted, not timed, so the result is repeatable: the best "
-        "complete plan within the budget.",
+        help="Search effort in nominal seconds; then the best complete plan so far is used. Effort is counted, not "
+        "timed, so the plan is repeatable.",
         metavar="S",
     ),
 ]
 GiveUp = Annotated[
     float | None,
-    Option(help="Wall time after which planning is refused, in s. It never changes a plan.", metavar="S"),
+    Option(help="Wall time in s after which planning is refused. It never changes a plan.", metavar="S"),
 ]
 Output = Annotated[Path | None, Option("-o", "--output", help="File to write; an existing one is replaced.")]
 PlanOutput = Annotated[Path, Option("-o", "--output", help="Plan file to write.")]
-LiveFlag = Annotated[bool, Option("--live", help="Show the run live in a browser on this machine.")]
+LiveFlag = Annotated[bool, Option("--live", help="Serve a page on this machine that shows the run live.")]
 LivePort = Annotated[int | None, Option(help="Port of the live view on 127.0.0.1; default: any free port.")]
 Unseen = Annotated[
     bool,
     Option(
         "--unseen",
-        help="With --port: do not ask for the arm's name before executing plans that have no preview.",
+        help="With --port: execute plans that nobody has previewed without asking for the unit's name.",
     ),
 ]
 Homed = Annotated[
     bool,
     Option(
         "--homed",
-        help="With --port: do not home; you state that the unit was homed since power-up. It cannot be verified.",
+        help="With --port: do not home. You state that the unit was homed since power-up, which cannot be verified.",
     ),
 ]
 Preload = Annotated[
@@ -72,17 +74,26 @@ Preload = Annotated[
     Option(
         "--preload",
         help="For a noisy serial line: load each motion (its first 149 segments) into the unit and verify it before "
-        "it begins; damaged segments are sent again.",
+        "it begins. A damaged motion is sent again.",
     ),
 ]
 Free = Annotated[
     bool,
     Option(
         "--free",
-        help="With --port: home without asking; you state that the arm's reach is clear and the boards are in place.",
+        help="With --port: home without asking. You state that the arm can home freely with the boards in place.",
     ),
 ]
 NO_PORT = "needs --port: the simulated cell asks for no confirmation"
+
+
+def examples(*commands: str) -> str:
+    """Return the end of a help text: commands to copy, wrapped as a shell continues a line."""
+    kept = (re.sub(r"( -\S+) (?!-)", "\\1\xa0", command) for command in commands)  # an option with its value
+    wrapped = (" \\\n      ".join(wrap(command, 72, break_on_hyphens=False)) for command in kept)
+    return "\n  ".join(("\b\nExample:" if len(commands) == 1 else "\b\nExamples:", *wrapped)).replace(
+        "\xa0", " "
+    )
 
 
 @contextmanager

@@ -9,7 +9,7 @@ import typer
 from typer import Argument, Option
 
 from cell.cli import options as shared
-from cell.cli.options import SELECTORS, answering, refuse, refuse_given
+from cell.cli.options import SELECTORS, answering, examples, refuse, refuse_given
 from cell.console import Console
 
 tools = typer.Typer()  # `cell.cli.main` registers these commands
@@ -18,24 +18,29 @@ tools = typer.Typer()  # `cell.cli.main` registers these commands
 @tools.command(
     short_help="Emulate a MARS-8 controller with an arm, for rehearsals.",
     help="Emulate a MARS-8 controller with an arm on a pseudo-terminal, until interrupted. "
-    "With --task, the arm works in a simulated cell with boards and cubes; with --fault, the faults of a file occur.",
-    epilog="Example: a465 emulate --task scenes/task2.toml --photographs shots --link mars -- or: "
-    "a465 emulate --unit crs93 --link mars --fault scenes/faults/noisy-line.toml --log unit.jsonl",
+    "--task puts the arm into a simulated cell with boards and cubes; --fault injects the faults of a file.",
+    epilog=examples(
+        "a465 emulate --task scenes/task2.toml --photographs shots --link mars",
+        "a465 emulate --unit crs93 --link mars --fault scenes/faults/noisy-line.toml --log unit.jsonl",
+    ),
 )
 def emulate(
     context: typer.Context,
     unit: Annotated[str | None, Option(help="crs93 or crs97; default: that of the task, else crs93.")] = None,
-    link: Annotated[Path | None, Option(help="Symbolic link to create to the pseudo-terminal.")] = None,
+    link: Annotated[
+        Path | None, Option(help="Symbolic link to create, which points to the pseudo-terminal.")
+    ] = None,
     tcp: Annotated[
-        int | None, Option(help="Listen on this loopback TCP port too; 0 takes any free one.")
+        int | None, Option(help="Also listen on this TCP port of 127.0.0.1; 0 takes any free one.")
     ] = None,
     fault: Annotated[
         Path | None, Option(help="File of faults to inject, such as scenes/faults/bad-day.toml.")
     ] = None,
     log: Annotated[
-        Path | None, Option(help="File for every line received and sent, faults and protocol violations.")
+        Path | None,
+        Option(help="Log to write: every line received and sent, faults and protocol violations."),
     ] = None,
-    task: Annotated[Path | None, Option(help="Task file whose simulated cell the arm works in.")] = None,
+    task: Annotated[Path | None, Option(help="Task file of the simulated cell.")] = None,
     world: shared.WorldFile = None,
     photographs: Annotated[
         Path | None, Option(help="Folder for images of that cell, taken while the arm stands still.")
@@ -55,13 +60,13 @@ def emulate(
 @tools.command(
     short_help="Render images of the simulated cell.",
     help="Render images of the simulated cell with the arm at q_start.",
-    epilog="Example: a465 render scenes/task2.toml -o photographs",
+    epilog=examples("a465 render scenes/task2.toml -o photographs"),
 )
 def render(
     task: shared.TaskFile,
     world: shared.WorldFile = None,
     output: Annotated[Path | None, Option("-o", "--output", help="Folder to write.")] = None,
-    count: Annotated[int | None, Option(help="Number of images; default: the cell file's.")] = None,
+    count: Annotated[int | None, Option(help="Number of images; default: as in the cell file.")] = None,
     target: Annotated[
         str | None, Option(help="Render a calibration target instead: a target file, or charuco.")
     ] = None,
@@ -82,27 +87,34 @@ def render(
     short_help="Export a log, a plan or a scene as CSV, ROS, MCAP or URDF.",
     help="Export a log or a plan as a table of samples, a ROS 2 JointTrajectory, or MCAP. "
     "Or export the arm and its surroundings from a plan, scene, cell or task file as a folder with URDF and SRDF.",
-    epilog="Example: a465 export runs/task2-1/wire.jsonl --format csv -o samples.csv -- or: "
-    "a465 export scenes/cell.toml -o cell_description",
+    epilog=examples(
+        "a465 export runs/task2-1/wire.jsonl --format csv -o samples.csv",
+        "a465 export scenes/cell.toml -o cell_description",
+    ),
 )
 def export(
     file: Annotated[
         Path,
         Argument(
-            help="Log of a run, plan, scene, cell or task file; its content determines the kind.",
+            help="Log of a run, or plan, scene, cell or task file; recognised by its content.",
             metavar="FILE",
         ),
     ],
     form: Annotated[
-        str | None, Option("--format", help="csv, trajectory, mcap or urdf; default: csv, for a scene urdf.")
+        str | None,
+        Option(
+            "--format", help="csv, trajectory, mcap or urdf; default: csv for a log or plan, otherwise urdf."
+        ),
     ] = None,
     output: Annotated[
         Path | None, Option("-o", "--output", help="File to write; for urdf a new folder.")
     ] = None,
     planned: Annotated[
-        bool, Option("--planned", help="Trajectory of a log: as sent, not as measured.")
+        bool, Option("--planned", help="For the trajectory of a log: export it as sent, not as measured.")
     ] = False,
-    unit: Annotated[str | None, Option(help="For a log: crs93 or crs97; default: the one it names.")] = None,
+    unit: Annotated[
+        str | None, Option(help="For a log: crs93 or crs97; default: the unit named in the log.")
+    ] = None,
     period: Annotated[float | None, Option(help="For a plan: sampling period in s; default: 0.02.")] = None,
     cell: Annotated[
         Path | None, Option(help="For a plan of a calibrated arm: its cell or task file.")
@@ -121,13 +133,13 @@ def export(
     name="new-cell",
     short_help="Create a commented cell of your own to start from.",
     help="Create a cell of your own, with a task of each kind, in a new or empty folder. Comments explain every "
-    "value and how to measure it. It works in the simulated cell at once.",
-    epilog="Example: a465 new-cell my-cell --unit crs97",
+    "value and how to measure it. The cell works in simulation at once.",
+    epilog=examples("a465 new-cell my-cell --unit crs97"),
 )
 def new_cell(
     folder: Annotated[Path, Argument(help="New or empty folder.", metavar="DIR")],
     unit: Annotated[
-        str | None, Option(help="Arm of the cell: crs93 or crs97. Required: it cannot be detected.")
+        str | None, Option(help="Arm of the cell: crs93 or crs97. Required, because it cannot be detected.")
     ] = None,
     name: Annotated[str | None, Option(help="Name of the cell; default: that of the folder.")] = None,
     as_json: shared.Json = False,
@@ -141,12 +153,12 @@ def new_cell(
 @tools.command(
     short_help="Check the installation, the devices and a cell.",
     help="Check libraries, ports, cameras, a cell and its calibrations, and run a self-test of five seconds. "
-    "Nothing moves. Exit code 3 if something is wrong.",
-    epilog="Example: a465 doctor --cell scenes/task2.toml --port /dev/mars --camera name:camera-crs93",
+    "Nothing moves. The exit code is 3 if something is wrong.",
+    epilog=examples("a465 doctor --cell scenes/task2.toml --port /dev/mars --camera name:camera-crs93"),
 )
 def doctor(
     port: Annotated[
-        str | None, Option(help="Identify the controller on this port; only ECHO, STAMP and VER are sent.")
+        str | None, Option(help="Identify the controller on this port, sending only ECHO, STAMP and VER.")
     ] = None,
     camera: Annotated[
         str | None, Option(help=f"Take an image with this Basler camera: {SELECTORS}", metavar="SELECTOR")
