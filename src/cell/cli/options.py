@@ -89,11 +89,11 @@ NO_PORT = "needs --port: the simulated cell asks for no confirmation"
 
 def examples(*commands: str) -> str:
     """Return the end of a help text: commands to copy, wrapped as a shell continues a line."""
-    kept = (re.sub(r"( -\S+) (?!-)", "\\1\xa0", command) for command in commands)  # an option with its value
-    wrapped = (" \\\n      ".join(wrap(command, 72, break_on_hyphens=False)) for command in kept)
-    return "\n  ".join(("\b\nExample:" if len(commands) == 1 else "\b\nExamples:", *wrapped)).replace(
-        "\xa0", " "
-    )
+    lines = ["\b\nExamples:" if len(commands) > 1 else "\b\nExample:"]
+    for command in commands:
+        kept = re.sub(r"( -\S+) (?!-)", "\\1\xa0", command)  # an option stays with its value
+        lines.append(" \\\n      ".join(wrap(kept, 72, break_on_hyphens=False, break_long_words=False)))
+    return "\n  ".join(lines).replace("\xa0", " ")
 
 
 @contextmanager

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import shlex
+
 import pytest
 
 from arm.errors import InputError
 from cell.cli.main import app
+from cell.cli.options import examples
 
 EXECUTE, COLLECT = ("execute", "PLAN", "TASK"), ("calibrate", "hand-eye", "DATA", "--collect", "TASK")
 NO_PLANNING = "needs --resume: executing a plan needs no search"
@@ -61,3 +64,16 @@ def test_recorded_corners_need_no_images(option: str) -> None:
 def test_what_only_a_collection_needs_is_refused_without_one(option: str) -> None:
     told = _refused("calibrate", "hand-eye", "DATA", *option.split())
     assert told == f"{option.split()[0]} needs --collect TASK; without it, DATA is only read"
+
+
+def test_an_example_in_a_help_text_is_the_same_command_when_it_is_wrapped() -> None:
+    commands = (
+        "a465 look x",
+        f"a465 run {'y' * 50} --camera name:camera-crs93 --speed 0.1",
+        f"a465 {'z' * 90}",
+    )
+    text = examples(*commands)
+    assert max(map(len, examples(*commands[:2]).splitlines())) <= 78
+    assert " --camera name:camera-crs93" in text
+    pasted = text.partition("Examples:\n")[2].replace("\\\n", "").splitlines()
+    assert [shlex.split(line) for line in pasted] == [command.split() for command in commands]
