@@ -76,6 +76,15 @@ def test_a_power_cycle_forgets_everything_but_where_the_arm_is(unit: Unit) -> No
         assert emulator.counts()[1:] == here[1:]
 
 
+def test_what_is_on_the_line_when_the_unit_is_switched_off_is_lost(unit: Unit) -> None:
+    with session(unit, Fault("power_cycle", When(command="VER"))) as (emulator, client):
+        client.send("ST?", "VER?", "GA:500")
+        back = client.read_for(1.0)
+        assert b"VER=" in back
+        assert b"ST=" not in back  # half of it was sent
+        assert "GA:500" not in [text for _, text in emulator.lines]
+
+
 def test_a_unit_that_is_off_hears_nothing(unit: Unit) -> None:
     with session(unit, Fault("power_cycle", When(command="VER"), for_ms=4000)) as (_, client):
         client.send("VER?", "STAMP:3")

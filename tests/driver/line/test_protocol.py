@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from arm.controller.segments import Segment
@@ -119,9 +119,13 @@ def test_replies() -> None:
         assert isinstance(parse_reply(other), Other), other
 
 
+@example("1_0")
+@example("\xb2")
+@example(" 7")
 @given(
     st.one_of(
-        st.binary(max_size=30).map(lambda b: b.decode("latin-1")), st.text("0123456789+-. _\xb2", max_size=16)
+        st.binary(max_size=30).map(lambda data: data.decode("latin-1")),
+        st.text("0123456789+-. _\xb2", max_size=16),
     )
 )
 def test_damaged_numbers_are_told_not_guessed(text: str) -> None:
