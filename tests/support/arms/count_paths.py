@@ -89,8 +89,14 @@ def departures(
     points, corners = np.asarray(counts).T / per_deg, np.ascontiguousarray(np.asarray(curve).T / per_deg)
     begins, ways = corners[:, :-1], np.diff(corners)
     lengths = np.maximum(np.einsum("ij,ij->j", ways, ways), 1e-30)
-    found, near = [], 0
+    found: list[tuple[float, npt.NDArray[np.float64]]] = []
+    near, last = 0, ()
     for point in points.T[:, :, None]:
+        here = (*point.ravel(), near)
+        if here == last:  # an arm at rest, sought in the same part of the curve
+            found.append(found[-1])
+            continue
+        last = here
         low = min(max(near - 300, 0), ways.shape[1] - 1)
         part = slice(low, near + 899)
         off, way = begins[:, part] - point, ways[:, part]
