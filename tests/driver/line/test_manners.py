@@ -10,6 +10,7 @@ from arm.controller.unit import Unit
 from driver.emulator import Emulator, EmulatorOptions
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
+from emulated.near_marks import near_marks
 
 
 class Drops:
@@ -71,7 +72,8 @@ def test_a_unit_that_echoes_bytes_takes_turns_from_the_beginning(
 def test_turns_are_not_taken_with_a_unit_that_does_not_mix(
     unit: Unit, clock: SteppedClock, adapter: bool
 ) -> None:
-    options = EmulatorOptions(adapter_echo=adapter, echo="none" if adapter else "line")
+    echo = "none" if adapter else "line"
+    options = EmulatorOptions(adapter_echo=adapter, echo=echo, power_up_deg=near_marks(unit))
     with Emulator(unit, clock, options=options) as emulator, Mars(emulator.open_line(), unit, clock) as mars:
         mars.identify()
         mars.initialise(soft_home=False)
@@ -81,7 +83,7 @@ def test_turns_are_not_taken_with_a_unit_that_does_not_mix(
 @pytest.mark.parametrize("order", ["before", "mixed"])
 def test_a_stop_is_seen_though_turns_were_not_learnt(unit: Unit, clock: SteppedClock, order: Any) -> None:
     """The answer to ST came in the middle of the next question's echo at every look: 'CST=0'."""
-    options = EmulatorOptions(echo="byte", echo_order=order)
+    options = EmulatorOptions(echo="byte", echo_order=order, power_up_deg=near_marks(unit))
     with Emulator(unit, clock, options=options) as emulator, Mars(emulator.open_line(), unit, clock) as mars:
         mars.identify()
         mars.initialise(soft_home=False)
