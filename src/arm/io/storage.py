@@ -217,16 +217,9 @@ def write_atomic(path: Path, data: bytes | str) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryFile(path) as temporary:
             temporary.write(content)
-            temporary.become(_mode_of(path))
+            temporary.become(stat.S_IMODE(path.stat().st_mode) if path.exists() else mode_of_new())
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}", file=str(path)) from error
-
-
-def _mode_of(path: Path) -> int:
-    """Return the mode of the file, or that of a new one."""
-    if path.exists():
-        return stat.S_IMODE(path.stat().st_mode)
-    return mode_of_new()
 
 
 def canonical_json(value: Any) -> str:

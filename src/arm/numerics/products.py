@@ -104,17 +104,12 @@ def nearest_rotation(M: Array) -> Array:
     """
     X = np.array(M, dtype=float)
     for _ in range(30):
-        rows = [X[1], X[2]], [X[2], X[0]], [X[0], X[1]]
-        cofactors = np.stack([_cross(*pair) for pair in rows])
+        cofactors = np.cross(X[[1, 2, 0]], X[[2, 0, 1]])
         next_X = 0.5 * (X + cofactors / _dot(X[0], cofactors[0]))
         if np.array_equal(next_X, X) or np.abs(next_X - X).max() < 1e-16:
             return np.asarray(next_X)
         X = next_X
     return np.asarray(X)
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def _dot(a: Array, b: Array) -> float:

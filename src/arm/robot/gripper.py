@@ -107,30 +107,22 @@ class Gripper:
             return text
         root = ElementTree.fromstring(text)
         long, (x, y, z), palm = self.body_length, self.finger, self.palm
-        body = _link(root, "gripper")
+        body = _named(root, "link", "gripper")
         collision = body.find("collision")
         if long < LEAST_BODY and collision is not None:
             body.remove(collision)
         else:
             _shape(body, "cylinder", (0.0, 0.0, long / 2.0), radius=self.body_radius, length=long)
-        _origin(_joint(root, "palm_mount"), (0.0, 0.0, max(long, 0.0) + palm[2] / 2.0))
-        _shape(_link(root, "palm"), "box", (0.0, 0.0, 0.0), size=palm)
+        _origin(_named(root, "joint", "palm_mount"), (0.0, 0.0, max(long, 0.0) + palm[2] / 2.0))
+        _shape(_named(root, "link", "palm"), "box", (0.0, 0.0, 0.0), size=palm)
         for jaw, finger, side in (("jaw_l", "finger_l", 1.0), ("jaw_r", "finger_r", -1.0)):
-            joint = _joint(root, jaw)
+            joint = _named(root, "joint", jaw)
             _origin(joint, (0.0, 0.0, palm[2] / 2.0))
             limit = joint.find("limit")
             if limit is not None:
                 limit.set("upper", repr(max(float(limit.get("upper", "0")), self.opening / 2.0)))
-            _shape(_link(root, finger), "box", (0.0, side * y / 2.0, z / 2.0), size=(x, y, z))
+            _shape(_named(root, "link", finger), "box", (0.0, side * y / 2.0, z / 2.0), size=(x, y, z))
         return ElementTree.tostring(root, encoding="unicode")
-
-
-def _link(root: Element, name: str) -> Element:
-    return _named(root, "link", name)
-
-
-def _joint(root: Element, name: str) -> Element:
-    return _named(root, "joint", name)
 
 
 def _named(root: Element, tag: str, name: str) -> Element:

@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from arm.arguments import number, rigid, shown
 from arm.errors import FileInputError, InputError
-from arm.io.storage import LARGEST, read_text, sha256
+from arm.io.storage import LARGEST, data_file, read_text, sha256
 from arm.numerics.products import mul
 from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, convex, shape_to_json
 from arm.robot.urdf import read_disabled_collisions, read_urdf
@@ -278,8 +278,6 @@ def load_a465(
     Raises:
         InputError: the fingers of the URDF do not end at `tool_length`, or cannot open that far.
     """
-    from arm.io.storage import data_file
-
     path = urdf or data_file("urdf/a465/a465.urdf")
     half = jaw_opening / 2.0
     tool = transform(t=(0.0, 0.0, tool_length))

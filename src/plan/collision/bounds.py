@@ -269,14 +269,11 @@ class _Separation:
         inner, outer = pairs[self.box_pairs].T
         self.boxes = row[outer], column[inner]
         inner, outer = pairs[self.ball_pairs].T
-        first, self.first_ball = _runs(np.zeros_like(inner), ball_count[inner] * ball_count[outer])
-        of = np.repeat(np.arange(len(inner)), ball_count[inner] * ball_count[outer])
-        self.ball_rows = np.stack(
-            [
-                first_ball[outer][of] + first // ball_count[inner][of],
-                first_ball[inner][of] + first % ball_count[inner][of],
-            ]
-        )
+        each = ball_count[inner] * ball_count[outer]
+        self.first_ball = np.cumsum(each) - each
+        of = np.repeat(np.arange(len(inner)), each)
+        a, b = np.divmod(np.arange(len(of)) - self.first_ball[of], ball_count[inner][of])
+        self.ball_rows = np.stack([first_ball[outer][of] + a, first_ball[inner][of] + b])
         self.ball_gap = size[self.ball_rows[0]] + size[self.ball_rows[1]]
         self.count = len(pairs)
 
@@ -325,13 +322,6 @@ class _Supports:
         reach += self.tube[bodies][:, None] * np.hypot(local[..., 0], local[..., 1])
         reach += self.ball[bodies][:, None] * np.sqrt((local * local).sum(-1))
         return np.asarray(reach + (directions * middle[:, None]).sum(-1))
-
-
-def _runs(first: Indices, counts: Indices) -> tuple[Indices, Indices]:
-    """Concatenate the runs first, first + 1, .. of `counts` numbers each; return them and where each run begins."""
-    begin = np.cumsum(counts) - counts
-    total = int(counts.sum())
-    return np.arange(total) - np.repeat(begin, counts) + np.repeat(first, counts), begin
 
 
 @lru_cache(maxsize=1024)

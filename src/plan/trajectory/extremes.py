@@ -50,17 +50,12 @@ def segment_extremes(path: CountPath, unit: Unit) -> SegmentExtremes:
     a = path.cubics()
     duration = np.array([s.duration_ms for s in path.segments], dtype=float)[:, None] / 1e3
     scale = np.abs(unit.counts_per_rad)
-    position = cubic_position_range(a)
-    start = path.knots()[:-1]
-    ends = (
-        (start + position[0] - unit.counts_at_zero) / unit.counts_per_rad,
-        (start + position[1] - unit.counts_at_zero) / unit.counts_per_rad,
-    )
+    ends = (path.knots()[:-1] + cubic_position_range(a) - unit.counts_at_zero) / unit.counts_per_rad
     first, last = a[0], a[0] + 2 * a[1] + 3 * a[2]
     joins = np.abs(last[:-1] / duration[:-1] - first[1:] / duration[1:])
     return SegmentExtremes(
-        lower=np.minimum(*ends),
-        upper=np.maximum(*ends),
+        lower=ends.min(axis=0),
+        upper=ends.max(axis=0),
         velocity=cubic_speed(a) / duration / scale,
         acceleration=cubic_acceleration(a) / duration**2 / scale,
         jumps=joins / scale,

@@ -93,7 +93,7 @@ class TransitOptimiser:
                 path, time, model = trial, time - gained, None
                 region *= 1.5
             else:
-                model.look_at(blocked)
+                model.constrain(blocked)
                 region *= 0.5
         return path
 
@@ -139,13 +139,11 @@ class _Model:
         self.edge = np.zeros(0, dtype=np.intp)
         self.rows = np.zeros((0, (len(path) - 2) * path.shape[1]))
         self.room = np.zeros(0)
-        self._look(np.array([i for i, _ in places]), np.array([u for _, u in places]))
+        self.constrain(places)
 
-    def look_at(self, places: list[tuple[int, float]]) -> None:
+    def constrain(self, places: list[tuple[int, float]]) -> None:
         """Add distances at these places: edge, and place on it (0 to 1)."""
-        self._look(np.array([i for i, _ in places]), np.array([u for _, u in places]))
-
-    def _look(self, edge: Array, place: Array) -> None:
+        edge, place = np.array([i for i, _ in places]), np.array([u for _, u in places])
         path, n = self.path, self.path.shape[1]
         u = place[:, None]
         near = self.of.world.near((1 - u) * path[edge] + u * path[edge + 1], self.of.clearance + _INFLUENCE)
