@@ -79,8 +79,8 @@ _ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
     (
         "chain-verdict-change",
         "calib/chain/verdict.py",
-        "    if c.change is None:\n        return []\n",
-        "    if True:\n        return []\n",
+        "    if c.change is not None:\n",
+        "    if False:\n",
         "a sudden change is not told",
         (
             "calib/chain/test_verdict.py",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -11,28 +12,28 @@ from calib.camera.result import CameraCalibration
 from calib.camera.score_tests import ErrorHypothesis
 from calib.model.intrinsics import NAMES, vector_of
 
-BIASED = 1 / 3  # share of the limit: a model error that moves the work points further is a reason to refuse
-HELD_OUT = 1.3  # largest error of held-out corners, relative to that of the used ones
+BIASED = 1 / 3  # of the limit: a model error that moves the work points further is a reason to refuse
+HELD_OUT = 1.3  # largest error of held-out corners, relative to that of used corners
 LONG_S = 3600.0  # over a longer time the camera may have changed
-COVERED = 0.6  # share of the image
+COVERED = 0.6  # smallest fraction of the image
 SPREAD = 0.1  # distances that differ relatively by less count as equal
-GLARING = 0.05  # share of saturated white
+GLARING = 0.05  # largest fraction of saturated white
 SCATTERED = 2.5  # largest scatter of the five groups' fits, relative to the prediction
 CELLS = (8, 5)
 
 
 def with_verdict(c: CameraCalibration) -> CameraCalibration:
     """Return the calibration with its verdict; each reason gives value, limit and remedy."""
-    untilted = _too_little_tilt(c)
+    untilted = list(_too_little_tilt(c))
     if untilted:  # then no distance is meaningful
-        reasons = (*_too_few_views(c), untilted, *_no_inverse(c))
-        return replace(c, reasons=reasons, remarks=tuple(_photographs(c)), next=())
+        reasons = (*_too_few_views(c), *untilted, *_no_inverse(c))
+        return replace(c, reasons=reasons, remarks=tuple(_images(c)), next=())
     reasons = (*_too_few_views(c), *_no_inverse(c), *_target(c), *_accuracy(c))
-    return replace(c, reasons=reasons, remarks=(*_photographs(c), *_distances(c), *_lens(c)))
+    return replace(c, reasons=reasons, remarks=(*_images(c), *_distances(c), *_intrinsics(c)))
 
 
 def coverage(c: CameraCalibration) -> float:
-    """Share of the image's `CELLS` in which used views have corners, 0 to 1."""
+    """Fraction of the image's `CELLS` that contain corners of used views, 0 to 1."""
     return float((cells(c) > 0).mean())
 
 
@@ -50,57 +51,46 @@ def cells(c: CameraCalibration) -> Indices:
     return count
 
 
-def _too_few_views(c: CameraCalibration) -> list[str]:
-    if len(c.used) >= c.limits.views:
-        return []
-    left = [f"{v.photo.name}: {v.why_not}" for v in c.views if not v.used]
-    return [
-        f"{len(c.used)} views are usable, at least {c.limits.views} are needed"
-        + (f" ({'; '.join(left)})" if left else "")
-    ]
+def _too_few_views(c: CameraCalibration) -> Iterator[str]:
+    if len(c.used) < c.limits.views:
+        left = [f"{v.photo.name}: {v.why_not}" for v in c.views if not v.used]
+        why = f" ({'; '.join(left)})" if left else ""
+        yield f"{len(c.used)} views are usable, at least {c.limits.views} are needed{why}"
 
 
-def _too_little_tilt(c: CameraCalibration) -> str:
+def _too_little_tilt(c: CameraCalibration) -> Iterator[str]:
     tilts = np.array([v.tilt for v in c.used])
     tilted = int((tilts >= c.limits.tilt).sum())
-    if tilted >= c.limits.tilted:
-        return ""
-    return (
-        f"{tilted} of {len(tilts)} views are tilted by {np.degrees(c.limits.tilt):.0f} deg or more, at least "
-        f"{c.limits.tilted} are needed (the most is {np.degrees(tilts.max()):.0f} deg): views that face the camera do "
-        "not separate focal length from distance; tilt the target by 20 to 45 deg"
-    )
-
-
-def _no_inverse(c: CameraCalibration) -> list[str]:
-    """The distortion polynomial is not monotonic where no corner was seen."""
-    if not c.work.blind:
-        return []
-    return [
-        f"the fitted distortion has no inverse in {100 * c.work.blind:.0f} % of the image, towards its corners: "
-        f"k1 {c.camera.distortion[0]:.3g}, k2 {c.camera.distortion[1]:.3g}, k3 {c.camera.distortion[4]:.3g} are "
-        f"extrapolated from the {100 * coverage(c):.0f} % in which corners lie; show the target there too, or hold "
-        "k2 and k3"
-    ]
-
-
-def _target(c: CameraCalibration) -> list[str]:
-    reasons = []
-    share = marker_share(c)
-    if share is not None:
-        off = share * c.target.square / c.target.marker - 1.0
-        if abs(off) > c.limits.marker_share:
-            reasons.append(
-                f"its markers measure {1e3 * share * c.target.square:.2f} mm if its squares are "
-                f"{1e3 * c.target.square:g} mm, but the target file has {1e3 * c.target.marker:g} mm: measure both "
-                "on the print and correct the file (the square size scales all distances)"
-            )
-    deciding = [s for s in c.hypotheses if _decides(c, s)]
-    for hypothesis in deciding[:1]:  # a strong model error can make the others look present
-        reasons.append(
-            f"{describe(hypothesis)}; it moves the work points by {1e3 * _shift(c, hypothesis):.2f} mm"
+    if tilted < c.limits.tilted:
+        yield (
+            f"{tilted} of {len(tilts)} views are tilted by {np.degrees(c.limits.tilt):.0f} deg or more, at least "
+            f"{c.limits.tilted} are needed (the most is {np.degrees(tilts.max()):.0f} deg): views that face the camera "
+            "do not separate focal length from distance; tilt the target by 20 to 45 deg"
         )
-    return reasons
+
+
+def _no_inverse(c: CameraCalibration) -> Iterator[str]:
+    """The distortion polynomial is not monotonic where no view has a corner."""
+    if c.work.blind:
+        k1, k2, _, _, k3 = c.camera.distortion
+        yield (
+            f"the fitted distortion has no inverse in {100 * c.work.blind:.0f} % of the image, towards its corners: "
+            f"k1 {k1:.3g}, k2 {k2:.3g}, k3 {k3:.3g} are extrapolated from the {100 * coverage(c):.0f} % in which "
+            "corners lie; show the target there too, or hold k2 and k3"
+        )
+
+
+def _target(c: CameraCalibration) -> Iterator[str]:
+    share = marker_share(c)
+    if share is not None and abs(share * c.target.square / c.target.marker - 1.0) > c.limits.marker_share:
+        yield (
+            f"its markers measure {1e3 * share * c.target.square:.2f} mm if its squares are "
+            f"{1e3 * c.target.square:g} mm, but the target file has {1e3 * c.target.marker:g} mm: measure both "
+            "on the print and correct the file (the square size scales all distances)"
+        )
+    deciding = next((s for s in c.hypotheses if _decides(c, s)), None)
+    if deciding is not None:  # a strong model error can make the others look present
+        yield f"{describe(deciding)}; it moves the work points by {1e3 * _shift(c, deciding):.2f} mm"
 
 
 def marker_share(c: CameraCalibration) -> float | None:
@@ -139,33 +129,30 @@ def describe(hypothesis: ErrorHypothesis) -> str:
             )
 
 
-def _accuracy(c: CameraCalibration) -> list[str]:
-    reasons = []
+def _accuracy(c: CameraCalibration) -> Iterator[str]:
     worst = 1e3 * float(c.work_sigmas.max())
     helps = f"; take a view {c.next[0].words}" if c.next else ""
     if worst > c.limits.work_mm:
-        reasons.append(
+        yield (
             f"points at {1e3 * c.work.near:.0f} to {1e3 * c.work.far:.0f} mm have a standard deviation of "
-            f"{worst:.3g} mm, the limit is {c.limits.work_mm:g} mm" + helps
+            f"{worst:.3g} mm, the limit is {c.limits.work_mm:g} mm{helps}"
         )
     if c.corner_sigma > c.limits.corner_px:
-        reasons.append(
+        yield (
             f"the corner error is {c.corner_sigma:.2f} px, the limit is {c.limits.corner_px:g} px: is the target the "
             "one in the target file, and are the images sharp and the target flat?"
         )
     if c.cross.sigma_px > HELD_OUT * c.corner_sigma:
-        reasons.append(
+        yield (
             f"the corner error of held-out views is {c.cross.sigma_px:.3f} px, that of the used ones "
-            f"{c.corner_sigma:.3f} px: the views do not determine the intrinsics" + helps
+            f"{c.corner_sigma:.3f} px: the views do not determine the intrinsics{helps}"
         )
-    return reasons
 
 
-def _photographs(c: CameraCalibration) -> list[str]:
-    remarks = []
+def _images(c: CameraCalibration) -> Iterator[str]:
     covered = coverage(c)
     if covered < COVERED:
-        remarks.append(
+        yield (
             f"corners lie in {100 * covered:.0f} % of the image; the rest is extrapolated: show the target near the "
             "edges too"
         )
@@ -173,51 +160,41 @@ def _photographs(c: CameraCalibration) -> list[str]:
         v.photo.name for v in c.used if v.photo.quality is not None and v.photo.quality.saturated > GLARING
     ]
     if overexposed:
-        remarks.append(f"white is overexposed in {', '.join(overexposed)}: shorten the exposure")
+        yield f"white is overexposed in {', '.join(overexposed)}: shorten the exposure"
     times = [v.photo.taken_s for v in c.used if v.photo.taken_s is not None]
     if len(times) == len(c.used) and max(times) - min(times) > LONG_S:
-        remarks.append(
-            f"the views span {(max(times) - min(times)) / 3600.0:.1f} h: the camera must not have been touched in "
-            "between"
-        )
-    return remarks
+        yield f"the views span {np.ptp(times) / 3600.0:.1f} h: the camera must not have been touched in between"
 
 
-def _distances(c: CameraCalibration) -> list[str]:
+def _distances(c: CameraCalibration) -> Iterator[str]:
     distances = [v.distance for v in c.used]
     near, far = min(distances), max(distances)
-    remarks = []
+    views = f"{1e3 * near:.0f} to {1e3 * far:.0f} mm away: show the target at"
     if far < (1.0 + SPREAD) * near:
-        remarks.append(
-            f"all views are {1e3 * near:.0f} to {1e3 * far:.0f} mm away: show the target at more distances"
-        )
+        yield f"all views are {views} more distances"
     if c.work.near < (1.0 - SPREAD) * near or c.work.far > (1.0 + SPREAD) * far:
-        remarks.append(
-            f"the working distance is {1e3 * c.work.near:.0f} to {1e3 * c.work.far:.0f} mm, the views are "
-            f"{1e3 * near:.0f} to {1e3 * far:.0f} mm away: show the target at the working distance"
+        yield (
+            f"the working distance is {1e3 * c.work.near:.0f} to {1e3 * c.work.far:.0f} mm, the views are {views} the "
+            "working distance"
         )
-    return remarks
 
 
-def _lens(c: CameraCalibration) -> list[str]:
+def _intrinsics(c: CameraCalibration) -> Iterator[str]:
     if any(_decides(c, s) for s in c.hypotheses):
-        return []  # then all intrinsics are doubtful, and the reason explains it
-    remarks = [
-        f"{describe(s)} (it moves the work points by {1e3 * _shift(c, s):.3f} mm; their error includes this)"
-        for s in c.hypotheses
-        if s.sure
-    ]
+        return  # then all intrinsics are doubtful, and the reason explains it
+    for s in c.hypotheses:
+        if s.sure:
+            yield f"{describe(s)} (it moves the work points by {1e3 * _shift(c, s):.3f} mm; their error includes this)"
     for name, view in c.undetermined.items():
-        place = NAMES.index(name)
+        index = NAMES.index(name)
         helps = f"; the most informative view is {view.words}" if view else ""
-        remarks.append(
-            f"{name} = {vector_of(c.camera)[place]:.3g} +- {c.sigmas[place]:.2g} is poorly determined by these views "
+        yield (
+            f"{name} = {vector_of(c.camera)[index]:.3g} +- {c.sigmas[index]:.2g} is poorly determined by these views "
             f"(the error at the work points includes this){helps}"
         )
     jackknife, predicted = (float(np.sqrt(np.mean(s**2))) for s in (c.cross.work_sigmas, c.work_sigmas))
     if jackknife > SCATTERED * predicted:
-        remarks.append(
+        yield (
             f"groups of views scatter by {1e3 * jackknife:.3f} mm at the work points, {1e3 * predicted:.3f} mm is "
             "expected: the corner errors are not independent"
         )
-    return remarks

@@ -63,7 +63,7 @@ def test_a_report_that_cannot_be_written_does_not_hide_how_the_run_ended(
         raise InputError(f"{file}: cannot be written: No space left on device")
 
     monkeypatch.setattr("cell.report.run_report.write_atomic", full)
-    with pytest.raises(A465Error, match="photograph"):
+    with pytest.raises(A465Error, match="new images"):
         execute(emulator.open_pty(), place / "images")
     told = capsys.readouterr()
     assert "no report: runs/task2-1/report.json: cannot be written: No space left" in told.err + told.out
